@@ -1,0 +1,88 @@
+"""The damper as a device (`Damper`) and the numbers that a fit finds (`Parameters`).
+
+Symbols are those of D. J. Purdy, "Theoretical and experimental investigation into an adjustable
+automotive damper", Proc. IMechE D, 2000 (*the paper*).
+
+    d_r d_p d_g    rod, piston and gas piston diameters        m
+    l_1 l_2 l_g    chamber 1, chamber 2 and gas lengths        m, at x = 0
+    rho_0 P_0      oil density and absolute pressure at rest   kg/m3, Pa
+    gamma          polytropic exponent of the gas
+    a_p2 a_r a_p1  full bore, rod and annulus areas            m2
+    R_m1           valve 1, w = sgn(dP) sqrt(abs(dP))/R_m1     s sqrt(N)/(m kg)
+    R_m2 R_m3      valves 2 and 3, w = max(0, dP)/R            N s/(m2 kg)
+    K_e f_f f_0    effective bulk modulus, friction, force offset   Pa, N, N
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+__all__ = ["PARAMETER_NAMES", "PURDY_DAMPER", "Damper", "Parameters"]
+
+
+@dataclass(frozen=True, slots=True)
+class Damper:
+    """Geometry, oil and gas of a damper; the defaults are Table 1 of the paper.
+
+    The paper does not print P_0 and gamma. P_0 = 0.46 MPa is recovered from its section 6.2
+    (R_m3 = 2.597e6 lies 15 % below the onset of cavitation); gamma = 1.4 is nitrogen's.
+    """
+
+    rod_diameter: float = 0.019
+    piston_diameter: float = 0.0285
+    gas_piston_diameter: float = 0.04
+    chamber_1_length: float = 0.133
+    chamber_2_length: float = 0.133
+    gas_length: float = 0.05
+    oil_density: float = 770.0
+    gas_pressure: float = 4.6e5
+    gas_exponent: float = 1.4
+
+    @property
+    def piston_area(self) -> float:
+        """a_p2, full bore, m2."""
+        return math.pi / 4.0 * self.piston_diameter**2
+
+    @property
+    def rod_area(self) -> float:
+        """a_r, m2."""
+        return math.pi / 4.0 * self.rod_diameter**2
+
+    @property
+    def annulus_area(self) -> float:
+        """a_p1 = a_p2 - a_r, m2."""
+        return self.piston_area - self.rod_area
+
+    @property
+    def chamber_1_volume(self) -> float:
+        """V_10, rod side at x = 0, m3."""
+        return self.chamber_1_length * self.annulus_area
+
+    @property
+    def chamber_2_volume(self) -> float:
+        """V_20, full-bore side at x = 0, m3."""
+        return self.chamber_2_length * self.piston_area
+
+    @property
+    def gas_volume(self) -> float:
+        """V_g0, gas at x = 0, m3."""
+        return self.gas_length * math.pi / 4.0 * self.gas_piston_diameter**2
+
+
+PURDY_DAMPER = Damper()
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """The parameters y of eq. (21) and the force offset f_0 of a tared rig, in SI."""
+
+    r_m1: float
+    r_m2: float
+    r_m3: float
+    k_e: float
+    f_f: float
+    f_0: float = 0.0
+
+
+PARAMETER_NAMES: tuple[str, ...] = tuple(f.name for f in fields(Parameters))

@@ -1,0 +1,156 @@
+"""What a rig wrote (`Recording`) and what the model is compared with (`Trace`).
+
+Both hold SI floats and the project's signs: displacement, velocity and force are positive in
+rebound (rod out, tension). Readers make recordings, conditioning turns them into traces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["FilterDesign", "Recording", "Trace"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """One test as logged, in SI units, on the log's own time base.
+
+    Attributes
+    ----------
+    name : str
+        File name for messages and tables (with a part number when a file holds several tests).
+    path : str
+        Path the log was read from.
+    sha256 : str
+        Hash of the file's bytes, hexadecimal.
+    setting : int or None
+        Adjuster setting, or None when the log does not say.
+    time, displacement, force : numpy.ndarray
+        Shape (n,); s, m, N. All finite; time strictly increasing.
+    temperature : numpy.ndarray or None
+        Shape (n,), degrees Celsius.
+    notes : tuple of str
+        What the reader assumed or noticed, one plain sentence each.
+    metadata : mapping of str to str
+        Free text found in the log's preamble.
+    """
+
+    name: str
+    path: str
+    sha256: str
+    setting: int | None
+    time: FloatArray
+    displacement: FloatArray
+    force: FloatArray
+    temperature: FloatArray | None = None
+    notes: tuple[str, ...] = ()
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilterDesign:
+    """A low-pass filter as second-order sections; no sections means that nothing is filtered.
+
+    Attributes
+    ----------
+    sections : numpy.ndarray
+        Shape (k, 6), SciPy's ``sos`` layout; k = 0 passes everything.
+    is_zero_phase : bool
+        True: run forward and backward. False: run forward only.
+    description : str
+        One line for reports.
+    """
+
+    sections: FloatArray
+    is_zero_phase: bool
+    description: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trace:
+    """A uniform, filtered log with its steady whole cycles marked.
+
+    Attributes
+    ----------
+    name : str
+        Name of the recording.
+    setting : int or None
+        Adjuster setting.
+    start_time : float
+        Time stamp of the first sample, s.
+    interval : float
+        Sample interval, s.
+    displacement, velocity, force : numpy.ndarray
+        Shape (n,); m, m/s, N. Filtered; displacement is the model's x (centre removed);
+        force is as compared with the model.
+    first, stop : int
+        Samples ``first:stop`` are the steady whole cycles that are evaluated.
+    cycle_starts : numpy.ndarray
+        Shape (n_cycles + 1,), fractional sample positions of the cycle boundaries inside the
+        window, so that cycles can be laid over each other.
+    frequency, amplitude : float
+        Fundamental found in the window: Hz, m.
+    centre : float
+        Displacement of the log that is x = 0 of the model, m.
+    n_cycles_found : int
+        Whole cycles in the log, run-in included.
+    model_filter : FilterDesign
+        What a simulated force (and its sensitivities) must pass before it is compared.
+    temperature : float or None
+        Mean over the window, degrees Celsius.
+    notes : tuple of str
+        What conditioning assumed or noticed, one plain sentence each.
+    """
+
+    name: str
+    setting: int | None
+    start_time: float
+    interval: float
+    displacement: FloatArray
+    velocity: FloatArray
+    force: FloatArray
+    first: int
+    stop: int
+    cycle_starts: FloatArray
+    frequency: float
+    amplitude: float
+    centre: float
+    n_cycles_found: int
+    model_filter: FilterDesign
+    temperature: float | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def n_cycles(self) -> int:
+        """Number of steady whole cycles that are evaluated."""
+        return len(self.cycle_starts) - 1
+
+    @property
+    def window(self) -> slice:
+        """Samples that are evaluated, as a slice."""
+        return slice(self.first, self.stop)
+
+    def describe(self) -> dict[str, Any]:
+        """Return the scalar facts of the trace, for tables and run.json."""
+        return {
+            "name": self.name,
+            "setting": self.setting,
+            "sample_rate_Hz": 1.0 / self.interval,
+            "frequency_Hz": self.frequency,
+            "amplitude_m": self.amplitude,
+            "centre_m": self.centre,
+            "cycles_found": self.n_cycles_found,
+            "cycles_used": self.n_cycles,
+            "temperature_degC": self.temperature,
+            "notes": list(self.notes),
+        }
