@@ -1,0 +1,1 @@
+"""Parameters and a displacement to the damper's response; the only door to the compiled core."""
