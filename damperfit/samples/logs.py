@@ -1,0 +1,279 @@
+"""From steady cycles to log files: noise, steps, rig filter, temperature, truth and README.
+
+A log starts in mid-cycle with the machine already running, at another phase for each setting.
+Every log says ``# rig: synthetic (damperfit samples)``; the true values go to ``truth.csv``. The
+same options give the same bytes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.atomic import file_set
+from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.reference import REFERENCE_SETTINGS, reference_parameters
+from damperfit.errors import ConfigurationError
+from damperfit.samples.steady import RTOL, SteadyCycle, steady_cycle
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["SampleOptions", "make_samples"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleOptions:
+    """What the make-believe test and its instruments are like, in SI.
+
+    Attributes
+    ----------
+    settings : tuple of int
+        One log each.
+    cycles : float
+        Length of a log in cycles.
+    sample_rate, frequency : float
+        Hz.
+    amplitude : float
+        m.
+    force_noise, displacement_noise : float
+        White sensor noise, rms: N, m. 0 for none.
+    force_resolution, displacement_resolution : float
+        Smallest step of the log: N, m. 0 writes all digits.
+    rig_filter : float
+        Corner of a 4th-order Butterworth filter in the rig, both channels, after the sensors;
+        Hz. 0 for none. With it, noise is white before the filter.
+    temperature : float
+        Mean, degrees Celsius; it wanders by up to 1 degree about it.
+    seed : int
+        Same seed, same logs.
+    damper : Damper
+        Geometry, oil and gas.
+    """
+
+    settings: tuple[int, ...] = REFERENCE_SETTINGS
+    cycles: float = 15.0
+    sample_rate: float = 500.0
+    amplitude: float = 0.032
+    frequency: float = 1.5
+    force_noise: float = 4.0
+    displacement_noise: float = 8e-6
+    force_resolution: float = 0.1
+    displacement_resolution: float = 1e-6
+    rig_filter: float = 0.0
+    temperature: float = 26.0
+    seed: int = 2000
+    damper: Damper = PURDY_DAMPER
+
+    def __post_init__(self) -> None:
+        """Refuse options that make no log."""
+        for name in ("cycles", "sample_rate", "amplitude", "frequency"):
+            _expect(name, getattr(self, name), "more than 0", 0.0 < getattr(self, name) < math.inf)
+        for name in ("force_noise", "displacement_noise", "rig_filter", "seed"):
+            _expect(name, getattr(self, name), "0 or more", 0.0 <= getattr(self, name) < math.inf)
+        for name in ("force_resolution", "displacement_resolution"):
+            _expect(name, getattr(self, name), "0 or more", 0.0 <= getattr(self, name) < math.inf)
+        is_list = len(self.settings) == len(set(self.settings)) > 0 and min(self.settings) >= 0
+        _expect("settings", self.settings, "at least one, each once, 0 or more", is_list)
+        shortest = min(self.damper.chamber_1_length, self.damper.chamber_2_length)
+        wanted = f"less than the chamber's length, {shortest:.4g} m"
+        _expect("amplitude", self.amplitude, wanted, self.amplitude < shortest)
+        wanted = f"less than half the sample rate, {self.sample_rate / 2.0:.4g} Hz"
+        _expect("rig_filter", self.rig_filter, wanted, self.rig_filter < self.sample_rate / 2.0)
+        _expect("cycles", self.cycles, "a log of 2 samples or more", self.n_samples >= 2)
+
+    @property
+    def n_samples(self) -> int:
+        """Samples in a log."""
+        return round(self.cycles * self.sample_rate / self.frequency)
+
+
+def _expect(name: str, found: object, wanted: str, is_fine: bool) -> None:  # noqa: FBT001
+    if not is_fine:
+        raise ConfigurationError(f"samples: {name} is {found}; expected {wanted}")
+
+
+def _through_rig_filter(
+    channel: Callable[[FloatArray], FloatArray], phase: FloatArray, options: SampleOptions
+) -> FloatArray:
+    """Return a periodic channel at ``phase`` behind the rig's analogue filter, steady state.
+
+    Exact by Fourier series: each harmonic is multiplied by the filter's response. Harmonics
+    beyond 20 corners are dropped; the filter has taken 1.6e5 times off them.
+    """
+    from scipy.signal import butter, freqs
+
+    highest = max(1, math.ceil(20.0 * options.rig_filter / options.frequency))
+    n = 1 << math.ceil(math.log2(32 * highest))
+    harmonics = np.fft.rfft(channel(np.arange(n) / n))[: highest + 1] / n
+    numerator, denominator = butter(4, 2.0 * np.pi * options.rig_filter, analog=True)
+    orders = np.arange(highest + 1)
+    _, response = freqs(numerator, denominator, 2.0 * np.pi * options.frequency * orders)
+    weights = harmonics * response
+    total = np.full(len(phase), weights[0].real)
+    for order in orders[1:]:
+        total += 2.0 * (weights[order] * np.exp(2j * np.pi * order * phase)).real
+    return total
+
+
+def _noise(random: np.random.Generator, n: int, rms: float, options: SampleOptions) -> FloatArray:
+    """Return sensor noise, behind the rig's filter if there is one."""
+    if options.rig_filter == 0.0:
+        return np.asarray(random.normal(0.0, 1.0, n) * rms)
+    from scipy.signal import butter, sosfilt
+
+    lead = math.ceil(options.sample_rate / options.rig_filter * 4)  # filter has settled by then
+    white = random.normal(0.0, 1.0, n + lead) * rms
+    sections = butter(4, options.rig_filter, fs=options.sample_rate, output="sos")
+    return np.asarray(sosfilt(sections, white)[lead:])
+
+
+def _wander(random: np.random.Generator, n: int, options: SampleOptions) -> FloatArray:
+    """Return a slow temperature drift that stays within 1 degree of the mean."""
+    turn = np.linspace(0.0, 2.0 * np.pi * random.uniform(0.2, 0.8), n)
+    start = random.uniform(0.0, 2.0 * np.pi)
+    drift = random.uniform(0.3, 0.7) * np.sin(turn + start)
+    ripple = 0.2 * np.sin(7.3 * turn + random.uniform(0.0, 2.0 * np.pi))
+    return np.asarray(options.temperature + drift + ripple)
+
+
+def _written(values: FloatArray, resolution: float) -> list[str]:
+    """Return numbers as text, in whole steps of ``resolution``, or with all digits for 0."""
+    if resolution == 0.0:
+        return [repr(value) for value in values.tolist()]
+    decimals = max(0, -math.floor(math.log10(resolution) + 1e-9))
+    while decimals < 12 and abs(round(resolution, decimals) - resolution) > 1e-9 * resolution:
+        decimals += 1
+    steps = np.round(values / resolution) * resolution + 0.0  # + 0.0 makes -0.0 a plain zero
+    return [f"{value:.{decimals}f}" for value in steps.tolist()]
+
+
+def _log_text(cycle: SteadyCycle, setting: int, options: SampleOptions) -> str:
+    """Return one log in the project's dialect."""
+    random = np.random.default_rng([options.seed, setting])
+    n = options.n_samples
+    time = np.arange(n) / options.sample_rate
+    phase = random.uniform(0.0, 1.0) + options.frequency * time
+    displacement, force = cycle.displacement(phase), cycle.force(phase)
+    if options.rig_filter > 0.0:
+        displacement = _through_rig_filter(cycle.displacement, phase, options)
+        force = _through_rig_filter(cycle.force, phase, options)
+    displacement = displacement + _noise(random, n, options.displacement_noise, options)
+    force = force + _noise(random, n, options.force_noise, options)
+    is_whole_ms = abs(1e3 / options.sample_rate - round(1e3 / options.sample_rate)) < 1e-12
+    columns = (
+        _written(time, 1e-3 if is_whole_ms else 0.0),
+        _written(1e3 * displacement, 1e3 * options.displacement_resolution),
+        _written(force, options.force_resolution),
+        _written(_wander(random, n, options), 0.1),
+    )
+    preamble = (
+        "# damperfit rig log",
+        f"# setting: {setting}",
+        "# rig: synthetic (damperfit samples)",
+        "time_s,displacement_mm,force_N,temperature_degC",
+    )
+    return "\n".join([*preamble, *(",".join(row) for row in zip(*columns, strict=True)), ""])
+
+
+def _truth_text(truth: Mapping[int, Parameters]) -> str:
+    """Return the true values as CSV, every digit, SI."""
+    rows = [",".join(("setting", *PARAMETER_NAMES))]
+    for setting, parameters in truth.items():
+        values = (getattr(parameters, name) for name in PARAMETER_NAMES)
+        rows.append(",".join((str(setting), *(repr(float(value)) for value in values))))
+    return "\n".join([*rows, ""])
+
+
+def _readme_text(options: SampleOptions, *, is_reference: bool) -> str:
+    """Return the page that says what these files are, and what they are not."""
+    source = "They are values that the caller of `make_samples` gave."
+    if is_reference:
+        source = (
+            "They are the project's own reference\n  set, made up so that it shows what Purdy's "
+            "paper describes in words; of its numbers only\n  R_m3 = 2.597e6 and f_f = 50 N are "
+            "the paper's."
+        )
+    corner = f"{options.rig_filter:g} Hz (4th-order Butterworth, causal)"
+    return f"""# Synthetic rig logs
+
+**No damper was ever measured for these files.** They are computed by `damperfit samples`, for
+trying and testing damperfit, and must not be taken for measurements of any real damper.
+
+- `truth.csv` holds the true parameters in SI units. {source}
+- Drive: sine, {1e3 * options.amplitude:g} mm, {options.frequency:g} Hz, {options.cycles:g} cycles,
+  logged at {options.sample_rate:g} Hz. The machine is already running when a log starts, at
+  another point of the cycle in each log.
+- Integrator: SciPy's Radau, relative tolerance {RTOL:g}; damperfit fits with another one.
+- Noise (white, rms): {options.force_noise:g} N, {1e6 * options.displacement_noise:g} um.
+- Smallest step: {options.force_resolution:g} N, {1e6 * options.displacement_resolution:g} um
+  (0: all digits).
+- Filter in the rig, both channels: {corner if options.rig_filter > 0.0 else "none"}.
+- Signs: positive is rebound (rod out, tension). The force is not tared: at mid-stroke the gas
+  pushes the rod out with {options.damper.rod_area * options.damper.gas_pressure:.1f} N.
+- The temperature is decoration; it has no effect on the force.
+- Seed {options.seed}: the same options give the same bytes.
+"""
+
+
+def make_samples(
+    folder: str | Path,
+    options: SampleOptions | None = None,
+    *,
+    parameters: Mapping[int, Parameters] | None = None,
+    on_log: Callable[[Path], None] | None = None,
+) -> tuple[Path, ...]:
+    """Write one synthetic log for each setting, ``truth.csv`` and ``README.md``, as a set.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Made when it does not exist; files of the same name are replaced.
+    options : SampleOptions, optional
+        Test, instruments, damper; the default is the paper's test at 500 Hz.
+    parameters : mapping of int to Parameters, optional
+        True values by setting; default: the reference set.
+    on_log : callable, optional
+        Called with the path of each log when it is computed (for progress).
+
+    Returns
+    -------
+    tuple of Path
+        The logs, in the order of ``options.settings``.
+
+    Raises
+    ------
+    ConfigurationError
+        A setting has no parameters.
+    SimulationError
+        The model cannot be integrated.
+    OutputError
+        A file cannot be written.
+    """
+    options = options or SampleOptions()
+    missing = [s for s in options.settings if parameters is not None and s not in parameters]
+    if missing:
+        raise ConfigurationError(f"samples: no parameters given for settings {missing}")
+    source = reference_parameters if parameters is None else parameters.__getitem__
+    truth = {setting: source(setting) for setting in options.settings}
+    with file_set(Path(folder)) as files:
+        for setting, true in truth.items():
+            cycle = steady_cycle(
+                true, options.damper, amplitude=options.amplitude, frequency=options.frequency
+            )
+            name = f"setting_{setting:02d}.csv"
+            files.path(name).write_bytes(_log_text(cycle, setting, options).encode())
+            if on_log is not None:
+                on_log(Path(folder) / name)
+        readme = _readme_text(options, is_reference=parameters is None)
+        files.path("README.md").write_bytes(readme.encode())
+        files.path("truth.csv").write_bytes(_truth_text(truth).encode())
+    return tuple(Path(folder) / f"setting_{setting:02d}.csv" for setting in truth)
