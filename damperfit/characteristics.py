@@ -1,0 +1,191 @@
+"""What a damper engineer reads off a loop: peak forces, energy, hysteresis, pressures, cavitation.
+
+Symbols: x displacement (m), v velocity (m/s), f force (N), P pressures (Pa), all positive in
+rebound. Everything is taken over the last whole cycle of a response, where the start has died out.
+
+The *opening* branch of a stroke runs from the end of the travel to the peak speed, the *closing*
+branch from the peak speed to the other end. Hysteresis is opening minus closing force at one
+speed, here half of the peak speed unless another is asked for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.simulation import Response
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["NAMED_SPEEDS", "Characteristics", "SpeedForce", "characterise"]
+
+# The test speeds that damper dynos use by habit, m/s.
+NAMED_SPEEDS = (0.05, 0.1, 0.13, 0.26, 0.3, 0.52, 1.05)
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedForce:
+    """Force at one speed, mean of the opening and the closing branch.
+
+    Attributes
+    ----------
+    speed : float
+        m/s, positive.
+    rebound, bump : float
+        Force at v = +speed and at v = -speed, N.
+    """
+
+    speed: float
+    rebound: float
+    bump: float
+
+
+@dataclass(frozen=True, slots=True)
+class Characteristics:
+    """Figures of one cycle.
+
+    Attributes
+    ----------
+    peak_force_rebound, peak_force_bump : float
+        Largest and smallest force, N (bump is negative).
+    peak_speed_rebound, peak_speed_bump : float
+        Largest speed of each stroke, m/s, positive.
+    energy : float
+        Work taken up in the cycle, the loop integral of f dx, J.
+    hysteresis_speed : float
+        Speed at which the hysteresis is taken, m/s.
+    hysteresis_rebound, hysteresis_bump : float
+        Opening minus closing force at that speed, N.
+    pressure_ranges : tuple of (float, float)
+        Lowest and highest pressure of chambers 1, 2, 3, Pa.
+    cavitation_shares : tuple of float
+        Share of the cycle with the chamber at zero pressure, for chambers 1, 2, 3.
+    speed_forces : tuple of SpeedForce
+        Forces at the named speeds that both strokes reach.
+    """
+
+    peak_force_rebound: float
+    peak_force_bump: float
+    peak_speed_rebound: float
+    peak_speed_bump: float
+    energy: float
+    hysteresis_speed: float
+    hysteresis_rebound: float
+    hysteresis_bump: float
+    pressure_ranges: tuple[tuple[float, float], ...]
+    cavitation_shares: tuple[float, ...]
+    speed_forces: tuple[SpeedForce, ...]
+
+
+def characterise(
+    response: Response,
+    frequency: float,
+    *,
+    hysteresis_speed: float | None = None,
+    speeds: Sequence[float] = NAMED_SPEEDS,
+) -> Characteristics:
+    """Return the figures of the last whole cycle of a response.
+
+    Parameters
+    ----------
+    response : Response
+        Periodic response on uniform samples, at least one cycle long.
+    frequency : float
+        Cycles per second, Hz.
+    hysteresis_speed : float, optional
+        Speed at which the hysteresis is taken, m/s; half of the lower peak speed by default.
+    speeds : sequence of float
+        Speeds at which forces are wanted, m/s; those that a stroke does not reach are left out.
+
+    Raises
+    ------
+    SimulationError
+        The response is shorter than one cycle.
+    """
+    cycle = _last_cycle(response, frequency)
+    up, down = float(cycle.velocity.max()), float(-cycle.velocity.min())
+    slower = min(up, down)
+    speed = slower / 2.0 if hysteresis_speed is None else hysteresis_speed
+    rebound = _branch_forces(cycle, speed)
+    bump = _branch_forces(cycle, -speed)
+    inside = cycle.pressures[:, 1:]  # the first sample is the last one of the cycle before
+    return Characteristics(
+        peak_force_rebound=float(cycle.force.max()),
+        peak_force_bump=float(cycle.force.min()),
+        peak_speed_rebound=up,
+        peak_speed_bump=down,
+        energy=float(np.trapezoid(cycle.force, cycle.displacement)),
+        hysteresis_speed=speed,
+        hysteresis_rebound=rebound[0] - rebound[1],
+        hysteresis_bump=bump[0] - bump[1],
+        pressure_ranges=tuple((float(p.min()), float(p.max())) for p in cycle.pressures),
+        cavitation_shares=tuple(float(np.mean(p <= 0.0)) for p in inside),
+        speed_forces=tuple(
+            SpeedForce(s, _mean(_branch_forces(cycle, s)), _mean(_branch_forces(cycle, -s)))
+            for s in speeds
+            if s < slower
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cycle:
+    displacement: FloatArray
+    velocity: FloatArray
+    force: FloatArray
+    pressures: FloatArray  # (3, n)
+
+
+def _last_cycle(response: Response, frequency: float) -> _Cycle:
+    time = response.time
+    period = 1.0 / frequency
+    slack = 1e-9 * period  # a whole cycle may come out a rounding error short
+    begin = time[-1] - period
+    if begin < time[0] - slack:
+        cycles = (time[-1] - time[0]) * frequency
+        raise SimulationError(
+            f"the response lasts {cycles:.2f} cycles at {frequency:g} Hz: "
+            "at least one whole cycle is needed"
+        )
+    first = int(np.searchsorted(time, begin + slack, side="right"))
+
+    def cut(signal: FloatArray) -> FloatArray:
+        start = np.interp(begin, time, signal)
+        return np.concatenate(([start], signal[first:]))
+
+    return _Cycle(
+        displacement=cut(response.displacement),
+        velocity=cut(response.velocity),
+        force=cut(response.force),
+        pressures=np.stack([cut(p) for p in response.pressures]),
+    )
+
+
+def _branch_forces(cycle: _Cycle, velocity: float) -> tuple[float, float]:
+    """Return the force on the opening and the closing branch where v passes ``velocity``."""
+    towards = 1.0 if velocity > 0.0 else -1.0
+    speed = cycle.velocity * towards - abs(velocity)  # first and last sample close the loop
+    before, after = speed[:-1], speed[1:]
+    opening = np.flatnonzero((before < 0.0) & (after >= 0.0))
+    closing = np.flatnonzero((before >= 0.0) & (after < 0.0))
+    return _mean_force(speed, cycle.force, opening), _mean_force(speed, cycle.force, closing)
+
+
+def _mean_force(speed: FloatArray, force: FloatArray, at: NDArray[np.intp]) -> float:
+    if len(at) == 0:
+        return float("nan")
+    share = speed[at] / (speed[at] - speed[at + 1])
+    return float(np.mean(force[at] + share * (force[at + 1] - force[at])))
+
+
+def _mean(pair: tuple[float, float]) -> float:
+    return 0.5 * (pair[0] + pair[1])
