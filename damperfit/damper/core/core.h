@@ -1,0 +1,64 @@
+/* damperfit core: the damper's two mass balances, driven by displacement.
+ *
+ * No allocation, no globals, no input or output: safe from any number of threads.
+ */
+#ifndef DAMPERFIT_CORE_H
+#define DAMPERFIT_CORE_H
+
+#include <stddef.h>
+
+#include "laws.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* How a simulation ended. */
+enum {
+    DF_OK = 0,
+    DF_NOT_FINITE = 1,    /* an input or a state is NaN or infinite */
+    DF_STEP_LIMIT = 2,    /* more steps than max_steps_per_sample between two samples */
+    DF_CHAMBER_EMPTY = 3, /* chamber 1, chamber 2 or gas volume <= 0 */
+    DF_BAD_ARGUMENT = 4   /* a parameter, interval or option out of range */
+};
+
+/* Sensitivities that can be asked for, in the order of df_parameters. */
+enum { DF_R_M1, DF_R_M2, DF_R_M3, DF_K_E, DF_F_F, DF_F_0, DF_P_0, DF_GAMMA, DF_N_PARAMETERS };
+
+typedef struct {
+    double tolerance;          /* force error that one step may make, N */
+    double dead_band;          /* friction, m/s */
+    long max_steps_per_sample;
+} df_options;
+
+typedef struct {
+    long steps, rejected, newton;
+    size_t failed_sample; /* where it ended, when not DF_OK */
+} df_work;
+
+typedef struct {
+    size_t n;
+    double interval;      /* s */
+    const double *x, *v;  /* n each; between samples x is the cubic Hermite piece */
+} df_motion;
+
+/* Where the results go; n doubles a row. */
+typedef struct {
+    double *pressures;     /* 3 rows: P1, P2, P3 */
+    double *masses;        /* 2 rows: m1, m2 */
+    double *force;         /* 1 row */
+    double *sensitivities; /* one row for each entry of `which`: df/d(parameter) */
+    const int *which;
+    int n_which;
+} df_result;
+
+/* Solve eqs (4), (7), (11), (12), (17), (18), (20) from rest pressures equal in all chambers
+ * at x[0], with the oil mass of the damper at x = 0. Returns one of the codes above. */
+int df_simulate(const df_geometry *geometry, const df_parameters *parameters,
+                const df_options *options, const df_motion *motion,
+                const df_result *result, df_work *work);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
