@@ -28,7 +28,7 @@ REFERENCE_SETTINGS: tuple[int, ...] = tuple(range(1, 21))
 
 REFERENCE_SOURCE = "reference set shipped with damperfit (made up, not measured)"
 
-# Scatter e_k of K_e over the settings; drawn once by hand, within 15 %.
+# Scatter e_k of K_e over the settings, within 15 %.
 _SCATTER = (
     *(0.0, 0.08, -0.12, 0.05, -0.06, 0.14, -0.10, 0.02, -0.04, 0.09),
     *(-0.13, 0.11, -0.02, -0.08, 0.15, -0.09, 0.04, 0.12, -0.11, 0.06),

@@ -8,7 +8,7 @@ oil mass in chambers 1 and 2 (kg); chamber 3 holds the rest, because no oil is l
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,9 +27,13 @@ if TYPE_CHECKING:
 __all__ = [
     "Instant",
     "Oracle",
+    "central_sensitivity",
+    "cycle_energy",
+    "dissipation",
     "equal_pressure_start",
     "friction_share",
     "instant",
+    "rest_masses",
     "sine",
     "solve",
 ]
@@ -213,3 +217,53 @@ def solve(
         flows=np.array([[m.flow_1, m.flow_2, m.flow_3] for m in moments]).T,
         force=np.array([m.oil_force for m in moments]) + np.array(friction),
     )
+
+
+def central_sensitivity(
+    parameters: Parameters,
+    damper: Damper,
+    motion: tuple[Function, Function],
+    time: FloatArray,
+    *,
+    name: str,
+    step: float,
+    rtol: float = 1e-12,
+) -> FloatArray:
+    """Slope of the force by one parameter (or gas_pressure, gas_exponent), by two solutions."""
+    forces = []
+    for factor in (1 + step, 1 - step):
+        if hasattr(parameters, name):
+            y, device = replace(parameters, **{name: getattr(parameters, name) * factor}), damper
+            size = getattr(parameters, name)
+        else:
+            y, device = parameters, replace(damper, **{name: getattr(damper, name) * factor})
+            size = getattr(damper, name)
+        forces.append(solve(y, device, motion, time, rtol=rtol).force)
+    return (forces[0] - forces[1]) / (2 * step * size)
+
+
+def dissipation(
+    parameters: Parameters, damper: Damper, pressures: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Power lost in valves 1, 2, 3 (W, shape (n,)) from pressures (3, n) and the valve laws.
+
+    Each kilogram loses the difference of its pressure energy h. In chambers 1 and 2 the oil is
+    compressible, h = (K_e/rho_0) ln(1 + (P - P_0)/K_e); in chamber 3 the oil is not and only the
+    gas is, h = (P - P_0)/rho_0.
+    """
+    p_1, p_2, p_3 = pressures
+    k_e, rho, p_0 = parameters.k_e, damper.oil_density, damper.gas_pressure
+    h_1 = k_e / rho * np.log1p((p_1 - p_0) / k_e)
+    h_2 = k_e / rho * np.log1p((p_2 - p_0) / k_e)
+    h_3 = (p_3 - p_0) / rho
+    w_1 = np.sign(p_1 - p_3) * np.sqrt(np.abs(p_1 - p_3)) / parameters.r_m1
+    w_2 = np.maximum(0, p_2 - p_1) / parameters.r_m2
+    w_3 = np.maximum(0, p_3 - p_2) / parameters.r_m3
+    return w_1 * (h_1 - h_3), w_2 * (h_2 - h_1), w_3 * (h_3 - h_2)
+
+
+def cycle_energy(time: FloatArray, force: FloatArray, velocity: FloatArray) -> float:
+    """Work done on the damper, J, by Simpson's rule over the samples."""
+    from scipy.integrate import simpson
+
+    return float(simpson(force * velocity, x=time))

@@ -1,0 +1,174 @@
+"""The incompressible limit and Appendix 2, against pressures, volumes and the slow oracle."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from damperfit.damper import closed_forms as cf
+from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.errors import SimulationError
+from tests.oracles import model
+
+SET_M = Parameters(r_m1=1.8e4, r_m2=3.527e6, r_m3=2.597e6, k_e=3.65e8, f_f=0.0)
+
+dampers = st.builds(
+    Damper,
+    rod_diameter=st.floats(0.008, 0.022),
+    piston_diameter=st.floats(0.025, 0.06),
+    gas_piston_diameter=st.floats(0.03, 0.06),
+    gas_length=st.floats(0.05, 0.2),
+    oil_density=st.floats(700.0, 1000.0),
+    gas_pressure=st.floats(1e5, 3e6),
+    gas_exponent=st.floats(1.0, 1.67),
+)
+valves = st.builds(
+    cf.LinearValves, r_v1=st.floats(0, 1e10), r_v2=st.floats(0, 1e10), r_v3=st.floats(0, 1e10)
+)
+strokes = st.floats(-0.05, 0.05)
+speeds = st.floats(1e-6, 3.0)
+
+
+def test_areas_and_volumes_are_those_of_the_theory():
+    d = PURDY_DAMPER
+    assert d.piston_area == pytest.approx(6.37940e-4, rel=1e-6)
+    assert d.rod_area == pytest.approx(2.83529e-4, rel=1e-6)
+    assert d.annulus_area == pytest.approx(3.54411e-4, rel=1e-6)
+    assert d.gas_volume == pytest.approx(6.28319e-5, rel=1e-6)
+
+
+def test_peaks_of_set_m():
+    """N06: the closed form peaks at x = 0 with +892.855 and -862.009 N."""
+    speed = 2 * np.pi * 1.5 * 0.032
+    force = cf.incompressible_force(SET_M, PURDY_DAMPER, np.zeros(2), np.array([speed, -speed]))
+    assert force == pytest.approx([892.855, -862.009], abs=5e-4)
+
+
+@given(damper=dampers, x=strokes, v=speeds)
+def test_incompressible_force_follows_from_flows_and_valve_laws(damper, x, v):
+    """Chamber by chamber from the volume swept, with no formula of the module under test."""
+    y = dataclasses.replace(SET_M, f_f=37.0, f_0=-5.0)
+    gas = damper.gas_volume + damper.rod_area * x
+    p_3 = damper.gas_pressure * (damper.gas_volume / gas) ** damper.gas_exponent
+    # rebound: what chamber 1 loses leaves through valve 1, what 2 gains came through valve 3
+    w_1 = damper.oil_density * damper.annulus_area * v
+    p_1 = p_3 + (y.r_m1 * w_1) ** 2
+    p_2 = p_3 - y.r_m3 * damper.oil_density * damper.piston_area * v
+    rebound = p_1 * damper.annulus_area - p_2 * damper.piston_area + y.f_f + y.f_0
+    # bump: what chamber 2 loses goes through valve 2; the rod's share leaves through valve 1
+    w_1 = damper.oil_density * damper.rod_area * v
+    p_1 = p_3 + (y.r_m1 * w_1) ** 2
+    p_2 = p_1 + y.r_m2 * damper.oil_density * damper.piston_area * v
+    bump = p_1 * damper.annulus_area - p_2 * damper.piston_area - y.f_f + y.f_0
+    found = cf.incompressible_force(y, damper, np.array([x, x]), np.array([v, -v]))
+    scale = p_1 * damper.piston_area + abs(bump) + abs(rebound)
+    assert found == pytest.approx([rebound, bump], rel=1e-11, abs=1e-12 * scale)
+
+
+def test_design_returns_parameters_by_least_squares():
+    phase = np.linspace(0.0, 1.0, 400, endpoint=False)
+    x, v = 0.032 * np.sin(2 * np.pi * phase), 0.3016 * np.cos(2 * np.pi * phase)
+    y = dataclasses.replace(SET_M, f_f=50.0)
+    columns, offset = cf.incompressible_design(PURDY_DAMPER, x, v)
+    force = cf.incompressible_force(y, PURDY_DAMPER, x, v)
+    size = np.linalg.norm(columns, axis=0)
+    found = np.linalg.lstsq(columns / size, force - offset, rcond=None)[0] / size
+    assert columns.shape == (400, len(cf.DESIGN_COLUMNS))
+    assert found == pytest.approx([y.r_m1**2, y.r_m2, y.r_m3, y.f_f], rel=1e-9)
+
+
+def test_full_model_tends_to_the_closed_form_in_proportion_to_compressibility():
+    """N06: 17.36, 4.40 N at K_e 1e9, 4e9, for speeds above 0.1 m/s."""
+    period = 1 / 1.5
+    time = np.concatenate([[0.0], (2 + np.arange(501) / 500) * period])
+    motion = model.sine(0.032, 1.5)
+    x, v = (np.array([channel(t) for t in time]) for channel in motion)
+    is_fast = (np.abs(v) > 0.1) & (time > 0)
+    largest = []
+    for k_e in (1e9, 4e9):
+        y = dataclasses.replace(SET_M, k_e=k_e)
+        force = model.solve(y, PURDY_DAMPER, motion, time).force
+        gap = force - cf.incompressible_force(y, PURDY_DAMPER, x, v)
+        largest.append(np.max(np.abs(gap[is_fast])))
+    assert largest == pytest.approx([17.36, 4.40], rel=0.002)
+
+
+@given(damper=dampers, resistances=valves, x=strokes, v=speeds)
+def test_simple_force_is_pressure_times_area(damper, resistances, x, v):
+    """N07: (38) from the pressures of (32) and (36), rebound and bump."""
+    p_1, p_2 = cf.rebound_pressures(resistances, damper, x, v)
+    rebound = p_1 * damper.annulus_area - p_2 * damper.piston_area
+    q_1, q_2 = cf.bump_pressures(resistances, damper, x, -v)
+    bump = q_1 * damper.annulus_area - q_2 * damper.piston_area
+    found = cf.simple_force(resistances, damper, np.array([x, x]), np.array([v, -v]))
+    scale = float(max(np.max(np.abs([p_1, p_2, q_1, q_2])), 1.0)) * damper.piston_area
+    assert found == pytest.approx([rebound, bump], abs=1e-10 * scale, rel=1e-10)
+
+
+@given(damper=dampers, resistances=valves, x=strokes, v=speeds)
+def test_simple_slopes_are_the_derivative_of_the_simple_force(damper, resistances, x, v):
+    """N07: (39). The force is linear in v on each side, so a difference is exact."""
+    rebound, bump = cf.simple_slopes(resistances, damper)
+    at_rest = cf.simple_force(resistances, damper, x, 0.0)
+    assert at_rest == pytest.approx(-damper.rod_area * cf.gas_pressure(damper, x), rel=1e-14)
+    for speed, slope in ((v, rebound), (-v, bump)):
+        rise = float(cf.simple_force(resistances, damper, x, speed) - at_rest)
+        assert rise == pytest.approx(slope * speed, rel=1e-10, abs=1e-12 * abs(float(at_rest)))
+
+
+def test_simple_slopes_of_the_paper_damper_in_numbers():
+    """(39) by hand with a_p1 3.54411e-4, a_p2 6.37940e-4, a_r 2.83529e-4."""
+    rebound, bump = cf.simple_slopes(cf.LinearValves(1e9, 2e9, 3e9), PURDY_DAMPER)
+    assert rebound == pytest.approx(3.54411e-4**2 * 1e9 + 6.37940e-4**2 * 3e9, rel=1e-5)
+    assert bump == pytest.approx(6.37940e-4**2 * 2e9 + 2.83529e-4**2 * 1e9, rel=1e-5)
+
+
+@given(damper=dampers, v=speeds)
+def test_flows_fill_the_volume_that_the_piston_sweeps(damper, v):
+    """(31), (34): oil is neither gained nor lost in chambers 1 and 2, nor with the rod in 3."""
+    q_1, q_3 = cf.rebound_flows(damper, v)
+    assert q_1 == pytest.approx(damper.annulus_area * v)
+    assert q_3 - q_1 == pytest.approx(damper.rod_area * v)
+    q_1, q_2 = cf.bump_flows(damper, -v)
+    assert q_2 == pytest.approx(damper.piston_area * v)
+    assert q_2 - q_1 == pytest.approx(damper.annulus_area * v)
+    assert q_1 >= 0
+
+
+def test_valve_1_flows_out_of_chamber_1_in_both_strokes():
+    assert cf.rebound_flows(PURDY_DAMPER, 0.3)[0] > 0
+    assert cf.bump_flows(PURDY_DAMPER, -0.3)[0] > 0
+
+
+@given(damper=dampers, x=strokes)
+def test_gas_piston_moves_by_the_rod_volume(damper, x):
+    """(16), (33), (35): a_g eta = -a_r x, and P_3 V^gamma is constant."""
+    gas_area = np.pi / 4 * damper.gas_piston_diameter**2
+    eta = cf.gas_piston_displacement(damper, x)
+    assert eta * gas_area == pytest.approx(-x * damper.rod_area, rel=1e-12, abs=1e-20)
+    volume = gas_area * (damper.gas_length - eta)
+    invariant = cf.gas_pressure(damper, x) * volume**damper.gas_exponent
+    at_rest = damper.gas_pressure * damper.gas_volume**damper.gas_exponent
+    assert invariant == pytest.approx(at_rest, rel=1e-12)
+
+
+def test_rod_in_compresses_the_gas():
+    assert cf.gas_piston_displacement(PURDY_DAMPER, -0.03) > 0
+    assert cf.gas_pressure(PURDY_DAMPER, -0.03) > PURDY_DAMPER.gas_pressure
+
+
+def test_gas_pressure_when_isothermal():
+    """N09: gamma = 1 is Boyle's law."""
+    damper = dataclasses.replace(PURDY_DAMPER, gas_exponent=1.0)
+    volume = damper.gas_volume + damper.rod_area * 0.032
+    expected = damper.gas_pressure * damper.gas_volume / volume
+    assert cf.gas_pressure(damper, 0.032) == pytest.approx(expected, rel=1e-14)
+
+
+def test_no_room_for_the_gas_is_an_error_that_says_where():
+    with pytest.raises(SimulationError, match=r"gas volume used up at displacement -0\.25 m"):
+        cf.gas_pressure(PURDY_DAMPER, [0.0, -0.25])

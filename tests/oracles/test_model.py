@@ -1,0 +1,88 @@
+"""The oracle itself, against known numbers and laws: a twin that is wrong proves nothing."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.integrate import simpson
+
+from damperfit.damper.parameters import PURDY_DAMPER
+from tests.oracles import model
+from tests.oracles.golden import GOLDEN, PHASES, SET_M
+
+PERIOD = 1 / 1.5
+SMOOTH = dataclasses.replace(SET_M, f_f=0.0)
+
+
+def fourth_cycle(parameters, phases, **how):
+    """The oracle's fourth cycle from rest."""
+    time = np.concatenate([[0.0], (3 + np.asarray(phases)) * PERIOD])
+    return model.solve(parameters, PURDY_DAMPER, model.sine(0.032, 1.5), time, **how)
+
+
+@pytest.mark.parametrize(("parameters", "rows"), GOLDEN)
+def test_golden_table(parameters, rows):
+    """N12, to the digits printed."""
+    solved = fourth_cycle(parameters, PHASES)
+    expected = np.array(rows)
+    assert np.max(np.abs(solved.force[1:] - expected[:, 0])) <= 0.006
+    assert np.max(np.abs(solved.pressures[:, 1:].T / 1e5 - expected[:, 1:])) <= 0.00011
+
+
+def test_rest():
+    """N01: at P_0 everywhere nothing flows, and the gas pushes the rod out with a_r P_0.
+
+    The state alone is looked at: Radau cannot step along a signed root at zero for long.
+    """
+    now = model.instant(SET_M, PURDY_DAMPER, *model.rest_masses(PURDY_DAMPER), 0.0)
+    assert now.oil_force == pytest.approx(-130.4232, abs=5e-5)
+    assert max(abs(now.pressure_1 - 4.6e5), abs(now.pressure_2 - 4.6e5)) < 1e-6
+    assert max(abs(now.rate_1), abs(now.rate_2)) < 1e-7
+
+
+def test_energy_balance():
+    """N03: 79.211376 J over a steady cycle of set M, both sides."""
+    phases = np.arange(2001) / 2000
+    solved = fourth_cycle(SMOOTH, phases, rtol=1e-12)
+    velocity = 2 * np.pi * 1.5 * 0.032 * np.cos(2 * np.pi * phases)
+    work = model.cycle_energy(solved.time[1:], solved.force[1:], velocity)
+    lost = model.dissipation(SMOOTH, PURDY_DAMPER, solved.pressures[:, 1:])
+    assert work == pytest.approx(79.211376, abs=1e-6)
+    assert work == pytest.approx(sum(simpson(p, x=solved.time[1:]) for p in lost), rel=1e-9)
+    assert min(np.min(p) for p in lost) > -1e-5
+
+
+def test_equal_pressure_start_keeps_the_oil():
+    """N24: at x != 0 all chambers at one pressure, no oil gained or lost."""
+    rest = sum(model.rest_masses(PURDY_DAMPER))
+    for x in (-0.032, -0.01, 0.0, 0.02, 0.032):
+        m_1, m_2 = model.equal_pressure_start(SET_M, PURDY_DAMPER, x)
+        now = model.instant(SET_M, PURDY_DAMPER, m_1, m_2, x)
+        assert now.pressure_1 == pytest.approx(now.pressure_3, rel=1e-9)
+        assert now.pressure_2 == pytest.approx(now.pressure_3, rel=1e-9)
+        gained_3 = (PURDY_DAMPER.gas_volume - now.gas_volume) * PURDY_DAMPER.oil_density
+        assert m_1 + m_2 + gained_3 == pytest.approx(rest, rel=1e-12)
+
+
+def test_any_starting_phase_ends_in_the_same_steady_cycle():
+    """N24: within 1e-6 of the force, two cycles on."""
+    phases = np.arange(40) / 40
+    expected = fourth_cycle(SET_M, phases).force[1:]
+    for start in (0.125, 0.25, 0.6, 0.75):
+        time = np.concatenate([[start], 3 + phases]) * PERIOD
+        solved = model.solve(SET_M, PURDY_DAMPER, model.sine(0.032, 1.5), time)
+        assert np.max(np.abs(solved.force[1:] - expected)) < 1e-6 * np.max(np.abs(expected)) + 1e-4
+
+
+def test_tightening_moves_nothing():
+    """N16: rtol 1e-10 is already within 1e-3 N of 1e-13, and 1e-8 is worse by ten or more."""
+    phases = np.arange(500) / 500
+    exact = fourth_cycle(SET_M, phases, rtol=1e-13).force
+    errors = [
+        np.max(np.abs(fourth_cycle(SET_M, phases, rtol=rtol).force - exact))
+        for rtol in (1e-8, 1e-10, 1e-12)
+    ]
+    assert errors[1] < 1e-3
+    assert errors[0] > 10 * errors[1] > 100 * errors[2]
