@@ -1,0 +1,19 @@
+"""From traces to parameters: residuals, starting values, one setting's fit, the campaign."""
+
+from damperfit.identification.campaign import PROCEDURES, Campaign, FitOptions, identify
+from damperfit.identification.comparison import Comparison, compare, normalised_mse
+from damperfit.identification.outcome import Outcome
+from damperfit.identification.setting import Fit, LogFit
+
+__all__ = [
+    "PROCEDURES",
+    "Campaign",
+    "Comparison",
+    "Fit",
+    "FitOptions",
+    "LogFit",
+    "Outcome",
+    "compare",
+    "identify",
+    "normalised_mse",
+]

@@ -1,0 +1,295 @@
+"""Levenberg-Marquardt over the logs of one setting, on log parameters with the exact Jacobian.
+
+The variables are u = ln y for the positive parameters and u = f_0/scale for the offset, so that a
+step is a relative change and no parameter can change sign. The residual is
+(f_hat - f)/(sigma sqrt(N)), f_hat filtered like f: its squared norm is eq. (22) over 100.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.conditioning import apply_filter
+from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
+from damperfit.errors import DamperfitError, SimulationError
+from damperfit.identification.comparison import motion_of
+from damperfit.simulation import SolverOptions, simulate
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.damper.parameters import Damper
+    from damperfit.recording import Trace
+    from damperfit.simulation import Response
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["FitCancelled", "Misfit", "Solution", "approach", "descend"]
+
+# A relative change of the sum of squares below 1e-9 moves no parameter by 1 % of its error; a
+# start for another descent needs no more than a per mille.
+_COST_TOLERANCE = 1e-9
+_ROUGH_COST_TOLERANCE = 1e-3
+# A relative change of a logarithm near 15; 1e-9 resolves a parameter to 1e-8.
+_STEP_TOLERANCE = 1e-9
+# A point the model cannot be integrated at counts as this many times the force's variance.
+_WALL = 1e3
+# Below this misfit (times the solver's tolerance, N) the solver's own error is what is left.
+_POLISH_BELOW = 100.0
+_POLISH_FACTOR = 0.003
+
+
+class FitCancelled(DamperfitError):
+    """The caller asked to stop while a fit was running."""
+
+    exit_code = 130
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Misfit:
+    """What is fitted: the logs of one setting, the damper, and what is free.
+
+    Attributes
+    ----------
+    traces : tuple of Trace
+        Logs of one setting.
+    damper : Damper
+        Geometry, oil and gas.
+    free : tuple of str
+        Parameters that may move.
+    solver : SolverOptions
+        How exactly to integrate.
+    max_evaluations : int
+        Limit of simulations.
+    cancelled : callable
+        Asked before each evaluation.
+    """
+
+    traces: tuple[Trace, ...]
+    damper: Damper
+    free: tuple[str, ...]
+    solver: SolverOptions
+    max_evaluations: int
+    cancelled: Callable[[], bool]
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of all measured forces in the windows, N."""
+        return float(np.std(np.concatenate([t.force[t.window] for t in self.traces])))
+
+    @property
+    def n_samples(self) -> int:
+        """Samples compared."""
+        return sum(t.stop - t.first for t in self.traces)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """Where a descent ended.
+
+    Attributes
+    ----------
+    parameters : Parameters
+        Best point found.
+    mse_percent : float
+        Eq. (22) there.
+    jacobian : numpy.ndarray
+        Shape (n, k): derivative of the residuals by u, in the order of the free parameters.
+    evaluations, failed_trials : int
+        Simulations of the whole setting, and those that could not be integrated.
+    status : int
+        MINPACK's ending as `scipy.optimize.least_squares` gives it: 0 is the limit, 1-4 tests met.
+    gradient_cosine : float
+        Largest cosine between the residuals and a column of the Jacobian.
+    n_independent : float
+        Independent samples among the residuals: twice their sign changes. White residuals change
+        sign at every other sample; those behind a low-pass of B Hz 1.15 B times a second, where
+        2 B samples a second are independent.
+    is_cavitating : bool
+        Whether a chamber is at zero pressure somewhere in the windows.
+    """
+
+    parameters: Parameters
+    mse_percent: float
+    jacobian: FloatArray
+    evaluations: int
+    failed_trials: int
+    status: int
+    gradient_cosine: float
+    n_independent: float
+    is_cavitating: bool
+
+
+def approach(misfit: Misfit, start: Parameters) -> Solution:
+    """Minimise the misfit roughly, for the start of another descent.
+
+    Raises
+    ------
+    SimulationError
+        When the model cannot be integrated at the start.
+    FitCancelled
+        When the caller asked to stop.
+    """
+    return _minimise(misfit, start, _ROUGH_COST_TOLERANCE)
+
+
+def descend(misfit: Misfit, start: Parameters) -> Solution:
+    """Minimise the misfit from a start; refine with a tighter integrator if that is what is left.
+
+    Raises
+    ------
+    SimulationError
+        When the model cannot be integrated at the start.
+    FitCancelled
+        When the caller asked to stop.
+    """
+    solution = _minimise(misfit, start, _COST_TOLERANCE)
+    rms = math.sqrt(solution.mse_percent / 100.0) * misfit.deviation
+    if rms > _POLISH_BELOW * misfit.solver.tolerance:
+        return solution
+    tighter = replace(misfit.solver, tolerance=_POLISH_FACTOR * misfit.solver.tolerance)
+    refined = _minimise(
+        replace(misfit, solver=tighter), solution.parameters, _COST_TOLERANCE
+    )
+    return replace(
+        refined,
+        evaluations=solution.evaluations + refined.evaluations,
+        failed_trials=solution.failed_trials + refined.failed_trials,
+    )
+
+
+def _minimise(misfit: Misfit, start: Parameters, cost_tolerance: float) -> Solution:
+    from scipy.optimize import least_squares
+
+    scale = 1.0 / (misfit.deviation * math.sqrt(misfit.n_samples))
+    known: dict[bytes, _Point] = {}
+    count = {"evaluations": 0, "failed": 0}
+    best: list[_Point] = []
+
+    def point(u: FloatArray) -> _Point:
+        key = u.tobytes()
+        if key not in known:
+            if misfit.cancelled():
+                raise FitCancelled("stopped while a fit was running.")
+            known.clear()
+            count["evaluations"] += 1
+            known[key] = _evaluate(misfit, _unpack(u, misfit, start), scale)
+            if not best or known[key].cost < best[0].cost:
+                best[:] = [known[key]]
+        return known[key]
+
+    def residuals(u: FloatArray) -> FloatArray:
+        try:
+            return point(u).residuals
+        except SimulationError:
+            count["failed"] += 1
+            if not best:
+                raise
+            return np.full(misfit.n_samples, math.sqrt(_WALL / misfit.n_samples))
+
+    def jacobian(u: FloatArray) -> FloatArray:
+        return _jacobian(misfit, point(u), scale)
+
+    if not misfit.free:
+        only = point(np.empty(0))
+        return _solution(misfit, only, scale, count, status=1)
+    ended = least_squares(
+        residuals,
+        _pack(misfit, start),
+        jac=jacobian,
+        method="lm",
+        ftol=cost_tolerance,
+        xtol=_STEP_TOLERANCE,
+        gtol=1e-12,
+        max_nfev=misfit.max_evaluations,
+    )
+    return _solution(misfit, best[0], scale, count, status=int(ended.status))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Point:
+    parameters: Parameters
+    responses: tuple[Response, ...]
+    residuals: FloatArray
+    cost: float
+
+
+def _evaluate(misfit: Misfit, parameters: Parameters, scale: float) -> _Point:
+    responses, parts = [], []
+    for trace in misfit.traces:
+        response = simulate(
+            parameters,
+            misfit.damper,
+            motion_of(trace),
+            sensitivities=misfit.free,
+            options=misfit.solver,
+        )
+        force = apply_filter(trace.model_filter, response.force)
+        responses.append(response)
+        parts.append((force - trace.force)[trace.window] * scale)
+    residuals = parts[0] if len(parts) == 1 else np.concatenate(parts)
+    return _Point(parameters, tuple(responses), residuals, float(residuals @ residuals))
+
+
+def _jacobian(misfit: Misfit, point: _Point, scale: float) -> FloatArray:
+    factors = np.array([_slope(name, point.parameters, misfit) for name in misfit.free]) * scale
+    parts = []
+    for trace, response in zip(misfit.traces, point.responses, strict=True):
+        rows = np.stack([response.sensitivities[name] for name in misfit.free])
+        filtered = apply_filter(trace.model_filter, rows)[:, trace.window]
+        parts.append((filtered * factors[:, None]).T)
+    return parts[0] if len(parts) == 1 else np.vstack(parts)
+
+
+def _slope(name: str, parameters: Parameters, misfit: Misfit) -> float:
+    """Return dy/du."""
+    return misfit.deviation if name == "f_0" else float(getattr(parameters, name))
+
+
+def _pack(misfit: Misfit, parameters: Parameters) -> FloatArray:
+    values = [
+        parameters.f_0 / misfit.deviation if name == "f_0" else math.log(getattr(parameters, name))
+        for name in misfit.free
+    ]
+    return np.array(values)
+
+
+def _unpack(u: FloatArray, misfit: Misfit, start: Parameters) -> Parameters:
+    values = {name: getattr(start, name) for name in PARAMETER_NAMES}
+    for name, value in zip(misfit.free, u, strict=True):
+        # e^600 overflows nothing yet and is refused by the core as a failed trial.
+        values[name] = (
+            value * misfit.deviation if name == "f_0" else math.exp(min(max(value, -600), 600))
+        )
+    return Parameters(**values)
+
+
+def _solution(
+    misfit: Misfit, point: _Point, scale: float, count: dict[str, int], status: int
+) -> Solution:
+    jacobian = (
+        _jacobian(misfit, point, scale) if misfit.free else np.empty((len(point.residuals), 0))
+    )
+    lengths = np.sqrt(np.sum(jacobian * jacobian, axis=0)) * math.sqrt(point.cost)
+    slopes = np.abs(jacobian.T @ point.residuals)
+    cosine = float(np.max(slopes / np.maximum(lengths, 1e-300), initial=0.0))
+    return Solution(
+        parameters=point.parameters,
+        mse_percent=100.0 * point.cost,
+        jacobian=jacobian,
+        evaluations=count["evaluations"],
+        failed_trials=count["failed"],
+        status=status,
+        gradient_cosine=cosine,
+        n_independent=max(2.0 * np.count_nonzero(np.diff(np.signbit(point.residuals))), 1.0),
+        is_cavitating=any(
+            bool((response.pressures[:2, trace.window] <= 0.0).any())
+            for trace, response in zip(misfit.traces, point.responses, strict=True)
+        ),
+    )

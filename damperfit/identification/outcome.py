@@ -1,0 +1,55 @@
+"""How a fit ended, as a named value with a sentence of advice."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+__all__ = ["Outcome"]
+
+
+class Outcome(Enum):
+    """How a fit ended; ``value`` is the name in tables, ``advice`` says what to do about it."""
+
+    CONVERGED = "converged"
+    CAVITATING = "cavitating"
+    AT_BOUND = "at_bound"
+    NOT_IDENTIFIABLE = "not_identifiable"
+    EVALUATION_LIMIT = "evaluation_limit"
+    NO_DESCENT = "no_descent"
+    NOT_FINITE = "not_finite"
+
+    @property
+    def advice(self) -> str:
+        """One plain sentence for people."""
+        return _ADVICE[self]
+
+    @property
+    def is_trustworthy(self) -> bool:
+        """Whether the fit ended where a fit should end."""
+        return self is Outcome.CONVERGED
+
+
+_ADVICE = {
+    Outcome.CONVERGED: "The fit converged.",
+    Outcome.CAVITATING: (
+        "A chamber of the fitted model cavitates in part of the cycle: fix R_m3, or check the gas "
+        "pressure and the force offset."
+    ),
+    Outcome.AT_BOUND: (
+        "A parameter ran to the edge of its plausible range: fix it, or check units and signs."
+    ),
+    Outcome.NOT_IDENTIFIABLE: (
+        "These logs do not fix a free parameter: fix it, or fit more logs of this setting."
+    ),
+    Outcome.EVALUATION_LIMIT: (
+        "The fit stopped at its limit of evaluations: raise identification.max_evaluations."
+    ),
+    Outcome.NO_DESCENT: (
+        "No step made the misfit smaller although the gradient is not zero: the result is the best "
+        "point found, not a minimum."
+    ),
+    Outcome.NOT_FINITE: (
+        "The simulation failed at the points the fit wanted to try: the result is the best point "
+        "found, not a minimum."
+    ),
+}

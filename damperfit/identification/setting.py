@@ -1,0 +1,285 @@
+"""One setting's fit: descend, come back from the cavitating valley, and judge the result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.conditioning import noise_floor
+from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
+from damperfit.identification.cavitation import cavitation_margin
+from damperfit.identification.comparison import compare, normalised_mse
+from damperfit.identification.descent import Misfit, Solution, approach, descend
+from damperfit.identification.outcome import Outcome
+from damperfit.identification.starting import cavitation_limit
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from damperfit.recording import Trace
+
+__all__ = [
+    "Fit",
+    "Judged",
+    "LogFit",
+    "describe_fit",
+    "fit_guided",
+    "fit_setting",
+    "is_sound",
+    "relative_errors",
+]
+
+# Plausible ranges in SI, a factor of a hundred or more beyond any car damper on both sides.
+_PLAUSIBLE = {
+    "r_m1": (1e1, 1e7),
+    "r_m2": (1e3, 1e10),
+    "r_m3": (1e3, 1e10),
+    "k_e": (1e6, 1e11),
+    "f_f": (1e-3, 1e4),
+}
+# A number with a standard error above this share of itself is not found by the fit.
+_NOT_FOUND = 0.5
+# Friction below this share of the force's deviation that the logs do not fix has run to zero.
+_NO_FRICTION = 1e-2
+# A fit that meets none of MINPACK's tests has still descended when the residual is this close to
+# a right angle with every direction of the Jacobian.
+_RIGHT_ANGLE = 1e-3
+# A sound minimum is preferred to a cavitating one unless that one is better by this factor.
+_CLEARLY_BETTER = 1.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LogFit:
+    """How one log of a setting is met by the setting's parameters.
+
+    Attributes
+    ----------
+    trace : Trace
+        The log as compared.
+    mse_percent : float
+        Eq. (22) over the log's steady whole cycles.
+    noise_floor_percent : float
+        What scatter between the cycles alone costs in the same measure; NaN for a single cycle.
+    """
+
+    trace: Trace
+    mse_percent: float
+    noise_floor_percent: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """One setting's parameters and how far the fit itself vouches for them.
+
+    Attributes
+    ----------
+    setting : int
+        Adjuster setting.
+    parameters : Parameters
+        SI values.
+    status : dict of str to str
+        For each parameter: fitted, fixed, shared, at_bound or not_identifiable.
+    outcome : Outcome
+        How the fit ended.
+    mse_percent, noise_floor_percent : float
+        Eq. (22) over all logs of the setting, and the share that is scatter between cycles.
+    n_samples, n_cycles, evaluations : int
+        Samples and cycles compared; simulations spent.
+    cavitation_fraction : float
+        Share of the compared time with a chamber at zero pressure.
+    r_m3_cavitation_margin : float
+        Fraction by which R_m3 may rise before chamber 2 cavitates on this motion; negative when
+        it must fall, NaN where no R_m3 in the plausible range is at the edge.
+    logs : tuple of LogFit
+        The logs fitted together.
+    warnings : tuple of str
+        One plain sentence each.
+    """
+
+    setting: int
+    parameters: Parameters
+    status: Mapping[str, str]
+    outcome: Outcome
+    mse_percent: float
+    noise_floor_percent: float
+    n_samples: int
+    n_cycles: int
+    evaluations: int
+    cavitation_fraction: float
+    r_m3_cavitation_margin: float
+    logs: tuple[LogFit, ...]
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judged:
+    """A solution with its verdict, before the report figures are added."""
+
+    solution: Solution
+    status: dict[str, str]
+    outcome: Outcome
+
+
+def fit_setting(misfit: Misfit, start: Parameters, *, spent: int = 0) -> Judged:
+    """Fit the free parameters of one setting.
+
+    When R_m3 is free and the descent ends unsound (cavitating, at a bound, or not identifiable),
+    it is tried again by continuation from R_m3 below the onset of cavitation (`fit_guided`), and
+    the better sound minimum is kept.
+
+    Parameters
+    ----------
+    misfit : Misfit
+        Logs, damper and what is free.
+    start : Parameters
+        Where to start.
+    spent : int
+        Evaluations already spent on the start, added to the count.
+
+    Raises
+    ------
+    SimulationError
+        When the model cannot be integrated at any start.
+    """
+    first = _attempt(misfit, start, spent)
+    if is_sound(first) or "r_m3" not in misfit.free:
+        return first
+    safe = min(start.r_m3, cavitation_limit(misfit.traces, misfit.damper))
+    guided = approach(_without_rebound(misfit), replace(start, r_m3=safe))
+    second = _attempt(
+        misfit, guided.parameters, first.solution.evaluations + guided.evaluations
+    )
+    return _choose(first, second)
+
+
+def fit_guided(misfit: Misfit, start: Parameters) -> Judged:
+    """Fit with R_m3 and f_f held at the start first, then with everything free.
+
+    At stiff settings R_m1 carries the rebound, and a start that is off in K_e lets R_m3 run into
+    cavitation before the others have settled.
+    """
+    guided = approach(_without_rebound(misfit), start)
+    return fit_setting(misfit, guided.parameters, spent=guided.evaluations)
+
+
+def _without_rebound(misfit: Misfit) -> Misfit:
+    held = tuple(name for name in misfit.free if name not in {"r_m3", "f_f"})
+    return replace(misfit, free=held)
+
+
+def is_sound(judged: Judged) -> bool:
+    """Whether a fit ended at a minimum that means something."""
+    return judged.outcome is Outcome.CONVERGED
+
+
+def _choose(first: Judged, second: Judged) -> Judged:
+    spent = second.solution.evaluations
+    first = replace(first, solution=replace(first.solution, evaluations=spent))
+    if is_sound(second):
+        much_better = (
+            first.solution.mse_percent * _CLEARLY_BETTER < second.solution.mse_percent
+            and first.outcome is Outcome.CAVITATING
+        )
+        return first if much_better else second
+    return first if first.solution.mse_percent <= second.solution.mse_percent else second
+
+
+def _attempt(misfit: Misfit, start: Parameters, spent: int) -> Judged:
+    solution = descend(misfit, start)
+    solution = replace(solution, evaluations=solution.evaluations + spent)
+    status = _statuses(misfit, solution)
+    return Judged(solution, status, _outcome(misfit, solution, status))
+
+
+def relative_errors(solution: Solution) -> NDArray[np.float64]:
+    """Return rough relative standard errors of the free parameters, shape (k,).
+
+    Textbook covariance with the number of samples replaced by twice the number of sign changes of
+    the residual, which for white residuals is the number of samples and for residuals behind a
+    low-pass the number of independent ones. Infinite where the logs say nothing.
+    """
+    jacobian = solution.jacobian
+    if jacobian.shape[1] == 0:
+        return np.empty(0)
+    lengths = np.sqrt(np.sum(jacobian * jacobian, axis=0))
+    if not np.all(lengths > 0.0):
+        return np.where(lengths > 0.0, 0.0, np.inf)
+    _, values, directions = np.linalg.svd(
+        jacobian.T @ jacobian / np.outer(lengths, lengths), hermitian=True
+    )
+    inverse = np.sum(directions.T**2 / np.maximum(values, 1e-15), axis=1) / lengths**2
+    # In units of u: the sum of squares is MSE/100 over n_independent samples.
+    variance = solution.mse_percent / 100.0 / solution.n_independent
+    return np.asarray(np.sqrt(inverse * variance))
+
+
+def _statuses(misfit: Misfit, solution: Solution) -> dict[str, str]:
+    status = dict.fromkeys(PARAMETER_NAMES, "fixed")
+    errors = relative_errors(solution)
+    for name, error in zip(misfit.free, errors, strict=True):
+        value = getattr(solution.parameters, name)
+        status[name] = "fitted"
+        if name == "f_0":
+            continue
+        low, high = _PLAUSIBLE[name]
+        if name == "f_f":
+            low = max(low, _NO_FRICTION * misfit.deviation if error > _NOT_FOUND else low)
+        if not low < value < high:
+            status[name] = "at_bound"
+        elif error > _NOT_FOUND:
+            status[name] = "not_identifiable"
+    return status
+
+
+def _outcome(misfit: Misfit, solution: Solution, status: Mapping[str, str]) -> Outcome:
+    if "at_bound" in status.values():
+        return Outcome.AT_BOUND
+    if "not_identifiable" in status.values():
+        return Outcome.NOT_IDENTIFIABLE
+    if solution.is_cavitating:
+        return Outcome.CAVITATING
+    descended = solution.gradient_cosine < _RIGHT_ANGLE or solution.mse_percent < 1e-8
+    if solution.status == 0:
+        return Outcome.CONVERGED if descended else Outcome.EVALUATION_LIMIT
+    if not descended:
+        return Outcome.NOT_FINITE if solution.failed_trials else Outcome.NO_DESCENT
+    return Outcome.CONVERGED
+
+
+def describe_fit(
+    setting: int, judged: Judged, misfit: Misfit, warnings: tuple[str, ...] = ()
+) -> Fit:
+    """Return the `Fit` of a judged solution: figures per log, cavitation, margin."""
+    parameters = judged.solution.parameters
+    logs, empty, misses, floors = [], 0, [], []
+    for trace in misfit.traces:
+        comparison = compare(parameters, trace, misfit.damper, solver=misfit.solver)
+        window = trace.window
+        measured, simulated = trace.force[window], comparison.force[window]
+        logs.append(LogFit(trace, normalised_mse(measured, simulated), noise_floor(trace)))
+        empty += int(np.count_nonzero((comparison.response.pressures[:, window] <= 0.0).any(axis=0)))
+        misses.append(simulated - measured)
+        floors.append(logs[-1].noise_floor_percent / 100.0 * np.var(measured) * len(measured))
+    all_misses = np.concatenate(misses)
+    total = misfit.deviation**2 * len(all_misses)
+    return Fit(
+        setting=setting,
+        parameters=parameters,
+        status=judged.status,
+        outcome=judged.outcome,
+        mse_percent=float(100.0 * np.sum(all_misses**2) / total),
+        noise_floor_percent=float(100.0 * np.sum(floors) / total),
+        n_samples=len(all_misses),
+        n_cycles=sum(trace.n_cycles for trace in misfit.traces),
+        evaluations=judged.solution.evaluations,
+        cavitation_fraction=empty / len(all_misses),
+        r_m3_cavitation_margin=cavitation_margin(
+            parameters, misfit.traces[0], misfit.damper, solver=misfit.solver
+        ),
+        logs=tuple(logs),
+        warnings=warnings,
+    )

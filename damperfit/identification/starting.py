@@ -1,0 +1,125 @@
+"""Starting values: the incompressible closed form for the valves, a scan for the bulk modulus."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.damper.closed_forms import gas_pressure, incompressible_design
+from damperfit.damper.parameters import Parameters
+from damperfit.errors import SimulationError
+from damperfit.identification.comparison import compare, normalised_mse
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from damperfit.damper.parameters import Damper
+    from damperfit.recording import Trace
+    from damperfit.simulation import SolverOptions
+
+__all__ = ["cavitation_limit", "scan_bulk_modulus", "starting_values"]
+
+# A few hundred samples a log fix four numbers well enough to start from.
+_SAMPLES_A_LOG = 400
+# K_e of oil with 5 % to 0.1 % of undissolved gas at 20 bar, Appendix 1 (28).
+_BULK_MODULI = (6e7, 2e8, 6e8, 1.8e9)
+# Where the closed form gives nothing for a valve, start from a tenth of the other valves' effect.
+_SMALL_SHARE = 0.1
+# Start this far below the R_m3 at which chamber 2 would cavitate, where the misfit has a second,
+# wrong valley (R_m3 up, f_f to zero).
+_CAVITATION_DISTANCE = 0.8
+
+
+def starting_values(
+    traces: Sequence[Trace], damper: Damper, fixed: Mapping[str, float], k_e: float
+) -> Parameters:
+    """Return starting values from the incompressible limit of the model.
+
+    Non-negative linear least squares in (R_m1^2, R_m2, R_m3, f_f) and, unless fixed, f_0.
+
+    Parameters
+    ----------
+    traces : sequence of Trace
+        Logs of one setting.
+    damper : Damper
+        Geometry, oil and gas.
+    fixed : mapping of str to float
+        Parameters that are known, SI.
+    k_e : float
+        Bulk modulus to start from, Pa; the closed form does not know it.
+    """
+    from scipy.optimize import nnls
+
+    columns, force = _stack(traces, damper)
+    if "f_0" in fixed:
+        force = force - fixed["f_0"]
+        columns = columns[:, :4]
+    scale = np.sqrt(np.mean(columns * columns, axis=0)) + 1e-300
+    known = {"r_m1": 0, "r_m2": 1, "r_m3": 2, "f_f": 3}
+    held = [known[name] for name in fixed if name in known]
+    for name, value in fixed.items():
+        if name in known:
+            power = value * value if name == "r_m1" else value
+            force = force - columns[:, known[name]] * power
+    free = [j for j in range(columns.shape[1]) if j not in held]
+    solution = np.zeros(columns.shape[1])
+    if free:
+        solution[free] = nnls(columns[:, free] / scale[free], force)[0] / scale[free]
+    floor = _SMALL_SHARE * float(np.std(force)) / scale
+    offset = 0.0
+    if len(solution) > 4:
+        offset = float(solution[4] - solution[5])
+    start = Parameters(
+        r_m1=float(np.sqrt(max(solution[0], floor[0]))),
+        r_m2=float(max(solution[1], floor[1])),
+        r_m3=float(min(max(solution[2], floor[2]), cavitation_limit(traces, damper))),
+        k_e=k_e,
+        f_f=float(max(solution[3], 0.1 * floor[3])),
+        f_0=offset,
+    )
+    return replace(start, **dict(fixed))
+
+
+def cavitation_limit(traces: Sequence[Trace], damper: Damper) -> float:
+    """Return an R_m3 that keeps chamber 2 full in rebound: 0.8 P_3/(rho_0 a_p2 v) at its least."""
+    limits = []
+    for trace in traces:
+        x, v = trace.displacement[trace.window], trace.velocity[trace.window]
+        flow = damper.oil_density * damper.piston_area * np.maximum(v, 1e-6)
+        limits.append(float(np.min(gas_pressure(damper, x) / flow)))
+    return _CAVITATION_DISTANCE * min(limits)
+
+
+def scan_bulk_modulus(
+    start: Parameters, traces: Sequence[Trace], damper: Damper, solver: SolverOptions
+) -> Parameters:
+    """Return the start with the bulk modulus of a coarse scan that fits its first log best."""
+    trace = traces[0]
+    best, least = start, np.inf
+    for k_e in _BULK_MODULI:
+        trial = replace(start, k_e=k_e)
+        try:
+            force = compare(trial, trace, damper, solver=solver).force
+        except SimulationError:
+            continue
+        mse = normalised_mse(trace.force[trace.window], force[trace.window])
+        if mse < least:
+            best, least = trial, mse
+    return best
+
+
+def _stack(traces: Sequence[Trace], damper: Damper) -> tuple[np.ndarray, np.ndarray]:
+    """Thinned rows of the closed form's matrix, with two columns for an offset of either sign."""
+    rows, forces = [], []
+    for trace in traces:
+        stride = max(1, (trace.stop - trace.first) // _SAMPLES_A_LOG)
+        part = slice(trace.first, trace.stop, stride)
+        columns, offset = incompressible_design(
+            damper, trace.displacement[part], trace.velocity[part]
+        )
+        one = np.ones((len(columns), 1))
+        rows.append(np.hstack([columns, one, -one]))
+        forces.append(trace.force[part] - offset)
+    return np.vstack(rows), np.concatenate(forces)
