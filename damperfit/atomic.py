@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from damperfit.errors import OutputError
+from damperfit.errors import ConfigurationError, OutputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -46,8 +46,8 @@ class FileSet:
         OutputError
             ``name`` points out of the folder.
         """
-        if Path(name).name != name:
-            raise OutputError(f"{name!r} is no plain file name: nothing is written outside the folder")
+        if Path(name).name != name or name in {"", ".", ".."} or "\0" in name:
+            raise OutputError(f"{name!r} is no plain file name; no file is written elsewhere")
         if name not in self.names:
             self.names.append(name)
         return self._temporary(name, "new")
@@ -129,18 +129,18 @@ def check_writable(folder: Path) -> None:
 
     Raises
     ------
+    ConfigurationError
+        A file stands where the folder should be.
     OutputError
-        A file stands in the way, or the nearest existing folder is write-protected.
+        The nearest existing folder is write-protected.
     """
     nearest = folder
     while not os.path.lexists(nearest) and nearest != nearest.parent:
         nearest = nearest.parent
     if not nearest.is_dir():
-        raise OutputError(f"cannot write to {folder}: {nearest} is not a folder; choose another --out")
+        raise ConfigurationError(f"cannot write to {folder}: {nearest} is not a folder")
     if not os.access(nearest, os.W_OK | os.X_OK):
-        raise OutputError(
-            f"cannot write to {folder}: {nearest} is write-protected; choose another --out"
-        )
+        raise OutputError(f"cannot write to {folder}: {nearest} is write-protected")
 
 
 def _explain(folder: Path, error: OSError) -> str:

@@ -1,0 +1,205 @@
+"""The account a run gives of itself: how it ended, what failed, what to beware of, from what.
+
+`provenance` goes into the tables and depends on the good logs and the configuration alone, so
+that a bad log beside them changes no byte. `record` is run.json and tells everything.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+from damperfit import __version__
+from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.identification import Outcome
+from damperfit.report import Failure, ReportFacts
+from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from damperfit.settings import Settings
+    from damperfit.identification import Campaign
+    from damperfit.intake import Intake, LogFacts
+
+__all__ = [
+    "Ending",
+    "ending_of",
+    "failure_exit_code",
+    "json_values",
+    "log_documents",
+    "provenance",
+    "record",
+    "report_facts",
+]
+
+# Outcomes whose result is no minimum: the run is done, but not as it should be.
+_UNFINISHED = (Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE)
+
+
+class Ending(Enum):
+    """How a run ended; the value is the exit code of the command."""
+
+    COMPLETE = 0
+    SOME_FAILED = 1
+    ALL_FAILED = 3
+    GATE_MISSED = 4
+    INTERRUPTED = 130
+
+
+def report_facts(
+    settings: Settings, intake: Intake, campaign: Campaign, *, is_interrupted: bool
+) -> ReportFacts:
+    """Return what a report tells besides the tables."""
+    done = {fit.setting for fit in campaign.fits}
+    failures = (*intake.failures, *_setting_failures(campaign), *_missing(settings, intake))
+    outcomes = {fit.outcome for fit in campaign.fits if fit.outcome is not Outcome.CONVERGED}
+    return ReportFacts(
+        version=__version__,
+        procedure=tuple(_procedure(settings, campaign)),
+        failures=failures,
+        warnings=tuple(_warnings(intake, campaign)),
+        gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
+        gates=tuple(_missed_gates(settings, campaign)),
+        advice=tuple(sorted((outcome.value, outcome.advice) for outcome in outcomes)),
+        is_interrupted=is_interrupted,
+    )
+
+
+def ending_of(campaign: Campaign, facts: ReportFacts) -> Ending:
+    """Return how a run ended; a failure counts before a gate, an interruption before both."""
+    if facts.is_interrupted:
+        return Ending.INTERRUPTED
+    if not campaign.fits:
+        return Ending.ALL_FAILED
+    if facts.failures:
+        return Ending.SOME_FAILED
+    return Ending.GATE_MISSED if facts.gates else Ending.COMPLETE
+
+
+def provenance(settings: Settings, intake: Intake, campaign: Campaign) -> dict[str, Any]:
+    """Return what the tables were made from; nothing in it depends on place, time or failures."""
+    used = {log.trace.name for fit in campaign.fits for log in fit.logs}
+    document = {key: value for key, value in settings.document.items() if key != "output"}
+    return {
+        "version": __version__,
+        "procedure": campaign.procedure,
+        "configuration": document,
+        "inputs": {log.log: log.sha256 for log in intake.logs if log.log in used},
+    }
+
+
+def record(
+    settings: Settings, intake: Intake, facts: ReportFacts, *, ending: Ending
+) -> dict[str, Any]:
+    """Return what run.json tells, as JSON values."""
+    document = {
+        "version": __version__,
+        "schema_version": SCHEMA_VERSION,
+        "ending": ending.name.lower(),
+        "exit_code": ending.value,
+        "configuration": settings.document,
+        "inputs": [_input(log) for log in intake.logs],
+        "skipped": list(intake.skipped),
+        "failures": [asdict(failure) for failure in facts.failures],
+        "warnings": list(facts.warnings),
+        "gaps": list(facts.gaps),
+        "gates_missed": list(facts.gates),
+        "procedure": list(facts.procedure),
+        "schema": describe_tables(),
+    }
+    cleaned: dict[str, Any] = json_values(document)
+    return cleaned
+
+
+def log_documents(intake: Intake) -> dict[str, Any]:
+    """Return what `inspect` tells, as JSON values."""
+    document: dict[str, Any] = json_values(
+        {
+            "logs": [_input(log) for log in intake.logs],
+            "skipped": list(intake.skipped),
+            "failures": [asdict(failure) for failure in intake.failures],
+        }
+    )
+    return document
+
+
+def failure_exit_code(n_failures: int, n_logs: int) -> int:
+    """Return 0, 1 when some logs failed, 3 when every log did."""
+    if n_failures == 0:
+        return Ending.COMPLETE.value
+    return (Ending.ALL_FAILED if n_failures >= n_logs else Ending.SOME_FAILED).value
+
+
+def _input(log: LogFacts) -> dict[str, Any]:
+    facts = {key: value for key, value in log.facts.items() if key != "name"}
+    return {"log": log.log, "path": log.path, "sha256": log.sha256, **facts}
+
+
+def json_values(value: Any) -> Any:
+    """Return the value with every number that JSON does not know (NaN, infinity) as None."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): json_values(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_values(item) for item in value]
+    return value
+
+
+def _setting_failures(campaign: Campaign) -> Iterator[Failure]:
+    for setting, message in campaign.failures:
+        yield Failure("", "", setting, "SimulationError", message)
+
+
+def _missing(settings: Settings, intake: Intake) -> Iterator[Failure]:
+    """Yield the settings that the configuration expects and no log claims to be."""
+    present = {log.facts.get("setting") for log in intake.logs}
+    for setting in sorted(set(settings.rig.settings) - present):
+        message = f"setting {setting}: no log, but the configuration expects one in rig.settings"
+        yield Failure("", "", setting, "LogError", message)
+
+
+def _warnings(intake: Intake, campaign: Campaign) -> Iterator[str]:
+    for path in intake.skipped:
+        yield f"{path}: a parameter table of damperfit, not a log; skipped"
+    seen: dict[str, str] = {}
+    for log in intake.logs:
+        twin = seen.setdefault(log.sha256 or log.path, log.log)
+        if twin != log.log:
+            yield f"{log.log}: holds the same bytes as {twin}; both are used"
+    yield from campaign.warnings
+    for fit in campaign.fits:
+        yield from (f"setting {fit.setting}: {warning}" for warning in fit.warnings)
+
+
+def _missed_gates(settings: Settings, campaign: Campaign) -> Iterator[str]:
+    limit = settings.output.max_mse_percent
+    for fit in campaign.fits:
+        if limit > 0.0 and not fit.mse_percent <= limit:  # "not <=" catches NaN too
+            yield f"setting {fit.setting}: MSE {fit.mse_percent:.3g} % is above {limit:g} %"
+        if fit.outcome in _UNFINISHED:
+            yield f"setting {fit.setting}: the fit did not converge ({fit.outcome.value})"
+
+
+def _procedure(settings: Settings, campaign: Campaign) -> Iterator[str]:
+    """Yield how the parameters were found, one sentence each."""
+    damper = settings.damper
+    yield (
+        f"Damper: rod {1e3 * damper.rod_diameter:g} mm, piston {1e3 * damper.piston_diameter:g} "
+        f"mm, gas {damper.gas_pressure / 1e5:g} bar absolute, exponent {damper.gas_exponent:g}."
+    )
+    if not campaign.fits:
+        return
+    fit = campaign.fits[0]
+    yield f"Filter: {fit.logs[0].trace.model_filter.description}"
+    yield f"Procedure: {campaign.procedure}."
+    for name in PARAMETER_NAMES:
+        value = getattr(fit.parameters, name)
+        unit = PARAMETER_UNITS[name]
+        if fit.status[name] == "shared":
+            yield f"{name} = {value:.5g} {unit} is shared by all settings, found from the logs."
+        elif fit.status[name] == "fixed" and (name != "f_0" or value != 0.0):
+            yield f"{name} = {value:.5g} {unit} is fixed."

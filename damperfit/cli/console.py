@@ -1,0 +1,94 @@
+"""Talking to people and programs: results on stdout, remarks on stderr, nothing unescaped."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from rich.console import RenderableType
+
+__all__ = [
+    "one_line",
+    "print_json",
+    "print_lines",
+    "print_renderable",
+    "say",
+    "shield_streams",
+    "silence_broken_pipe",
+]
+
+_PIPE_WIDTH = 80
+
+
+def one_line(text: str) -> str:
+    r"""Return text on one line, with control characters shown instead of obeyed.
+
+    Examples
+    --------
+    >>> print(one_line("a\nb\x1b[31m"))
+    a b\x1b[31m
+    """
+    joined = " ".join(text.splitlines())
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in joined)
+
+
+def say(text: str) -> None:
+    """Write one line for people to stderr."""
+    try:
+        print(one_line(text), file=sys.stderr, flush=True)
+    except BrokenPipeError:
+        _to_nowhere(sys.stderr)
+
+
+def print_json(document: Any) -> None:
+    """Write one JSON document to stdout."""
+    _print(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def print_lines(lines: Iterable[str]) -> None:
+    """Write plain lines to stdout."""
+    _print("\n".join(lines))
+
+
+def print_renderable(renderable: RenderableType) -> None:
+    """Write a rich table to stdout: coloured on a terminal, plain and 80 wide in a pipe."""
+    from rich.console import Console
+
+    width = None if sys.stdout.isatty() else _PIPE_WIDTH
+    console = Console(file=sys.stdout, width=width, highlight=False, markup=False, emoji=False)
+    try:
+        console.print(renderable)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        silence_broken_pipe()
+
+
+def shield_streams() -> None:
+    """Let characters that the terminal's encoding lacks be shown as escapes, never fail."""
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors="backslashreplace")
+
+
+def silence_broken_pipe() -> None:
+    """Send the rest of stdout nowhere: its reader (``| head``) has seen enough."""
+    _to_nowhere(sys.stdout)
+
+
+def _print(text: str) -> None:
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        silence_broken_pipe()
+
+
+def _to_nowhere(stream: Any) -> None:
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)

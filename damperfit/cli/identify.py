@@ -1,0 +1,97 @@
+"""``damperfit identify``: logs to parameters, MSE and reports."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from damperfit.cli.console import print_json, print_renderable, say
+from damperfit.cli.options import (
+    ConfigOption,
+    DebugOption,
+    JobsOption,
+    JsonOption,
+    LogsArgument,
+    QuietOption,
+    SettingOption,
+    VersionOption,
+    assignments,
+    overlay,
+)
+
+if TYPE_CHECKING:
+    from damperfit.pipeline import RunResult
+
+__all__ = ["identify"]
+
+
+def identify(
+    logs: LogsArgument,
+    free: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,NAME", help="Fit these: r_m1 r_m2 r_m3 k_e f_f f_0."),
+    ] = None,
+    fix: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="Hold a parameter; may be given several times."),
+    ] = None,
+    procedure: Annotated[
+        str | None, typer.Option(metavar="NAME", help="How to share parameters: paper, plain.")
+    ] = None,
+    max_mse: Annotated[
+        float | None, typer.Option(metavar="PCT", help="End with code 4 above this MSE.")
+    ] = None,
+    setting: SettingOption = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for the results.  [results]")
+    ] = None,
+    jobs: JobsOption = None,
+    config: ConfigOption = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+    version: VersionOption = False,
+) -> int:
+    """Read logs, fit every setting, write tables and the MSE report.
+
+    Example: damperfit identify sample_runs/*.csv --out results
+    """
+    from damperfit.cli.interrupt import stop_on_signal
+    from damperfit.cli.progress import progress
+    from damperfit.config import load_settings
+    from damperfit.pipeline import Watch, run
+    from damperfit.report import parameter_sheet, terminal_table
+
+    settings = load_settings(
+        config,
+        overlay=overlay(
+            ("identification", "free", free.split(",") if free is not None else None),
+            ("identification", "fix", assignments(fix or [], option="--fix") or None),
+            ("identification", "procedure", procedure),
+            ("output", "max_mse_percent", max_mse),
+            ("output", "folder", str(out) if out is not None else None),
+        ),
+    )
+    with stop_on_signal() as cancelled, progress(is_wanted=not quiet) as bar:
+        watch = Watch(on_start=bar.start, on_fit=bar.advance, cancelled=cancelled)
+        result = run(settings, logs, jobs=jobs, setting=setting, watch=watch)
+    _tell_people(result, folder=settings.output.folder, is_quiet=quiet)
+    if json:
+        print_json(result.document())
+    elif result.campaign.fits:
+        print_renderable(terminal_table(parameter_sheet(result.tables.parameters)))
+    return result.ending.value
+
+
+def _tell_people(result: RunResult, *, folder: Path, is_quiet: bool) -> None:
+    for failure in result.facts.failures:
+        say(f"damperfit: {failure.line}")
+    for gate in result.facts.gates:
+        say(f"damperfit: {gate}")
+    if is_quiet:
+        return
+    for warning in result.facts.warnings:
+        say(f"warning: {warning}")
+    say(f"damperfit: {result.summary(folder)}")

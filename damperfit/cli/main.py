@@ -1,0 +1,101 @@
+"""The door of the command line: registers the commands, turns errors into lines and exit codes."""
+
+from __future__ import annotations
+
+import errno
+import sys
+import traceback
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from damperfit.cli.config import config
+from damperfit.cli.console import say, shield_streams, silence_broken_pipe
+from damperfit.cli.identify import identify
+from damperfit.cli.inspect import inspect
+from damperfit.cli.options import DebugOption, VersionOption
+from damperfit.cli.samples import samples
+from damperfit.cli.simulate import simulate
+from damperfit.errors import DamperfitError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["app", "main"]
+
+_INTERRUPTED = 130
+_BUG = 70  # "internal software error" of sysexits.h; none of the documented codes
+
+app = typer.Typer(
+    name="damperfit",
+    add_completion=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    epilog="Example: damperfit identify sample_runs/*.csv",
+)
+for _command in (identify, simulate, inspect, samples, config):
+    app.command()(_command)
+
+
+@app.callback()
+def _root(version: VersionOption = False, debug: DebugOption = False) -> None:
+    """Find the parameters of a damper model from rig logs, at every adjuster setting."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        What follows the program's name; ``sys.argv[1:]`` by default.
+
+    Returns
+    -------
+    int
+        0 done, 1 some logs failed, 2 wrong usage, 3 every log failed, 4 gate missed,
+        130 interrupted. 70 is a bug in damperfit.
+    """
+    argv = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    shield_streams()
+    try:
+        code = app(argv, standalone_mode=False, prog_name="damperfit")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        silence_broken_pipe()
+        return 0
+    except KeyboardInterrupt:
+        say("damperfit: interrupted")
+        return _INTERRUPTED
+    except Exception as error:  # noqa: BLE001 - the one place that catches everything
+        if "--debug" in argv:
+            traceback.print_exc()
+        message, exit_code = _explain(error)
+        say(f"damperfit: {message}")
+        return exit_code
+    return int(code or 0)
+
+
+def _explain(error: Exception) -> tuple[str, int]:
+    """Return what to tell the user, and the exit code."""
+    if isinstance(error, DamperfitError):
+        return str(error), error.exit_code
+    if hasattr(error, "format_message"):  # every usage error of typer, old and new
+        return _usage_message(error), 2
+    if isinstance(error, typer.Abort):
+        return "interrupted", _INTERRUPTED
+    if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+        return f"cannot write the output: {error.strerror}", 1
+    if isinstance(error, MemoryError):
+        return "out of memory; give fewer or shorter logs at a time", 1
+    kind = type(error).__name__
+    return f"internal error, {kind}: {error}; this is a bug, --debug shows where", _BUG
+
+
+def _usage_message(error: Any) -> str:
+    """Return typer's usage error as one sentence, with the command that was misused."""
+    context = getattr(error, "ctx", None)
+    command = "" if context is None else context.command_path.removeprefix("damperfit").strip()
+    place = f"{command}: " if command else ""
+    message = " ".join(error.format_message().split()).rstrip(".")
+    return f"{place}{message}; see damperfit {command + ' ' if command else ''}--help"

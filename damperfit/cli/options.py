@@ -1,0 +1,96 @@
+"""The options that every command takes, declared once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from damperfit import __version__
+from damperfit.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+__all__ = [
+    "ConfigOption",
+    "DebugOption",
+    "JobsOption",
+    "JsonOption",
+    "LogsArgument",
+    "QuietOption",
+    "SettingOption",
+    "VersionOption",
+    "assignments",
+    "overlay",
+]
+
+
+def _print_version(is_wanted: bool) -> None:
+    if is_wanted:
+        typer.echo(f"damperfit {__version__}")
+        raise typer.Exit
+
+
+ConfigOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--config",
+        metavar="FILE.toml",
+        help="Damper, rig and identification; default: the paper's damper and test.",
+    ),
+]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")
+]
+QuietOption = Annotated[
+    bool, typer.Option("--quiet", "-q", help="No progress bar, no remarks; errors are still told.")
+]
+DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+VersionOption = Annotated[
+    bool,
+    typer.Option(
+        "--version", help="Print the version and leave.", callback=_print_version, is_eager=True
+    ),
+]
+LogsArgument = Annotated[
+    list[str],
+    typer.Argument(metavar="LOGS...", help="Log files or patterns such as 'runs/*.csv'."),
+]
+JobsOption = Annotated[
+    int | None,
+    typer.Option("--jobs", min=1, metavar="N", help="Workers; default: the cores available."),
+]
+SettingOption = Annotated[
+    int | None,
+    typer.Option("--setting", metavar="N", help="Setting of the logs that do not say theirs."),
+]
+
+
+def assignments(texts: Iterable[str], *, option: str) -> dict[str, str]:
+    """Return NAME=VALUE texts as a dictionary.
+
+    Raises
+    ------
+    ConfigurationError
+        A text has no name, no ``=`` or no value, or a name is given twice.
+    """
+    values: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            raise ConfigurationError(f"{option} {text}: expected NAME=VALUE, such as k_e=5e8")
+        if name in values:
+            raise ConfigurationError(f"{option} {text}: {name} is given twice")
+        values[name] = value
+    return values
+
+
+def overlay(*entries: tuple[str, str, Any]) -> dict[str, dict[str, Any]]:
+    """Return (section, key, value) entries as a configuration; None means not given."""
+    sections: dict[str, dict[str, Any]] = {}
+    for section, key, value in entries:
+        if value is not None:
+            sections.setdefault(section, {})[key] = value
+    return sections

@@ -1,0 +1,46 @@
+"""A progress bar over settings: on a terminal only, on stderr."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rich.progress import Progress
+
+__all__ = ["Bar", "progress"]
+
+
+class Bar:
+    """Counts finished settings; without a terminal it counts in silence."""
+
+    def __init__(self, shown: Progress | None = None) -> None:
+        self._shown = shown
+        self._task = None if shown is None else shown.add_task("reading logs", total=None)
+
+    def start(self, n_settings: int) -> None:
+        """Say how many settings there are; from here on the bar has a length."""
+        if self._shown is not None and self._task is not None:
+            self._shown.update(self._task, total=n_settings, description="fitting settings")
+
+    def advance(self, _done: object) -> None:
+        """Count one finished setting."""
+        if self._shown is not None and self._task is not None:
+            self._shown.advance(self._task)
+
+
+@contextmanager
+def progress(*, is_wanted: bool) -> Iterator[Bar]:
+    """Yield a bar that shows itself when stderr is a terminal and it is wanted."""
+    if not (is_wanted and sys.stderr.isatty()):
+        yield Bar()
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        yield Bar(shown)

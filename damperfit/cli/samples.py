@@ -1,0 +1,106 @@
+"""``damperfit samples``: make-believe rig logs with known parameters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from damperfit.cli.console import print_json, print_lines
+from damperfit.cli.options import (
+    ConfigOption,
+    DebugOption,
+    JsonOption,
+    QuietOption,
+    VersionOption,
+)
+from damperfit.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from damperfit.damper.parameters import Parameters
+
+__all__ = ["samples"]
+
+
+def samples(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the logs.")],
+    settings: Annotated[
+        str, typer.Option(metavar="LIST", help="Settings to make, as in 1,5,10-12.")
+    ] = "1-20",
+    parameters: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="True values; default: the shipped reference set."),
+    ] = None,
+    cycles: Annotated[float, typer.Option(metavar="N", help="Cycles in a log.")] = 15.0,
+    sample_rate: Annotated[
+        str, typer.Option(metavar="RATE", help="Samples per second, as in 1000Hz.")
+    ] = "500Hz",
+    force_noise: Annotated[
+        str, typer.Option(metavar="FORCE", help="Sensor noise, rms.")
+    ] = "4N",
+    displacement_noise: Annotated[
+        str, typer.Option(metavar="LENGTH", help="Sensor noise, rms.")
+    ] = "8um",
+    rig_filter: Annotated[
+        str, typer.Option(metavar="FREQ", help="Corner of a filter in the rig; 0 is none.")
+    ] = "0Hz",
+    seed: Annotated[int, typer.Option(metavar="N", help="Same seed, same logs.")] = 2000,
+    config: ConfigOption = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+    version: VersionOption = False,
+) -> int:
+    """Write make-believe rig logs with known parameters (how sample_runs/ was made).
+
+    Example: damperfit samples my_runs --settings 1-5
+    """
+    from damperfit.cli.progress import progress
+    from damperfit.config import load_settings
+    from damperfit.quantities import parse_quantity
+    from damperfit.samples import SampleOptions, make_samples
+
+    loaded = load_settings(config)
+    options = SampleOptions(
+        settings=_numbers(settings),
+        cycles=cycles,
+        sample_rate=parse_quantity(sample_rate, "frequency"),
+        amplitude=loaded.rig.amplitude,
+        frequency=loaded.rig.frequency,
+        force_noise=parse_quantity(force_noise, "force"),
+        displacement_noise=parse_quantity(displacement_noise, "length"),
+        rig_filter=parse_quantity(rig_filter, "frequency"),
+        seed=seed,
+        damper=loaded.damper,
+    )
+    truth = None if parameters is None else _truth(parameters)
+    with progress(is_wanted=not quiet) as bar:
+        bar.start(len(options.settings))
+        logs = make_samples(folder, options, parameters=truth, on_log=bar.advance)
+    written = [*(str(log) for log in logs), str(folder / "truth.csv"), str(folder / "README.md")]
+    if json:
+        print_json({"logs": [str(log) for log in logs], "files": written})
+    elif not quiet:
+        print_lines(written)
+    return 0
+
+
+def _truth(path: Path) -> dict[int, Parameters]:
+    from damperfit.tables import read_parameters
+
+    return read_parameters(path)
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    """Return the settings that a list such as ``1,5,10-12`` names."""
+    try:
+        numbers: list[int] = []
+        for part in text.split(","):
+            first, _, last = part.strip().partition("-")
+            numbers.extend(range(int(first), int(last or first) + 1))
+    except ValueError:
+        numbers = []
+    if not numbers:
+        raise ConfigurationError(f"--settings {text}: expected a list such as 1,5,10-12")
+    return tuple(dict.fromkeys(numbers))

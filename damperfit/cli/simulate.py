@@ -1,0 +1,151 @@
+"""``damperfit simulate``: force, velocity and pressures of one setting."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from damperfit.cli.console import print_json, print_lines, print_renderable, say
+from damperfit.cli.options import (
+    ConfigOption,
+    DebugOption,
+    JsonOption,
+    QuietOption,
+    VersionOption,
+    assignments,
+    overlay,
+)
+from damperfit.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from damperfit.trial import Trial
+
+__all__ = ["simulate"]
+
+
+def simulate(
+    setting: Annotated[
+        int | None, typer.Option(metavar="N", help="Setting whose parameters are used.")
+    ] = None,
+    parameters: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Parameters table (.parquet, .csv).  [results/parameters.parquet if there is "
+            "one, else the shipped reference set]",
+        ),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="Replace a parameter; with all five, no --setting."
+        ),
+    ] = None,
+    amplitude: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help="As in 32mm; a bare number is m.")
+    ] = None,
+    frequency: Annotated[
+        str | None, typer.Option(metavar="FREQ", help="As in 1.5Hz; a bare number is Hz.")
+    ] = None,
+    cycles: Annotated[float | None, typer.Option(metavar="N", help="Length, 1 or more.")] = None,
+    sample_rate: Annotated[
+        str | None, typer.Option(metavar="RATE", help="As in 1000Hz; a bare number is Hz.")
+    ] = None,
+    wave: Annotated[
+        str | None, typer.Option(metavar="NAME", help="sine or triangle.")
+    ] = None,
+    displacement: Annotated[
+        Path | None,
+        typer.Option(metavar="LOG", help="Drive with the displacement of a log, not a wave."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the signals: .csv or .parquet.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the loops: .png, .svg or .pdf.")
+    ] = None,
+    config: ConfigOption = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+    version: VersionOption = False,
+) -> int:
+    """Print peak forces, energy, hysteresis and pressures of one setting.
+
+    Example: damperfit simulate --setting 10 --amplitude 32mm --frequency 1.5Hz
+    """
+    from damperfit.config import load_settings
+    from damperfit.trial import choose_parameters, run_trial
+
+    settings = load_settings(
+        config,
+        overlay=overlay(
+            ("rig", "amplitude", amplitude),
+            ("rig", "frequency", frequency),
+            ("simulation", "cycles", cycles),
+            ("simulation", "sample_rate", sample_rate),
+            ("simulation", "wave", wave),
+        ),
+    )
+    _check_suffix("--out", out, (".csv", ".parquet"))
+    _check_suffix("--plot", plot, (".png", ".svg", ".pdf"))
+    replaced = assignments(set_ or [], option="--set")
+    choice = choose_parameters(setting, table=parameters, replaced=replaced)
+    if displacement is not None and not displacement.exists():
+        raise ConfigurationError(f"--displacement {displacement}: no such file")
+    if not quiet:
+        say(f"damperfit: {choice.source}")
+    trial = run_trial(choice, settings, log=displacement)
+    _write(trial, out=out, plot=plot)
+    if json:
+        print_json(_document(trial))
+    elif not quiet or out is None:
+        _show(trial)
+    return 0
+
+
+def _check_suffix(option: str, path: Path | None, known: tuple[str, ...]) -> None:
+    if path is not None and path.suffix.lower() not in known:
+        raise ConfigurationError(f"{option} {path}: expected a name that ends in {', '.join(known)}")
+
+
+def _write(trial: Trial, *, out: Path | None, plot: Path | None) -> None:
+    if out is not None:
+        from damperfit.atomic import file_set
+        from damperfit.tables import time_series_table, write_table
+
+        with file_set(out.parent) as files:
+            write_table(
+                files.path(out.name), time_series_table(trial.response), suffix=out.suffix
+            )
+    if plot is not None:
+        from damperfit.atomic import file_set
+        from damperfit.report.loops import draw_loops
+
+        with file_set(plot.parent) as files:
+            draw_loops(files.path(plot.name), trial.response, kind=plot.suffix[1:].lower())
+
+
+def _show(trial: Trial) -> None:
+    from damperfit.report import terminal_table
+    from damperfit.report.loops import force_sheet, pressure_sheet
+
+    title = "" if trial.choice.setting is None else f"setting {trial.choice.setting}: "
+    print_lines([title + trial.motion, ""])
+    print_renderable(terminal_table(force_sheet(trial.characteristics)))
+    print_lines([""])
+    print_renderable(terminal_table(pressure_sheet(trial.characteristics)))
+
+
+def _document(trial: Trial) -> dict[str, Any]:
+    return {
+        "setting": trial.choice.setting,
+        "source": trial.choice.source,
+        "motion": trial.motion,
+        "frequency_Hz": trial.frequency,
+        "parameters": asdict(trial.choice.parameters),
+        "characteristics": asdict(trial.characteristics),
+    }

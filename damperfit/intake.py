@@ -1,0 +1,221 @@
+"""Log files to traces: patterns expanded, every log read and conditioned, failures kept apart.
+
+A log that cannot be read or evaluated becomes a `Failure`; the others are not touched by it.
+"""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import os
+import re
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from damperfit.conditioning import condition
+from damperfit.errors import ConfigurationError, LogError
+from damperfit.readers import read_log
+from damperfit.report.facts import Failure
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from damperfit.settings import Settings
+    from damperfit.recording import Recording, Trace
+
+__all__ = ["Intake", "LogFacts", "available_cores", "expand", "take_in"]
+
+# First line of this project's own parameter tables (truth.csv, parameters.csv), which a pattern
+# such as sample_runs/*.csv catches beside the logs.
+_PARAMETER_TABLE = b"setting,r_m1,"
+
+
+@dataclass(frozen=True, slots=True)
+class LogFacts:
+    """What run.json and `inspect` tell about one log; never the samples.
+
+    Attributes
+    ----------
+    log, path, sha256 : str
+        Name for tables, path as given, hash of the bytes (empty when unreadable).
+    facts : dict
+        JSON values: samples, rate, cycles, frequency, amplitude, notes.
+    """
+
+    log: str
+    path: str
+    sha256: str
+    facts: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Intake:
+    """All logs of a run.
+
+    Attributes
+    ----------
+    traces : tuple of Trace
+        The good logs, in the order of their names.
+    logs : tuple of LogFacts
+        Every log, the failed ones too.
+    failures : tuple of Failure
+        Logs that cannot be used.
+    skipped : tuple of str
+        Files that are no logs and are not meant to be.
+    """
+
+    traces: tuple[Trace, ...]
+    logs: tuple[LogFacts, ...]
+    failures: tuple[Failure, ...]
+    skipped: tuple[str, ...]
+
+
+def expand(patterns: Iterable[str]) -> tuple[Path, ...]:
+    """Return the files that paths and patterns name, each once, in natural order.
+
+    Raises
+    ------
+    ConfigurationError
+        A path does not exist or is a folder, or a pattern matches nothing.
+    """
+    found: dict[str, Path] = {}
+    for pattern in patterns:
+        for path in _matches(pattern):
+            found.setdefault(os.path.realpath(path), path)
+    return tuple(sorted(found.values(), key=lambda path: (_natural(path.name), str(path))))
+
+
+def _matches(pattern: str) -> list[Path]:
+    path = Path(pattern)
+    if path.is_dir():
+        raise ConfigurationError(f"{pattern}: is a folder; name the logs in it, as in {path}/*.csv")
+    if os.path.lexists(path):
+        return [path]
+    if any(c in pattern for c in "*?["):
+        hits = [Path(hit) for hit in glob.glob(pattern, recursive=True)]
+        files = [hit for hit in hits if not hit.is_dir()]
+        if not files:
+            raise ConfigurationError(f"{pattern}: the pattern matches no file")
+        return files
+    raise ConfigurationError(f"{pattern}: no such file")
+
+
+def _natural(name: str) -> list[tuple[int, int, str]]:
+    """Sort key that puts run_2 before run_10."""
+    parts = re.split(r"(\d+)", name)  # every second part is digits
+    return [(1, int(p), "") if i % 2 else (0, 0, p) for i, p in enumerate(parts)]
+
+
+def available_cores() -> int:
+    """Return the number of cores this process may use."""
+    with suppress(AttributeError):  # macOS and Windows have no affinity
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def take_in(
+    paths: Sequence[Path],
+    settings: Settings,
+    *,
+    jobs: int,
+    setting: int | None = None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> Intake:
+    """Read and condition logs, several at a time.
+
+    Parameters
+    ----------
+    paths : sequence of pathlib.Path
+        Log files.
+    settings : Settings
+        How to read and condition them.
+    jobs : int
+        Workers.
+    setting : int, optional
+        Setting of the logs that do not say theirs.
+    cancelled : callable
+        Asked before each log; once it says True, the remaining logs are left out.
+    """
+    is_table = {path: _is_parameter_table(path) for path in paths}
+    logs = [path for path in paths if not is_table[path]]
+
+    def one(path: Path, name: str) -> tuple[LogFacts, Trace | None, Failure | None] | None:
+        return None if cancelled() else _take_one(path, name, settings, setting)
+
+    with ThreadPoolExecutor(max_workers=jobs) as pool:
+        results = [r for r in pool.map(one, logs, _distinct_names(logs)) if r is not None]
+    return Intake(
+        traces=tuple(trace for _, trace, _ in results if trace is not None),
+        logs=tuple(facts for facts, _, _ in results),
+        failures=tuple(failure for _, _, failure in results if failure is not None),
+        skipped=tuple(_shown(str(path)) for path in paths if is_table[path]),
+    )
+
+
+def _is_parameter_table(path: Path) -> bool:
+    with suppress(OSError):
+        if path.is_file():
+            with path.open("rb") as file:
+                return file.read(len(_PARAMETER_TABLE)) == _PARAMETER_TABLE
+    return False
+
+
+def _distinct_names(paths: Sequence[Path]) -> list[str]:
+    """Return file names; with as much of the folder as two equal names need to differ."""
+    counts = Counter(path.name for path in paths)
+    if max(counts.values(), default=0) <= 1:
+        return [_shown(path.name) for path in paths]
+    root = os.path.commonpath([os.path.abspath(path.parent) for path in paths])
+    return [
+        _shown(path.name if counts[path.name] == 1 else Path(os.path.relpath(path, root)).as_posix())
+        for path in paths
+    ]
+
+
+def _shown(name: str) -> str:
+    """Return a file name as valid Unicode; bytes that are none (Latin-1 names) as escapes."""
+    return os.fsencode(name).decode("utf-8", "backslashreplace")
+
+
+def _take_one(
+    path: Path, name: str, settings: Settings, setting: int | None
+) -> tuple[LogFacts, Trace | None, Failure | None]:
+    recording: Recording | None = None
+    try:
+        recording = replace(read_log(path, settings.reading), name=name)
+        if recording.setting is None:
+            recording = replace(recording, setting=_known(setting, name))
+        trace = condition(recording, settings.conditioning)
+    except (LogError, MemoryError) as error:
+        message = str(error) or "not enough memory to read the log"
+        known = setting if recording is None else recording.setting
+        failure = Failure(name, _shown(str(path)), known, type(error).__name__, message)
+        sha256 = _hash(path) if recording is None else recording.sha256
+        facts = {"name": name, "setting": known}
+        return LogFacts(name, _shown(str(path)), sha256, facts), None, failure
+    facts = trace.describe() | {
+        "n_samples_read": len(recording.time),
+        "notes": [*recording.notes, *trace.notes],
+    }
+    return LogFacts(name, _shown(str(path)), recording.sha256, facts), trace, None
+
+
+def _known(setting: int | None, name: str) -> int:
+    if setting is None:
+        raise LogError(
+            f"{name}: the log does not say its adjuster setting; expected a line '# setting: 10', "
+            "a column 'setting' or a name such as setting_10.csv; or give --setting N"
+        )
+    return setting
+
+
+def _hash(path: Path) -> str:
+    with suppress(OSError):
+        if path.is_file():
+            with path.open("rb") as file:
+                return hashlib.file_digest(file, "sha256").hexdigest()
+    return ""

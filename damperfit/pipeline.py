@@ -1,0 +1,206 @@
+"""The whole story on one page: logs in, parameters and reports out.
+
+    expand -> read and condition each log -> identify -> tables -> files
+
+Failures of single logs and settings are collected; what can be done is done and written.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from damperfit.account import Ending, ending_of, provenance, record, report_facts
+from damperfit.atomic import check_writable, file_set
+from damperfit.errors import ConfigurationError
+from damperfit.identification import identify
+from damperfit.intake import available_cores, expand, take_in
+from damperfit.report import markdown_report
+from damperfit.tables import make_tables, write_responses, write_table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from damperfit.settings import Settings
+    from damperfit.identification import Campaign, Fit
+    from damperfit.report import ReportFacts
+    from damperfit.tables import Tables
+
+__all__ = ["Ending", "RunResult", "Watch", "run"]
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """Who looks on while a run goes: progress, and the wish to stop.
+
+    Attributes
+    ----------
+    on_start : callable
+        Called with the number of settings when all logs are read.
+    on_fit : callable
+        Called with each `Fit` when it is done, from any thread.
+    cancelled : callable
+        Asked now and then; once it says True, finished settings are written and the run ends.
+    """
+
+    on_start: Callable[[int], None] = lambda _: None
+    on_fit: Callable[[Fit], None] = lambda _: None
+    cancelled: Callable[[], bool] = lambda: False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunResult:
+    """What a run found.
+
+    Attributes
+    ----------
+    ending : Ending
+        How it ended.
+    campaign : Campaign
+        The fits.
+    tables : Tables
+        Parameters and MSE.
+    facts : ReportFacts
+        Failures, warnings, procedure.
+    record : dict
+        What stands in run.json.
+    """
+
+    ending: Ending
+    campaign: Campaign
+    tables: Tables
+    facts: ReportFacts
+    record: dict[str, Any]
+
+    def document(self) -> dict[str, Any]:
+        """Return run.json and the rows of both tables as one JSON document."""
+        return self.record | {
+            "parameters": self.tables.parameters.to_pylist(),
+            "mse": self.tables.mse.to_pylist(),
+        }
+
+
+def run(
+    settings: Settings,
+    logs: Sequence[str],
+    *,
+    jobs: int | None = None,
+    setting: int | None = None,
+    watch: Watch = Watch(),
+) -> RunResult:
+    """Identify every setting in the logs and write the results as a set.
+
+    Parameters
+    ----------
+    settings : Settings
+        The complete configuration.
+    logs : sequence of str
+        Paths and patterns.
+    jobs : int, optional
+        Workers; the cores available by default. The results do not depend on it.
+    setting : int, optional
+        Setting of the logs that do not say theirs.
+    watch : Watch
+        Progress and cancellation.
+
+    Returns
+    -------
+    RunResult
+
+    Raises
+    ------
+    ConfigurationError
+        A path or pattern names no file; nothing was touched.
+    OutputError
+        The results cannot be written; earlier results are untouched.
+    """
+    clock = _Clock()
+    folder = settings.output.folder
+    paths = expand(logs)
+    check_writable(folder)
+    workers = jobs or available_cores()
+    with clock.lap("read_s"):
+        intake = take_in(
+            paths, settings, jobs=workers, setting=setting, cancelled=watch.cancelled
+        )
+    if not intake.logs and not watch.cancelled():
+        raise ConfigurationError("no logs among the files given: they are all parameter tables")
+    watch.on_start(len({trace.setting for trace in intake.traces}))
+    with clock.lap("fit_s"):
+        campaign = identify(
+            intake.traces,
+            settings.damper,
+            settings.identification,
+            jobs=workers,
+            on_fit=watch.on_fit,
+            cancelled=watch.cancelled,
+        )
+    origin = provenance(settings, intake, campaign)
+    facts = report_facts(settings, intake, campaign, is_interrupted=watch.cancelled())
+    ending = ending_of(campaign, facts)
+    result = RunResult(
+        ending=ending,
+        campaign=campaign,
+        tables=make_tables(campaign, expected=settings.rig.settings, provenance=origin),
+        facts=facts,
+        record=record(settings, intake, facts, ending=ending),
+    )
+    if campaign.fits or not facts.is_interrupted:
+        _write(settings, result, origin, clock=clock)
+    return result
+
+
+@dataclass(slots=True)
+class _Clock:
+    """Seconds spent in each part of a run."""
+
+    laps: dict[str, float] = field(default_factory=dict)
+    started: float = field(default_factory=time.perf_counter)
+
+    @contextmanager
+    def lap(self, name: str) -> Iterator[None]:
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.laps[name] = round(time.perf_counter() - begin, 4)
+
+    def read(self) -> dict[str, float]:
+        return self.laps | {"total_s": round(time.perf_counter() - self.started, 4)}
+
+
+def _write(
+    settings: Settings, result: RunResult, origin: Mapping[str, Any], *, clock: _Clock
+) -> None:
+    """Write all files as a set, run.json last."""
+    with file_set(settings.output.folder) as files:
+        with clock.lap("write_s"):
+            for name, table in (
+                ("parameters", result.tables.parameters),
+                ("mse", result.tables.mse),
+            ):
+                for suffix in (".parquet", ".csv"):
+                    write_table(files.path(name + suffix), table, suffix=suffix)
+            write_responses(
+                files.path("responses.parquet"),
+                result.campaign,
+                settings.damper,
+                options=settings.identification,
+                provenance=origin,
+            )
+            report = markdown_report(result.tables, result.facts)
+            files.path("report.md").write_bytes(report.encode("utf-8", "backslashreplace"))
+        result.record["files"] = {name: _sha256(files.path(name)) for name in tuple(files.names)}
+        result.record["timings"] = clock.read()
+        text = json.dumps(result.record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        files.path("run.json").write_bytes(text.encode("utf-8", "backslashreplace"))
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

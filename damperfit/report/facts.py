@@ -1,0 +1,73 @@
+"""What a report tells besides the tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Failure", "ReportFacts"]
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """One thing that went wrong while the rest went on.
+
+    Attributes
+    ----------
+    log : str
+        Name of the log; empty when it is a whole setting that failed.
+    path : str
+        Path of the log; empty likewise.
+    setting : int or None
+        Adjuster setting, when known.
+    kind : str
+        Name of the error class.
+    message : str
+        One sentence: what, where, found, expected, what to do.
+    """
+
+    log: str
+    path: str
+    setting: int | None
+    kind: str
+    message: str
+
+    @property
+    def line(self) -> str:
+        """The failure as one line, its place first."""
+        place = self.log or (f"setting {self.setting}" if self.setting is not None else "")
+        has_place = not place or place in self.message
+        return self.message if has_place else f"{place}: {self.message}"
+
+
+@dataclass(frozen=True, slots=True)
+class ReportFacts:
+    """What a report tells besides the tables.
+
+    Attributes
+    ----------
+    version : str
+        Version of damperfit.
+    procedure : tuple of str
+        How the parameters were found, one sentence each.
+    failures : tuple of Failure
+        Logs and settings without a result.
+    warnings : tuple of str
+        What the reader should know before believing the numbers.
+    gaps : tuple of int
+        Settings between the lowest and the highest one that have no result.
+    gates : tuple of str
+        Gates that were not met, one sentence each.
+    advice : tuple of (str, str)
+        Each outcome other than success that occurred, and what to do about it.
+    is_interrupted : bool
+        The run was stopped before all settings were done.
+    """
+
+    version: str
+    procedure: tuple[str, ...] = ()
+    failures: tuple[Failure, ...] = ()
+    warnings: tuple[str, ...] = ()
+    gaps: tuple[int, ...] = ()
+    gates: tuple[str, ...] = ()
+    advice: tuple[tuple[str, str], ...] = ()
+    is_interrupted: bool = False

@@ -1,0 +1,100 @@
+"""One damper cycle for people: forces and pressures as rows, the two loops as a figure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from damperfit.errors import InstallationError
+from damperfit.report.rows import Sheet, number
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from damperfit.characteristics import Characteristics
+    from damperfit.simulation import Response
+
+__all__ = ["draw_loops", "force_sheet", "pressure_sheet"]
+
+_BAR = 1e5  # Pa
+
+
+def force_sheet(figures: Characteristics) -> Sheet:
+    """Return peak forces, hysteresis and forces at named speeds, rebound beside bump."""
+    pairs = [
+        ("peak force", "N", figures.peak_force_rebound, figures.peak_force_bump),
+        ("peak speed", "m/s", figures.peak_speed_rebound, figures.peak_speed_bump),
+        *(
+            (f"force at {forces.speed:g} m/s", "N", forces.rebound, forces.bump)
+            for forces in figures.speed_forces
+        ),
+        (
+            f"hysteresis at {figures.hysteresis_speed:.3g} m/s",
+            "N",
+            figures.hysteresis_rebound,
+            figures.hysteresis_bump,
+        ),
+    ]
+    rows = [
+        *((name, unit, number(up, digits=4), number(down, digits=4)) for name, unit, up, down in pairs),
+        ("energy per cycle", "J", number(figures.energy, digits=4), ""),
+    ]
+    return Sheet(
+        headings=("", "", "rebound", "bump"),
+        units=("", "", "", ""),
+        rows=tuple(rows),
+        is_number=(False, False, True, True),
+    )
+
+
+def pressure_sheet(figures: Characteristics) -> Sheet:
+    """Return the pressure range and the share of the cycle in cavitation, by chamber."""
+    low = tuple(number(p[0] / _BAR, digits=4) for p in figures.pressure_ranges)
+    high = tuple(number(p[1] / _BAR, digits=4) for p in figures.pressure_ranges)
+    share = tuple(f"{100.0 * part:.1f}" for part in figures.cavitation_shares)
+    return Sheet(
+        headings=("", "", "chamber 1", "chamber 2", "chamber 3"),
+        units=("", "", "", "", ""),
+        rows=(
+            ("lowest pressure", "bar", *low),
+            ("highest pressure", "bar", *high),
+            ("cavitation", "% of cycle", *share),
+        ),
+        is_number=(False, False, True, True, True),
+    )
+
+
+def draw_loops(path: Path, response: Response, *, kind: str) -> None:
+    """Draw force against displacement and against velocity.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Where to write.
+    response : Response
+        Signals; all cycles are drawn.
+    kind : str
+        "png", "svg" or "pdf".
+
+    Raises
+    ------
+    InstallationError
+        matplotlib is not installed.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise InstallationError(
+            "--plot needs matplotlib; install it with: pip install 'damperfit[plot]'"
+        ) from error
+    figure = Figure(figsize=(10.0, 4.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2, sharey=True)
+    left.plot(1e3 * response.displacement, response.force)
+    left.set_xlabel("displacement, mm (positive: rebound)")
+    left.set_ylabel("force, N (positive: rebound)")
+    right.plot(response.velocity, response.force)
+    right.set_xlabel("velocity, m/s (positive: rebound)")
+    for axes in (left, right):
+        axes.grid(visible=True, alpha=0.3)
+    figure.savefig(path, format=kind)

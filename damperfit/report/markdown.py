@@ -1,0 +1,107 @@
+"""The MSE report as Markdown; everything that came from a log is escaped."""
+
+from __future__ import annotations
+
+import re
+from statistics import median
+from typing import TYPE_CHECKING
+
+from damperfit.report.rows import Sheet, mse_sheet, parameter_sheet, percent
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from damperfit.report.facts import ReportFacts
+    from damperfit.tables import Tables
+
+__all__ = ["escape", "markdown_report"]
+
+# Everything Markdown or the HTML inside it could read as markup.
+_SPECIAL = re.compile(r"([\\`*_{}\[\]<>()#+!|~&$@])")
+
+
+def escape(text: str) -> str:
+    r"""Return text that Markdown shows as it is, on one line, control characters as escapes.
+
+    Examples
+    --------
+    >>> print(escape("<b>|run_1\x1b[0m"))
+    \<b\>\|run\_1\\x1b\[0m
+    """
+    joined = " ".join(text.splitlines())
+    shown = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in joined)
+    return _SPECIAL.sub(r"\\\1", shown)
+
+
+def markdown_report(tables: Tables, facts: ReportFacts) -> str:
+    """Return the MSE report of a run.
+
+    Parameters
+    ----------
+    tables : Tables
+        Parameters and MSE.
+    facts : ReportFacts
+        Failures, warnings, procedure and the rest.
+    """
+    parameters = parameter_sheet(tables.parameters)
+    parts: list[Iterable[str]] = [
+        ["# MSE report", "", *_summary(tables, facts)],
+        _section("Parameters", _table(parameters)),
+        _section("MSE by setting and log", _table(mse_sheet(tables.mse, tables.parameters))),
+        _section("Not done", _list(_missing(tables, facts))),
+        _section("Gates not met", _list(facts.gates)),
+        _section("What to do", _list(f"{word}: {advice}" for word, advice in facts.advice)),
+        _section("Warnings", _list(facts.warnings)),
+        _section("How it was done", _list((*facts.procedure, f"damperfit {facts.version}"))),
+    ]
+    return "\n".join(line for part in parts for line in part) + "\n"
+
+
+def _summary(tables: Tables, facts: ReportFacts) -> Iterator[str]:
+    rows = [row for row in tables.parameters.to_pylist() if row["mse_percent"] is not None]
+    if facts.is_interrupted:
+        yield "**Interrupted: these are the settings that were finished.**"
+        yield ""
+    if not rows:
+        yield "No setting could be fitted."
+        return
+    values = {row["setting"]: row["mse_percent"] for row in rows}
+    worst = max(values, key=lambda setting: values[setting])
+    count = f"{len(rows)} setting{'s' if len(rows) > 1 else ''} fitted"
+    yield (
+        f"{count}: MSE median {percent(median(values.values()))} %, "
+        f"worst {percent(values[worst])} % at setting {worst}."
+    )
+    grades = [row["grade"] for row in rows]
+    counts = [f"{grades.count(g)} {g}" for g in ("excellent", "good", "poor") if g in grades]
+    yield f"Grades: {', '.join(counts)} (excellent below 1 %, good below 5 %)."
+
+
+def _missing(tables: Tables, facts: ReportFacts) -> Iterator[str]:
+    yield from (failure.line for failure in facts.failures)
+    if facts.gaps:
+        names = ", ".join(str(setting) for setting in facts.gaps)
+        yield f"no result for setting {names}"
+
+
+def _section(title: str, lines: Iterable[str]) -> list[str]:
+    """Return a titled section, or nothing when it would be empty."""
+    body = list(lines)
+    return ["", f"## {title}", "", *body] if body else []
+
+
+def _list(items: Iterable[str]) -> list[str]:
+    return [f"- {escape(item)}" for item in items]
+
+
+def _table(sheet: Sheet) -> list[str]:
+    if not sheet.rows:
+        return []
+    heads = [
+        f"{escape(heading)}{f' {unit}' if unit else ''}"
+        for heading, unit in zip(sheet.headings, sheet.units, strict=True)
+    ]
+    rules = ["---:" if is_number else "---" for is_number in sheet.is_number]
+    cells = [[escape(cell) for cell in row] for row in sheet.rows]
+    lines = [f"| {' | '.join(row)} |" for row in (heads, rules, *cells)]
+    return [*lines, *(line for note in sheet.notes for line in ("", escape(note)))]

@@ -1,0 +1,34 @@
+"""A sheet as a table for the terminal; at most 80 columns wide, and plain in a pipe."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from damperfit.report.rows import Sheet
+
+__all__ = ["terminal_table"]
+
+_COLOURS = {"excellent": "green", "good": "yellow", "poor": "red"}
+
+
+def terminal_table(sheet: Sheet) -> RenderableType:
+    """Return a rich table: headings, units, rows, notes below."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False, padding=(0, 1), header_style="bold")
+    for heading, unit, is_number in zip(
+        sheet.headings, sheet.units, sheet.is_number, strict=True
+    ):
+        table.add_column(
+            Text(f"{heading}\n{unit}" if any(sheet.units) else heading),
+            justify="right" if is_number else "left",
+            overflow="fold",
+        )
+    for row in sheet.rows:
+        table.add_row(*(Text(cell, style=_COLOURS.get(cell, "")) for cell in row))
+    return Group(table, *(Text(note, style="dim") for note in sheet.notes))

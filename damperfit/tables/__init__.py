@@ -1,0 +1,26 @@
+"""Results as named tables with units, and the files that hold them.
+
+`columns` declares every column once; the Arrow field metadata (``unit``, ``description``), the
+order of columns and the schema in run.json all come from there. `results` lays campaigns and
+responses out, `files` writes and reads. Tables are Arrow tables; ``Tables.frame`` gives pandas.
+"""
+
+from damperfit.tables.columns import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables, table_schema
+from damperfit.tables.files import read_parameters, safe_cell, write_responses, write_table
+from damperfit.tables.results import MISSING, Tables, grade, make_tables, time_series_table
+
+__all__ = [
+    "MISSING",
+    "PARAMETER_UNITS",
+    "SCHEMA_VERSION",
+    "Tables",
+    "describe_tables",
+    "grade",
+    "make_tables",
+    "read_parameters",
+    "safe_cell",
+    "table_schema",
+    "time_series_table",
+    "write_responses",
+    "write_table",
+]

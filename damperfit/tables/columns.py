@@ -1,0 +1,156 @@
+"""Every column of every table, declared once: name, type, unit, meaning, and its place."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+
+from damperfit.damper.parameters import PARAMETER_NAMES
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["PARAMETER_UNITS", "SCHEMA_VERSION", "describe_tables", "table_schema"]
+
+SCHEMA_VERSION = 1
+
+PARAMETER_UNITS = {
+    "r_m1": "s sqrt(N)/(m kg)",
+    "r_m2": "N s/(m2 kg)",
+    "r_m3": "N s/(m2 kg)",
+    "k_e": "Pa",
+    "f_f": "N",
+    "f_0": "N",
+}
+_PARAMETER_MEANINGS = {
+    "r_m1": "resistance of valve 1, the adjuster",
+    "r_m2": "resistance of valve 2, in the piston, open in bump",
+    "r_m3": "resistance of valve 3, open in rebound",
+    "k_e": "effective bulk modulus of oil, air and tube",
+    "f_f": "Coulomb friction of seals and bearings",
+    "f_0": "constant offset added to the force, the rig's tare",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    name: str
+    kind: pa.DataType
+    unit: str
+    description: str
+
+
+_INT, _FLOAT, _TEXT = pa.int64(), pa.float64(), pa.string()
+_SETTING = _Column("setting", _INT, "1", "adjuster setting")
+_LOG = _Column("log", _TEXT, "", "file name of the log; empty for the row of the whole setting")
+_MSE = _Column("mse_percent", _FLOAT, "%", "normalised mean square error of the force, eq. (22)")
+_GRADE = _Column("grade", _TEXT, "", "excellent below 1 %, good below 5 %, else poor")
+_SAMPLES = _Column("n_samples", _INT, "1", "samples evaluated")
+
+
+def _parameter_columns() -> tuple[_Column, ...]:
+    values = [
+        _Column(name, _FLOAT, PARAMETER_UNITS[name], _PARAMETER_MEANINGS[name])
+        for name in PARAMETER_NAMES
+    ]
+    details = [
+        column
+        for name in PARAMETER_NAMES
+        for column in (
+            _Column(f"{name}_se", _FLOAT, PARAMETER_UNITS[name], f"standard error of {name}"),
+            _Column(f"{name}_ci_low", _FLOAT, PARAMETER_UNITS[name], f"95 % interval of {name}"),
+            _Column(f"{name}_ci_high", _FLOAT, PARAMETER_UNITS[name], f"95 % interval of {name}"),
+            _Column(f"{name}_status", _TEXT, "", f"how {name} was found"),
+        )
+    ]
+    return (_SETTING, *values, *details)
+
+
+_PARAMETERS: tuple[_Column, ...] = (
+    *_parameter_columns(),
+    _MSE,
+    _GRADE,
+    _Column("outcome", _TEXT, "", "how the fit ended"),
+    _Column("n_logs", _INT, "1", "logs fitted together"),
+    _SAMPLES,
+    _Column("n_cycles", _INT, "1", "steady whole cycles evaluated"),
+    _Column("evaluations", _INT, "1", "simulations the fit took"),
+    _Column("cavitation_fraction", _FLOAT, "1", "share of the cycle with a chamber at P = 0"),
+    _Column(
+        "r_m3_cavitation_margin", _FLOAT, "1", "rise of r_m3 at which chamber 2 starts to cavitate"
+    ),
+)
+_MSE_TABLE: tuple[_Column, ...] = (
+    _SETTING,
+    _LOG,
+    _MSE,
+    _Column("noise_floor_percent", _FLOAT, "%", "MSE that the scatter between cycles explains"),
+    _GRADE,
+    _SAMPLES,
+)
+_MOTION: tuple[_Column, ...] = (
+    _Column("time_s", _FLOAT, "s", "time stamp"),
+    _Column("displacement_m", _FLOAT, "m", "x, positive in rebound"),
+    _Column("velocity_m_per_s", _FLOAT, "m/s", "dx/dt, positive in rebound"),
+)
+_PRESSURES: tuple[_Column, ...] = tuple(
+    _Column(f"pressure_{i}_Pa", _FLOAT, "Pa", f"absolute pressure in chamber {i}")
+    for i in (1, 2, 3)
+)
+_TIME_SERIES: tuple[_Column, ...] = (
+    *_MOTION,
+    _Column("force_N", _FLOAT, "N", "force of the model, positive in rebound"),
+    *_PRESSURES,
+)
+_RESPONSES: tuple[_Column, ...] = (
+    _SETTING,
+    _LOG,
+    *_MOTION,
+    _Column("force_measured_N", _FLOAT, "N", "measured force as compared, filtered"),
+    _Column("force_N", _FLOAT, "N", "force of the model as compared, filtered alike"),
+    *_PRESSURES,
+)
+_TABLES: dict[str, tuple[_Column, ...]] = {
+    "parameters": _PARAMETERS,
+    "mse": _MSE_TABLE,
+    "responses": _RESPONSES,
+    "time_series": _TIME_SERIES,
+}
+
+
+def table_schema(name: str, facts: Mapping[str, Any]) -> pa.Schema:
+    """Return the Arrow schema of a table.
+
+    Parameters
+    ----------
+    name : str
+        "parameters", "mse", "responses" or "time_series".
+    facts : mapping
+        JSON values for the schema's ``damperfit`` entry, beside version and name of the table.
+    """
+    entry = {"schema_version": SCHEMA_VERSION, "table": name, **facts}
+    fields = [
+        pa.field(c.name, c.kind, metadata={"unit": c.unit, "description": c.description})
+        for c in _TABLES[name]
+    ]
+    return pa.schema(fields, metadata={"damperfit": json.dumps(entry, sort_keys=True)})
+
+
+def describe_tables() -> dict[str, list[dict[str, str]]]:
+    """Return names, types, units and meanings of every column that `identify` writes, for run.json."""
+    return {
+        table: [
+            {
+                "name": c.name,
+                "type": str(c.kind),
+                "unit": c.unit,
+                "description": c.description,
+            }
+            for c in columns
+        ]
+        for table, columns in _TABLES.items()
+        if table != "time_series"
+    }

@@ -1,0 +1,185 @@
+"""Tables to files and back: Parquet with page checksums, CSV that spreadsheets read safely.
+
+What is written depends on the results alone, never on the clock, the machine or the number of
+workers, so equal inputs give equal bytes. `damperfit.atomic` makes files appear whole or not at
+all; the functions here write to whatever path they are given.
+"""
+
+from __future__ import annotations
+
+import csv
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
+from damperfit.errors import ConfigurationError
+from damperfit.tables.columns import table_schema
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from damperfit.damper.parameters import Damper
+    from damperfit.identification import Campaign, Comparison, FitOptions
+    from damperfit.recording import Trace
+
+__all__ = ["read_parameters", "safe_cell", "write_responses", "write_table"]
+
+
+def write_responses(
+    path: Path,
+    campaign: Campaign,
+    damper: Damper,
+    *,
+    options: FitOptions,
+    provenance: Mapping[str, Any] | None = None,
+) -> int:
+    """Write measured and simulated signals of every setting, one row group per log.
+
+    Each log is simulated when its turn comes, so that memory does not grow with their number.
+
+    Returns
+    -------
+    int
+        Rows written.
+    """
+    from damperfit.identification import compare
+
+    schema = table_schema("responses", provenance or {})
+    n_rows = 0
+    with pq.ParquetWriter(path, schema, write_page_checksum=True) as writer:
+        for fit in campaign.fits:
+            for log in fit.logs:
+                seen = compare(fit.parameters, log.trace, damper, solver=options.solver)
+                table = _response_table(schema, fit.setting, log.trace, seen)
+                writer.write_table(table, row_group_size=max(table.num_rows, 1))
+                n_rows += table.num_rows
+    return n_rows
+
+
+def _response_table(schema: pa.Schema, setting: int, trace: Trace, seen: Comparison) -> pa.Table:
+    window = trace.window
+    n = window.stop - window.start
+    arrays = [
+        pa.array(np.full(n, setting)),
+        pa.repeat(trace.name, n),
+        pa.array(seen.response.time[window]),
+        pa.array(trace.displacement[window]),
+        pa.array(trace.velocity[window]),
+        pa.array(trace.force[window]),
+        pa.array(seen.force[window]),
+        *(pa.array(pressure[window]) for pressure in seen.response.pressures),
+    ]
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def write_table(path: Path, table: pa.Table, *, suffix: str | None = None) -> None:
+    """Write a table as Parquet (with page checksums) or CSV, told by the suffix.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Where to write; see `damperfit.atomic` for writing whole or not at all.
+    table : pyarrow.Table
+        The table.
+    suffix : str, optional
+        ".parquet" or ".csv" when the path itself does not end so.
+
+    Raises
+    ------
+    ConfigurationError
+        The suffix is neither.
+    """
+    suffix = (suffix or path.suffix).lower()
+    if suffix == ".parquet":
+        pq.write_table(table, path, write_page_checksum=True)
+    elif suffix == ".csv":
+        _write_csv(path, table)
+    else:
+        raise ConfigurationError(f"{path.name}: tables are written as .csv or .parquet")
+
+
+def _write_csv(path: Path, table: pa.Table) -> None:
+    columns = [column.to_pylist() for column in table.columns]
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(table.column_names)
+        for row in zip(*columns, strict=True):
+            writer.writerow([_csv_cell(value) for value in row])
+
+
+def _csv_cell(value: object) -> str:
+    if value is None:
+        return ""
+    return safe_cell(value) if isinstance(value, str) else repr(value)
+
+
+def safe_cell(text: str) -> str:
+    """Return text that no spreadsheet takes for a formula.
+
+    A cell that starts with ``= + - @``, tab or carriage return gets a leading apostrophe.
+    Numbers are never touched.
+
+    Examples
+    --------
+    >>> safe_cell("=1+1"), safe_cell("run.csv")
+    ("'=1+1", 'run.csv')
+    """
+    return "'" + text if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
+
+
+def read_parameters(path: Path) -> dict[int, Parameters]:
+    """Read a parameters table (.parquet or .csv) back, by setting.
+
+    Settings with an empty cell among their parameters are left out.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        A table written by `write_table`, or any table with the columns ``setting``, ``r_m1``,
+        ``r_m2``, ``r_m3``, ``k_e``, ``f_f`` in SI and perhaps ``f_0``.
+
+    Raises
+    ------
+    ConfigurationError
+        The file is missing, is no table, or lacks a column.
+    """
+    try:
+        rows = _read_rows(path)
+        known = {
+            int(row["setting"]): [row.get(name) for name in PARAMETER_NAMES] for row in rows
+        }
+        return {
+            setting: Parameters(*(float(value or 0.0) for value in values))
+            for setting, values in known.items()
+            if all(value not in (None, "") for value in values[:-1])  # f_0 may be absent: 0
+        }
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except KeyError as error:
+        raise ConfigurationError(f"{path}: no parameters table, it lacks a column {error}") from error
+    except (ValueError, TypeError, csv.Error, pa.ArrowException) as error:
+        raise ConfigurationError(f"{path}: no parameters table: {error}") from error
+
+
+def _read_rows(path: Path) -> list[dict[str, Any]]:
+    wanted = ("setting", *PARAMETER_NAMES)
+    if path.suffix.lower() == ".parquet":
+        table = pq.read_table(path, page_checksum_verification=True)
+        rows: list[dict[str, Any]] = table.select(
+            [name for name in wanted if name in table.column_names]
+        ).to_pylist()
+        return _complete(rows, table.column_names)
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        reader = csv.DictReader(line for line in file if not line.startswith("#"))
+        return _complete(list(reader), reader.fieldnames or ())
+
+
+def _complete(rows: list[dict[str, Any]], names: Sequence[str]) -> list[dict[str, Any]]:
+    for name in ("setting", *PARAMETER_NAMES[:-1]):
+        if name not in names:
+            raise KeyError(name)
+    return rows

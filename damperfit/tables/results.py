@@ -1,0 +1,153 @@
+"""Campaigns and responses laid out as Arrow tables."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+
+from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.tables.columns import table_schema
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    import pandas as pd
+
+    from damperfit.identification import Campaign, Fit
+    from damperfit.simulation import Response
+
+__all__ = ["MISSING", "Tables", "grade", "make_tables", "time_series_table"]
+
+MISSING = "missing"  # outcome of a setting that the configuration expects but that has no fit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tables:
+    """The tables of a campaign, as Arrow tables.
+
+    Attributes
+    ----------
+    parameters : pyarrow.Table
+        One row per setting.
+    mse : pyarrow.Table
+        One row per setting (``log`` empty) and one per log.
+    """
+
+    parameters: pa.Table
+    mse: pa.Table
+
+    def frame(self, name: str) -> pd.DataFrame:
+        """Return the table ``name`` ("parameters" or "mse") as a pandas data frame."""
+        table: pa.Table = {"parameters": self.parameters, "mse": self.mse}[name]
+        return table.to_pandas()
+
+
+def grade(mse_percent: float) -> str:
+    """Return the paper's word for an MSE in per cent: excellent < 1, good < 5, else poor.
+
+    Examples
+    --------
+    >>> grade(0.3), grade(3.0), grade(float("nan"))
+    ('excellent', 'good', 'poor')
+    """
+    if mse_percent < 1.0:
+        return "excellent"
+    return "good" if mse_percent < 5.0 else "poor"
+
+
+def make_tables(
+    campaign: Campaign,
+    *,
+    expected: Iterable[int] = (),
+    provenance: Mapping[str, Any] | None = None,
+) -> Tables:
+    """Lay a campaign out as tables.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Result of `damperfit.identification.identify`.
+    expected : iterable of int
+        Settings that ought to be there; those without a fit get a row of nulls.
+    provenance : mapping, optional
+        Facts for the schema's ``damperfit`` entry: JSON values that depend on the inputs alone.
+
+    Returns
+    -------
+    Tables
+    """
+    rows = {fit.setting: _parameter_row(fit) for fit in campaign.fits}
+    for setting in set(expected) - rows.keys():
+        rows[setting] = {"setting": setting, "outcome": MISSING}
+    facts = dict(provenance or {})
+    return Tables(
+        parameters=_table("parameters", [rows[setting] for setting in sorted(rows)], facts),
+        mse=_table("mse", [row for fit in campaign.fits for row in _mse_rows(fit)], facts),
+    )
+
+
+def _parameter_row(fit: Fit) -> dict[str, Any]:
+    row: dict[str, Any] = {"setting": fit.setting}
+    for name in PARAMETER_NAMES:
+        row[name] = _finite(getattr(fit.parameters, name))
+        row[f"{name}_status"] = fit.status[name]
+    return row | {
+        "mse_percent": _finite(fit.mse_percent),
+        "grade": grade(fit.mse_percent),
+        "outcome": fit.outcome.value,
+        "n_logs": len(fit.logs),
+        "n_samples": fit.n_samples,
+        "n_cycles": fit.n_cycles,
+        "evaluations": fit.evaluations,
+        "cavitation_fraction": _finite(fit.cavitation_fraction),
+        "r_m3_cavitation_margin": _finite(fit.r_m3_cavitation_margin),
+    }
+
+
+def _mse_rows(fit: Fit) -> Iterator[dict[str, Any]]:
+    def row(log: str, mse: float, noise_floor: float | None, n_samples: int) -> dict[str, Any]:
+        return {
+            "setting": fit.setting,
+            "log": log,
+            "mse_percent": _finite(mse),
+            "noise_floor_percent": _finite(noise_floor),
+            "grade": grade(mse),
+            "n_samples": n_samples,
+        }
+
+    yield row("", fit.mse_percent, fit.noise_floor_percent, fit.n_samples)
+    for log in fit.logs:
+        n_samples = log.trace.stop - log.trace.first
+        yield row(log.trace.name, log.mse_percent, log.noise_floor_percent, n_samples)
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _table(name: str, rows: Sequence[Mapping[str, Any]], facts: Mapping[str, Any]) -> pa.Table:
+    return pa.Table.from_pylist(list(rows), schema=table_schema(name, facts))
+
+
+def time_series_table(response: Response, *, facts: Mapping[str, Any] | None = None) -> pa.Table:
+    """Lay a simulated response out as a table with one row per sample.
+
+    Parameters
+    ----------
+    response : Response
+        Result of `damperfit.simulation.simulate`.
+    facts : mapping, optional
+        Facts for the schema's ``damperfit`` entry, as JSON values.
+    """
+    arrays = [
+        response.time,
+        response.displacement,
+        response.velocity,
+        response.force,
+        *response.pressures,
+    ]
+    schema = table_schema("time_series", facts or {})
+    return pa.Table.from_arrays([pa.array(a) for a in arrays], schema=schema)

@@ -1,0 +1,99 @@
+"""What is read off a loop, against numbers known without it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from damperfit.characteristics import characterise
+from damperfit.damper.parameters import PURDY_DAMPER, Parameters
+from damperfit.errors import SimulationError
+from damperfit.simulation import Response, simulate, sine_motion, triangle_motion
+
+# The middle column of the golden table (theory, section 4).
+SET_M = Parameters(r_m1=1.8e4, r_m2=3.527e6, r_m3=2.597e6, k_e=3.65e8, f_f=50.0)
+
+
+def _response(parameters: Parameters, *, cycles: float = 4.0, rate: float = 1000.0) -> Response:
+    motion = sine_motion(0.032, 1.5, cycles=cycles, sample_rate=rate)
+    return simulate(parameters, PURDY_DAMPER, motion)
+
+
+def _without_friction() -> Parameters:
+    return Parameters(r_m1=1.8e4, r_m2=3.527e6, r_m3=2.597e6, k_e=3.65e8, f_f=0.0)
+
+
+def test_energy_of_a_cycle_is_the_known_loop_integral() -> None:
+    # 79.211376 J from two independent integrations of the same loop.
+    assert characterise(_response(_without_friction(), rate=5000.0), 1.5).energy == pytest.approx(
+        79.211376, rel=1e-5
+    )
+
+
+def test_friction_adds_four_amplitudes_of_work() -> None:
+    difference = (
+        characterise(_response(SET_M), 1.5).energy
+        - characterise(_response(_without_friction()), 1.5).energy
+    )
+    assert difference == pytest.approx(4.0 * 0.032 * 50.0, rel=1e-4)
+
+
+def test_a_viscous_damper_has_no_hysteresis_and_known_forces() -> None:
+    time = np.arange(4001) / 2000.0
+    x, v = 0.02 * np.sin(2 * np.pi * time), 0.04 * np.pi * np.cos(2 * np.pi * time)
+    force = np.where(v > 0.0, 3000.0, 1000.0) * v
+    found = characterise(Response(time, x, v, force, np.ones((3, 4001)), np.ones((2, 4001))), 1.0)
+    assert found.peak_force_rebound == pytest.approx(3000.0 * 0.04 * math.pi, rel=1e-6)
+    assert found.peak_force_bump == pytest.approx(-1000.0 * 0.04 * math.pi, rel=1e-6)
+    assert found.energy == pytest.approx(2000.0 * math.pi * 0.02**2 * 2 * math.pi, rel=1e-5)
+    assert found.hysteresis_rebound == pytest.approx(0.0, abs=1e-6)
+    assert [f.speed for f in found.speed_forces] == [0.05, 0.1]
+    assert found.speed_forces[1].rebound == pytest.approx(300.0, rel=1e-6)
+    assert found.speed_forces[1].bump == pytest.approx(-100.0, rel=1e-6)
+
+
+def test_hysteresis_is_opening_minus_closing_at_the_speed_asked_for() -> None:
+    time = np.arange(4001) / 2000.0
+    x, v = np.sin(2 * np.pi * time), 2 * np.pi * np.cos(2 * np.pi * time)
+    # A spring adds -k x: opening in rebound is x < 0, so opening minus closing is 2 k |x|.
+    found = characterise(
+        Response(time, x, v, -100.0 * x, np.ones((3, 4001)), np.ones((2, 4001))),
+        1.0,
+        hysteresis_speed=2 * math.pi * math.cos(math.pi / 6),  # at |x| = 0.5
+    )
+    assert found.hysteresis_rebound == pytest.approx(100.0, rel=1e-4)
+    assert found.hysteresis_bump == pytest.approx(-100.0, rel=1e-4)
+
+
+def test_the_share_of_cavitation_and_the_pressure_range_are_those_of_the_last_cycle() -> None:
+    soft = characterise(_response(SET_M), 1.5)
+    assert soft.cavitation_shares == (0.0, 0.0, 0.0)
+    assert soft.pressure_ranges[2][0] == pytest.approx(3.81e5, rel=1e-2)
+    hard = Parameters(r_m1=1.8e4, r_m2=3.527e6, r_m3=2.597e6 * 1.5, k_e=3.65e8, f_f=50.0)
+    shares = characterise(_response(hard), 1.5).cavitation_shares
+    assert shares[0] == shares[2] == 0.0
+    assert 0.01 < shares[1] < 0.5
+
+
+def test_the_start_of_a_response_does_not_count() -> None:
+    longer = characterise(_response(SET_M, cycles=6, rate=1500.0), 1.5)
+    assert longer.energy == pytest.approx(
+        characterise(_response(SET_M, rate=1500.0), 1.5).energy, rel=1e-6
+    )
+
+
+def test_less_than_a_cycle_is_refused() -> None:
+    with pytest.raises(SimulationError, match="at least one whole cycle"):
+        characterise(_response(SET_M, cycles=0.5), 1.5)
+
+
+def test_exactly_one_cycle_is_enough() -> None:
+    assert characterise(_response(SET_M, cycles=1.0, rate=1500.0), 1.5).energy > 0.0
+
+
+def test_a_triangle_reaches_its_constant_speed() -> None:
+    motion = triangle_motion(0.032, 1.5, cycles=4, sample_rate=1000)
+    found = characterise(simulate(SET_M, PURDY_DAMPER, motion), 1.5)
+    assert found.peak_speed_rebound == pytest.approx(4 * 0.032 * 1.5)
