@@ -1,0 +1,22 @@
+"""Recording to trace: uniform samples, filters, velocity, steady whole cycles.
+
+`filters` says what each filter does, `chain` which filter stands where, `timebase` how stamps
+become uniform samples, `cycles` which cycles count, `scatter` how much they differ.
+"""
+
+from __future__ import annotations
+
+from damperfit.conditioning.chain import condition
+from damperfit.conditioning.derivatives import differentiate
+from damperfit.conditioning.filters import apply_filter, design_filter
+from damperfit.conditioning.options import ConditionOptions
+from damperfit.conditioning.scatter import noise_floor
+
+__all__ = [
+    "ConditionOptions",
+    "apply_filter",
+    "condition",
+    "design_filter",
+    "differentiate",
+    "noise_floor",
+]

@@ -1,0 +1,275 @@
+"""The chain from a recording to a trace, step by step.
+
+Which filter stands where (C is one causal pass, C* the same pass run backward in time, Z the
+zero-phase filter; x and f are what the rig's sensors saw)::
+
+    rig_filter   filter       displacement of the trace   force of the trace   model_filter
+    none         none         x                           f                    -
+    none         zero_phase   Z x                         Z f                  Z
+    none         causal       C* C x                      C* C f               C* C
+    zero_phase   (not used)   as logged, C* C x           as logged, C* C f    C* C
+    causal       (not used)   C* (logged)  = C* C x       C* (logged)          C* C
+
+A model driven by an already delayed displacement must not be delayed again, and one displacement
+cannot be both late (beside the late force) and in time (for the model). So a causal pass, the
+rig's or ours, is completed by its backward pass: both channels come back in time, loops are
+aligned, and the model's force passes the completed filter. ``filter = "causal"`` thus treats a
+raw log exactly as ``rig_filter = "causal"`` treats one that the rig has filtered.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.conditioning.cycles import Cycles, find_cycles
+from damperfit.conditioning.derivatives import differentiate
+from damperfit.conditioning.filters import (
+    apply_filter,
+    complete_causal,
+    completed,
+    design_filter,
+    settling_samples,
+)
+from damperfit.conditioning.options import ConditionOptions
+from damperfit.conditioning.timebase import UniformLog, make_uniform
+from damperfit.errors import ConditioningError
+from damperfit.recording import FilterDesign, Recording, Trace
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["condition"]
+
+_MIN_SAMPLES = 20
+_MIN_CYCLES = 3
+_SPLINE_EDGE = 14  # samples; 0.268^14 = 1e-8, how an end condition fades in a cubic spline
+
+
+def condition(recording: Recording, options: ConditionOptions | None = None) -> Trace:
+    """Return the steady whole cycles of a log, filtered, with velocity.
+
+    The trace holds one cycle of run-in and the filter's edges beside the window and no more of
+    the log, so that nothing is simulated in vain.
+
+    Parameters
+    ----------
+    recording : Recording
+        As read.
+    options : ConditionOptions, optional
+        Filter, rig facts, centre.
+
+    Raises
+    ------
+    ConditioningError
+        Constant channel, gap in time, sample rate too low for the filter, too few steady cycles,
+        implausible stroke or force, stroke beyond the chambers, reversed polarity.
+    """
+    options = options or ConditionOptions()
+    _refuse_dead(recording, options)
+    log = make_uniform(recording)
+    try:
+        displacement, force, model_filter = _filtered(log, options)
+    except ConditioningError as error:
+        raise ConditioningError(f"{recording.name}: {error}") from None
+    velocity = differentiate(displacement, log.interval)
+    cycles = find_cycles(displacement, velocity * log.interval, steadiness=options.steadiness)
+    edge = max(settling_samples(model_filter), _SPLINE_EDGE)
+    starts = _window(recording, log, cycles, edge)
+    assert cycles is not None
+    _refuse_fast(recording, log, cycles, options)
+
+    lead = edge + math.ceil(cycles.period) + 1
+    keep = slice(max(0, int(starts[0]) - lead), math.ceil(starts[-1]) + edge + 2)
+    starts = starts - keep.start
+    centre = cycles.centre if options.centre is None else options.centre
+    trace = Trace(
+        name=recording.name,
+        setting=recording.setting,
+        start_time=log.start_time + keep.start * log.interval,
+        interval=log.interval,
+        displacement=displacement[keep] - centre,
+        velocity=velocity[keep].copy(),
+        force=force[keep].copy(),
+        first=round(float(starts[0])),
+        stop=round(float(starts[-1])),
+        cycle_starts=starts,
+        frequency=(len(starts) - 1) / float(starts[-1] - starts[0]) / log.interval,
+        amplitude=cycles.amplitude,
+        centre=centre,
+        n_cycles_found=cycles.n_found,
+        model_filter=model_filter,
+        temperature=_mean_temperature(recording, log, starts + keep.start),
+        notes=(*log.notes, *_notes(log, cycles, options, starts)),
+    )
+    _refuse_stroke(trace, options)
+    _refuse_polarity(trace)
+    return trace
+
+
+def _filtered(
+    log: UniformLog, options: ConditionOptions
+) -> tuple[FloatArray, FloatArray, FilterDesign]:
+    """Return displacement, force, and the filter for the model (table in the module's text)."""
+    rate = 1.0 / log.interval
+    channels = np.stack([log.displacement, log.force])
+    if options.rig_filter == "none" and options.filter != "causal":
+        design = design_filter(
+            options.filter, options.filter_corner, sample_rate=rate, order=options.filter_order
+        )
+        channels = apply_filter(design, channels)
+        return channels[0], channels[1], design
+    if options.rig_filter == "none":
+        corner, order = options.filter_corner, options.filter_order
+    else:
+        corner, order = options.rig_filter_corner, options.rig_filter_order
+    design = design_filter("causal", corner, sample_rate=rate, order=order)
+    if options.rig_filter == "none":
+        channels = apply_filter(design, channels)
+    if options.rig_filter != "zero_phase":
+        channels = complete_causal(design, channels)
+    return channels[0], channels[1], completed(design, corner, order)
+
+
+def _window(recording: Recording, log: UniformLog, cycles: Cycles | None, edge: int) -> FloatArray:
+    """Return boundaries of the steady cycles that neither run-in nor filter edges touch."""
+    n, h = len(log.force), log.interval
+    length = f"the log is {n * h:.3g} s long"
+    if cycles is None or cycles.n_found < _MIN_CYCLES:
+        found = 0 if cycles is None else cycles.n_found
+        stroke = 1e3 * float(np.ptp(log.displacement))
+        period = "" if cycles is None else f" ({_MIN_CYCLES * cycles.period * h:.3g} s)"
+        raise ConditioningError(
+            f"{recording.name}: found {found} whole steady cycles in the displacement (it spans "
+            f"{stroke:.3g} mm; {length}); expected at least {_MIN_CYCLES}{period}; log longer"
+        )
+    low, high = edge + cycles.period, n - 1.0 - edge
+    for crossings in (cycles.rising, cycles.falling):
+        inside = crossings[(crossings >= low) & (crossings <= high)]
+        if len(inside) >= 2:
+            return inside
+    needed = (3.0 * cycles.period + 2.0 * edge) * h
+    raise ConditioningError(
+        f"{recording.name}: no whole steady cycle is left after the run-in of one cycle "
+        f"({cycles.period * h:.3g} s) and the filter's edges ({edge * h:.3g} s at each end); "
+        f"{length} with {cycles.n_found} cycles, expected at least {needed:.3g} s of steady "
+        "motion; log longer"
+    )
+
+
+def _mean_temperature(recording: Recording, log: UniformLog, starts: FloatArray) -> float | None:
+    if recording.temperature is None:
+        return None
+    span = log.start_time + starts[[0, -1]] * log.interval
+    inside = (recording.time >= span[0]) & (recording.time <= span[1])
+    return float(np.mean(recording.temperature[inside]))
+
+
+def _notes(
+    log: UniformLog, cycles: Cycles, options: ConditionOptions, starts: FloatArray
+) -> tuple[str, ...]:
+    used = f"{len(starts) - 1} of {cycles.n_found} whole cycles evaluated"
+    notes = [f"{used} (left out: run-in, filter edges, unsteady cycles)"]
+    if options.centre is None:
+        notes.append(f"mid-stroke of the log ({1e3 * cycles.centre:.4g} mm) is x = 0 of the model")
+    if options.rig_filter != "none":
+        notes.append(
+            f"filtered in the rig as declared ({options.rig_filter}, "
+            f"{options.rig_filter_corner:g} Hz, order {options.rig_filter_order}); "
+            "no filter of our own"
+        )
+    step = 2.0 * math.pi / cycles.period
+    if step**4 / 180.0 > 1e-3:
+        notes.append(
+            f"only {cycles.period:.1f} samples a cycle: velocity is {step**4 / 1.8:.2g} % low"
+        )
+    if cycles.amplitude < 2e-4:
+        notes.append(
+            f"the amplitude is only {1e3 * cycles.amplitude:.3g} mm; check the displacement's unit"
+        )
+    return tuple(notes)
+
+
+def _refuse_dead(recording: Recording, options: ConditionOptions) -> None:
+    n = len(recording.time)
+    if n < _MIN_SAMPLES:
+        raise ConditioningError(
+            f"{recording.name}: {n} samples; expected at least {_MIN_CYCLES} whole cycles of a "
+            "steady test; log longer"
+        )
+    for channel, values in (
+        ("displacement", recording.displacement),
+        ("force", recording.force),
+    ):
+        middle = float(values[0])
+        # A constant that passed a change of units differs by rounding only.
+        if float(np.ptp(values)) <= 1e-12 * abs(middle):
+            raise ConditioningError(
+                f"{recording.name}: the {channel} is constant ({middle:g}) in all {n} rows; "
+                "expected a steady periodic test; check sensor and column"
+            )
+    peak = float(np.abs(recording.force).max())
+    if peak > options.max_force:
+        raise ConditioningError(
+            f"{recording.name}: force reaches {peak:.4g} N, expected at most "
+            f"{options.max_force:g} N; was N read as kN? Declare the unit or raise max_force"
+        )
+    if (half := 0.5 * float(np.ptp(recording.displacement))) > options.max_amplitude:
+        raise ConditioningError(
+            f"{recording.name}: displacement swings +-{half:.4g} m, expected at most "
+            f"+-{options.max_amplitude:g} m{_chambers(options)}; was mm read as m? "
+            "Declare the unit or raise max_amplitude"
+        )
+
+
+def _chambers(options: ConditionOptions) -> str:
+    if options.chamber_lengths is None:
+        return ""
+    l_1, l_2 = options.chamber_lengths
+    return f" (chambers l_1 {l_1:g} m, l_2 {l_2:g} m)"
+
+
+def _refuse_fast(
+    recording: Recording, log: UniformLog, cycles: Cycles, options: ConditionOptions
+) -> None:
+    is_rig = options.rig_filter != "none"
+    corner = options.rig_filter_corner if is_rig else options.filter_corner
+    frequency = 1.0 / (cycles.period * log.interval)
+    if (is_rig or options.filter != "none") and frequency >= corner:
+        raise ConditioningError(
+            f"{recording.name}: the motion found has {frequency:.3g} Hz, not below the filter "
+            f"corner of {corner:g} Hz; the displacement is noise, or the corner must be raised"
+        )
+
+
+def _refuse_stroke(trace: Trace, options: ConditionOptions) -> None:
+    """Refuse a displacement that leaves chamber 1 (x >= l_1) or chamber 2 (x <= -l_2) no volume."""
+    if options.chamber_lengths is None:
+        return
+    l_1, l_2 = options.chamber_lengths
+    highest, lowest = float(trace.displacement.max()), float(trace.displacement.min())
+    if highest < l_1 and lowest > -l_2:
+        return
+    x, at = (highest, "below l_1") if highest >= l_1 else (lowest, "above -l_2")
+    hint = "give the right centre or unit" if abs(x) < 10.0 * max(l_1, l_2) else "mm read as m?"
+    raise ConditioningError(
+        f"{trace.name}: stroke beyond the chamber: x reaches {x:.4g} m, expected {at} "
+        f"(l_1 = {l_1:g} m, l_2 = {l_2:g} m; x = 0 at {trace.centre:.4g} m of the log); {hint}"
+    )
+
+
+def _refuse_polarity(trace: Trace) -> None:
+    """Refuse a damper that gives energy: one channel has the wrong sign."""
+    power = trace.force[trace.window] * trace.velocity[trace.window]
+    energy, size = float(np.mean(power)), float(np.mean(np.abs(power)))
+    if energy < -0.1 * size:
+        joules = energy / trace.frequency
+        raise ConditioningError(
+            f"{trace.name}: the damper gives {-joules:.3g} J per cycle instead of taking energy; "
+            "expected force and displacement both positive in rebound; declare the sign of the "
+            "force or of the displacement reversed"
+        )

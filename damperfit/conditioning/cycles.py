@@ -1,0 +1,188 @@
+"""Find the cycles of a motion, and the longest run of steady ones.
+
+A cycle runs from one upward crossing of mid-stroke to the next. Crossings count only when the
+displacement has been a quarter of its range beyond mid-stroke on both sides, so noise at rest makes none.
+Positions are fractional samples, from the cubic Hermite piece of (x, v).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+
+__all__ = ["Cycles", "find_cycles"]
+
+_HYSTERESIS = 0.25  # of the amplitude
+_MIN_SHARE = 0.1  # of all cycles; noise has many, but hardly two alike in a row
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cycles:
+    """The longest run of steady cycles in a motion.
+
+    Attributes
+    ----------
+    rising, falling : numpy.ndarray
+        Fractional sample positions of the steady upward and downward crossings.
+    period : float
+        Median, samples.
+    centre, amplitude : float
+        Mid-stroke and half the stroke, medians over the steady cycles, m.
+    n_found : int
+        Whole cycles of motion in the log, steady or not.
+    """
+
+    rising: FloatArray
+    falling: FloatArray
+    period: float
+    centre: float
+    amplitude: float
+    n_found: int
+
+
+def find_cycles(
+    displacement: FloatArray, velocity: FloatArray, *, steadiness: float
+) -> Cycles | None:
+    """Return the steady cycles of a motion, or None when there are none.
+
+    Parameters
+    ----------
+    displacement, velocity : numpy.ndarray
+        Shape (n,); m and metres per sample interval.
+    steadiness : float
+        Fraction of the medians within which amplitude and period must be.
+    """
+    speed = np.abs(velocity)
+    moving = displacement[speed > 0.5 * np.sqrt(np.mean(velocity**2))]
+    if not len(moving):
+        return None
+    low, level, high = np.percentile(moving, [5.0, 50.0, 95.0])
+    amplitude = 0.5 * (high - low)
+    run = None
+    for _ in range(3):  # the first level is a guess; the second is exact to rounding
+        run = _steady_run(displacement - level, velocity, _HYSTERESIS * amplitude, steadiness)
+        if run is None:
+            return None
+        level, amplitude = level + run.middle, run.amplitude
+        if abs(run.middle) < 1e-3 * amplitude:
+            break
+    assert run is not None
+    falling = _crossings(level - displacement, -velocity, _HYSTERESIS * amplitude)
+    rising = _crossings(displacement - level, velocity, _HYSTERESIS * amplitude)
+    first, last = run.boundaries[0] - 0.75 * run.period, run.boundaries[-1] + 0.75 * run.period
+    return Cycles(
+        rising=run.boundaries,
+        falling=falling[(falling > first) & (falling < last)],
+        period=run.period,
+        centre=float(level),
+        amplitude=run.amplitude,
+        n_found=_whole_cycles(np.sort(np.concatenate([rising, falling])), run.period, len(speed)),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Run:
+    boundaries: FloatArray
+    period: float
+    middle: float
+    amplitude: float
+
+
+def _steady_run(
+    offset: FloatArray, velocity: FloatArray, hysteresis: float, steadiness: float
+) -> _Run | None:
+    boundaries = _crossings(offset, velocity, hysteresis)
+    if len(boundaries) < 2:
+        return None
+    periods = np.diff(boundaries)
+    tops = _extremes(offset, velocity, boundaries)
+    bottoms = -_extremes(-offset, -velocity, boundaries)
+    amplitudes = 0.5 * (tops - bottoms)
+    is_steady = _near_median(periods, steadiness) & _near_median(amplitudes, steadiness)
+    start, stop = _longest(is_steady)
+    if stop - start < max(1.0, _MIN_SHARE * len(periods)):
+        return None
+    steady = slice(start, stop)
+    return _Run(
+        boundaries=boundaries[start : stop + 1],
+        period=float(np.median(periods[steady])),
+        middle=float(np.median(0.5 * (tops + bottoms)[steady])),
+        amplitude=float(np.median(amplitudes[steady])),
+    )
+
+
+def _near_median(values: FloatArray, tolerance: float) -> NDArray[np.bool_]:
+    middle = np.median(values)
+    return np.abs(values - middle) <= tolerance * middle
+
+
+def _longest(is_steady: NDArray[np.bool_]) -> tuple[int, int]:
+    """Return start and stop of the longest run of True; the first of equals."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], is_steady.astype(np.int8), [0]])))
+    if not len(edges):
+        return 0, 0
+    starts, stops = edges[::2], edges[1::2]
+    best = int(np.argmax(stops - starts))
+    return int(starts[best]), int(stops[best])
+
+
+def _crossings(offset: FloatArray, velocity: FloatArray, hysteresis: float) -> FloatArray:
+    """Return fractional positions where the offset rises through zero, from -h to +h."""
+    outside = np.flatnonzero(np.abs(offset) > hysteresis)
+    is_above = offset[outside] > 0.0
+    reached = outside[1:][is_above[1:] & ~is_above[:-1]]
+    below = offset < 0.0
+    candidates = np.flatnonzero(below[:-1] & ~below[1:])
+    before = candidates[np.searchsorted(candidates, reached) - 1] if len(reached) else reached
+    return before + _root(
+        offset[before], offset[before + 1], velocity[before], velocity[before + 1]
+    )
+
+
+def _root(y0: FloatArray, y1: FloatArray, v0: FloatArray, v1: FloatArray) -> FloatArray:
+    """Return u in [0, 1] where the Hermite piece from y0 < 0 to y1 >= 0 is zero."""
+    c2 = 3.0 * (y1 - y0) - 2.0 * v0 - v1
+    c3 = 2.0 * (y0 - y1) + v0 + v1
+    chord = y1 - y0
+    u = -y0 / chord
+    for _ in range(4):
+        slope = v0 + u * (2.0 * c2 + 3.0 * c3 * u)
+        # Near a turning point in noise the slope may vanish; the chord's is safe there.
+        slope = np.where(slope > 0.2 * chord, slope, chord)
+        u = np.clip(u - (y0 + u * (v0 + u * (c2 + c3 * u))) / slope, 0.0, 1.0)
+    return np.asarray(u)
+
+
+def _extremes(offset: FloatArray, velocity: FloatArray, boundaries: FloatArray) -> FloatArray:
+    """Return the top of each cycle, the parabola through its highest sample included."""
+    cuts = np.ceil(boundaries).astype(np.int64)
+    tops = np.empty(len(cuts) - 1)
+    for k in range(len(tops)):
+        at = int(cuts[k]) + int(np.argmax(offset[cuts[k] : max(cuts[k + 1], cuts[k] + 1)]))
+        after, before = min(at + 1, len(offset) - 1), max(at - 1, 0)
+        curvature = (velocity[after] - velocity[before]) / (after - before)
+        speed = velocity[at]
+        rise = -0.5 * speed * speed / curvature if curvature < 0.0 else 0.0
+        # The top lies within a sample: what is more than one step up is noise.
+        tops[k] = offset[at] + min(rise, abs(speed))
+    return tops
+
+
+def _whole_cycles(crossings: FloatArray, period: float, n: int) -> int:
+    """Return how many whole cycles fit from the beginning of the motion to its end.
+
+    Ahead of the first and behind the last crossing, up to half a cycle is motion that the log's
+    ends cut; more is rest, run-up or coast-down.
+    """
+    ahead, behind = float(crossings[0]), n - float(crossings[-1])
+    length = float(crossings[-1] - crossings[0])
+    length += sum(part for part in (ahead, behind) if part <= 0.55 * period)
+    return int(length / period + 0.02)

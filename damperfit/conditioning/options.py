@@ -1,0 +1,83 @@
+"""What a user may say about filters, the rig, the centre and what counts as a steady cycle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from damperfit.errors import ConfigurationError, did_you_mean
+
+__all__ = ["FILTER_KINDS", "ConditionOptions"]
+
+FILTER_KINDS = ("zero_phase", "causal", "none")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConditionOptions:
+    """How a recording becomes a trace.
+
+    Attributes
+    ----------
+    filter : str
+        Our own low-pass on displacement and force: "zero_phase", "causal" or "none". See
+        `damperfit.conditioning.filters` for what each does. Not used when the rig has filtered.
+    filter_corner : float
+        Frequency of -3 dB, Hz.
+    filter_order : int
+        Order of one pass.
+    rig_filter : str
+        What the rig has already done to both channels, same words. "causal": an ordinary filter
+        in the rig's hardware or software, both channels late by its delay. "zero_phase": the
+        rig's software ran the filter forward and backward.
+    rig_filter_corner : float
+        Frequency at which one pass of the rig's filter has -3 dB, Hz.
+    rig_filter_order : int
+        Order of one pass of the rig's filter.
+    centre : float or None
+        Displacement of the log that is x = 0 of the model, m. None: mid-stroke.
+    steadiness : float
+        A cycle is steady when amplitude and period are within this fraction of the medians.
+    chamber_lengths : tuple of float or None
+        l_1 and l_2 of the damper, m. With them a stroke beyond the chambers is refused.
+    max_amplitude, max_force : float
+        What no log may exceed, m and N: a unit was misread.
+    """
+
+    filter: str = "zero_phase"
+    filter_corner: float = 30.0
+    filter_order: int = 4
+    rig_filter: str = "none"
+    rig_filter_corner: float = 30.0
+    rig_filter_order: int = 4
+    centre: float | None = None
+    steadiness: float = 0.05
+    chamber_lengths: tuple[float, float] | None = None
+    max_amplitude: float = 1.0
+    max_force: float = 1e5
+
+    def __post_init__(self) -> None:
+        """Refuse options that mean nothing."""
+        for name in ("filter", "rig_filter"):
+            found = getattr(self, name)
+            if found not in FILTER_KINDS:
+                raise ConfigurationError(
+                    f"{name}: unknown kind {found!r}; expected {', '.join(FILTER_KINDS)}."
+                    f"{did_you_mean(str(found), FILTER_KINDS)}"
+                )
+        for name in ("filter_order", "rig_filter_order"):
+            if not 1 <= getattr(self, name) <= 12:
+                raise ConfigurationError(f"{name}: found {getattr(self, name)}, expected 1 to 12")
+        for name in ("filter_corner", "rig_filter_corner"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ConfigurationError(
+                    f"{name}: found {getattr(self, name):g} Hz, expected more than 0"
+                )
+        if not 0.0 < self.steadiness < 0.5:
+            raise ConfigurationError(
+                f"steadiness: found {self.steadiness:g}, expected more than 0 and less than 0.5"
+            )
+        for name in ("max_amplitude", "max_force"):
+            if not getattr(self, name) > 0.0:
+                raise ConfigurationError(f"{name}: found {getattr(self, name)}, expected above 0")
+        if self.centre is not None and not math.isfinite(self.centre):
+            raise ConfigurationError(f"centre: found {self.centre}, expected a finite number, m")

@@ -1,0 +1,74 @@
+"""How much the force differs from cycle to cycle: the floor of any model's error.
+
+Cycles are laid over each other on the phase between their boundaries. At phase p, with m cycles::
+
+    s^2 = mean over p of  sum_j (f_j(p) - mean_j f_j(p))^2 / (m - 1)        unbiased for any m
+    floor = 100 s^2 / var(f)                                                the measure of eq. (22)
+
+Reading the force between samples by a four-point cubic w averages its noise; s^2 is divided by what
+that leaves, mean of w^T R w, where R is the autocorrelation of white noise behind the trace's
+filter. A perfect model has this error or a little more: displacement noise is not in it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.conditioning.filters import apply_filter, settling_samples
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from damperfit.recording import FilterDesign, Trace
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["noise_floor"]
+
+
+def noise_floor(trace: Trace) -> float:
+    """Return the scatter of the force between cycles, percent of its variance, eq. (22).
+
+    NaN for a single cycle.
+    """
+    if trace.n_cycles < 2:
+        return math.nan
+    starts = trace.cycle_starts
+    n_phases = max(8, round(float(np.mean(np.diff(starts)))))
+    phases = np.arange(n_phases) / n_phases
+    positions = starts[:-1, None] + np.diff(starts)[:, None] * phases
+    weights, index = _cubic(positions, len(trace.force))
+    folded = np.sum([w * trace.force[index + k] for k, w in enumerate(weights)], axis=0)
+    scatter = float(np.mean(np.var(folded, axis=0, ddof=1)))
+    correlation = _autocorrelation(trace.model_filter)
+    kept = sum(
+        float(np.mean(weights[i] * weights[j])) * correlation[abs(i - j)]
+        for i in range(4)
+        for j in range(4)
+    )
+    return float(100.0 * scatter / kept / np.var(trace.force[trace.window]))
+
+
+def _cubic(positions: FloatArray, n: int) -> tuple[list[FloatArray], NDArray[np.int64]]:
+    """Return Lagrange weights of four neighbours and the index of the first."""
+    index = np.clip(np.floor(positions).astype(np.int64), 1, n - 3) - 1
+    u = positions - index - 1
+    return [
+        -u * (u - 1.0) * (u - 2.0) / 6.0,
+        (u + 1.0) * (u - 1.0) * (u - 2.0) / 2.0,
+        -(u + 1.0) * u * (u - 2.0) / 2.0,
+        (u + 1.0) * u * (u - 1.0) / 6.0,
+    ], index
+
+
+def _autocorrelation(design: FilterDesign) -> FloatArray:
+    """Return the correlation of white noise behind a filter at lags 0 to 3."""
+    reach = settling_samples(design) + 4
+    impulse = np.zeros(2 * reach + 1)
+    impulse[reach] = 1.0
+    answer = apply_filter(design, impulse)
+    sums = np.array([answer[: len(answer) - k] @ answer[k:] for k in range(4)])
+    return np.asarray(sums / sums[0])

@@ -1,0 +1,154 @@
+"""From a log's stamps to uniform samples.
+
+Three cases, tried in this order:
+
+1. Every stamp is within its own rounding (or 1 % of an interval) of a straight line: the samples
+   are uniform, and the line's slope is the interval. Stamps rounded to 1 ms at 300 Hz are this case.
+2. The same after leaving room for a few missing samples: these are put in by a cubic spline.
+3. The intervals really vary: a cubic spline through the stamps gives uniform samples.
+
+A gap of more than `MAX_MISSING` samples is refused in all of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.errors import ConditioningError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from damperfit.recording import Recording
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["MAX_MISSING", "UniformLog", "make_uniform"]
+
+MAX_MISSING = 4  # consecutive samples; at 300 Hz, 17 ms, half a period of the 30 Hz corner
+_JITTER = 0.01  # share of the interval; what the filter does not notice
+_MAX_FILLED = 0.05  # share of the log that may be put in before it is no measurement any more
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UniformLog:
+    """Displacement and force on a uniform time base.
+
+    Attributes
+    ----------
+    start_time, interval : float
+        s.
+    displacement, force : numpy.ndarray
+        Shape (n,); m, N.
+    notes : tuple of str
+        What had to be done, one sentence each.
+    """
+
+    start_time: float
+    interval: float
+    displacement: FloatArray
+    force: FloatArray
+    notes: tuple[str, ...] = ()
+
+
+def make_uniform(recording: Recording) -> UniformLog:
+    """Return the channels of a recording on a uniform time base.
+
+    Raises
+    ------
+    ConditioningError
+        A gap, or too many missing samples; names the row.
+    """
+    elapsed = recording.time - recording.time[0]
+    rounding = _resolution(recording.time)
+    index = np.arange(len(elapsed), dtype=np.float64)
+    offset, interval, off = _line(index, elapsed)
+    if off <= _JITTER * interval + 0.5 * rounding:
+        start = float(recording.time[0]) + offset
+        notes = (
+            (f"time stamps are rounded to {rounding:g} s; sampled at {1.0 / interval:.6g} Hz",)
+            if off > _JITTER * interval
+            else ()
+        )
+        return UniformLog(start, interval, recording.displacement, recording.force, notes)
+    return _resampled(recording, elapsed, rounding)
+
+
+def _resampled(recording: Recording, elapsed: FloatArray, rounding: float) -> UniformLog:
+    from scipy.interpolate import CubicSpline
+
+    steps = np.diff(elapsed)
+    typical = float(np.median(steps))
+    # Rounded stamps make the median step up to half a rounding wrong: take the mean of its likes.
+    typical = float(np.mean(steps[np.abs(steps - typical) <= 1.01 * rounding + 0.3 * typical]))
+    counts = np.maximum(np.rint(steps / typical), 1.0)
+    _refuse_gaps(recording, steps, counts, typical)
+    index = np.concatenate([[0.0], np.cumsum(counts)])
+    offset, interval, off = _line(index, elapsed)
+    missing = int(counts.sum()) - len(counts)
+    grid = np.arange(int(index[-1]) + 1, dtype=np.float64)
+    if off <= _JITTER * interval + 0.5 * rounding:
+        knots = index
+        note = f"{missing} missing samples put in by a cubic spline; {1.0 / interval:.6g} Hz"
+    else:
+        offset, knots = 0.0, elapsed / interval
+        grid = grid[grid <= knots[-1]]
+        spread = 100.0 * float(np.abs(steps - typical).max()) / typical
+        note = (
+            f"time steps vary by up to {spread:.0f} %; resampled at {1.0 / interval:.6g} Hz "
+            "by a cubic spline"
+        )
+    channels = np.stack([recording.displacement, recording.force])
+    displacement, force = np.ascontiguousarray(CubicSpline(knots, channels, axis=-1)(grid))
+    start = float(recording.time[0]) + offset
+    return UniformLog(start, interval, displacement, force, (note,))
+
+
+def _refuse_gaps(
+    recording: Recording, steps: FloatArray, counts: FloatArray, typical: float
+) -> None:
+    widest = int(np.argmax(counts))
+    if counts[widest] > MAX_MISSING + 1:
+        raise ConditioningError(
+            f"{recording.name}: gap of {steps[widest]:.4g} s after row {widest + 1} of the data "
+            f"(time {recording.time[widest]:.6g} s); the samples are {typical:.4g} s apart and at "
+            f"most {MAX_MISSING} may be missing; split the log there or log without pauses"
+        )
+    missing = int(counts.sum()) - len(counts)
+    if missing > _MAX_FILLED * len(steps):
+        row = int(np.flatnonzero(counts > 1)[0]) + 1
+        raise ConditioningError(
+            f"{recording.name}: {missing} of {int(counts.sum()) + 1} samples are missing, first "
+            f"after row {row} of the data; expected at most {100.0 * _MAX_FILLED:.0f} %; "
+            "check the logger"
+        )
+
+
+def _line(index: FloatArray, elapsed: FloatArray) -> tuple[float, float, float]:
+    """Return intercept, slope and largest residual of the straight line through the stamps."""
+    middle = index - index.mean()
+    slope = float(middle @ elapsed) / float(middle @ middle)
+    offset = float(elapsed.mean()) - slope * float(index.mean())
+    return offset, slope, float(np.abs(elapsed - offset - slope * index).max())
+
+
+def _resolution(time: FloatArray) -> float:
+    """Return the largest power of ten that all stamps are multiples of, s; 0 if below 1e-7 s.
+
+    Stamps that were converted (ms, minutes) or carry an offset keep it in their differences.
+    """
+    elapsed = time - time[0]
+    blur = 4.0 * float(np.spacing(np.abs(time).max()))
+    for exponent in range(0, -8, -1):
+        unit = 10.0**exponent
+        if blur < 0.01 * unit:
+            probe = elapsed[:64] / unit  # most candidates fail on the first few stamps
+            if np.abs(probe - np.rint(probe)).max() > 0.01:
+                continue
+            multiples = elapsed / unit
+            if np.abs(multiples - np.rint(multiples)).max() <= 0.01:
+                return unit
+    return 0.0
