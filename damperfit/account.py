@@ -20,7 +20,7 @@ from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from damperfit.settings import Settings
+    from damperfit.settings import RigOptions, Settings
     from damperfit.identification import Campaign
     from damperfit.intake import Intake, LogFacts
 
@@ -60,7 +60,7 @@ def report_facts(
         version=__version__,
         procedure=tuple(_procedure(settings, campaign)),
         failures=failures,
-        warnings=tuple(_warnings(intake, campaign)),
+        warnings=tuple(_warnings(settings, intake, campaign)),
         gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
         gates=tuple(_missed_gates(settings, campaign)),
         advice=tuple(sorted((outcome.value, outcome.advice) for outcome in outcomes)),
@@ -162,7 +162,7 @@ def _missing(settings: Settings, intake: Intake) -> Iterator[Failure]:
         yield Failure("", "", setting, "LogError", message)
 
 
-def _warnings(intake: Intake, campaign: Campaign) -> Iterator[str]:
+def _warnings(settings: Settings, intake: Intake, campaign: Campaign) -> Iterator[str]:
     for path in intake.skipped:
         yield f"{path}: a parameter table of damperfit, not a log; skipped"
     seen: dict[str, str] = {}
@@ -170,9 +170,26 @@ def _warnings(intake: Intake, campaign: Campaign) -> Iterator[str]:
         twin = seen.setdefault(log.sha256 or log.path, log.log)
         if twin != log.log:
             yield f"{log.log}: holds the same bytes as {twin}; both are used"
+    yield from _temperature_warnings(settings.rig, intake)
     yield from campaign.warnings
     for fit in campaign.fits:
         yield from (f"setting {fit.setting}: {warning}" for warning in fit.warnings)
+
+
+def _temperature_warnings(rig: RigOptions, intake: Intake) -> Iterator[str]:
+    known = [(trace.name, trace.temperature) for trace in intake.traces]
+    window = f"{rig.temperature:g} +- {rig.temperature_tolerance:g} degC"
+    outside = [
+        f"{name} {value:.1f}"
+        for name, value in known
+        if value is not None and not abs(value - rig.temperature) <= rig.temperature_tolerance
+    ]
+    if outside:
+        yield f"temperature outside {window}: {', '.join(outside)}"
+    without = [name for name, value in known if value is None]
+    if without:
+        count = f"{len(without)} of {len(known)} logs"
+        yield f"no temperature in {count} ({without[0]}, ...); the test asks for {window}"
 
 
 def _missed_gates(settings: Settings, campaign: Campaign) -> Iterator[str]:

@@ -148,7 +148,7 @@ def _explain(error: ValidationError, layers: Sequence[_Layer]) -> str:
     for layer in layers:
         if key in layer.values.get(section, {}):
             source = layer
-    reason = first["msg"].removeprefix("Value error, ")
+    reason = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
     name = ".".join((section, *keys))
     found = "" if isinstance(first["input"], dict) else f", found {first['input']!r}"
     return f"{source.place(section, key)}: {name}: {reason}{found}"

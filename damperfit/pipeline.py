@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from damperfit.account import Ending, ending_of, provenance, record, report_facts
 from damperfit.atomic import check_writable, file_set
 from damperfit.errors import ConfigurationError
-from damperfit.identification import identify
+from damperfit.identification import Campaign, identify
 from damperfit.intake import available_cores, expand, take_in
 from damperfit.report import markdown_report
 from damperfit.tables import make_tables, write_responses, write_table
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.settings import Settings
-    from damperfit.identification import Campaign, Fit
+    from damperfit.identification import Fit
+    from damperfit.recording import Trace
     from damperfit.report import ReportFacts
     from damperfit.tables import Tables
 
@@ -132,14 +133,7 @@ def run(
         raise ConfigurationError("no logs among the files given: they are all parameter tables")
     watch.on_start(len({trace.setting for trace in intake.traces}))
     with clock.lap("fit_s"):
-        campaign = identify(
-            intake.traces,
-            settings.damper,
-            settings.identification,
-            jobs=workers,
-            on_fit=watch.on_fit,
-            cancelled=watch.cancelled,
-        )
+        campaign = _identify(settings, intake.traces, jobs=workers, watch=watch)
     origin = provenance(settings, intake, campaign)
     facts = report_facts(settings, intake, campaign, is_interrupted=watch.cancelled())
     ending = ending_of(campaign, facts)
@@ -172,6 +166,21 @@ class _Clock:
 
     def read(self) -> dict[str, float]:
         return self.laps | {"total_s": round(time.perf_counter() - self.started, 4)}
+
+
+def _identify(
+    settings: Settings, traces: Sequence[Trace], *, jobs: int, watch: Watch
+) -> Campaign:
+    if not traces or watch.cancelled():
+        return Campaign(procedure=settings.identification.procedure, fits=())
+    return identify(
+        traces,
+        settings.damper,
+        settings.identification,
+        jobs=jobs,
+        on_fit=watch.on_fit,
+        cancelled=watch.cancelled,
+    )
 
 
 def _write(

@@ -6,6 +6,7 @@ The schema has no defaults: every key stands in defaults.toml. Quantities are te
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,7 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from damperfit.conditioning import ConditionOptions
 from damperfit.damper.parameters import PARAMETER_NAMES, Damper
-from damperfit.errors import did_you_mean
+from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import FitOptions
 from damperfit.quantities import parse_quantity
 from damperfit.readers import ReadOptions
@@ -26,7 +27,11 @@ __all__ = [
     "Settings",
     "SimulationOptions",
     "build_settings",
+    "parameter_value",
 ]
+
+# Parameters whose unit has a short name; the others are bare numbers in SI.
+_PARAMETER_DIMENSIONS = {"k_e": "pressure", "f_f": "force", "f_0": "force"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +44,15 @@ class RigOptions:
         m, Hz.
     settings : tuple of int
         Settings that ought to be among the logs; empty: whatever is there.
+    temperature, temperature_tolerance : float
+        What the test should be held at, degrees Celsius; a log outside is warned about.
     """
 
     amplitude: float
     frequency: float
     settings: tuple[int, ...]
+    temperature: float
+    temperature_tolerance: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +67,14 @@ class SimulationOptions:
         Hz.
     wave : str
         "sine" or "triangle".
+    solver : SolverOptions
+        How exactly to integrate.
     """
 
     cycles: float
     sample_rate: float
     wave: str
+    solver: SolverOptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,9 +134,18 @@ def _quantity(dimension: str) -> BeforeValidator:
     return BeforeValidator(convert)
 
 
+def _quantity_or_word(dimension: str, word: str) -> BeforeValidator:
+    def convert(value: object) -> object:
+        is_text = isinstance(value, str) and value != word
+        return parse_quantity(str(value), dimension) if is_text else value
+
+    return BeforeValidator(convert)
+
+
 _Positive = Field(gt=0.0, allow_inf_nan=False)
 _NotNegative = Field(ge=0.0, allow_inf_nan=False)
 _Length = Annotated[float, _quantity("length"), _Positive]
+_Force = Annotated[float, _quantity("force"), _Positive]
 _Pressure = Annotated[float, _quantity("pressure"), _Positive]
 _Density = Annotated[float, _quantity("density"), _Positive]
 _Frequency = Annotated[float, _quantity("frequency"), _Positive]
@@ -157,3 +178,173 @@ class _DamperSection(_Section):
 
     def build(self) -> Damper:
         return Damper(**self.model_dump())
+
+
+class _RigSection(_Section):
+    amplitude: _Length
+    frequency: _Frequency
+    settings: list[int]
+    temperature: Annotated[float, Field(allow_inf_nan=False)]
+    temperature_tolerance: Annotated[float, _NotNegative]
+    filter: Literal["none", "causal", "zero_phase"]
+    filter_corner: _Frequency
+    filter_order: int
+    centre: Annotated[float | str, _quantity_or_word("length", "mid-stroke")]
+    reverse_displacement: bool
+    reverse_force: bool
+    setting_pattern: str
+    columns: dict[str, str | int]
+    units: dict[str, str]
+    max_log_bytes: int
+
+    def build(self) -> RigOptions:
+        return RigOptions(
+            amplitude=self.amplitude,
+            frequency=self.frequency,
+            settings=tuple(sorted(set(self.settings))),
+            temperature=self.temperature,
+            temperature_tolerance=self.temperature_tolerance,
+        )
+
+    def build_reading(self) -> ReadOptions:
+        return ReadOptions(
+            setting_pattern=self.setting_pattern,
+            columns=self.columns,
+            units=self.units,
+            reverse_force=self.reverse_force,
+            reverse_displacement=self.reverse_displacement,
+            max_bytes=self.max_log_bytes,
+        )
+
+
+class _ConditioningSection(_Section):
+    filter: Literal["none", "causal", "zero_phase"]
+    filter_corner: _Frequency
+    filter_order: int
+    steadiness: float
+    max_amplitude: _Length
+    max_force: _Force
+
+    def build(self, rig: _RigSection, damper: Damper) -> ConditionOptions:
+        return ConditionOptions(
+            filter=self.filter,
+            filter_corner=self.filter_corner,
+            filter_order=self.filter_order,
+            rig_filter=rig.filter,
+            rig_filter_corner=rig.filter_corner,
+            rig_filter_order=rig.filter_order,
+            centre=None if isinstance(rig.centre, str) else rig.centre,
+            steadiness=self.steadiness,
+            chamber_lengths=(damper.chamber_1_length, damper.chamber_2_length),
+            max_amplitude=self.max_amplitude,
+            max_force=self.max_force,
+        )
+
+
+class _IdentificationSection(_Section):
+    procedure: str
+    free: list[str]
+    fix: dict[str, float | str]
+    max_evaluations: Annotated[int, Field(ge=1)]
+    tolerance: _Force
+    dead_band: _Speed
+    fallback_r_m3: Annotated[float, _Positive]
+    fallback_f_f: Annotated[float, _quantity("force"), _NotNegative]
+
+    def build(self) -> FitOptions:
+        return FitOptions(
+            procedure=self.procedure,
+            free=tuple(name.strip() for name in self.free) or None,
+            fixed={name: parameter_value(name, value) for name, value in self.fix.items()},
+            solver=SolverOptions(tolerance=self.tolerance, dead_band=self.dead_band),
+            max_evaluations=self.max_evaluations,
+            fallback_r_m3=self.fallback_r_m3,
+            fallback_f_f=self.fallback_f_f,
+        )
+
+
+class _SimulationSection(_Section):
+    wave: Literal["sine", "triangle"]
+    cycles: Annotated[float, Field(ge=1.0, le=10_000.0)]
+    sample_rate: _Frequency
+    tolerance: _Force
+
+    def build(self, dead_band: float) -> SimulationOptions:
+        solver = SolverOptions(tolerance=self.tolerance, dead_band=dead_band)
+        return SimulationOptions(self.cycles, self.sample_rate, self.wave, solver)
+
+
+class _OutputSection(_Section):
+    folder: Annotated[str, Field(min_length=1)]
+    max_mse_percent: Annotated[float, _NotNegative]
+
+    def build(self) -> OutputOptions:
+        return OutputOptions(Path(self.folder), self.max_mse_percent)
+
+
+class _Document(_Section):
+    damper: _DamperSection
+    rig: _RigSection
+    conditioning: _ConditioningSection
+    identification: _IdentificationSection
+    simulation: _SimulationSection
+    output: _OutputSection
+
+
+def build_settings(document: dict[str, Any]) -> Settings:
+    """Return the settings that a complete TOML document describes.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        A key is missing or unknown, or a value is of the wrong kind or out of range.
+    ConfigurationError
+        Values that do not go together, such as a parameter both free and fixed.
+    """
+    checked = _Document.model_validate(document)
+    damper = checked.damper.build()
+    return Settings(
+        damper=damper,
+        rig=checked.rig.build(),
+        reading=checked.rig.build_reading(),
+        conditioning=checked.conditioning.build(checked.rig, damper),
+        identification=checked.identification.build(),
+        simulation=checked.simulation.build(checked.identification.dead_band),
+        output=checked.output.build(),
+        document=document,
+    )
+
+
+def parameter_value(name: str, value: str | float) -> float:
+    """Return a parameter's value in SI; text may carry a unit where the parameter has a plain one.
+
+    Parameters
+    ----------
+    name : str
+        One of `damperfit.damper.parameters.PARAMETER_NAMES`.
+    value : str or float
+        As in "500MPa", "50N" or 3e4.
+
+    Raises
+    ------
+    ConfigurationError
+        The name is unknown or the value is no finite number.
+    """
+    if name not in PARAMETER_NAMES:
+        known = ", ".join(PARAMETER_NAMES)
+        hint = did_you_mean(name, PARAMETER_NAMES)
+        raise ConfigurationError(f"no parameter {name!r}; there are {known}.{hint}")
+    dimension = _PARAMETER_DIMENSIONS.get(name)
+    try:
+        if isinstance(value, str) and dimension is not None:
+            number = parse_quantity(value, dimension)
+        else:
+            number = float(value)
+    except ValueError as error:
+        from damperfit.tables import PARAMETER_UNITS
+
+        unit = PARAMETER_UNITS[name]
+        raise ConfigurationError(f"{name} = {value}: expected a number in {unit}") from error
+    if not math.isfinite(number):
+        raise ConfigurationError(f"{name} = {value}: expected a finite number")
+    return number

@@ -10,8 +10,8 @@ from damperfit.characteristics import Characteristics, characterise
 from damperfit.conditioning import condition
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.damper.reference import REFERENCE_SOURCE, reference_parameters
-from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.identification import motion_of
+from damperfit.errors import ConfigurationError
+from damperfit.identification.comparison import motion_of
 from damperfit.readers import read_log
 from damperfit.settings import parameter_value
 from damperfit.simulation import Response, simulate, sine_motion, triangle_motion
@@ -93,11 +93,6 @@ def choose_parameters(
     ConfigurationError
         No setting, an unknown setting, an unknown name, or a table that cannot be read.
     """
-    for name in replaced:
-        if name not in PARAMETER_NAMES:
-            known = ", ".join(PARAMETER_NAMES)
-            hint = did_you_mean(name, PARAMETER_NAMES)
-            raise ConfigurationError(f"--set {name}: no such parameter; there are {known}.{hint}")
     values = {name: parameter_value(name, text) for name, text in replaced.items()}
     if set(_NEEDED) <= values.keys():
         return Choice(Parameters(**values), setting, "parameters: all given by --set")
@@ -137,10 +132,12 @@ def run_trial(choice: Choice, settings: Settings, *, log: Path | None = None) ->
     ------
     LogError
         The log cannot be read or evaluated.
+    ConfigurationError
+        The stroke is longer than a chamber.
     SimulationError
         The model cannot be integrated, or the response is shorter than one cycle.
     """
-    solver = settings.identification.solver
+    solver = settings.simulation.solver
     if log is None:
         motion, words = _wave(settings)
         response = simulate(choice.parameters, settings.damper, motion, options=solver)
@@ -155,6 +152,12 @@ def run_trial(choice: Choice, settings: Settings, *, log: Path | None = None) ->
 
 def _wave(settings: Settings) -> tuple[Motion, str]:
     rig, options = settings.rig, settings.simulation
+    room = min(settings.damper.chamber_1_length, settings.damper.chamber_2_length)
+    if rig.amplitude >= room:
+        raise ConfigurationError(
+            f"amplitude {1e3 * rig.amplitude:g} mm is beyond the damper's travel; expected less "
+            f"than the shorter chamber, {1e3 * room:g} mm"
+        )
     motion = _WAVES[options.wave](
         rig.amplitude,
         rig.frequency,

@@ -81,7 +81,7 @@ def identify(
     if json:
         print_json(result.document())
     elif result.campaign.fits:
-        print_renderable(terminal_table(parameter_sheet(result.tables.parameters)))
+        print_renderable(terminal_table(parameter_sheet(result.tables.parameters, digits=4)))
     return result.ending.value
 
 
@@ -94,4 +94,14 @@ def _tell_people(result: RunResult, *, folder: Path, is_quiet: bool) -> None:
         return
     for warning in result.facts.warnings:
         say(f"warning: {warning}")
-    say(f"damperfit: {result.summary(folder)}")
+    say(f"damperfit: {_summary(result, folder)}")
+
+
+def _summary(result: RunResult, folder: Path) -> str:
+    n_fits, n_failed = len(result.campaign.fits), len(result.facts.failures)
+    done = f"{n_fits} setting{'' if n_fits == 1 else 's'} fitted"
+    failed = f", {n_failed} failed" if n_failed else ""
+    if result.facts.is_interrupted and not n_fits:
+        return "interrupted before a setting was finished; nothing was written"
+    interrupted = "interrupted; " if result.facts.is_interrupted else ""
+    return f"{interrupted}{done}{failed}; results in {folder}"

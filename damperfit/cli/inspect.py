@@ -32,7 +32,7 @@ def inspect(
     debug: DebugOption = False,
     version: VersionOption = False,
 ) -> int:
-    """Tell what is in the logs and what is wrong with them; fit nothing.
+    """Tell what is in the logs; fit nothing.
 
     Example: damperfit inspect runs/*.csv
     """

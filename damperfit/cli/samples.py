@@ -52,7 +52,7 @@ def samples(
     debug: DebugOption = False,
     version: VersionOption = False,
 ) -> int:
-    """Write make-believe rig logs with known parameters (how sample_runs/ was made).
+    """Write make-believe rig logs with known parameters.
 
     Example: damperfit samples my_runs --settings 1-5
     """

@@ -73,7 +73,7 @@ def simulate(
     debug: DebugOption = False,
     version: VersionOption = False,
 ) -> int:
-    """Print peak forces, energy, hysteresis and pressures of one setting.
+    """Print forces, energy and pressures of one setting.
 
     Example: damperfit simulate --setting 10 --amplitude 32mm --frequency 1.5Hz
     """

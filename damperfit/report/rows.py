@@ -77,12 +77,13 @@ def number(value: float | None, *, digits: int = 5) -> str:
         return "0"
     if not 1e-3 <= abs(value) < 10.0**digits:
         return f"{value:.{digits - 1}e}"
-    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
-    return f"{value:.{decimals}f}"
+    return f"{value:.{_decimals(value, digits)}f}"
 
 
-def with_error(value: float | None, error: float | None) -> str:
+def with_error(value: float | None, error: float | None, *, digits: int = 5) -> str:
     """Return value and standard error, both rounded to two digits of the error.
+
+    Without an error, ``digits`` significant digits are shown.
 
     Examples
     --------
@@ -90,7 +91,7 @@ def with_error(value: float | None, error: float | None) -> str:
     ('1.26 ± 0.12', '45680 ± 320', '2.0000')
     """
     if value is None or error is None or not math.isfinite(error) or error <= 0.0:
-        return number(value)
+        return number(value, digits=digits)
     place = math.floor(math.log10(error)) - 1
     if round(error / 10.0**place) >= 100:  # 0.0996 rounds up to 0.10
         place += 1
@@ -117,7 +118,13 @@ def percent(value: float | None) -> str:
         return "0"
     if abs(value) < 1e-4:
         return f"{value:.1e}"
-    return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}"
+    return f"{value:.{_decimals(value, 3)}f}"
+
+
+def _decimals(value: float, digits: int) -> int:
+    """Return the decimals that show ``digits`` significant digits of the rounded value."""
+    power = int(f"{value:.{digits - 1}e}".partition("e")[2])
+    return max(0, digits - 1 - power)
 
 
 def flags(row: Mapping[str, Any]) -> str:
@@ -133,8 +140,11 @@ def flags(row: Mapping[str, Any]) -> str:
     return "; ".join(found)
 
 
-def parameter_sheet(table: pa.Table) -> Sheet:
-    """Return one row per setting: parameters, MSE, grade and outcome."""
+def parameter_sheet(table: pa.Table, *, digits: int = 5) -> Sheet:
+    """Return one row per setting: parameters, MSE, grade and outcome.
+
+    Numbers without a standard error are shown with ``digits`` significant digits.
+    """
     rows = table.to_pylist()
     names = [n for n in PARAMETER_NAMES if n != "f_0" or _has_offset(rows)]
     scales = [_SCALES[name] for name in names]
@@ -144,7 +154,7 @@ def parameter_sheet(table: pa.Table) -> Sheet:
         rows=tuple(
             (
                 str(row["setting"]),
-                *(_parameter_cell(row, name) for name in names),
+                *(_parameter_cell(row, name, digits=digits) for name in names),
                 percent(row["mse_percent"]),
                 row["grade"] or NOTHING,
                 _words(row["outcome"]),
@@ -209,13 +219,17 @@ def log_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
     )
 
 
-def _parameter_cell(row: Mapping[str, Any], name: str) -> str:
+def _parameter_cell(row: Mapping[str, Any], name: str, *, digits: int) -> str:
     _, _, factor = _SCALES[name]
-    value, error = row[name], row[f"{name}_se"]
+    value, error, status = row[name], row[f"{name}_se"], row[f"{name}_status"]
+    if status == "not_identifiable":
+        return _MARKS[status]  # no number that pretends to be known
     text = with_error(
-        None if value is None else value * factor, None if error is None else error * factor
+        None if value is None else value * factor,
+        None if error is None else error * factor,
+        digits=digits,
     )
-    mark = _MARKS.get(row[f"{name}_status"] or "", "")
+    mark = _MARKS.get(status or "", "")
     return f"{text} {mark}" if mark else text
 
 

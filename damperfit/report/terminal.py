@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 __all__ = ["terminal_table"]
 
+_COLUMNS = 80
 _COLOURS = {"excellent": "green", "good": "yellow", "poor": "red"}
 
 
@@ -20,7 +21,8 @@ def terminal_table(sheet: Sheet) -> RenderableType:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=None, pad_edge=False, padding=(0, 1), header_style="bold")
+    gap = 2 if _width(sheet, gap=2) <= _COLUMNS else 1
+    table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), header_style="bold")
     for heading, unit, is_number in zip(
         sheet.headings, sheet.units, sheet.is_number, strict=True
     ):
@@ -32,3 +34,9 @@ def terminal_table(sheet: Sheet) -> RenderableType:
     for row in sheet.rows:
         table.add_row(*(Text(cell, style=_COLOURS.get(cell, "")) for cell in row))
     return Group(table, *(Text(note, style="dim") for note in sheet.notes))
+
+
+def _width(sheet: Sheet, *, gap: int) -> int:
+    columns = zip(sheet.headings, sheet.units, *sheet.rows, strict=True)
+    widths = [max(len(cell) for cell in column) for column in columns]
+    return sum(widths) + gap * (len(widths) - 1)

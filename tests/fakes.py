@@ -1,0 +1,81 @@
+"""Small hand-made campaigns for tests of tables and reports: no fit, no file, known numbers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
+from damperfit.identification import Campaign, Fit, LogFit, Outcome
+from damperfit.recording import FilterDesign, Trace
+
+__all__ = ["campaign", "fit", "trace"]
+
+FREE = ("r_m1", "r_m2", "k_e")
+
+
+def trace(setting: int, name: str | None = None) -> Trace:
+    """Return three cycles of a sine at 1.5 Hz, 500 Hz; the middle cycle and a half are steady."""
+    n = 1000
+    time = np.arange(n) / 500.0
+    x = 0.032 * np.sin(2 * np.pi * 1.5 * time)
+    v = 0.032 * 2 * np.pi * 1.5 * np.cos(2 * np.pi * 1.5 * time)
+    return Trace(
+        name=name or f"setting_{setting:02d}.csv",
+        setting=setting,
+        start_time=10.0,
+        interval=1.0 / 500.0,
+        displacement=x,
+        velocity=v,
+        force=2500.0 * v - 130.0,
+        first=333,
+        stop=666,
+        cycle_starts=np.array([333.0, 666.3]),
+        frequency=1.5,
+        amplitude=0.032,
+        centre=0.0,
+        n_cycles_found=3,
+        model_filter=FilterDesign(np.empty((0, 6)), is_zero_phase=False, description="no filter"),
+        temperature=26.0,
+    )
+
+
+def fit(
+    setting: int,
+    *,
+    mse: float = 0.0123,
+    outcome: Outcome = Outcome.CONVERGED,
+    status: dict[str, str] | None = None,
+    f_0: float = 0.0,
+    logs: tuple[str, ...] = (),
+) -> Fit:
+    """Return a fit with round numbers."""
+    names = logs or (f"setting_{setting:02d}.csv",)
+    plain = {name: "fitted" if name in FREE else "shared" for name in PARAMETER_NAMES}
+    return Fit(
+        setting=setting,
+        parameters=Parameters(
+            r_m1=1.4e4 + 700.0 * setting,
+            r_m2=2.0e6 * 1.1**setting,
+            r_m3=2.597e6,
+            k_e=5.0e8 + 1e7 * setting,
+            f_f=50.0,
+            f_0=f_0,
+        ),
+        status=plain | {"f_0": "fixed"} | (status or {}),
+        outcome=outcome,
+        mse_percent=mse,
+        noise_floor_percent=0.01,
+        n_samples=333 * len(names),
+        n_cycles=len(names),
+        evaluations=12,
+        cavitation_fraction=0.05 if outcome is Outcome.CAVITATING else 0.0,
+        r_m3_cavitation_margin=math.nan if outcome is Outcome.CAVITATING else 0.176,
+        logs=tuple(LogFit(trace(setting, name), mse, 0.01) for name in names),
+    )
+
+
+def campaign(*fits: Fit, **more: object) -> Campaign:
+    """Return a campaign of these fits."""
+    return Campaign(procedure="paper", fits=fits, **more)  # type: ignore[arg-type]

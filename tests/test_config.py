@@ -1,0 +1,186 @@
+"""Configuration: complete defaults, layers in order, errors that name file, line and key."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from damperfit.conditioning import ConditionOptions
+from damperfit.config import load_settings, settings_toml
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.errors import ConfigurationError
+from damperfit.identification import FitOptions
+from damperfit.readers import ReadOptions
+from damperfit.simulation import SolverOptions
+
+DEFAULTS = Path(__file__).parents[1] / "damperfit" / "defaults.toml"
+
+
+def _write(folder: Path, text: str) -> Path:
+    path = folder / "rig.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_defaults_are_those_of_the_libraries_below() -> None:
+    settings = load_settings()
+    assert settings.damper == PURDY_DAMPER
+    assert settings.reading == ReadOptions()
+    assert settings.identification == FitOptions()
+    assert settings.simulation.solver == SolverOptions()
+    lengths = (PURDY_DAMPER.chamber_1_length, PURDY_DAMPER.chamber_2_length)
+    assert settings.conditioning == ConditionOptions(chamber_lengths=lengths)
+
+
+def test_every_key_of_the_defaults_is_commented() -> None:
+    lines = DEFAULTS.read_text(encoding="utf-8").splitlines()
+    undocumented = [
+        line
+        for line in lines
+        if re.match(r"\w+ = ", line) and "#" not in line
+        and not line.startswith(("frequency", "sample_rate", "folder", "max_force"))
+    ]
+    assert undocumented == []
+
+
+def test_a_damper_that_the_configuration_cannot_describe_does_not_exist() -> None:
+    document = tomllib.loads(DEFAULTS.read_text(encoding="utf-8"))
+    assert set(document["damper"]) == {field.name for field in fields(PURDY_DAMPER)}
+
+
+def test_a_file_needs_only_what_differs_and_takes_units_or_si(tmp_path: Path) -> None:
+    path = _write(tmp_path, '[damper]\nrod_diameter = "12mm"\ngas_pressure = 1.2e6\n')
+    damper = load_settings(path).damper
+    assert damper.rod_diameter == 0.012
+    assert damper.gas_pressure == 1.2e6
+    assert damper.piston_diameter == PURDY_DAMPER.piston_diameter
+
+
+def test_the_command_line_comes_after_the_file(tmp_path: Path) -> None:
+    path = _write(tmp_path, '[rig]\namplitude = "10mm"\nfrequency = "2Hz"\n')
+    rig = load_settings(path, overlay={"rig": {"amplitude": "20mm"}}).rig
+    assert (rig.amplitude, rig.frequency) == (0.02, 2.0)
+
+
+def test_fixed_parameters_of_file_and_command_line_add_up(tmp_path: Path) -> None:
+    path = _write(tmp_path, '[identification]\nfix = {k_e = "500MPa", f_f = 40}\n')
+    fit = load_settings(path, overlay={"identification": {"fix": {"f_f": "45N"}}}).identification
+    assert fit.fixed == {"k_e": 5e8, "f_f": 45.0}
+
+
+def test_loading_twice_leaves_no_trace_of_the_first(tmp_path: Path) -> None:
+    path = _write(tmp_path, "[identification]\nfix = {f_f = 40}\n")
+    load_settings(path)
+    assert load_settings().identification.fixed == {}
+
+
+FULL = """
+[damper]
+rod_diameter = "12mm"
+gas_exponent = 1
+[rig]
+settings = [3, 1, 2, 2]
+centre = "12.5mm"
+columns = {force = "Load \\"cell\\" #1", time = 3}
+units = {displacement = "mm"}
+filter = "causal"
+reverse_force = true
+[identification]
+procedure = "plain"
+free = ["r_m1", "k_e"]
+[identification.fix]
+r_m2 = 3e6
+f_f = "50N"
+[output]
+folder = "ergebnisse µ"
+max_mse_percent = 1
+"""
+
+
+@pytest.mark.parametrize("text", ["", FULL])
+def test_what_is_printed_loads_back_to_the_same(tmp_path: Path, text: str) -> None:
+    settings = load_settings(_write(tmp_path, text))
+    printed = tmp_path / "printed.toml"
+    printed.write_text(settings_toml(settings), encoding="utf-8")
+    again = load_settings(printed)
+    assert again == settings
+    assert again.document == settings.document
+    assert settings_toml(again) == settings_toml(settings)
+
+
+def test_what_is_printed_keeps_the_comments(tmp_path: Path) -> None:
+    printed = settings_toml(load_settings(_write(tmp_path, FULL)))
+    assert 'rod_diameter = "12mm"' in printed
+    assert "# d_r" in printed
+    assert len(printed.splitlines()) == len(DEFAULTS.read_text(encoding="utf-8").splitlines())
+
+
+def test_values_arrive_where_they_are_used(tmp_path: Path) -> None:
+    settings = load_settings(_write(tmp_path, FULL))
+    assert settings.rig.settings == (1, 2, 3)
+    assert settings.conditioning.centre == 0.0125
+    assert settings.conditioning.rig_filter == "causal"
+    assert settings.reading.columns == {"force": 'Load "cell" #1', "time": 3}
+    assert settings.reading.reverse_force
+    assert settings.identification.free == ("r_m1", "k_e")
+    assert settings.identification.fixed == {"r_m2": 3e6, "f_f": 50.0}
+    assert settings.output.max_mse_percent == 1.0
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[damper]\n\nrod_diametr = 1\n", r"rig\.toml:3: unknown key 'rod_diametr'.*'rod_diameter'"),
+        ("[dampr]\nx = 1\n", r"rig\.toml:1: unknown section \[dampr\].*Did you mean 'damper'"),
+        ("damper = 3\n", r"write \[damper\]"),
+        ("[damper]\nrod_diameter = '19 kg'\n", r"rig\.toml:2: damper\.rod_diameter: no unit.*kg"),
+        ("[damper]\nrod_diameter = -1.0\n", r"rig\.toml:2: damper\.rod_diameter: .*greater than 0"),
+        ("[damper]\nrod_diameter = nan\n", r"damper\.rod_diameter"),
+        ("[damper]\nrod_diameter = true\n", r"damper\.rod_diameter: .*number.*True"),
+        ("[damper]\nrod_diameter = '30mm'\n", r"damper: rod_diameter.*smaller than piston_diameter"),
+        ("[rig]\nsettings = ['a']\n", r"rig\.toml:2: rig\.settings\.0: .*integer"),
+        ("[rig]\nfilter = 'kausal'\n", r"rig\.filter: expected 'none', 'causal' or 'zero_phase'"),
+        ("[rig]\nsetting_pattern = '('\n", r"setting_pattern.*regular expression"),
+        ("[rig]\nunits = {force = 'mm'}\n", r"no unit of force 'mm'"),
+        ("[conditioning]\nfilter_order = 99\n", r"filter_order: found 99"),
+        ("[identification]\nfix = {ke = 1}\n", r"no parameter 'ke'.*Did you mean 'k_e'"),
+        ("[identification]\nfix = {k_e = '5 apples'}\n", r"k_e = 5 apples: expected a number in Pa"),
+        ("[identification]\nfree = 'r_m1'\n", r"identification\.free: .*list"),
+        ("[simulation]\nwave = 'square'\n", r"simulation\.wave"),
+        ("[output]\nmax_mse_percent = -1\n", r"output\.max_mse_percent"),
+        ("[damper\n", r"rig\.toml: no valid TOML: .*line 1"),
+        ("x = " + "[" * 5000, r"rig\.toml: no valid TOML"),
+        ("[damper]\nrod_diameter = 1\nrod_diameter = 2\n", r"no valid TOML"),
+    ],
+)
+def test_a_mistake_is_told_with_its_place(tmp_path: Path, text: str, says: str) -> None:
+    with pytest.raises(ConfigurationError, match=says) as caught:
+        load_settings(_write(tmp_path, text))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_mistake_on_the_command_line_is_told_as_such() -> None:
+    with pytest.raises(ConfigurationError, match=r"command line: rig\.amplitude: no unit"):
+        load_settings(overlay={"rig": {"amplitude": "3kg"}})
+
+
+def test_files_that_are_no_configuration_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="No such file"):
+        load_settings(tmp_path / "none.toml")
+    with pytest.raises(ConfigurationError, match="cannot be read"):
+        load_settings(tmp_path)
+    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ConfigurationError, match="UTF-8"):
+        load_settings(tmp_path / "binary")
+    (tmp_path / "big").write_text("# " + "x" * 1_100_000)
+    with pytest.raises(ConfigurationError, match="larger than 1 MB"):
+        load_settings(tmp_path / "big")
+
+
+def test_a_byte_order_mark_is_no_mistake(tmp_path: Path) -> None:
+    (tmp_path / "bom.toml").write_bytes(b"\xef\xbb\xbf[rig]\nfrequency = 2\n")
+    assert load_settings(tmp_path / "bom.toml").rig.frequency == 2.0

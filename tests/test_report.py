@@ -1,0 +1,185 @@
+"""Reports: rounding, escaping, width, and a golden file for each state a setting can be in.
+
+After a wanted change, write the golden files anew with:
+    DAMPERFIT_WRITE_GOLDEN=1 pytest tests/test_report.py
+and read the difference before committing it.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from damperfit.identification import Outcome
+from damperfit.report import Failure, ReportFacts, markdown_report, parameter_sheet, terminal_table
+from damperfit.report.markdown import escape
+from damperfit.report.rows import number, percent, with_error
+from damperfit.tables import make_tables
+from tests.fakes import campaign, fit
+
+GOLDEN = Path(__file__).parent / "golden"
+FACTS = ReportFacts(version="1.2.3", procedure=("Procedure: paper.",))
+
+
+def _advice(outcome: Outcome) -> tuple[tuple[str, str], ...]:
+    return ((outcome.value, outcome.advice),)
+
+
+STATES = {
+    "good": (campaign(fit(1), fit(2, mse=1.5), fit(3, logs=("a.csv", "b.csv"))), FACTS, ()),
+    "poor": (
+        campaign(fit(1), fit(2, mse=12.34)),
+        replace(FACTS, gates=("setting 2: MSE 12.3 % is above 5 %",)),
+        (),
+    ),
+    "at_bound": (
+        campaign(fit(1, outcome=Outcome.AT_BOUND, status={"k_e": "at_bound"}, mse=2.5)),
+        replace(FACTS, advice=_advice(Outcome.AT_BOUND)),
+        (),
+    ),
+    "not_identifiable": (
+        campaign(fit(1, outcome=Outcome.NOT_IDENTIFIABLE, status={"k_e": "not_identifiable"})),
+        replace(FACTS, advice=_advice(Outcome.NOT_IDENTIFIABLE)),
+        (),
+    ),
+    "cavitating": (
+        campaign(fit(19, outcome=Outcome.CAVITATING, f_0=-12.5, status={"f_0": "fitted"})),
+        replace(FACTS, advice=_advice(Outcome.CAVITATING)),
+        (),
+    ),
+    "missing": (
+        campaign(fit(1), fit(3)),
+        replace(
+            FACTS,
+            failures=(
+                Failure("setting_02.csv", "runs/setting_02.csv", 2, "LogError", "empty file"),
+            ),
+            warnings=("there is no log of setting 2",),
+            gaps=(2,),
+        ),
+        (1, 2, 3),
+    ),
+    "nothing": (
+        campaign(),
+        replace(
+            FACTS,
+            failures=(Failure("a.csv", "a.csv", None, "LogError", "a.csv: no data rows"),),
+        ),
+        (),
+    ),
+}
+
+
+def _terminal(table: object, width: int = 80) -> str:
+    out = io.StringIO()
+    Console(file=out, width=width, highlight=False, markup=False).print(table)
+    return out.getvalue()
+
+
+def _compare(name: str, text: str) -> None:
+    path = GOLDEN / name
+    if os.environ.get("DAMPERFIT_WRITE_GOLDEN"):
+        path.write_text(text, encoding="utf-8")
+    assert text == path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_the_report_of_each_state_is_as_agreed(state: str) -> None:
+    done, facts, expected = STATES[state]
+    _compare(f"report_{state}.md", markdown_report(make_tables(done, expected=expected), facts))
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_the_terminal_table_of_each_state_is_as_agreed(state: str) -> None:
+    done, _, expected = STATES[state]
+    sheet = parameter_sheet(make_tables(done, expected=expected).parameters, digits=4)
+    text = _terminal(terminal_table(sheet))
+    assert max(len(line) for line in text.splitlines()) <= 80
+    assert "\x1b" not in text  # no colour without a terminal
+    _compare(f"terminal_{state}.txt", text)
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (23945.0, "23945"),
+        (0.0123456, "0.012346"),
+        (-12.5, "-12.500"),
+        (1.5e9, "1.5000e+09"),
+        (float("nan"), "-"),
+        (float("inf"), "-"),
+        (None, "-"),
+        (0.0, "0"),
+    ],
+)
+def test_numbers_have_five_digits(value: float | None, shown: str) -> None:
+    assert number(value) == shown
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "shown"),
+    [
+        (1.2634, 0.1234, "1.26 ± 0.12"),
+        (1.2634, 0.0996, "1.26 ± 0.10"),
+        (45678.9, 321.0, "45680 ± 320"),
+        (-0.004321, 0.00052, "-0.00432 ± 0.00052"),
+        (2.0, None, "2.0000"),
+        (2.0, 0.0, "2.0000"),
+        (2.0, float("nan"), "2.0000"),
+        (None, 0.1, "-"),
+    ],
+)
+def test_a_value_is_rounded_by_its_error(
+    value: float | None, error: float | None, shown: str
+) -> None:
+    assert with_error(value, error) == shown
+
+
+def test_percentages_have_three_digits() -> None:
+    assert [percent(p) for p in (0.012345, 0.99999, 12.3456, 1e-6, 0.0, None)] == [
+        "0.0123",
+        "1.00",
+        "12.3",
+        "1.0e-06",
+        "0",
+        "-",
+    ]
+
+
+EVIL = "<script>alert(1)</script>|[b](http://x)`_*\x1b[31m\nset #1.csv"
+
+
+def test_nothing_in_a_log_name_is_markup_in_the_report() -> None:
+    done = campaign(fit(1, logs=(EVIL,)))
+    facts = replace(FACTS, warnings=(EVIL,), failures=(Failure(EVIL, EVIL, None, "LogError", EVIL),))
+    text = markdown_report(make_tables(done), facts)
+    assert "\x1b" not in text
+    assert "<script>" not in text.replace("\\<", "")
+    rows = [line for line in text.splitlines() if "script" in line and line.startswith("|")]
+    assert len(rows) == 1
+    assert rows[0].replace("\\|", "").count("|") == 9
+
+
+def test_escape_shows_control_characters() -> None:
+    assert escape("a\x00b\x1b") == "a\\\\x00b\\\\x1b"
+
+
+def test_rich_markup_in_a_cell_is_shown_not_obeyed() -> None:
+    sheet = parameter_sheet(make_tables(campaign(fit(1))).parameters)
+    evil = replace(sheet, rows=(("[red]x[/red]", *sheet.rows[0][1:]),))
+    assert "[red]x[/red]" in _terminal(terminal_table(evil), width=120)
+
+
+def test_intervals_are_shown_once_the_table_has_them() -> None:
+    import pyarrow as pa
+
+    table = make_tables(campaign(fit(1))).parameters
+    place = table.schema.get_field_index("k_e_se")
+    with_se = table.set_column(place, table.schema.field(place), pa.array([3.21e6]))
+    row = parameter_sheet(with_se).rows[0]
+    assert row[4] == "510.0 ± 3.2"
