@@ -1,0 +1,148 @@
+"""Build backend of damperfit: setuptools, with Zig as the C compiler of a machine that has none.
+
+A rig PC or a slim container has no C compiler. The backend then asks the installer for the
+`ziglang` package, which is one, and compiles the core with it.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from setuptools import Extension, build_meta
+from setuptools.build_meta import (
+    build_editable,
+    build_sdist,
+    build_wheel,
+    get_requires_for_build_sdist,
+    prepare_metadata_for_build_editable,
+    prepare_metadata_for_build_wheel,
+)
+from setuptools.command.build_ext import build_ext
+from setuptools.errors import CompileError
+
+__all__ = [
+    "BuildCore",
+    "build_editable",
+    "build_sdist",
+    "build_wheel",
+    "get_requires_for_build_editable",
+    "get_requires_for_build_sdist",
+    "get_requires_for_build_wheel",
+    "prepare_metadata_for_build_editable",
+    "prepare_metadata_for_build_wheel",
+]
+
+_MSVC = "Microsoft.VisualStudio.Component.VC.Tools.x86.x64"
+
+
+def get_requires_for_build_wheel(config_settings: dict[str, str] | None = None) -> list[str]:
+    """Return what a wheel needs to be built here."""
+    return [*build_meta.get_requires_for_build_wheel(config_settings), *_compiler_package()]
+
+
+def get_requires_for_build_editable(config_settings: dict[str, str] | None = None) -> list[str]:
+    """Return what an editable installation needs to be built here."""
+    return [*build_meta.get_requires_for_build_editable(config_settings), *_compiler_package()]
+
+
+class BuildCore(build_ext):
+    """Builds the core with the machine's compiler, else with Zig's."""
+
+    def run(self) -> None:
+        """Build, after a look at what every compiler needs."""
+        folder = sysconfig.get_path("include")
+        if not Path(folder, "Python.h").is_file():
+            raise CompileError(
+                f"damperfit needs Python's headers: no Python.h in {folder}; install the "
+                "development package of this Python (python3-dev or python3-devel)"
+            )
+        self._compiler = _find_compiler()
+        if self._compiler and os.name != "nt":
+            os.environ["CC"] = self._compiler
+        super().run()
+
+    def build_extension(self, ext: Extension) -> None:
+        """Build one extension module."""
+        if os.name != "nt":
+            ext.libraries.append("m")
+        if self._compiler:
+            super().build_extension(ext)
+        else:
+            with TemporaryDirectory() as cache:
+                _compile_with_zig(ext, Path(self.get_ext_fullpath(ext.name)), cache)
+
+
+def _compiler_package() -> list[str]:
+    return [] if _find_compiler() else ["ziglang"]
+
+
+def _find_compiler() -> str | None:
+    """Return the command of a C compiler that runs; None when there is none."""
+    if os.name == "nt":
+        return _find_msvc()
+    names = (os.environ.get("CC"), sysconfig.get_config_var("CC"), "cc", "gcc", "clang")
+    for name in filter(None, names):
+        # A name on the path may be an empty shell that only asks to install a compiler.
+        command = [*shlex.split(name), "--version"]
+        if shutil.which(command[0]) and _runs(command):
+            return name
+    return None
+
+
+def _runs(command: list[str]) -> bool:
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
+def _find_msvc() -> str | None:
+    """Return a sign of Visual Studio's compiler, which setuptools then finds by itself."""
+    programs = os.environ.get("ProgramFiles(x86)", "")
+    finder = Path(programs, "Microsoft Visual Studio", "Installer", "vswhere.exe")
+    if not finder.is_file():
+        return shutil.which("cl")
+    command = [
+        str(finder),
+        "-latest",
+        "-products",
+        "*",
+        "-requires",
+        _MSVC,
+        "-property",
+        "displayName",
+    ]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    return found.stdout.strip() or shutil.which("cl")
+
+
+def _compile_with_zig(ext: Extension, target: Path, cache: str) -> None:
+    if importlib.util.find_spec("ziglang") is None:
+        raise CompileError(
+            "damperfit needs a C compiler and found none: install gcc, clang or Visual Studio's "
+            "build tools, or `pip install ziglang` and build again"
+        )
+    target.parent.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", "ziglang", "cc", *_zig_options(), *ext.extra_compile_args]
+    command += [f"-I{sysconfig.get_path(kind)}" for kind in ("include", "platinclude")]
+    command += [*ext.sources, "-o", str(target), *(f"-l{name}" for name in ext.libraries)]
+    if os.name == "nt":
+        command += [f"-L{Path(sys.base_prefix, 'libs')}", "-lpython3"]
+    # Not in somebody's home.
+    environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": cache, "ZIG_LOCAL_CACHE_DIR": cache}
+    if subprocess.run(command, env=environment, check=False).returncode:
+        raise CompileError("Zig could not compile the core; its messages stand above")
+
+
+def _zig_options() -> list[str]:
+    """Return what makes Zig an ordinary C compiler for a Python extension."""
+    # Zig tunes for the CPU at hand and traps undefined behaviour unless told otherwise.
+    options = ["-mcpu=baseline", "-fno-sanitize=undefined", "-DNDEBUG", "-s", "-fPIC"]
+    if sys.platform == "darwin":
+        return [*options, "-bundle", "-undefined", "dynamic_lookup"]
+    return [*options, "-shared"]
