@@ -85,20 +85,22 @@ def _compiler_package() -> list[str]:
 
 
 def _find_compiler() -> str | None:
-    """Return the command of a C compiler that runs; None when there is none."""
+    """Return the command of a C compiler that works; None when there is none."""
     if os.name == "nt":
         return _find_msvc()
-    names = (os.environ.get("CC"), sysconfig.get_config_var("CC"), "cc", "gcc", "clang")
-    for name in filter(None, names):
-        # A name on the path may be an empty shell that only asks to install a compiler.
-        command = [*shlex.split(name), "--version"]
-        if shutil.which(command[0]) and _runs(command):
+    names = [os.environ.get("CC"), sysconfig.get_config_var("CC"), "cc", "gcc", "clang"]
+    for name in map(str, filter(None, names)):
+        command = shlex.split(name)
+        if shutil.which(command[0]) and _compiles(command):
             return name
     return None
 
 
-def _runs(command: list[str]) -> bool:
-    return subprocess.run(command, capture_output=True, check=False).returncode == 0
+def _compiles(command: list[str]) -> bool:
+    """Return whether a compiler has C's headers too; on some machines it only looks like one."""
+    command = [*command, "-x", "c", "-fsyntax-only", "-"]
+    source = b"#include <math.h>\n#include <stdlib.h>\n"
+    return not subprocess.run(command, input=source, capture_output=True, check=False).returncode
 
 
 def _find_msvc() -> str | None:
@@ -107,16 +109,8 @@ def _find_msvc() -> str | None:
     finder = Path(programs, "Microsoft Visual Studio", "Installer", "vswhere.exe")
     if not finder.is_file():
         return shutil.which("cl")
-    command = [
-        str(finder),
-        "-latest",
-        "-products",
-        "*",
-        "-requires",
-        _MSVC,
-        "-property",
-        "displayName",
-    ]
+    options = f"-latest -products * -requires {_MSVC} -property displayName"
+    command = [str(finder), *options.split()]
     found = subprocess.run(command, capture_output=True, text=True, check=False)
     return found.stdout.strip() or shutil.which("cl")
 
@@ -130,7 +124,7 @@ def _compile_with_zig(ext: Extension, target: Path, cache: str) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "ziglang", "cc", *_zig_options(), *ext.extra_compile_args]
     command += [f"-I{sysconfig.get_path(kind)}" for kind in ("include", "platinclude")]
-    command += [*ext.sources, "-o", str(target), *(f"-l{name}" for name in ext.libraries)]
+    command += [*map(str, ext.sources), "-o", str(target), *(f"-l{name}" for name in ext.libraries)]
     if os.name == "nt":
         command += [f"-L{Path(sys.base_prefix, 'libs')}", "-lpython3"]
     # Not in somebody's home.
