@@ -142,6 +142,7 @@ def steady_cycle(
     rates = _rates(parameters, damper, amplitude, frequency)
     rho = damper.oil_density
     masses = np.array([rho * damper.chamber_1_volume, rho * damper.chamber_2_volume])
+    gap = math.inf
     for _ in range(_MOST_CYCLES):
         solution = solve_ivp(
             rates,

@@ -1,0 +1,239 @@
+"""The compiled core against the golden table, the slow twin, other solvers and differences."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.reference import reference_parameters
+from damperfit.simulation import (
+    SENSITIVITY_NAMES,
+    Motion,
+    SolverOptions,
+    simulate,
+    sine_motion,
+)
+from tests.oracles import model
+from tests.oracles.golden import GOLDEN, PHASES, SET_M
+
+STANDARD = model.sine(0.032, 1.5)
+TIGHT = SolverOptions(tolerance=1e-6, max_steps_per_sample=100_000)
+OTHER_DAMPER = Damper(
+    rod_diameter=0.0125,
+    piston_diameter=0.036,
+    gas_piston_diameter=0.034,
+    chamber_1_length=0.09,
+    chamber_2_length=0.075,
+    gas_length=0.04,
+    oil_density=840.0,
+    gas_pressure=1.1e6,
+    gas_exponent=1.3,
+)
+
+
+def sampled(motion, *, rate, duration, start=0.0):
+    """A motion given as functions of time, as the core takes it."""
+    time = start + np.arange(round(duration * rate) + 1) / rate
+    x, v = (np.array([channel(t) for t in time]) for channel in motion)
+    return Motion(1.0 / rate, x, v, start_time=start)
+
+
+def largest_gap(parameters, damper, motion, *, rate, duration=4 / 3, rtol=1e-11, **options):
+    """Largest distance in N between core and oracle at the core's samples."""
+    moved = sampled(motion, rate=rate, duration=duration)
+    response = simulate(parameters, damper, moved, options=SolverOptions(**options))
+    twin = model.solve(parameters, damper, motion, response.time, rtol=rtol)
+    return float(np.max(np.abs(response.force - twin.force)))
+
+
+def two_tones(t_shift=0.0):
+    """A road-like motion that starts away from mid-stroke and off the reversal."""
+
+    def x(t):
+        return 0.012 * math.sin(9.0 * (t + t_shift) + 0.4) + 0.006 * math.sin(41.0 * t + 1.1)
+
+    def v(t):
+        return 0.108 * math.cos(9.0 * (t + t_shift) + 0.4) + 0.246 * math.cos(41.0 * t + 1.1)
+
+    return x, v
+
+
+@pytest.mark.parametrize(("parameters", "rows"), GOLDEN)
+@pytest.mark.parametrize("rate", [1500.0, 15000.0])
+def test_golden_table(parameters, rows, rate):
+    """N12: 0.05 N, and the pressures to 0.001 bar."""
+    response = simulate(
+        parameters, PURDY_DAMPER, sine_motion(0.032, 1.5, cycles=4, sample_rate=rate)
+    )
+    at = [round((3 + phase) * rate / 1.5) for phase in PHASES]
+    expected = np.array(rows)
+    assert np.max(np.abs(response.force[at] - expected[:, 0])) < 0.05
+    assert np.max(np.abs(response.pressures[:, at].T / 1e5 - expected[:, 1:])) < 1e-3
+
+
+# The corners and the middle of K_e 1e8 to 2e9 by R_m1 1e4 to 6e4.
+CORNERS = [*itertools.product((1e4, 6e4), (1e8, 2e9)), (3e4, 5e8)]
+GRID = [*itertools.product((1e4, 1.5e4, 2.2e4, 3e4, 4.5e4, 6e4), (1e8, 2e8, 4e8, 8e8, 1.4e9, 2e9))]
+
+
+@pytest.mark.parametrize(("r_m1", "k_e"), CORNERS)
+@pytest.mark.parametrize("rate", [1000.0, 20000.0])
+def test_within_a_tenth_of_a_newton_everywhere(r_m1, k_e, rate):
+    """Default tolerance; at 20 kHz every reversal is looked into at 0.05 ms."""
+    parameters = dataclasses.replace(SET_M, r_m1=r_m1, k_e=k_e)
+    assert largest_gap(parameters, PURDY_DAMPER, STANDARD, rate=rate, rtol=1e-10) < 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("r_m1", "k_e"), GRID)
+@pytest.mark.parametrize("r_m2", [1.5e6, 1.7e7])
+def test_within_a_tenth_of_a_newton_on_the_whole_grid(r_m1, r_m2, k_e):
+    parameters = dataclasses.replace(SET_M, r_m1=r_m1, r_m2=r_m2, k_e=k_e)
+    for rate in (500.0, 20000.0):
+        assert largest_gap(parameters, PURDY_DAMPER, STANDARD, rate=rate, rtol=1e-10) < 0.1
+
+
+@pytest.mark.parametrize("setting", [1, 10, 20])
+def test_below_a_hundredth_of_a_newton_when_tight(setting):
+    """Radau at rtol 1e-11, every 0.05 ms."""
+    parameters = reference_parameters(setting)
+    gap = largest_gap(parameters, PURDY_DAMPER, STANDARD, rate=20000.0, tolerance=1e-4)
+    assert gap < 1e-2
+
+
+@pytest.mark.parametrize("damper", [PURDY_DAMPER, OTHER_DAMPER])
+@pytest.mark.parametrize("r_m3", [2.597e6, 6e6])
+def test_other_motion_other_damper_and_cavitation(damper, r_m3):
+    """Two tones, from x != 0 at speed; R_m3 6e6 cavitates chamber 2 on the paper's damper."""
+    parameters = dataclasses.replace(SET_M, r_m3=r_m3, f_0=12.5)
+    assert largest_gap(parameters, damper, two_tones(), rate=2000.0) < 0.1
+
+
+def test_cavitating_case_does_cavitate():
+    parameters = dataclasses.replace(SET_M, r_m3=6e6)
+    moved = sampled(two_tones(), rate=2000.0, duration=4 / 3)
+    assert np.any(simulate(parameters, PURDY_DAMPER, moved).pressures[1] == 0.0)
+
+
+@pytest.mark.parametrize(("method", "rtol"), [("Radau", 1e-12), ("LSODA", 1e-10), ("BDF", 1e-11)])
+def test_solvers_agree_at_their_tightest(method, rtol):
+    """N15: below 1e-3 N everywhere in a cycle. Tighter, LSODA does not come to an end."""
+    rate, duration = 3000.0, 1 / 1.5
+    moved = sampled(STANDARD, rate=rate, duration=duration)
+    response = simulate(SET_M, PURDY_DAMPER, moved, options=TIGHT)
+    twin = model.solve(SET_M, PURDY_DAMPER, STANDARD, response.time, rtol=rtol, method=method)
+    assert np.max(np.abs(response.force - twin.force)) < 1e-3
+
+
+@pytest.mark.parametrize("parameters", [SET_M, reference_parameters(20)])
+def test_error_falls_with_the_tolerance(parameters):
+    """N16: a hundredth of the tolerance gives a tenth of the error or less."""
+    moved = sampled(STANDARD, rate=1000.0, duration=4 / 3)
+    twin = model.solve(
+        parameters, PURDY_DAMPER, STANDARD, np.arange(len(moved.displacement)) / 1000, rtol=1e-12
+    )
+    errors = []
+    for tolerance in (1e-1, 1e-3, 1e-5):
+        options = SolverOptions(tolerance=tolerance, max_steps_per_sample=100_000)
+        force = simulate(parameters, PURDY_DAMPER, moved, options=options).force
+        errors.append(np.max(np.abs(force - twin.force)))
+    assert errors[0] > 10 * errors[1]
+    assert errors[1] > 10 * errors[2]
+    assert errors[2] < 3e-3
+
+
+def test_work_stays_bounded():
+    """Four cycles at 1 kHz: about a step a sample, few refused; a budget against creeping cost."""
+    for setting in (1, 10, 20):
+        motion = sine_motion(0.032, 1.5, cycles=4, sample_rate=1000)
+        work = simulate(reference_parameters(setting), PURDY_DAMPER, motion).work
+        assert work.steps < 1.9 * len(motion.displacement)
+        assert work.rejected < 0.2 * work.steps
+        assert work.newton_iterations < 6 * work.steps
+
+
+def shifted(parameters, damper, name, amount):
+    if hasattr(parameters, name):
+        return dataclasses.replace(parameters, **{name: getattr(parameters, name) + amount}), damper
+    return parameters, dataclasses.replace(damper, **{name: getattr(damper, name) + amount})
+
+
+def scale_of(parameters, damper, name):
+    return (getattr(parameters, name, None) or getattr(damper, name, None)) or 1.0
+
+
+@pytest.mark.parametrize("name", SENSITIVITY_NAMES)
+def test_sensitivities_against_the_oracle(name):
+    """N29: exact derivatives in the core, central differences in the twin; 1e-4 of the largest."""
+    motion = sampled(STANDARD, rate=600.0, duration=1.1)
+    exact = simulate(SET_M, PURDY_DAMPER, motion, sensitivities=[name], options=TIGHT)
+    time, size = exact.time, scale_of(SET_M, PURDY_DAMPER, name)
+    step = 1e-4 * size
+    forces = [
+        model.solve(*shifted(SET_M, PURDY_DAMPER, name, s), STANDARD, time, rtol=1e-13).force
+        for s in (step, -step)
+    ]
+    slope = (forces[0] - forces[1]) / (2 * step)
+    largest = np.max(np.abs(slope))
+    assert np.max(np.abs(exact.sensitivities[name] - slope)) < 1e-4 * largest
+
+
+@pytest.mark.parametrize("name", SENSITIVITY_NAMES)
+def test_sensitivities_against_central_differences_over_eight_steps(name):
+    """N29: the gap falls with the square of the step until rounding takes over."""
+    motion = sampled(STANDARD, rate=600.0, duration=1.1)
+    exact = simulate(SET_M, PURDY_DAMPER, motion, sensitivities=[name], options=TIGHT)
+    size = scale_of(SET_M, PURDY_DAMPER, name)
+    slope = exact.sensitivities[name]
+    gaps = []
+    for step in np.geomspace(0.5, 1e-5, 8) * size:
+        up, down = (
+            simulate(*shifted(SET_M, PURDY_DAMPER, name, s), motion, options=TIGHT).force
+            for s in (step, -step)
+        )
+        gaps.append(np.max(np.abs((up - down) / (2 * step) - slope)) / np.max(np.abs(slope)))
+    assert min(gaps) < 1e-4
+    if name not in ("f_f", "f_0"):  # in these the force is linear, any step is exact
+        assert gaps[1] < gaps[0] / 5
+        assert min(gaps) < gaps[0] / 1000
+
+
+def test_sensitivities_through_cavitation():
+    """The clamp has a kink; away from its two moments the slopes still agree."""
+    parameters = dataclasses.replace(SET_M, r_m3=1.5 * 2.597e6)
+    motion = sampled(STANDARD, rate=3000.0, duration=4 / 3)
+    names = ("r_m1", "r_m2", "r_m3", "k_e")
+    exact = simulate(parameters, PURDY_DAMPER, motion, sensitivities=names, options=TIGHT)
+    assert np.mean(exact.pressures[1] == 0.0) > 0.1
+    for name in names:
+        step = 1e-5 * getattr(parameters, name)
+        up, down = (
+            simulate(*shifted(parameters, PURDY_DAMPER, name, s), motion, options=TIGHT).force
+            for s in (step, -step)
+        )
+        slope = (up - down) / (2 * step)
+        gap = np.abs(slope - exact.sensitivities[name]) / np.max(np.abs(slope))
+        assert np.quantile(gap, 0.98) < 1e-3
+
+
+def test_sensitivities_do_not_change_the_force():
+    motion = sampled(STANDARD, rate=1000.0, duration=4 / 3)
+    plain = simulate(SET_M, PURDY_DAMPER, motion)
+    with_slopes = simulate(SET_M, PURDY_DAMPER, motion, sensitivities=SENSITIVITY_NAMES)
+    assert np.array_equal(plain.force, with_slopes.force)
+    one = simulate(SET_M, PURDY_DAMPER, motion, sensitivities=["k_e"])
+    assert np.array_equal(one.sensitivities["k_e"], with_slopes.sensitivities["k_e"])
+
+
+def test_parameters_of_many_orders_still_integrate():
+    """A fit may wander; what comes back is finite or a named error, never a silent NaN."""
+    motion = sampled(STANDARD, rate=500.0, duration=1.0)
+    for r_m1, r_m2, r_m3, k_e in itertools.product((1e2, 1e6), (1e4, 1e9), (1e4, 1e9), (1e6, 1e11)):
+        response = simulate(Parameters(r_m1, r_m2, r_m3, k_e, 50.0), PURDY_DAMPER, motion)
+        assert np.all(np.isfinite(response.force))
+        assert np.min(response.pressures) >= 0.0

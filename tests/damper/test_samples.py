@@ -1,0 +1,265 @@
+"""Make-believe logs: against the oracle, their truth and noise, and what they say of themselves."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfilt
+
+from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.reference import reference_parameters
+from damperfit.errors import ConfigurationError, OutputError, SimulationError
+from damperfit.samples import SampleOptions, make_samples, steady_cycle
+from tests.oracles import model
+from tests.oracles.golden import GOLDEN, PHASES, SET_M
+
+CLEAN = SampleOptions(
+    settings=(7,),
+    force_noise=0.0,
+    displacement_noise=0.0,
+    force_resolution=0.0,
+    displacement_resolution=0.0,
+)
+
+
+def read(path):
+    """A log as its preamble lines and columns (SI but for the temperature)."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    preamble = [line for line in lines if line.startswith("#")]
+    names = lines[len(preamble)].split(",")
+    assert names == ["time_s", "displacement_mm", "force_N", "temperature_degC"]
+    cells = [line.split(",") for line in lines[len(preamble) + 1 :]]
+    rows = np.array(cells, dtype=float)
+    time, displacement, force, temperature = rows.T
+    return preamble, time, displacement / 1e3, force, temperature
+
+
+def purdy_cycle(parameters):
+    return steady_cycle(parameters, PURDY_DAMPER, amplitude=0.032, frequency=1.5)
+
+
+@pytest.mark.parametrize(("parameters", "rows"), GOLDEN)
+def test_steady_cycle_has_the_golden_forces(parameters, rows):
+    cycle = purdy_cycle(parameters)
+    assert cycle.gap <= 1e-9
+    assert np.max(np.abs(cycle.force(np.array(PHASES)) - np.array(rows)[:, 0])) < 0.006
+
+
+@pytest.mark.parametrize("setting", [1, 20])
+def test_steady_cycle_is_the_oracle_s(setting):
+    """Two right-hand sides written apart: 1e-3 N at every phase, reversals included."""
+    phases = np.arange(1200) / 1200
+    time = np.concatenate([[0.0], (2 + phases) / 1.5])
+    parameters = reference_parameters(setting)
+    twin = model.solve(parameters, PURDY_DAMPER, model.sine(0.032, 1.5), time, rtol=1e-11)
+    assert np.max(np.abs(purdy_cycle(parameters).force(phases) - twin.force[1:])) < 1e-3
+
+
+def test_log_without_noise_is_the_oracle_with_all_digits(tmp_path):
+    [log] = make_samples(tmp_path, CLEAN)
+    _, time, x, force, _ = read(log)
+    # its phase is not written down; the sine of the log has it
+    phase = np.arctan2(x[0], (x[1] - x[0] * np.cos(3e-3 * 2 * np.pi)) / np.sin(3e-3 * 2 * np.pi))
+    assert x == pytest.approx(0.032 * np.sin(2 * np.pi * 1.5 * time + phase), abs=1e-12)
+    share = phase / (2 * np.pi)
+    later = np.concatenate([[-2 / 1.5], time[:700]])  # two cycles to run in
+    motion = model.sine(0.032, 1.5, share)
+    twin = model.solve(reference_parameters(7), PURDY_DAMPER, motion, later, rtol=1e-11)
+    assert np.max(np.abs(force[:700] - twin.force[1:])) < 1e-3
+
+
+def test_the_twenty_logs(tmp_path):
+    """15 cycles at 500 Hz in the project's dialect, small, each from another phase."""
+    seen = []
+    logs = make_samples(tmp_path, on_log=lambda path: seen.append(path.name))
+    assert [log.name for log in logs] == [f"setting_{s:02d}.csv" for s in range(1, 21)] == seen
+    starts = []
+    for setting, log in enumerate(logs, start=1):
+        preamble, time, x, force, temperature = read(log)
+        assert preamble == [
+            "# damperfit rig log",
+            f"# setting: {setting}",
+            "# rig: synthetic (damperfit samples)",
+        ]
+        assert time == pytest.approx(np.arange(5000) / 500, abs=1e-12)
+        assert np.max(np.abs(temperature - 26)) <= 1.0
+        assert np.ptp(temperature) > 0.1
+        assert 0.0319 < np.max(np.abs(x)) < 0.0321
+        assert np.ptp(force) > 500
+        assert log.stat().st_size < 250_000
+        starts.append(x[0])
+    assert len(set(starts)) == 20
+    assert np.ptp(starts) > 0.04
+    assert {path.name for path in tmp_path.iterdir()} == {
+        *(log.name for log in logs),
+        "README.md",
+        "truth.csv",
+    }
+
+
+def test_truth_holds_every_digit(tmp_path):
+    make_samples(tmp_path, dataclasses.replace(CLEAN, settings=(3, 20)))
+    with (tmp_path / "truth.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["setting"]) for row in rows] == [3, 20]
+    for row in rows:
+        true = reference_parameters(int(row["setting"]))
+        for name in PARAMETER_NAMES:
+            assert float(row[name]) == getattr(true, name)
+
+
+def test_readme_says_plainly_what_the_files_are(tmp_path):
+    make_samples(tmp_path, CLEAN)
+    text = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert "No damper was ever measured" in text
+    assert "Synthetic" in text
+    assert "500 Hz" in text
+    assert all(len(line) <= 100 for line in text.splitlines())
+
+
+def test_noise_and_steps_are_as_asked(tmp_path):
+    noisy = SampleOptions(settings=(7,))
+    [clean_log], [log] = make_samples(tmp_path / "a", CLEAN), make_samples(tmp_path / "b", noisy)
+    _, _, x, force, _ = read(clean_log)
+    _, _, noisy_x, noisy_force, _ = read(log)
+    for gap, rms in ((noisy_force - force, 4.0), (noisy_x - x, 8e-6)):
+        assert np.std(gap) == pytest.approx(rms, rel=0.05)
+        assert abs(np.mean(gap)) < 4 * rms / np.sqrt(5000)
+        correlation = np.corrcoef(gap[1:], gap[:-1])[0, 1]
+        assert abs(correlation) < 0.06
+    assert np.max(np.abs(noisy_force * 10 - np.round(noisy_force * 10))) < 1e-9
+    assert np.max(np.abs(noisy_x * 1e6 - np.round(noisy_x * 1e6))) < 1e-7
+
+
+def test_steps_alone(tmp_path):
+    coarse = dataclasses.replace(CLEAN, force_resolution=2.5, displacement_resolution=2e-5)
+    [clean_log], [log] = make_samples(tmp_path / "a", CLEAN), make_samples(tmp_path / "b", coarse)
+    _, _, x, force, _ = read(clean_log)
+    _, _, stepped_x, stepped_force, _ = read(log)
+    assert np.max(np.abs(stepped_force - force)) <= 1.25 + 1e-9
+    assert np.max(np.abs(np.round(stepped_force / 2.5) * 2.5 - stepped_force)) < 1e-9
+    assert np.max(np.abs(stepped_x - x)) <= 1e-5 + 1e-12
+
+
+def test_rig_filter_is_a_causal_butterworth_on_both_channels(tmp_path):
+    """Against the same filter run over 30 000 samples a cycle for three cycles.
+
+    The digital twin bends the corner by tan(pi f/fs), 5e-6 of it, and its sampling of the
+    friction step costs some 1e-3 N.
+    """
+    options = dataclasses.replace(CLEAN, rig_filter=30.0)
+    [log] = make_samples(tmp_path, options)
+    _, _, x, force, _ = read(log)
+    [plain] = make_samples(tmp_path / "plain", CLEAN)
+    plain_x = read(plain)[2]
+    phase = np.arctan2(
+        plain_x[0], (plain_x[1] - plain_x[0] * np.cos(6e-3 * np.pi)) / np.sin(6e-3 * np.pi)
+    )
+    per_cycle, run_in = 30_000, 3
+    grid = phase / (2 * np.pi) + (np.arange(5 * per_cycle) - run_in * per_cycle) / per_cycle
+    cycle = purdy_cycle(reference_parameters(7))
+    sections = butter(4, 30.0, fs=1.5 * per_cycle, output="sos")
+    for channel, found, bar in ((cycle.displacement, x, 1e-7), (cycle.force, force, 0.02)):
+        slow = sosfilt(sections, channel(grid))[run_in * per_cycle :: 90]
+        assert np.max(np.abs(found[: len(slow)] - slow)) < bar
+
+
+def test_noise_passes_the_rig_filter(tmp_path):
+    filtered = SampleOptions(settings=(7,), rig_filter=30.0, force_resolution=0.0)
+    still = dataclasses.replace(filtered, force_noise=0.0, displacement_noise=0.0)
+    [log], [quiet] = make_samples(tmp_path / "a", filtered), make_samples(tmp_path / "b", still)
+    gap = read(log)[3] - read(quiet)[3]
+    # white noise over 250 Hz, 30 Hz of it left (noise bandwidth of order 4: 1.026 corners)
+    assert np.std(gap) == pytest.approx(4.0 * np.sqrt(1.026 * 30 / 250), rel=0.15)
+
+
+def test_same_seed_same_bytes_other_seed_other_bytes(tmp_path):
+    options = SampleOptions(settings=(4, 11))
+    first = [log.read_bytes() for log in make_samples(tmp_path / "a", options)]
+    again = [log.read_bytes() for log in make_samples(tmp_path / "b", options)]
+    other = make_samples(tmp_path / "c", dataclasses.replace(options, seed=1))
+    assert first == again
+    assert all(log.read_bytes() != before for log, before in zip(other, first, strict=True))
+
+
+def test_a_log_does_not_depend_on_its_company(tmp_path):
+    alone = make_samples(tmp_path / "a", SampleOptions(settings=(11,)))
+    together = make_samples(tmp_path / "b", SampleOptions(settings=(2, 11)))
+    assert alone[0].read_bytes() == together[1].read_bytes()
+
+
+def test_any_damper_and_any_parameters(tmp_path):
+    damper = Damper(rod_diameter=0.0125, piston_diameter=0.036, gas_pressure=1.1e6)
+    parameters = {3: Parameters(8e3, 9e5, 1.2e6, 6e8, 20.0, f_0=135.0)}
+    options = dataclasses.replace(
+        CLEAN, settings=(3,), damper=damper, amplitude=0.02, frequency=2.5, sample_rate=1000.0
+    )
+    [log] = make_samples(tmp_path, options, parameters=parameters)
+    _, time, x, force, _ = read(log)
+    assert len(time) == 6000
+    assert np.max(x) == pytest.approx(0.02, rel=1e-3)
+    cycle = steady_cycle(parameters[3], damper, amplitude=0.02, frequency=2.5)
+    assert np.max(force) == pytest.approx(np.max(cycle.force(np.linspace(0, 1, 4000))), rel=1e-4)
+    assert "reference" not in (tmp_path / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"cycles": 0.0}, "cycles is 0.0; expected more than 0"),
+        ({"sample_rate": float("nan")}, "sample_rate is nan"),
+        ({"force_noise": -1.0}, "force_noise is -1.0; expected 0 or more"),
+        ({"displacement_resolution": float("inf")}, "displacement_resolution is inf"),
+        ({"settings": ()}, "at least one"),
+        ({"settings": (3, 3)}, "each once"),
+        ({"amplitude": 0.14}, "less than the chamber's length, 0.133 m"),
+        ({"rig_filter": 300.0}, "less than half the sample rate, 250 Hz"),
+        ({"seed": -1}, "seed is -1"),
+    ],
+)
+def test_options_that_make_no_log_are_refused(change, says):
+    with pytest.raises(ConfigurationError, match=says):
+        dataclasses.replace(CLEAN, **change)
+
+
+def test_a_setting_without_parameters_is_refused(tmp_path):
+    with pytest.raises(ConfigurationError, match=r"no parameters given for settings \[7\]"):
+        make_samples(tmp_path, CLEAN, parameters={1: SET_M})
+    with pytest.raises(ConfigurationError, match="1 to 20"):
+        make_samples(tmp_path, dataclasses.replace(CLEAN, settings=(21,)))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_stroke_without_room_for_the_gas_is_refused(tmp_path):
+    damper = dataclasses.replace(PURDY_DAMPER, gas_length=0.005)
+    with pytest.raises(SimulationError, match="gas"):
+        make_samples(tmp_path / "a", dataclasses.replace(CLEAN, damper=damper))
+    assert not list((tmp_path / "a").glob("*"))
+
+
+def test_a_folder_that_cannot_be_made(tmp_path):
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    with pytest.raises(OutputError, match="file"):
+        make_samples(tmp_path / "file", CLEAN)
+
+
+def test_threads_may_make_samples_at_once(tmp_path):
+    """No hidden state: two at once give what one gives alone."""
+    with ThreadPoolExecutor(2) as pool:
+        results = list(pool.map(lambda name: make_samples(tmp_path / name, CLEAN), ["a", "b"]))
+    assert results[0][0].read_bytes() == results[1][0].read_bytes()
+
+
+def test_samples_need_no_compiled_core():
+    code = (
+        "import sys, damperfit.samples; "
+        "sys.exit(any(m in sys.modules for m in ('damperfit.simulation', 'damperfit.damper._core',"
+        " 'pandas', 'pyarrow')))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
