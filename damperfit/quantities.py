@@ -1,0 +1,236 @@
+"""Unit names with their factors to SI: the only conversions in the program.
+
+Temperatures are degrees Celsius inside, as in `Recording`; every other dimension is SI.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from damperfit.errors import ConfigurationError, did_you_mean
+
+if TYPE_CHECKING:
+    from typing import TypeVar
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Number = TypeVar("Number", float, NDArray[np.float64])
+
+__all__ = [
+    "QuantityError",
+    "Unit",
+    "find_unit",
+    "is_unit",
+    "parse_quantity",
+    "units_of",
+]
+
+_INCH = 0.0254  # m, exact (international yard and pound agreement, 1959)
+_POUND = 0.45359237  # kg, exact (the same)
+_GRAVITY = 9.80665  # m/s^2, exact (standard gravity, CGPM 1901)
+
+
+class QuantityError(ConfigurationError, ValueError):
+    """A number or unit that cannot be understood; also a ValueError for validators."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """One unit: value in SI = factor * value + offset.
+
+    Attributes
+    ----------
+    symbol : str
+        Name shown to people.
+    dimension : str
+        As in "length" or "force".
+    factor, offset : float
+        To SI (temperature: to degrees Celsius). Only temperatures have an offset.
+
+    Examples
+    --------
+    >>> find_unit("kN", "force").to_si(1.5)
+    1500.0
+    """
+
+    symbol: str
+    dimension: str
+    factor: float
+    offset: float = 0.0
+
+    def to_si(self, value: Number) -> Number:
+        """Return the value, or the array of values, in SI."""
+        if self.factor == 1.0 and self.offset == 0.0:
+            return value
+        return value * self.factor + self.offset
+
+
+# Dimension -> spelling(s) divided by blanks -> factor (or factor and offset) to SI.
+# Case matters: MN and mN, or MPa and mPa, are a billion apart.
+_TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
+    "length": {
+        "m": 1.0,
+        "mm": 1e-3,
+        "cm": 1e-2,
+        "um µm μm": 1e-6,  # micro sign and Greek mu both occur
+        "in inch": _INCH,
+    },
+    "force": {
+        "N": 1.0,
+        "mN": 1e-3,
+        "kN": 1e3,
+        "lbf lb": _POUND * _GRAVITY,
+        "kgf kp": _GRAVITY,
+        "gf": 1e-3 * _GRAVITY,
+    },
+    "time": {"s sec Sec": 1.0, "ms msec": 1e-3, "us µs μs": 1e-6, "min": 60.0},
+    "pressure": {
+        "Pa": 1.0,
+        "kPa": 1e3,
+        "MPa": 1e6,
+        "GPa": 1e9,
+        "bar": 1e5,
+        "psi": _POUND * _GRAVITY / _INCH**2,
+    },
+    "frequency": {"Hz": 1.0, "kHz": 1e3},
+    "temperature": {
+        "degC °C ºC ˚C C": 1.0,  # the sign is U+00B0, U+00BA or U+02DA in real files
+        "degF °F ºF ˚F F": (5.0 / 9.0, -160.0 / 9.0),
+        "K": (1.0, -273.15),
+    },
+    "velocity": {"m/s m_per_s": 1.0, "mm/s mm_per_s": 1e-3},
+    "density": {"kg/m3 kg/m^3 kg/m³": 1.0, "g/cm3 g/cm^3 g/cm³": 1e3},
+    "voltage": {"V": 1.0, "mV": 1e-3},
+}
+
+
+def _build(dimension: str) -> dict[str, Unit]:
+    units = {}
+    for spellings, value in _TABLE[dimension].items():
+        factor, offset = value if isinstance(value, tuple) else (value, 0.0)
+        symbol = spellings.split()[0]
+        for spelling in spellings.split():
+            units[spelling] = Unit(symbol, dimension, factor, offset)
+    return units
+
+
+_UNITS = {dimension: _build(dimension) for dimension in _TABLE}
+_QUANTITY = re.compile(
+    r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[^\d\s.+-].*?)?\s*",
+    re.ASCII,
+)
+
+
+def units_of(dimension: str) -> tuple[str, ...]:
+    """Return the symbols of a dimension, without their other spellings.
+
+    Examples
+    --------
+    >>> units_of("frequency")
+    ('Hz', 'kHz')
+    """
+    return tuple(dict.fromkeys(unit.symbol for unit in _UNITS[dimension].values()))
+
+
+def is_unit(name: str) -> bool:
+    """Say whether any dimension has a unit of this name.
+
+    Examples
+    --------
+    >>> is_unit("mm"), is_unit("furlong")
+    (True, False)
+    """
+    return any(name in units for units in _UNITS.values())
+
+
+def find_unit(name: str, dimension: str) -> Unit:
+    """Return the unit of a dimension by its name.
+
+    Parameters
+    ----------
+    name : str
+        As in "mm" or "°C"; case matters.
+    dimension : str
+        "length", "force", "time", "pressure", "frequency", "temperature", "velocity", "density"
+        or "voltage".
+
+    Raises
+    ------
+    QuantityError
+        The dimension has no such unit.
+
+    Examples
+    --------
+    >>> find_unit("degF", "temperature").to_si(212.0)
+    100.0
+    """
+    units = _UNITS[dimension]
+    unit = units.get(name.strip())
+    if unit is None:
+        known = ", ".join(units_of(dimension))
+        hint = did_you_mean(name.strip(), units) or _same_letters(name.strip(), units)
+        raise QuantityError(f"no unit of {dimension} {name.strip()!r}; expected {known}.{hint}")
+    return unit
+
+
+def _same_letters(name: str, units: dict[str, Unit]) -> str:
+    """Return the hint for a name that differs in case only."""
+    near = [spelling for spelling in units if spelling.lower() == name.lower()]
+    return f" Did you mean {near[0]!r}?" if near else ""
+
+
+def parse_quantity(text: str | float, dimension: str) -> float:
+    """Return a number with an optional unit as a float in SI (temperature: degrees Celsius).
+
+    Parameters
+    ----------
+    text : str or float
+        As in "32mm", "1.5 Hz" or "0.032"; a bare number is SI.
+    dimension : str
+        As in `find_unit`.
+
+    Raises
+    ------
+    QuantityError
+        The text is no finite number with a unit of the dimension.
+
+    Examples
+    --------
+    >>> parse_quantity("32mm", "length")
+    0.032
+    >>> parse_quantity("4.6bar", "pressure")
+    460000.0
+    >>> parse_quantity("0.032", "length")
+    0.032
+    """
+    if isinstance(text, str):
+        found = _QUANTITY.fullmatch(text)
+        if found is None:
+            example = units_of(dimension)[0]
+            raise QuantityError(
+                f"{text!r} is no {dimension}; expected a finite number with a unit, "
+                f"as in 1.5{example}, or a bare number in {example}"
+            )
+        value = _converted(found["number"], found["unit"], dimension)
+    else:
+        value = float(text)
+    if not math.isfinite(value):
+        raise QuantityError(f"{text} is no finite {dimension}")
+    return value
+
+
+def _converted(digits: str, name: str | None, dimension: str) -> float:
+    """Return the nearest float to the decimal number times its unit: 4.6bar is 460000.0 Pa."""
+    number = float(digits)
+    if name is None:
+        return number
+    unit = find_unit(name, dimension)
+    if unit.offset != 0.0 or not 1e-200 < abs(number) < 1e200:  # Fraction(1e-999999) never ends
+        return unit.to_si(number)
+    from fractions import Fraction
+
+    return float(Fraction(digits) * Fraction(repr(unit.factor)))

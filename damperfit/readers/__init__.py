@@ -1,0 +1,56 @@
+"""Rig logs to `Recording`: any file gives right numbers in SI or one sentence saying why not."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from damperfit.errors import LogError
+from damperfit.readers.options import ReadOptions
+
+if TYPE_CHECKING:
+    import os
+
+    from damperfit.recording import Recording
+
+__all__ = ["ReadOptions", "read_log", "read_logs"]
+
+
+def read_logs(
+    path: str | os.PathLike[str], options: ReadOptions | None = None
+) -> tuple[Recording, ...]:
+    """Return every test in a log file, in SI, with the project's signs.
+
+    Parameters
+    ----------
+    path : path-like
+        Log of any known format (`damperfit.readers.formats.FORMATS`).
+    options : ReadOptions, optional
+        Declared columns, units, signs and setting.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read as force and displacement over time; one line that says why.
+    """
+    from damperfit.readers.assembly import make_recording
+    from damperfit.readers.files import read_source
+    from damperfit.readers.formats import find_format
+
+    chosen = ReadOptions() if options is None else options
+    source = read_source(path, max_bytes=chosen.max_bytes)
+    tables = find_format(source).read(source, chosen)
+    return tuple(make_recording(table, source, chosen) for table in tables)
+
+
+def read_log(path: str | os.PathLike[str], options: ReadOptions | None = None) -> Recording:
+    """Return the one test in a log file, in SI, with the project's signs.
+
+    Raises
+    ------
+    LogError
+        As `read_logs`; also when the file holds several tests.
+    """
+    recordings = read_logs(path, options)
+    if len(recordings) != 1:
+        raise LogError(f"{path}: holds {len(recordings)} tests; expected one")
+    return recordings[0]

@@ -1,0 +1,261 @@
+"""Which column is which channel, and in which unit: from names, units rows and declarations."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+from damperfit.errors import LogError, did_you_mean
+from damperfit.quantities import QuantityError, Unit, find_unit, is_unit, units_of
+from damperfit.readers.options import CHANNELS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from damperfit.readers.options import ReadOptions
+    from damperfit.readers.table import Column
+
+__all__ = ["ChannelChoice", "choose_channels", "mentions_channel", "split_name", "visible"]
+
+_WORDS = {
+    "time": ("time", "t", "elapsed", "seconds", "zeit", "tout"),
+    "displacement": (
+        "displacement", "disp", "position", "pos", "stroke", "travel", "extension", "x",
+        "distance", "dist", "weg",
+    ),
+    "force": ("force", "load", "f", "forc", "kraft"),
+    "temperature": ("temperature", "temp", "temperatur"),
+    "setting": ("setting",),
+}  # fmt: skip
+_OPTIONAL = ("temperature", "setting")
+_IN_BRACKETS = re.compile(r"(?P<base>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]]\s*", re.DOTALL)
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelChoice:
+    """Where a channel comes from.
+
+    Attributes
+    ----------
+    index : int
+        Column, from 0.
+    name : str
+        Column as the log names it, or its number.
+    unit : Unit or None
+        None for the setting, which has no unit.
+    note : str
+        What was assumed; empty when the name says it all.
+    """
+
+    index: int
+    name: str
+    unit: Unit | None
+    note: str = ""
+
+
+def visible(text: str, *, limit: int = 60) -> str:
+    """Return text from a log in quotes, control characters escaped, shortened.
+
+    Examples
+    --------
+    >>> visible("a" * 70, limit=5)
+    "'aaaaa...'"
+    """
+    return repr(text if len(text) <= limit else text[:limit] + "...")
+
+
+def split_name(name: str) -> tuple[str, str | None]:
+    """Return a column's name and the unit inside it.
+
+    Examples
+    --------
+    >>> split_name("force_N"), split_name("Force (kN)"), split_name("Axial Force")
+    (('force', 'N'), ('Force', 'kN'), ('Axial Force', None))
+    """
+    if found := _IN_BRACKETS.fullmatch(name):
+        return found["base"], found["unit"] or None
+    for mark in ("_", "/", ",", " "):
+        start = name.find(mark)
+        while start > 0:
+            unit = name[start + 1 :].strip()
+            if is_unit(unit):
+                return name[:start].strip(), unit
+            start = name.find(mark, start + 1)
+    return name, None
+
+
+def _words(base: str) -> list[str]:
+    return [word.lower() for word in re.split(r"[\W_]+", _CAMEL.sub(" ", base)) if word]
+
+
+def mentions_channel(names: Iterable[str]) -> bool:
+    """Say whether any of the names could be a channel's."""
+    known = {word for words in _WORDS.values() for word in words}
+    return any(known.intersection(_words(split_name(name)[0])) for name in names)
+
+
+def choose_channels(
+    columns: Sequence[Column], options: ReadOptions, *, where: str
+) -> tuple[dict[str, ChannelChoice], tuple[str, ...]]:
+    """Return the column of each channel that the log has, and notes.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        As in the log.
+    options : ReadOptions
+        Declared columns and units.
+    where : str
+        Log and line for messages.
+
+    Raises
+    ------
+    LogError
+        A needed channel is missing or there are several; a unit is missing, unknown or of
+        another dimension.
+    """
+    chosen: dict[str, ChannelChoice] = {}
+    notes: list[str] = []
+    for channel in _WORDS:
+        declared = options.columns.get(channel)
+        if declared is not None:
+            index = _declared_index(channel, declared, columns, where)
+        else:
+            index, note = _found_index(channel, columns, where)
+            if note:
+                notes.append(note)
+        if index is None:
+            continue
+        choice = _with_unit(channel, index, columns[index], options, where)
+        if choice.note and (choice.unit is None and channel == "temperature"):
+            notes.append(choice.note)
+            continue
+        chosen[channel] = choice
+        if declared is not None:
+            notes.append(f"{channel}: column {choice.name}, as declared")
+        if choice.note:
+            notes.append(choice.note)
+    return chosen, tuple(notes)
+
+
+def _label(index: int, column: Column) -> str:
+    return visible(column.name) if column.name else f"number {index + 1}"
+
+
+def _listed(columns: Sequence[Column]) -> str:
+    shown = [_label(i, column) for i, column in enumerate(columns[:20])]
+    return ", ".join(shown) + (", ..." if len(columns) > 20 else "")
+
+
+def _declared_index(
+    channel: str, declared: str | int, columns: Sequence[Column], where: str
+) -> int:
+    if isinstance(declared, int):
+        if not 1 <= declared <= len(columns):
+            raise LogError(
+                f"{where}: {channel} is declared as column {declared}, "
+                f"but there are {len(columns)} columns"
+            )
+        return declared - 1
+    found = [i for i, column in enumerate(columns) if column.name == declared.strip()]
+    if not found:
+        hint = did_you_mean(declared, [column.name for column in columns])
+        raise LogError(
+            f"{where}: no column {visible(declared)} for {channel}; "
+            f"there are {_listed(columns)}.{hint}"
+        )
+    if len(found) > 1:
+        raise LogError(_duplicate(channel, found, columns, where))
+    return found[0]
+
+
+def _duplicate(channel: str, found: Sequence[int], columns: Sequence[Column], where: str) -> str:
+    numbers = " and ".join(str(i + 1) for i in found)
+    return (
+        f"{where}: columns {numbers} are both named {visible(columns[found[0]].name)}; "
+        f"declare the number of the one that is the {channel}"
+    )
+
+
+def _found_index(
+    channel: str, columns: Sequence[Column], where: str
+) -> tuple[int | None, str]:
+    """Return the best column by unit first, then by fewest words beside the channel's own."""
+    ranked: list[tuple[bool, int, int]] = []
+    for i, column in enumerate(columns):
+        base, unit = split_name(column.name)
+        words = _words(base)
+        hits = [w for w in words if w in _WORDS[channel] and (len(w) > 1 or len(words) == 1)]
+        if hits:
+            has_unit = _is_unit_of(column.unit or unit, channel)
+            ranked.append((not has_unit, len(words) - len(hits), i))
+    if not ranked:
+        if channel in _OPTIONAL:
+            return None, ""
+        raise LogError(_missing(channel, columns, where))
+    best = min(ranked)[:2]
+    found = [i for *rank, i in ranked if tuple(rank) == best]
+    if len(found) == 1:
+        base = split_name(columns[found[0]].name)[0]
+        is_plain = base.lower() == channel
+        note = "" if is_plain else f"{channel}: column {_label(found[0], columns[found[0]])}"
+        return found[0], note
+    if len({columns[i].name for i in found}) == 1:
+        raise LogError(_duplicate(channel, found, columns, where))
+    names = " or ".join(_label(i, columns[i]) for i in found)
+    if channel == "temperature":
+        return None, f"temperature: left out; it could be column {names}: declare which"
+    raise LogError(f"{where}: {channel} could be column {names}; declare which")
+
+
+def _is_unit_of(unit: str | None, channel: str) -> bool:
+    if unit is None or channel not in CHANNELS:
+        return False
+    try:
+        find_unit(unit, CHANNELS[channel])
+    except QuantityError:
+        return False
+    return True
+
+
+def _missing(channel: str, columns: Sequence[Column], where: str) -> str:
+    if not any(column.name for column in columns):
+        return (
+            f"{where}: the columns have no names; declare the column numbers and units of "
+            "time, displacement and force"
+        )
+    bases = {split_name(column.name)[0].lower(): column.name for column in columns}
+    near = [m for word in _WORDS[channel] for m in get_close_matches(word, bases, 1, 0.7)]
+    hint = f" Did you mean {visible(bases[near[0]])}?" if near else ""
+    return f"{where}: no column for {channel}; there are {_listed(columns)}.{hint}"
+
+
+def _with_unit(
+    channel: str, index: int, column: Column, options: ReadOptions, where: str
+) -> ChannelChoice:
+    name = _label(index, column)
+    if channel == "setting":
+        return ChannelChoice(index, name, None)
+    dimension = CHANNELS[channel]
+    inside = split_name(column.name)[1]
+    found = column.unit or inside
+    declared = options.units.get(channel)
+    if declared is not None:
+        unit = find_unit(declared, dimension)
+        is_other = _is_unit_of(found, channel) and find_unit(found or "", dimension) != unit
+        said = f" although the log says {found}" if is_other else ""
+        return ChannelChoice(index, name, unit, f"{channel}: unit {declared}, as declared{said}")
+    if found is None:
+        if channel == "temperature":
+            return ChannelChoice(index, name, None, "temperature: left out; it has no unit")
+        raise LogError(
+            f"{where}: column {name} has no unit, needed for {channel}; write it into the name, "
+            f"as in {channel}_{units_of(dimension)[0]}, or declare it"
+        )
+    try:
+        return ChannelChoice(index, name, find_unit(found, dimension))
+    except QuantityError as error:
+        raise LogError(f"{where}: column {name}: {error}") from error

@@ -1,0 +1,286 @@
+"""How a text log is written: separator, decimal mark, names row, units row, first row of data.
+
+Found from the first lines. The first row of data is where rows of mostly numbers with one count
+of fields begin; the names stand above it.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from damperfit.errors import LogError
+from damperfit.quantities import is_unit
+from damperfit.readers.channels import mentions_channel, visible
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["Dialect", "Line", "fields_of", "find_dialect", "head_lines"]
+
+_HEAD_BYTES = 262_144
+_HEAD_LINES = 400
+_MAX_COLUMNS = 2_000
+_SEPARATORS = (",", ";", "\t", "|", " ")  # blank: runs of blanks and tabs
+_NAMES = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
+_POINT = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_COMMA = re.compile(r"[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_NOT_A_NUMBER = frozenset({"nan", "+nan", "-nan", "inf", "+inf", "-inf"})
+_STAMP = re.compile(r"\d+[-/.:]\d+[-/.:]\d.*", re.ASCII | re.DOTALL)
+_ENTRY = re.compile(r"[#%;\s]*(?P<key>[^:=,;\t]{1,60}?)\s*[:=]\s*(?P<value>.*?)[\s;,]*")
+_LINE = re.compile(rb"([^\r\n]*)(\r\n|\n|\r|\Z)")
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line of the head that is not blank.
+
+    Attributes
+    ----------
+    number : int
+        From 1, blank lines counted.
+    offset : int
+        Byte where it starts.
+    text : str
+        Without its end.
+    """
+
+    number: int
+    offset: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """How a text log is written.
+
+    Attributes
+    ----------
+    separator, decimal : str
+        One character each; separator " " is any run of blanks.
+    names, units : tuple of str
+        Rows above the data; empty when the log has none.
+    names_line, data_line : int
+        Line numbers from 1; names_line is 0 without names.
+    data_offset : int
+        Byte where the first row of data starts.
+    preamble : tuple of str
+        Lines above the names.
+    """
+
+    separator: str
+    decimal: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    names_line: int
+    data_line: int
+    data_offset: int
+    preamble: tuple[str, ...]
+
+    def notes(self) -> tuple[str, ...]:
+        """Return what differs from comma, point and '#' lines."""
+        found = []
+        if self.separator != ",":
+            found.append(f"separator: {_NAMES[self.separator]}")
+        if self.decimal != ".":
+            found.append("decimal mark: comma")
+        foreign = sum(not line.lstrip().startswith("#") for line in self.preamble)
+        if foreign:
+            found.append(f"preamble: {foreign} lines above the names")
+        return tuple(found)
+
+    def metadata(self) -> dict[str, str]:
+        """Return the ``key: value`` lines of the preamble, keys in lower case."""
+        pairs = (_ENTRY.fullmatch(line) for line in self.preamble)
+        return {
+            pair["key"].strip("#%\" '").lower(): pair["value"].strip('" ')
+            for pair in pairs
+            if pair is not None
+        }
+
+
+def head_lines(data: bytes, *, name: str) -> list[Line]:
+    """Return the first lines of UTF-8 text that are not blank.
+
+    Raises
+    ------
+    LogError
+        The first line does not end, or there is no text.
+    """
+    lines: list[Line] = []
+    end = min(len(data), _HEAD_BYTES)
+    for number, found in enumerate(_LINE.finditer(data, 0, end), start=1):
+        is_cut = found.end() == end < len(data)
+        if is_cut and not lines:
+            raise LogError(f"{name}, line {number}: longer than {_HEAD_BYTES} bytes; no log")
+        if is_cut or len(lines) == _HEAD_LINES:
+            break
+        text = found[1].decode("utf-8", "replace")
+        if text.strip():
+            lines.append(Line(number, found.start(), text))
+    if not lines:
+        raise LogError(f"{name}: nothing but blank lines")
+    return lines
+
+
+def fields_of(text: str, separator: str) -> list[str]:
+    """Return the fields of one line, without quotes and blanks around them."""
+    if separator == " ":
+        return text.replace('"', "").split()
+    if '"' in text:
+        try:
+            row = next(csv.reader([text], delimiter=separator, skipinitialspace=True))
+        except (csv.Error, StopIteration):
+            row = text.split(separator)
+        return [field.strip().strip('"').strip() for field in row]
+    return [field.strip() for field in text.split(separator)]
+
+
+def _is_value(field: str, separator: str) -> bool:
+    return bool(
+        _POINT.fullmatch(field)
+        or (separator != "," and _COMMA.fullmatch(field))
+        or field.lower() in _NOT_A_NUMBER
+        or _STAMP.fullmatch(field)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    line: Line
+    fields: list[str]
+    share: float  # of the fields that are not blank, how many are values
+
+    @property
+    def is_data(self) -> bool:
+        return self.share >= 0.5
+
+
+def _rows(lines: Sequence[Line], separator: str) -> list[_Row]:
+    rows = []
+    for line in lines:
+        fields = fields_of(line.text, separator)
+        filled = [field for field in fields if field]
+        values = sum(_is_value(field, separator) for field in filled)
+        is_comment = line.text.lstrip().startswith(("#", "%", "//"))
+        share = 0.0 if is_comment or not filled else values / len(filled)
+        rows.append(_Row(line, fields, share))
+    return rows
+
+
+def _first_data(rows: Sequence[_Row]) -> int | None:
+    """Return the first of the rows of data, or None.
+
+    It must be followed by rows with as many fields; rows of numbers right above it with another
+    count belong to the data too (they are ragged, and said to be so later).
+    """
+    for i, row in enumerate(rows):
+        ahead = rows[i : i + 4]
+        same = [r for r in ahead if r.is_data and len(r.fields) == len(row.fields)]
+        if row.is_data and len(row.fields) >= 2 and len(same) >= min(3, len(ahead)):
+            while i > 0 and rows[i - 1].is_data and len(rows[i - 1].fields) >= 2:
+                i -= 1
+            return i
+    return None
+
+
+def find_dialect(lines: Sequence[Line], *, name: str) -> Dialect:
+    """Return how a log is written.
+
+    Raises
+    ------
+    LogError
+        There are no rows of numbers.
+    """
+    best: tuple[float, str, list[_Row], int] | None = None
+    for separator in _SEPARATORS:
+        if separator != " " and not any(separator in line.text for line in lines):
+            continue
+        rows = _rows(lines, separator)
+        start = _first_data(rows)
+        if start is None:
+            continue
+        # Averaged over all lines, so that a separator that fits some of them does not win.
+        score = sum(row.share for row in rows[start:] if len(row.fields) >= 2)
+        if best is None or score > best[0] + 1e-9:
+            best = (score, separator, rows, start)
+    if best is None:
+        raise LogError(_no_data(lines, name))
+    return _dialect(best[1], best[2], best[3], name)
+
+
+def _no_data(lines: Sequence[Line], name: str) -> str:
+    for line in reversed(lines):
+        for separator in _SEPARATORS:
+            fields = fields_of(line.text, separator)
+            if len(fields) >= 2 and mentions_channel(fields) and ":" not in line.text:
+                return f"{name}: no data rows after the names in line {line.number}"
+    return f"{name}: no rows of numbers found; line {lines[0].number} is {visible(lines[0].text)}"
+
+
+def _dialect(separator: str, rows: Sequence[_Row], start: int, name: str) -> Dialect:
+    first = rows[start]
+    if len(first.fields) > _MAX_COLUMNS:
+        raise LogError(
+            f"{name}, line {first.line.number}: {len(first.fields)} columns, more than the limit "
+            f"of {_MAX_COLUMNS}"
+        )
+    start, names_at, units_at = _heading(rows, start)
+    names = rows[names_at].fields if names_at is not None else []
+    units = rows[units_at].fields if units_at is not None else []
+    if names and names[0].startswith("#"):
+        names = [names[0].lstrip("# "), *names[1:]]
+    top = start if names_at is None else names_at
+    return Dialect(
+        separator=separator,
+        decimal=_decimal(rows[start:], separator),
+        names=tuple(names),
+        units=tuple(unit.strip("()[] ") for unit in units),
+        names_line=0 if names_at is None else rows[names_at].line.number,
+        data_line=rows[start].line.number,
+        data_offset=rows[start].line.offset,
+        preamble=tuple(row.line.text for row in rows[:top]),
+    )
+
+
+def _heading(rows: Sequence[_Row], start: int) -> tuple[int, int | None, int | None]:
+    """Return the first row of data, the names row and the units row.
+
+    Text rows right above the numbers are names, units, or rows of data with text in them.
+    """
+    n = len(rows[start].fields)
+    above = start
+    while above > 0 and start - above < 3 and _is_heading(rows[above - 1], n):
+        above -= 1
+    candidates = range(above, start)
+    names_at = next((i for i in reversed(candidates) if mentions_channel(rows[i].fields)), None)
+    if names_at is None:
+        names_at = start - 1 if candidates else None
+        return start, names_at, None
+    if names_at + 1 < start and _is_units_row(rows[names_at + 1].fields):
+        return names_at + 2, names_at, names_at + 1
+    return names_at + 1, names_at, None
+
+
+def _is_heading(row: _Row, n_fields: int) -> bool:
+    is_near = abs(len(row.fields) - n_fields) <= 1
+    is_entry = row.line.text.lstrip().startswith("#") and not mentions_channel(row.fields)
+    return len(row.fields) >= 2 and is_near and not is_entry
+
+
+def _is_units_row(fields: Sequence[str]) -> bool:
+    stripped = [field.strip("()[] ") for field in fields]
+    return any(is_unit(field) for field in stripped) and not mentions_channel(
+        field for field in stripped if not is_unit(field)
+    )
+
+
+def _decimal(rows: Sequence[_Row], separator: str) -> str:
+    if separator == ",":
+        return "."
+    fields = [field for row in rows for field in row.fields]
+    commas = sum(bool(_COMMA.fullmatch(field)) for field in fields)
+    points = sum("." in field and bool(_POINT.fullmatch(field)) for field in fields)
+    return "," if commas > points else "."

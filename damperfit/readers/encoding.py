@@ -1,0 +1,70 @@
+"""Bytes of a text log to UTF-8, or the reason why they are no text."""
+
+from __future__ import annotations
+
+import codecs
+import re
+
+from damperfit.errors import LogError
+
+__all__ = ["to_utf8"]
+
+_UTF16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+_CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f\x7f]")
+_HEAD = 4096  # bytes looked at for signs of binary data
+
+
+def to_utf8(data: bytes, *, name: str) -> tuple[bytes, tuple[str, ...]]:
+    """Return text as UTF-8 without byte order mark, and notes.
+
+    Raises
+    ------
+    LogError
+        The bytes are a web page, binary, or hold NUL.
+    """
+    notes: tuple[str, ...] = ()
+    if data.startswith(codecs.BOM_UTF8):
+        data = data[len(codecs.BOM_UTF8) :]
+    elif data[:2] in _UTF16:
+        encoding = _UTF16[data[:2]]
+        data = _decoded(data[2:], encoding, name)
+        notes = (f"encoding: {encoding.upper()}",)
+    _refuse_pages(data, name)
+    _refuse_nul(data, name)
+    if _CONTROL.search(data, 0, _HEAD):
+        raise LogError(f"{name}: binary data, no text and no format that is known")
+    if not data.isascii():
+        try:
+            data.decode("utf-8")
+        except UnicodeDecodeError:
+            data = data.decode("latin-1").encode("utf-8")
+            notes = (*notes, "encoding: not UTF-8, read as Latin-1")
+    return data, notes
+
+
+def _decoded(data: bytes, encoding: str, name: str) -> bytes:
+    try:
+        return data.decode(encoding).encode("utf-8")
+    except UnicodeError as error:
+        raise LogError(f"{name}: starts like {encoding.upper()} but is not valid") from error
+
+
+def _refuse_pages(data: bytes, name: str) -> None:
+    start = data[:200].lstrip().lower()
+    if start.startswith((b"<!doctype html", b"<html", b"<head", b"<body")):
+        raise LogError(f"{name}: this is HTML, a web page and no log; download the log again")
+    if start.startswith(b"<?xml"):
+        raise LogError(f"{name}: this is XML; export the log as delimited text")
+
+
+def _refuse_nul(data: bytes, name: str) -> None:
+    offset = data.find(b"\0")
+    if offset < 0:
+        return
+    head = data[:64]
+    if len(head) >= 8 and (not any(head[1::2]) or not any(head[::2])):
+        raise LogError(
+            f"{name}: looks like UTF-16 without a byte order mark; save the log as UTF-8"
+        )
+    line = data.count(b"\n", 0, offset) + 1
+    raise LogError(f"{name}, line {line}: NUL byte at byte offset {offset}; the file is damaged")

@@ -1,0 +1,96 @@
+"""Bytes of a log: read once, within a limit, and hashed."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from damperfit.errors import LogError
+
+if TYPE_CHECKING:
+    from io import FileIO
+
+__all__ = ["Source", "read_source"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Source:
+    """A file in memory.
+
+    Attributes
+    ----------
+    name, path : str
+        File name for messages, and the path as given.
+    data : bytes
+        The whole content.
+    sha256 : str
+        Hash of the file's bytes, hexadecimal.
+    """
+
+    name: str
+    path: str
+    data: bytes
+    sha256: str
+
+
+def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
+    """Return a regular file's bytes.
+
+    Raises
+    ------
+    LogError
+        The file is missing, is no regular file, cannot be read, is empty or too large, or
+        changes while it is read.
+    """
+    shown = os.fsencode(path).decode("utf-8", "backslashreplace")
+    if "\0" in shown:
+        raise LogError(f"{shown!r}: a path cannot hold a NUL character")
+    name = Path(shown).name or shown
+    try:
+        # Without O_NONBLOCK, opening a FIFO waits for its writer for ever.
+        flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+        with open(os.open(path, flags), "rb", buffering=0) as file:
+            data = _content(file, shown, max_bytes)
+    except FileNotFoundError as error:
+        raise LogError(f"{shown}: no such file") from error
+    except IsADirectoryError as error:
+        raise LogError(f"{shown}: is a folder; name the logs in it") from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise LogError(f"{shown}: file unreadable: {reason}") from error
+    return Source(name, shown, data, hashlib.sha256(data).hexdigest())
+
+
+def _content(file: FileIO, shown: str, max_bytes: int) -> bytes:
+    before = os.fstat(file.fileno())
+    if stat.S_ISDIR(before.st_mode):
+        raise LogError(f"{shown}: is a folder; name the logs in it")
+    if not stat.S_ISREG(before.st_mode):
+        raise LogError(f"{shown}: is no regular file (a pipe or device); give a file on disk")
+    if before.st_size > max_bytes:
+        raise LogError(
+            f"{shown}: {before.st_size} bytes, more than the limit of {max_bytes} (max_bytes)"
+        )
+    # A file that says it is empty may not be (/proc); one byte more shows a file that grows.
+    data = _read_up_to(file, min(before.st_size, max_bytes) + 1)
+    after = os.fstat(file.fileno())
+    if len(data) != before.st_size or (before.st_size, before.st_mtime_ns) != (
+        after.st_size,
+        after.st_mtime_ns,
+    ):
+        raise LogError(f"{shown}: file changed during read; wait until the rig has written it")
+    if not data:
+        raise LogError(f"{shown}: empty file (0 bytes)")
+    return data
+
+
+def _read_up_to(file: FileIO, n_bytes: int) -> bytes:
+    parts = []
+    while n_bytes > 0 and (part := file.read(n_bytes)):
+        parts.append(part)
+        n_bytes -= len(part)
+    return parts[0] if len(parts) == 1 else b"".join(parts)

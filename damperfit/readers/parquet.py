@@ -1,0 +1,110 @@
+"""Parquet logs: same column names as text, units also from field metadata.
+
+Page checksums are verified: without that, one flipped bit changes a value and nothing is said.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from damperfit.errors import LogError
+from damperfit.readers.channels import visible
+from damperfit.readers.table import Column, Table
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from damperfit.readers.files import Source
+    from damperfit.readers.options import ReadOptions
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["read_parquet"]
+
+_MAGIC = b"PAR1"
+
+
+def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
+    """Return the table of a Parquet log.
+
+    Raises
+    ------
+    LogError
+        The file is cut or damaged, or says it holds more than the limit.
+    """
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    name = source.name
+    if len(source.data) < 12 or not source.data.endswith(_MAGIC):
+        raise LogError(f"{name}: truncated Parquet; the end of the file is missing")
+    try:
+        file = parquet.ParquetFile(
+            pa.BufferReader(source.data), page_checksum_verification=True
+        )
+        schema = file.schema_arrow
+        metadata = _texts(schema.metadata)
+        fields = [schema.field(i) for i in range(len(schema))]
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise LogError(f"{name}: damaged Parquet: {_first_line(error)}") from error
+    n_rows = file.metadata.num_rows
+    claimed = max(n_rows, 0) * 8 * 4  # four channels of float64 are all that is ever loaded
+    if claimed > options.max_bytes:
+        raise LogError(
+            f"{name}: {n_rows} rows, more than the limit of {options.max_bytes} bytes allows "
+            "(max_bytes)"
+        )
+    return (
+        Table(
+            columns=tuple(Column(f.name.strip(), _texts(f.metadata).get("unit")) for f in fields),
+            load=lambda wanted: _load(file, fields, wanted, name),
+            place=lambda index: f"row {index + 1}",
+            metadata=metadata,
+        ),
+    )
+
+
+def _texts(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
+    """Return what is short readable text, keys in lower case."""
+    texts = {}
+    for key, value in (metadata or {}).items():
+        if len(value) <= 1000 and not key.startswith((b"ARROW:", b"PARQUET:", b"pandas")):
+            texts[key.decode("utf-8", "replace").lower()] = value.decode("utf-8", "replace")
+    return texts
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0][:200]
+
+
+def _load(
+    file: Any, fields: list[Any], wanted: Mapping[str, int], name: str
+) -> dict[str, FloatArray]:
+    import pyarrow as pa
+
+    for channel, index in wanted.items():
+        kind = fields[index].type
+        is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind)
+        if not (is_number or pa.types.is_decimal(kind)):
+            raise LogError(f"{name}: {channel} is of type {kind}, expected numbers")
+    columns = sorted({fields[index].name for index in wanted.values()})
+    try:
+        table = file.read(columns=columns, use_threads=False)
+        table.validate(full=True)
+        return {
+            channel: _floats(table.column(fields[index].name)) for channel, index in wanted.items()
+        }
+    except (pa.ArrowException, OSError, ValueError, KeyError) as error:
+        found = visible(_first_line(error), limit=200)
+        raise LogError(f"{name}: damaged Parquet: {found}; copy the log again") from error
+
+
+def _floats(column: Any) -> FloatArray:
+    import pyarrow as pa
+
+    values = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
+    return np.asarray(values, dtype=np.float64)
