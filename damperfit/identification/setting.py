@@ -250,9 +250,7 @@ def _outcome(misfit: Misfit, solution: Solution, status: Mapping[str, str]) -> O
     return Outcome.CONVERGED
 
 
-def describe_fit(
-    setting: int, judged: Judged, misfit: Misfit, warnings: tuple[str, ...] = ()
-) -> Fit:
+def describe_fit(setting: int, judged: Judged, misfit: Misfit) -> Fit:
     """Return the `Fit` of a judged solution: figures per log, cavitation, margin."""
     parameters = judged.solution.parameters
     logs, empty, misses, floors = [], 0, [], []
@@ -281,5 +279,15 @@ def describe_fit(
             parameters, misfit.traces[0], misfit.damper, solver=misfit.solver
         ),
         logs=tuple(logs),
-        warnings=warnings,
+        warnings=_warnings(judged.solution),
+    )
+
+
+def _warnings(solution: Solution) -> tuple[str, ...]:
+    if not solution.failed_trials:
+        return ()
+    p = solution.parameters
+    return (
+        f"{solution.failed_trials} trial points could not be simulated, near R_m1 {p.r_m1:.3g}, "
+        f"R_m2 {p.r_m2:.3g}, R_m3 {p.r_m3:.3g}, K_e {p.k_e:.3g}.",
     )

@@ -1,0 +1,66 @@
+"""Traces of known dampers for the tests: simulated tightly, with noise, conditioned as logs are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from damperfit.conditioning import ConditionOptions, condition
+from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.reference import reference_parameters
+from damperfit.recording import Recording, Trace
+from damperfit.simulation import Motion, SolverOptions, simulate
+
+AMPLITUDE, FREQUENCY = 0.032, 1.5
+TIGHT = SolverOptions(tolerance=1e-6)
+
+
+def recording(  # noqa: PLR0913
+    setting: int,
+    parameters: Parameters | None = None,
+    *,
+    damper: Damper = PURDY_DAMPER,
+    noise: float = 0.0,
+    rate: float = 1000.0,
+    duration: float = 10.0,
+    seed: int = 1,
+    amplitude: float = AMPLITUDE,
+) -> Recording:
+    """Return a log of the standard test that starts in mid-cycle; noise in N, and 2 um per N."""
+    random = np.random.default_rng([seed, setting])
+    lead = round(2.0 / FREQUENCY * rate)
+    n = round(duration * rate)
+    omega = 2.0 * np.pi * FREQUENCY
+    angle = omega * np.arange(n + lead) / rate + random.uniform(0.0, 2.0 * np.pi)
+    x, v = amplitude * np.sin(angle), amplitude * omega * np.cos(angle)
+    truth = parameters or reference_parameters(setting)
+    force = simulate(truth, damper, Motion(1.0 / rate, x, v), options=TIGHT).force[lead:]
+    return Recording(
+        name=f"setting_{setting:02d}.csv",
+        path="",
+        sha256="",
+        setting=setting,
+        time=np.arange(n) / rate,
+        displacement=x[lead:] + 2e-6 * noise * random.standard_normal(n),
+        force=force + noise * random.standard_normal(n),
+    )
+
+
+def trace(setting: int, parameters: Parameters | None = None, **kwargs: object) -> Trace:
+    """Return the conditioned log."""
+    log = recording(setting, parameters, **kwargs)  # type: ignore[arg-type]
+    return condition(log, ConditionOptions())
+
+
+def traces(settings: Sequence[int], **kwargs: object) -> list[Trace]:
+    """Return one trace for each setting of the reference set."""
+    return [trace(setting, **kwargs) for setting in settings]
+
+
+def errors(found: Parameters, truth: Parameters) -> dict[str, float]:
+    """Return relative errors by name."""
+    return {
+        name: getattr(found, name) / getattr(truth, name) - 1.0
+        for name in ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
+    }

@@ -1,0 +1,205 @@
+"""Known parameters come back: noise-free to 1e-6, noisy to the bars of the paper's procedure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfilt, sosfiltfilt
+
+from damperfit.conditioning import ConditionOptions, condition
+from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.reference import reference_parameters
+from damperfit.identification import FitOptions, Outcome, identify
+from damperfit.identification.descent import Misfit, descend
+from damperfit.simulation import SolverOptions
+from tests.identification.rig import errors, recording, trace, traces
+
+FREE = ("r_m1", "r_m2", "k_e")
+KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
+
+
+def _misfit(setting: int) -> Misfit:
+    return Misfit(
+        (trace(setting, duration=4.0),),
+        PURDY_DAMPER,
+        FREE,
+        SolverOptions(tolerance=1e-2),
+        max_evaluations=100,
+        cancelled=lambda: False,
+    )
+
+
+@pytest.mark.parametrize("setting", [1, 10, 20])
+@pytest.mark.parametrize("factor", [0.3, 3.0])
+def test_noise_free_recovery_from_far_starts(setting: int, factor: float) -> None:
+    truth = reference_parameters(setting)
+    start = replace(truth, **{name: factor * getattr(truth, name) for name in FREE})
+    found = errors(descend(_misfit(setting), start).parameters, truth)
+    assert abs(found["r_m1"]) < 1e-6
+    assert abs(found["r_m2"]) < 1e-6
+    assert abs(found["k_e"]) < 1e-4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("setting", range(1, 21))
+@pytest.mark.parametrize("factor", [0.3, 0.6, 1.5, 3.0])
+def test_noise_free_recovery_at_every_setting(setting: int, factor: float) -> None:
+    test_noise_free_recovery_from_far_starts(setting, factor)
+
+
+def test_paper_procedure_recovers_all_twenty_settings_from_noisy_logs() -> None:
+    # 4 N and 8 um rms at 1 kHz. The scatter of K_e is 0.55 % at setting 1 (measured over seeds),
+    # so that its bar of 1 % is below two standard errors there; this seed is an ordinary one.
+    campaign = identify(traces(range(1, 21), noise=4.0), PURDY_DAMPER, jobs=2)
+    assert [fit.setting for fit in campaign.fits] == list(range(1, 21))
+    assert campaign.warnings == ()
+    assert campaign.is_complete
+    for fit in campaign.fits:
+        found = errors(fit.parameters, reference_parameters(fit.setting))
+        assert fit.outcome is Outcome.CONVERGED
+        assert abs(found["r_m1"]) < 1e-3, fit.setting
+        assert abs(found["r_m2"]) < 3e-3, fit.setting
+        assert abs(found["k_e"]) < 1e-2, fit.setting
+        assert abs(found["r_m3"]) < 1e-2
+        assert abs(found["f_f"]) < 2e-2
+        assert fit.mse_percent < 0.01
+        assert fit.noise_floor_percent < 1.5 * fit.mse_percent
+        assert fit.cavitation_fraction == 0.0
+        # Onset lies at 2.597e6/0.85: the paper's "about 15 %".
+        assert fit.r_m3_cavitation_margin == pytest.approx(1 / 0.85 - 1, abs=0.025)
+
+
+@pytest.mark.parametrize("kind", ["causal", "zero_phase"])
+def test_logs_that_the_rig_has_filtered(kind: str) -> None:
+    sections = butter(4, 30.0, fs=1000.0, output="sos")
+    run = sosfilt if kind == "causal" else sosfiltfilt
+    logs = []
+    for setting in (1, 8, 20):
+        raw = recording(setting, noise=4.0, duration=12.0)
+        logs.append(
+            replace(
+                raw,
+                displacement=run(sections, raw.displacement),
+                force=run(sections, raw.force),
+            )
+        )
+    declared = ConditionOptions(rig_filter=kind)
+    campaign = identify([condition(log, declared) for log in logs], PURDY_DAMPER)
+    for fit in campaign.fits:
+        found = errors(fit.parameters, reference_parameters(fit.setting))
+        assert abs(found["r_m1"]) < 1.5e-3
+        assert abs(found["r_m2"]) < 4e-3
+        assert abs(found["k_e"]) < 1.5e-2
+        assert abs(found["r_m3"]) < 1e-2
+        assert abs(found["f_f"]) < 2e-2
+
+
+def test_the_stiff_settings_come_back_from_the_cavitating_valley() -> None:
+    # Used to end with R_m3 up and f_f at zero when every parameter was free from the start.
+    campaign = identify(traces([16, 18, 20], noise=4.0), PURDY_DAMPER, FitOptions("plain"))
+    for fit in campaign.fits:
+        assert fit.outcome is Outcome.CONVERGED
+        found = errors(fit.parameters, reference_parameters(fit.setting))
+        assert abs(found["r_m3"]) < 0.03
+        assert abs(found["f_f"]) < 0.03
+
+
+def test_another_damper_with_no_number_of_the_paper() -> None:
+    damper = Damper(
+        rod_diameter=0.012,
+        piston_diameter=0.036,
+        gas_piston_diameter=0.036,
+        chamber_1_length=0.10,
+        chamber_2_length=0.11,
+        gas_length=0.04,
+        oil_density=850.0,
+        gas_pressure=9.0e5,
+    )
+    settings = {
+        3: Parameters(r_m1=9.0e3, r_m2=1.1e6, r_m3=1.6e6, k_e=7.0e8, f_f=22.0),
+        4: Parameters(r_m1=1.2e4, r_m2=1.5e6, r_m3=1.6e6, k_e=6.0e8, f_f=22.0),
+        7: Parameters(r_m1=1.9e4, r_m2=3.0e6, r_m3=1.6e6, k_e=8.0e8, f_f=22.0),
+    }
+    logs = [
+        trace(setting, truth, damper=damper, noise=2.0, amplitude=0.02)
+        for setting, truth in settings.items()
+    ]
+    campaign = identify(logs, damper)
+    assert any("R_m3 is taken from setting 3" in text for text in campaign.warnings)
+    for fit in campaign.fits:
+        found = errors(fit.parameters, settings[fit.setting])
+        assert fit.outcome is Outcome.CONVERGED
+        assert abs(found["r_m1"]) < 5e-3
+        assert abs(found["r_m2"]) < 5e-3
+        assert abs(found["r_m3"]) < 2e-2
+        assert abs(found["f_f"]) < 2e-2
+
+
+def test_a_tared_rig_with_f_0_free() -> None:
+    truth = replace(reference_parameters(5), f_0=118.0)
+    options = FitOptions("plain", ("r_m1", "r_m2", "k_e", "f_0"), KNOWN)
+    fit = identify([trace(5, truth, noise=4.0)], PURDY_DAMPER, options).fits[0]
+    assert fit.parameters.f_0 == pytest.approx(118.0, abs=0.5)
+    assert fit.parameters.r_m1 == pytest.approx(truth.r_m1, rel=2e-3)
+
+
+def test_several_logs_of_one_setting_are_one_fit() -> None:
+    options = FitOptions("plain", FREE, KNOWN)
+    one = identify([trace(6, noise=4.0)], PURDY_DAMPER, options).fits[0]
+    three = identify(
+        [trace(6, noise=4.0, seed=seed) for seed in (1, 2, 3)], PURDY_DAMPER, options
+    ).fits[0]
+    windows = [log.trace.stop - log.trace.first for log in three.logs]
+    assert len(windows) == 3
+    assert three.n_samples == sum(windows) > 2 * one.n_samples
+    assert three.parameters.r_m1 == pytest.approx(reference_parameters(6).r_m1, rel=5e-4)
+
+
+def test_the_dead_band_does_not_move_the_result() -> None:
+    logs = [trace(8, noise=4.0)]
+    found = []
+    for dead_band in (1e-4, 5e-5):
+        solver = SolverOptions(tolerance=1e-2, dead_band=dead_band)
+        options = FitOptions("plain", FREE, KNOWN, solver=solver)
+        found.append(identify(logs, PURDY_DAMPER, options).fits[0].parameters)
+    assert found[1].r_m1 == pytest.approx(found[0].r_m1, rel=1e-4)
+    assert found[1].k_e == pytest.approx(found[0].k_e, rel=1e-3)
+
+
+@pytest.mark.parametrize("rate", [300.0, 500.0, 2000.0, 5000.0])
+def test_sample_rate_does_not_matter(rate: float) -> None:
+    fit = identify([trace(8, rate=rate)], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN)).fits[0]
+    found = errors(fit.parameters, reference_parameters(8))
+    assert abs(found["r_m1"]) < 1e-5
+    assert abs(found["k_e"]) < 5e-3
+
+
+def test_time_shift_and_whole_cycles_do_not_matter() -> None:
+    log = recording(8, noise=4.0)
+    options = FitOptions("plain", FREE, KNOWN)
+    found = [
+        identify([condition(replace(log, time=log.time + shift))], PURDY_DAMPER, options)
+        .fits[0]
+        .parameters
+        for shift in (0.0, 17.0, 1e6)
+    ]
+    for other in found[1:]:
+        assert other.r_m1 == pytest.approx(found[0].r_m1, rel=1e-8)
+        assert other.k_e == pytest.approx(found[0].k_e, rel=1e-7)
+
+
+def test_jobs_and_order_give_the_same_bits() -> None:
+    logs = traces([1, 2, 5, 9], noise=4.0, duration=5.0)
+    one = identify(logs, PURDY_DAMPER, jobs=1)
+    two = identify(logs[::-1], PURDY_DAMPER, jobs=2)
+    for a, b in zip(one.fits, two.fits, strict=True):
+        assert a.parameters == b.parameters
+        assert a.mse_percent == b.mse_percent
+        assert a.evaluations == b.evaluations
+
+
+def test_work_is_bounded() -> None:
+    campaign = identify(traces(range(1, 21, 3), noise=4.0, duration=5.0), PURDY_DAMPER)
+    assert np.mean([fit.evaluations for fit in campaign.fits]) < 18

@@ -1,0 +1,158 @@
+"""A fit says how it ended, and never passes a wrong number on in silence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.damper.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.reference import reference_parameters
+from damperfit.errors import ConfigurationError, LogError, SimulationError
+from damperfit.identification import (
+    Campaign,
+    Fit,
+    FitOptions,
+    Outcome,
+    compare,
+    descent,
+    identify,
+    normalised_mse,
+)
+from damperfit.identification.descent import Misfit
+from damperfit.identification.setting import describe_fit, fit_setting
+from damperfit.simulation import SolverOptions, simulate
+from tests.identification.rig import trace, traces
+
+FREE = ("r_m1", "r_m2", "k_e")
+KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
+
+
+def test_mse_is_the_papers() -> None:
+    rng = np.random.default_rng(4)
+    force = rng.normal(20.0, 600.0, 5000)
+    assert normalised_mse(force, np.full(5000, force.mean())) == pytest.approx(100.0, rel=1e-12)
+    off = 10.0 * rng.standard_normal(5000)
+    expected = 100.0 * np.sum(off**2) / (5000 * np.var(force))
+    assert normalised_mse(force, force + off) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_mse_of_a_fit_is_that_of_its_comparison() -> None:
+    log = trace(7, noise=4.0)
+    fit = identify([log], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN)).fits[0]
+    force = compare(fit.parameters, log, PURDY_DAMPER, solver=SolverOptions(tolerance=1e-2)).force
+    expected = normalised_mse(log.force[log.window], force[log.window])
+    assert fit.mse_percent == pytest.approx(expected, rel=1e-9)
+    assert fit.logs[0].mse_percent == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_setting_that_really_cavitates_says_so() -> None:
+    truth = replace(reference_parameters(6), r_m3=4.2e6)
+    options = FitOptions("plain", FREE, {"r_m3": 4.2e6, "f_f": 50.0})
+    fit = identify([trace(6, truth)], PURDY_DAMPER, options).fits[0]
+    assert fit.outcome is Outcome.CAVITATING
+    assert fit.cavitation_fraction > 0.02
+    assert fit.r_m3_cavitation_margin < 0.0
+    assert "cavitates" in fit.outcome.advice
+
+
+def test_r_m3_that_cannot_be_seen_is_not_given_as_found() -> None:
+    # With a thousandth of the rebound resistance valve 3 makes a tenth of a newton.
+    truth = replace(reference_parameters(12), r_m3=2.6e3)
+    fit = identify([trace(12, truth, noise=4.0)], PURDY_DAMPER, FitOptions("plain")).fits[0]
+    assert fit.status["r_m3"] in {"not_identifiable", "at_bound"}
+    assert fit.outcome in {Outcome.NOT_IDENTIFIABLE, Outcome.AT_BOUND}
+    assert fit.status["r_m1"] == "fitted"
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_no_friction_is_reported_as_at_bound(seed: int) -> None:
+    truth = replace(reference_parameters(4), f_f=1e-6)
+    log = trace(4, truth, noise=4.0, seed=seed)
+    fit = identify([log], PURDY_DAMPER, FitOptions("plain")).fits[0]
+    assert fit.status["f_f"] == "at_bound"
+    assert fit.outcome is Outcome.AT_BOUND
+    assert fit.parameters.r_m1 == pytest.approx(truth.r_m1, rel=3e-3)
+
+
+def test_the_evaluation_limit_is_said() -> None:
+    options = FitOptions("plain", FREE, KNOWN, max_evaluations=2)
+    fit = identify([trace(9, noise=4.0)], PURDY_DAMPER, options).fits[0]
+    assert fit.outcome is Outcome.EVALUATION_LIMIT
+    assert "max_evaluations" in fit.outcome.advice
+
+
+def test_a_fit_that_stops_at_a_wall_of_failed_trials_has_not_converged(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    truth = reference_parameters(9)
+
+    def walled(parameters: Parameters, *args: object, **kwargs: object) -> object:
+        if parameters.r_m1 > 0.9 * truth.r_m1:
+            raise SimulationError("simulation failed: behind the wall.")
+        return simulate(parameters, *args, **kwargs)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(descent, "simulate", walled)
+    log = trace(9, noise=4.0, duration=4.0)
+    misfit = Misfit((log,), PURDY_DAMPER, FREE, SolverOptions(tolerance=1e-2), 100, lambda: False)
+    start = replace(truth, r_m1=0.6 * truth.r_m1)
+    judged = fit_setting(misfit, start)
+    assert judged.solution.failed_trials > 0
+    assert judged.outcome is Outcome.NOT_FINITE
+    fit = describe_fit(9, judged, misfit)
+    assert any("could not be simulated" in text for text in fit.warnings)
+    assert fit.parameters.r_m1 <= 0.9 * truth.r_m1
+
+
+def test_a_single_setting_that_cannot_fix_the_shared_ones_uses_the_papers_with_a_warning() -> None:
+    truth = replace(reference_parameters(12), r_m3=2.6e3, f_f=1e-3)
+    campaign = identify([trace(12, truth, noise=4.0)], PURDY_DAMPER)
+    assert any("2.597e+06" in text and "--fix r_m3" in text for text in campaign.warnings)
+
+
+def test_a_missing_first_setting_is_said_aloud() -> None:
+    campaign = identify(traces([4, 9], noise=4.0), PURDY_DAMPER)
+    assert "there is no log of setting 1: R_m3 is taken from setting 4." in campaign.warnings
+
+
+def test_fixed_values_are_kept_and_reported() -> None:
+    options = FitOptions(fixed={"r_m3": 2.5e6, "f_f": 60.0})
+    fit = identify([trace(3, noise=4.0)], PURDY_DAMPER, options).fits[0]
+    assert (fit.parameters.r_m3, fit.parameters.f_f) == (2.5e6, 60.0)
+    assert fit.status["r_m3"] == "fixed"
+    assert fit.status["r_m1"] == "fitted"
+
+
+def test_stopping_keeps_the_finished_settings() -> None:
+    done: list[Fit] = []
+    campaign = identify(
+        traces([1, 2, 3, 4], noise=4.0, duration=5.0),
+        PURDY_DAMPER,
+        FitOptions("plain", FREE, KNOWN),
+        on_fit=done.append,
+        cancelled=lambda: len(done) >= 2,
+    )
+    assert isinstance(campaign, Campaign)
+    assert not campaign.is_complete
+    assert [fit.setting for fit in campaign.fits] == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (FitOptions("papr"), "Did you mean 'paper'"),
+        (FitOptions(free=("r_m4",)), "no parameter 'r_m4'"),
+        (FitOptions(free=("k_e",), fixed={"k_e": 1e8}), "both free and fixed"),
+        (FitOptions(fixed={"r_m1": -1.0}), "must be above zero"),
+        (FitOptions("plain", FREE), "r_m3 is neither free nor fixed"),
+    ],
+)
+def test_options_that_cannot_be(options: FitOptions, text: str) -> None:
+    with pytest.raises(ConfigurationError, match=text):
+        identify([trace(1, duration=4.0)], PURDY_DAMPER, options)
+
+
+def test_a_trace_without_a_setting_is_refused() -> None:
+    with pytest.raises(LogError, match="the setting is not known"):
+        identify([replace(trace(1, duration=4.0), setting=None)], PURDY_DAMPER)
