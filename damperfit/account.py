@@ -20,17 +20,17 @@ from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from damperfit.settings import RigOptions, Settings
     from damperfit.identification import Campaign
     from damperfit.intake import Intake, LogFacts
+    from damperfit.settings import RigOptions, Settings
 
 __all__ = [
     "Ending",
     "ending_of",
-    "failure_exit_code",
     "json_values",
     "log_documents",
     "provenance",
+    "reading_ending",
     "record",
     "report_facts",
 ]
@@ -126,11 +126,11 @@ def log_documents(intake: Intake) -> dict[str, Any]:
     return document
 
 
-def failure_exit_code(n_failures: int, n_logs: int) -> int:
-    """Return 0, 1 when some logs failed, 3 when every log did."""
-    if n_failures == 0:
-        return Ending.COMPLETE.value
-    return (Ending.ALL_FAILED if n_failures >= n_logs else Ending.SOME_FAILED).value
+def reading_ending(intake: Intake) -> Ending:
+    """Return how reading alone ended."""
+    if not intake.failures:
+        return Ending.COMPLETE
+    return Ending.SOME_FAILED if intake.traces else Ending.ALL_FAILED
 
 
 def _input(log: LogFacts) -> dict[str, Any]:

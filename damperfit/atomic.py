@@ -55,7 +55,8 @@ class FileSet:
     def _temporary(self, name: str, kind: str) -> Path:
         return self.folder / f".{name}.{os.getpid()}.damperfit-{kind}"
 
-    def _replace_targets(self) -> None:
+    def commit(self) -> None:
+        """Flush all files and rename them over their targets; `file_set` calls it."""
         for name in self.names:
             _flush(self._temporary(name, "new"))
             target = self.folder / name
@@ -81,7 +82,8 @@ class FileSet:
         else:
             (self.folder / name).unlink(missing_ok=True)
 
-    def _clean(self) -> None:
+    def discard(self) -> None:
+        """Remove what is left of temporary files; `file_set` calls it."""
         for name in self.names:
             for kind in ("new", "old"):
                 with suppress(OSError):
@@ -105,11 +107,11 @@ def file_set(folder: Path) -> Iterator[FileSet]:
         folder.mkdir(parents=True, exist_ok=True)
         _remove_leftovers(folder)
         yield files
-        files._replace_targets()
+        files.commit()
     except OSError as error:
         raise OutputError(_explain(folder, error)) from error
     finally:
-        files._clean()
+        files.discard()
 
 
 def write_text(path: Path, text: str) -> None:

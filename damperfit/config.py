@@ -120,9 +120,10 @@ def _check_keys(layer: _Layer, *, known: Mapping[str, Any]) -> None:
             raise ConfigurationError(f"{layer.name}: {section} is a section: write [{section}]")
         for key in values:
             if key not in known[section]:
+                there = f" There are {_listed(known[section])}."
                 raise ConfigurationError(
                     f"{layer.place(section, key)}: unknown key '{key}' in [{section}]."
-                    f"{did_you_mean(key, known[section]) or ' There are ' + _listed(known[section])}"
+                    f"{did_you_mean(key, known[section]) or there}"
                 )
 
 

@@ -24,8 +24,8 @@ from damperfit.report.facts import Failure
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from damperfit.settings import Settings
     from damperfit.recording import Recording, Trace
+    from damperfit.settings import Settings
 
 __all__ = ["Intake", "LogFacts", "available_cores", "expand", "take_in"]
 
@@ -171,7 +171,9 @@ def _distinct_names(paths: Sequence[Path]) -> list[str]:
         return [_shown(path.name) for path in paths]
     root = os.path.commonpath([os.path.abspath(path.parent) for path in paths])
     return [
-        _shown(path.name if counts[path.name] == 1 else Path(os.path.relpath(path, root)).as_posix())
+        _shown(
+            path.name if counts[path.name] == 1 else Path(os.path.relpath(path, root)).as_posix()
+        )
         for path in paths
     ]
 

@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from damperfit.settings import Settings
     from damperfit.identification import Fit
     from damperfit.recording import Trace
     from damperfit.report import ReportFacts
+    from damperfit.settings import Settings
     from damperfit.tables import Tables
 
 __all__ = ["Ending", "RunResult", "Watch", "run"]
@@ -126,9 +126,7 @@ def run(
     check_writable(folder)
     workers = jobs or available_cores()
     with clock.lap("read_s"):
-        intake = take_in(
-            paths, settings, jobs=workers, setting=setting, cancelled=watch.cancelled
-        )
+        intake = take_in(paths, settings, jobs=workers, setting=setting, cancelled=watch.cancelled)
     if not intake.logs and not watch.cancelled():
         raise ConfigurationError("no logs among the files given: they are all parameter tables")
     watch.on_start(len({trace.setting for trace in intake.traces}))
@@ -168,9 +166,7 @@ class _Clock:
         return self.laps | {"total_s": round(time.perf_counter() - self.started, 4)}
 
 
-def _identify(
-    settings: Settings, traces: Sequence[Trace], *, jobs: int, watch: Watch
-) -> Campaign:
+def _identify(settings: Settings, traces: Sequence[Trace], *, jobs: int, watch: Watch) -> Campaign:
     if not traces or watch.cancelled():
         return Campaign(procedure=settings.identification.procedure, fits=())
     return identify(

@@ -43,7 +43,7 @@ def test_an_error_in_the_middle_leaves_everything_as_it_was(tmp_path: Path) -> N
 
 def test_a_full_disk_is_one_clear_error_and_no_leftover(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("old")
-    with pytest.raises(OutputError, match="No space left.*untouched"), file_set(tmp_path) as files:
+    with pytest.raises(OutputError, match=r"No space left.*untouched"), file_set(tmp_path) as files:
         files.path("a.txt").write_text("new")
         raise OSError(28, "No space left on device")
     assert (tmp_path / "a.txt").read_text() == "old"

@@ -41,7 +41,8 @@ def test_every_key_of_the_defaults_is_commented() -> None:
     undocumented = [
         line
         for line in lines
-        if re.match(r"\w+ = ", line) and "#" not in line
+        if re.match(r"\w+ = ", line)
+        and "#" not in line
         and not line.startswith(("frequency", "sample_rate", "folder", "max_force"))
     ]
     assert undocumented == []
@@ -134,21 +135,30 @@ def test_values_arrive_where_they_are_used(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("[damper]\n\nrod_diametr = 1\n", r"rig\.toml:3: unknown key 'rod_diametr'.*'rod_diameter'"),
+        (
+            "[damper]\n\nrod_diametr = 1\n",
+            r"rig\.toml:3: unknown key 'rod_diametr'.*'rod_diameter'",
+        ),
         ("[dampr]\nx = 1\n", r"rig\.toml:1: unknown section \[dampr\].*Did you mean 'damper'"),
         ("damper = 3\n", r"write \[damper\]"),
         ("[damper]\nrod_diameter = '19 kg'\n", r"rig\.toml:2: damper\.rod_diameter: no unit.*kg"),
         ("[damper]\nrod_diameter = -1.0\n", r"rig\.toml:2: damper\.rod_diameter: .*greater than 0"),
         ("[damper]\nrod_diameter = nan\n", r"damper\.rod_diameter"),
         ("[damper]\nrod_diameter = true\n", r"damper\.rod_diameter: .*number.*True"),
-        ("[damper]\nrod_diameter = '30mm'\n", r"damper: rod_diameter.*smaller than piston_diameter"),
+        (
+            "[damper]\nrod_diameter = '30mm'\n",
+            r"damper: rod_diameter.*smaller than piston_diameter",
+        ),
         ("[rig]\nsettings = ['a']\n", r"rig\.toml:2: rig\.settings\.0: .*integer"),
         ("[rig]\nfilter = 'kausal'\n", r"rig\.filter: expected 'none', 'causal' or 'zero_phase'"),
         ("[rig]\nsetting_pattern = '('\n", r"setting_pattern.*regular expression"),
         ("[rig]\nunits = {force = 'mm'}\n", r"no unit of force 'mm'"),
         ("[conditioning]\nfilter_order = 99\n", r"filter_order: found 99"),
         ("[identification]\nfix = {ke = 1}\n", r"no parameter 'ke'.*Did you mean 'k_e'"),
-        ("[identification]\nfix = {k_e = '5 apples'}\n", r"k_e = 5 apples: expected a number in Pa"),
+        (
+            "[identification]\nfix = {k_e = '5 apples'}\n",
+            r"k_e = 5 apples: expected a number in Pa",
+        ),
         ("[identification]\nfree = 'r_m1'\n", r"identification\.free: .*list"),
         ("[simulation]\nwave = 'square'\n", r"simulation\.wave"),
         ("[output]\nmax_mse_percent = -1\n", r"output\.max_mse_percent"),

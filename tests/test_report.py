@@ -156,7 +156,9 @@ EVIL = "<script>alert(1)</script>|[b](http://x)`_*\x1b[31m\nset #1.csv"
 
 def test_nothing_in_a_log_name_is_markup_in_the_report() -> None:
     done = campaign(fit(1, logs=(EVIL,)))
-    facts = replace(FACTS, warnings=(EVIL,), failures=(Failure(EVIL, EVIL, None, "LogError", EVIL),))
+    facts = replace(
+        FACTS, warnings=(EVIL,), failures=(Failure(EVIL, EVIL, None, "LogError", EVIL),)
+    )
     text = markdown_report(make_tables(done), facts)
     assert "\x1b" not in text
     assert "<script>" not in text.replace("\\<", "")

@@ -40,7 +40,8 @@ def one_line(text: str) -> str:
 def say(text: str) -> None:
     """Write one line for people to stderr."""
     try:
-        print(one_line(text), file=sys.stderr, flush=True)
+        sys.stderr.write(one_line(text) + "\n")
+        sys.stderr.flush()
     except BrokenPipeError:
         _to_nowhere(sys.stderr)
 
@@ -83,7 +84,8 @@ def silence_broken_pipe() -> None:
 
 def _print(text: str) -> None:
     try:
-        print(text, flush=True)
+        sys.stdout.write(text + "\n")
+        sys.stdout.flush()
     except BrokenPipeError:
         silence_broken_pipe()
 

@@ -36,7 +36,7 @@ def inspect(
 
     Example: damperfit inspect runs/*.csv
     """
-    from damperfit.account import failure_exit_code, log_documents
+    from damperfit.account import log_documents, reading_ending
     from damperfit.config import load_settings
     from damperfit.intake import available_cores, expand, take_in
 
@@ -52,7 +52,7 @@ def inspect(
         print_json(log_documents(intake))
     else:
         _show(intake)
-    return failure_exit_code(len(intake.failures), len(intake.logs))
+    return int(reading_ending(intake).value)
 
 
 def _show(intake: Intake) -> None:

@@ -36,9 +36,7 @@ def samples(
     sample_rate: Annotated[
         str, typer.Option(metavar="RATE", help="Samples per second, as in 1000Hz.")
     ] = "500Hz",
-    force_noise: Annotated[
-        str, typer.Option(metavar="FORCE", help="Sensor noise, rms.")
-    ] = "4N",
+    force_noise: Annotated[str, typer.Option(metavar="FORCE", help="Sensor noise, rms.")] = "4N",
     displacement_noise: Annotated[
         str, typer.Option(metavar="LENGTH", help="Sensor noise, rms.")
     ] = "8um",

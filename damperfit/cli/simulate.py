@@ -54,9 +54,7 @@ def simulate(
     sample_rate: Annotated[
         str | None, typer.Option(metavar="RATE", help="As in 1000Hz; a bare number is Hz.")
     ] = None,
-    wave: Annotated[
-        str | None, typer.Option(metavar="NAME", help="sine or triangle.")
-    ] = None,
+    wave: Annotated[str | None, typer.Option(metavar="NAME", help="sine or triangle.")] = None,
     displacement: Annotated[
         Path | None,
         typer.Option(metavar="LOG", help="Drive with the displacement of a log, not a wave."),
@@ -109,7 +107,9 @@ def simulate(
 
 def _check_suffix(option: str, path: Path | None, known: tuple[str, ...]) -> None:
     if path is not None and path.suffix.lower() not in known:
-        raise ConfigurationError(f"{option} {path}: expected a name that ends in {', '.join(known)}")
+        raise ConfigurationError(
+            f"{option} {path}: expected a name that ends in {', '.join(known)}"
+        )
 
 
 def _write(trial: Trial, *, out: Path | None, plot: Path | None) -> None:
@@ -118,9 +118,7 @@ def _write(trial: Trial, *, out: Path | None, plot: Path | None) -> None:
         from damperfit.tables import time_series_table, write_table
 
         with file_set(out.parent) as files:
-            write_table(
-                files.path(out.name), time_series_table(trial.response), suffix=out.suffix
-            )
+            write_table(files.path(out.name), time_series_table(trial.response), suffix=out.suffix)
     if plot is not None:
         from damperfit.atomic import file_set
         from damperfit.report.loops import draw_loops

@@ -35,7 +35,10 @@ def force_sheet(figures: Characteristics) -> Sheet:
         ),
     ]
     rows = [
-        *((name, unit, number(up, digits=4), number(down, digits=4)) for name, unit, up, down in pairs),
+        *(
+            (name, unit, number(up, digits=4), number(down, digits=4))
+            for name, unit, up, down in pairs
+        ),
         ("energy per cycle", "J", number(figures.energy, digits=4), ""),
     ]
     return Sheet(

@@ -48,7 +48,7 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
         ["# MSE report", "", *_summary(tables, facts)],
         _section("Parameters", _table(parameters)),
         _section("MSE by setting and log", _table(mse_sheet(tables.mse, tables.parameters))),
-        _section("Not done", _list(_missing(tables, facts))),
+        _section("Not done", _list(_missing(facts))),
         _section("Gates not met", _list(facts.gates)),
         _section("What to do", _list(f"{word}: {advice}" for word, advice in facts.advice)),
         _section("Warnings", _list(facts.warnings)),
@@ -77,7 +77,7 @@ def _summary(tables: Tables, facts: ReportFacts) -> Iterator[str]:
     yield f"Grades: {', '.join(counts)} (excellent below 1 %, good below 5 %)."
 
 
-def _missing(tables: Tables, facts: ReportFacts) -> Iterator[str]:
+def _missing(facts: ReportFacts) -> Iterator[str]:
     yield from (failure.line for failure in facts.failures)
     if facts.gaps:
         names = ", ".join(str(setting) for setting in facts.gaps)

@@ -17,7 +17,16 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
-__all__ = ["Sheet", "flags", "log_sheet", "mse_sheet", "number", "parameter_sheet", "percent", "with_error"]
+__all__ = [
+    "Sheet",
+    "flags",
+    "log_sheet",
+    "mse_sheet",
+    "number",
+    "parameter_sheet",
+    "percent",
+    "with_error",
+]
 
 NOTHING = "-"
 

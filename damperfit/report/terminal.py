@@ -23,9 +23,7 @@ def terminal_table(sheet: Sheet) -> RenderableType:
 
     gap = 2 if _width(sheet, gap=2) <= _COLUMNS else 1
     table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), header_style="bold")
-    for heading, unit, is_number in zip(
-        sheet.headings, sheet.units, sheet.is_number, strict=True
-    ):
+    for heading, unit, is_number in zip(sheet.headings, sheet.units, sheet.is_number, strict=True):
         table.add_column(
             Text(f"{heading}\n{unit}" if any(sheet.units) else heading),
             justify="right" if is_number else "left",

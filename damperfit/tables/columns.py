@@ -140,7 +140,7 @@ def table_schema(name: str, facts: Mapping[str, Any]) -> pa.Schema:
 
 
 def describe_tables() -> dict[str, list[dict[str, str]]]:
-    """Return names, types, units and meanings of every column that `identify` writes, for run.json."""
+    """Return name, type, unit and meaning of every column that `identify` writes."""
     return {
         table: [
             {

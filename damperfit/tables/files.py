@@ -149,9 +149,7 @@ def read_parameters(path: Path) -> dict[int, Parameters]:
     """
     try:
         rows = _read_rows(path)
-        known = {
-            int(row["setting"]): [row.get(name) for name in PARAMETER_NAMES] for row in rows
-        }
+        known = {int(row["setting"]): [row.get(name) for name in PARAMETER_NAMES] for row in rows}
         return {
             setting: Parameters(*(float(value or 0.0) for value in values))
             for setting, values in known.items()
@@ -160,7 +158,9 @@ def read_parameters(path: Path) -> dict[int, Parameters]:
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror or error}") from error
     except KeyError as error:
-        raise ConfigurationError(f"{path}: no parameters table, it lacks a column {error}") from error
+        raise ConfigurationError(
+            f"{path}: no parameters table, it lacks a column {error}"
+        ) from error
     except (ValueError, TypeError, csv.Error, pa.ArrowException) as error:
         raise ConfigurationError(f"{path}: no parameters table: {error}") from error
 

@@ -1,0 +1,69 @@
+"""Logs to run commands on, and ways to run them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from damperfit.cli import main
+from damperfit.samples import SampleOptions, make_samples
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What a command left behind."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture(scope="session")
+def logs(tmp_path_factory) -> Path:
+    """Three short logs of a quiet rig, settings 1 to 3."""
+    folder = tmp_path_factory.mktemp("logs")
+    options = SampleOptions(
+        settings=(1, 2, 3), cycles=7.0, force_noise=1.0, displacement_noise=2e-6
+    )
+    make_samples(folder, options)
+    return folder
+
+
+@pytest.fixture
+def run(capsys, monkeypatch, tmp_path):
+    """Run a command in this process, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments) -> Ended:
+        capsys.readouterr()
+        code = main([str(argument) for argument in arguments])
+        seen = capsys.readouterr()
+        return Ended(code, seen.out, seen.err)
+
+    return call
+
+
+@pytest.fixture
+def spawn(tmp_path):
+    """Run a command as a process of its own, as a user does."""
+
+    def call(*arguments, **how) -> Ended:
+        environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+        done = subprocess.run(
+            [sys.executable, "-m", "damperfit", *map(str, arguments)],
+            check=False,
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            **how,
+        )
+        return Ended(done.returncode, done.stdout, done.stderr)
+
+    return call

@@ -1,0 +1,321 @@
+"""damperfit identify: files, exit codes, failures that stay alone, sets that never mix."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import os
+import resource
+import shutil
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from damperfit.tables import read_parameters
+
+FILES = {
+    "parameters.parquet",
+    "parameters.csv",
+    "mse.parquet",
+    "mse.csv",
+    "responses.parquet",
+    "report.md",
+    "run.json",
+}
+TABLES = sorted(FILES - {"run.json", "report.md"})
+
+
+def _bytes(folder: Path) -> dict[str, bytes]:
+    return {name: (folder / name).read_bytes() for name in TABLES}
+
+
+def _record(folder: Path) -> dict:
+    return json.loads((folder / "run.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def results(logs, tmp_path_factory) -> Path:
+    """Results of all three logs."""
+    from damperfit.cli import main
+
+    folder = tmp_path_factory.mktemp("results")
+    assert main(["identify", str(logs / "setting_*.csv"), "--out", str(folder), "--quiet"]) == 0
+    return folder
+
+
+def test_it_writes_every_file_and_nothing_else(results) -> None:
+    assert {path.name for path in results.iterdir()} == FILES
+
+
+def test_the_parameters_are_the_true_ones(logs, results) -> None:
+    truth = read_parameters(logs / "truth.csv")
+    found = read_parameters(results / "parameters.parquet")
+    assert found == read_parameters(results / "parameters.csv")
+    for setting, true in truth.items():
+        assert found[setting].r_m1 == pytest.approx(true.r_m1, rel=2e-3)
+        assert found[setting].r_m2 == pytest.approx(true.r_m2, rel=5e-3)
+        assert found[setting].k_e == pytest.approx(true.k_e, rel=2e-2)
+        assert found[setting].r_m3 == pytest.approx(true.r_m3, rel=1e-2)
+        assert found[setting].f_f == pytest.approx(true.f_f, rel=2e-2)
+
+
+def test_run_json_tells_the_whole_story(logs, results) -> None:
+    record = _record(results)
+    assert {
+        "version",
+        "configuration",
+        "inputs",
+        "failures",
+        "warnings",
+        "timings",
+        "schema",
+    } <= record.keys()
+    assert record["failures"] == []
+    first = record["inputs"][0]
+    digest = hashlib.sha256((logs / "setting_01.csv").read_bytes()).hexdigest()
+    assert (first["log"], first["sha256"], first["setting"]) == ("setting_01.csv", digest, 1)
+    assert record["configuration"]["damper"]["rod_diameter"] == "19mm"
+    names = [column["name"] for column in record["schema"]["parameters"]]
+    assert names == pq.read_schema(results / "parameters.parquet").names
+    for name, known in record["files"].items():
+        assert hashlib.sha256((results / name).read_bytes()).hexdigest() == known
+
+
+def test_the_mse_is_that_of_the_responses(results) -> None:
+    table = pq.read_table(results / "responses.parquet").to_pandas()
+    mse = {
+        row["setting"]: row["mse_percent"]
+        for row in pq.read_table(results / "mse.parquet").to_pylist()
+        if row["log"] == ""
+    }
+    for setting, rows in table.groupby("setting"):
+        misfit = rows["force_measured_N"] - rows["force_N"]
+        expected = 100.0 * (misfit**2).mean() / rows["force_measured_N"].var(ddof=0)
+        assert mse[setting] == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_table_on_stdout_fits_a_terminal_and_has_no_colour_codes(run, logs) -> None:
+    ended = run("identify", logs / "setting_*.csv")
+    assert ended.code == 0
+    assert "\x1b" not in ended.out + ended.err
+    assert max(len(line) for line in ended.out.splitlines()) <= 80
+    assert [line.split()[0] for line in ended.out.splitlines()[2:5]] == ["1", "2", "3"]
+    assert "3 settings fitted; results in results" in ended.err
+
+
+def test_json_is_one_document_and_nothing_else(run, logs) -> None:
+    ended = run("identify", logs / "setting_01.csv", "--json", "--quiet")
+    document = json.loads(ended.out)
+    assert document["parameters"][0]["setting"] == 1
+    assert document["mse"][1]["log"] == "setting_01.csv"
+    assert ended.err == ""
+
+
+def test_the_number_of_workers_and_the_order_of_logs_change_no_byte(run, logs, tmp_path) -> None:
+    names = [logs / f"setting_0{i}.csv" for i in (1, 2, 3)]
+    run("identify", *names, "--jobs", "1", "--out", "one", "--quiet")
+    run("identify", *reversed(names), "--jobs", "4", "--out", "four", "--quiet")
+    assert _bytes(tmp_path / "one") == _bytes(tmp_path / "four")
+
+
+BAD = {
+    "empty.csv": b"",
+    "header_only_setting_8.csv": b"# setting: 8\ntime_s,displacement_mm,force_N\n",
+    "text_setting_9.csv": b"# setting: 9\ntime_s,displacement_mm,force_N\n0,1,2\n0.1,OVR,3\n",
+    "page_setting_4.csv": b"<!DOCTYPE html><html><body>404</body></html>",
+    "noise_setting_5.csv": bytes(range(256)) * 4,
+}
+
+
+def test_bad_logs_fail_alone_and_change_no_byte_of_the_others(run, logs, results, tmp_path) -> None:
+    bad = tmp_path / "bad"
+    bad.mkdir()
+    for name, content in BAD.items():
+        (bad / name).write_bytes(content)
+    ended = run("identify", logs / "setting_*.csv", bad / "*.csv", "--out", "out", "--quiet")
+    assert ended.code == 1
+    assert _bytes(tmp_path / "out") == _bytes(results)
+    failures = _record(tmp_path / "out")["failures"]
+    assert {failure["log"] for failure in failures} == set(BAD)
+    lines = ended.err.splitlines()
+    assert len(lines) == len(BAD)  # one line each
+    for failure in failures:
+        assert failure["message"]
+        assert any(failure["message"] in line and failure["log"] in line for line in lines)
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert "## Not done" in report
+
+
+def test_when_every_log_fails_the_code_is_3_and_the_tables_are_empty(run, tmp_path) -> None:
+    (tmp_path / "setting_1.csv").write_bytes(b"")
+    ended = run("identify", "setting_1.csv")
+    assert ended.code == 3
+    assert pq.read_table(tmp_path / "results" / "parameters.parquet").num_rows == 0
+    assert pq.read_table(tmp_path / "results" / "responses.parquet").num_rows == 0
+    assert len(_record(tmp_path / "results")["failures"]) == 1
+
+
+def test_a_gate_that_is_not_met_is_code_4_and_everything_is_written(run, logs, tmp_path) -> None:
+    ended = run("identify", logs / "setting_01.csv", "--max-mse", "0.00001")
+    assert ended.code == 4
+    assert "setting 1: MSE" in ended.err
+    assert {path.name for path in (tmp_path / "results").iterdir()} == FILES
+    assert run("identify", logs / "setting_01.csv", "--max-mse", "1").code == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["nope.csv"], "nope.csv: no such file"),
+        (["nope*.csv"], "nope*.csv: the pattern matches no file"),
+        (["."], "is a folder"),
+        (["LOG", "nope.csv"], "nope.csv: no such file"),
+        (["LOG", "--config", "nope.toml"], "nope.toml: cannot be read"),
+        (["LOG", "--frree", "r_m1"], "No such option: --frree"),
+        (["LOG", "--free", "r_m9"], "r_m9"),
+        (["LOG", "--fix", "r_m1"], "--fix r_m1: expected NAME=VALUE"),
+        (["LOG", "--fix", "k_e=soft"], "k_e = soft"),
+        (["LOG", "--free", "r_m1", "--fix", "r_m1=1e4"], "both free and fixed"),
+        (["LOG", "--procedure", "papr"], "Did you mean 'paper'"),
+        (["LOG", "--max-mse", "nan"], "max_mse"),
+        (["LOG", "--jobs", "0"], "--jobs"),
+        (["LOG", "--out", "a_file"], "not a folder"),
+        (["TRUTH"], "parameter tables"),
+        ([], "Missing argument"),
+    ],
+)
+def test_wrong_usage_is_code_2_one_line_and_nothing_touched(
+    run, logs, tmp_path, arguments, says
+) -> None:
+    (tmp_path / "a_file").write_text("x")
+    real = {"LOG": logs / "setting_01.csv", "TRUTH": logs / "truth.csv"}
+    ended = run("identify", *(real.get(a, a) for a in arguments))
+    assert ended.code == 2
+    assert says in ended.err
+    assert len(ended.err.splitlines()) == 1
+    assert ended.out == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["a_file"]
+
+
+def test_a_parameter_table_among_the_logs_is_left_out_aloud(run, logs) -> None:
+    ended = run("identify", logs / "*.csv")
+    assert ended.code == 0
+    assert "truth.csv: a parameter table of damperfit, not a log; skipped" in ended.err
+
+
+def test_several_logs_of_one_setting_are_fitted_together(run, logs, tmp_path) -> None:
+    text = (logs / "setting_01.csv").read_text()
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    (tmp_path / "a" / "x.csv").write_text(text)
+    (tmp_path / "b" / "x.csv").write_text(text + "\n")
+    ended = run("identify", "a/x.csv", "b/x.csv")
+    assert ended.code == 0
+    row = pq.read_table(tmp_path / "results" / "parameters.parquet").to_pylist()[0]
+    assert (row["setting"], row["n_logs"]) == (1, 2)
+    with (tmp_path / "results" / "mse.csv").open(newline="") as file:
+        assert [r["log"] for r in csv.DictReader(file)] == ["", "a/x.csv", "b/x.csv"]
+
+
+def test_the_same_path_twice_counts_once(run, logs, tmp_path) -> None:
+    log = logs / "setting_01.csv"
+    assert run("identify", log, logs / "*_01.csv").code == 0
+    row = pq.read_table(tmp_path / "results" / "parameters.parquet").to_pylist()[0]
+    assert row["n_logs"] == 1
+
+
+def test_a_log_without_a_setting_takes_the_one_given_or_fails(run, logs, tmp_path) -> None:
+    text = (logs / "setting_02.csv").read_text().replace("# setting: 2\n", "")
+    (tmp_path / "run.csv").write_text(text)
+    ended = run("identify", "run.csv")
+    assert ended.code == 3
+    assert "--setting N" in ended.err
+    assert run("identify", "run.csv", "--setting", "7").code == 0
+    table = pq.read_table(tmp_path / "results" / "parameters.parquet")
+    assert table["setting"].to_pylist() == [7]
+
+
+def test_settings_that_the_configuration_expects_are_explicit_gaps(run, logs, tmp_path) -> None:
+    (tmp_path / "rig.toml").write_text("[rig]\nsettings = [1, 2, 3, 4]\n")
+    ended = run("identify", logs / "setting_0[13].csv", "--config", "rig.toml")
+    assert ended.code == 1
+    assert "setting 2: no log" in ended.err
+    table = pq.read_table(tmp_path / "results" / "parameters.parquet")
+    assert table["setting"].to_pylist() == [1, 2, 3, 4]
+    assert table["outcome"].to_pylist()[1] == "missing"
+
+
+def test_a_second_run_replaces_the_first_as_a_set(run, logs, tmp_path) -> None:
+    run("identify", logs / "setting_*.csv")
+    run("identify", logs / "setting_02.csv")
+    folder = tmp_path / "results"
+    assert {path.name for path in folder.iterdir()} == FILES
+    for name in ("parameters", "mse", "responses"):
+        assert set(pq.read_table(folder / f"{name}.parquet")["setting"].to_pylist()) == {2}
+    assert [i["log"] for i in _record(folder)["inputs"]] == ["setting_02.csv"]
+
+
+def test_a_full_disk_leaves_the_old_results_whole(spawn, logs, results, tmp_path) -> None:
+    folder = tmp_path / "results"
+    shutil.copytree(results, folder)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    ended = spawn(
+        "identify",
+        logs / "setting_01.csv",
+        # A limit on file sizes is the nearest to a full disk that needs no rights.
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000)),
+    )
+    assert ended.code == 1
+    assert "earlier results there are untouched" in ended.err
+    assert "Traceback" not in ended.err
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_write_protected_folder_is_told_before_any_work(run, logs, tmp_path) -> None:
+    (tmp_path / "locked").mkdir(mode=0o500)
+    ended = run("identify", logs / "setting_01.csv", "--out", "locked")
+    assert ended.code == 1
+    assert "write-protected" in ended.err
+
+
+def test_an_output_that_is_a_link_is_replaced_and_its_target_kept(run, logs, tmp_path) -> None:
+    precious = tmp_path / "precious.csv"
+    precious.write_text("precious")
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "parameters.csv").symlink_to(precious)
+    assert run("identify", logs / "setting_01.csv").code == 0
+    assert precious.read_text() == "precious"
+    assert not (tmp_path / "results" / "parameters.csv").is_symlink()
+
+
+def test_hostile_names_are_shown_and_never_obeyed(run, logs, tmp_path) -> None:
+    name = "=[red]x[bold]\x1b[31m<b>_setting_1.csv"
+    shutil.copy(logs / "setting_01.csv", tmp_path / name)
+    (tmp_path / "bad").mkdir()
+    (tmp_path / "bad" / name.replace("1.csv", "2.csv")).write_bytes(b"")
+    ended = run("identify", name, "bad/*.csv")
+    assert ended.code == 1
+    assert "\x1b" not in ended.out + ended.err
+    assert "[red]" in ended.err
+    report = (tmp_path / "results" / "report.md").read_text()
+    assert "\x1b" not in report
+    assert "<b>" not in report.replace("\\<b\\>", "")
+    assert "'=[red]" in (tmp_path / "results" / "mse.csv").read_text()
+
+
+def test_a_pattern_is_expanded_in_natural_order(run, logs, tmp_path) -> None:
+    for name in ("run_10_s2.csv", "run_9_s1.csv"):
+        shutil.copy(logs / "setting_01.csv", tmp_path / name)
+    run("identify", "run_*.csv", "--quiet")
+    inputs = _record(tmp_path / "results")["inputs"]
+    assert [i["log"] for i in inputs] == ["run_9_s1.csv", "run_10_s2.csv"]
+
+
+def test_no_traceback_without_debug_and_one_with_it(run) -> None:
+    assert "Traceback" not in run("identify", "nope.csv").err
+    ended = run("identify", "nope.csv", "--debug")
+    assert "Traceback" in ended.err
+    assert ended.code == 2
