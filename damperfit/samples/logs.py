@@ -209,13 +209,13 @@ def _readme_text(options: SampleOptions, *, is_reference: bool) -> str:
 trying and testing damperfit, and must not be taken for measurements of any real damper.
 
 - `truth.csv` holds the true parameters in SI units. {source}
-- Drive: sine, {1e3 * options.amplitude:g} mm, {options.frequency:g} Hz, {options.cycles:g} cycles,
-  logged at {options.sample_rate:g} Hz. The machine is already running when a log starts, at
-  another point of the cycle in each log.
+- Drive: sine, {1e3 * options.amplitude:g} mm, {options.frequency:g} Hz; {options.cycles:g} cycles \
+logged at {options.sample_rate:g} Hz. The machine is
+  already running when a log starts, at another point of the cycle in each log.
 - Integrator: SciPy's Radau, relative tolerance {RTOL:g}; damperfit fits with another one.
 - Noise (white, rms): {options.force_noise:g} N, {1e6 * options.displacement_noise:g} um.
-- Smallest step: {options.force_resolution:g} N, {1e6 * options.displacement_resolution:g} um
-  (0: all digits).
+- Smallest step (0: all digits): {options.force_resolution:g} N, \
+{1e6 * options.displacement_resolution:g} um.
 - Filter in the rig, both channels: {corner if options.rig_filter > 0.0 else "none"}.
 - Signs: positive is rebound (rod out, tension). The force is not tared: at mid-stroke the gas
   pushes the rod out with {options.damper.rod_area * options.damper.gas_pressure:.1f} N.

@@ -7,6 +7,7 @@ import dataclasses
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -101,6 +102,21 @@ def test_the_twenty_logs(tmp_path):
         "README.md",
         "truth.csv",
     }
+
+
+@pytest.mark.parametrize("setting", [1, 20])
+def test_logs_in_the_repository_are_what_samples_writes(tmp_path, setting):
+    """To one step of the log, which is what another machine's rounding may move."""
+    stored = Path(__file__).parents[2] / "sample_runs"
+    [log] = make_samples(tmp_path, SampleOptions(settings=(setting,)))
+    ours, theirs = read(log), read(stored / log.name)
+    assert ours[0] == theirs[0]
+    for mine, other, step in zip(ours[1:], theirs[1:], (0.0, 1e-6, 0.1, 0.1), strict=True):
+        assert np.max(np.abs(mine - other)) <= step * (1 + 1e-6)
+    made = (tmp_path / "truth.csv").read_text(encoding="utf-8").splitlines()
+    kept = (stored / "truth.csv").read_text(encoding="utf-8").splitlines()
+    assert len(kept) == 21
+    assert set(made) <= set(kept)
 
 
 def test_truth_holds_every_digit(tmp_path):

@@ -191,16 +191,17 @@ def solve(
 
     begin = float(time[0])
     first = start or equal_pressure_start(parameters, damper, displacement(begin))
-    solution = solve_ivp(
-        rates,
-        (begin, float(time[-1])),
-        first,
-        method=method,
-        t_eval=time,
-        rtol=rtol,
-        atol=[1e-6 * rtol * m for m in first],
-        max_step=max_step,
-    )
+    with np.errstate(divide="ignore", over="ignore"):  # a step without error is no trouble
+        solution = solve_ivp(
+            rates,
+            (begin, float(time[-1])),
+            first,
+            method=method,
+            t_eval=time,
+            rtol=rtol,
+            atol=[1e-6 * rtol * m for m in first],
+            max_step=max_step,
+        )
     if not solution.success:
         raise AssertionError(f"the oracle stopped: {solution.message}")
     moments = [
