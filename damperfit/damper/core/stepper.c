@@ -424,6 +424,8 @@ int df_simulate(const df_geometry *g, const df_parameters *p, const df_options *
     work->steps = work->rejected = work->newton = 0;
     work->failed_sample = 0;
     int code = prepare(g, p, o, motion, r, &q);
+    if (code == DF_OK && !isfinite(motion->v[0]))
+        code = DF_NOT_FINITE;
     if (code == DF_OK)
         code = start(&q, motion->x[0], &now, &gas);
     if (code != DF_OK)
