@@ -25,7 +25,7 @@ from damperfit.damper.parameters import PARAMETER_NAMES, Damper, Parameters
 from damperfit.errors import InstallationError, SimulationError, did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -135,9 +135,7 @@ class Response:
     work: Work = field(default_factory=lambda: Work(0, 0, 0))
 
 
-def sine_motion(
-    amplitude: float, frequency: float, *, cycles: float, sample_rate: float
-) -> Motion:
+def sine_motion(amplitude: float, frequency: float, *, cycles: float, sample_rate: float) -> Motion:
     """Return x = A sin(2 pi f t), sampled from t = 0 to the end of the last cycle.
 
     Parameters
@@ -175,7 +173,7 @@ def simulate(
     motion: Motion,
     *,
     sensitivities: Sequence[str] = (),
-    options: SolverOptions = SolverOptions(),  # noqa: B008 - frozen
+    options: SolverOptions = SolverOptions(),
 ) -> Response:
     """Simulate a damper that is driven by a displacement.
 
@@ -233,7 +231,7 @@ def simulate(
     if code:
         raise SimulationError(_explain(code, sample, motion, options))
     return Response(
-        time=motion.start_time + motion.interval * np.arange(n),
+        time=motion.start_time + motion.interval * np.arange(n, dtype=np.float64),
         displacement=x,
         velocity=v,
         force=force,
@@ -245,7 +243,8 @@ def simulate(
 
 
 def _times(duration: float, sample_rate: float) -> FloatArray:
-    return np.arange(int(np.floor(duration * sample_rate + 1e-9)) + 1) / sample_rate
+    n = int(np.floor(duration * sample_rate + 1e-9)) + 1
+    return np.arange(n, dtype=np.float64) / sample_rate
 
 
 def _geometry(damper: Damper) -> FloatArray:
@@ -272,7 +271,7 @@ def _explain(code: int, sample: int, motion: Motion, options: SolverOptions) -> 
     return f"simulation failed at sample {sample} ({moment:.6g} s, x = {x:.6g} m): {what}."
 
 
-def _core_simulate():  # type: ignore[no-untyped-def] # noqa: ANN202 - C function
+def _core_simulate() -> Callable[..., tuple[int, int, int, int, int]]:
     try:
         from damperfit.damper._core import simulate as run
     except ImportError as error:

@@ -1,4 +1,3 @@
-# The compiled core; damperfit.simulation is its only door.
 from typing_extensions import Buffer
 
 def simulate(

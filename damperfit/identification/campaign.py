@@ -15,7 +15,7 @@ import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, did_you_mean
-from damperfit.identification.descent import FitCancelled, Misfit
+from damperfit.identification.descent import FitCancelledError, Misfit
 from damperfit.identification.setting import (
     Fit,
     Judged,
@@ -125,7 +125,7 @@ class _Task:
 def identify(
     traces: Sequence[Trace],
     damper: Damper,
-    options: FitOptions = FitOptions(),  # noqa: B008 - frozen
+    options: FitOptions = FitOptions(),
     *,
     jobs: int = 1,
     on_fit: Callable[[Fit], None] | None = None,
@@ -208,7 +208,7 @@ def _paper(task: _Task) -> Campaign:
         shared_free = tuple(name for name in shared_free if name != "f_0")
     try:
         first, warnings = _first_pass(task, _ordered(shared_free), fixed, set(free))
-    except FitCancelled:
+    except FitCancelledError:
         return Campaign("paper", (), is_complete=False)
     held = {**{k: v for k, v in fixed.items() if k not in free}, **first.shared}
 
@@ -289,7 +289,7 @@ def _free_everywhere(
         start = starting_values(misfit.traces, task.damper, known, anchor.k_e)
         try:
             return fit_guided(misfit, start)
-        except FitCancelled:
+        except FitCancelledError:
             raise
         except DamperfitError:
             return None
@@ -303,10 +303,11 @@ def _free_everywhere(
 def _shared_r_m3(judged: Judged, lowest: int, options: FitOptions) -> tuple[float, list[str]]:
     if is_sound(judged) or judged.status["r_m3"] == "fitted":
         return judged.solution.parameters.r_m3, []
-    return options.fallback_r_m3, [
-        f"the logs of setting {lowest} do not fix R_m3 ({judged.outcome.value}): "
-        f"the paper's {options.fallback_r_m3:.4g} is used; give --fix r_m3=VALUE if yours is known."
-    ]
+    said = (
+        f"the logs of setting {lowest} do not fix R_m3 ({judged.outcome.value}): the paper's "
+        f"{options.fallback_r_m3:.4g} is used; give --fix r_m3=VALUE if yours is known."
+    )
+    return options.fallback_r_m3, [said]
 
 
 def _shared_friction(
@@ -321,19 +322,20 @@ def _shared_friction(
         < _SAME_R_M3
     }
     if not sound:
-        return options.fallback_f_f, [
-            f"no setting's logs fix the friction: the paper's {options.fallback_f_f:g} N is used; "
-            "give --fix f_f=VALUE if yours is known."
-        ]
+        said = (
+            "no setting's logs fix the friction: the paper's "
+            f"{options.fallback_f_f:g} N is used; give --fix f_f=VALUE if yours is known."
+        )
+        return options.fallback_f_f, [said]
     left_out = sorted(set(judged) - set(sound))
-    said = []
+    warnings = []
     if left_out:
         listed = ", ".join(str(setting) for setting in left_out)
-        said.append(
+        warnings.append(
             f"friction is the mean over {len(sound)} of {len(judged)} settings: with all "
             f"parameters free the fit is not sound at setting {listed}."
         )
-    return float(np.mean([sound[setting].f_f for setting in sorted(sound)])), said
+    return float(np.mean([sound[setting].f_f for setting in sorted(sound)])), warnings
 
 
 def _start(misfit: Misfit, fixed: Mapping[str, float]) -> Parameters:
@@ -350,7 +352,7 @@ def _collect(task: _Task, fit: Callable[[int], Fit], warnings: Iterable[str]) ->
     def one(setting: int) -> Fit | str | None:
         try:
             result = fit(setting)
-        except FitCancelled:
+        except FitCancelledError:
             return None
         except DamperfitError as error:
             return str(error)

@@ -28,7 +28,7 @@ def cavitation_margin(
     trace: Trace,
     damper: Damper,
     *,
-    solver: SolverOptions = SolverOptions(),  # noqa: B008 - frozen
+    solver: SolverOptions = SolverOptions(),
 ) -> float:
     """Return the fraction by which R_m3 may rise before chamber 2 cavitates on a trace's motion.
 

@@ -50,7 +50,7 @@ def compare(
     damper: Damper,
     *,
     sensitivities: Sequence[str] = (),
-    solver: SolverOptions = SolverOptions(),  # noqa: B008 - frozen
+    solver: SolverOptions = SolverOptions(),
 ) -> Comparison:
     """Simulate the displacement of a trace and filter the force as the measured one was.
 

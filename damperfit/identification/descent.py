@@ -20,7 +20,7 @@ from damperfit.identification.comparison import motion_of
 from damperfit.simulation import SolverOptions, simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["FitCancelled", "Misfit", "Solution", "approach", "descend"]
+__all__ = ["FitCancelledError", "Misfit", "Solution", "approach", "descend"]
 
 # A relative change of the sum of squares below 1e-9 moves no parameter by 1 % of its error; a
 # start for another descent needs no more than a per mille.
@@ -45,7 +45,7 @@ _POLISH_BELOW = 100.0
 _POLISH_FACTOR = 0.003
 
 
-class FitCancelled(DamperfitError):
+class FitCancelledError(DamperfitError):
     """The caller asked to stop while a fit was running."""
 
     exit_code = 130
@@ -133,7 +133,7 @@ def approach(misfit: Misfit, start: Parameters) -> Solution:
     ------
     SimulationError
         When the model cannot be integrated at the start.
-    FitCancelled
+    FitCancelledError
         When the caller asked to stop.
     """
     return _minimise(misfit, start, _ROUGH_COST_TOLERANCE)
@@ -146,7 +146,7 @@ def descend(misfit: Misfit, start: Parameters) -> Solution:
     ------
     SimulationError
         When the model cannot be integrated at the start.
-    FitCancelled
+    FitCancelledError
         When the caller asked to stop.
     """
     solution = _minimise(misfit, start, _COST_TOLERANCE)
@@ -154,9 +154,7 @@ def descend(misfit: Misfit, start: Parameters) -> Solution:
     if rms > _POLISH_BELOW * misfit.solver.tolerance:
         return solution
     tighter = replace(misfit.solver, tolerance=_POLISH_FACTOR * misfit.solver.tolerance)
-    refined = _minimise(
-        replace(misfit, solver=tighter), solution.parameters, _COST_TOLERANCE
-    )
+    refined = _minimise(replace(misfit, solver=tighter), solution.parameters, _COST_TOLERANCE)
     return replace(
         refined,
         evaluations=solution.evaluations + refined.evaluations,
@@ -176,7 +174,7 @@ def _minimise(misfit: Misfit, start: Parameters, cost_tolerance: float) -> Solut
         key = u.tobytes()
         if key not in known:
             if misfit.cancelled():
-                raise FitCancelled("stopped while a fit was running.")
+                raise FitCancelledError("stopped while a fit was running.")
             known.clear()
             count["evaluations"] += 1
             known[key] = _evaluate(misfit, _unpack(u, misfit, start), scale)

@@ -150,9 +150,7 @@ def fit_setting(misfit: Misfit, start: Parameters, *, spent: int = 0) -> Judged:
         return first
     safe = min(start.r_m3, cavitation_limit(misfit.traces, misfit.damper))
     guided = approach(_without_rebound(misfit), replace(start, r_m3=safe))
-    second = _attempt(
-        misfit, guided.parameters, first.solution.evaluations + guided.evaluations
-    )
+    second = _attempt(misfit, guided.parameters, first.solution.evaluations + guided.evaluations)
     return _choose(first, second)
 
 
@@ -192,7 +190,7 @@ def _attempt(misfit: Misfit, start: Parameters, spent: int) -> Judged:
     solution = descend(misfit, start)
     solution = replace(solution, evaluations=solution.evaluations + spent)
     status = _statuses(misfit, solution)
-    return Judged(solution, status, _outcome(misfit, solution, status))
+    return Judged(solution, status, _outcome(solution, status))
 
 
 def relative_errors(solution: Solution) -> NDArray[np.float64]:
@@ -235,7 +233,7 @@ def _statuses(misfit: Misfit, solution: Solution) -> dict[str, str]:
     return status
 
 
-def _outcome(misfit: Misfit, solution: Solution, status: Mapping[str, str]) -> Outcome:
+def _outcome(solution: Solution, status: Mapping[str, str]) -> Outcome:
     if "at_bound" in status.values():
         return Outcome.AT_BOUND
     if "not_identifiable" in status.values():
@@ -259,7 +257,9 @@ def describe_fit(setting: int, judged: Judged, misfit: Misfit) -> Fit:
         window = trace.window
         measured, simulated = trace.force[window], comparison.force[window]
         logs.append(LogFit(trace, normalised_mse(measured, simulated), noise_floor(trace)))
-        empty += int(np.count_nonzero((comparison.response.pressures[:, window] <= 0.0).any(axis=0)))
+        empty += int(
+            np.count_nonzero((comparison.response.pressures[:, window] <= 0.0).any(axis=0))
+        )
         misses.append(simulated - measured)
         floors.append(logs[-1].noise_floor_percent / 100.0 * np.var(measured) * len(measured))
     all_misses = np.concatenate(misses)
@@ -287,7 +287,5 @@ def _warnings(solution: Solution) -> tuple[str, ...]:
     if not solution.failed_trials:
         return ()
     p = solution.parameters
-    return (
-        f"{solution.failed_trials} trial points could not be simulated, near R_m1 {p.r_m1:.3g}, "
-        f"R_m2 {p.r_m2:.3g}, R_m3 {p.r_m3:.3g}, K_e {p.k_e:.3g}.",
-    )
+    where = f"R_m1 {p.r_m1:.3g}, R_m2 {p.r_m2:.3g}, R_m3 {p.r_m3:.3g}, K_e {p.k_e:.3g}"
+    return (f"{solution.failed_trials} trial points could not be simulated, near {where}.",)

@@ -16,7 +16,7 @@ AMPLITUDE, FREQUENCY = 0.032, 1.5
 TIGHT = SolverOptions(tolerance=1e-6)
 
 
-def recording(  # noqa: PLR0913
+def recording(
     setting: int,
     parameters: Parameters | None = None,
     *,

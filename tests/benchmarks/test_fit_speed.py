@@ -1,0 +1,97 @@
+"""How long one fit takes, beside what a user would write with general libraries.
+
+Run with ``pytest tests/benchmarks --benchmark-enable -n 0 -s``. A 10 s log at 1 kHz, R_m1, R_m2
+and K_e free, starts at 0.6, 1.5 and 2 times the truth. Peers run in the same process, alternating
+with ours; the values they reach are asserted, the times only printed.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.reference import reference_parameters
+from damperfit.identification import FitOptions
+from damperfit.identification.descent import Misfit, descend
+from damperfit.recording import Trace
+from damperfit.simulation import SolverOptions, simulate, sine_motion
+from tests.benchmarks.peers import FREE, PEERS
+from tests.identification.rig import trace
+
+SETTING = 10
+STARTS = (0.6, 1.5, 2.0)
+
+
+@pytest.fixture(scope="module")
+def log() -> Trace:
+    return trace(SETTING, noise=4.0)
+
+
+def _ours(log: Trace, start: dict[str, float]) -> dict[str, float]:
+    misfit = Misfit((log,), PURDY_DAMPER, FREE, FitOptions().solver, 100, lambda: False)
+    found = descend(misfit, replace(reference_parameters(SETTING), **start)).parameters
+    return {name: getattr(found, name) for name in FREE}
+
+
+def _start(factor: float) -> dict[str, float]:
+    return {name: factor * getattr(reference_parameters(SETTING), name) for name in FREE}
+
+
+def _seconds(run: Callable[[], object], rounds: int = 1) -> float:
+    times = []
+    for _ in range(rounds):
+        begin = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - begin)
+    return statistics.median(times)
+
+
+def test_one_simulation_with_sensitivities(benchmark) -> None:
+    motion = sine_motion(0.032, 1.5, cycles=15, sample_rate=1000.0)
+    truth = reference_parameters(SETTING)
+    response = benchmark(simulate, truth, PURDY_DAMPER, motion, sensitivities=FREE)
+    assert len(response.force) == 10_001
+    assert set(response.sensitivities) == set(FREE)
+
+
+@pytest.mark.parametrize("factor", STARTS)
+def test_one_fit(benchmark, log: Trace, factor: float) -> None:
+    found = benchmark(_ours, log, _start(factor))
+    for name in FREE:
+        truth = getattr(reference_parameters(SETTING), name)
+        assert found[name] == pytest.approx(truth, rel=5e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", STARTS)
+@pytest.mark.parametrize("peer", PEERS)
+def test_one_fit_beside_a_peer(log: Trace, peer: str, factor: float) -> None:
+    start = _start(factor)
+    before = _seconds(lambda: _ours(log, start), rounds=9)
+    reached: dict[str, float] = {}
+    theirs = _seconds(lambda: reached.update(PEERS[peer](log, start)))
+    after = _seconds(lambda: _ours(log, start), rounds=9)
+    ours = statistics.median([before, after])
+    print(
+        f"\n{peer}, start x{factor}: {theirs:.2f} s; damperfit {1e3 * ours:.1f} ms; "
+        f"ratio {theirs / ours:.0f}"
+    )
+    mine = _ours(log, start)
+    for name in FREE:
+        assert reached[name] == pytest.approx(mine[name], rel=2e-3)
+
+
+def test_tolerance_of_the_fit_is_enough(log: Trace) -> None:
+    """The fit's integrator tolerance moves no parameter by a hundredth of its error."""
+    loose = _ours(log, _start(1.2))
+    misfit = Misfit((log,), PURDY_DAMPER, FREE, SolverOptions(1e-5), 100, lambda: False)
+    start = replace(reference_parameters(SETTING), **_start(1.2))
+    tight = descend(misfit, start).parameters
+    assert loose["r_m1"] == pytest.approx(tight.r_m1, rel=1e-5)
+    assert loose["r_m2"] == pytest.approx(tight.r_m2, rel=5e-5)
+    assert loose["k_e"] == pytest.approx(tight.k_e, rel=2e-4)
