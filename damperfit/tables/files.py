@@ -10,12 +10,12 @@ from __future__ import annotations
 import csv
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.errors import ConfigurationError
+from damperfit.tables.arrays import float_array, repeated
 from damperfit.tables.columns import table_schema
 
 if TYPE_CHECKING:
@@ -64,14 +64,14 @@ def _response_table(schema: pa.Schema, setting: int, trace: Trace, seen: Compari
     window = trace.window
     n = window.stop - window.start
     arrays = [
-        pa.array(np.full(n, setting)),
-        pa.repeat(trace.name, n),
-        pa.array(seen.response.time[window]),
-        pa.array(trace.displacement[window]),
-        pa.array(trace.velocity[window]),
-        pa.array(trace.force[window]),
-        pa.array(seen.force[window]),
-        *(pa.array(pressure[window]) for pressure in seen.response.pressures),
+        repeated(setting, n),
+        repeated(trace.name, n),
+        float_array(seen.response.time[window]),
+        float_array(trace.displacement[window]),
+        float_array(trace.velocity[window]),
+        float_array(trace.force[window]),
+        float_array(seen.force[window]),
+        *(float_array(pressure[window]) for pressure in seen.response.pressures),
     ]
     return pa.Table.from_arrays(arrays, schema=schema)
 
@@ -168,7 +168,8 @@ def read_parameters(path: Path) -> dict[int, Parameters]:
 def _read_rows(path: Path) -> list[dict[str, Any]]:
     wanted = ("setting", *PARAMETER_NAMES)
     if path.suffix.lower() == ".parquet":
-        table = pq.read_table(path, page_checksum_verification=True)
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+            table = file.read()
         rows: list[dict[str, Any]] = table.select(
             [name for name in wanted if name in table.column_names]
         ).to_pylist()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.tables.arrays import column, float_array
 from damperfit.tables.columns import table_schema
 
 if TYPE_CHECKING:
@@ -129,7 +130,9 @@ def _finite(value: float | None) -> float | None:
 
 
 def _table(name: str, rows: Sequence[Mapping[str, Any]], facts: Mapping[str, Any]) -> pa.Table:
-    return pa.Table.from_pylist(list(rows), schema=table_schema(name, facts))
+    schema = table_schema(name, facts)
+    arrays = [column([row.get(field.name) for row in rows], field.type) for field in schema]
+    return pa.Table.from_arrays(arrays, schema=schema)
 
 
 def time_series_table(response: Response, *, facts: Mapping[str, Any] | None = None) -> pa.Table:
@@ -150,4 +153,4 @@ def time_series_table(response: Response, *, facts: Mapping[str, Any] | None = N
         *response.pressures,
     ]
     schema = table_schema("time_series", facts or {})
-    return pa.Table.from_arrays([pa.array(a) for a in arrays], schema=schema)
+    return pa.Table.from_arrays([float_array(a) for a in arrays], schema=schema)
