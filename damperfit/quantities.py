@@ -172,7 +172,7 @@ def find_unit(name: str, dimension: str) -> Unit:
     unit = units.get(name.strip())
     if unit is None:
         known = ", ".join(units_of(dimension))
-        hint = did_you_mean(name.strip(), units) or _same_letters(name.strip(), units)
+        hint = _same_letters(name.strip(), units) or did_you_mean(name.strip(), units)
         raise QuantityError(f"no unit of {dimension} {name.strip()!r}; expected {known}.{hint}")
     return unit
 

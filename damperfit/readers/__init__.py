@@ -14,9 +14,11 @@ if TYPE_CHECKING:
 
 __all__ = ["ReadOptions", "read_log", "read_logs"]
 
+_DEFAULTS = ReadOptions()
+
 
 def read_logs(
-    path: str | os.PathLike[str], options: ReadOptions | None = None
+    path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS
 ) -> tuple[Recording, ...]:
     """Return every test in a log file, in SI, with the project's signs.
 
@@ -36,13 +38,12 @@ def read_logs(
     from damperfit.readers.files import read_source
     from damperfit.readers.formats import find_format
 
-    chosen = ReadOptions() if options is None else options
-    source = read_source(path, max_bytes=chosen.max_bytes)
-    tables = find_format(source).read(source, chosen)
-    return tuple(make_recording(table, source, chosen) for table in tables)
+    source = read_source(path, max_bytes=options.max_bytes)
+    tables = find_format(source).read(source, options)
+    return tuple(make_recording(table, source, options) for table in tables)
 
 
-def read_log(path: str | os.PathLike[str], options: ReadOptions | None = None) -> Recording:
+def read_log(path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> Recording:
     """Return the one test in a log file, in SI, with the project's signs.
 
     Raises

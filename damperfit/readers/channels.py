@@ -121,12 +121,9 @@ def choose_channels(
     notes: list[str] = []
     for channel in _WORDS:
         declared = options.columns.get(channel)
-        if declared is not None:
-            index = _declared_index(channel, declared, columns, where)
-        else:
-            index, note = _found_index(channel, columns, where)
-            if note:
-                notes.append(note)
+        index, note = _found_index(channel, declared, columns, where)
+        if note:
+            notes.append(note)
         if index is None:
             continue
         choice = _with_unit(channel, index, columns[index], options, where)
@@ -134,8 +131,6 @@ def choose_channels(
             notes.append(choice.note)
             continue
         chosen[channel] = choice
-        if declared is not None:
-            notes.append(f"{channel}: column {choice.name}, as declared")
         if choice.note:
             notes.append(choice.note)
     return chosen, tuple(notes)
@@ -181,9 +176,12 @@ def _duplicate(channel: str, found: Sequence[int], columns: Sequence[Column], wh
 
 
 def _found_index(
-    channel: str, columns: Sequence[Column], where: str
+    channel: str, declared: str | int | None, columns: Sequence[Column], where: str
 ) -> tuple[int | None, str]:
-    """Return the best column by unit first, then by fewest words beside the channel's own."""
+    """Return the column and a note: best by unit, then by fewest words beside the channel's."""
+    if declared is not None:
+        index = _declared_index(channel, declared, columns, where)
+        return index, f"{channel}: column {_label(index, columns[index])}, as declared"
     ranked: list[tuple[bool, int, int]] = []
     for i, column in enumerate(columns):
         base, unit = split_name(column.name)

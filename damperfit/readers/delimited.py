@@ -14,7 +14,7 @@ import numpy as np
 
 from damperfit.errors import LogError
 from damperfit.readers.channels import visible
-from damperfit.readers.dialect import Dialect, fields_of, find_dialect, head_lines
+from damperfit.readers.dialect import Dialect, fields_of, find_dialect
 from damperfit.readers.encoding import to_utf8
 from damperfit.readers.table import Column, Table
 
@@ -74,7 +74,7 @@ def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     del options
     name = source.name
     data, notes = to_utf8(source.data, name=name)
-    dialect = find_dialect(head_lines(data, name=name), name=name)
+    dialect = find_dialect(data, name=name)
     rows = data[dialect.data_offset :]
     rows, cut_notes = _without_cut_row(rows, name)
     if dialect.separator == " ":
@@ -113,7 +113,9 @@ def _with_tabs(rows: bytes) -> bytes:
     return re.sub(rb"(?m)^\t|\t(?=\r?$)", b"", rows)
 
 
-def _width(rows: bytes, dialect: Dialect, name: str) -> tuple[tuple[str, ...], int, tuple[str, ...]]:
+def _width(
+    rows: bytes, dialect: Dialect, name: str
+) -> tuple[tuple[str, ...], int, tuple[str, ...]]:
     """Return names, number of fields in a row, and notes; a trailing separator may add one."""
     first = re.match(rb"[^\r\n]*", rows)
     fields = fields_of(first[0].decode("utf-8", "replace") if first else "", dialect.separator)
@@ -150,8 +152,8 @@ def _load(text: _Text, wanted: Mapping[str, int]) -> dict[str, FloatArray]:
 
     try:
         columns = _load_fast(text, sorted(set(wanted.values())), text.n_fields - len(text.labels))
-    except (ArrowException, ValueError) as error:
-        return _load_slow(text, wanted, str(error))
+    except (ArrowException, ValueError):
+        return _load_slow(text, wanted)
     return {channel: columns[index] for channel, index in wanted.items()}
 
 
@@ -161,11 +163,11 @@ def _load_fast(text: _Text, indices: list[int], n_extra: int) -> dict[int, Float
 
     names = [f"{i}" for i in range(text.n_fields)]
     wanted = [names[i] for i in indices] + (names[-1:] if n_extra else [])
-    types = {names[i]: pa.float64() for i in indices}
+    types: dict[str, pa.DataType] = {names[i]: pa.float64() for i in indices}
     if n_extra:
         types[names[-1]] = pa.null()  # anything in the column is an error
     table = csv.read_csv(
-        pa.BufferReader(text.rows),
+        pa.BufferReader(text.rows),  # type: ignore[arg-type]  # stubs forget Arrow's own files
         read_options=csv.ReadOptions(column_names=names, use_threads=len(text.rows) > _THREADED),
         parse_options=csv.ParseOptions(delimiter=text.dialect.separator),
         convert_options=csv.ConvertOptions(
@@ -183,7 +185,7 @@ def _as_floats(column: object) -> FloatArray:
     return np.asarray(values, dtype=np.float64)
 
 
-def _load_slow(text: _Text, wanted: Mapping[str, int], reason: str) -> dict[str, FloatArray]:
+def _load_slow(text: _Text, wanted: Mapping[str, int]) -> dict[str, FloatArray]:
     """Read field by field: the values, or the line and channel of the first thing wrong."""
     values: dict[str, list[float]] = {channel: [] for channel in wanted}
     n_names = len(text.labels)
@@ -204,7 +206,6 @@ def _load_slow(text: _Text, wanted: Mapping[str, int], reason: str) -> dict[str,
             values[channel].append(_number(fields[index], channel, where, text.dialect.decimal))
     if not next(iter(values.values()), None):
         raise LogError(f"{text.name}: no data rows")
-    del reason
     return {channel: np.array(column) for channel, column in values.items()}
 
 

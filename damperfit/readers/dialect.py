@@ -18,10 +18,10 @@ from damperfit.readers.channels import mentions_channel, visible
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["Dialect", "Line", "fields_of", "find_dialect", "head_lines"]
+__all__ = ["Dialect", "Line", "fields_of", "find_dialect"]
 
 _HEAD_BYTES = 262_144
-_HEAD_LINES = 400
+_HEAD_LINES = (40, 1_000)  # tried in turn: nearly all preambles are short
 _MAX_COLUMNS = 2_000
 _SEPARATORS = (",", ";", "\t", "|", " ")  # blank: runs of blanks and tabs
 _NAMES = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
@@ -101,7 +101,24 @@ class Dialect:
         }
 
 
-def head_lines(data: bytes, *, name: str) -> list[Line]:
+def find_dialect(data: bytes, *, name: str) -> Dialect:
+    """Return how a log in UTF-8 is written.
+
+    Raises
+    ------
+    LogError
+        There are no rows of numbers.
+    """
+    lines: list[Line] = []
+    for n_lines in _HEAD_LINES:
+        lines = _head(data, n_lines, name)
+        best = _best_separator(lines)
+        if best is not None:
+            return _dialect(best[0], best[1], best[2], name)
+    raise LogError(_no_data(lines, name))
+
+
+def _head(data: bytes, n_lines: int, name: str) -> list[Line]:
     """Return the first lines of UTF-8 text that are not blank.
 
     Raises
@@ -115,7 +132,7 @@ def head_lines(data: bytes, *, name: str) -> list[Line]:
         is_cut = found.end() == end < len(data)
         if is_cut and not lines:
             raise LogError(f"{name}, line {number}: longer than {_HEAD_BYTES} bytes; no log")
-        if is_cut or len(lines) == _HEAD_LINES:
+        if is_cut or len(lines) == n_lines:
             break
         text = found[1].decode("utf-8", "replace")
         if text.strip():
@@ -180,21 +197,18 @@ def _first_data(rows: Sequence[_Row]) -> int | None:
         ahead = rows[i : i + 4]
         same = [r for r in ahead if r.is_data and len(r.fields) == len(row.fields)]
         if row.is_data and len(row.fields) >= 2 and len(same) >= min(3, len(ahead)):
-            while i > 0 and rows[i - 1].is_data and len(rows[i - 1].fields) >= 2:
-                i -= 1
-            return i
+            return next((j for j in range(i, 0, -1) if not _may_be_ragged(rows[j - 1])), 0)
     return None
 
 
-def find_dialect(lines: Sequence[Line], *, name: str) -> Dialect:
-    """Return how a log is written.
+def _may_be_ragged(row: _Row) -> bool:
+    return row.is_data and len(row.fields) >= 2
 
-    Raises
-    ------
-    LogError
-        There are no rows of numbers.
-    """
-    best: tuple[float, str, list[_Row], int] | None = None
+
+def _best_separator(lines: Sequence[Line]) -> tuple[str, list[_Row], int] | None:
+    """Return the separator that makes most fields numbers, its rows, and the first of data."""
+    best: tuple[str, list[_Row], int] | None = None
+    best_score = 0.0
     for separator in _SEPARATORS:
         if separator != " " and not any(separator in line.text for line in lines):
             continue
@@ -202,13 +216,13 @@ def find_dialect(lines: Sequence[Line], *, name: str) -> Dialect:
         start = _first_data(rows)
         if start is None:
             continue
-        # Averaged over all lines, so that a separator that fits some of them does not win.
+        # Over all lines, so that a separator that fits only some of them does not win.
         score = sum(row.share for row in rows[start:] if len(row.fields) >= 2)
-        if best is None or score > best[0] + 1e-9:
-            best = (score, separator, rows, start)
-    if best is None:
-        raise LogError(_no_data(lines, name))
-    return _dialect(best[1], best[2], best[3], name)
+        if score > best_score + 1e-9:
+            best, best_score = (separator, rows, start), score
+        if score == len(rows) - start:
+            break  # every field of every row is a number
+    return best
 
 
 def _no_data(lines: Sequence[Line], name: str) -> str:

@@ -46,14 +46,12 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
         The file is missing, is no regular file, cannot be read, is empty or too large, or
         changes while it is read.
     """
-    shown = os.fsencode(path).decode("utf-8", "backslashreplace")
-    if "\0" in shown:
-        raise LogError(f"{shown!r}: a path cannot hold a NUL character")
+    shown = _one_line(os.fsencode(path).decode("utf-8", "backslashreplace"))
     name = Path(shown).name or shown
     try:
         # Without O_NONBLOCK, opening a FIFO waits for its writer for ever.
         flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-        with open(os.open(path, flags), "rb", buffering=0) as file:
+        with os.fdopen(os.open(path, flags), "rb", buffering=0) as file:
             data = _content(file, shown, max_bytes)
     except FileNotFoundError as error:
         raise LogError(f"{shown}: no such file") from error
@@ -63,6 +61,11 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
         reason = getattr(error, "strerror", None) or str(error)
         raise LogError(f"{shown}: file unreadable: {reason}") from error
     return Source(name, shown, data, hashlib.sha256(data).hexdigest())
+
+
+def _one_line(text: str) -> str:
+    """Return a path as it can stand in a message: control characters escaped."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def _content(file: FileIO, shown: str, max_bytes: int) -> bytes:

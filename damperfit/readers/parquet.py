@@ -43,9 +43,7 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     if len(source.data) < 12 or not source.data.endswith(_MAGIC):
         raise LogError(f"{name}: truncated Parquet; the end of the file is missing")
     try:
-        file = parquet.ParquetFile(
-            pa.BufferReader(source.data), page_checksum_verification=True
-        )
+        file = parquet.ParquetFile(pa.BufferReader(source.data), page_checksum_verification=True)
         schema = file.schema_arrow
         metadata = _texts(schema.metadata)
         fields = [schema.field(i) for i in range(len(schema))]

@@ -1,0 +1,138 @@
+"""Units: factors against their definitions, text against numbers, refusals."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from damperfit.errors import ConfigurationError
+from damperfit.quantities import QuantityError, find_unit, is_unit, parse_quantity, units_of
+
+# One of each unit in SI, from its legal definition; temperatures are degrees Celsius inside.
+DEFINITIONS = [
+    ("length", "m", 1.0),
+    ("length", "mm", 0.001),
+    ("length", "cm", 0.01),
+    ("length", "um", 0.000001),
+    ("length", "\N{MICRO SIGN}m", 0.000001),
+    ("length", "\N{GREEK SMALL LETTER MU}m", 0.000001),
+    ("length", "in", 0.0254),
+    ("force", "N", 1.0),
+    ("force", "mN", 0.001),
+    ("force", "kN", 1000.0),
+    ("force", "lbf", 4.4482216152605),
+    ("force", "kgf", 9.80665),
+    ("force", "gf", 0.00980665),
+    ("time", "s", 1.0),
+    ("time", "sec", 1.0),
+    ("time", "ms", 0.001),
+    ("time", "us", 0.000001),
+    ("time", "min", 60.0),
+    ("pressure", "Pa", 1.0),
+    ("pressure", "kPa", 1000.0),
+    ("pressure", "MPa", 1000000.0),
+    ("pressure", "bar", 100000.0),
+    ("pressure", "psi", 6894.757293168361),
+    ("frequency", "Hz", 1.0),
+    ("frequency", "kHz", 1000.0),
+    ("temperature", "degC", 1.0),
+    ("temperature", "\N{DEGREE SIGN}C", 1.0),
+    ("temperature", "K", -272.15),
+    ("temperature", "degF", -17.22222222222222),
+    ("velocity", "m/s", 1.0),
+    ("velocity", "mm/s", 0.001),
+    ("density", "kg/m3", 1.0),
+    ("voltage", "mV", 0.001),
+]
+
+
+@pytest.mark.parametrize(("dimension", "unit", "expected"), DEFINITIONS)
+def test_one_of_each_unit_is_its_definition(dimension: str, unit: str, expected: float) -> None:
+    assert parse_quantity(f"1{unit}", dimension) == pytest.approx(expected, rel=1e-14)
+    array = find_unit(unit, dimension).to_si(np.array([1.0, 1.0]))
+    np.testing.assert_allclose(array, [expected, expected], rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "expected"),
+    [
+        ("32mm", "length", 0.032),
+        ("19 mm", "length", 0.019),
+        (" 28.5mm ", "length", 0.0285),
+        ("4.6bar", "pressure", 460000.0),
+        ("0.1mm/s", "velocity", 0.0001),
+        ("1.5e3Hz", "frequency", 1500.0),
+        ("-40degF", "temperature", -40.0),
+        ("299.15K", "temperature", 26.0),
+        ("+.5kN", "force", 500.0),
+        ("0.032", "length", 0.032),
+        (0.032, "length", 0.032),
+        (3, "force", 3.0),
+        ("1e-999mm", "length", 0.0),
+    ],
+)
+def test_text_becomes_the_nearest_float(text: str | float, dimension: str, expected: float) -> None:
+    # Exactly: 4.6 * 1e5 in floats is 459999.99999999994.
+    assert parse_quantity(text, dimension) == expected
+
+
+@pytest.mark.parametrize(
+    "text", ["", "mm", "nan", "inf", "1e999", "1e999mm", "3 4mm", "1_000", "0x10", "1,5mm", "٣mm"]
+)
+def test_what_is_no_finite_number_is_refused(text: str) -> None:
+    with pytest.raises(QuantityError):
+        parse_quantity(text, "length")
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
+def test_a_float_must_be_finite_too(number: float) -> None:
+    with pytest.raises(QuantityError, match="finite"):
+        parse_quantity(number, "force")
+
+
+def test_case_matters_and_the_hint_says_so() -> None:
+    with pytest.raises(QuantityError, match="Did you mean 'mm'"):
+        parse_quantity("32MM", "length")
+    with pytest.raises(QuantityError, match="Did you mean 'MPa'"):
+        parse_quantity("1mPa", "pressure")
+
+
+def test_a_unit_of_another_dimension_is_refused() -> None:
+    with pytest.raises(QuantityError, match=r"no unit of length 'kN'; expected m, mm, cm, um, in"):
+        find_unit("kN", "length")
+
+
+def test_the_error_is_a_configuration_error_and_a_value_error() -> None:
+    assert issubclass(QuantityError, ConfigurationError)
+    assert issubclass(QuantityError, ValueError)
+
+
+def test_units_are_listed_once_each() -> None:
+    assert units_of("time") == ("s", "ms", "us", "min")
+    assert is_unit("lbf")
+    assert not is_unit("furlong")
+
+
+@given(st.text(max_size=12))
+def test_any_text_is_a_finite_number_or_our_error(text: str) -> None:
+    try:
+        value = parse_quantity(text, "force")
+    except QuantityError:
+        return
+    assert math.isfinite(value)
+
+
+@given(
+    st.floats(-1e9, 1e9, allow_subnormal=False),
+    st.sampled_from([(d, u) for d, u, _ in DEFINITIONS]),
+)
+def test_text_and_array_agree(number: float, unit: tuple[str, str]) -> None:
+    dimension, name = unit
+    by_array = find_unit(name, dimension).to_si(np.array([number]))[0]
+    assert parse_quantity(f"{number!r}{name}", dimension) == pytest.approx(
+        by_array, rel=1e-14, abs=1e-12
+    )
