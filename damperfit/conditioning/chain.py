@@ -20,6 +20,7 @@ raw log exactly as ``rig_filter = "causal"`` treats one that the rig has filtere
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +32,7 @@ from damperfit.conditioning.filters import (
     complete_causal,
     completed,
     design_filter,
+    gain_at,
     settling_samples,
 )
 from damperfit.conditioning.options import ConditionOptions
@@ -104,8 +106,8 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         n_cycles_found=cycles.n_found,
         model_filter=model_filter,
         temperature=_mean_temperature(recording, log, starts + keep.start),
-        notes=(*log.notes, *_notes(log, cycles, options, starts)),
     )
+    trace = replace(trace, notes=(*log.notes, *_notes(trace, cycles, options)))
     _refuse_stroke(trace, options)
     _refuse_polarity(trace)
     return trace
@@ -147,18 +149,38 @@ def _window(recording: Recording, log: UniformLog, cycles: Cycles | None, edge: 
             f"{recording.name}: found {found} whole steady cycles in the displacement (it spans "
             f"{stroke:.3g} mm; {length}); expected at least {_MIN_CYCLES}{period}; log longer"
         )
-    low, high = edge + cycles.period, n - 1.0 - edge
-    for crossings in (cycles.rising, cycles.falling):
-        inside = crossings[(crossings >= low) & (crossings <= high)]
-        if len(inside) >= 2:
-            return inside
-    needed = (3.0 * cycles.period + 2.0 * edge) * h
+    low, high = _untouched(cycles, n, edge)
+    rising, falling = (
+        crossings[(crossings >= low) & (crossings <= high)]
+        for crossings in (cycles.rising, cycles.falling)
+    )
+    # Short logs: half a cycle more may fit when cycles are cut at the other crossing.
+    starts = falling if len(rising) <= _MIN_CYCLES and len(falling) > len(rising) else rising
+    if len(starts) >= 2:
+        return starts
+    if high - low >= cycles.period:  # a whole cycle that starts in mid-cycle
+        n_cycles = math.floor((high - low) / cycles.period)
+        return low + cycles.period * np.arange(n_cycles + 1, dtype=np.float64)
+    needed = (2.0 * cycles.period + 2.0 * edge) * h
     raise ConditioningError(
         f"{recording.name}: no whole steady cycle is left after the run-in of one cycle "
         f"({cycles.period * h:.3g} s) and the filter's edges ({edge * h:.3g} s at each end); "
         f"{length} with {cycles.n_found} cycles, expected at least {needed:.3g} s of steady "
         "motion; log longer"
     )
+
+
+def _untouched(cycles: Cycles, n: int, edge: int) -> tuple[float, float]:
+    """Return first and last sample that run-in and filter edges leave alone.
+
+    Where the steady cycles do not reach the log's own ends, their first and last crossing count
+    as ends: an abrupt start or stop beside them is smeared by the filter like an end of the log.
+    """
+    reach = 1.1 * cycles.period
+    begin, end = float(cycles.rising[0]), float(cycles.rising[-1])
+    begin = 0.0 if begin <= reach else begin
+    end = n - 1.0 if n - 1.0 - end <= reach else end
+    return begin + cycles.period + edge, end - edge
 
 
 def _mean_temperature(recording: Recording, log: UniformLog, starts: FloatArray) -> float | None:
@@ -169,13 +191,12 @@ def _mean_temperature(recording: Recording, log: UniformLog, starts: FloatArray)
     return float(np.mean(recording.temperature[inside]))
 
 
-def _notes(
-    log: UniformLog, cycles: Cycles, options: ConditionOptions, starts: FloatArray
-) -> tuple[str, ...]:
-    used = f"{len(starts) - 1} of {cycles.n_found} whole cycles evaluated"
+def _notes(trace: Trace, cycles: Cycles, options: ConditionOptions) -> tuple[str, ...]:
+    used = f"{trace.n_cycles} of {trace.n_cycles_found} whole cycles evaluated"
     notes = [f"{used} (left out: run-in, filter edges, unsteady cycles)"]
     if options.centre is None:
-        notes.append(f"mid-stroke of the log ({1e3 * cycles.centre:.4g} mm) is x = 0 of the model")
+        middle = round(1e3 * cycles.centre, 3) + 0.0  # no "-0.000"
+        notes.append(f"mid-stroke of the log ({middle:.3f} mm) is x = 0 of the model")
     if options.rig_filter != "none":
         notes.append(
             f"filtered in the rig as declared ({options.rig_filter}, "
@@ -186,6 +207,12 @@ def _notes(
     if step**4 / 180.0 > 1e-3:
         notes.append(
             f"only {cycles.period:.1f} samples a cycle: velocity is {step**4 / 1.8:.2g} % low"
+        )
+    lost = 1.0 - gain_at(trace.model_filter, trace.frequency, sample_rate=1.0 / trace.interval)
+    if lost > 1e-3:
+        notes.append(
+            f"the filter takes {100.0 * lost:.2g} % off the motion at {trace.frequency:.3g} Hz: "
+            "parameters will be off by about as much; raise its corner"
         )
     if cycles.amplitude < 2e-4:
         notes.append(
@@ -212,17 +239,17 @@ def _refuse_dead(recording: Recording, options: ConditionOptions) -> None:
                 f"{recording.name}: the {channel} is constant ({middle:g}) in all {n} rows; "
                 "expected a steady periodic test; check sensor and column"
             )
-    peak = float(np.abs(recording.force).max())
-    if peak > options.max_force:
-        raise ConditioningError(
-            f"{recording.name}: force reaches {peak:.4g} N, expected at most "
-            f"{options.max_force:g} N; was N read as kN? Declare the unit or raise max_force"
-        )
     if (half := 0.5 * float(np.ptp(recording.displacement))) > options.max_amplitude:
         raise ConditioningError(
             f"{recording.name}: displacement swings +-{half:.4g} m, expected at most "
             f"+-{options.max_amplitude:g} m{_chambers(options)}; was mm read as m? "
             "Declare the unit or raise max_amplitude"
+        )
+    peak = float(np.abs(recording.force).max())
+    if peak > options.max_force:
+        raise ConditioningError(
+            f"{recording.name}: force reaches {peak:.4g} N, expected at most "
+            f"{options.max_force:g} N; was N read as kN? Declare the unit or raise max_force"
         )
 
 

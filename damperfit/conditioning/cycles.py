@@ -1,13 +1,14 @@
 """Find the cycles of a motion, and the longest run of steady ones.
 
-A cycle runs from one upward crossing of mid-stroke to the next. Crossings count only when the
-displacement has been a quarter of its range beyond mid-stroke on both sides, so noise at rest makes none.
+A cycle runs from one upward crossing of mid-stroke to the next. A crossing counts only when the
+displacement goes beyond a quarter of the amplitude on both sides, so noise at rest makes none.
 Positions are fractional samples, from the cubic Hermite piece of (x, v).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,7 +73,7 @@ def find_cycles(
         if run is None:
             return None
         level, amplitude = level + run.middle, run.amplitude
-        if abs(run.middle) < 1e-3 * amplitude:
+        if abs(run.middle) < 1e-6 * amplitude:
             break
     assert run is not None
     falling = _crossings(level - displacement, -velocity, _HYSTERESIS * amplitude)
@@ -162,27 +163,28 @@ def _root(y0: FloatArray, y1: FloatArray, v0: FloatArray, v1: FloatArray) -> Flo
 
 
 def _extremes(offset: FloatArray, velocity: FloatArray, boundaries: FloatArray) -> FloatArray:
-    """Return the top of each cycle, the parabola through its highest sample included."""
+    """Return the top of each cycle: that of the Hermite piece beside its highest sample."""
     cuts = np.ceil(boundaries).astype(np.int64)
-    tops = np.empty(len(cuts) - 1)
-    for k in range(len(tops)):
-        at = int(cuts[k]) + int(np.argmax(offset[cuts[k] : max(cuts[k + 1], cuts[k] + 1)]))
-        after, before = min(at + 1, len(offset) - 1), max(at - 1, 0)
-        curvature = (velocity[after] - velocity[before]) / (after - before)
-        speed = velocity[at]
-        rise = -0.5 * speed * speed / curvature if curvature < 0.0 else 0.0
-        # The top lies within a sample: what is more than one step up is noise.
-        tops[k] = offset[at] + min(rise, abs(speed))
-    return tops
+    highest = np.array(
+        [start + np.argmax(offset[start : max(stop, start + 1)]) for start, stop in pairwise(cuts)]
+    )
+    left = np.clip(np.where(velocity[highest] > 0.0, highest, highest - 1), 0, len(offset) - 2)
+    y0, y1, v0, v1 = offset[left], offset[left + 1], velocity[left], velocity[left + 1]
+    c2, c3 = 3.0 * (y1 - y0) - 2.0 * v0 - v1, 2.0 * (y0 - y1) + v0 + v1
+    # Slope v0 + 2 c2 u + 3 c3 u^2 falls through zero here; this form of the root allows c3 = 0.
+    root = np.sqrt(np.maximum(c2 * c2 - 3.0 * c3 * v0, 0.0)) - c2
+    u = np.clip(np.divide(v0, root, out=np.zeros_like(v0), where=root > 0.0), 0.0, 1.0)
+    return np.asarray(np.maximum(offset[highest], y0 + u * (v0 + u * (c2 + c3 * u))))
 
 
 def _whole_cycles(crossings: FloatArray, period: float, n: int) -> int:
     """Return how many whole cycles fit from the beginning of the motion to its end.
 
     Ahead of the first and behind the last crossing, up to half a cycle is motion that the log's
-    ends cut; more is rest, run-up or coast-down.
+    ends cut; more is rest, run-up or coast-down. The last crossing is not seen until the hysteresis
+    behind it is passed, up to a sample later.
     """
     ahead, behind = float(crossings[0]), n - float(crossings[-1])
     length = float(crossings[-1] - crossings[0])
-    length += sum(part for part in (ahead, behind) if part <= 0.55 * period)
+    length += sum(part for part in (ahead, behind) if part <= 0.55 * period + 1.0)
     return int(length / period + 0.02)

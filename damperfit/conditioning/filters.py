@@ -40,7 +40,14 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["apply_filter", "complete_causal", "completed", "design_filter", "settling_samples"]
+__all__ = [
+    "apply_filter",
+    "complete_causal",
+    "completed",
+    "design_filter",
+    "gain_at",
+    "settling_samples",
+]
 
 # An edge left over at 1e-8 of the force moves no parameter by more than 1e-6.
 _SETTLED = 1e-8
@@ -126,14 +133,11 @@ def apply_filter(design: FilterDesign, signal: FloatArray, axis: int = -1) -> Fl
     numpy.ndarray
         Same shape, new memory.
     """
-    moved = np.moveaxis(np.asarray(signal, dtype=np.float64), axis, -1)
     if not len(design.sections):
         return np.array(signal, dtype=np.float64)
-    if design.is_zero_phase:
-        result = _forward_backward(design.sections, moved)
-    else:
-        result = _one_pass(design.sections, moved)
-    return np.moveaxis(result, -1, axis)
+    run = _forward_backward if design.is_zero_phase else _one_pass
+    moved = np.moveaxis(np.asarray(signal, dtype=np.float64), axis, -1)
+    return np.moveaxis(run(design.sections, moved), -1, axis)
 
 
 def complete_causal(design: FilterDesign, signal: FloatArray) -> FloatArray:
@@ -141,10 +145,18 @@ def complete_causal(design: FilterDesign, signal: FloatArray) -> FloatArray:
 
     The delay of the first pass is taken back exactly: together both are |H|^2 with zero phase.
     """
-    reflected = 2.0 * signal[..., -1:] - signal[..., -2 : -_padding(design, signal) - 2 : -1]
-    extended = np.concatenate([signal, reflected], axis=-1)
-    reversed_pass = _one_pass(design.sections, extended[..., ::-1])
-    return np.ascontiguousarray(reversed_pass[..., ::-1][..., : signal.shape[-1]])
+    n = signal.shape[-1]
+    pad = min(int(_constants(design.sections.tobytes())[2]), n - 1)
+    behind = 2.0 * signal[..., -1:] - signal[..., -2 : -pad - 2 : -1]
+    backward = _one_pass(design.sections, np.concatenate([signal, behind], axis=-1)[..., ::-1])
+    return backward[..., ::-1][..., :n].copy()
+
+
+def gain_at(design: FilterDesign, frequency: float, *, sample_rate: float) -> float:
+    """Return the share of a sine's amplitude that passes, both passes counted."""
+    z = np.exp(-2j * np.pi * frequency / sample_rate * np.arange(3))
+    one_pass = np.prod(np.abs(design.sections[:, :3] @ z) / np.abs(design.sections[:, 3:] @ z))
+    return float(one_pass**2 if design.is_zero_phase else one_pass)
 
 
 def settling_samples(design: FilterDesign) -> int:
@@ -172,10 +184,6 @@ def _constants(sections: bytes) -> tuple[FloatArray, int, int]:
         math.ceil(math.log(level) / math.log(slowest)) for level in (_SETTLED, _PADDED)
     )
     return sosfilt_zi(table), settled, padded
-
-
-def _padding(design: FilterDesign, signal: FloatArray) -> int:
-    return min(int(_constants(design.sections.tobytes())[2]), signal.shape[-1] - 1)
 
 
 def _one_pass(sections: FloatArray, signal: FloatArray) -> FloatArray:

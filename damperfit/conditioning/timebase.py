@@ -3,7 +3,7 @@
 Three cases, tried in this order:
 
 1. Every stamp is within its own rounding (or 1 % of an interval) of a straight line: the samples
-   are uniform, and the line's slope is the interval. Stamps rounded to 1 ms at 300 Hz are this case.
+   are uniform, and the line's slope is the interval. So are stamps rounded to 1 ms at 300 Hz.
 2. The same after leaving room for a few missing samples: these are put in by a cubic spline.
 3. The intervals really vary: a cubic spline through the stamps gives uniform samples.
 
@@ -85,29 +85,29 @@ def _resampled(recording: Recording, elapsed: FloatArray, rounding: float) -> Un
     # Rounded stamps make the median step up to half a rounding wrong: take the mean of its likes.
     typical = float(np.mean(steps[np.abs(steps - typical) <= 1.01 * rounding + 0.3 * typical]))
     counts = np.maximum(np.rint(steps / typical), 1.0)
-    _refuse_gaps(recording, steps, counts, typical)
+    _refuse_gap(recording, steps, counts, typical)
     index = np.concatenate([[0.0], np.cumsum(counts)])
     offset, interval, off = _line(index, elapsed)
-    missing = int(counts.sum()) - len(counts)
-    grid = np.arange(int(index[-1]) + 1, dtype=np.float64)
     if off <= _JITTER * interval + 0.5 * rounding:
+        missing = _missing(recording, counts)
         knots = index
         note = f"{missing} missing samples put in by a cubic spline; {1.0 / interval:.6g} Hz"
     else:
-        offset, knots = 0.0, elapsed / interval
-        grid = grid[grid <= knots[-1]]
         spread = 100.0 * float(np.abs(steps - typical).max()) / typical
+        offset, interval = 0.0, float(elapsed[-1]) / len(steps)
+        knots = elapsed / interval
         note = (
             f"time steps vary by up to {spread:.0f} %; resampled at {1.0 / interval:.6g} Hz "
             "by a cubic spline"
         )
+    grid = np.arange(round(float(knots[-1])) + 1, dtype=np.float64)
     channels = np.stack([recording.displacement, recording.force])
     displacement, force = np.ascontiguousarray(CubicSpline(knots, channels, axis=-1)(grid))
     start = float(recording.time[0]) + offset
     return UniformLog(start, interval, displacement, force, (note,))
 
 
-def _refuse_gaps(
+def _refuse_gap(
     recording: Recording, steps: FloatArray, counts: FloatArray, typical: float
 ) -> None:
     widest = int(np.argmax(counts))
@@ -117,14 +117,19 @@ def _refuse_gaps(
             f"(time {recording.time[widest]:.6g} s); the samples are {typical:.4g} s apart and at "
             f"most {MAX_MISSING} may be missing; split the log there or log without pauses"
         )
-    missing = int(counts.sum()) - len(counts)
-    if missing > _MAX_FILLED * len(steps):
+
+
+def _missing(recording: Recording, counts: FloatArray) -> int:
+    """Return how many samples are missing; refuse more than a few per cent."""
+    expected = int(counts.sum()) + 1
+    missing = expected - 1 - len(counts)
+    if missing > _MAX_FILLED * expected:
         row = int(np.flatnonzero(counts > 1)[0]) + 1
         raise ConditioningError(
-            f"{recording.name}: {missing} of {int(counts.sum()) + 1} samples are missing, first "
-            f"after row {row} of the data; expected at most {100.0 * _MAX_FILLED:.0f} %; "
-            "check the logger"
+            f"{recording.name}: {missing} of {expected} samples are missing, first after row "
+            f"{row} of the data; expected at most {100.0 * _MAX_FILLED:.0f} %; check the logger"
         )
+    return missing
 
 
 def _line(index: FloatArray, elapsed: FloatArray) -> tuple[float, float, float]:

@@ -1,0 +1,54 @@
+"""The noise floor: unbiased for any number of cycles, filter and phase of sampling."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.conditioning import ConditionOptions, apply_filter, condition, noise_floor
+from tests.conditioning.logs import recording, sine_log
+
+
+def smooth_log(cycles, rate):
+    """A log without friction's steps: what differs between cycles is noise alone."""
+    log = sine_log(cycles=cycles, rate=rate)
+    v = 0.032 * 2 * np.pi * 1.5 * np.cos(2 * np.pi * 1.5 * log.time + 1.1)
+    return replace(log, force=3000.0 * v * np.abs(v) + 1500.0 * v)
+
+
+@pytest.mark.parametrize("kind", ["zero_phase", "none"])
+@pytest.mark.parametrize(("cycles", "rate"), [(5.0, 1000.0), (15.0, 1000.0), (15.0, 301.0)])
+def test_it_is_what_noise_costs_a_perfect_model(kind, cycles, rate):
+    log, options = smooth_log(cycles, rate), ConditionOptions(filter=kind)
+    random = np.random.default_rng(11)
+    found = []
+    for _ in range(150):
+        noise = random.normal(0.0, 4.0, len(log.time))
+        trace = condition(replace(log, force=log.force + noise), options)
+        found.append(noise_floor(trace))
+    impulse = np.zeros(2001)
+    impulse[1000] = 1.0
+    left = np.sum(apply_filter(trace.model_filter, impulse) ** 2)
+    expected = 100.0 * 4.0**2 * left / np.var(trace.force[trace.window])
+    # 150 logs: the mean is known to 0.3 %, to 2 % where only two cycles are left.
+    assert np.mean(found) == pytest.approx(expected, rel=0.06 if trace.n_cycles < 5 else 0.02)
+
+
+def test_equal_cycles_have_none():
+    assert noise_floor(condition(smooth_log(15.0, 1000.0))) < 1e-9
+
+
+def test_a_force_that_drifts_is_scatter():
+    log = smooth_log(15.0, 1000.0)
+    trace = condition(replace(log, force=log.force + 20.0 * (log.time - log.time.mean())))
+    middles = 20.0 / 1.5 * np.arange(trace.n_cycles)
+    expected = 100.0 * np.var(middles, ddof=1) / np.var(trace.force[trace.window])
+    assert noise_floor(trace) == pytest.approx(expected, rel=0.01)
+
+
+def test_a_single_cycle_cannot_say():
+    log = smooth_log(3.0, 1000.0)
+    assert math.isnan(noise_floor(condition(recording(log.time, log.displacement, log.force))))

@@ -1,0 +1,107 @@
+"""Stamps to uniform samples: rounding, jitter, missing samples, gaps (F40)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from damperfit.conditioning.timebase import make_uniform
+from damperfit.errors import ConditioningError
+from tests.conditioning.logs import recording
+
+
+def channels(t):
+    return 0.03 * np.sin(9.0 * t + 1.0), 400.0 * np.cos(9.0 * t + 1.0)
+
+
+def logged(true_time, stamps):
+    return recording(stamps, *channels(true_time))
+
+
+def error(log):
+    """Largest relative error of the uniform channels against the truth at their own times."""
+    t = log.start_time + log.interval * np.arange(len(log.force))
+    x, f = channels(t)
+    return max(np.abs(log.displacement - x).max() / 0.03, np.abs(log.force - f).max() / 400.0)
+
+
+@given(
+    rate=st.floats(80.0, 950.0),
+    shift=st.sampled_from([0.0, 12.3456, 1e6]),
+    n=st.integers(500, 3000),
+)
+@settings(deadline=None)
+def test_stamps_rounded_to_a_millisecond_keep_the_rate(rate, shift, n):
+    t = np.arange(n) / rate
+    log = make_uniform(logged(t, np.round(t + shift, 3)))
+    # Stamps wrong by half a rounding q, in the worst order: a slope wrong by 1.5 q/n.
+    assert log.interval == pytest.approx(1.0 / rate, abs=1.5e-3 / n)
+    assert len(log.force) == n
+    assert log.start_time == pytest.approx(shift, abs=1e-3)
+
+
+def test_exact_stamps_are_taken_as_they_are():
+    t = np.arange(3000) / 300.0
+    source = logged(t, t)
+    log = make_uniform(source)
+    assert log.displacement is source.displacement
+    assert log.interval == pytest.approx(1.0 / 300.0, rel=1e-14)
+    assert log.notes == ()
+
+
+@pytest.mark.parametrize("digits", [None, 3])
+def test_a_few_missing_samples_are_put_in_and_counted(digits):
+    t = np.delete(np.arange(3000), [500, 1200, 1201]) / 300.0
+    log = make_uniform(logged(t, t if digits is None else np.round(t, digits)))
+    assert "3 missing samples" in log.notes[0]
+    assert len(log.force) == 3000
+    assert log.interval == pytest.approx(1.0 / 300.0, rel=1e-6)
+    true = channels(np.arange(3000) / 300.0)
+    assert np.abs(log.displacement - true[0]).max() < 1e-6 * 0.03
+    assert np.abs(log.force - true[1]).max() < 1e-6 * 400.0
+
+
+@given(seed=st.integers(0, 2**31), spread=st.floats(0.03, 0.4), is_walk=st.booleans())
+@settings(deadline=None, max_examples=30)
+def test_jitter_is_resampled_and_said(seed, spread, is_walk):
+    random = np.random.default_rng(seed)
+    moved = random.uniform(-spread, spread, 3000)
+    t = (np.cumsum(1.0 + moved) if is_walk else np.arange(3000) + moved) / 300.0
+    log = make_uniform(logged(t, t))
+    assert "time steps vary" in log.notes[0]
+    assert log.interval == pytest.approx(1.0 / 300.0, rel=0.02)
+    assert error(log) < 1e-5
+
+
+def test_a_gap_is_refused_with_row_and_size():
+    t = np.delete(np.arange(3000), np.arange(500, 506)) / 300.0
+    with pytest.raises(ConditioningError, match=r"gap of 0\.02333 s after row 500"):
+        make_uniform(logged(t, t))
+    # one sample less is still put in when 4 may be missing
+    t = np.delete(np.arange(3000), np.arange(500, 504)) / 300.0
+    assert "4 missing" in make_uniform(logged(t, t)).notes[0]
+
+
+def test_a_pause_between_two_tests_is_refused():
+    t = np.concatenate([np.arange(1000), np.arange(5000, 6000)]) / 300.0
+    with pytest.raises(ConditioningError, match="after row 1000"):
+        make_uniform(logged(t, t))
+
+
+def test_too_many_missing_samples_are_refused():
+    kept = np.flatnonzero(np.random.default_rng(1).uniform(size=3000) > 0.1)
+    t = kept / 300.0
+    with pytest.raises(ConditioningError, match=r"of \d+ samples are missing, first after row"):
+        make_uniform(logged(t, t))
+
+
+def test_units_of_time_do_not_matter():
+    t = np.arange(3000) / 300.0
+    stamps = np.round(t * 1e3) * 1e-3  # logged in whole milliseconds
+    source = logged(t, stamps)
+    again = make_uniform(replace(source, time=stamps + 100.0))
+    assert make_uniform(source).interval == pytest.approx(again.interval, rel=1e-12)
