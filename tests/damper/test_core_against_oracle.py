@@ -200,7 +200,9 @@ def test_sensitivities_against_central_differences_over_eight_steps(name):
     assert min(gaps) < 1e-4
     if name not in ("f_f", "f_0"):  # in these the force is linear, any step is exact
         assert gaps[1] < gaps[0] / 5
-        assert min(gaps) < gaps[0] / 1000
+        # Solver noise of 1e-6 N over the change of the force leaves a floor of some 1e-6, which
+        # gamma, nearly linear, meets first.
+        assert min(gaps) < max(gaps[0] / 1000, 1e-5)
 
 
 def test_sensitivities_through_cavitation():
