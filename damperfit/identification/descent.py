@@ -26,16 +26,15 @@ if TYPE_CHECKING:
 
     from damperfit.damper.parameters import Damper
     from damperfit.recording import Trace
-    from damperfit.simulation import Response
 
     FloatArray = NDArray[np.float64]
 
 __all__ = ["FitCancelledError", "Misfit", "Solution", "approach", "descend"]
 
-# A relative change of the sum of squares below 1e-9 moves no parameter by 1 % of its error; a
-# start for another descent needs no more than a per mille.
-_COST_TOLERANCE = 1e-9
-_ROUGH_COST_TOLERANCE = 1e-3
+# A relative change of the sum of squares below 1e-8 moves no parameter by 1 % of its error; a
+# start for another descent needs no more than a per cent.
+_COST_TOLERANCE = 1e-8
+_ROUGH_COST_TOLERANCE = 1e-2
 # A relative change of a logarithm near 15; 1e-9 resolves a parameter to 1e-8.
 _STEP_TOLERANCE = 1e-9
 # A point the model cannot be integrated at counts as this many times the force's variance.
@@ -166,37 +165,36 @@ def _minimise(misfit: Misfit, start: Parameters, cost_tolerance: float) -> Solut
     from scipy.optimize import least_squares
 
     scale = 1.0 / (misfit.deviation * math.sqrt(misfit.n_samples))
-    known: dict[bytes, _Point] = {}
+    known: dict[str, _Point] = {}
     count = {"evaluations": 0, "failed": 0}
-    best: list[_Point] = []
 
     def point(u: FloatArray) -> _Point:
         key = u.tobytes()
-        if key not in known:
-            if misfit.cancelled():
-                raise FitCancelledError("stopped while a fit was running.")
-            known.clear()
-            count["evaluations"] += 1
-            known[key] = _evaluate(misfit, _unpack(u, misfit, start), scale)
-            if not best or known[key].cost < best[0].cost:
-                best[:] = [known[key]]
-        return known[key]
+        for earlier in known.values():
+            if earlier.key == key:
+                return earlier
+        if misfit.cancelled():
+            raise FitCancelledError("stopped while a fit was running.")
+        count["evaluations"] += 1
+        known["last"] = _evaluate(misfit, u, _unpack(u, misfit, start), scale)
+        if "best" not in known or known["last"].cost < known["best"].cost:
+            known["best"] = known["last"]
+        return known["last"]
 
     def residuals(u: FloatArray) -> FloatArray:
         try:
             return point(u).residuals
         except SimulationError:
             count["failed"] += 1
-            if not best:
+            if "best" not in known:
                 raise
             return np.full(misfit.n_samples, math.sqrt(_WALL / misfit.n_samples))
 
     def jacobian(u: FloatArray) -> FloatArray:
-        return _jacobian(misfit, point(u), scale)
+        return point(u).jacobian
 
     if not misfit.free:
-        only = point(np.empty(0))
-        return _solution(misfit, only, scale, count, status=1)
+        return _solution(point(np.empty(0)), count, status=1)
     ended = least_squares(
         residuals,
         _pack(misfit, start),
@@ -207,19 +205,23 @@ def _minimise(misfit: Misfit, start: Parameters, cost_tolerance: float) -> Solut
         gtol=1e-12,
         max_nfev=misfit.max_evaluations,
     )
-    return _solution(misfit, best[0], scale, count, status=int(ended.status))
+    return _solution(known["best"], count, status=int(ended.status))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Point:
+    key: bytes
     parameters: Parameters
-    responses: tuple[Response, ...]
     residuals: FloatArray
+    jacobian: FloatArray
     cost: float
+    is_cavitating: bool
 
 
-def _evaluate(misfit: Misfit, parameters: Parameters, scale: float) -> _Point:
-    responses, parts = [], []
+def _evaluate(misfit: Misfit, u: FloatArray, parameters: Parameters, scale: float) -> _Point:
+    factors = np.array([1.0, *(_slope(name, parameters, misfit) for name in misfit.free)]) * scale
+    parts = []
+    is_cavitating = False
     for trace in misfit.traces:
         response = simulate(
             parameters,
@@ -228,21 +230,21 @@ def _evaluate(misfit: Misfit, parameters: Parameters, scale: float) -> _Point:
             sensitivities=misfit.free,
             options=misfit.solver,
         )
-        force = apply_filter(trace.model_filter, response.force)
-        responses.append(response)
-        parts.append((force - trace.force)[trace.window] * scale)
-    residuals = parts[0] if len(parts) == 1 else np.concatenate(parts)
-    return _Point(parameters, tuple(responses), residuals, float(residuals @ residuals))
-
-
-def _jacobian(misfit: Misfit, point: _Point, scale: float) -> FloatArray:
-    factors = np.array([_slope(name, point.parameters, misfit) for name in misfit.free]) * scale
-    parts = []
-    for trace, response in zip(misfit.traces, point.responses, strict=True):
-        rows = np.stack([response.sensitivities[name] for name in misfit.free])
-        filtered = apply_filter(trace.model_filter, rows)[:, trace.window]
-        parts.append((filtered * factors[:, None]).T)
-    return parts[0] if len(parts) == 1 else np.vstack(parts)
+        rows = np.stack([response.force, *response.sensitivities.values()])
+        rows = apply_filter(trace.model_filter, rows)[:, trace.window]
+        rows[0] -= trace.force[trace.window]
+        parts.append(rows * factors[:, None])
+        is_cavitating |= bool((response.pressures[:2, trace.window] <= 0.0).any())
+    whole = parts[0] if len(parts) == 1 else np.hstack(parts)
+    residuals = whole[0]
+    return _Point(
+        key=u.tobytes(),
+        parameters=parameters,
+        residuals=residuals,
+        jacobian=whole[1:].T,
+        cost=float(residuals @ residuals),
+        is_cavitating=is_cavitating,
+    )
 
 
 def _slope(name: str, parameters: Parameters, misfit: Misfit) -> float:
@@ -268,26 +270,18 @@ def _unpack(u: FloatArray, misfit: Misfit, start: Parameters) -> Parameters:
     return Parameters(**values)
 
 
-def _solution(
-    misfit: Misfit, point: _Point, scale: float, count: dict[str, int], status: int
-) -> Solution:
-    jacobian = (
-        _jacobian(misfit, point, scale) if misfit.free else np.empty((len(point.residuals), 0))
-    )
-    lengths = np.sqrt(np.sum(jacobian * jacobian, axis=0)) * math.sqrt(point.cost)
-    slopes = np.abs(jacobian.T @ point.residuals)
+def _solution(point: _Point, count: dict[str, int], status: int) -> Solution:
+    lengths = np.sqrt(np.sum(point.jacobian**2, axis=0)) * math.sqrt(point.cost)
+    slopes = np.abs(point.jacobian.T @ point.residuals)
     cosine = float(np.max(slopes / np.maximum(lengths, 1e-300), initial=0.0))
     return Solution(
         parameters=point.parameters,
         mse_percent=100.0 * point.cost,
-        jacobian=jacobian,
+        jacobian=point.jacobian,
         evaluations=count["evaluations"],
         failed_trials=count["failed"],
         status=status,
         gradient_cosine=cosine,
         n_independent=max(2.0 * np.count_nonzero(np.diff(np.signbit(point.residuals))), 1.0),
-        is_cavitating=any(
-            bool((response.pressures[:2, trace.window] <= 0.0).any())
-            for trace, response in zip(misfit.traces, point.responses, strict=True)
-        ),
+        is_cavitating=point.is_cavitating,
     )

@@ -107,9 +107,8 @@ static void invert(const balance *b, double hd, inverse2 *i)
 /* Newton in the masses, but moved along the root of P1 - P3, in which valve 1 is smooth: plain
  * Newton jumps to and fro across the singularity at a reversal. Returns 0 when it converged. */
 static int solve_stage(const problem *q, const chambers *c, mass_pair known, double hd,
-                       mass_pair *m, balance *b, inverse2 *inverse, df_work *work)
+                       double inverse_hd, mass_pair *m, balance *b, inverse2 *inverse, df_work *work)
 {
-    const double inverse_hd = 1.0 / hd;
     for (int k = 0; k < NEWTON_LIMIT; k++) {
         evaluate(q, c, *m, b);
         invert(b, hd, inverse);
@@ -202,12 +201,12 @@ typedef struct {
 } state;
 
 typedef struct {
-    double x0, x1, v0, v1, interval;
+    double x0, x1, v0, v1, interval, inverse_interval;
 } piece;
 
 static double hermite(const piece *c, double t)
 {
-    const double u = t / c->interval, w = 1.0 - u;
+    const double u = t * c->inverse_interval, w = 1.0 - u;
     return w * w * ((1.0 + 2.0 * u) * c->x0 + c->interval * u * c->v0) +
            u * u * ((1.0 + 2.0 * w) * c->x1 - c->interval * w * c->v1);
 }
@@ -261,7 +260,7 @@ static int step(const problem *q, const piece *motion, double t, double h, doubl
         }
         m.m1 = (guess1 - q->p->P_0 + q->p->K_e) * c.inverse_k1;
         m.m2 = (guess2 - q->p->P_0 + q->p->K_e) * c.inverse_k2;
-        if (solve_stage(q, &c, known, hd, &m, &b, &inverse, work))
+        if (solve_stage(q, &c, known, hd, inverse_hd, &m, &b, &inverse, work))
             return STEP_REFUSED;
         F[i].m1 = b.F1;
         F[i].m2 = b.F2;
@@ -435,7 +434,8 @@ int df_simulate(const df_geometry *g, const df_parameters *p, const df_options *
     double wish = 0.05 * interval;
     record(&q, &now, r, 0, n, df_friction_share(motion->v[0], o->dead_band));
     for (size_t i = 1; i < n; i++) {
-        const piece cut = {motion->x[i - 1], motion->x[i], motion->v[i - 1], motion->v[i], interval};
+        const piece cut = {motion->x[i - 1], motion->x[i], motion->v[i - 1], motion->v[i], interval,
+                           1.0 / interval};
         double t = 0.0;
         long tries = 0;
         work->failed_sample = i;
@@ -455,7 +455,7 @@ int df_simulate(const df_geometry *g, const df_parameters *p, const df_options *
                 work->steps++;
                 t = last ? interval : t + h;
                 if (wish < interval || error > 0.5) {
-                    const double grow = 0.9 * pow(error + 1e-10, -1.0 / DF_ERROR_ORDER);
+                    const double grow = 0.9 / cbrt(error + 1e-10);
                     const double next = h * (grow > 5.0 ? 5.0 : grow);
                     wish = (last && grow > 1.0 && next < wish) ? wish : next;
                 }
@@ -463,7 +463,7 @@ int df_simulate(const df_geometry *g, const df_parameters *p, const df_options *
                 if (code != DF_OK)
                     return code;
                 work->rejected++;
-                const double shrink = error < INFINITY ? 0.9 * pow(error, -1.0 / DF_ERROR_ORDER) : 0.2;
+                const double shrink = error < INFINITY ? 0.9 / cbrt(error) : 0.2;
                 wish = h * (shrink < 0.1 ? 0.1 : shrink);
             }
         }

@@ -11,7 +11,6 @@
 #define DF_STAGES 3
 #define DF_DIAGONAL 0.29289321881345254 /* 1 - sqrt(2)/2 */
 #define DF_W 0.35355339059327379        /* sqrt(2)/4 */
-#define DF_ERROR_ORDER 3                /* the estimate falls with the third power of the step */
 
 static const double DF_C[DF_STAGES] = {0.0, 2.0 * DF_DIAGONAL, 1.0};
 static const double DF_A[DF_STAGES][DF_STAGES] = {
@@ -19,6 +18,7 @@ static const double DF_A[DF_STAGES][DF_STAGES] = {
     {DF_DIAGONAL, DF_DIAGONAL, 0.0},
     {DF_W, DF_W, DF_DIAGONAL},
 };
+/* The error estimate, b - bhat, falls with the third power of the step. */
 static const double DF_E[DF_STAGES] = {
     DF_W - (1.0 - DF_W) / 3.0,
     DF_W - (3.0 * DF_W + 1.0) / 3.0,
