@@ -120,7 +120,6 @@ def test_a_recorded_displacement_gives_the_force_of_the_log(run, logs, tmp_path)
 
 
 def test_the_loops_are_drawn_in_each_format(run, tmp_path) -> None:
-    pytest.importorskip("matplotlib")
     starts = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
     for kind, start in starts.items():
         assert run("simulate", "--setting", "5", "--plot", f"loops.{kind}").code == 0
