@@ -130,7 +130,19 @@ def _load_fast(text: TextRows, indices: list[int]) -> dict[int, FloatArray]:
 def _as_floats(column: Any, *, is_clock: bool) -> FloatArray:
     if is_clock:
         return clock_seconds(column)
-    return np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64)
+    parts = [_chunk_floats(chunk) for chunk in column.chunks]
+    return np.concatenate(parts) if parts else np.empty(0)
+
+
+def _chunk_floats(chunk: Any) -> FloatArray:
+    """Return a float64 chunk, nulls as NaN, from its buffers: to_numpy() imports pandas first."""
+    validity, data = chunk.buffers()
+    rows = slice(chunk.offset, chunk.offset + len(chunk))
+    values = np.frombuffer(data, dtype=np.float64)[rows]
+    if not chunk.null_count:
+        return values
+    bits = np.unpackbits(np.frombuffer(validity, dtype=np.uint8), bitorder="little")[rows]
+    return np.where(bits.astype(np.bool_), values, np.nan)
 
 
 def _load_slow(text: TextRows, wanted: Mapping[str, int]) -> Samples:
