@@ -9,7 +9,7 @@ from fnmatch import fnmatch
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.quantities import find_unit
+from damperfit.quantities import find_unit, parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -28,6 +28,7 @@ CHANNELS = {
 # 30s_2), and 10.5 is no setting.
 SETTING_PATTERN = r"(?:setting|(?<![^\W_])s)[ _=-]?(\d+)(?![.]?\d)"
 
+_DIMENSIONS = {"sample_rate": "frequency", "pause": "time"}
 _WORDS = {"restarts": ("refuse", "split", "last"), "bad_rows": ("refuse", "drop")}
 
 
@@ -237,6 +238,8 @@ def _checked(value: Any, known: Any, where: str) -> Any:
         raise ConfigurationError(f"{where}: found {value!r}, expected a list of whole numbers")
     if known.default is MISSING:
         return _checked_table(value, known.name, where)
+    if known.name in _DIMENSIONS and isinstance(value, str):
+        return parse_quantity(value, _DIMENSIONS[known.name])
     if isinstance(known.default, float) and _is_int(value):
         value = float(value)
     if type(value) is not type(known.default):

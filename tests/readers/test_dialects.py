@@ -261,6 +261,28 @@ def test_restarts_are_refused_split_or_cut(put) -> None:
     assert [part.time.tolist() for part in last] == [[0.0, 1.0, 2.0]]
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_one_bad_row_in_a_large_log(put, end) -> None:
+    # Large enough for several pieces; only the one with the fault is read field by field.
+    n = 100_000
+    lines = [f"{i / 1000:.3f},{i % 97},{i % 89},26.0" for i in range(n)]
+    lines[80_000] = "80.000,OVR,1,26.0"
+    lines.insert(500, "")
+    path = put(end.join(["time_s,displacement_mm,force_N,temperature_degC", *lines]) + end)
+    with pytest.raises(LogError, match="line 80003: displacement is 'OVR'"):
+        read_log(path)
+    recording = read_log(path, ReadOptions(bad_rows="drop"))
+    kept = np.delete(np.arange(n), 80_000)
+    np.testing.assert_array_equal(recording.time, np.round(kept / 1000, 3))
+    np.testing.assert_array_equal(recording.force, kept % 89)
+    assert any(note.startswith("1 rows") for note in recording.notes)
+    lines[70_000] = "nan,1,1,26.0"
+    lines[90_000] = "1.0,1,1,26.0"
+    path = put(end.join(["time_s,displacement_mm,force_N,temperature_degC", *lines]) + end)
+    with pytest.raises(LogError, match="line 90002: time runs backwards"):
+        read_log(path, ReadOptions(bad_rows="drop"))
+
+
 def test_dropped_rows_leave_nothing(put) -> None:
     log = "time_s,displacement_mm,force_N\n" + "0,1,OVR\n" * 5
     with pytest.raises(LogError, match=r"no data rows; first: .*line 2: force is 'OVR'"):
@@ -398,9 +420,16 @@ def test_the_first_profile_that_fits_is_taken(put) -> None:
     np.testing.assert_array_equal(recording.force, -np.array(Scenario().force_n))
 
 
+def test_quantities_of_a_profile_may_carry_units() -> None:
+    profile = make_profile("a", {"sample_rate": "1kHz", "pause": "500ms", "skip_lines": 2})
+    assert (profile.sample_rate, profile.pause, profile.skip_lines) == (1000.0, 0.5, 2)
+    assert make_profile("a", {"sample_rate": 200}).sample_rate == 200.0
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [
+        ({"sample_rate": "1s"}, "no unit of frequency 's'"),
         ({"unit": {}}, "rig.profiles.a: unknown key 'unit'.*Did you mean 'units'"),
         ({"units": {"force": "mm"}}, "rig.profiles.a: no unit of force 'mm'"),
         ({"units": "N"}, "rig.profiles.a.units: found 'N', expected a table of unit names"),
