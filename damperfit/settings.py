@@ -7,7 +7,7 @@ The schema has no defaults: every key stands in defaults.toml. Quantities are te
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -18,7 +18,8 @@ from damperfit.damper.parameters import PARAMETER_NAMES, Damper
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import FitOptions
 from damperfit.quantities import parse_quantity
-from damperfit.readers import ReadOptions
+from damperfit.readers import ReadOptions, make_profile
+from damperfit.readers.options import Declarations
 from damperfit.simulation import SolverOptions
 
 __all__ = [
@@ -193,9 +194,19 @@ class _RigSection(_Section):
     reverse_displacement: bool
     reverse_force: bool
     setting_pattern: str
+    part_settings: list[int]
     columns: dict[str, str | int]
     units: dict[str, str]
+    scales: dict[str, float]
+    offsets: dict[str, float]
+    skip_lines: int
+    sample_rate: Annotated[float, _quantity("frequency"), _NotNegative]
+    pause: Annotated[float, _quantity("time"), _NotNegative]
+    restarts: str
+    bad_rows: str
     max_log_bytes: int
+    profile: str
+    profiles: dict[str, dict[str, Any]]
 
     def build(self) -> RigOptions:
         return RigOptions(
@@ -207,13 +218,12 @@ class _RigSection(_Section):
         )
 
     def build_reading(self) -> ReadOptions:
+        declared = {f.name: getattr(self, f.name) for f in fields(Declarations)}
         return ReadOptions(
-            setting_pattern=self.setting_pattern,
-            columns=self.columns,
-            units=self.units,
-            reverse_force=self.reverse_force,
-            reverse_displacement=self.reverse_displacement,
+            **declared | {"part_settings": tuple(self.part_settings)},
             max_bytes=self.max_log_bytes,
+            profile=self.profile,
+            profiles=tuple(make_profile(name, keys) for name, keys in self.profiles.items()),
         )
 
 
