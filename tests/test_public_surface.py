@@ -137,7 +137,9 @@ SURFACE = {
         "units_of",
     ],
     "damperfit.readers": [
+        "Profile",
         "ReadOptions",
+        "make_profile",
         "read_log",
         "read_logs",
     ],
