@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import logging
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,8 @@ def load_library(module: str, *, extra: str, reads: str, name: str) -> Any:
         The library is not there; names the command that installs it.
     """
     try:
+        # Such a library may tell its own story on stderr, with bytes of the log in it.
+        logging.getLogger(module).setLevel(logging.CRITICAL + 1)
         return importlib.import_module(module)
     except ImportError as error:
         raise LogError(
