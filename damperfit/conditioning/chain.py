@@ -234,10 +234,11 @@ def _warnings(log: UniformLog, options: ConditionOptions) -> tuple[str, ...]:
         return ()
     if not looks_filtered(log.displacement, log.force, log.interval):
         return ()
-    return (
+    text = (
         "both channels look as if the rig had filtered them: if so, say rig.filter = "
-        "'causal' or 'zero_phase' in the configuration, or every parameter is off by up to 2 %",
+        "'causal' or 'zero_phase' in the configuration, or every parameter is off by up to 2 %"
     )
+    return (text,)
 
 
 def _refuse_dead(recording: Recording, options: ConditionOptions) -> None:
