@@ -36,13 +36,14 @@ def load_library(module: str, *, extra: str, reads: str, name: str) -> Any:
         The library is not there; names the command that installs it.
     """
     try:
-        # Such a library may tell its own story on stderr, with bytes of the log in it.
-        logging.getLogger(module).setLevel(logging.CRITICAL + 1)
-        return importlib.import_module(module)
+        library = importlib.import_module(module)
     except ImportError as error:
         raise LogError(
             f"{name}: {reads} needs one more library: pip install 'damperfit[{extra}]'"
         ) from error
+    # It may tell its own story on stderr, with bytes of the log in it.
+    logging.getLogger(module).setLevel(logging.CRITICAL + 1)
+    return library
 
 
 @contextmanager

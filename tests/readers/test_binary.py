@@ -131,7 +131,7 @@ def test_every_kind_of_number_is_read_as_scipy_reads_it(tmp_path, kind, is_packe
     recording = read_log(put(tmp_path, data, "a.mat"), options)
     expected = scipy_io.loadmat(io.BytesIO(data))["a"]
     np.testing.assert_array_equal(recording.force, expected[:, 2])
-    np.testing.assert_array_equal(recording.displacement * 1000.0, expected[:, 0])
+    np.testing.assert_array_equal(recording.displacement, expected[:, 0] * 1e-3)
 
 
 @pytest.mark.parametrize("is_packed", [True, False])
