@@ -16,7 +16,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 from damperfit.conditioning import ConditionOptions
 from damperfit.damper.parameters import PARAMETER_NAMES, Damper
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.identification import FitOptions
+from damperfit.identification import FitOptions, check_options
 from damperfit.quantities import parse_quantity
 from damperfit.readers import ReadOptions, make_profile
 from damperfit.readers.options import Declarations
@@ -199,6 +199,10 @@ class _RigSection(_Section):
     units: dict[str, str]
     scales: dict[str, float]
     offsets: dict[str, float]
+    encoding: str
+    separator: str
+    decimal: str
+    thousands: str
     skip_lines: int
     sample_rate: Annotated[float, _quantity("frequency"), _NotNegative]
     pause: Annotated[float, _quantity("time"), _NotNegative]
@@ -262,7 +266,7 @@ class _IdentificationSection(_Section):
     fallback_f_f: Annotated[float, _quantity("force"), _NotNegative]
 
     def build(self) -> FitOptions:
-        return FitOptions(
+        options = FitOptions(
             procedure=self.procedure,
             free=tuple(name.strip() for name in self.free) or None,
             fixed={name: parameter_value(name, value) for name, value in self.fix.items()},
@@ -271,6 +275,8 @@ class _IdentificationSection(_Section):
             fallback_r_m3=self.fallback_r_m3,
             fallback_f_f=self.fallback_f_f,
         )
+        check_options(options)
+        return options
 
 
 class _SimulationSection(_Section):

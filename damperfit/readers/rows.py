@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.readers.dialect import Dialect
+    from damperfit.readers.options import Declarations
 
     FloatArray = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ __all__ = ["TextRows", "load_rows"]
 _BLANK = ["", "nan", "NaN", "NAN"]
 _THREADED = 4_000_000  # bytes; below it, starting threads costs more than it saves
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[ ,.'\u00a0]\d{3})+(?:[.,]\d+)?", re.ASCII)
+_GROUPED = re.compile(r"[+-]?\d{1,3}(?P<mark>[ ,.'])\d{3}(?:(?P=mark)\d{3})*(?:[.,]\d+)?", re.ASCII)
 _NOT_FINITE = {"nan", "+nan", "-nan", "inf", "+inf", "-inf", "infinity", "+infinity", "-infinity"}
 _LINE = re.compile(rb"([^\r\n]*)(\r\n|\n|\r|\Z)")
 _LINE_END = re.compile(rb"\r\n|\n|\r")
@@ -55,8 +56,8 @@ class TextRows:
         Named columns; fields in a row (one more when every row ends in a separator).
     clocks : frozenset of int
         Columns of wall-clock stamps.
-    drops_bad_rows : bool
-        Leave out what cannot be read, and count it.
+    declared : Declarations
+        Mark of thousands; whether rows that cannot be read are dropped.
     """
 
     name: str
@@ -65,7 +66,12 @@ class TextRows:
     n_names: int
     n_fields: int
     clocks: frozenset[int]
-    drops_bad_rows: bool
+    declared: Declarations
+
+    @property
+    def drops_bad_rows(self) -> bool:
+        """Leave out what cannot be read, and count it."""
+        return self.declared.bad_rows == "drop"
 
     def lines(self) -> Iterator[tuple[int, str]]:
         """Yield number and text of each row that is not blank."""
@@ -276,19 +282,22 @@ def _field(text: TextRows, field: str, channel: str, is_clock: bool, where: str)
         if not is_stamp(field):
             raise LogError(f"{where}: {channel} is {visible(field)}, expected a time of day")
         return field
-    value = _number(field, channel, where, text.dialect.decimal)
+    value = _number(text, field, channel, where)
     if text.drops_bad_rows and channel != "temperature" and not np.isfinite(value):
         raise LogError(f"{where}: {channel} is {visible(field)}, expected a finite number")
     return value
 
 
-def _number(field: str, channel: str, where: str, decimal: str) -> float:
+def _number(text: TextRows, field: str, channel: str, where: str) -> float:
     plain = field
-    if decimal == ",":
-        plain = "?" if "." in field else field.replace(",", ".")
+    is_grouped = _GROUPED.fullmatch(field)
+    if text.declared.thousands and is_grouped and is_grouped["mark"] == text.declared.thousands:
+        plain = plain.replace(text.declared.thousands, "")
+    if text.dialect.decimal == ",":
+        plain = "?" if "." in plain else plain.replace(",", ".")
     if _NUMBER.fullmatch(plain):
         return float(plain)
     if not plain or plain.lower() in _NOT_FINITE:
         return float(plain or "nan")
-    hint = "; it looks like a number with thousands separators" * bool(_THOUSANDS.fullmatch(field))
+    hint = "; if it has a mark of thousands, declare rig.thousands" if is_grouped else ""
     raise LogError(f"{where}: {channel} is {visible(field)}, expected a number{hint}")

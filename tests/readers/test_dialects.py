@@ -319,7 +319,7 @@ def test_a_slow_log_has_no_pauses(put) -> None:
 def test_a_broken_clock_is_not_a_thousand_tests(put) -> None:
     times = np.cumsum(np.where(np.arange(60_000) % 52 == 0, 5.0, 0.001))
     rows = "".join(f"{t:.3f},1,2\n" for t in times)
-    with pytest.raises(LogError, match=r"time jumps 1153 times.*declare the sample_rate"):
+    with pytest.raises(LogError, match=r"time jumps 1153 times.*declare rig.sample_rate"):
         read_logs(put("time_s,displacement_mm,force_N\n" + rows))
 
 
@@ -352,6 +352,34 @@ def test_first_rows_with_text_belong_to_the_data(put) -> None:
     log = "time_s,displacement_mm,force_N\n0,OVR,OVR\n1,2,3\n2,3,4\n3,4,5\n"
     with pytest.raises(LogError, match="line 2: displacement is 'OVR'"):
         read_log(put(log))
+
+
+def test_declared_marks(put) -> None:
+    log = 'time_s,displacement_mm,force_N\n"0,5","1.000,5","-12.345.678"\n"1,5","2,5","3"\n'
+    path = put(log)
+    with pytest.raises(LogError, match="no rows of numbers after the names in line 1; line 2 is"):
+        read_log(path)
+    recording = read_log(path, ReadOptions(decimal=",", thousands="."))
+    np.testing.assert_array_equal(recording.time, [0.5, 1.5])
+    np.testing.assert_array_equal(recording.displacement, [1.0005, 0.0025])
+    np.testing.assert_array_equal(recording.force, [-12345678.0, 3.0])
+
+
+@pytest.mark.parametrize("wrong", ["1,2345", "12,34", "1,234,", ",123", "1234,567"])
+def test_groups_of_thousands_are_of_three(put, wrong) -> None:
+    log = f'time_s;displacement_mm;force_N\n0;1,234;2\n1;2.5;3\n2;"{wrong}";3\n'
+    with pytest.raises(LogError, match="line 4: displacement is"):
+        read_log(put(log), ReadOptions(thousands=","))
+
+
+def test_declared_separator_and_encoding(put) -> None:
+    log = "time_s|x_\u00b5m|force_N|1;2\n0|10|20|1;2\n1|20|30|1;2\n"
+    options = ReadOptions(encoding="utf-16-le", separator="|")
+    recording = read_log(put(log.encode("utf-16-le")), options)
+    np.testing.assert_allclose(recording.displacement, [10e-6, 20e-6], rtol=1e-15)
+    assert "encoding: utf-16-le, as declared" in recording.notes
+    with pytest.raises(LogError, match="is no valid ASCII"):
+        read_log(put("time_s,\xe9\n"), ReadOptions(encoding="ascii"))
 
 
 # --- gzip --------------------------------------------------------------------------------------
@@ -441,8 +469,15 @@ def test_quantities_of_a_profile_may_carry_units() -> None:
         ({"skip_lines": "3"}, "rig.profiles.a.skip_lines: found '3', expected a whole number"),
         ({"reverse_force": 1}, "expected true or false"),
         ({"sample_rate": -1.0}, "sample_rate: found -1.0, expected 0 or more"),
-        ({"restarts": "lst"}, "found 'lst', expected refuse or split or last.*Did you mean 'last'"),
-        ({"bad_rows": "keep"}, "found 'keep', expected refuse or drop"),
+        (
+            {"restarts": "lst"},
+            "found 'lst', expected 'refuse' or 'split' or 'last'.*Did you mean 'last'",
+        ),
+        ({"encoding": "rot13"}, "'rot13' is no text encoding"),
+        ({"separator": "colon"}, "found 'colon', expected ',' or ';'"),
+        ({"decimal": "·"}, "decimal: found '·', expected '.' or ','"),
+        ({"thousands": ",", "decimal": ","}, "',' already has another meaning"),
+        ({"bad_rows": "keep"}, "found 'keep', expected 'refuse' or 'drop'"),
     ],
 )
 def test_profiles_that_mean_nothing(values, message) -> None:
