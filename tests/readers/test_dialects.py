@@ -207,6 +207,13 @@ def test_a_bad_stamp_has_its_line(put) -> None:
         read_log(put(log))
 
 
+def test_clocks_of_which_every_row_is_bad(put) -> None:
+    # Used to end in an IndexError.
+    log = "time,displacement_mm,force_N\n" + "10:00:00,1,OVR\n" * 4
+    with pytest.raises(LogError, match="no data rows; first:"):
+        read_log(put(log), ReadOptions(bad_rows="drop"))
+
+
 def test_sampling_rate_of_the_preamble_stands_in_for_time(put) -> None:
     log = "Sampling Rate: 500 Hz\nsample;displacement_mm;force_N\n" + "".join(
         f"{i};{i};{2 * i}\n" for i in range(4)
