@@ -112,6 +112,7 @@ SURFACE = {
         "LogFit",
         "Outcome",
         "PROCEDURES",
+        "check_options",
         "compare",
         "identify",
         "normalised_mse",
