@@ -49,7 +49,8 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         fields = [schema.field(i) for i in range(len(schema))]
     except (pa.ArrowException, OSError, ValueError) as error:
         raise LogError(f"{name}: damaged Parquet: {_first_line(error)}") from error
-    n_rows = file.metadata.num_rows
+    groups = (file.metadata.row_group(i) for i in range(file.metadata.num_row_groups))
+    n_rows = max(file.metadata.num_rows, sum(max(group.num_rows, 0) for group in groups))
     claimed = max(n_rows, 0) * 8 * 4  # four channels of float64 are all that is ever loaded
     if claimed > options.max_bytes:
         raise LogError(

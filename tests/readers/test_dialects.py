@@ -129,6 +129,12 @@ def test_mts_blocks_are_tests(put, decimal) -> None:
     assert parts[1].notes[1].startswith("part: Data Acquisition: Timed")
 
 
+def test_what_stands_above_the_blocks_holds_for_all(put) -> None:
+    log = _mts(".").replace("\r\n\r\n", "\r\nSetting: 7\r\nOperator: A\r\n", 1)
+    parts = read_logs(put(log, "specimen.dat"))
+    assert [(part.setting, part.metadata["operator"]) for part in parts] == [(7, "A")] * 2
+
+
 def test_mts_decimal_mark_of_the_first_line_counts(put) -> None:
     # Whole numbers but one: the rows alone would not tell that the comma is the decimal mark.
     log = _mts(",").replace("\t-0,5\t", "\t1.500\t")
@@ -347,6 +353,13 @@ def test_a_long_preamble_of_numbers_and_prose(put) -> None:
     recording = read_log(put(preamble + text(Scenario()).replace(",", ";")))
     np.testing.assert_array_equal(recording.force, Scenario().force_n)
     assert "preamble: 60 lines above the names" in recording.notes
+
+
+def test_a_decimal_comma_below_many_whole_numbers(put) -> None:
+    rows = [f"{i};0;0" for i in range(2000)] + ["2000;0,5;-1,25"]
+    recording = read_log(put("time_s;displacement_mm;force_N\n" + "\n".join(rows) + "\n"))
+    assert (recording.displacement[-1], recording.force[-1]) == (0.0005, -1.25)
+    assert "decimal mark: comma" in recording.notes
 
 
 def test_units_row_of_another_length(put) -> None:
