@@ -72,7 +72,8 @@ def _without_lines(data: bytes, n_lines: int, name: str) -> tuple[bytes, int]:
 
 def _blocks(data: bytes, first_line: int, name: str) -> list[_Block]:
     """Return the whole text, or the pieces that MTS heads with "Data Acquisition"."""
-    starts = list(_BLOCK.finditer(data)) if b"Data Acquisition" in data else []
+    has_blocks = data.find(b"Data Acquisition", 0, _MAX_PREAMBLE) >= 0
+    starts = list(_BLOCK.finditer(data)) if has_blocks else []
     header = _MTS793.match(data)
     decimal = header["decimal"].decode() if header else ""
     if not starts:
