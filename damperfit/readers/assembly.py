@@ -136,18 +136,18 @@ def _si_channels(
 ) -> dict[str, FloatArray]:
     channels = {}
     for channel, choice in choices.items():
-        values = samples.channels[channel]
+        logged = values = samples.channels[channel]
         if choice.unit is None:
             continue
         if channel != "temperature":
-            _check_finite(values, channel, samples, name)
+            _check_finite(logged, channel, samples, name)
         with np.errstate(over="ignore", invalid="ignore"):
             if channel in options.scales or channel in options.offsets:
                 values = values * options.scales.get(channel, 1.0)
                 values += options.offsets.get(channel, 0.0)
             si = choice.unit.to_si(values)
         channels[channel] = np.ascontiguousarray(si, dtype=np.float64)
-        if channel != "temperature":  # a factor may overflow what the log's own unit could hold
+        if channel != "temperature" and channels[channel] is not logged:  # a factor may overflow
             _check_finite(channels[channel], channel, samples, name)
     return channels
 
