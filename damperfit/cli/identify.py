@@ -20,6 +20,7 @@ from damperfit.cli.options import (
     assignments,
     overlay,
 )
+from damperfit.cli.report import check_kind, write_report
 
 if TYPE_CHECKING:
     from damperfit.pipeline import RunResult
@@ -47,6 +48,13 @@ def identify(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the results.  [results]")
     ] = None,
+    report: Annotated[
+        bool, typer.Option("--report", help="Also write report.html, as damperfit report does.")
+    ] = False,
+    plots: Annotated[
+        str | None,
+        typer.Option(metavar="KIND", help="Also write the figures as files: png, svg or pdf."),
+    ] = None,
     jobs: JobsOption = None,
     config: ConfigOption = None,
     json: JsonOption = False,
@@ -64,6 +72,7 @@ def identify(
     from damperfit.pipeline import Watch, run
     from damperfit.report import parameter_sheet, terminal_table
 
+    check_kind("--plots", plots)
     settings = load_settings(
         config,
         overlay=overlay(
@@ -78,6 +87,9 @@ def identify(
         watch = Watch(on_start=bar.start, on_fit=bar.advance, cancelled=cancelled)
         result = run(settings, logs, jobs=jobs, setting=setting, watch=watch)
     _tell_people(result, folder=settings.output.folder, is_quiet=quiet)
+    if result.campaign.fits and (report or plots):
+        folder = settings.output.folder
+        write_report(folder, folder, page=report, figures=plots)
     if json:
         print_json(result.document())
     elif result.campaign.fits:

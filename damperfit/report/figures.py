@@ -14,6 +14,7 @@ __all__ = ["draw_plot"]
 _COLOURS = {"ink": "#000000", "muted": "#7d8796"}
 _STYLES: dict[str, dict[str, Any]] = {
     "solid": {"linewidth": 1.6},
+    "wide": {"linewidth": 3.0},
     "thin": {"linewidth": 0.7},
     "dashed": {"linewidth": 1.2, "linestyle": "--"},
     "dotted": {"linewidth": 1.2, "linestyle": ":"},

@@ -45,7 +45,7 @@ class Line:
     setting : int or None
         Adjuster setting whose trace it is; None belongs to all.
     style : str
-        "solid", "thin", "dashed", "dotted", "points" or "triangles".
+        "solid", "wide", "thin", "dashed", "dotted", "points" or "triangles".
     in_legend : bool
         The legend names it.
     low, high : numpy.ndarray or None

@@ -58,7 +58,7 @@ def _loops(view: LogView, signal: FloatArray, colour: str) -> tuple[Line, Line]:
     part = thin(_CYCLE_BUCKETS, x, f, measured)
     setting = signals.setting
     return (
-        Line(x[part], f[part], "simulated", colour, setting=setting),
+        Line(x[part], f[part], "simulated", colour, setting=setting, style="wide"),
         Line(x[part], measured[part], "measured", "ink", setting=setting, style="thin"),
     )
 
@@ -88,7 +88,7 @@ def _force_time(view: LogView, name: str, colour: str) -> Plot:
     time = (signals.time - signals.time[0])[kept]
     setting = signals.setting
     forces = (
-        Line(time, signals.force[kept], "simulated", colour, setting=setting),
+        Line(time, signals.force[kept], "simulated", colour, setting=setting, style="wide"),
         Line(time, signals.force_measured[kept], "measured", "ink", setting=setting, style="thin"),
     )
     left = Line(

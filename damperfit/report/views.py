@@ -62,7 +62,7 @@ def log_views(results: Results) -> tuple[LogView, ...]:
 
 
 def _view(signals: LogSignals, facts: dict[str, Any]) -> LogView:
-    frequency = _frequency(signals)
+    frequency = _frequency(signals, _number(facts.get("frequency_Hz")))
     cycle = slice(0, len(signals.time))
     if np.isfinite(frequency):
         start = signals.time[-1] - 1.0 / frequency
@@ -83,30 +83,49 @@ def _number(value: object) -> float | None:
     return float(value) if isinstance(value, int | float) else None
 
 
-def _frequency(signals: LogSignals) -> float:
-    """Return cycles per second from the rising passages through mid-stroke, noise passed over."""
-    x = signals.displacement
+def _frequency(signals: LogSignals, told: float | None) -> float:
+    """Return cycles per second from the passages through mid-stroke, noise passed over.
+
+    The record's own figure is taken where the signals do not contradict it: it was found on more
+    cycles.
+    """
+    x, time = signals.displacement, signals.time
     if len(x) < 8 or not np.isfinite(x).all() or np.ptp(x) == 0.0:
         return float("nan")
     middle, reach = 0.5 * (x.max() + x.min()), 0.25 * np.ptp(x)
     side = np.where(x > middle + reach, 1, np.where(x < middle - reach, -1, 0))
     turns = np.flatnonzero(side)
-    rises = turns[1:][(side[turns[:-1]] < 0) & (side[turns[1:]] > 0)]
-    if len(rises) >= 2:
-        return float((len(rises) - 1) / (signals.time[rises[-1]] - signals.time[rises[0]]))
-    # One rise: the window holds whole cycles, so it holds one.
-    return float(1.0 / (signals.time[-1] - signals.time[0])) if len(rises) == 1 else float("nan")
+    begins, ends = side[turns[:-1]], side[turns[1:]]
+    passages = max(
+        (turns[1:][(begins < 0) & (ends > 0)], turns[1:][(begins > 0) & (ends < 0)]), key=len
+    )
+    if len(passages) < 2:  # the window holds whole cycles: this is one
+        return float(1.0 / (time[-1] - time[0] + _interval(signals)))
+    found = float((len(passages) - 1) / (time[passages[-1]] - time[passages[0]]))
+    return told if told is not None and abs(told - found) <= 0.02 * found else found
+
+
+def _interval(signals: LogSignals) -> float:
+    return float(signals.time[-1] - signals.time[0]) / (len(signals.time) - 1)
 
 
 def _figures(signals: LogSignals, force: FloatArray, frequency: float) -> Characteristics | None:
     if not (np.isfinite(frequency) and np.isfinite(force).all()):
         return None
+    # A window of whole cycles stops one sample before the cycle closes: the first sample is next.
+    period = 1.0 / frequency
+    n_back = round(period / _interval(signals))
+    next_time = signals.time[-1] + _interval(signals)
+
+    def closed(signal: FloatArray) -> FloatArray:
+        return np.concatenate((signal, signal[-n_back:][:1]))
+
     response = Response(
-        time=signals.time,
-        displacement=signals.displacement,
-        velocity=signals.velocity,
-        force=force,
-        pressures=signals.pressures,
+        time=np.concatenate((signals.time, [next_time])),
+        displacement=closed(signals.displacement),
+        velocity=closed(signals.velocity),
+        force=closed(force),
+        pressures=np.stack([closed(p) for p in signals.pressures]),
         masses=np.empty((2, 0)),
     )
     try:
