@@ -13,16 +13,32 @@ from damperfit.report.rows import Sheet, log_sheet, parameter_sheet
 from damperfit.report.terminal import terminal_table
 
 if TYPE_CHECKING:
+    from damperfit.report.family import (
+        Kin,
+        family_plot,
+        family_records,
+        family_sentence,
+        family_sheet,
+        kin_pressures,
+    )
     from damperfit.report.figures import draw_plot
     from damperfit.report.page import Portfolio, html_report, portfolio
+    from damperfit.report.plots import Plot
 
 __all__ = [
     "Failure",
+    "Kin",
+    "Plot",
     "Portfolio",
     "ReportFacts",
     "Sheet",
     "draw_plot",
+    "family_plot",
+    "family_records",
+    "family_sentence",
+    "family_sheet",
     "html_report",
+    "kin_pressures",
     "log_sheet",
     "markdown_report",
     "parameter_sheet",
@@ -31,6 +47,13 @@ __all__ = [
 ]
 
 _LATE = {
+    "Kin": "damperfit.report.family",
+    "family_plot": "damperfit.report.family",
+    "family_records": "damperfit.report.family",
+    "family_sentence": "damperfit.report.family",
+    "family_sheet": "damperfit.report.family",
+    "kin_pressures": "damperfit.report.family",
+    "Plot": "damperfit.report.plots",
     "Portfolio": "damperfit.report.page",
     "draw_plot": "damperfit.report.figures",
     "html_report": "damperfit.report.page",

@@ -5,7 +5,7 @@ Displacement in mm, velocity in m/s, force in N, pressure in bar; positive in re
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["setting_plots"]
+__all__ = ["cavitation_bands", "setting_plots"]
 
 _BUCKETS = 200  # of a whole log: peaks of every cycle survive
 _CYCLE_BUCKETS = 120  # of one cycle: finer than a screen shows
@@ -130,7 +130,7 @@ def _pressures(view: LogView, name: str) -> Plot:
             zip(pressures, CHAMBER_COLOURS, strict=True), start=1
         )
     )
-    bands = _spans(time, np.any(pressures <= 0.0, axis=0))
+    bands = cavitation_bands(time, pressures)
     caption = "No chamber cavitates."
     if bands:
         parts = [
@@ -144,8 +144,17 @@ def _pressures(view: LogView, name: str) -> Plot:
     return Plot(f"{name}_pressures", title, (panel,), caption)
 
 
-def _spans(time: FloatArray, is_inside: Any) -> tuple[tuple[float, float], ...]:
-    """Return begin and end of each run of True."""
+def cavitation_bands(time: FloatArray, pressures: FloatArray) -> tuple[tuple[float, float], ...]:
+    """Return begin and end of each stretch with a chamber at zero pressure.
+
+    Parameters
+    ----------
+    time : numpy.ndarray
+        Shape (n,).
+    pressures : numpy.ndarray
+        Shape (3, n).
+    """
+    is_inside = np.any(pressures <= 0.0, axis=0)
     padded = np.concatenate(([False], is_inside, [False]))
     begins = np.flatnonzero(~padded[:-1] & padded[1:])
     ends = np.flatnonzero(padded[:-1] & ~padded[1:]) - 1
