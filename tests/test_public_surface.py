@@ -112,6 +112,7 @@ SURFACE = {
         "LogFit",
         "Outcome",
         "PROCEDURES",
+        "check_options",
         "compare",
         "identify",
         "normalised_mse",
@@ -137,7 +138,9 @@ SURFACE = {
         "units_of",
     ],
     "damperfit.readers": [
+        "Profile",
         "ReadOptions",
+        "make_profile",
         "read_log",
         "read_logs",
     ],

@@ -14,8 +14,12 @@ _CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f\x7f]")
 _HEAD = 4096  # bytes looked at for signs of binary data
 
 
-def to_utf8(data: bytes, *, name: str) -> tuple[bytes, tuple[str, ...]]:
+def to_utf8(
+    data: bytes, *, name: str, encoding: str = "", allows_nul: bool = False
+) -> tuple[bytes, tuple[str, ...]]:
     """Return text as UTF-8 without byte order mark, and notes.
+
+    With ``allows_nul``, NUL bytes become question marks.
 
     Raises
     ------
@@ -23,6 +27,9 @@ def to_utf8(data: bytes, *, name: str) -> tuple[bytes, tuple[str, ...]]:
         The bytes are a web page, binary, or hold NUL.
     """
     notes: tuple[str, ...] = ()
+    if encoding:
+        data = _decoded(data, encoding, name)
+        notes = (f"encoding: {encoding}, as declared",)
     if data.startswith(codecs.BOM_UTF8):
         data = data[len(codecs.BOM_UTF8) :]
     elif data[:2] in _UTF16:
@@ -30,6 +37,8 @@ def to_utf8(data: bytes, *, name: str) -> tuple[bytes, tuple[str, ...]]:
         data = _decoded(data[2:], encoding, name)
         notes = (f"encoding: {encoding.upper()}",)
     _refuse_pages(data, name)
+    if allows_nul:
+        data = data.replace(b"\0", b"?")  # no number, so its row is dropped
     _refuse_nul(data, name)
     if _CONTROL.search(data, 0, _HEAD):
         raise LogError(f"{name}: binary data, no text and no format that is known")
@@ -46,7 +55,7 @@ def _decoded(data: bytes, encoding: str, name: str) -> bytes:
     try:
         return data.decode(encoding).encode("utf-8")
     except UnicodeError as error:
-        raise LogError(f"{name}: starts like {encoding.upper()} but is not valid") from error
+        raise LogError(f"{name}: is no valid {encoding.upper()}") from error
 
 
 def _refuse_pages(data: bytes, name: str) -> None:
