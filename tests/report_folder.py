@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.identification import FitOptions, Outcome
+from damperfit.identification import Outcome, compare
 from damperfit.tables import make_tables, table_schema, write_responses, write_table
 from tests.fakes import campaign, fit
 
@@ -36,7 +36,10 @@ def make_results(folder: Path) -> Path:
     for name, table in (("parameters", parameters), ("mse", tables.mse)):
         for suffix in (".parquet", ".csv"):
             write_table(folder / (name + suffix), table)
-    write_responses(folder / "responses.parquet", many, PURDY_DAMPER, options=FitOptions())
+    compared = [
+        compare(one.parameters, log.trace, PURDY_DAMPER) for one in many.fits for log in one.logs
+    ]
+    write_responses(folder / "responses.parquet", many, compared)
     record = {
         "version": "0.1.0",
         "schema_version": 1,

@@ -61,3 +61,20 @@ def test_identify_does_it_in_one_go(run, logs):
     assert Path("results/report.html").stat().st_size < 8e6
     assert Path("results/figures/fan.png").exists()
     assert run("identify", logs / "setting_01.csv", "--plots", "bmp").code == 2
+
+
+def test_the_report_joins_the_summary_of_a_job(run, logs, tmp_path, monkeypatch):
+    summary = tmp_path / "summary.md"
+    summary.write_text("before\n", encoding="utf-8")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(summary))
+    assert run("identify", logs / "setting_01.csv", "--github-summary").code == 0
+    text = summary.read_text(encoding="utf-8")
+    assert text == "before\n" + Path("results/report.md").read_text(encoding="utf-8")
+
+
+def test_a_summary_outside_actions_is_refused_before_any_work(run, logs, monkeypatch):
+    monkeypatch.delenv("GITHUB_STEP_SUMMARY", raising=False)
+    ended = run("identify", logs / "setting_01.csv", "--github-summary")
+    assert ended.code == 2
+    assert "GITHUB_STEP_SUMMARY is not set" in ended.err
+    assert not Path("results").exists()
