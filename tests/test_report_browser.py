@@ -87,6 +87,14 @@ def test_it_is_quiet_draws_everything_and_asks_for_nothing(browser):
         assert n_shown == n_traces, name
 
 
+def test_an_interval_is_drawn_as_long_as_it_is(browser):
+    (found,) = browser.execute_script(
+        "return document.querySelector('[data-name=parameter_k_e]').calcdata"
+        ".map(c => c[0]).filter(p => p.yh !== undefined).map(p => [p.ys, p.y, p.yh])"
+    )
+    assert found == [490.0, 510.0, 530.0]  # used to be a tenth of the value: typed arrays
+
+
 def test_the_first_paint_is_early(browser):
     (first,) = browser.execute_script(
         "return performance.getEntriesByName('first-paint').map(e => e.startTime)"

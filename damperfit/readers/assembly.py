@@ -136,18 +136,18 @@ def _si_channels(
 ) -> dict[str, FloatArray]:
     channels = {}
     for channel, choice in choices.items():
-        values = samples.channels[channel]
+        logged = values = samples.channels[channel]
         if choice.unit is None:
             continue
         if channel != "temperature":
-            _check_finite(values, channel, samples, name)
+            _check_finite(logged, channel, samples, name)
         with np.errstate(over="ignore", invalid="ignore"):
             if channel in options.scales or channel in options.offsets:
                 values = values * options.scales.get(channel, 1.0)
                 values += options.offsets.get(channel, 0.0)
             si = choice.unit.to_si(values)
         channels[channel] = np.ascontiguousarray(si, dtype=np.float64)
-        if channel != "temperature":  # a factor may overflow what the log's own unit could hold
+        if channel != "temperature" and channels[channel] is not logged:  # a factor may overflow
             _check_finite(channels[channel], channel, samples, name)
     return channels
 
@@ -218,7 +218,7 @@ def _backwards(time: FloatArray, i: int, n_such: int, samples: Samples, name: st
     what = "repeats" if time[i] == time[i - 1] else "runs backwards"
     return (
         f"{name}, {samples.place(i)}: time {what}: {time[i]:.9g} s after {time[i - 1]:.9g} s; "
-        f"time must increase ({n_such} such rows)"
+        f"time must increase ({n_such} such rows); several tests in one file: declare rig.restarts"
     )
 
 

@@ -51,7 +51,7 @@
     if (marks) one.marker = { color: colour, size: few ? 8 : 3, symbol: line.style === "points" ? "circle" : "triangle-up-open", line: { width: 2, color: colour } };
     if (marks && !few) one.marker.line.width = 0;
     if (!marks) one.line = { color: colour, width: WIDTHS[line.style], dash: DASHES[line.style] || "solid" };
-    if (line.up !== null) one.error_y = { type: "data", symmetric: false, array: array(line.up), arrayminus: array(line.down), color: colour, thickness: 1.5, width: 4 };
+    if (line.up !== null) one.error_y = { type: "data", symmetric: false, array: [...array(line.up)], arrayminus: [...array(line.down)], color: colour, thickness: 1.5, width: 4 };
     return one;
   }
 
@@ -59,10 +59,11 @@
     const n = plot.panels.length;
     const common = { gridcolor: look.grid, zerolinecolor: look.muted, linecolor: look.muted, automargin: true };
     const layout = { xaxis: { ...common, title: { text: label(plot.panels[n - 1].x) }, anchor: n > 1 ? `y${n}` : "y" } };
+    if (plot.panels[0].x[0] === "setting" && Object.keys(colours).length <= 8) layout.xaxis.dtick = 1;
     plot.panels.forEach((panel, row) => {
       // The upper panel takes the larger part.
       const domain = n === 1 ? [0, 1] : row === 0 ? [0.42, 1] : [0, 0.34];
-      layout[row ? `yaxis${row + 1}` : "yaxis"] = { ...common, title: { text: label(panel.y) }, domain, type: panel.log ? "log" : "linear", exponentformat: "power" };
+      layout[row ? `yaxis${row + 1}` : "yaxis"] = { ...common, title: { text: label(panel.y) }, domain, type: panel.log ? "log" : "linear", exponentformat: "power", ...(panel.log ? { dtick: 1 } : {}) };
     });
     return layout;
   }

@@ -80,6 +80,13 @@ def test_a_declared_rate_replaces_the_clock_but_pauses_still_count(put) -> None:
     np.testing.assert_array_equal(parts[1].time, [0.0, 0.005, 0.01])
 
 
+@pytest.mark.parametrize(("unit", "n_infinite"), [("N", 3), ("kN", 4)])  # 1.5e308 N is a number
+def test_a_scale_that_overflows_is_refused(put, unit, n_infinite) -> None:
+    options = ReadOptions(scales={"force": 1e308}, units={"force": unit})
+    with pytest.raises(LogError, match=f"line 2: force is .*infinite, in {n_infinite} of 5"):
+        read_log(put(text(Scenario())), options)
+
+
 def test_logger_without_profile_says_what_is_missing(put) -> None:
     with pytest.raises(LogError, match="no column for displacement; there are 'Sample Number'"):
         read_logs(put(LOGGER, "other.txt"), ReadOptions(profiles=(LOGGER_PROFILE,)))
