@@ -92,7 +92,7 @@ def test_an_interval_is_drawn_as_long_as_it_is(browser):
         "return document.querySelector('[data-name=parameter_k_e]').calcdata"
         ".map(c => c[0]).filter(p => p.yh !== undefined).map(p => [p.ys, p.y, p.yh])"
     )
-    assert found == [490.0, 510.0, 530.0]  # used to be a tenth of the value: typed arrays
+    assert found == [490.0, 510.0, 530.0]
 
 
 def test_the_first_paint_is_early(browser):
