@@ -37,7 +37,7 @@ def test_help_names_every_command():
     done = run([*CLI, "--help"])
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
-    for command in ("identify", "simulate", "samples", "config"):
+    for command in ("identify", "report", "simulate", "sweep", "samples", "config"):
         assert command in done.stdout
 
 

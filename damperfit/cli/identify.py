@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,11 +21,16 @@ from damperfit.cli.options import (
     assignments,
     overlay,
 )
+from damperfit.cli.report import check_kind, write_report
+from damperfit.errors import ConfigurationError, OutputError
 
 if TYPE_CHECKING:
     from damperfit.pipeline import RunResult
 
 __all__ = ["identify"]
+
+_SUMMARY_BYTES = 1_000_000
+_TOO_LONG = b"The MSE report is too long for a summary; it stands in report.md.\n"
 
 
 def identify(
@@ -47,6 +53,17 @@ def identify(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the results.  [results]")
     ] = None,
+    report: Annotated[
+        bool, typer.Option("--report", help="Also write report.html, as damperfit report does.")
+    ] = False,
+    plots: Annotated[
+        str | None,
+        typer.Option(metavar="KIND", help="Also write the figures as files: png, svg or pdf."),
+    ] = None,
+    github_summary: Annotated[
+        bool,
+        typer.Option("--github-summary", help="Append the report to the job's summary."),
+    ] = False,
     jobs: JobsOption = None,
     config: ConfigOption = None,
     json: JsonOption = False,
@@ -62,8 +79,10 @@ def identify(
     from damperfit.cli.progress import progress
     from damperfit.config import load_settings
     from damperfit.pipeline import Watch, run
-    from damperfit.report import parameter_sheet, terminal_table
+    from damperfit.report import markdown_report, parameter_sheet, terminal_table
 
+    check_kind("--plots", plots)
+    summary = _summary_file() if github_summary else None
     settings = load_settings(
         config,
         overlay=overlay(
@@ -78,11 +97,36 @@ def identify(
         watch = Watch(on_start=bar.start, on_fit=bar.advance, cancelled=cancelled)
         result = run(settings, logs, jobs=jobs, setting=setting, watch=watch)
     _tell_people(result, folder=settings.output.folder, is_quiet=quiet)
+    if result.campaign.fits and (report or plots):
+        folder = settings.output.folder
+        write_report(folder, folder, page=report, figures=plots)
+    if summary is not None:
+        _append(summary, markdown_report(result.tables, result.facts))
     if json:
         print_json(result.document())
     elif result.campaign.fits:
         print_renderable(terminal_table(parameter_sheet(result.tables.parameters, digits=4)))
     return result.ending.value
+
+
+def _summary_file() -> Path:
+    """Return where GitHub Actions collects the summary of a job."""
+    name = os.environ.get("GITHUB_STEP_SUMMARY", "")
+    if not name:
+        raise ConfigurationError(
+            "--github-summary: GITHUB_STEP_SUMMARY is not set; it is only inside GitHub Actions"
+        )
+    return Path(name)
+
+
+def _append(path: Path, report: str) -> None:
+    text = report.encode("utf-8", "backslashreplace")
+    try:
+        with path.open("ab") as file:
+            # Actions refuses a step's summary above 1 MiB as a whole.
+            file.write(text if len(text) < _SUMMARY_BYTES else _TOO_LONG)
+    except OSError as error:
+        raise OutputError(f"--github-summary: cannot write {path}: {error.strerror}") from error
 
 
 def _tell_people(result: RunResult, *, folder: Path, is_quiet: bool) -> None:

@@ -1,16 +1,69 @@
-"""Tables to people: rows of strings first (`rows`), then Markdown and the terminal."""
+"""Tables to people: rows of strings first (`rows`), then Markdown, terminal, HTML and figures.
+
+Names that draw are looked up when they are first used: `identify` alone needs none of them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 from damperfit.report.facts import Failure, ReportFacts
 from damperfit.report.markdown import markdown_report
 from damperfit.report.rows import Sheet, log_sheet, parameter_sheet
 from damperfit.report.terminal import terminal_table
 
+if TYPE_CHECKING:
+    from damperfit.report.family import (
+        Kin,
+        family_plot,
+        family_records,
+        family_sentence,
+        family_sheet,
+        kin_pressures,
+    )
+    from damperfit.report.figures import draw_plot
+    from damperfit.report.page import Portfolio, html_report, portfolio
+    from damperfit.report.plots import Plot
+
 __all__ = [
     "Failure",
+    "Kin",
+    "Plot",
+    "Portfolio",
     "ReportFacts",
     "Sheet",
+    "draw_plot",
+    "family_plot",
+    "family_records",
+    "family_sentence",
+    "family_sheet",
+    "html_report",
+    "kin_pressures",
     "log_sheet",
     "markdown_report",
     "parameter_sheet",
+    "portfolio",
     "terminal_table",
 ]
+
+_LATE = {
+    "Kin": "damperfit.report.family",
+    "family_plot": "damperfit.report.family",
+    "family_records": "damperfit.report.family",
+    "family_sentence": "damperfit.report.family",
+    "family_sheet": "damperfit.report.family",
+    "kin_pressures": "damperfit.report.family",
+    "Plot": "damperfit.report.plots",
+    "Portfolio": "damperfit.report.page",
+    "draw_plot": "damperfit.report.figures",
+    "html_report": "damperfit.report.page",
+    "portfolio": "damperfit.report.page",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(_LATE[name]), name)

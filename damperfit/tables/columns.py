@@ -13,7 +13,13 @@ from damperfit.damper.parameters import PARAMETER_NAMES
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["PARAMETER_UNITS", "SCHEMA_VERSION", "describe_tables", "table_schema"]
+__all__ = [
+    "PARAMETER_UNITS",
+    "SCHEMA_VERSION",
+    "column_kinds",
+    "describe_tables",
+    "table_schema",
+]
 
 SCHEMA_VERSION = 1
 
@@ -137,6 +143,12 @@ def table_schema(name: str, facts: Mapping[str, Any]) -> pa.Schema:
         for c in _TABLES[name]
     ]
     return pa.schema(fields, metadata={"damperfit": json.dumps(entry, sort_keys=True)})
+
+
+def column_kinds(name: str) -> dict[str, type]:
+    """Return the Python type of each column of a table, in order."""
+    kinds = {_INT: int, _FLOAT: float, _TEXT: str}
+    return {column.name: kinds[column.kind] for column in _TABLES[name]}
 
 
 def describe_tables() -> dict[str, list[dict[str, str]]]:

@@ -1,0 +1,101 @@
+"""``damperfit report``: a results folder to one HTML page and figures, without fitting again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from damperfit.cli.console import print_json, say
+from damperfit.cli.options import DebugOption, JsonOption, QuietOption, VersionOption
+from damperfit.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from damperfit.report import Portfolio
+
+__all__ = ["FIGURE_KINDS", "check_kind", "report", "write_report"]
+
+FIGURE_KINDS = ("png", "svg", "pdf")
+
+
+def report(
+    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder that identify wrote.")],
+    figures: Annotated[
+        str | None,
+        typer.Option(metavar="KIND", help="Also write each figure as a file: png, svg or pdf."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where to write.  [the results folder]")
+    ] = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+    version: VersionOption = False,
+) -> int:
+    """Write report.html, one page that opens anywhere, from a results folder.
+
+    Example: damperfit report results --figures svg
+    """
+    check_kind("--figures", figures)
+    folder = out or results
+    remarks, files = write_report(results, folder, figures=figures)
+    for remark in remarks:
+        say(f"damperfit: {results}: {remark}")
+    if json:
+        print_json({"files": [str(path) for path in files], "remarks": list(remarks)})
+    elif not quiet:
+        more = f" and {len(files) - 1} figures" if len(files) > 1 else ""
+        say(f"damperfit: {files[0]} written{more}")
+    return 1 if remarks else 0
+
+
+def check_kind(option: str, kind: str | None) -> None:
+    """Refuse a kind of figure that is not known.
+
+    Raises
+    ------
+    ConfigurationError
+        With the kinds there are.
+    """
+    if kind is not None and kind not in FIGURE_KINDS:
+        raise ConfigurationError(f"{option} {kind}: expected one of {', '.join(FIGURE_KINDS)}")
+
+
+def write_report(
+    results: Path, folder: Path, *, page: bool = True, figures: str | None = None
+) -> tuple[tuple[str, ...], tuple[Path, ...]]:
+    """Write the page and the figures of a results folder.
+
+    Returns
+    -------
+    remarks : tuple of str
+        What was missing or damaged in the results.
+    files : tuple of pathlib.Path
+        What was written.
+    """
+    from damperfit.atomic import file_set
+    from damperfit.report import html_report, portfolio
+    from damperfit.tables import read_results
+
+    found = read_results(results)
+    shown = portfolio(found)
+    written: list[Path] = []
+    if page:
+        text = html_report(shown, title=results.resolve().name or str(results))
+        with file_set(folder) as files:
+            files.path("report.html").write_bytes(text.encode("utf-8", "backslashreplace"))
+        written.append(folder / "report.html")
+    if figures is not None:
+        written += _write_figures(shown, folder / "figures", kind=figures)
+    return found.remarks, tuple(written)
+
+
+def _write_figures(shown: Portfolio, folder: Path, *, kind: str) -> list[Path]:
+    from damperfit.atomic import file_set
+    from damperfit.report import draw_plot
+
+    with file_set(folder) as files:
+        for plot in shown.plots:
+            draw_plot(files.path(f"{plot.name}.{kind}"), plot, kind=kind)
+    return [folder / f"{plot.name}.{kind}" for plot in shown.plots]

@@ -1,0 +1,172 @@
+"""``damperfit sweep``: what one parameter does to the force (the paper's Figs 4-9)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from damperfit.cli.console import print_json, print_lines, print_renderable, say
+from damperfit.cli.options import (
+    ConfigOption,
+    DebugOption,
+    JsonOption,
+    QuietOption,
+    VersionOption,
+    assignments,
+    overlay,
+)
+from damperfit.cli.report import check_kind
+from damperfit.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from damperfit.report import Kin, Plot
+    from damperfit.settings import Settings
+    from damperfit.sweep import Variation
+    from damperfit.trial import Choice
+
+__all__ = ["sweep"]
+
+_PAPER_NUMBERS = {"r_m1": 4, "r_m2": 5, "r_m3": 6, "k_e": 8, "f_f": 9}
+
+
+def sweep(
+    setting: Annotated[
+        int | None, typer.Option(metavar="N", help="Setting whose parameters are varied.")
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=F1,F2",
+            help="Scale by these factors: r_m1 r_m2 r_m3 k_e f_f f_0 p_0 gamma amplitude "
+            "frequency.",
+        ),
+    ] = None,
+    paper: Annotated[
+        bool, typer.Option("--paper", help="Figures 4 to 9 of the paper; setting 10 by default.")
+    ] = False,
+    parameters: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Parameters table, as for damperfit simulate."),
+    ] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Replace a parameter.")
+    ] = None,
+    figures: Annotated[
+        str, typer.Option(metavar="KIND", help="Figures as png, svg or pdf.")
+    ] = "png",
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for table and figures.")] = Path(
+        "sweep"
+    ),
+    config: ConfigOption = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+    version: VersionOption = False,
+) -> int:
+    """Scale one parameter by factors and show what it does to the force.
+
+    Example: damperfit sweep --setting 10 --vary r_m1=0.8,1,1.2
+    """
+    from damperfit.config import load_settings
+    from damperfit.sweep import PAPER_SWEEPS, parse_variation
+    from damperfit.trial import choose_parameters
+
+    check_kind("--figures", figures)
+    if not vary and not paper:
+        raise ConfigurationError("nothing to vary: give --vary NAME=F1,F2,... or --paper")
+    variations = [parse_variation(text) for text in vary or []]
+    if len({variation.name for variation in variations}) < len(variations):
+        raise ConfigurationError("--vary: a name is given twice; put its factors into one list")
+    settings = load_settings(config, overlay=overlay())
+    replaced = assignments(set_ or [], option="--set")
+    number = 10 if paper and setting is None else setting
+    choice = choose_parameters(number, table=parameters, replaced=replaced)
+    if not quiet:
+        say(f"damperfit: {choice.source}")
+    wanted = [(v, False) for v in variations] + [(v, True) for v in PAPER_SWEEPS if paper]
+    families = [(v, _family(choice, settings, v), is_paper) for v, is_paper in wanted]
+    records, plots = _lay_out(families)
+    _write(out, records, plots, kind=figures)
+    if json:
+        sentences = [_sentence(variation, family) for variation, family, _ in families]
+        print_json({"source": choice.source, "rows": records, "sentences": sentences})
+    else:
+        for variation, family, _ in families:
+            _show(variation, family)
+    if not quiet:
+        say(f"damperfit: sweep.csv and {len(plots)} figures written to {out}")
+    return 0
+
+
+def _family(choice: Choice, settings: Settings, variation: Variation) -> tuple[Kin, ...]:
+    from damperfit.report import Kin
+    from damperfit.sweep import run_sweep
+
+    return tuple(
+        Kin(
+            member.factor,
+            member.value,
+            member.trial.frequency,
+            member.trial.response,
+            member.trial.characteristics,
+        )
+        for member in run_sweep(choice, settings, variation=variation)
+    )
+
+
+def _sentence(variation: Variation, family: Sequence[Kin]) -> str:
+    from damperfit.report import family_sentence
+
+    return family_sentence(variation.name, family)
+
+
+def _lay_out(
+    families: Sequence[tuple[Variation, Sequence[Kin], bool]],
+) -> tuple[list[dict[str, Any]], list[Plot]]:
+    from damperfit.report import family_plot, family_records, kin_pressures
+
+    records: list[dict[str, Any]] = []
+    plots = []
+    for variation, family, is_paper in families:
+        name = variation.name
+        records += family_records(name, family)
+        number = _PAPER_NUMBERS[name] if is_paper else 0
+        file_name = f"figure_{number}_{name}" if number else f"sweep_{name}"
+        title = f"Force against velocity, {name} varied"
+        plots.append(family_plot(name, family, file_name=file_name, title=title))
+        worst = max(family, key=lambda kin: kin.cavitation)
+        if worst.cavitation > 0.0 or number == _PAPER_NUMBERS["r_m3"]:
+            file_name = f"figure_7_{name}_pressures" if number else f"sweep_{name}_pressures"
+            title = f"Chamber pressures, {name} x{worst.factor:g}"
+            plots.append(kin_pressures(worst, file_name=file_name, title=title))
+    return records, plots
+
+
+def _write(
+    folder: Path, records: Sequence[dict[str, Any]], plots: Sequence[Plot], *, kind: str
+) -> None:
+    import csv
+
+    from damperfit.atomic import file_set
+    from damperfit.report import draw_plot
+
+    with file_set(folder) as files:
+        for plot in plots:
+            draw_plot(files.path(f"{plot.name}.{kind}"), plot, kind=kind)
+        with files.path("sweep.csv").open("w", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, list(records[0]), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(records)
+
+
+def _show(variation: Variation, family: Sequence[Kin]) -> None:
+    from damperfit.report import family_sheet, terminal_table
+    from damperfit.sweep import SWEPT_UNITS
+
+    sheet = family_sheet(variation.name, SWEPT_UNITS[variation.name], family)
+    print_renderable(terminal_table(sheet))
+    print_lines([_sentence(variation, family), ""])

@@ -1,0 +1,122 @@
+"""Plots as files for a report or a paper, by matplotlib; equal tables give equal bytes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from damperfit.report.plots import Line, Panel, Plot
+
+__all__ = ["draw_plot"]
+
+_COLOURS = {"ink": "#000000", "muted": "#7d8796"}
+_STYLES: dict[str, dict[str, Any]] = {
+    "solid": {"linewidth": 1.6},
+    "wide": {"linewidth": 3.0},
+    "thin": {"linewidth": 0.7},
+    "dashed": {"linewidth": 1.2, "linestyle": "--"},
+    "dotted": {"linewidth": 1.2, "linestyle": ":"},
+    "points": {"linestyle": "none", "marker": "o"},
+    "triangles": {"linestyle": "none", "marker": "^", "markerfacecolor": "none"},
+}
+# Nothing of the time or the machine in the files; text stays text in SVG and PDF.
+_FIXED: Any = {
+    "svg.hashsalt": "damperfit",
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "path.simplify": True,
+    "text.usetex": False,
+    "text.parse_math": False,  # a log may be called $x_1$
+}
+_METADATA: dict[str, dict[str, Any]] = {
+    "png": {"Software": None},
+    "svg": {"Date": None, "Creator": None},
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+}
+_MANY = 60  # points: beyond it they are drawn small
+
+
+def draw_plot(path: Path, plot: Plot, *, kind: str) -> None:
+    """Draw one plot into a file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Where to write.
+    plot : Plot
+        What to draw.
+    kind : str
+        "png", "svg" or "pdf".
+    """
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context():
+        mpl.rcdefaults()  # a reader's own matplotlibrc must not change the bytes
+        mpl.rcParams.update(_FIXED)
+        n = len(plot.panels)
+        entries = max(sum(line.in_legend for line in panel.lines) for panel in plot.panels)
+        figure = Figure(figsize=(7.0 if entries > 6 else 5.4, 3.8 if n == 1 else 4.8))
+        FigureCanvasAgg(figure)
+        heights = [2.0, *(1.0 for _ in range(n - 1))]
+        rows = figure.subplots(n, 1, sharex=True, squeeze=False, height_ratios=heights)
+        for axes, panel in zip(rows[:, 0], plot.panels, strict=True):
+            _draw_panel(axes, panel)
+        rows[-1, 0].set_xlabel(_label(plot.panels[-1].x_label, plot.panels[-1].x_unit))
+        rows[0, 0].set_title(plot.title, fontsize=10, loc="left")
+        figure.align_ylabels()
+        figure.savefig(path, format=kind, dpi=160, bbox_inches="tight", metadata=_METADATA[kind])
+
+
+def _label(name: str, unit: str) -> str:
+    return f"{name}, {unit}" if unit else name
+
+
+def _draw_panel(axes: Any, panel: Panel) -> None:
+    if panel.is_log:
+        from matplotlib.ticker import FormatStrFormatter
+
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    for begin, end in panel.bands:
+        axes.axvspan(begin, end, color="#d55e00", alpha=0.2, linewidth=0.0)
+    for line in panel.lines:
+        _draw_line(axes, line)
+    for value, word in panel.rules:
+        axes.axhline(value, color=_COLOURS["muted"], linewidth=0.8, linestyle=":")
+        if word:
+            place = axes.get_yaxis_transform()
+            axes.text(0.99, value, word, transform=place, ha="right", va="bottom", fontsize=7)
+    axes.set_ylabel(_label(panel.y_label, panel.y_unit))
+    axes.grid(visible=True, color="#e3e7ed", linewidth=0.6)
+    axes.set_axisbelow(True)
+    if panel.x_label == "setting":
+        from matplotlib.ticker import MaxNLocator
+
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    entries = sum(line.in_legend for line in panel.lines)
+    if entries > 6:
+        columns = 1 + (entries - 1) // 24
+        axes.legend(
+            loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=6, frameon=False, ncols=columns
+        )
+    elif entries > 1:
+        axes.legend(fontsize=7, frameon=False)
+
+
+def _draw_line(axes: Any, line: Line) -> None:
+    colour = _COLOURS.get(line.colour, line.colour)
+    style = dict(_STYLES[line.style])
+    if "marker" in style:
+        style["markersize"] = 5.0 if len(line.x) <= _MANY else 1.0
+    label = line.label if line.in_legend else "_" + line.label
+    if line.low is not None and line.high is not None:
+        reach = [line.y - line.low, line.high - line.y]
+        axes.errorbar(line.x, line.y, yerr=reach, color=colour, capsize=2.5, label=label, **style)
+    else:
+        axes.plot(line.x, line.y, color=colour, label=label, **style)

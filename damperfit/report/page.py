@@ -1,0 +1,328 @@
+"""The report as one HTML file: text and tables by us, plots by plotly.js, everything inlined.
+
+Everything that may have come from a log or a configuration is escaped where it enters the page:
+`escape` in HTML, and in plot descriptions, which plotly reads as a small HTML of its own. The page
+forbids itself every network request (Content-Security-Policy).
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from dataclasses import dataclass, field
+from html import escape as html_escape
+from importlib import resources
+from importlib.util import find_spec
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from damperfit import __version__
+from damperfit.errors import InstallationError
+from damperfit.report.campaign_plots import campaign_plots
+from damperfit.report.page_tables import log_table, table_html, words_html
+from damperfit.report.plots import setting_colours
+from damperfit.report.rows import flags, mse_sheet, parameter_sheet, percent
+from damperfit.report.setting_plots import setting_plots
+from damperfit.report.views import log_views
+from damperfit.tables import table_schema
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    import pyarrow as pa
+    from numpy.typing import NDArray
+
+    from damperfit.report.plots import Line, Panel, Plot
+    from damperfit.report.views import LogView
+    from damperfit.tables import Results
+
+__all__ = ["Portfolio", "html_report", "portfolio"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Portfolio:
+    """Everything that is drawn from a results folder.
+
+    Attributes
+    ----------
+    results : Results
+        The tables.
+    colours : mapping of int to str
+        Colour of each setting.
+    overall : tuple of Plot
+        All settings together.
+    by_log : tuple of (LogView, tuple of Plot)
+        Each log.
+    """
+
+    results: Results
+    colours: Mapping[int, str]
+    overall: tuple[Plot, ...]
+    by_log: tuple[tuple[LogView, tuple[Plot, ...]], ...]
+
+    @property
+    def plots(self) -> tuple[Plot, ...]:
+        """All plots in the order of the report."""
+        return (*self.overall, *(plot for _, plots in self.by_log for plot in plots))
+
+
+def portfolio(results: Results) -> Portfolio:
+    """Lay out the plots of a results folder."""
+    views = log_views(results)
+    colours = setting_colours(
+        [
+            *(row["setting"] for row in results.parameters),
+            *(row["setting"] for row in results.mse),
+            *(view.signals.setting for view in views),
+        ]
+    )
+    overall = campaign_plots(results.parameters, results.mse, views, colours=colours)
+    by_log = []
+    counts: dict[int, int] = {}
+    for view in views:
+        setting = view.signals.setting
+        counts[setting] = counts.get(setting, 0) + 1
+        more = f"_log_{counts[setting]}" if counts[setting] > 1 else ""
+        name = f"setting_{setting:02d}{more}"
+        by_log.append((view, setting_plots(view, name=name, colour=colours[setting])))
+    return Portfolio(results, colours, overall, tuple(by_log))
+
+
+def html_report(shown: Portfolio, *, title: str) -> str:
+    """Return the report as one self-contained HTML page.
+
+    Parameters
+    ----------
+    shown : Portfolio
+        What to show.
+    title : str
+        Heading, as a rule the name of the folder; escaped here.
+
+    Raises
+    ------
+    InstallationError
+        plotly is not installed.
+    """
+    store = _Store()
+    overall = "".join(_figure(plot, store) for plot in shown.overall)
+    logs = "".join(_log_section(view, plots, store) for view, plots in shown.by_log)
+    document = {
+        "arrays": store.arrays,
+        "plots": store.plots,
+        "colours": {str(setting): colour for setting, colour in shown.colours.items()},
+    }
+    parts = {
+        "title": html_escape(title),
+        "version": html_escape(__version__),
+        "style": _asset("page.css"),
+        "summary": _summary(shown.results),
+        "chips": _chips(shown.colours),
+        "overall": overall or "<p>No table of settings could be read.</p>",
+        "logs": logs or "<p>No signals could be read.</p>",
+        "data": _json(document),
+        "plotly": _plotly_script(),
+        "script": _asset("page.js"),
+    }
+    page = _asset("page.html")
+    head, *rest = page.split("{{")  # one pass, so that no part can hold a mark of another
+    pieces = [head]
+    for piece in rest:
+        key, _, text = piece.partition("}}")
+        pieces += [parts[key], text]
+    return "".join(pieces)
+
+
+def _asset(name: str) -> str:
+    return (resources.files("damperfit.report") / name).read_text(encoding="utf-8")
+
+
+def _plotly_script() -> str:
+    """Return plotly.js out of the Python package, which need not be imported for it."""
+    spec = find_spec("plotly")
+    for place in spec.submodule_search_locations or () if spec else ():
+        path = Path(place) / "package_data" / "plotly.min.js"
+        if path.is_file():
+            return path.read_text(encoding="utf-8").replace("</script", "<\\/script")
+    raise InstallationError("the report needs plotly; install it with: pip install plotly")
+
+
+@dataclass(slots=True)
+class _Store:
+    """Arrays of the page, each once, and the plots that point to them."""
+
+    arrays: list[str] = field(default_factory=list)
+    places: dict[bytes, int] = field(default_factory=dict)
+    plots: list[dict[str, Any]] = field(default_factory=list)
+
+    def add(self, values: NDArray[np.float64] | None) -> int | None:
+        """Return the place of an array, kept as base64 of 32-bit floats: 7 digits, no loss seen."""
+        if values is None:
+            return None
+        data = np.ascontiguousarray(values, dtype="<f4").tobytes()
+        if data not in self.places:
+            self.places[data] = len(self.arrays)
+            self.arrays.append(base64.b64encode(data).decode("ascii"))
+        return self.places[data]
+
+
+def _figure(plot: Plot, store: _Store) -> str:
+    place = len(store.plots)
+    panels = [_panel(panel, store) for panel in plot.panels]
+    store.plots.append({"name": plot.name, "title": html_escape(plot.title), "panels": panels})
+    caption = f"<figcaption>{html_escape(plot.caption)}</figcaption>" if plot.caption else ""
+    tall = " tall" if len(plot.panels) > 1 else ""
+    return (
+        f'<figure><h3>{html_escape(plot.title)}</h3><div class="plot{tall}" id="plot-{place}" '
+        f'data-name="{html_escape(plot.name)}"></div>{caption}</figure>\n'
+    )
+
+
+def _panel(panel: Panel, store: _Store) -> dict[str, Any]:
+    return {
+        "x": [panel.x_label, panel.x_unit],
+        "y": [panel.y_label, panel.y_unit],
+        "rules": panel.rules,
+        "bands": panel.bands,
+        "log": panel.is_log,
+        "lines": [_line(line, store) for line in panel.lines],
+    }
+
+
+def _line(line: Line, store: _Store) -> dict[str, Any]:
+    return {
+        "x": store.add(line.x),
+        "y": store.add(line.y),
+        "label": html_escape(line.label),
+        "colour": line.colour,
+        "setting": line.setting,
+        "style": line.style,
+        "legend": line.in_legend,
+        "up": store.add(None if line.high is None else line.high - line.y),
+        "down": store.add(None if line.low is None else line.y - line.low),
+    }
+
+
+def _json(document: Any) -> str:
+    """Return JSON that cannot end the script element it stands in."""
+    text = json.dumps(document, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c")
+
+
+def _chips(colours: Mapping[int, str]) -> str:
+    return "".join(
+        f'<label style="--c:{colour}"><input type="checkbox" checked data-setting="{setting}">'
+        f"{setting}</label>"
+        for setting, colour in colours.items()
+    )
+
+
+def _log_section(view: LogView, plots: Sequence[Plot], store: _Store) -> str:
+    signals = view.signals
+    figures = "".join(_figure(plot, store) for plot in plots)
+    temperature = "" if view.temperature is None else f", {view.temperature:.1f} degC"
+    frequency = f"{view.frequency:.3g} Hz" if np.isfinite(view.frequency) else "frequency unknown"
+    facts = f"{frequency}{temperature}, {len(signals.time)} samples"
+    return (
+        f'<section class="log" data-setting="{signals.setting}">'
+        f"<h2>Setting {signals.setting}: {html_escape(signals.log)}</h2>"
+        f"<p>{html_escape(facts)}</p>{words_html('Findings', view.notes)}{log_table(view)}"
+        f'<div class="grid">{figures}</div></section>\n'
+    )
+
+
+def _summary(results: Results) -> str:
+    record = results.record
+    failures = [f for f in _listed(record, "failures") if isinstance(f, dict)]
+    advice = [
+        f"setting {row['setting']}: {words}"
+        for row in results.parameters
+        if (words := _verdict(row))
+    ]
+    gaps = _listed(record, "gaps")
+    missing = [f"no result for setting {', '.join(str(gap) for gap in gaps)}"] if gaps else []
+    return "".join(
+        (
+            f"<p>{html_escape(' '.join(_headline(results)))}</p>",
+            words_html("These results are not whole", results.remarks, kind="alarm"),
+            words_html(
+                "Not done",
+                [*(str(f.get("message", "")) for f in failures), *missing],
+                kind="alarm",
+            ),
+            words_html("Gates not met", _listed(record, "gates_missed"), kind="alarm"),
+            words_html("Verdicts", advice),
+            words_html("Warnings", _listed(record, "warnings")),
+            words_html("How it was done", [*_listed(record, "procedure"), *_rig(record)]),
+            _tables(results),
+        )
+    )
+
+
+def _listed(record: Mapping[str, Any], key: str) -> list[Any]:
+    value = record.get(key)
+    return value if isinstance(value, list) else []
+
+
+def _headline(results: Results) -> Iterator[str]:
+    known = {
+        row["setting"]: row["mse_percent"]
+        for row in results.parameters
+        if row["mse_percent"] is not None
+    }
+    if not known:
+        yield "No MSE stands in the tables."
+        return
+    best, worst = min(known, key=known.__getitem__), max(known, key=known.__getitem__)
+    yield f"{len(known)} setting{'s' if len(known) > 1 else ''} fitted."
+    yield f"MSE: median {percent(median(known.values()))} %,"
+    yield f"best {percent(known[best])} % at setting {best},"
+    yield f"worst {percent(known[worst])} % at setting {worst}."
+    grades = [row["grade"] for row in results.parameters]
+    counts = [f"{grades.count(g)} {g}" for g in ("excellent", "good", "poor") if g in grades]
+    yield f"Grades: {', '.join(counts)} (excellent below 1 %, good below 5 %)."
+
+
+def _verdict(row: Mapping[str, Any]) -> str:
+    outcome = str(row["outcome"] or "outcome unknown").replace("_", " ")
+    words = [] if outcome == "converged" else [outcome]
+    if found := flags(row):
+        words.append(found)
+    if row["grade"] == "poor":
+        words.append(f"poor fit, MSE {percent(row['mse_percent'])} %")
+    return "; ".join(words)
+
+
+def _rig(record: Mapping[str, Any]) -> Iterator[str]:
+    configuration = record.get("configuration")
+    rig = configuration.get("rig") if isinstance(configuration, dict) else None
+    if isinstance(rig, dict):
+        turned = [key for key in ("displacement", "force") if rig.get(f"reverse_{key}") is True]
+        yield (
+            f"Rig: filter {rig.get('filter', 'unknown')}, x = 0 at {rig.get('centre', 'unknown')}, "
+            f"signs turned: {' and '.join(turned) or 'none'}."
+        )
+
+
+def _tables(results: Results) -> str:
+    settings = {row["setting"] for row in results.parameters}
+    rows = [row | {"outcome": row["outcome"] or "unknown"} for row in results.parameters]
+    errors = [
+        row | {"grade": row["grade"] or "-", "log": row["log"] or ""}
+        for row in results.mse
+        if row["setting"] in settings
+    ]
+    parameters = _arrow("parameters", rows)
+    parts = ["<h3>Parameters</h3>", table_html(parameter_sheet(parameters))] if rows else []
+    if errors:
+        sheet = mse_sheet(_arrow("mse", errors), parameters)
+        parts += ["<h3>MSE by setting and log</h3>", table_html(sheet)]
+    return "".join(parts)
+
+
+def _arrow(name: str, rows: Iterable[Mapping[str, Any]]) -> pa.Table:
+    import pyarrow as pa
+
+    return pa.Table.from_pylist([dict(row) for row in rows], schema=table_schema(name, {}))

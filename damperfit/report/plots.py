@@ -1,0 +1,165 @@
+"""What is drawn, before anything draws it: plots as plain descriptions, and how to thin traces.
+
+A `Plot` has one or more `Panel` under one another, a panel has `Line`. The web page and the static
+figures draw the same descriptions, so a number cannot differ between them.
+
+Colours: every adjuster setting has one colour everywhere, on a ramp from blue to orange that
+readers with any colour deficiency can tell apart and that shows on white and on black. "ink" and
+"muted" stand for the text colour and a grey of the theme.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["CHAMBER_COLOURS", "Line", "Panel", "Plot", "setting_colours", "thin"]
+
+CHAMBER_COLOURS = ("#0072b2", "#d55e00", "#009e73")  # Okabe and Ito (2008)
+# Blue, sky, green-grey, amber, vermilion: hue and lightness both change along the ramp.
+_RAMP = ((58, 84, 196), (60, 140, 205), (98, 165, 150), (214, 158, 46), (213, 94, 0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Line:
+    """One trace.
+
+    Attributes
+    ----------
+    x, y : numpy.ndarray
+        Shape (n,), in the panel's units.
+    label : str
+        For the legend and the hover text; plain text, not yet escaped.
+    colour : str
+        "#rrggbb", "ink" or "muted".
+    setting : int or None
+        Adjuster setting whose trace it is; None belongs to all.
+    style : str
+        "solid", "wide", "thin", "dashed", "dotted", "points" or "triangles".
+    in_legend : bool
+        The legend names it.
+    low, high : numpy.ndarray or None
+        Interval around y, same shape.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    label: str
+    colour: str
+    setting: int | None = None
+    style: str = "solid"
+    in_legend: bool = True
+    low: FloatArray | None = None
+    high: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Panel:
+    """One pair of axes.
+
+    Attributes
+    ----------
+    x_label, x_unit, y_label, y_unit : str
+        What the axes show.
+    lines : tuple of Line
+        Traces, the last one on top.
+    rules : tuple of (float, str)
+        Horizontal lines with a word at each.
+    bands : tuple of (float, float)
+        Ranges of x that are shaded.
+    is_log : bool
+        The y axis is logarithmic.
+    """
+
+    x_label: str
+    x_unit: str
+    y_label: str
+    y_unit: str
+    lines: tuple[Line, ...]
+    rules: tuple[tuple[float, str], ...] = ()
+    bands: tuple[tuple[float, float], ...] = ()
+    is_log: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plot:
+    """A figure with a name.
+
+    Attributes
+    ----------
+    name : str
+        File name without suffix, unique in a report.
+    title : str
+        One line.
+    panels : tuple of Panel
+        From top to bottom, sharing x.
+    caption : str
+        What to see in it; may be empty.
+    """
+
+    name: str
+    title: str
+    panels: tuple[Panel, ...]
+    caption: str = ""
+
+
+def setting_colours(settings: Iterable[int]) -> Mapping[int, str]:
+    """Return a colour for each setting, along the ramp in the order of the settings.
+
+    Examples
+    --------
+    >>> setting_colours([1, 20])
+    {1: '#3a54c4', 20: '#d55e00'}
+    """
+    known = sorted(set(settings))
+    ramp = np.array(_RAMP, dtype=float)
+    places = np.linspace(0.0, len(ramp) - 1.0, len(known))
+    channels = [np.interp(places, np.arange(len(ramp)), ramp[:, i]) for i in range(3)]
+    return {
+        setting: "#" + "".join(f"{round(float(channel[k])):02x}" for channel in channels)
+        for k, setting in enumerate(known)
+    }
+
+
+def thin(n_buckets: int, *signals: FloatArray) -> NDArray[np.intp]:
+    """Return the indices of samples that keep every peak of every signal.
+
+    The samples are cut into ``n_buckets`` runs of equal length. From each run the samples with the
+    lowest and the highest value of each signal are kept, and the first and last sample of all.
+    No extreme value is lost, unlike in taking every n-th sample.
+
+    Parameters
+    ----------
+    n_buckets : int
+        Runs; at most ``2 n_buckets len(signals) + 2`` indices are returned.
+    *signals : numpy.ndarray
+        Shape (n,) each, all of one length. NaN is passed over.
+
+    Examples
+    --------
+    >>> spike = np.zeros(1000); spike[777] = 5.0
+    >>> 777 in thin(10, spike)
+    True
+    """
+    n = len(signals[0])
+    if n <= 2 * n_buckets * len(signals) + 2:
+        return np.arange(n)
+    edges = np.linspace(0, n, n_buckets + 1).astype(np.intp)
+    kept = {0, n - 1}
+    for signal in signals:
+        low = np.where(np.isnan(signal), np.inf, signal)
+        high = np.where(np.isnan(signal), -np.inf, signal)
+        for start, stop in pairwise(edges):
+            kept.add(int(start + np.argmin(low[start:stop])))
+            kept.add(int(start + np.argmax(high[start:stop])))
+    return np.array(sorted(kept), dtype=np.intp)

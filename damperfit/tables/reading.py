@@ -1,0 +1,250 @@
+"""A results folder read back: tables, signals by log, run.json, and what was wrong with them.
+
+Whatever is whole is returned; what is missing, damaged or of another version becomes a remark.
+Every column may be absent: then its cells are None.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from damperfit.errors import ConfigurationError
+from damperfit.tables.columns import SCHEMA_VERSION, column_kinds
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["LogSignals", "Results", "read_results"]
+
+_BROKEN = (OSError, ValueError, TypeError, KeyError, csv.Error, pa.ArrowException)
+_SIGNALS = (
+    "time_s",
+    "displacement_m",
+    "velocity_m_per_s",
+    "force_measured_N",
+    "force_N",
+    "pressure_1_Pa",
+    "pressure_2_Pa",
+    "pressure_3_Pa",
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LogSignals:
+    """Measured and simulated signals of one log, its steady whole cycles.
+
+    Attributes
+    ----------
+    setting : int
+        Adjuster setting.
+    log : str
+        Name of the log.
+    time, displacement, velocity, force_measured, force : numpy.ndarray
+        Shape (n,); s, m, m/s, N; positive in rebound.
+    pressures : numpy.ndarray
+        Shape (3, n), Pa absolute.
+    """
+
+    setting: int
+    log: str
+    time: FloatArray
+    displacement: FloatArray
+    velocity: FloatArray
+    force_measured: FloatArray
+    force: FloatArray
+    pressures: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Results:
+    """What stands in a results folder.
+
+    Attributes
+    ----------
+    parameters, mse : tuple of dict
+        Rows of the tables, by column; None where a cell or a column is missing.
+    logs : tuple of LogSignals
+        Signals by setting and log.
+    record : dict
+        run.json, empty when there is none.
+    remarks : tuple of str
+        What was missing, damaged or written by another version.
+    """
+
+    parameters: tuple[dict[str, Any], ...]
+    mse: tuple[dict[str, Any], ...]
+    logs: tuple[LogSignals, ...]
+    record: dict[str, Any]
+    remarks: tuple[str, ...]
+
+
+def read_results(folder: Path) -> Results:
+    """Read what `identify` wrote.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Results folder.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such folder, or neither parameters nor responses can be read from it.
+    """
+    if not folder.is_dir():
+        raise ConfigurationError(
+            f"{folder}: no such folder; expected the results of damperfit identify"
+        )
+    remarks: list[str] = []
+    record = _record(folder / "run.json", remarks)
+    _check_version(record, remarks)
+    _check_files(folder, record, remarks)
+    parameters = _rows(folder, "parameters", remarks)
+    mse = _rows(folder, "mse", remarks)
+    logs = tuple(sorted(_logs(folder, remarks), key=lambda log: (log.setting, log.log)))
+    if not parameters and not logs:
+        raise ConfigurationError(
+            f"{folder}: nothing to show, {'; '.join(remarks) or 'its tables are empty'}; "
+            "run damperfit identify LOGS --out FOLDER first"
+        )
+    return Results(parameters, mse, logs, record, tuple(dict.fromkeys(remarks)))
+
+
+def _record(path: Path, remarks: list[str]) -> dict[str, Any]:
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        remarks.append("run.json is missing: rig, inputs and warnings are not known")
+    except (OSError, ValueError, RecursionError) as error:
+        remarks.append(f"run.json cannot be read ({_reason(error)}): rig and inputs are not known")
+    else:
+        if isinstance(document, dict):
+            return document
+        remarks.append("run.json is no JSON object: rig, inputs and warnings are not known")
+    return {}
+
+
+def _check_version(record: dict[str, Any], remarks: list[str]) -> None:
+    version = record.get("schema_version", SCHEMA_VERSION)
+    if version != SCHEMA_VERSION:
+        remarks.append(
+            f"the results are of schema version {version} (damperfit {record.get('version')}), "
+            f"this damperfit knows {SCHEMA_VERSION}: what it does not find is left out"
+        )
+
+
+def _check_files(folder: Path, record: dict[str, Any], remarks: list[str]) -> None:
+    """Remark on files that are not those the run wrote."""
+    files = record.get("files")
+    for name, expected in files.items() if isinstance(files, dict) else ():
+        path = folder / str(name)
+        if path.parent != folder or path.suffix != ".parquet" or not path.is_file():
+            continue
+        with path.open("rb") as file:
+            if hashlib.file_digest(file, "sha256").hexdigest() != expected:
+                remarks.append(f"{name} is not the file that the run wrote (see run.json)")
+
+
+def _rows(folder: Path, table: str, remarks: list[str]) -> tuple[dict[str, Any], ...]:
+    """Return the rows of a table, from Parquet, else from CSV."""
+    kinds = column_kinds(table)
+    for suffix, read in ((".parquet", _parquet_rows), (".csv", _csv_rows)):
+        path = folder / (table + suffix)
+        try:
+            rows = [_clean(row, kinds) for row in read(path)]
+        except FileNotFoundError:
+            remarks.append(f"{path.name} is missing")
+        except _BROKEN as error:
+            remarks.append(f"{path.name} cannot be read: {_reason(error)}")
+        else:
+            missing = [name for name in kinds if not rows or name not in rows[0]]
+            if rows and missing:
+                remarks.append(f"{path.name} has no column {', '.join(missing)}")
+            whole = [{name: row.get(name) for name in kinds} for row in rows]
+            return tuple(row for row in whole if row["setting"] is not None)
+    return ()
+
+
+def _clean(row: dict[str, Any], kinds: dict[str, type]) -> dict[str, Any]:
+    return {name: _cell(row[name], kind) for name, kind in kinds.items() if name in row}
+
+
+def _cell(value: Any, kind: type) -> Any:
+    if value is None or (value == "" and kind is not str):
+        return None
+    return kind(value)
+
+
+def _parquet_rows(path: Path) -> list[dict[str, Any]]:
+    with pq.ParquetFile(path, page_checksum_verification=True) as file:
+        rows: list[dict[str, Any]] = file.read().to_pylist()
+    return rows
+
+
+def _csv_rows(path: Path) -> list[dict[str, Any]]:
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        return list(csv.DictReader(file, strict=True))
+
+
+def _logs(folder: Path, remarks: list[str]) -> Iterator[LogSignals]:
+    """Yield the signals of each log; a damaged row group costs that log alone."""
+    path = folder / "responses.parquet"
+    try:
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+            wanted = ("setting", "log", *_SIGNALS)
+            missing = [name for name in wanted if name not in file.schema_arrow.names]
+            if missing:
+                remarks.append(f"{path.name} has no column {', '.join(missing)}: no loops")
+                return
+            for group in range(file.num_row_groups):
+                try:
+                    table = file.read_row_group(group, columns=list(wanted))
+                except _BROKEN as error:
+                    remarks.append(f"{path.name}: log {group + 1} is damaged: {_reason(error)}")
+                    continue
+                yield from _split(table)
+    except FileNotFoundError:
+        remarks.append(f"{path.name} is missing: no loops")
+    except _BROKEN as error:
+        remarks.append(f"{path.name} cannot be read: {_reason(error)}")
+
+
+def _split(table: pa.Table) -> Iterator[LogSignals]:
+    """Yield each log of a table whose rows stand log by log."""
+    if table.num_rows == 0:
+        return
+    names = table.column("log").combine_chunks().dictionary_encode()
+    settings = table.column("setting").to_numpy()
+    codes = names.indices.to_numpy(zero_copy_only=False)
+    edges = np.flatnonzero((np.diff(codes) != 0) | (np.diff(settings) != 0)) + 1
+    signals = [np.asarray(table.column(name).to_numpy(), dtype=np.float64) for name in _SIGNALS]
+    for start, stop in zip([0, *edges], [*edges, table.num_rows], strict=True):
+        time, x, v, measured, force, *pressures = (signal[start:stop] for signal in signals)
+        yield LogSignals(
+            setting=int(settings[start]),
+            log=str(names.dictionary[int(codes[start])].as_py()),
+            time=time,
+            displacement=x,
+            velocity=v,
+            force_measured=measured,
+            force=force,
+            pressures=np.stack(pressures),
+        )
+
+
+def _reason(error: BaseException) -> str:
+    strerror = getattr(error, "strerror", None)
+    return str(strerror or error).splitlines()[0] if str(error) else type(error).__name__

@@ -1,0 +1,66 @@
+"""A results folder with one setting of each kind, made from known numbers, no fit."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.identification import Outcome, compare
+from damperfit.tables import make_tables, table_schema, write_responses, write_table
+from tests.fakes import campaign, fit
+
+__all__ = ["EVIL", "make_results"]
+
+EVIL = "</script><img src=x onerror=alert(1)>$x_1$.csv"
+
+
+def make_results(folder: Path) -> Path:
+    """Settings 1 good, 2 poor, 3 cavitating, 4 missing, 5 not identifiable with a vile name."""
+    cavitating = fit(3, outcome=Outcome.CAVITATING)
+    many = campaign(
+        fit(1),
+        fit(2, mse=12.0),
+        replace(cavitating, parameters=replace(cavitating.parameters, r_m3=2e7)),
+        fit(5, status={"k_e": "not_identifiable"}, logs=(EVIL,)),
+    )
+    tables = make_tables(many, expected=(1, 2, 3, 4, 5))
+    rows = tables.parameters.to_pylist()
+    rows[0] |= {"k_e_se": 1e7, "k_e_ci_low": 4.9e8, "k_e_ci_high": 5.3e8}
+    parameters = pa.Table.from_pylist(rows, schema=table_schema("parameters", {}))
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, table in (("parameters", parameters), ("mse", tables.mse)):
+        for suffix in (".parquet", ".csv"):
+            write_table(folder / (name + suffix), table)
+    compared = [
+        compare(one.parameters, log.trace, PURDY_DAMPER) for one in many.fits for log in one.logs
+    ]
+    write_responses(folder / "responses.parquet", many, compared)
+    record = {
+        "version": "0.1.0",
+        "schema_version": 1,
+        "warnings": [f"{EVIL}: strange"],
+        "gaps": [4],
+        "procedure": ["Damper: rod 19 mm."],
+        "inputs": [
+            {"log": EVIL, "temperature_degC": 26.4, "notes": [f"note of {EVIL}"]},
+        ],
+    }
+    (folder / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    return folder
+
+
+def damage_row_group(path: Path, group: int) -> None:
+    """Turn bytes over in the middle of one row group."""
+    with pq.ParquetFile(path) as file:
+        column = file.metadata.row_group(group).column(4)
+        start = column.dictionary_page_offset or column.data_page_offset
+        size = column.total_compressed_size
+    data = bytearray(path.read_bytes())
+    for place in range(start + size // 2, start + size // 2 + 64):
+        data[place] ^= 0xFF
+    path.write_bytes(data)

@@ -1,0 +1,159 @@
+"""The page in a real browser; skipped, with a word, where there is none."""
+
+from __future__ import annotations
+
+import base64
+import json
+import shutil
+import time
+
+import pytest
+
+from damperfit.report import html_report, portfolio
+from damperfit.tables import read_results
+from tests.report_folder import make_results
+
+webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+DRIVER = shutil.which("chromedriver")
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None or DRIVER is None, reason="chromium and chromedriver are not installed"
+)
+
+FLAGS = (
+    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-sync "
+    "--disable-background-networking --disable-component-update --disable-dev-shm-usage "
+    "--window-size=1400,1000"
+)
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    folder = make_results(tmp_path_factory.mktemp("results"))
+    path = folder / "report.html"
+    path.write_text(html_report(portfolio(read_results(folder)), title="page"), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def browser(page, tmp_path_factory):
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for flag in FLAGS.split():
+        options.add_argument(flag)
+    options.add_argument(f"--user-data-dir={tmp_path_factory.mktemp('profile')}")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+    try:
+        driver.get("about:blank")
+        driver.get_log("performance")  # what Chromium itself did when it started
+        driver.get(page.as_uri())
+        _wait(driver, "return document.documentElement.dataset.drawn === 'all'")
+        yield driver
+    finally:
+        driver.quit()
+
+
+def _wait(driver, script: str, *, seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not driver.execute_script(script):
+        assert time.monotonic() < end, f"never true: {script}"
+        time.sleep(0.05)
+
+
+def test_it_is_quiet_draws_everything_and_asks_for_nothing(browser):
+    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
+    messages = [json.loads(e["message"])["message"] for e in browser.get_log("performance")]
+    asked = [
+        m["params"]["request"]["url"]
+        for m in messages
+        if m["method"] == "Network.requestWillBeSent"
+    ]
+    assert any(url.startswith("file:") for url in asked)  # else nothing was recorded
+    assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
+    drawn = browser.execute_script(
+        "return [...document.querySelectorAll('.plot')].map("
+        "d => [d.dataset.name, (d.data || []).length, (d.data || [{x: []}])[0].x.length,"
+        " d.querySelectorAll('.trace').length])"
+    )
+    assert len(drawn) == len(browser.execute_script("return damperfit.plots"))
+    for name, n_traces, n_points, n_shown in drawn:
+        assert n_traces > 0, name
+        assert n_points > 0, name
+        assert n_shown == n_traces, name
+
+
+def test_an_interval_is_drawn_as_long_as_it_is(browser):
+    (found,) = browser.execute_script(
+        "return document.querySelector('[data-name=parameter_k_e]').calcdata"
+        ".map(c => c[0]).filter(p => p.yh !== undefined).map(p => [p.ys, p.y, p.yh])"
+    )
+    assert found == [490.0, 510.0, 530.0]
+
+
+def test_the_first_paint_is_early(browser):
+    (first,) = browser.execute_script(
+        "return performance.getEntriesByName('first-paint').map(e => e.startTime)"
+    )
+    assert first < 2000.0
+
+
+def test_no_text_became_markup(browser):
+    assert browser.execute_script("return document.querySelectorAll('img').length") == 0
+    assert "<img src=x" in browser.execute_script("return document.body.innerText")
+
+
+def test_switching_a_setting_off_removes_its_traces(browser):
+    settings = (
+        "return [...document.querySelectorAll('.plot')].flatMap("
+        "d => (d.data || []).map(t => t.meta)).filter(s => s === 3).length"
+    )
+    points = "return [...document.querySelector('[data-name=named_speeds]').data[0].x].includes(3)"
+    before = browser.execute_script(settings)
+    assert before > 10
+    assert browser.execute_script(points)
+    box = "document.querySelector('nav input[data-setting=\"3\"]').click()"
+    browser.execute_script(box)
+    assert browser.execute_script(settings) == 0
+    assert not browser.execute_script(points)
+    hidden = (
+        "return document.querySelector('section.log[data-setting=\"3\"]').offsetParent === null"
+    )
+    assert browser.execute_script(hidden)
+    browser.execute_script(box)
+    _wait(browser, settings.replace("length", f"length === {before}"), seconds=10.0)
+
+
+def test_it_follows_dark_and_light(browser):
+    def paper(scheme: str) -> str:
+        feature = {"name": "prefers-color-scheme", "value": scheme}
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
+        time.sleep(0.2)
+        return browser.execute_script(
+            "return document.querySelector('.plot').layout.paper_bgcolor + ' ' +"
+            "getComputedStyle(document.body).backgroundColor"
+        )
+
+    assert paper("dark") == "#14181f rgb(20, 24, 31)"
+    assert paper("light") == "#ffffff rgb(255, 255, 255)"
+
+
+def test_it_prints_without_cutting_a_plot(browser):
+    browser.execute_script(
+        "addEventListener('beforeprint', () => { window.printed ="
+        " [...document.querySelectorAll('.plot')].map(d => [d.dataset.name,"
+        " d.layout.width, d.layout.height]); })"
+    )
+    how = {"printBackground": True, "preferCSSPageSize": True}
+    pdf = base64.b64decode(browser.execute_cdp_cmd("Page.printToPDF", how)["data"])
+    assert pdf.startswith(b"%PDF")
+    printed = browser.execute_script("return window.printed")
+    assert len(printed) == len(browser.execute_script("return damperfit.plots"))
+    # A4 less its margins is 703 CSS pixels wide: two of these and the gap fit.
+    assert {(width, height) for _, width, height in printed} == {(340, 245)}
+    assert "break-inside: avoid" in browser.execute_script("return document.head.innerHTML")
+    assert browser.execute_script("return document.querySelector('.plot').layout.width") != 340

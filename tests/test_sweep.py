@@ -1,0 +1,139 @@
+"""One parameter varied: the paper's sensitivities at setting 10 (Figs 4 to 9)."""
+
+from __future__ import annotations
+
+import pytest
+
+from damperfit.config import load_settings
+from damperfit.errors import ConfigurationError
+from damperfit.report import Kin, family_plot, family_sentence, family_sheet, kin_pressures
+from damperfit.sweep import PAPER_SWEEPS, SWEPT_UNITS, parse_variation, run_sweep
+from damperfit.trial import choose_parameters
+
+
+@pytest.fixture(scope="module")
+def settings():
+    return load_settings()
+
+
+@pytest.fixture(scope="module")
+def choice():
+    return choose_parameters(10, table=None, replaced={})
+
+
+@pytest.fixture
+def family(choice, settings):
+    def make(text):
+        variation = parse_variation(text)
+        return [
+            Kin(m.factor, m.value, m.trial.frequency, m.trial.response, m.trial.characteristics)
+            for m in run_sweep(choice, settings, variation=variation)
+        ]
+
+    return make
+
+
+def peaks(kin):
+    return kin.figures.peak_force_rebound, -kin.figures.peak_force_bump
+
+
+def opening(kin):
+    return abs(kin.figures.hysteresis_rebound), abs(kin.figures.hysteresis_bump)
+
+
+def test_valve_1_moves_both_strokes_rebound_more(family):
+    low, base, high = family("r_m1=0.8,1,1.2")
+    assert all(a < b < c for a, b, c in zip(peaks(low), peaks(base), peaks(high), strict=True))
+    rebound, bump = (b / a for a, b in zip(peaks(low), peaks(high), strict=True))
+    assert rebound > bump
+    assert all(a < b for a, b in zip(opening(base), opening(high), strict=True))
+
+
+def test_valve_2_moves_bump_only(family):
+    low, high = family("r_m2=0.8,1.2")
+    assert peaks(low)[0] == pytest.approx(peaks(high)[0], rel=1e-3)
+    assert peaks(high)[1] > 1.1 * peaks(low)[1]
+
+
+def test_valve_3_moves_rebound_only_and_cavitates_chamber_2(family):
+    low, base, high = family("r_m3=0.5,1,1.5")
+    assert peaks(low)[1] == pytest.approx(peaks(high)[1], rel=1e-3)
+    assert peaks(low)[0] < peaks(base)[0] < peaks(high)[0]
+    assert [kin.cavitation > 0.0 for kin in (low, base, high)] == [False, False, True]
+    assert high.figures.cavitation_shares[1] == high.cavitation
+    sentence = family_sentence("r_m3", [high, low, base])
+    assert sentence.startswith("r_m3 x0.5 to x1.5: peak rebound ")
+    assert "cavitation: chamber 2 for " in sentence
+    assert kin_pressures(high, file_name="a", title="a").panels[0].bands
+    assert not kin_pressures(base, file_name="a", title="a").panels[0].bands
+
+
+def test_soft_oil_opens_the_loop_about_four_times(family):
+    soft, base, hard = family("k_e=0.2,1,2")
+    ratios = [a / b for a, b in zip(opening(soft), opening(base), strict=True)]
+    assert all(2.5 < ratio < 5.0 for ratio in ratios)
+    assert all(a < b for a, b in zip(opening(hard), opening(base), strict=True))
+
+
+def test_friction_moves_both_branches_by_itself(family):
+    none, base, double = family("f_f=0,1,2")
+    for stroke in (0, 1):
+        assert peaks(base)[stroke] - peaks(none)[stroke] == pytest.approx(50.0, abs=0.1)
+        assert peaks(double)[stroke] - peaks(none)[stroke] == pytest.approx(100.0, abs=0.1)
+    assert none.figures.energy < base.figures.energy
+
+
+@pytest.mark.parametrize("name", ["p_0", "gamma", "amplitude", "frequency"])
+def test_rig_and_gas_are_varied_too(family, name):
+    low, high = family(f"{name}=0.5,1")
+    assert high.value == pytest.approx(2.0 * low.value)
+    assert abs(peaks(high)[0] - peaks(low)[0]) > 0.1
+    if name == "frequency":
+        assert high.frequency == 2.0 * low.frequency
+    if name in {"amplitude", "frequency"}:
+        assert high.figures.peak_speed_rebound == pytest.approx(
+            2.0 * low.figures.peak_speed_rebound, rel=1e-3
+        )
+
+
+def test_table_and_plot_have_each_member(family):
+    kin = family("r_m1=0.8,1,1.2")
+    sheet = family_sheet("r_m1", SWEPT_UNITS["r_m1"], kin)
+    assert [row[0] for row in sheet.rows] == ["0.8", "1", "1.2"]
+    plot = family_plot("r_m1", kin, file_name="a", title="a")
+    lines = plot.panels[0].lines
+    assert [line.label for line in lines] == ["r_m1 x0.8", "r_m1 x1", "r_m1 x1.2"]
+    assert len({line.colour for line in lines}) == 3
+    for line, one in zip(lines, kin, strict=True):
+        assert line.y.max() == pytest.approx(one.figures.peak_force_rebound)
+
+
+def test_the_papers_families_are_those_of_its_figures():
+    assert [variation.name for variation in PAPER_SWEEPS] == ["r_m1", "r_m2", "r_m3", "k_e", "f_f"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("r_m9=1,2", "Did you mean"),
+        ("r_m1", "expected NAME=F1,F2"),
+        ("r_m1=a", "'a' is no number"),
+        ("r_m1=nan", "0 or more"),
+        ("r_m1=-1", "0 or more"),
+        ("r_m1=0,1", "no damper"),
+        ("r_m1=1,1", "given twice"),
+    ],
+)
+def test_what_cannot_be_varied_is_refused(text, words):
+    with pytest.raises(ConfigurationError, match=words):
+        parse_variation(text)
+
+
+def test_zero_cannot_be_scaled(family):
+    with pytest.raises(ConfigurationError, match="f_0 is 0 here"):
+        family("f_0=1,2")
+
+
+def test_a_stroke_beyond_the_chamber_is_refused(family):
+    with pytest.raises(ConfigurationError, match="beyond the damper's travel"):
+        family("amplitude=10")
