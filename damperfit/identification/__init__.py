@@ -4,6 +4,7 @@ from damperfit.identification.campaign import PROCEDURES, Campaign, FitOptions, 
 from damperfit.identification.comparison import Comparison, compare, normalised_mse
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.setting import Fit, LogFit
+from damperfit.identification.sharing import Sharing
 
 __all__ = [
     "PROCEDURES",
@@ -13,6 +14,7 @@ __all__ = [
     "FitOptions",
     "LogFit",
     "Outcome",
+    "Sharing",
     "compare",
     "identify",
     "normalised_mse",

@@ -24,6 +24,7 @@ from damperfit.identification.setting import (
     fit_setting,
     is_sound,
 )
+from damperfit.identification.sharing import Sharing
 from damperfit.identification.starting import scan_bulk_modulus, starting_values
 from damperfit.simulation import SolverOptions
 
@@ -91,6 +92,8 @@ class Campaign:
         One plain sentence each.
     is_complete : bool
         False when the caller asked to stop before every setting was done.
+    sharing : Sharing
+        How the shared parameters were estimated.
     """
 
     procedure: str
@@ -98,6 +101,7 @@ class Campaign:
     failures: tuple[tuple[int, str], ...] = ()
     warnings: tuple[str, ...] = ()
     is_complete: bool = True
+    sharing: Sharing = Sharing()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -220,9 +224,10 @@ def _paper(task: _Task) -> Campaign:
             start = _start(misfit, held)
         spent = first.evaluations(setting)
         judged = fit_setting(misfit, replace(start, **held), spent=spent)
+        judged.status.update(dict.fromkeys(first.sharing.found, "shared"))
         return describe_fit(setting, judged, misfit)
 
-    return _collect(task, fit, warnings)
+    return replace(_collect(task, fit, warnings), sharing=first.sharing)
 
 
 PROCEDURES: dict[str, Callable[[_Task], Campaign]] = {"paper": _paper, "plain": _plain}
@@ -232,6 +237,7 @@ PROCEDURES: dict[str, Callable[[_Task], Campaign]] = {"paper": _paper, "plain": 
 class _FirstPass:
     judged: Mapping[int, Judged]
     shared: Mapping[str, float]
+    sharing: Sharing = Sharing()
 
     def evaluations(self, setting: int) -> int:
         return self.judged[setting].solution.evaluations if setting in self.judged else 0
@@ -252,18 +258,24 @@ def _first_pass(
     judged = {lowest: fit_setting(misfit, _start(misfit, fixed))}
     shared: dict[str, float] = {}
     anchor = judged[lowest].solution.parameters
+    r_m3_from, is_refined = None, False
+    f_f_from: tuple[int, ...] = ()
     if "r_m3" in wanted:
         shared["r_m3"], said = _shared_r_m3(judged[lowest], lowest, task.options)
+        r_m3_from = None if said else lowest
         warnings.extend(said)
     anchor = replace(anchor, **shared)
     judged.update(_free_everywhere(task, names, fixed, anchor))
     if "f_f" in wanted:
-        shared["f_f"], said = _shared_friction(judged, shared, task.options)
+        shared["f_f"], f_f_from, said = _shared_friction(judged, shared, task.options)
         warnings.extend(said)
     if set(wanted) == {"r_m3", "f_f"} and is_sound(judged[lowest]) and len(judged) > 1:
-        judged[lowest] = _with_mean_friction(misfit, judged[lowest], shared["f_f"])
-        shared["r_m3"] = judged[lowest].solution.parameters.r_m3
-    return _FirstPass(judged, shared), tuple(warnings)
+        again = _with_mean_friction(misfit, judged[lowest], shared["f_f"])
+        is_refined = again is not judged[lowest]
+        judged[lowest] = again
+        shared["r_m3"] = again.solution.parameters.r_m3
+    sharing = Sharing(names, r_m3_from=r_m3_from, f_f_from=f_f_from, is_refined=is_refined)
+    return _FirstPass(judged, shared, sharing), tuple(warnings)
 
 
 def _with_mean_friction(misfit: Misfit, judged: Judged, f_f: float) -> Judged:
@@ -312,8 +324,8 @@ def _shared_r_m3(judged: Judged, lowest: int, options: FitOptions) -> tuple[floa
 
 def _shared_friction(
     judged: Mapping[int, Judged], shared: Mapping[str, float], options: FitOptions
-) -> tuple[float, list[str]]:
-    """The mean friction over the settings whose first pass is sound."""
+) -> tuple[float, tuple[int, ...], list[str]]:
+    """The mean friction over the settings whose first pass is sound, and these settings."""
     sound = {
         setting: one.solution.parameters
         for setting, one in judged.items()
@@ -326,7 +338,7 @@ def _shared_friction(
             "no setting's logs fix the friction: the paper's "
             f"{options.fallback_f_f:g} N is used; give --fix f_f=VALUE if yours is known."
         )
-        return options.fallback_f_f, [said]
+        return options.fallback_f_f, (), [said]
     left_out = sorted(set(judged) - set(sound))
     warnings = []
     if left_out:
@@ -335,7 +347,8 @@ def _shared_friction(
             f"friction is the mean over {len(sound)} of {len(judged)} settings: with all "
             f"parameters free the fit is not sound at setting {listed}."
         )
-    return float(np.mean([sound[setting].f_f for setting in sorted(sound)])), warnings
+    used = tuple(sorted(sound))
+    return float(np.mean([sound[setting].f_f for setting in used])), used, warnings
 
 
 def _start(misfit: Misfit, fixed: Mapping[str, float]) -> Parameters:
