@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.conditioning import condition
 from damperfit.errors import ConfigurationError, LogError
-from damperfit.readers import read_log
+from damperfit.readers import read_logs
 from damperfit.report.facts import Failure
 
 if TYPE_CHECKING:
@@ -143,15 +143,15 @@ def take_in(
     is_table = {path: _is_parameter_table(path) for path in paths}
     logs = [path for path in paths if not is_table[path]]
 
-    def one(path: Path, name: str) -> tuple[LogFacts, Trace | None, Failure | None] | None:
-        return None if cancelled() else _take_one(path, name, settings, setting)
+    def one(path: Path, name: str) -> list[_Taken]:
+        return [] if cancelled() else _take_file(path, name, settings, setting=setting)
 
     with ThreadPoolExecutor(max_workers=jobs) as pool:
-        results = [r for r in pool.map(one, logs, _distinct_names(logs)) if r is not None]
+        taken = [part for parts in pool.map(one, logs, _distinct_names(logs)) for part in parts]
     return Intake(
-        traces=tuple(trace for _, trace, _ in results if trace is not None),
-        logs=tuple(facts for facts, _, _ in results),
-        failures=tuple(failure for _, _, failure in results if failure is not None),
+        traces=tuple(part.trace for part in taken if part.trace is not None),
+        logs=tuple(part.facts for part in taken),
+        failures=tuple(part.failure for part in taken if part.failure is not None),
         skipped=tuple(_shown(str(path)) for path in paths if is_table[path]),
     )
 
@@ -183,27 +183,53 @@ def _shown(name: str) -> str:
     return os.fsencode(name).decode("utf-8", "backslashreplace")
 
 
-def _take_one(
-    path: Path, name: str, settings: Settings, setting: int | None
-) -> tuple[LogFacts, Trace | None, Failure | None]:
-    recording: Recording | None = None
+@dataclass(frozen=True, slots=True, eq=False)
+class _Taken:
+    """One test: its facts, and either a trace or a failure."""
+
+    facts: LogFacts
+    trace: Trace | None = None
+    failure: Failure | None = None
+
+
+def _take_file(path: Path, name: str, settings: Settings, *, setting: int | None) -> list[_Taken]:
+    """Read one file, which may hold several tests."""
     try:
-        recording = replace(read_log(path, settings.reading), name=name)
+        recordings = read_logs(path, settings.reading)
+    except (LogError, MemoryError) as error:
+        known = LogFacts(name, _shown(str(path)), _hash(path), {"name": name, "setting": setting})
+        return [_failed(known, error)]
+    parts = [replace(part, name=part.name.replace(path.name, name, 1)) for part in recordings]
+    return [_take_test(part, path, settings, setting=setting) for part in parts]
+
+
+def _take_test(
+    recording: Recording, path: Path, settings: Settings, *, setting: int | None
+) -> _Taken:
+    known = LogFacts(
+        log=recording.name,
+        path=_shown(str(path)),
+        sha256=recording.sha256,
+        facts={"name": recording.name, "setting": recording.setting},
+    )
+    try:
         if recording.setting is None:
-            recording = replace(recording, setting=_known(setting, name))
+            recording = replace(recording, setting=_known(setting, recording.name))
         trace = condition(recording, settings.conditioning)
     except (LogError, MemoryError) as error:
-        message = str(error) or "not enough memory to read the log"
-        known = setting if recording is None else recording.setting
-        failure = Failure(name, _shown(str(path)), known, type(error).__name__, message)
-        sha256 = _hash(path) if recording is None else recording.sha256
-        facts = {"name": name, "setting": known}
-        return LogFacts(name, _shown(str(path)), sha256, facts), None, failure
+        return _failed(known, error)
     facts = trace.describe() | {
         "n_samples_read": len(recording.time),
         "notes": [*recording.notes, *trace.notes],
     }
-    return LogFacts(name, _shown(str(path)), recording.sha256, facts), trace, None
+    return _Taken(replace(known, facts=facts), trace)
+
+
+def _failed(known: LogFacts, error: Exception) -> _Taken:
+    message = str(error) or "not enough memory to read the log"
+    setting = known.facts["setting"]
+    failure = Failure(known.log, known.path, setting, type(error).__name__, message)
+    return _Taken(known, failure=failure)
 
 
 def _known(setting: int | None, name: str) -> int:

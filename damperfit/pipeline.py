@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from damperfit.settings import Settings
     from damperfit.tables import Tables
 
-__all__ = ["Ending", "RunResult", "Watch", "run"]
+__all__ = ["RunResult", "Watch", "run"]
 
 
 @dataclass(frozen=True, slots=True)

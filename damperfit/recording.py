@@ -9,11 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    import numpy as np
     from numpy.typing import NDArray
 
     FloatArray = NDArray[np.float64]
@@ -99,7 +98,7 @@ class Trace:
         Shape (n_cycles + 1,), fractional sample positions of the cycle boundaries inside the
         window, so that cycles can be laid over each other.
     frequency, amplitude : float
-        Fundamental found in the window: Hz, m.
+        Cycles per second in the window, Hz, and half the stroke, m.
     centre : float
         Displacement of the log that is x = 0 of the model, m.
     n_cycles_found : int

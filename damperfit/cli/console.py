@@ -70,11 +70,15 @@ def print_renderable(renderable: RenderableType) -> None:
 
 
 def shield_streams() -> None:
-    """Let characters that the terminal's encoding lacks be shown as escapes, never fail."""
+    """Let no character fail: files and pipes get UTF-8, as JSON and TOML must be.
+
+    A terminal keeps its own encoding and is shown escapes for what that lacks.
+    """
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
-            reconfigure(errors="backslashreplace")
+            encoding = None if stream.isatty() else "utf-8"
+            reconfigure(encoding=encoding, errors="backslashreplace")
 
 
 def silence_broken_pipe() -> None:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["samples"]
 
+_MOST = 1000  # settings; more is a slip of the keyboard
+
 
 def samples(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the logs.")],
@@ -96,9 +98,9 @@ def _numbers(text: str) -> tuple[int, ...]:
         numbers: list[int] = []
         for part in text.split(","):
             first, _, last = part.strip().partition("-")
-            numbers.extend(range(int(first), int(last or first) + 1))
+            numbers.extend(range(int(first), min(int(last or first), int(first) + _MOST) + 1))
     except ValueError:
         numbers = []
-    if not numbers:
+    if not 0 < len(numbers) <= _MOST:
         raise ConfigurationError(f"--settings {text}: expected a list such as 1,5,10-12")
     return tuple(dict.fromkeys(numbers))

@@ -94,9 +94,9 @@ def simulate(
     choice = choose_parameters(setting, table=parameters, replaced=replaced)
     if displacement is not None and not displacement.exists():
         raise ConfigurationError(f"--displacement {displacement}: no such file")
+    trial = run_trial(choice, settings, log=displacement)
     if not quiet:
         say(f"damperfit: {choice.source}")
-    trial = run_trial(choice, settings, log=displacement)
     _write(trial, out=out, plot=plot)
     if json:
         print_json(_document(trial))

@@ -15,6 +15,11 @@ cannot be both late (beside the late force) and in time (for the model). So a ca
 rig's or ours, is completed by its backward pass: both channels come back in time, loops are
 aligned, and the model's force passes the completed filter. ``filter = "causal"`` thus treats a
 raw log exactly as ``rig_filter = "causal"`` treats one that the rig has filtered.
+
+C is the bilinear design at the log's rate. A rig whose filter is analogue, or digital at a much
+higher rate, differs from it near half the log's rate. Noise-free, five free parameters at setting
+10 of the reference set, that costs 0.02 % of R_m1 and 0.1 % of R_m2 at 500 Hz, and a tenth of it
+at 1 kHz.
 """
 
 from __future__ import annotations

@@ -30,6 +30,7 @@ __all__ = ["MAX_MISSING", "UniformLog", "make_uniform"]
 
 MAX_MISSING = 4  # consecutive samples; at 300 Hz, 17 ms, half a period of the 30 Hz corner
 _JITTER = 0.01  # share of the interval; what the filter does not notice
+_ROUNDED = 0.75  # of the rounding: half of it, and what a least-squares line may be off by itself
 _MAX_FILLED = 0.05  # share of the log that may be put in before it is no measurement any more
 
 
@@ -66,11 +67,13 @@ def make_uniform(recording: Recording) -> UniformLog:
     rounding = _resolution(recording.time)
     index = np.arange(len(elapsed), dtype=np.float64)
     offset, interval, off = _line(index, elapsed)
-    if off <= _JITTER * interval + 0.5 * rounding:
+    is_even = off <= _JITTER * interval
+    is_rounded = off <= _JITTER * interval + _ROUNDED * rounding
+    if is_even or (is_rounded and not _has_one_or_two_missing(elapsed)):
         start = float(recording.time[0]) + offset
         notes = (
             (f"time stamps are rounded to {rounding:g} s; sampled at {1.0 / interval:.6g} Hz",)
-            if off > _JITTER * interval
+            if not is_even
             else ()
         )
         return UniformLog(start, interval, recording.displacement, recording.force, notes)
@@ -88,7 +91,7 @@ def _resampled(recording: Recording, elapsed: FloatArray, rounding: float) -> Un
     _refuse_gap(recording, steps, counts, typical)
     index = np.concatenate([[0.0], np.cumsum(counts)])
     offset, interval, off = _line(index, elapsed)
-    if off <= _JITTER * interval + 0.5 * rounding:
+    if off <= _JITTER * interval + _ROUNDED * rounding:
         missing = _missing(recording, counts)
         knots = index
         note = f"{missing} missing samples put in by a cubic spline; {1.0 / interval:.6g} Hz"
@@ -130,6 +133,19 @@ def _missing(recording: Recording, counts: FloatArray) -> int:
             f"{row} of the data; expected at most {100.0 * _MAX_FILLED:.0f} %; check the logger"
         )
     return missing
+
+
+def _has_one_or_two_missing(elapsed: FloatArray) -> bool:
+    """Return whether the stamps are exact but for one or two missing samples.
+
+    At 1 kHz, stamps in whole ms with one row lost look like a slightly lower rate, rounded.
+    More missing rows than two are not spread evenly enough for that.
+    """
+    steps = np.diff(elapsed)
+    counts = np.rint(steps / np.median(steps))
+    missing = int(counts.sum()) - len(counts)
+    _, interval, off = _line(np.concatenate([[0.0], np.cumsum(counts)]), elapsed)
+    return 1 <= missing <= 2 and off <= _JITTER * interval
 
 
 def _line(index: FloatArray, elapsed: FloatArray) -> tuple[float, float, float]:

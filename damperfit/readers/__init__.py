@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError
-from damperfit.readers.options import ReadOptions
+from damperfit.readers.options import Profile, ReadOptions, make_profile
 
 if TYPE_CHECKING:
     import os
 
     from damperfit.recording import Recording
 
-__all__ = ["ReadOptions", "read_log", "read_logs"]
+__all__ = ["Profile", "ReadOptions", "make_profile", "read_log", "read_logs"]
 
 _DEFAULTS = ReadOptions()
 
@@ -34,13 +34,16 @@ def read_logs(
     LogError
         The file cannot be read as force and displacement over time; one line that says why.
     """
-    from damperfit.readers.assembly import make_recording
+    from damperfit.readers.assembly import make_recordings
     from damperfit.readers.files import read_source
     from damperfit.readers.formats import find_format
+    from damperfit.readers.gzip import unpack
 
     source = read_source(path, max_bytes=options.max_bytes)
+    options, notes = options.for_file(source.name)
+    source, format_notes = unpack(source, max_bytes=options.max_bytes)
     tables = find_format(source).read(source, options)
-    return tuple(make_recording(table, source, options) for table in tables)
+    return make_recordings(tables, source, options, (*notes, *format_notes))
 
 
 def read_log(path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> Recording:
@@ -53,5 +56,6 @@ def read_log(path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> 
     """
     recordings = read_logs(path, options)
     if len(recordings) != 1:
-        raise LogError(f"{path}: holds {len(recordings)} tests; expected one")
+        name = recordings[0].name.removesuffix(" part 1")
+        raise LogError(f"{name}: holds {len(recordings)} tests; read_logs gives them all")
     return recordings[0]

@@ -1,104 +1,219 @@
-"""Table to Recording: channels in SI with the project's signs, checked, and the setting."""
+"""Table to recordings: channels in SI with the project's signs, checked, cut into tests."""
 
 from __future__ import annotations
 
-import re
-from pathlib import PurePath
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.readers.channels import choose_channels, visible
+from damperfit.readers.channels import choose_channels
+from damperfit.readers.settings import file_setting, whole_setting
 from damperfit.recording import Recording
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from damperfit.readers.channels import ChannelChoice
     from damperfit.readers.files import Source
     from damperfit.readers.options import ReadOptions
-    from damperfit.readers.table import Table
+    from damperfit.readers.table import Samples, Table
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["make_recording"]
+__all__ = ["make_recordings"]
 
-_MAX_SETTING = 1_000_000  # a label; anything longer is a date or a serial number
+# A pause begins another test when it is longer than both: shorter ones are samples lost.
+_PAUSE = 2.0  # s
+_PAUSE_STEPS = 50.0  # usual sample intervals
+_MAX_PARTS = 1_000  # more than this is a clock that jumps, not tests
 
 
-def make_recording(table: Table, source: Source, options: ReadOptions) -> Recording:
-    """Return a table's channels in SI.
+def make_recordings(
+    tables: Sequence[Table], source: Source, options: ReadOptions, notes: tuple[str, ...]
+) -> tuple[Recording, ...]:
+    """Return the tests in a file's tables, in SI.
 
     Raises
     ------
     LogError
         A channel or unit is missing, a value is no finite number, time does not increase, or
-        the setting is no whole number.
+        a setting is no whole number.
     """
-    name = f"{source.name} {table.part}".strip()
-    choices, notes = choose_channels(table.columns, options, where=name)
-    raw = table.load({channel: choice.index for channel, choice in choices.items()})
-    if not len(raw["time"]):
-        raise LogError(f"{name}: no data rows")
-    channels = {}
-    for channel in ("time", "displacement", "force"):
-        _check_finite(raw[channel], channel, table, name)
-        channels[channel] = _si(raw[channel], choices[channel])
-        # A factor may overflow what the log's own unit could hold.
-        _check_finite(channels[channel], channel, table, name)
-    _check_time(channels["time"], table, name)
-    temperature, temperature_note = _temperature(raw, choices)
-    setting, setting_note = _setting(raw, table, source, options, name)
-    signs, sign_notes = _signs(options)
-    return Recording(
-        name=name,
-        path=source.path,
-        sha256=source.sha256,
-        setting=setting,
-        time=channels["time"],
-        displacement=channels["displacement"] * signs[0],
-        force=channels["force"] * signs[1],
-        temperature=temperature,
-        notes=(*table.notes, *notes, *sign_notes, *temperature_note, *setting_note),
-        metadata=table.metadata,
+    parts = [part for table in tables for part in _table_parts(table, source, options)]
+    settings = options.part_settings
+    if settings and len(settings) != len(parts):
+        raise LogError(
+            f"{source.name}: {len(parts)} tests found, but {len(settings)} settings declared for "
+            "them (part_settings)"
+        )
+    if len(parts) > 1:
+        notes = (*notes, f"{len(parts)} tests in this file")
+    declared = ("setting: as declared",) if settings else ()
+    return tuple(
+        Recording(
+            name=f"{source.name} part {i + 1}" if len(parts) > 1 else source.name,
+            path=source.path,
+            sha256=source.sha256,
+            setting=settings[i] if settings and options.setting is None else part.setting,
+            time=part.time,
+            displacement=part.displacement,
+            force=part.force,
+            temperature=part.temperature,
+            notes=(*notes, *part.notes, *declared),
+            metadata=part.metadata,
+        )
+        for i, part in enumerate(parts)
     )
 
 
-def _si(values: FloatArray, choice: ChannelChoice) -> FloatArray:
-    assert choice.unit is not None
-    with np.errstate(over="ignore"):
-        return np.ascontiguousarray(choice.unit.to_si(values), dtype=np.float64)
+def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Recording]:
+    """Return the tests in one table; their names are still the file's."""
+    name = source.name
+    rate, rate_notes = _sample_rate(table, options, name)
+    choices, notes = choose_channels(table.columns, options, where=name, needs_time=rate == 0.0)
+    samples = table.load({channel: choice.index for channel, choice in choices.items()})
+    n = len(samples.channels["force"])
+    if not n:
+        raise LogError(f"{name}: no data rows")
+    channels = _si_channels(samples, choices, options, name)
+    temperature, temperature_notes = _temperature(channels)
+    cuts = _cuts(samples, channels, options, name)
+    signs, sign_notes = _signs(options)
+    titles = (f"part: {table.part}",) if table.part else ()
+    notes = (*titles, *table.notes, *samples.notes, *notes, *_scale_notes(choices, options))
+    notes = (*notes, *sign_notes, *temperature_notes)
+    parts = []
+    for start, stop in cuts:
+        part = slice(start, stop)
+        setting, setting_notes = _setting(samples, part, table.metadata, source, options)
+        is_own_time = "time" in channels and options.sample_rate == 0.0
+        time_notes = () if is_own_time else rate_notes
+        time = channels["time"][part] if is_own_time else np.arange(stop - start) / rate
+        parts.append(
+            Recording(
+                name=name,
+                path=source.path,
+                sha256=source.sha256,
+                setting=setting,
+                time=time,
+                displacement=channels["displacement"][part] * signs[0],
+                force=channels["force"][part] * signs[1],
+                temperature=None if temperature is None else temperature[part],
+                notes=(*notes, *time_notes, *setting_notes),
+                metadata=table.metadata,
+            )
+        )
+    return parts
 
 
-def _check_finite(values: FloatArray, channel: str, table: Table, name: str) -> None:
+def _sample_rate(table: Table, options: ReadOptions, name: str) -> tuple[float, tuple[str, ...]]:
+    """Return the declared rate, or the preamble's, or 0; Hz."""
+    if options.sample_rate > 0.0:
+        return options.sample_rate, (f"time: {options.sample_rate:g} Hz, as declared",)
+    for key in ("sampling rate", "sample rate", "sampling frequency", "sample frequency"):
+        if key in table.metadata:
+            text = table.metadata[key].removesuffix("Hz").strip()
+            try:
+                rate = float(text)
+            except ValueError:
+                continue
+            if 0.0 < rate < 1e9:
+                return rate, (f"time: {rate:g} Hz, from the preamble",)
+    del name
+    return 0.0, ()
+
+
+def _si_channels(
+    samples: Samples, choices: Mapping[str, ChannelChoice], options: ReadOptions, name: str
+) -> dict[str, FloatArray]:
+    channels = {}
+    for channel, choice in choices.items():
+        values = samples.channels[channel]
+        if choice.unit is None:
+            continue
+        if channel != "temperature":
+            _check_finite(values, channel, samples, name)
+        with np.errstate(over="ignore", invalid="ignore"):
+            scaled = values * options.scales.get(channel, 1.0) + options.offsets.get(channel, 0.0)
+            si = choice.unit.to_si(scaled)
+        channels[channel] = np.ascontiguousarray(si, dtype=np.float64)
+        if channel != "temperature":  # a factor may overflow what the log's own unit could hold
+            _check_finite(channels[channel], channel, samples, name)
+    return channels
+
+
+def _scale_notes(choices: Mapping[str, ChannelChoice], options: ReadOptions) -> tuple[str, ...]:
+    scaled = sorted({*options.scales, *options.offsets} & choices.keys())
+    return tuple(
+        f"{channel}: {options.scales.get(channel, 1.0):g} times the log plus "
+        f"{options.offsets.get(channel, 0.0):g}, as declared"
+        for channel in scaled
+    )
+
+
+def _check_finite(values: FloatArray, channel: str, samples: Samples, name: str) -> None:
     bad = np.flatnonzero(~np.isfinite(values))
     if len(bad):
         raise LogError(
-            f"{name}, {table.place(int(bad[0]))}: {channel} is blank, NaN or infinite, in "
+            f"{name}, {samples.place(int(bad[0]))}: {channel} is blank, NaN or infinite, in "
             f"{len(bad)} of {len(values)} rows in all; repair the log or remove these rows"
         )
 
 
-def _check_time(time: FloatArray, table: Table, name: str) -> None:
-    late = np.flatnonzero(np.diff(time) <= 0.0)
-    if len(late):
-        i = int(late[0]) + 1
-        what = "repeats" if time[i] == time[i - 1] else "runs backwards"
+def _cuts(
+    samples: Samples, channels: Mapping[str, FloatArray], options: ReadOptions, name: str
+) -> list[tuple[int, int]]:
+    """Return first and stop of each test: cut at pauses, restarts and changes of setting."""
+    n = len(channels["force"])
+    is_cut = np.zeros(n + 1, dtype=bool)
+    is_cut[[0, n]] = True
+    if "setting" in samples.channels:
+        values = samples.channels["setting"]
+        _check_finite(values, "setting", samples, name)
+        is_cut[1:n] |= values[1:] != values[:-1]
+    first = 0
+    if "time" in channels and n > 1:
+        steps = np.diff(channels["time"])
+        late = np.flatnonzero((steps <= 0.0) & ~is_cut[1:n])
+        if len(late) and options.restarts == "refuse" and options.sample_rate == 0.0:
+            raise LogError(_backwards(channels["time"], int(late[0]) + 1, len(late), samples, name))
+        if options.sample_rate == 0.0 or options.restarts != "refuse":
+            is_cut[late + 1] = True
+        if len(late) and options.restarts == "last":
+            first = int(late[-1]) + 1
+        is_cut[1:n] |= steps > _pause(steps, options)
+    edges = [int(i) for i in np.flatnonzero(is_cut) if i >= first]
+    if len(edges) - 1 > _MAX_PARTS:
         raise LogError(
-            f"{name}, {table.place(i)}: time {what}: {time[i]:.9g} s after {time[i - 1]:.9g} s; "
-            f"time must increase ({len(late)} such rows)"
+            f"{name}: time jumps {len(edges) - 2} times; that are no tests but a broken clock: "
+            "declare the sample_rate"
         )
+    return list(pairwise(edges))
 
 
-def _temperature(
-    raw: Mapping[str, FloatArray], choices: Mapping[str, ChannelChoice]
-) -> tuple[FloatArray | None, tuple[str, ...]]:
-    if "temperature" not in choices:
+def _pause(steps: FloatArray, options: ReadOptions) -> float:
+    if options.pause > 0.0:
+        return options.pause
+    forward = steps[steps > 0.0]
+    return max(_PAUSE, _PAUSE_STEPS * float(np.median(forward)) if len(forward) else 0.0)
+
+
+def _backwards(time: FloatArray, i: int, n_such: int, samples: Samples, name: str) -> str:
+    what = "repeats" if time[i] == time[i - 1] else "runs backwards"
+    return (
+        f"{name}, {samples.place(i)}: time {what}: {time[i]:.9g} s after {time[i - 1]:.9g} s; "
+        f"time must increase ({n_such} such rows)"
+    )
+
+
+def _temperature(channels: Mapping[str, FloatArray]) -> tuple[FloatArray | None, tuple[str, ...]]:
+    if "temperature" not in channels:
         return None, ()
-    values = _si(raw["temperature"], choices["temperature"])
+    values = channels["temperature"]
     n_bad = int(np.count_nonzero(~np.isfinite(values)))
     if n_bad:
         return None, (f"temperature: left out; {n_bad} of {len(values)} values are missing",)
@@ -119,35 +234,18 @@ def _signs(options: ReadOptions) -> tuple[tuple[float, float], tuple[str, ...]]:
 
 
 def _setting(
-    raw: Mapping[str, FloatArray], table: Table, source: Source, options: ReadOptions, name: str
+    samples: Samples,
+    part: slice,
+    metadata: Mapping[str, str],
+    source: Source,
+    options: ReadOptions,
 ) -> tuple[int | None, tuple[str, ...]]:
     """Return the setting from the declaration, the preamble, a column or the file name."""
     if options.setting is not None:
         return options.setting, ("setting: as declared",)
-    if "setting" in table.metadata:
-        return _whole(table.metadata["setting"], f"{name}: metadata 'setting'"), ()
-    if "setting" in raw:
-        values = raw["setting"]
-        _check_finite(values, "setting", table, name)
-        change = np.flatnonzero(values != values[0])
-        if len(change):
-            i = int(change[0])
-            raise LogError(
-                f"{name}, {table.place(i)}: setting changes from {values[0]:g} to {values[i]:g}; "
-                "one test has one setting"
-            )
-        return _whole(f"{values[0]:.15g}", f"{name}: column 'setting'"), ()
-    found = re.findall(f"(?i:{options.setting_pattern})", PurePath(source.name).name)
-    if not found:
-        return None, ()
-    last = found[-1] if isinstance(found[-1], str) else found[-1][0]
-    return _whole(last, f"{name}: file name"), ("setting: from the file name",)
-
-
-def _whole(text: str, where: str) -> int:
-    found = re.fullmatch(r"\s*(\d{1,9})(?:\.0*)?\s*", text)
-    if found is None or int(found[1]) > _MAX_SETTING:
-        raise LogError(
-            f"{where}: setting {visible(text)}; expected a whole number from 0 to {_MAX_SETTING}"
-        )
-    return int(found[1])
+    if "setting" in metadata:
+        return whole_setting(metadata["setting"], f"{source.name}: metadata 'setting'"), ()
+    if "setting" in samples.channels:
+        value = f"{samples.channels['setting'][part.start]:.15g}"
+        return whole_setting(value, f"{source.name}: column 'setting'"), ()
+    return file_setting(source.name, options.setting_pattern)

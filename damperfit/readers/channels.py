@@ -17,10 +17,17 @@ if TYPE_CHECKING:
     from damperfit.readers.options import ReadOptions
     from damperfit.readers.table import Column
 
-__all__ = ["ChannelChoice", "choose_channels", "mentions_channel", "split_name", "visible"]
+__all__ = [
+    "ChannelChoice",
+    "choose_channels",
+    "mentions_channel",
+    "split_name",
+    "visible",
+    "words_of",
+]
 
 _WORDS = {
-    "time": ("time", "t", "elapsed", "seconds", "zeit", "tout"),
+    "time": ("time", "t", "elapsed", "seconds", "timestamp", "datetime", "zeit", "uhrzeit"),
     "displacement": (
         "displacement", "disp", "position", "pos", "stroke", "travel", "extension", "x",
         "distance", "dist", "weg",
@@ -87,18 +94,25 @@ def split_name(name: str) -> tuple[str, str | None]:
     return name, None
 
 
-def _words(base: str) -> list[str]:
+def words_of(base: str) -> list[str]:
+    """Return the words of a name in lower case.
+
+    Examples
+    --------
+    >>> words_of("axialForce_raw")
+    ['axial', 'force', 'raw']
+    """
     return [word.lower() for word in re.split(r"[\W_]+", _CAMEL.sub(" ", base)) if word]
 
 
 def mentions_channel(names: Iterable[str]) -> bool:
     """Say whether any of the names could be a channel's."""
     known = {word for words in _WORDS.values() for word in words}
-    return any(known.intersection(_words(split_name(name)[0])) for name in names)
+    return any(known.intersection(words_of(split_name(name)[0])) for name in names)
 
 
 def choose_channels(
-    columns: Sequence[Column], options: ReadOptions, *, where: str
+    columns: Sequence[Column], options: ReadOptions, *, where: str, needs_time: bool = True
 ) -> tuple[dict[str, ChannelChoice], tuple[str, ...]]:
     """Return the column of each channel that the log has, and notes.
 
@@ -109,7 +123,9 @@ def choose_channels(
     options : ReadOptions
         Declared columns and units.
     where : str
-        Log and line for messages.
+        Log, for messages.
+    needs_time : bool
+        False: a sample rate tells the time where no column does.
 
     Raises
     ------
@@ -121,6 +137,9 @@ def choose_channels(
     notes: list[str] = []
     for channel in _WORDS:
         declared = options.columns.get(channel)
+        is_optional = channel in _OPTIONAL or (channel == "time" and not needs_time)
+        if declared is None and is_optional and not _candidates(channel, columns):
+            continue
         index, note = _found_index(channel, declared, columns, where)
         if note:
             notes.append(note)
@@ -182,23 +201,14 @@ def _found_index(
     if declared is not None:
         index = _declared_index(channel, declared, columns, where)
         return index, f"{channel}: column {_label(index, columns[index])}, as declared"
-    ranked: list[tuple[bool, int, int]] = []
-    for i, column in enumerate(columns):
-        base, unit = split_name(column.name)
-        words = _words(base)
-        hits = [w for w in words if w in _WORDS[channel] and (len(w) > 1 or len(words) == 1)]
-        if hits:
-            has_unit = _is_unit_of(column.unit or unit, channel)
-            ranked.append((not has_unit, len(words) - len(hits), i))
+    ranked = _candidates(channel, columns)
     if not ranked:
-        if channel in _OPTIONAL:
-            return None, ""
         raise LogError(_missing(channel, columns, where))
     best = min(ranked)[:2]
     found = [i for *rank, i in ranked if tuple(rank) == best]
     if len(found) == 1:
         base = split_name(columns[found[0]].name)[0]
-        is_plain = base.lower() == channel
+        is_plain = base.lower() == channel or columns[found[0]].is_clock  # the clock has its note
         note = "" if is_plain else f"{channel}: column {_label(found[0], columns[found[0]])}"
         return found[0], note
     if len({columns[i].name for i in found}) == 1:
@@ -207,6 +217,19 @@ def _found_index(
     if channel == "temperature":
         return None, f"temperature: left out; it could be column {names}: declare which"
     raise LogError(f"{where}: {channel} could be column {names}; declare which")
+
+
+def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int, int]]:
+    """Return (lacks the unit, words beside the channel's own, index) of columns that may be it."""
+    found = []
+    for i, column in enumerate(columns):
+        base, unit = split_name(column.name)
+        words = words_of(base)
+        hits = [w for w in words if w in _WORDS[channel] and (len(w) > 1 or len(words) == 1)]
+        if hits:
+            is_sure = column.is_clock or _is_unit_of(column.unit or unit, channel)
+            found.append((not is_sure, len(words) - len(hits), i))
+    return found
 
 
 def _is_unit_of(unit: str | None, channel: str) -> bool:
@@ -238,6 +261,11 @@ def _with_unit(
     if channel == "setting":
         return ChannelChoice(index, name, None)
     dimension = CHANNELS[channel]
+    if column.is_clock:
+        if channel != "time":
+            raise LogError(f"{where}: column {name} holds times of day, declared as {channel}")
+        note = f"time: wall clock in column {name}"
+        return ChannelChoice(index, name, find_unit("s", dimension), note)
     inside = split_name(column.name)[1]
     found = column.unit or inside
     declared = options.units.get(channel)

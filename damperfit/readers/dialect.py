@@ -101,8 +101,8 @@ class Dialect:
         }
 
 
-def find_dialect(data: bytes, *, name: str) -> Dialect:
-    """Return how a log in UTF-8 is written.
+def find_dialect(data: bytes, *, name: str, first_line: int = 1) -> Dialect:
+    """Return how a log in UTF-8 is written whose first line has the given number.
 
     Raises
     ------
@@ -111,14 +111,14 @@ def find_dialect(data: bytes, *, name: str) -> Dialect:
     """
     lines: list[Line] = []
     for n_lines in _HEAD_LINES:
-        lines = _head(data, n_lines, name)
+        lines = _head(data, n_lines, name, first_line)
         best = _best_separator(lines)
         if best is not None:
             return _dialect(best[0], best[1], best[2], name)
     raise LogError(_no_data(lines, name))
 
 
-def _head(data: bytes, n_lines: int, name: str) -> list[Line]:
+def _head(data: bytes, n_lines: int, name: str, first_line: int) -> list[Line]:
     """Return the first lines of UTF-8 text that are not blank.
 
     Raises
@@ -128,7 +128,7 @@ def _head(data: bytes, n_lines: int, name: str) -> list[Line]:
     """
     lines: list[Line] = []
     end = min(len(data), _HEAD_BYTES)
-    for number, found in enumerate(_LINE.finditer(data, 0, end), start=1):
+    for number, found in enumerate(_LINE.finditer(data, 0, end), start=first_line):
         is_cut = found.end() == end < len(data)
         if is_cut and not lines:
             raise LogError(f"{name}, line {number}: longer than {_HEAD_BYTES} bytes; no log")

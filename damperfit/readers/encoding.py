@@ -14,8 +14,10 @@ _CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f\x7f]")
 _HEAD = 4096  # bytes looked at for signs of binary data
 
 
-def to_utf8(data: bytes, *, name: str) -> tuple[bytes, tuple[str, ...]]:
+def to_utf8(data: bytes, *, name: str, allows_nul: bool = False) -> tuple[bytes, tuple[str, ...]]:
     """Return text as UTF-8 without byte order mark, and notes.
+
+    With ``allows_nul``, NUL bytes become question marks.
 
     Raises
     ------
@@ -30,6 +32,8 @@ def to_utf8(data: bytes, *, name: str) -> tuple[bytes, tuple[str, ...]]:
         data = _decoded(data[2:], encoding, name)
         notes = (f"encoding: {encoding.upper()}",)
     _refuse_pages(data, name)
+    if allows_nul:
+        data = data.replace(b"\0", b"?")  # no number, so its row is dropped
     _refuse_nul(data, name)
     if _CONTROL.search(data, 0, _HEAD):
         raise LogError(f"{name}: binary data, no text and no format that is known")

@@ -11,7 +11,7 @@ import numpy as np
 
 from damperfit.errors import LogError
 from damperfit.readers.channels import visible
-from damperfit.readers.table import Column, Table
+from damperfit.readers.table import Column, Samples, Table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -60,7 +60,6 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         Table(
             columns=tuple(Column(f.name.strip(), _texts(f.metadata).get("unit")) for f in fields),
             load=lambda wanted: _load(file, fields, wanted, name),
-            place=lambda index: f"row {index + 1}",
             metadata=metadata,
         ),
     )
@@ -79,9 +78,7 @@ def _first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0][:200]
 
 
-def _load(
-    file: Any, fields: list[Any], wanted: Mapping[str, int], name: str
-) -> dict[str, FloatArray]:
+def _load(file: Any, fields: list[Any], wanted: Mapping[str, int], name: str) -> Samples:
     import pyarrow as pa
 
     for channel, index in wanted.items():
@@ -93,12 +90,13 @@ def _load(
     try:
         table = file.read(columns=columns, use_threads=False)
         table.validate(full=True)
-        return {
+        channels = {
             channel: _floats(table.column(fields[index].name)) for channel, index in wanted.items()
         }
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         found = visible(_first_line(error), limit=200)
         raise LogError(f"{name}: damaged Parquet: {found}; copy the log again") from error
+    return Samples(channels, lambda index: f"row {index + 1}")
 
 
 def _floats(column: Any) -> FloatArray:

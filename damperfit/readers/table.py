@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Column", "Table"]
+__all__ = ["Column", "Samples", "Table"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,10 +27,32 @@ class Column:
     unit : str or None
         From a units row or a field's metadata; None when there is neither. A unit inside the
         name is not taken out here.
+    is_clock : bool
+        The values are times of day, as in "04/29/2022 11:56:20.699 AM".
     """
 
     name: str
     unit: str | None = None
+    is_clock: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Raw values of the channels asked for.
+
+    Attributes
+    ----------
+    channels : dict of str to numpy.ndarray
+        Shape (n,) each; what is blank is NaN. A clock is in seconds from its first stamp.
+    place : callable
+        Index of a sample -> where it stands, as in "line 17".
+    notes : tuple of str
+        What was left out.
+    """
+
+    channels: dict[str, FloatArray]
+    place: Callable[[int], str]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,21 +64,17 @@ class Table:
     columns : tuple of Column
         In the order of the log.
     load : callable
-        {channel: index of column} -> {channel: float array of shape (n,)}; raises LogError for
-        text in a number column. Blank fields are NaN.
-    place : callable
-        Index of sample -> where it stands, as in "line 17".
+        {channel: index of column} -> Samples; raises LogError for text in a number column.
     metadata : mapping of str to str
         Keys in lower case.
     notes : tuple of str
         What the format's reader assumed.
     part : str
-        Says which test of the file this is; empty when there is only one.
+        Title of the test in the file (block, sheet, group); may be empty.
     """
 
     columns: tuple[Column, ...]
-    load: Callable[[Mapping[str, int]], dict[str, FloatArray]]
-    place: Callable[[int], str]
+    load: Callable[[Mapping[str, int]], Samples]
     metadata: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     part: str = ""

@@ -88,7 +88,7 @@ def draw_loops(path: Path, response: Response, *, kind: str) -> None:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise InstallationError(
-            "--plot needs matplotlib; install it with: pip install 'damperfit[plot]'"
+            "--plot needs matplotlib; install it with: pip install matplotlib"
         ) from error
     figure = Figure(figsize=(10.0, 4.5), layout="constrained")
     FigureCanvasAgg(figure)

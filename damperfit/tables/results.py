@@ -43,7 +43,8 @@ class Tables:
     def frame(self, name: str) -> pd.DataFrame:
         """Return the table ``name`` ("parameters" or "mse") as a pandas data frame."""
         table: pa.Table = {"parameters": self.parameters, "mse": self.mse}[name]
-        return table.to_pandas()
+        frame: pd.DataFrame = table.to_pandas()
+        return frame
 
 
 def grade(mse_percent: float) -> str:

@@ -77,6 +77,22 @@ def test_jitter_is_resampled_and_said(seed, spread, is_walk):
     assert error(log) < 1e-5
 
 
+@pytest.mark.parametrize("lost", [[1500], [1000, 2000], [100], [700, 701], [1000, 1500, 1600]])
+def test_rows_lost_at_the_resolution_of_the_stamps_are_noticed(lost):
+    t = np.delete(np.arange(3000), lost) / 1000.0
+    log = make_uniform(logged(t, np.round(t, 3)))
+    assert f"{len(lost)} missing" in log.notes[0]
+    assert log.interval == pytest.approx(1e-3, rel=1e-9)
+    assert error(log) < 1e-8  # the spline over two lost samples
+
+
+def test_a_rate_just_below_the_resolution_is_no_lost_row():
+    t = np.arange(9000) / 952.0
+    log = make_uniform(logged(t, np.round(t, 3)))
+    assert len(log.force) == 9000
+    assert log.notes == ("time stamps are rounded to 0.001 s; sampled at 952 Hz",)
+
+
 def test_a_gap_is_refused_with_row_and_size():
     t = np.delete(np.arange(3000), np.arange(500, 506)) / 300.0
     with pytest.raises(ConditioningError, match=r"gap of 0\.02333 s after row 500"):

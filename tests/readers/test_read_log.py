@@ -135,9 +135,9 @@ def test_a_setting_that_is_no_label_is_refused(put, value) -> None:
         read_log(put(f"# setting: {value}\n{PLAIN}"))
 
 
-def test_a_setting_column_that_changes_is_refused(put) -> None:
+def test_a_log_of_several_tests_is_no_single_log(put) -> None:
     log = "time_s,displacement_mm,force_N,setting\n0,1,2,5\n1,2,3,5\n2,3,4,6\n"
-    with pytest.raises(LogError, match=r"line 4: setting changes from 5 to 6"):
+    with pytest.raises(LogError, match=r"^log\.csv: holds 2 tests; read_logs gives them all$"):
         read_log(put(log))
 
 

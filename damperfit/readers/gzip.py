@@ -1,0 +1,65 @@
+"""Text logs packed by gzip: unpacked in memory, up to a limit."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from damperfit.errors import LogError
+
+if TYPE_CHECKING:
+    from damperfit.readers.files import Source
+
+__all__ = ["unpack"]
+
+_MAGIC = b"\x1f\x8b"
+_GZIP = 31  # zlib's window of 15 bits, plus 16 for the gzip header and its checksum
+_MAX_RATIO_STEP = 1 << 20  # bytes unpacked at a time
+
+
+def unpack(source: Source, *, max_bytes: int) -> tuple[Source, tuple[str, ...]]:
+    """Return the source as it is, or what gzip packed, and a note.
+
+    Raises
+    ------
+    LogError
+        The archive is damaged or cut, holds more than the limit, or holds another archive.
+    """
+    if not source.data.startswith(_MAGIC):
+        return source, ()
+    name = source.name
+    try:
+        data = _unpacked(source.data, name, max_bytes)
+    except zlib.error as error:
+        raise LogError(f"{name}: damaged gzip: {error}; copy the log again") from error
+    if not data:
+        raise LogError(f"{name}: empty file inside the gzip")
+    if data.startswith(_MAGIC):
+        raise LogError(f"{name}: a gzip inside a gzip; unpack it once")
+    return replace(source, data=data), ("gzip: unpacked",)
+
+
+def _unpacked(packed: bytes, name: str, max_bytes: int) -> bytes:
+    """Return all members of a gzip file, checked by their checksums."""
+    parts: list[bytes] = []
+    n_bytes = 0
+    while packed:
+        if not packed.startswith(_MAGIC):
+            if packed.strip(b"\0"):
+                raise LogError(f"{name}: damaged gzip: {len(packed)} odd bytes at its end")
+            break
+        member = zlib.decompressobj(_GZIP)
+        while not member.eof:
+            part = member.decompress(packed, _MAX_RATIO_STEP)
+            packed = member.unconsumed_tail
+            n_bytes += len(part)
+            if n_bytes > max_bytes:
+                raise LogError(
+                    f"{name}: more than the limit of {max_bytes} bytes when unpacked (max_bytes)"
+                )
+            parts.append(part)
+            if not part and not packed and not member.eof:
+                raise LogError(f"{name}: truncated gzip; the end of the file is missing")
+        packed = member.unused_data
+    return b"".join(parts)

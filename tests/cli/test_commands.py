@@ -1,0 +1,197 @@
+"""inspect, samples, config, and what holds for every command."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from damperfit import __version__
+from damperfit.cli.main import app
+from damperfit.config import load_settings
+
+ROOT = Path(__file__).parents[2]
+COMMANDS = ("identify", "simulate", "inspect", "samples", "config")
+HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pydantic")
+
+
+def test_importing_the_command_line_loads_no_numerics() -> None:
+    code = f"import sys, damperfit.cli; print([m for m in {HEAVY!r} if m in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("arguments", [["--help"], [], ["-h"]])
+def test_help_lists_every_command_and_loads_no_numerics(arguments) -> None:
+    code = (
+        "import sys\nfrom damperfit.cli import main\n"
+        f"code = main({arguments!r})\n"
+        f"print([m for m in {HEAVY!r} if m in sys.modules], code)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    assert done.stdout.splitlines()[-1] == "[] 0"
+    for command in COMMANDS:
+        assert f"  {command} " in done.stdout
+
+
+def test_exactly_these_commands_exist() -> None:
+    names = {info.callback.__name__ for info in app.registered_commands if info.callback}
+    assert names == set(COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help_with_an_example_and_the_common_options(run, command) -> None:
+    ended = run(command, "--help")
+    assert ended.code == 0
+    assert f"Example: damperfit {command}" in " ".join(ended.out.split())
+    for option in ("--config", "--json", "--quiet", "--debug", "--version"):
+        assert option in ended.out
+
+
+@pytest.mark.parametrize("command", ["identify", "simulate", "inspect", "samples", "config"])
+def test_the_version_is_told_everywhere(run, command) -> None:
+    assert run("--version").out == f"damperfit {__version__}\n"
+    assert run(command, "--version").out == f"damperfit {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["idntify"], "Did you mean 'identify'"),
+        (["--frobnicate"], "No such option: --frobnicate"),
+        (["config", "extra"], "unexpected extra argument"),
+        (["samples"], "Missing argument 'DIR'"),
+        (["samples", "x", "--settings", "a"], "--settings a: expected a list"),
+        (["samples", "x", "--settings", "1-99999999"], "--settings"),
+        (["samples", "x", "--settings", "33"], "33"),
+        (["samples", "x", "--sample-rate", "5kg"], "kg"),
+        (["samples", "x", "--seed", "-1"], "seed"),
+        (["inspect", "none.csv"], "none.csv: no such file"),
+        (["config", "--config", "none.toml"], "none.toml: cannot be read"),
+    ],
+)
+def test_wrong_usage_is_code_2_and_one_line(run, tmp_path, arguments, says) -> None:
+    ended = run(*arguments)
+    assert ended.code == 2
+    assert says in ended.err
+    assert len(ended.err.splitlines()) == 1
+    assert ended.out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_config_prints_toml_that_loads_back(run, tmp_path) -> None:
+    (tmp_path / "mine.toml").write_text('[damper]\nrod_diameter = "14mm"\n')
+    printed = run("config", "--config", "mine.toml").out
+    assert tomllib.loads(printed)["damper"]["rod_diameter"] == "14mm"
+    (tmp_path / "all.toml").write_text(printed)
+    assert load_settings(tmp_path / "all.toml") == load_settings(tmp_path / "mine.toml")
+    assert json.loads(run("config", "--json").out)["rig"]["frequency"] == "1.5Hz"
+
+
+def test_inspect_tells_what_is_in_the_logs_and_fits_nothing(run, logs, tmp_path) -> None:
+    ended = run("inspect", logs / "*.csv")
+    assert ended.code == 0
+    rows = [line.split() for line in ended.out.splitlines()]
+    row = next(row for row in rows if row and row[0] == "setting_02.csv")
+    assert row[:4] == ["setting_02.csv", "2", "2333", "500.0"]
+    assert row[5:7] == ["of", "7"]
+    assert row[7:] == ["1.500", "32.00", row[-1]]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_inspect_as_json_has_notes_and_hash(run, logs) -> None:
+    (one,) = json.loads(run("inspect", logs / "setting_03.csv", "--json").out)["logs"]
+    assert (one["log"], one["setting"], len(one["sha256"])) == ("setting_03.csv", 3, 64)
+    assert one["cycles_found"] >= one["cycles_used"] >= 3
+    assert isinstance(one["notes"], list)
+
+
+def test_inspect_goes_on_after_a_bad_log(run, logs, tmp_path) -> None:
+    (tmp_path / "bad_s9.csv").write_bytes(b"")
+    ended = run("inspect", "bad_s9.csv", logs / "setting_01.csv")
+    assert ended.code == 1
+    assert "bad_s9.csv" in ended.err
+    assert "setting_01.csv" in ended.out
+    assert run("inspect", "bad_s9.csv").code == 3
+
+
+def test_samples_are_the_same_for_the_same_seed(run, tmp_path) -> None:
+    arguments = ("--settings", "4,6-7", "--cycles", "4", "--seed", "7")
+    ended = run("samples", "a", *arguments)
+    assert ended.code == 0
+    names = sorted(path.name for path in (tmp_path / "a").iterdir())
+    assert names == [
+        "README.md",
+        "setting_04.csv",
+        "setting_06.csv",
+        "setting_07.csv",
+        "truth.csv",
+    ]
+    document = json.loads(run("samples", "b", *arguments, "--json").out)
+    assert [Path(log).name for log in document["logs"]] == names[1:4]
+    for name in names:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_python_dash_m_does_the_same(spawn) -> None:
+    ended = spawn("--version")
+    assert (ended.code, ended.out) == (0, f"damperfit {__version__}\n")
+
+
+def test_a_reader_that_leaves_early_is_no_error(tmp_path) -> None:
+    command = f"{sys.executable} -m damperfit config | head -1"
+    done = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {command}"],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=ROOT,
+    )
+    assert done.stderr == ""
+    assert done.returncode == 0
+    assert len(done.stdout.splitlines()) == 1
+
+
+def test_a_full_standard_output_is_one_line(tmp_path) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full here")
+    done = subprocess.run(
+        ["bash", "-c", f"{sys.executable} -m damperfit config > /dev/full"],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=ROOT,
+    )
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert "No space left" in done.stderr
+
+
+def test_what_goes_into_a_file_is_utf_8_whatever_the_locale(tmp_path) -> None:
+    (tmp_path / "µ.toml").write_text('[output]\nfolder = "Größe"\n', encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "damperfit", "config", "--config", "µ.toml"],
+        capture_output=True,
+        check=True,
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "ascii"},
+    )
+    assert tomllib.loads(done.stdout.decode("utf-8"))["output"]["folder"] == "Größe"
+
+
+def test_the_readme_documents_every_command_and_option(run) -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    for command in COMMANDS:
+        assert f"damperfit {command}" in text, command
+        options = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", run(command, "--help").out))
+        for option in sorted(options - {"--help"}):
+            assert f"`{option}" in text or f"{option} " in text, (command, option)

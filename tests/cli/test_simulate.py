@@ -1,0 +1,171 @@
+"""damperfit simulate: golden values, whose parameters, waves, recorded motion, files."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from damperfit.damper.reference import reference_parameters
+from damperfit.tables import read_parameters
+from tests.oracles.golden import GOLDEN, PHASES
+
+SET_M = ["r_m1=1.8e4", "r_m2=3.527e6", "r_m3=2.597e6", "k_e=365MPa", "f_f=50N"]
+
+
+def _sets(*assignments: str) -> list[str]:
+    return [word for assignment in assignments for word in ("--set", assignment)]
+
+
+@pytest.mark.parametrize(("parameters", "rows"), GOLDEN)
+def test_golden_values_come_out_of_the_written_file(run, tmp_path, parameters, rows) -> None:
+    values = [f"{n}={getattr(parameters, n)!r}" for n in ("r_m1", "r_m2", "r_m3", "k_e", "f_f")]
+    ended = run("simulate", *_sets(*values), "--sample-rate", "1500Hz", "--out", "one.csv")
+    assert ended.code == 0
+    with (tmp_path / "one.csv").open(newline="") as file:
+        table = {float(row["time_s"]): row for row in csv.DictReader(file)}
+    times = np.array(sorted(table))
+    for phase, expected in zip(PHASES, rows, strict=True):
+        moment = times[np.argmin(np.abs(times - (3.0 + phase) / 1.5))]
+        assert moment == pytest.approx((3.0 + phase) / 1.5, abs=1e-9)
+        row = table[moment]
+        assert float(row["force_N"]) == pytest.approx(expected[0], abs=0.05)
+        for chamber in (1, 2, 3):
+            pressure = float(row[f"pressure_{chamber}_Pa"]) / 1e5
+            assert pressure == pytest.approx(expected[chamber], abs=2e-3)
+
+
+def test_the_table_is_read_at_a_glance(run) -> None:
+    ended = run("simulate", "--setting", "10")
+    assert ended.code == 0
+    text = " ".join(ended.out.split())
+    for words in (
+        "setting 10: sine of 32 mm at 1.5 Hz, last of 4 cycles",
+        "rebound bump",
+        "peak force N",
+        "energy per cycle J",
+        "hysteresis at 0.151 m/s N",
+        "lowest pressure bar",
+        "highest pressure bar",
+        "cavitation % of cycle 0.0 0.0 0.0",
+    ):
+        assert words in text
+    assert max(len(line) for line in ended.out.splitlines()) <= 80
+    assert "reference set shipped with damperfit (made up, not measured)" in ended.err
+
+
+def test_the_figures_of_json_are_si_and_signed(run) -> None:
+    document = json.loads(run("simulate", *_sets(*SET_M), "--json").out)
+    figures = document["characteristics"]
+    assert document["parameters"]["k_e"] == 3.65e8
+    assert figures["energy"] == pytest.approx(79.2114 + 6.4, abs=0.01)
+    assert figures["peak_force_rebound"] > 900.0
+    assert figures["peak_force_bump"] < -900.0
+    assert figures["cavitation_shares"] == [0.0, 0.0, 0.0]
+
+
+def test_results_beside_it_come_before_the_reference_set(run, logs, tmp_path) -> None:
+    assert run("identify", logs / "setting_02.csv", "--quiet").code == 0
+    ended = run("simulate", "--setting", "2", "--json")
+    assert "results/parameters.parquet" in ended.err
+    found = read_parameters(tmp_path / "results" / "parameters.parquet")[2]
+    assert json.loads(ended.out)["parameters"]["r_m1"] == found.r_m1
+    missing = run("simulate", "--setting", "9")
+    assert missing.code == 2
+    assert "no parameters of setting 9; there are 2" in missing.err
+
+
+def test_a_table_and_replacements_are_told(run, logs) -> None:
+    ended = run(
+        *("simulate", "--setting", "3", "--parameters", logs / "truth.csv"),
+        *("--set", "f_f=0", "--json"),
+    )
+    assert "replaced: f_f" in ended.err
+    parameters = json.loads(ended.out)["parameters"]
+    assert parameters["f_f"] == 0.0
+    assert parameters["r_m2"] == reference_parameters(3).r_m2
+
+
+def test_the_configuration_says_which_damper_and_test(run, tmp_path) -> None:
+    (tmp_path / "c.toml").write_text('[rig]\namplitude = "10mm"\nfrequency = "3Hz"\n')
+    ended = run("simulate", "--setting", "1", "--config", "c.toml", "--quiet", "--json")
+    assert json.loads(ended.out)["frequency_Hz"] == 3.0
+    ended = run("simulate", "--setting", "1", "--config", "c.toml", "--frequency", "2")
+    assert "sine of 10 mm at 2 Hz" in ended.out
+
+
+def test_a_triangle_moves_at_constant_speed(run, tmp_path) -> None:
+    assert run("simulate", "--setting", "1", "--wave", "triangle", "--out", "t.parquet").code == 0
+    velocity = np.array(pq.read_table(tmp_path / "t.parquet")["velocity_m_per_s"])
+    assert np.median(np.abs(velocity)) == pytest.approx(4 * 0.032 * 1.5)
+
+
+def test_a_recorded_displacement_gives_the_force_of_the_log(run, logs, tmp_path) -> None:
+    ended = run(
+        *("simulate", "--setting", "2", "--parameters", logs / "truth.csv"),
+        *("--displacement", logs / "setting_02.csv", "--out", "r.parquet"),
+    )
+    assert ended.code == 0
+    assert "displacement of setting_02.csv" in ended.out
+    table = pq.read_table(tmp_path / "r.parquet")
+    times, force = np.array(table["time_s"]), np.array(table["force_N"])
+    rows = np.genfromtxt(logs / "setting_02.csv", delimiter=",", skip_header=4)
+    measured = np.interp(times, rows[:, 0], rows[:, 2])
+    later = times > times[0] + 1.0 / 1.5  # the first cycle is the model's own start
+    assert np.sqrt(np.mean((force - measured)[later] ** 2)) < 5.0
+
+
+def test_the_loops_are_drawn_in_each_format(run, tmp_path) -> None:
+    starts = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
+    for kind, start in starts.items():
+        assert run("simulate", "--setting", "5", "--plot", f"loops.{kind}").code == 0
+        assert (tmp_path / f"loops.{kind}").read_bytes().startswith(start)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ([], "give --setting N"),
+        (_sets(*SET_M[:4]), "no parameters for f_f"),
+        (["--setting", "0"], "setting 0"),
+        (["--setting", "21"], "setting 21"),
+        (["--setting", "ten"], "--setting"),
+        (["--setting", "1", "--set", "k_e"], "expected NAME=VALUE"),
+        (["--setting", "1", "--set", "ke=1"], "Did you mean 'k_e'"),
+        (["--setting", "1", "--set", "k_e=5mm"], "k_e = 5mm: expected a number in Pa"),
+        (["--setting", "1", *_sets("f_f=1", "f_f=2")], "f_f is given twice"),
+        (["--setting", "1", "--amplitude", "3kg"], "rig.amplitude"),
+        (["--setting", "1", "--amplitude", "200mm"], "beyond the damper's travel"),
+        (["--setting", "1", "--wave", "square"], "simulation.wave"),
+        (["--setting", "1", "--cycles", "0.5"], "simulation.cycles"),
+        (["--setting", "1", "--out", "x.xlsx"], "--out x.xlsx"),
+        (["--setting", "1", "--plot", "x.gif"], "--plot x.gif"),
+        (["--setting", "1", "--parameters", "none.csv"], "none.csv: cannot be read"),
+        (["--setting", "1", "--displacement", "none.csv"], "none.csv: no such file"),
+    ],
+)
+def test_wrong_usage_is_code_2_one_line_and_no_file(run, tmp_path, arguments, says) -> None:
+    ended = run("simulate", *arguments)
+    assert ended.code == 2
+    assert says in ended.err
+    assert len(ended.err.splitlines()) == 1
+    assert ended.out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_model_that_cannot_be_simulated_is_code_1(run) -> None:
+    ended = run("simulate", *_sets(*SET_M[:3], "k_e=-1", "f_f=50"), "--quiet")
+    assert ended.code in {1, 2}
+    assert len(ended.err.splitlines()) == 1
+
+
+def test_an_existing_link_is_replaced(run, tmp_path) -> None:
+    (tmp_path / "kept.csv").write_text("kept")
+    (tmp_path / "o.csv").symlink_to(tmp_path / "kept.csv")
+    assert run("simulate", "--setting", "1", "--out", "o.csv", "--quiet").code == 0
+    assert (tmp_path / "kept.csv").read_text() == "kept"
+    assert shutil.which("true")

@@ -1,0 +1,378 @@
+/* Drives the compiled core through everything it promises, to be run under sanitizers.
+ *
+ * Each buffer is allocated to its exact size, so that one double too far is seen. Prints a line a
+ * failure and returns their number (at most 100).
+ */
+#include "core.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define TWO_PI 6.283185307179586
+#define N_MASKS (1 << DF_N_PARAMETERS)
+
+static int failures;
+
+static void check(int holds, const char *name, const char *what)
+{
+    if (!holds) {
+        printf("FAILED %s: %s\n", name, what);
+        failures += failures < 100;
+    }
+}
+
+/* The paper's damper and a set of its parameters. */
+static const df_geometry PURDY = {3.54411e-4, 6.37940e-4, 2.83529e-4,
+                                  4.71367e-5, 8.48460e-5, 6.28319e-5, 770.0};
+static const df_parameters SET = {1.8e4, 3.527e6, 2.597e6, 3.65e8, 50.0, 0.0, 4.6e5, 1.4};
+static const df_options USUAL = {3e-3, 1e-4, 10000};
+
+/* A motion and the buffers of its results. */
+typedef struct {
+    size_t n;
+    double interval;
+    double *x, *v;
+    double *pressures, *masses, *force, *sensitivities;
+    int which[DF_N_PARAMETERS], n_which;
+    df_work work;
+} run;
+
+static double *numbers(size_t n)
+{
+    double *block = malloc((n ? n : 1) * sizeof *block);
+    if (!block) {
+        puts("out of memory");
+        exit(101);
+    }
+    for (size_t i = 0; i < n; i++)
+        block[i] = NAN; /* what is not written is not finite */
+    return block;
+}
+
+static run new_run(size_t n, double interval, int mask)
+{
+    run r = {0};
+    r.n = n;
+    r.interval = interval;
+    r.x = numbers(n);
+    r.v = numbers(n);
+    r.pressures = numbers(3 * n);
+    r.masses = numbers(2 * n);
+    r.force = numbers(n);
+    for (int k = 0; k < DF_N_PARAMETERS; k++)
+        if (mask & 1 << k)
+            r.which[r.n_which++] = k;
+    r.sensitivities = numbers((size_t)r.n_which * n);
+    return r;
+}
+
+static void free_run(run *r)
+{
+    free(r->x);
+    free(r->v);
+    free(r->pressures);
+    free(r->masses);
+    free(r->force);
+    free(r->sensitivities);
+}
+
+static int simulate(run *r, const df_geometry *g, const df_parameters *p, const df_options *o)
+{
+    /* A copy of its exact size: `which` may not be read beyond n_which. */
+    const size_t bytes = (size_t)r->n_which * sizeof(int);
+    int *which = malloc(bytes ? bytes : 1);
+    if (!which)
+        exit(101);
+    memcpy(which, r->which, bytes);
+    const df_motion motion = {r->n, r->interval, r->x, r->v};
+    const df_result result = {r->pressures, r->masses, r->force, r->sensitivities, which, r->n_which};
+    const int code = df_simulate(g, p, o, &motion, &result, &r->work);
+    free(which);
+    return code;
+}
+
+static int all_finite(const double *a, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        if (!isfinite(a[i]))
+            return 0;
+    return 1;
+}
+
+static int none_negative(const double *a, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        if (a[i] < 0.0)
+            return 0;
+    return 1;
+}
+
+/* What holds after every simulation that ended well. */
+static void check_result(const run *r, const char *name)
+{
+    check(all_finite(r->force, r->n), name, "a force is not finite");
+    check(all_finite(r->pressures, 3 * r->n), name, "a pressure is not finite");
+    check(all_finite(r->masses, 2 * r->n), name, "a mass is not finite");
+    check(all_finite(r->sensitivities, (size_t)r->n_which * r->n), name, "a sensitivity is not finite");
+    check(none_negative(r->pressures, 3 * r->n), name, "a pressure is negative");
+    check(r->work.failed_sample == r->n || r->n == 1, name, "did not reach the last sample");
+}
+
+static void expect(run *r, const df_parameters *p, const df_options *o, int expected, const char *name)
+{
+    const int code = simulate(r, &PURDY, p, o);
+    if (code != expected) {
+        printf("FAILED %s: code %d, expected %d, at sample %zu\n", name, code, expected,
+               r->work.failed_sample);
+        failures += failures < 100;
+    } else if (code == DF_OK) {
+        check_result(r, name);
+    }
+}
+
+static void sine(run *r, double amplitude, double frequency, double phase)
+{
+    for (size_t i = 0; i < r->n; i++) {
+        const double angle = TWO_PI * frequency * r->interval * (double)i + phase;
+        r->x[i] = amplitude * sin(angle);
+        r->v[i] = amplitude * TWO_PI * frequency * cos(angle);
+    }
+}
+
+/* Velocity jumps at each corner. */
+static void triangle(run *r, double amplitude, double frequency)
+{
+    for (size_t i = 0; i < r->n; i++) {
+        const double part = fmod(frequency * r->interval * (double)i, 1.0);
+        r->x[i] = amplitude * (1.0 - 4.0 * fabs(part - 0.5));
+        r->v[i] = (part < 0.5 ? 4.0 : -4.0) * amplitude * frequency;
+    }
+}
+
+static unsigned long long seed = 20000101ULL;
+
+/* Uniform in [0, 1): Knuth's 64-bit linear congruence, upper bits. */
+static double chance(void)
+{
+    seed = seed * 6364136223846793005ULL + 1442695040888963407ULL;
+    return (double)(seed >> 11) / 9007199254740992.0;
+}
+
+static void random_smooth(run *r, double reach)
+{
+    memset(r->x, 0, r->n * sizeof *r->x);
+    memset(r->v, 0, r->n * sizeof *r->v);
+    for (int k = 0; k < 6; k++) {
+        const double amplitude = reach * chance() / 6.0, phase = TWO_PI * chance();
+        const double omega = TWO_PI * 8.0 * chance();
+        for (size_t i = 0; i < r->n; i++) {
+            const double angle = omega * r->interval * (double)i + phase;
+            r->x[i] += amplitude * sin(angle);
+            r->v[i] += amplitude * omega * cos(angle);
+        }
+    }
+}
+
+/* Force of the fourth cycle by two independent implementations, to the digits known. */
+static void standard_test(void)
+{
+    static const double golden[][2] = {
+        {0.1, 673.35}, {0.2, 98.41}, {0.4, -651.20}, {0.6, -769.65}, {0.9, 581.15}};
+    run r = new_run(4001, 1.0 / 1500.0, N_MASKS - 1);
+    sine(&r, 0.032, 1.5, 0.0);
+    expect(&r, &SET, &USUAL, DF_OK, "standard sine");
+    for (int k = 0; k < 5; k++) {
+        const size_t at = 3000 + (size_t)(1000.0 * golden[k][0] + 0.5);
+        check(fabs(r.force[at] - golden[k][1]) < 0.05, "standard sine", "a known force is missed");
+    }
+    free_run(&r);
+}
+
+static void reversals(void)
+{
+    run r = new_run(1500, 1e-3, N_MASKS - 1);
+    triangle(&r, 0.03, 2.0);
+    expect(&r, &SET, &USUAL, DF_OK, "triangle");
+    sine(&r, 0.032, 1.5, 0.25 * TWO_PI);
+    expect(&r, &SET, &USUAL, DF_OK, "start at a reversal");
+    sine(&r, 1e-6, 50.0, 0.0);
+    expect(&r, &SET, &USUAL, DF_OK, "a micrometre to and fro");
+    sine(&r, 0.0, 1.0, 0.0);
+    expect(&r, &SET, &USUAL, DF_OK, "rest");
+    for (size_t i = 0; i < r.n; i++)
+        check(fabs(r.force[i] + 2.83529e-4 * 4.6e5) < 1e-6, "rest", "force is not -a_r P_0");
+    free_run(&r);
+}
+
+static void cavitation(void)
+{
+    df_parameters p = SET;
+    p.R_m3 *= 1.5;
+    run r = new_run(2000, 1e-3, N_MASKS - 1);
+    sine(&r, 0.032, 1.5, 0.0);
+    expect(&r, &p, &USUAL, DF_OK, "cavitation");
+    size_t empty = 0;
+    for (size_t i = 0; i < r.n; i++)
+        empty += r.pressures[r.n + i] == 0.0;
+    check(empty > 0, "cavitation", "chamber 2 never empties");
+    p.R_m3 *= 100.0;
+    p.R_m2 *= 100.0;
+    expect(&r, &p, &USUAL, DF_OK, "hard cavitation");
+    free_run(&r);
+}
+
+static void random_motions(void)
+{
+    for (int k = 0; k < 20; k++) {
+        run r = new_run(1000, 1e-3, N_MASKS - 1);
+        random_smooth(&r, 0.1);
+        expect(&r, &SET, &USUAL, DF_OK, "random smooth motion");
+        free_run(&r);
+    }
+}
+
+static void short_records(void)
+{
+    for (size_t n = 0; n < 4; n++) {
+        run r = new_run(n, 1e-3, N_MASKS - 1);
+        sine(&r, 0.032, 1.5, 0.3);
+        expect(&r, &SET, &USUAL, n ? DF_OK : DF_BAD_ARGUMENT, "short record");
+        if (n) {
+            r.v[n - 1] = NAN;
+            expect(&r, &SET, &USUAL, DF_NOT_FINITE, "short record without a last velocity");
+        }
+        free_run(&r);
+    }
+}
+
+static void bad_motions(void)
+{
+    const double poison[] = {NAN, INFINITY, -INFINITY};
+    for (int k = 0; k < 6; k++) {
+        for (size_t at = 0; at < 10; at += 3) {
+            run r = new_run(10, 1e-3, 1 << DF_K_E);
+            sine(&r, 0.032, 1.5, 0.0);
+            (k < 3 ? r.x : r.v)[at] = poison[k % 3];
+            expect(&r, &SET, &USUAL, DF_NOT_FINITE, "not a number in the motion");
+            check(r.work.failed_sample == at || (at == 0 && r.work.failed_sample <= 1),
+                  "not a number in the motion", "another sample is named");
+            free_run(&r);
+        }
+    }
+    run r = new_run(400, 1e-3, N_MASKS - 1);
+    sine(&r, 0.2, 1.5, 0.0);
+    expect(&r, &SET, &USUAL, DF_CHAMBER_EMPTY, "stroke beyond the chamber");
+    check(r.work.failed_sample > 0 && r.work.failed_sample < r.n && r.x[r.work.failed_sample] > 0.132,
+          "stroke beyond the chamber", "another sample is named");
+    sine(&r, 0.2, 1.5, 0.25 * TWO_PI);
+    expect(&r, &SET, &USUAL, DF_CHAMBER_EMPTY, "start beyond the chamber");
+    free_run(&r);
+}
+
+static void step_limit(void)
+{
+    df_options few = USUAL;
+    few.max_steps_per_sample = 1;
+    run r = new_run(100, 1e-3, N_MASKS - 1);
+    sine(&r, 0.032, 1.5, 0.0);
+    expect(&r, &SET, &few, DF_STEP_LIMIT, "step limit");
+    check(r.work.failed_sample == 1, "step limit", "another sample is named");
+    free_run(&r);
+}
+
+static void bad_arguments(void)
+{
+    const double wrong[] = {0.0, -1.0, NAN, INFINITY};
+    run r = new_run(10, 1e-3, N_MASKS - 1);
+    sine(&r, 0.032, 1.5, 0.0);
+    for (int k = 0; k < 4; k++) {
+        df_parameters p[] = {SET, SET, SET, SET, SET, SET};
+        p[0].R_m1 = p[1].R_m2 = p[2].R_m3 = p[3].K_e = p[4].P_0 = p[5].gamma = wrong[k];
+        for (int j = 0; j < 6; j++)
+            expect(&r, &p[j], &USUAL, DF_BAD_ARGUMENT, "parameter out of range");
+        if (k == 3)
+            continue; /* A limit that is never met is no mistake. */
+        df_options o[] = {USUAL, USUAL};
+        o[0].tolerance = o[1].dead_band = wrong[k];
+        for (int j = 0; j < 2; j++)
+            expect(&r, &SET, &o[j], DF_BAD_ARGUMENT, "option out of range");
+    }
+    r.interval = 0.0;
+    expect(&r, &SET, &USUAL, DF_BAD_ARGUMENT, "interval of zero");
+    r.interval = 1e-3;
+    r.which[2] = DF_N_PARAMETERS;
+    expect(&r, &SET, &USUAL, DF_BAD_ARGUMENT, "unknown sensitivity");
+    r.which[2] = -1;
+    expect(&r, &SET, &USUAL, DF_BAD_ARGUMENT, "negative sensitivity");
+    for (int k = 0; k < DF_N_PARAMETERS; k++)
+        r.which[k] = DF_R_M1;
+    expect(&r, &SET, &USUAL, DF_BAD_ARGUMENT, "one sensitivity too often");
+    free_run(&r);
+}
+
+/* Each set of sensitivities gives the rows of the full set, bit by bit. */
+static void masks(void)
+{
+    const size_t n = 120;
+    run full = new_run(n, 2e-3, N_MASKS - 1);
+    sine(&full, 0.032, 1.5, 0.7);
+    expect(&full, &SET, &USUAL, DF_OK, "all sensitivities");
+    for (int mask = 0; mask < N_MASKS; mask++) {
+        run r = new_run(n, 2e-3, mask);
+        sine(&r, 0.032, 1.5, 0.7);
+        expect(&r, &SET, &USUAL, DF_OK, "some sensitivities");
+        check(!memcmp(r.force, full.force, n * sizeof(double)), "some sensitivities", "the force differs");
+        for (int j = 0; j < r.n_which; j++)
+            check(!memcmp(r.sensitivities + (size_t)j * n,
+                          full.sensitivities + (size_t)r.which[j] * n, n * sizeof(double)),
+                  "some sensitivities", "a row differs from that of the full set");
+        free_run(&r);
+    }
+    free_run(&full);
+}
+
+static double spread(double middle, double decades)
+{
+    return middle * pow(10.0, decades * (2.0 * chance() - 1.0));
+}
+
+/* Whatever the numbers are, the core ends with a code of its own and sound results. */
+static void anything(void)
+{
+    df_options o = USUAL;
+    o.max_steps_per_sample = 200;
+    for (int k = 0; k < 400; k++) {
+        df_geometry g = PURDY;
+        g.V_g0 = spread(g.V_g0, 2.0);
+        df_parameters p = {spread(SET.R_m1, 4.0), spread(SET.R_m2, 4.0), spread(SET.R_m3, 4.0),
+                           spread(SET.K_e, 4.0),  spread(SET.f_f, 4.0),  0.0,
+                           spread(SET.P_0, 4.0),  spread(SET.gamma, 1.0)};
+        run r = new_run(60, spread(1e-3, 2.0), k % N_MASKS);
+        random_smooth(&r, 0.3);
+        const int code = simulate(&r, &g, &p, &o);
+        check(code >= DF_OK && code <= DF_BAD_ARGUMENT, "anything", "an unknown code");
+        check(r.work.failed_sample <= r.n, "anything", "a sample beyond the record");
+        if (code == DF_OK)
+            check_result(&r, "anything");
+        free_run(&r);
+    }
+}
+
+int main(void)
+{
+    standard_test();
+    reversals();
+    cavitation();
+    random_motions();
+    short_records();
+    bad_motions();
+    step_limit();
+    bad_arguments();
+    masks();
+    anything();
+    if (failures)
+        printf("%d failures\n", failures);
+    return failures;
+}

@@ -1,0 +1,50 @@
+"""The core alone, as strict C99, driven under the address and undefined-behaviour sanitizers."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+CORE = HERE.parents[1] / "damperfit" / "damper" / "core"
+SOURCES = [path for path in sorted(CORE.glob("*.c")) if path.name != "module.c"]
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-g", "-O1"]
+SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+# Set where a missing compiler is a failure and no reason to skip.
+MUST_RUN = "DAMPERFIT_SANITIZERS_MUST_RUN"
+
+
+def build(compiler, sources, target):
+    command = [*shlex.split(compiler), *STRICT, *SANITIZERS, f"-I{CORE}", *map(str, sources)]
+    return subprocess.run(
+        [*command, "-lm", "-o", str(target)], capture_output=True, text=True, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def compiler(tmp_path_factory):
+    """A C compiler whose sanitizers work here."""
+    folder = tmp_path_factory.mktemp("probe")
+    source, program = folder / "probe.c", folder / "probe"
+    source.write_text("int main(void) { return 0; }\n", encoding="ascii")
+    for name in filter(None, (os.environ.get("CC"), "gcc", "clang", "cc")):
+        if not shutil.which(shlex.split(name)[0]) or build(name, [source], program).returncode:
+            continue
+        if subprocess.run([program], check=False).returncode == 0:
+            return name
+    if os.environ.get(MUST_RUN):
+        pytest.fail("no C compiler with working address and undefined-behaviour sanitizers")
+    return pytest.skip("no C compiler with working sanitizers")
+
+
+def test_the_core_is_clean_under_sanitizers(compiler, tmp_path):
+    program = tmp_path / "driver"
+    built = build(compiler, [HERE / "driver.c", *SOURCES], program)
+    assert built.returncode == 0, built.stderr
+    driven = subprocess.run([program], capture_output=True, text=True, timeout=120, check=False)
+    assert driven.returncode == 0, driven.stdout + driven.stderr

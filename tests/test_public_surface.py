@@ -1,0 +1,258 @@
+"""The public names, literally: a name that comes, goes or moves is a decision made here.
+
+Public are the modules of `damperfit` that stand in `SURFACE`. What a package offers is imported
+from the package; its inner modules are its own affair.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from collections import Counter
+
+import pytest
+
+import damperfit
+
+SURFACE = {
+    "damperfit": [
+        "__version__",
+    ],
+    "damperfit.account": [
+        "Ending",
+        "ending_of",
+        "json_values",
+        "log_documents",
+        "provenance",
+        "reading_ending",
+        "record",
+        "report_facts",
+    ],
+    "damperfit.atomic": [
+        "FileSet",
+        "check_writable",
+        "file_set",
+        "write_text",
+    ],
+    "damperfit.characteristics": [
+        "Characteristics",
+        "NAMED_SPEEDS",
+        "SpeedForce",
+        "characterise",
+    ],
+    "damperfit.cli": [
+        "main",
+    ],
+    "damperfit.conditioning": [
+        "ConditionOptions",
+        "apply_filter",
+        "condition",
+        "design_filter",
+        "differentiate",
+        "noise_floor",
+    ],
+    "damperfit.config": [
+        "load_settings",
+        "settings_toml",
+    ],
+    "damperfit.damper.bulk_modulus": [
+        "Tube",
+        "compliance_factor",
+        "dilute_modulus",
+        "effective_modulus",
+        "gas_modulus",
+        "high_pressure_limit",
+        "low_pressure_limit",
+        "mixture_modulus",
+        "modulus_at_pressure",
+        "tube_modulus",
+        "volume_fractions",
+    ],
+    "damperfit.damper.closed_forms": [
+        "DESIGN_COLUMNS",
+        "LinearValves",
+        "bump_flows",
+        "bump_pressures",
+        "gas_piston_displacement",
+        "gas_pressure",
+        "incompressible_design",
+        "incompressible_force",
+        "rebound_flows",
+        "rebound_pressures",
+        "simple_force",
+        "simple_slopes",
+    ],
+    "damperfit.damper.parameters": [
+        "Damper",
+        "PARAMETER_NAMES",
+        "PURDY_DAMPER",
+        "Parameters",
+    ],
+    "damperfit.damper.reference": [
+        "REFERENCE_SETTINGS",
+        "REFERENCE_SOURCE",
+        "reference_parameters",
+    ],
+    "damperfit.errors": [
+        "ConditioningError",
+        "ConfigurationError",
+        "DamperfitError",
+        "InstallationError",
+        "LogError",
+        "OutputError",
+        "SimulationError",
+        "did_you_mean",
+    ],
+    "damperfit.identification": [
+        "Campaign",
+        "Comparison",
+        "Fit",
+        "FitOptions",
+        "LogFit",
+        "Outcome",
+        "PROCEDURES",
+        "compare",
+        "identify",
+        "normalised_mse",
+    ],
+    "damperfit.intake": [
+        "Intake",
+        "LogFacts",
+        "available_cores",
+        "expand",
+        "take_in",
+    ],
+    "damperfit.pipeline": [
+        "RunResult",
+        "Watch",
+        "run",
+    ],
+    "damperfit.quantities": [
+        "QuantityError",
+        "Unit",
+        "find_unit",
+        "is_unit",
+        "parse_quantity",
+        "units_of",
+    ],
+    "damperfit.readers": [
+        "ReadOptions",
+        "read_log",
+        "read_logs",
+    ],
+    "damperfit.recording": [
+        "FilterDesign",
+        "Recording",
+        "Trace",
+    ],
+    "damperfit.report": [
+        "Failure",
+        "ReportFacts",
+        "Sheet",
+        "log_sheet",
+        "markdown_report",
+        "parameter_sheet",
+        "terminal_table",
+    ],
+    "damperfit.samples": [
+        "SampleOptions",
+        "SteadyCycle",
+        "make_samples",
+        "steady_cycle",
+    ],
+    "damperfit.settings": [
+        "OutputOptions",
+        "RigOptions",
+        "Settings",
+        "SimulationOptions",
+        "build_settings",
+        "parameter_value",
+    ],
+    "damperfit.simulation": [
+        "Motion",
+        "Response",
+        "SENSITIVITY_NAMES",
+        "SolverOptions",
+        "Work",
+        "simulate",
+        "sine_motion",
+        "triangle_motion",
+    ],
+    "damperfit.tables": [
+        "MISSING",
+        "PARAMETER_UNITS",
+        "SCHEMA_VERSION",
+        "Tables",
+        "describe_tables",
+        "grade",
+        "make_tables",
+        "read_parameters",
+        "safe_cell",
+        "table_schema",
+        "time_series_table",
+        "write_responses",
+        "write_table",
+    ],
+    "damperfit.trial": [
+        "Choice",
+        "DEFAULT_TABLE",
+        "Trial",
+        "choose_parameters",
+        "run_trial",
+    ],
+}
+
+
+def names_in(package):
+    """The modules straight inside a package, but for private ones and `__main__`."""
+    inside = pkgutil.iter_modules(importlib.import_module(package).__path__, f"{package}.")
+    return [module.name for module in inside if not module.name.split(".")[-1].startswith("_")]
+
+
+def every_module():
+    found = pkgutil.walk_packages(damperfit.__path__, "damperfit.")
+    return sorted(module.name for module in found if not module.name.split(".")[-1].startswith("_"))
+
+
+@pytest.mark.parametrize("module", SURFACE)
+def test_the_public_names_are_these(module):
+    assert sorted(importlib.import_module(module).__all__) == SURFACE[module]
+
+
+def test_no_module_is_forgotten():
+    # `damper` offers nothing of its own: its modules are public one by one.
+    modules = set(names_in("damperfit")) - {"damperfit.damper"} | set(names_in("damperfit.damper"))
+    assert modules == set(SURFACE) - {"damperfit"}
+
+
+def test_every_name_has_one_import_path():
+    times = Counter(name for names in SURFACE.values() for name in names)
+    assert [name for name, count in times.items() if count > 1] == []
+
+
+@pytest.mark.parametrize("module", SURFACE)
+def test_public_things_are_defined_where_they_are_imported_from(module):
+    for name in SURFACE[module]:
+        thing = getattr(importlib.import_module(module), name)
+        if inspect.isclass(thing) or inspect.isfunction(thing):
+            assert f"{thing.__module__}.".startswith(f"{module}."), name
+
+
+@pytest.mark.parametrize("module", SURFACE)
+def test_public_things_are_documented(module):
+    for name in SURFACE[module]:
+        thing = getattr(importlib.import_module(module), name)
+        if inspect.isclass(thing) or inspect.isfunction(thing):
+            assert thing.__doc__, name
+
+
+@pytest.mark.parametrize("module", every_module())
+def test_every_module_says_what_it_offers(module):
+    loaded = importlib.import_module(module)
+    assert loaded.__doc__
+    if module == "damperfit.damper":
+        return
+    assert len(set(loaded.__all__)) == len(loaded.__all__)
+    for name in loaded.__all__:
+        assert hasattr(loaded, name), name

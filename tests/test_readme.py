@@ -1,0 +1,127 @@
+"""What the README shows is run: its commands, its output, its Python and its TOML.
+
+After a wanted change of the output, write it anew with:
+    DAMPERFIT_WRITE_GOLDEN=1 pytest tests/test_readme.py -n 0
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from damperfit.config import load_settings
+
+ROOT = Path(__file__).parents[1]
+README = ROOT / "README.md"
+TEXT = README.read_text(encoding="utf-8")
+COMMANDS = re.findall(r"^    (\S.*)$", TEXT, flags=re.MULTILINE)
+FIRST, SECOND = COMMANDS[:2]
+
+
+def _block(kind: str) -> str:
+    (found,) = re.findall(rf"```{kind}\n(.*?)```", TEXT, flags=re.DOTALL)
+    return found
+
+
+@pytest.fixture
+def clone(tmp_path: Path) -> Path:
+    """A folder with what the README's commands need, and nothing else."""
+    shutil.copytree(ROOT / "sample_runs", tmp_path / "sample_runs")
+    return tmp_path
+
+
+def _run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command,
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+
+
+def _damperfit(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    program, *arguments = shlex.split(command)
+    assert program == "damperfit"
+    return _run([sys.executable, "-m", "damperfit", *arguments], folder)
+
+
+def test_the_first_screen_is_the_two_commands() -> None:
+    assert "pip install . && damperfit identify sample_runs/*.csv" == FIRST
+    assert "pip install -e .[test] && pytest" == SECOND
+    assert TEXT.index(SECOND) < TEXT.index("## ")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert "test" in project["optional-dependencies"]
+
+
+def test_the_first_command_gives_the_output_shown(clone) -> None:
+    done = _damperfit(FIRST.partition(" && ")[2], clone)
+    assert done.returncode == 0, done.stderr
+    lines = [line.rstrip() for line in done.stdout.splitlines()]
+    if os.environ.get("DAMPERFIT_WRITE_GOLDEN"):
+        shown = "\n".join(lines)
+        README.write_text(TEXT.replace(_block("text"), shown + "\n"), encoding="utf-8")
+        return
+    expected = _block("text").splitlines()
+    assert len(lines) == len(expected)
+    for line, wanted in zip(lines, expected, strict=True):
+        for word, wanted_word in zip(line.split(), wanted.split(), strict=True):
+            assert _same(word, wanted_word), (line, wanted)
+
+
+def _same(word: str, wanted: str) -> bool:
+    """Equal, or numbers that differ by rounding alone: other machines round the last digit."""
+    try:
+        return float(word) == pytest.approx(float(wanted), rel=1e-2)
+    except ValueError:
+        return word == wanted
+
+
+@pytest.mark.parametrize("command", [c for c in COMMANDS if c.startswith("damperfit")])
+def test_every_other_command_works(clone, command) -> None:
+    done = _damperfit(command, clone)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+
+
+def test_the_python_works_as_it_stands(clone) -> None:
+    code = _block("python")
+    done = _run([sys.executable, "-W", "error", "-c", code], clone)
+    assert done.returncode == 0, done.stderr
+    assert "r_m1" in done.stdout
+    assert "peak force" in done.stdout
+    steps = [line for line in code.splitlines() if line and not line.startswith("from ")]
+    assert len(steps) <= 10
+
+
+def test_the_configuration_shown_is_a_configuration(tmp_path) -> None:
+    path = tmp_path / "shown.toml"
+    path.write_text(_block("toml"))
+    assert load_settings(path).damper.rod_diameter == 0.012
+
+
+def test_every_exit_code_is_explained() -> None:
+    table = TEXT[TEXT.index("## Exit codes") :]
+    for code in (0, 1, 2, 3, 4, 130):
+        assert f"| {code} |" in table
+
+
+def test_every_configuration_section_is_in_the_defaults() -> None:
+    known = tomllib.loads((ROOT / "damperfit" / "defaults.toml").read_text(encoding="utf-8"))
+    for section, key in re.findall(r"`(\w+)\.(\w+) = ", TEXT):
+        assert key in known[section]
+
+
+def test_links_to_files_are_alive() -> None:
+    for name in re.findall(r"`((?:configs|sample_runs)/[\w./]*)`", TEXT):
+        assert (ROOT / name).exists(), name
