@@ -81,7 +81,8 @@ def identify(
     if json:
         print_json(result.document())
     elif result.campaign.fits:
-        print_renderable(terminal_table(parameter_sheet(result.tables.parameters, digits=4)))
+        sheet = parameter_sheet(result.tables.parameters, digits=4, has_errors=False)
+        print_renderable(terminal_table(sheet))
     return result.ending.value
 
 

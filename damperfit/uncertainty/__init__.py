@@ -1,5 +1,6 @@
 """How far each number may be trusted: covariance, intervals, what the residuals say."""
 
+from damperfit.uncertainty.assessment import METHOD, Assessment, assess
 from damperfit.uncertainty.evidence import Evidence, LogEvidence, gather
 from damperfit.uncertainty.intervals import (
     Interval,
@@ -7,13 +8,20 @@ from damperfit.uncertainty.intervals import (
     collect_evidence,
     uncertainties,
 )
+from damperfit.uncertainty.residuals import Diagnosis, Hint, diagnose
 
 __all__ = [
+    "METHOD",
+    "Assessment",
+    "Diagnosis",
     "Evidence",
+    "Hint",
     "Interval",
     "LogEvidence",
     "Uncertainty",
+    "assess",
     "collect_evidence",
+    "diagnose",
     "gather",
     "uncertainties",
 ]

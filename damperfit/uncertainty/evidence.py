@@ -17,7 +17,7 @@ import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification.comparison import compare
-from damperfit.simulation import SolverOptions
+from damperfit.simulation import SENSITIVITY_NAMES, SolverOptions
 from damperfit.uncertainty.spectrum import correlation_length, cycle_covariance, score_covariance
 
 if TYPE_CHECKING:
@@ -44,12 +44,18 @@ class LogEvidence:
         Shape (n,), measured minus modelled force, N.
     jacobian : numpy.ndarray
         Shape (n, 6): derivative of the modelled force by u, in the order of `PARAMETER_NAMES`.
+    gas : numpy.ndarray
+        Shape (n, 2): derivative by ln of the gas pressure and of the gas exponent.
+    force : numpy.ndarray
+        Shape (n,), modelled force behind the filter, N.
     pressures : numpy.ndarray
         Shape (3,), lowest absolute pressure of each chamber, Pa.
     """
 
     residuals: FloatArray
     jacobian: FloatArray
+    gas: FloatArray
+    force: FloatArray
     pressures: FloatArray
 
 
@@ -92,16 +98,21 @@ def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions())
     SimulationError
         When the model cannot be integrated.
     """
-    slopes = np.array([getattr(fit.parameters, name) for name in PARAMETER_NAMES[:-1]] + [1.0])
+    values = [getattr(fit.parameters, name) for name in PARAMETER_NAMES[:-1]]
+    slopes = np.array([*values, 1.0, damper.gas_pressure, damper.gas_exponent])
     logs, covariances, times = [], [], []
     for trace in (log.trace for log in fit.logs):
-        seen = compare(fit.parameters, trace, damper, sensitivities=PARAMETER_NAMES, solver=solver)
+        seen = compare(
+            fit.parameters, trace, damper, sensitivities=SENSITIVITY_NAMES, solver=solver
+        )
         window = trace.window
-        rows = seen.sensitivities[:, window]
+        columns = (seen.sensitivities[:, window] * slopes[:, None]).T
         logs.append(
             LogEvidence(
                 residuals=trace.force[window] - seen.force[window],
-                jacobian=np.ascontiguousarray((rows * slopes[:, None]).T),
+                jacobian=np.ascontiguousarray(columns[:, :6]),
+                gas=columns[:, 6:],
+                force=seen.force[window],
                 pressures=seen.response.pressures[:, window].min(axis=1),
             )
         )

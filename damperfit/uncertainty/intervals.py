@@ -132,10 +132,14 @@ def uncertainties(evidence: Sequence[Evidence], sharing: Sharing) -> tuple[Uncer
     shared = sharing.found
     rows = _shared_rows(evidence, sharing)
     parts = [row @ one.scores @ row.T for row, one in zip(rows, evidence, strict=True)]
-    total = np.asarray(sum(parts)) if parts else np.zeros((len(shared),) * 2)
+    # Summed without the setting's own: a difference of sums could turn negative by rounding.
+    others = [
+        np.sum([np.zeros((len(shared),) * 2), *parts[:k], *parts[k + 1 :]], axis=0)
+        for k in range(len(parts))
+    ]
     return tuple(
-        _of_setting(one, shared, row, total - part)
-        for one, row, part in zip(evidence, rows, parts, strict=True)
+        _of_setting(one, shared, row, rest)
+        for one, row, rest in zip(evidence, rows, others, strict=True)
     )
 
 

@@ -30,8 +30,6 @@ __all__ = ["autocorrelation", "correlation_length", "cycle_covariance", "score_c
 
 # A sample autocorrelation within this many of its standard errors counts as none.
 _NO_CORRELATION = 2.5
-# An eigenvalue that the window has made negative is lifted to this share of the largest.
-_LEAST_EIGENVALUE = 1e-6
 
 
 def autocorrelation(residuals: FloatArray, n_lags: int) -> FloatArray:
@@ -42,7 +40,7 @@ def autocorrelation(residuals: FloatArray, n_lags: int) -> FloatArray:
     spectrum = rfft(residuals, next_fast_len(n + n_lags + 1, real=True))
     sums = irfft(np.abs(spectrum) ** 2, next_fast_len(n + n_lags + 1, real=True))[: n_lags + 1]
     if not sums[0] > 0.0:
-        return np.eye(1, n_lags + 1)[0]
+        return np.asarray(np.eye(1, n_lags + 1)[0])
     return np.asarray(sums / sums[0])
 
 
@@ -87,11 +85,21 @@ def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
     numpy.ndarray
         Shape (k, k), positive semi-definite.
     """
+    n = len(scores)
+    lags = np.arange(min(2 * lag + 1, n))
+    flat_topped = np.clip(2.0 - lags / max(lag, 1), 0.0, 1.0) if lag else np.ones(1)
+    total = _windowed(scores, flat_topped)
+    if lag and not _is_positive(total):
+        # A misfit that repeats with the cycle can do that; a triangle never gives a negative sum.
+        total = _windowed(scores, 1.0 - lags / (2.0 * lag + 1.0))
+    return total
+
+
+def _windowed(scores: FloatArray, window: FloatArray) -> FloatArray:
+    """Sum over lags of window times lagged products; the window holds the lags from 0."""
     from scipy.fft import irfft, next_fast_len, rfft
 
-    n = len(scores)
-    reach = min(2 * lag + 1, n)
-    window = np.clip(2.0 - np.arange(reach) / max(lag, 1), 0.0, 1.0) if lag else np.ones(1)
+    n, reach = len(scores), len(window)
     length = next_fast_len(n + reach, real=True)
     kernel = np.zeros(length)
     kernel[:reach] = window
@@ -101,7 +109,7 @@ def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
     total = scores.T @ smooth
     # The fit makes the sum of the scores zero, which takes this share of the variance away.
     lost = min((2.0 * float(np.sum(window)) - 1.0) / n, 0.5)
-    return _positive(0.5 * (total + total.T) / (1.0 - lost))
+    return np.asarray(0.5 * (total + total.T) / (1.0 - lost))
 
 
 def cycle_covariance(scores: Sequence[FloatArray], starts: Sequence[FloatArray]) -> FloatArray:
@@ -134,10 +142,8 @@ def _cuts(edges: FloatArray, n: int) -> tuple[NDArray[np.int64], NDArray[np.int6
     return cuts[:-1], cuts[1:]
 
 
-def _positive(matrix: FloatArray) -> FloatArray:
-    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    if not np.all(scale > 0.0):
-        return matrix
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    values = np.maximum(values, _LEAST_EIGENVALUE * values[-1])
-    return np.asarray((vectors * values) @ vectors.T * np.outer(scale, scale))
+def _is_positive(matrix: FloatArray) -> bool:
+    if not np.all(np.diag(matrix) > 0.0):
+        return False
+    scale = np.sqrt(np.diag(matrix))
+    return bool(np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0] > 0.0)

@@ -117,6 +117,7 @@ def main() -> int:
     parser.add_argument("--white", action="store_true")
     parser.add_argument("--displacement-noise", type=float, default=0.0)
     parser.add_argument("--rate", type=float, default=500.0)
+    parser.add_argument("--duration", type=float, default=10.0)
     parser.add_argument("--procedure", default="paper")
     parser.add_argument("--workers", type=int, default=1)
     given = parser.parse_args()
@@ -124,6 +125,7 @@ def main() -> int:
         displacement_noise=given.displacement_noise,
         is_white=given.white,
         rate=given.rate,
+        duration=given.duration,
         procedure=given.procedure,
     )
     table = run(trial, given.fits, given.workers)
