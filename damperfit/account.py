@@ -199,9 +199,22 @@ def _warnings(settings: Settings, intake: Intake, campaign: Campaign) -> Iterato
         if twin != log.log:
             yield f"{log.log}: holds the same bytes as {twin}; both are used"
     yield from _temperature_warnings(settings.rig, intake)
+    yield from _log_warnings(campaign)
     yield from campaign.warnings
     for fit in campaign.fits:
         yield from (f"setting {fit.setting}: {warning}" for warning in fit.warnings)
+
+
+def _log_warnings(campaign: Campaign) -> Iterator[str]:
+    """One line for each kind of warning, however many logs it is true of."""
+    logs: dict[str, list[str]] = {}
+    for fit in campaign.fits:
+        for log in fit.logs:
+            for warning in log.trace.warnings:
+                logs.setdefault(warning, []).append(log.trace.name)
+    for warning, names in logs.items():
+        others = f" and {len(names) - 1} other logs" if len(names) > 1 else ""
+        yield f"{names[0]}{others}: {warning}"
 
 
 def _temperature_warnings(rig: RigOptions, intake: Intake) -> Iterator[str]:

@@ -220,7 +220,7 @@ def _take_test(
         return _failed(known, error)
     facts = trace.describe() | {
         "n_samples_read": len(recording.time),
-        "notes": [*recording.notes, *trace.notes],
+        "notes": [*recording.notes, *trace.notes, *trace.warnings],
     }
     return _Taken(replace(known, facts=facts), trace)
 

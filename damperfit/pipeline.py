@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from damperfit.account import Ending, ending_of, provenance, record, report_facts
 from damperfit.atomic import check_writable, file_set
 from damperfit.errors import ConfigurationError
-from damperfit.identification import Campaign, identify
+from damperfit.identification import Campaign, compare, identify
 from damperfit.intake import available_cores, expand, take_in
 from damperfit.report import markdown_report
 from damperfit.tables import make_tables, write_responses, write_table
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from damperfit.identification import Fit
+    from damperfit.damper.parameters import Parameters
+    from damperfit.identification import Comparison, Fit
     from damperfit.recording import Trace
     from damperfit.report import ReportFacts
     from damperfit.settings import Settings
@@ -153,7 +155,7 @@ def run(
         record=record(settings, intake, facts, assessment, ending=ending),
     )
     if campaign.fits or not facts.is_interrupted:
-        _write(settings, result, origin, clock=clock)
+        _write(settings, result, origin, clock=clock, jobs=workers)
     return result
 
 
@@ -189,8 +191,26 @@ def _identify(settings: Settings, traces: Sequence[Trace], *, jobs: int, watch: 
     )
 
 
+def _comparisons(settings: Settings, campaign: Campaign, *, jobs: int) -> Iterator[Comparison]:
+    """Simulate each log once more, a few at a time and no more: they are large."""
+
+    def one(pair: tuple[Parameters, Trace]) -> Comparison:
+        parameters, trace = pair
+        return compare(parameters, trace, settings.damper, solver=settings.identification.solver)
+
+    pairs = [(fit.parameters, log.trace) for fit in campaign.fits for log in fit.logs]
+    with ThreadPoolExecutor(max_workers=jobs) as pool:
+        for start in range(0, len(pairs), 2 * jobs):
+            yield from pool.map(one, pairs[start : start + 2 * jobs])
+
+
 def _write(
-    settings: Settings, result: RunResult, origin: Mapping[str, Any], *, clock: _Clock
+    settings: Settings,
+    result: RunResult,
+    origin: Mapping[str, Any],
+    *,
+    clock: _Clock,
+    jobs: int,
 ) -> None:
     """Write all files as a set, run.json last."""
     with file_set(settings.output.folder) as files:
@@ -204,8 +224,7 @@ def _write(
             write_responses(
                 files.path("responses.parquet"),
                 result.campaign,
-                settings.damper,
-                options=settings.identification,
+                _comparisons(settings, result.campaign, jobs=jobs),
                 provenance=origin,
             )
             report = markdown_report(result.tables, result.facts)

@@ -109,6 +109,8 @@ class Trace:
         Mean over the window, degrees Celsius.
     notes : tuple of str
         What conditioning assumed or noticed, one plain sentence each.
+    warnings : tuple of str
+        What makes the log's parameters doubtful, one plain sentence each.
     """
 
     name: str
@@ -128,6 +130,7 @@ class Trace:
     model_filter: FilterDesign
     temperature: float | None = None
     notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def n_cycles(self) -> int:
@@ -152,4 +155,5 @@ class Trace:
             "cycles_used": self.n_cycles,
             "temperature_degC": self.temperature,
             "notes": list(self.notes),
+            "warnings": list(self.warnings),
         }

@@ -7,7 +7,7 @@ The schema has no defaults: every key stands in defaults.toml. Quantities are te
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,9 +16,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 from damperfit.conditioning import ConditionOptions
 from damperfit.damper.parameters import PARAMETER_NAMES, Damper
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.identification import FitOptions
+from damperfit.identification import FitOptions, check_options
 from damperfit.quantities import parse_quantity
-from damperfit.readers import ReadOptions
+from damperfit.readers import ReadOptions, make_profile
+from damperfit.readers.options import Declarations
 from damperfit.simulation import SolverOptions
 
 __all__ = [
@@ -193,9 +194,23 @@ class _RigSection(_Section):
     reverse_displacement: bool
     reverse_force: bool
     setting_pattern: str
+    part_settings: list[int]
     columns: dict[str, str | int]
     units: dict[str, str]
+    scales: dict[str, float]
+    offsets: dict[str, float]
+    encoding: str
+    separator: str
+    decimal: str
+    thousands: str
+    skip_lines: int
+    sample_rate: Annotated[float, _quantity("frequency"), _NotNegative]
+    pause: Annotated[float, _quantity("time"), _NotNegative]
+    restarts: str
+    bad_rows: str
     max_log_bytes: int
+    profile: str
+    profiles: dict[str, dict[str, Any]]
 
     def build(self) -> RigOptions:
         return RigOptions(
@@ -207,13 +222,12 @@ class _RigSection(_Section):
         )
 
     def build_reading(self) -> ReadOptions:
+        declared = {f.name: getattr(self, f.name) for f in fields(Declarations)}
         return ReadOptions(
-            setting_pattern=self.setting_pattern,
-            columns=self.columns,
-            units=self.units,
-            reverse_force=self.reverse_force,
-            reverse_displacement=self.reverse_displacement,
+            **declared | {"part_settings": tuple(self.part_settings)},
             max_bytes=self.max_log_bytes,
+            profile=self.profile,
+            profiles=tuple(make_profile(name, keys) for name, keys in self.profiles.items()),
         )
 
 
@@ -252,7 +266,7 @@ class _IdentificationSection(_Section):
     fallback_f_f: Annotated[float, _quantity("force"), _NotNegative]
 
     def build(self) -> FitOptions:
-        return FitOptions(
+        options = FitOptions(
             procedure=self.procedure,
             free=tuple(name.strip() for name in self.free) or None,
             fixed={name: parameter_value(name, value) for name, value in self.fix.items()},
@@ -261,6 +275,8 @@ class _IdentificationSection(_Section):
             fallback_r_m3=self.fallback_r_m3,
             fallback_f_f=self.fallback_f_f,
         )
+        check_options(options)
+        return options
 
 
 class _SimulationSection(_Section):

@@ -93,6 +93,9 @@ reverse_force = true
 [identification]
 procedure = "plain"
 free = ["r_m1", "k_e"]
+[rig.profiles.logger]
+files = "ME*.txt"
+scales = {force = 980.665}
 [identification.fix]
 r_m2 = 3e6
 f_f = "50N"
@@ -127,6 +130,12 @@ def test_values_arrive_where_they_are_used(tmp_path: Path) -> None:
     assert settings.conditioning.rig_filter == "causal"
     assert settings.reading.columns == {"force": 'Load "cell" #1', "time": 3}
     assert settings.reading.reverse_force
+    (profile,) = settings.reading.profiles
+    assert (profile.name, profile.files, profile.scales) == (
+        "logger",
+        "ME*.txt",
+        {"force": 980.665},
+    )
     assert settings.identification.free == ("r_m1", "k_e")
     assert settings.identification.fixed == {"r_m2": 3e6, "f_f": 50.0}
     assert settings.output.max_mse_percent == 1.0
@@ -152,6 +161,8 @@ def test_values_arrive_where_they_are_used(tmp_path: Path) -> None:
         ("[rig]\nsettings = ['a']\n", r"rig\.toml:2: rig\.settings\.0: .*integer"),
         ("[rig]\nfilter = 'kausal'\n", r"rig\.filter: expected 'none', 'causal' or 'zero_phase'"),
         ("[rig]\nsetting_pattern = '('\n", r"setting_pattern.*regular expression"),
+        ("[rig]\nprofile = 'lab'\n", r"no profile 'lab'"),
+        ("[rig.profiles.lab]\nfile = 'x'\n", r"rig\.profiles\.lab: unknown key 'file'.*'files'"),
         ("[rig]\nunits = {force = 'mm'}\n", r"no unit of force 'mm'"),
         ("[conditioning]\nfilter_order = 99\n", r"filter_order: found 99"),
         ("[identification]\nfix = {ke = 1}\n", r"no parameter 'ke'.*Did you mean 'k_e'"),

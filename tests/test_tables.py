@@ -13,7 +13,7 @@ import pytest
 
 from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER, Parameters
 from damperfit.errors import ConfigurationError
-from damperfit.identification import FitOptions, Outcome
+from damperfit.identification import Outcome, compare
 from damperfit.simulation import simulate, sine_motion
 from damperfit.tables import (
     MISSING,
@@ -44,6 +44,10 @@ CONTRACT_SERIES = [
     *("time_s", "displacement_m", "velocity_m_per_s", "force_N"),
     *("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa"),
 ]
+
+
+def _compared(done):
+    return [compare(f.parameters, log.trace, PURDY_DAMPER) for f in done.fits for log in f.logs]
 
 
 def test_columns_and_their_order_are_those_of_the_contract() -> None:
@@ -188,7 +192,7 @@ def test_an_unknown_kind_of_file_is_refused(tmp_path: Path) -> None:
 def test_responses_hold_the_window_of_each_log_in_a_row_group_of_its_own(tmp_path: Path) -> None:
     path = tmp_path / "responses.parquet"
     done = campaign(fit(1, logs=("a.csv", "b.csv")), fit(2))
-    n_rows = write_responses(path, done, PURDY_DAMPER, options=FitOptions())
+    n_rows = write_responses(path, done, _compared(done))
     file = pq.ParquetFile(path)
     assert (n_rows, file.metadata.num_row_groups) == (3 * 333, 3)
     assert file.schema_arrow.names == [
@@ -210,7 +214,7 @@ def test_equal_results_give_equal_bytes(tmp_path: Path) -> None:
     for folder in ("one", "two"):
         (tmp_path / folder).mkdir()
         done = campaign(fit(1), fit(2))
-        write_responses(tmp_path / folder / "r", done, PURDY_DAMPER, options=FitOptions())
+        write_responses(tmp_path / folder / "r", done, _compared(done))
         write_table(tmp_path / folder / "p", make_tables(done).parameters, suffix=".parquet")
         write_table(tmp_path / folder / "c", make_tables(done).parameters, suffix=".csv")
     for name in ("r", "p", "c"):

@@ -41,6 +41,7 @@ from damperfit.conditioning.filters import (
     settling_samples,
 )
 from damperfit.conditioning.options import ConditionOptions
+from damperfit.conditioning.spectrum import looks_filtered
 from damperfit.conditioning.timebase import UniformLog, make_uniform
 from damperfit.errors import ConditioningError
 from damperfit.recording import FilterDesign, Recording, Trace
@@ -112,7 +113,8 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         model_filter=model_filter,
         temperature=_mean_temperature(recording, log, starts + keep.start),
     )
-    trace = replace(trace, notes=(*log.notes, *_notes(trace, cycles, options)))
+    notes = (*log.notes, *_notes(trace, cycles, options))
+    trace = replace(trace, notes=notes, warnings=_warnings(log, options))
     _refuse_stroke(trace, options)
     _refuse_polarity(trace)
     return trace
@@ -224,6 +226,19 @@ def _notes(trace: Trace, cycles: Cycles, options: ConditionOptions) -> tuple[str
             f"the amplitude is only {1e3 * cycles.amplitude:.3g} mm; check the displacement's unit"
         )
     return tuple(notes)
+
+
+def _warnings(log: UniformLog, options: ConditionOptions) -> tuple[str, ...]:
+    """Undeclared, a causal filter in the rig costs 0.3 to 2 % in every parameter."""
+    if options.rig_filter != "none":
+        return ()
+    if not looks_filtered(log.displacement, log.force, log.interval):
+        return ()
+    text = (
+        "both channels look as if the rig had filtered them: if so, say rig.filter = "
+        "'causal' or 'zero_phase' in the configuration, or every parameter is off by up to 2 %"
+    )
+    return (text,)
 
 
 def _refuse_dead(recording: Recording, options: ConditionOptions) -> None:

@@ -1,6 +1,12 @@
 """From traces to parameters: residuals, starting values, one setting's fit, the campaign."""
 
-from damperfit.identification.campaign import PROCEDURES, Campaign, FitOptions, identify
+from damperfit.identification.campaign import (
+    PROCEDURES,
+    Campaign,
+    FitOptions,
+    check_options,
+    identify,
+)
 from damperfit.identification.comparison import Comparison, compare, normalised_mse
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.setting import Fit, LogFit
@@ -15,6 +21,7 @@ __all__ = [
     "LogFit",
     "Outcome",
     "Sharing",
+    "check_options",
     "compare",
     "identify",
     "normalised_mse",

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from damperfit.damper.parameters import Damper, Parameters
     from damperfit.recording import Trace
 
-__all__ = ["PROCEDURES", "Campaign", "FitOptions", "identify"]
+__all__ = ["PROCEDURES", "Campaign", "FitOptions", "check_options", "identify"]
 
 _MODEL_PARAMETERS = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
 _PAPER_FREE = ("r_m1", "r_m2", "k_e")
@@ -167,7 +167,7 @@ def identify(
     LogError
         A trace without a setting.
     """
-    _check_options(options)
+    check_options(options)
     task = _Task(
         _by_setting(traces),
         damper,
@@ -218,14 +218,10 @@ def _paper(task: _Task) -> Campaign:
 
     def fit(setting: int) -> Fit:
         misfit = task.misfit(setting, _ordered(free))
-        if setting in first.judged:
-            start = first.judged[setting].solution.parameters
-        else:
-            start = _start(misfit, held)
+        start = first.start(setting) or _start(misfit, held)
         spent = first.evaluations(setting)
         judged = fit_setting(misfit, replace(start, **held), spent=spent)
-        judged.status.update(dict.fromkeys(first.sharing.found, "shared"))
-        return describe_fit(setting, judged, misfit)
+        return describe_fit(setting, _named_shared(judged, first.sharing.found), misfit)
 
     return replace(_collect(task, fit, warnings), sharing=first.sharing)
 
@@ -239,8 +235,18 @@ class _FirstPass:
     shared: Mapping[str, float]
     sharing: Sharing = Sharing()
 
+    def start(self, setting: int) -> Parameters | None:
+        """Where the second pass starts, if the first ended where a fit should end."""
+        judged = self.judged.get(setting)
+        return judged.solution.parameters if judged is not None and is_sound(judged) else None
+
     def evaluations(self, setting: int) -> int:
         return self.judged[setting].solution.evaluations if setting in self.judged else 0
+
+
+def _named_shared(judged: Judged, shared: Iterable[str]) -> Judged:
+    """The values that the logs gave once for all settings are shared, not fixed."""
+    return replace(judged, status={**judged.status, **dict.fromkeys(shared, "shared")})
 
 
 def _first_pass(
@@ -404,7 +410,14 @@ def _ordered(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in PARAMETER_NAMES if name in wanted)
 
 
-def _check_options(options: FitOptions) -> None:
+def check_options(options: FitOptions) -> None:
+    """Refuse options that cannot be, before any log is read.
+
+    Raises
+    ------
+    ConfigurationError
+        An unknown procedure or parameter, one both free and fixed, or a value out of range.
+    """
     if options.procedure not in PROCEDURES:
         hint = did_you_mean(options.procedure, PROCEDURES)
         known = ", ".join(PROCEDURES)

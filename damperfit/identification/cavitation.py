@@ -13,6 +13,8 @@ from damperfit.identification.comparison import motion_of
 from damperfit.simulation import Motion, SolverOptions, simulate
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from damperfit.damper.parameters import Damper, Parameters
     from damperfit.recording import Trace
 
@@ -45,21 +47,27 @@ def cavitation_margin(
 
     def lowest(factor: float) -> float:
         trial = replace(parameters, r_m3=factor * parameters.r_m3)
-        try:
-            p_2 = simulate(trial, damper, motion, options=solver).pressures[1, -period:]
-        except SimulationError:
-            return math.nan
+        p_2 = simulate(trial, damper, motion, options=solver).pressures[1, -period:]
         # The pressure is clamped at zero; the share of time spent there gives the root a slope.
         empty = int(np.count_nonzero(p_2 <= 0.0))
         return -damper.gas_pressure * empty / period if empty else float(np.min(p_2))
 
-    value = lowest(1.0)
-    step = 2.0 if value > 0.0 else 0.5
+    try:
+        near, far = _bracket(lowest)
+        if math.isnan(far):
+            return math.nan
+        return float(brentq(lowest, near, far, xtol=_MARGIN_TOLERANCE * min(near, far))) - 1.0
+    except SimulationError:
+        return math.nan
+
+
+def _bracket(lowest: Callable[[float], float]) -> tuple[float, float]:
+    """Return factors on both sides of the onset, the far one NaN when there is none in range."""
+    is_full = lowest(1.0) > 0.0
+    step = 2.0 if is_full else 0.5
     near, far = 1.0, step
-    while (lowest(far) > 0.0) == (value > 0.0):
+    while (lowest(far) > 0.0) == is_full:
         near, far = far, far * step
         if not 1.0 / _WIDEST_FACTOR <= far <= _WIDEST_FACTOR:
-            return math.nan
-    if math.isnan(value) or math.isnan(lowest(far)):
-        return math.nan
-    return float(brentq(lowest, near, far, xtol=_MARGIN_TOLERANCE * min(near, far))) - 1.0
+            return near, math.nan
+    return near, far

@@ -190,7 +190,7 @@ def _cuts(
     if len(edges) - 1 > _MAX_PARTS:
         raise LogError(
             f"{name}: time jumps {len(edges) - 2} times; that are no tests but a broken clock: "
-            "declare the sample_rate"
+            "declare rig.sample_rate"
         )
     return list(pairwise(edges))
 

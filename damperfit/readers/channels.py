@@ -190,7 +190,7 @@ def _duplicate(channel: str, found: Sequence[int], columns: Sequence[Column], wh
     numbers = " and ".join(str(i + 1) for i in found)
     return (
         f"{where}: columns {numbers} are both named {visible(columns[found[0]].name)}; "
-        f"declare the number of the one that is the {channel}"
+        f"declare the number of the one that is the {channel} in rig.columns"
     )
 
 
@@ -216,7 +216,7 @@ def _found_index(
     names = " or ".join(_label(i, columns[i]) for i in found)
     if channel == "temperature":
         return None, f"temperature: left out; it could be column {names}: declare which"
-    raise LogError(f"{where}: {channel} could be column {names}; declare which")
+    raise LogError(f"{where}: {channel} could be column {names}; declare which in rig.columns")
 
 
 def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int, int]]:
@@ -245,8 +245,8 @@ def _is_unit_of(unit: str | None, channel: str) -> bool:
 def _missing(channel: str, columns: Sequence[Column], where: str) -> str:
     if not any(column.name for column in columns):
         return (
-            f"{where}: the columns have no names; declare the column numbers and units of "
-            "time, displacement and force"
+            f"{where}: the columns have no names; declare the numbers and units of time, "
+            "displacement and force in rig.columns and rig.units"
         )
     bases = {split_name(column.name)[0].lower(): column.name for column in columns}
     near = [m for word in _WORDS[channel] for m in get_close_matches(word, bases, 1, 0.7)]
@@ -279,7 +279,7 @@ def _with_unit(
             return ChannelChoice(index, name, None, "temperature: left out; it has no unit")
         raise LogError(
             f"{where}: column {name} has no unit, needed for {channel}; write it into the name, "
-            f"as in {channel}_{units_of(dimension)[0]}, or declare it"
+            f"as in {channel}_{units_of(dimension)[0]}, or declare it in rig.units"
         )
     try:
         return ChannelChoice(index, name, find_unit(found, dimension))

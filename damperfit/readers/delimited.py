@@ -47,13 +47,14 @@ def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         The file is no text, has no rows of numbers, or its rows do not fit its names.
     """
     drops = options.bad_rows == "drop"
-    data, notes = to_utf8(source.data, name=source.name, allows_nul=drops)
+    data, notes = to_utf8(
+        source.data, name=source.name, encoding=options.encoding, allows_nul=drops
+    )
     data, skipped = _without_lines(data, options.skip_lines, source.name)
     if skipped:
         notes = (*notes, f"{skipped} lines skipped, as declared")
     return tuple(
-        _read_block(block, notes, drops_bad_rows=drops)
-        for block in _blocks(data, skipped + 1, source.name)
+        _read_block(block, notes, options) for block in _blocks(data, skipped + 1, source.name)
     )
 
 
@@ -69,7 +70,7 @@ def _without_lines(data: bytes, n_lines: int, name: str) -> tuple[bytes, int]:
 
 def _blocks(data: bytes, first_line: int, name: str) -> list[_Block]:
     """Return the whole text, or the pieces that MTS heads with "Data Acquisition"."""
-    starts = list(_BLOCK.finditer(data))
+    starts = list(_BLOCK.finditer(data)) if b"Data Acquisition" in data else []
     header = _MTS793.match(data)
     decimal = header["decimal"].decode() if header else ""
     if not starts:
@@ -93,11 +94,11 @@ def _count_lines(data: bytes) -> int:
     return len(_LINE_END.findall(data))
 
 
-def _read_block(block: _Block, notes: tuple[str, ...], *, drops_bad_rows: bool) -> Table:
+def _read_block(block: _Block, notes: tuple[str, ...], options: ReadOptions) -> Table:
     name = block.name
-    dialect = find_dialect(block.data, name=name, first_line=block.first_line)
+    dialect = find_dialect(block.data, options, name=name, first_line=block.first_line)
     notes = (*notes, *dialect.notes())
-    if block.decimal and block.decimal != dialect.decimal:
+    if block.decimal and not options.decimal and block.decimal != dialect.decimal:
         dialect = replace(dialect, decimal=block.decimal)
         notes = (*notes, f"decimal mark: {block.decimal}, as the first line says")
     rows, cut_notes = _without_cut_row(block.data[dialect.data_offset :], name)
@@ -109,8 +110,8 @@ def _read_block(block: _Block, notes: tuple[str, ...], *, drops_bad_rows: bool) 
     fields = fields_of(first[0].decode("utf-8", "replace") if first else "", dialect.separator)
     names, n_fields, width_notes = _width(fields, dialect, name)
     clocks = frozenset(i for i, field in enumerate(fields[: len(names)]) if is_stamp(field))
-    text = TextRows(name, rows, dialect, len(names), n_fields, clocks, drops_bad_rows)
-    if not drops_bad_rows:
+    text = TextRows(name, rows, dialect, len(names), n_fields, clocks, options)
+    if not text.drops_bad_rows:
         _check_quotes(text)
     return Table(
         columns=_columns(names, dialect, clocks),

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from damperfit.errors import LogError
 from damperfit.quantities import is_unit
 from damperfit.readers.channels import mentions_channel, visible
+from damperfit.readers.options import SEPARATORS, Declarations
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -101,7 +102,7 @@ class Dialect:
         }
 
 
-def find_dialect(data: bytes, *, name: str, first_line: int = 1) -> Dialect:
+def find_dialect(data: bytes, declared: Declarations, *, name: str, first_line: int = 1) -> Dialect:
     """Return how a log in UTF-8 is written whose first line has the given number.
 
     Raises
@@ -112,9 +113,9 @@ def find_dialect(data: bytes, *, name: str, first_line: int = 1) -> Dialect:
     lines: list[Line] = []
     for n_lines in _HEAD_LINES:
         lines = _head(data, n_lines, name, first_line)
-        best = _best_separator(lines)
+        best = _best_separator(lines, declared)
         if best is not None:
-            return _dialect(best[0], best[1], best[2], name)
+            return _dialect(best, declared, name)
     raise LogError(_no_data(lines, name))
 
 
@@ -155,10 +156,12 @@ def fields_of(text: str, separator: str) -> list[str]:
     return [field.strip() for field in text.split(separator)]
 
 
-def _is_value(field: str, separator: str) -> bool:
+def _is_value(field: str, separator: str, declared: Declarations) -> bool:
+    if declared.thousands:
+        field = field.replace(declared.thousands, "")
     return bool(
         _POINT.fullmatch(field)
-        or (separator != "," and _COMMA.fullmatch(field))
+        or ((separator != "," or declared.decimal == ",") and _COMMA.fullmatch(field))
         or field.lower() in _NOT_A_NUMBER
         or _STAMP.fullmatch(field)
     )
@@ -175,12 +178,12 @@ class _Row:
         return self.share >= 0.5
 
 
-def _rows(lines: Sequence[Line], separator: str) -> list[_Row]:
+def _rows(lines: Sequence[Line], separator: str, declared: Declarations) -> list[_Row]:
     rows = []
     for line in lines:
         fields = fields_of(line.text, separator)
         filled = [field for field in fields if field]
-        values = sum(_is_value(field, separator) for field in filled)
+        values = sum(_is_value(field, separator, declared) for field in filled)
         is_comment = line.text.lstrip().startswith(("#", "%", "//"))
         share = 0.0 if is_comment or not filled else values / len(filled)
         rows.append(_Row(line, fields, share))
@@ -205,14 +208,17 @@ def _may_be_ragged(row: _Row) -> bool:
     return row.is_data and len(row.fields) >= 2
 
 
-def _best_separator(lines: Sequence[Line]) -> tuple[str, list[_Row], int] | None:
+def _best_separator(
+    lines: Sequence[Line], declared: Declarations
+) -> tuple[str, list[_Row], int] | None:
     """Return the separator that makes most fields numbers, its rows, and the first of data."""
     best: tuple[str, list[_Row], int] | None = None
     best_score = 0.0
-    for separator in _SEPARATORS:
+    asked = SEPARATORS.get(declared.separator)
+    for separator in _SEPARATORS if asked is None else (asked,):
         if separator != " " and not any(separator in line.text for line in lines):
             continue
-        rows = _rows(lines, separator)
+        rows = _rows(lines, separator, declared)
         start = _first_data(rows)
         if start is None:
             continue
@@ -226,15 +232,19 @@ def _best_separator(lines: Sequence[Line]) -> tuple[str, list[_Row], int] | None
 
 
 def _no_data(lines: Sequence[Line], name: str) -> str:
-    for line in reversed(lines):
+    for i, line in reversed(list(enumerate(lines))):
         for separator in _SEPARATORS:
             fields = fields_of(line.text, separator)
             if len(fields) >= 2 and mentions_channel(fields) and ":" not in line.text:
-                return f"{name}: no data rows after the names in line {line.number}"
+                below = lines[i + 1 :]
+                found = f"; line {below[0].number} is {visible(below[0].text)}" if below else ""
+                what = "rows of numbers" if below else "data rows"
+                return f"{name}: no {what} after the names in line {line.number}{found}"
     return f"{name}: no rows of numbers found; line {lines[0].number} is {visible(lines[0].text)}"
 
 
-def _dialect(separator: str, rows: Sequence[_Row], start: int, name: str) -> Dialect:
+def _dialect(found: tuple[str, list[_Row], int], declared: Declarations, name: str) -> Dialect:
+    separator, rows, start = found
     first = rows[start]
     if len(first.fields) > _MAX_COLUMNS:
         raise LogError(
@@ -249,7 +259,7 @@ def _dialect(separator: str, rows: Sequence[_Row], start: int, name: str) -> Dia
     top = start if names_at is None else names_at
     return Dialect(
         separator=separator,
-        decimal=_decimal(rows[start:], separator),
+        decimal=declared.decimal or _decimal(rows[start:], separator, declared.thousands),
         names=tuple(names),
         units=tuple(unit.strip("()[] ") for unit in units),
         names_line=0 if names_at is None else rows[names_at].line.number,
@@ -291,9 +301,11 @@ def _is_units_row(fields: Sequence[str]) -> bool:
     )
 
 
-def _decimal(rows: Sequence[_Row], separator: str) -> str:
-    if separator == ",":
+def _decimal(rows: Sequence[_Row], separator: str, thousands: str) -> str:
+    if separator == "," or thousands == ",":
         return "."
+    if thousands == ".":
+        return ","
     fields = [field for row in rows for field in row.fields]
     commas = sum(bool(_COMMA.fullmatch(field)) for field in fields)
     points = sum("." in field and bool(_POINT.fullmatch(field)) for field in fields)

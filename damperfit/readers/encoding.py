@@ -14,7 +14,9 @@ _CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f\x7f]")
 _HEAD = 4096  # bytes looked at for signs of binary data
 
 
-def to_utf8(data: bytes, *, name: str, allows_nul: bool = False) -> tuple[bytes, tuple[str, ...]]:
+def to_utf8(
+    data: bytes, *, name: str, encoding: str = "", allows_nul: bool = False
+) -> tuple[bytes, tuple[str, ...]]:
     """Return text as UTF-8 without byte order mark, and notes.
 
     With ``allows_nul``, NUL bytes become question marks.
@@ -25,6 +27,9 @@ def to_utf8(data: bytes, *, name: str, allows_nul: bool = False) -> tuple[bytes,
         The bytes are a web page, binary, or hold NUL.
     """
     notes: tuple[str, ...] = ()
+    if encoding:
+        data = _decoded(data, encoding, name)
+        notes = (f"encoding: {encoding}, as declared",)
     if data.startswith(codecs.BOM_UTF8):
         data = data[len(codecs.BOM_UTF8) :]
     elif data[:2] in _UTF16:
@@ -50,7 +55,7 @@ def _decoded(data: bytes, encoding: str, name: str) -> bytes:
     try:
         return data.decode(encoding).encode("utf-8")
     except UnicodeError as error:
-        raise LogError(f"{name}: starts like {encoding.upper()} but is not valid") from error
+        raise LogError(f"{name}: is no valid {encoding.upper()}") from error
 
 
 def _refuse_pages(data: bytes, name: str) -> None:

@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError
 from damperfit.readers.delimited import read_delimited
+from damperfit.readers.excel import read_excel
+from damperfit.readers.hdf5 import read_hdf5
+from damperfit.readers.matlab import read_matlab
+from damperfit.readers.mdf import read_mdf
 from damperfit.readers.parquet import read_parquet
+from damperfit.readers.tdms import read_tdms
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -44,6 +49,11 @@ class Format:
 
 FORMATS = (
     Format("Parquet", (b"PAR1",), (".parquet", ".pq"), read_parquet),
+    Format("MATLAB", (b"MATLAB 5.0 MAT-file",), (".mat",), read_matlab),
+    Format("MATLAB 7.3", (b"MATLAB 7.3 MAT-file", b"\x89HDF"), (".mat",), read_hdf5),
+    Format("TDMS", (b"TDSm",), (".tdms",), read_tdms),
+    Format("MDF", (b"MDF     ", b"UnFinMF "), (".mf4", ".mdf"), read_mdf),
+    Format("Excel", (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"), (".xlsx", ".xls"), read_excel),
     Format("delimited text", (), (".csv", ".txt", ".tsv", ".dat", ".asc", ".log"), read_delimited),
 )
 
@@ -54,7 +64,6 @@ _REFUSED = (
     (b"\x80\x03", "this is a Python pickle, which could run code; write CSV or Parquet"),
     (b"\x80\x04", "this is a Python pickle, which could run code; write CSV or Parquet"),
     (b"\x80\x05", "this is a Python pickle, which could run code; write CSV or Parquet"),
-    (b"PK\x03\x04", "this is a ZIP archive; unpack it and give the logs in it"),
     (b"7z\xbc\xaf\x27\x1c", "this is a 7z archive; unpack it and give the logs in it"),
     (b"%PDF", "this is a PDF; export the log as delimited text"),
 )

@@ -9,12 +9,20 @@ from fnmatch import fnmatch
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.quantities import find_unit
+from damperfit.quantities import find_unit, parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["CHANNELS", "SETTING_PATTERN", "Declarations", "Profile", "ReadOptions", "make_profile"]
+__all__ = [
+    "CHANNELS",
+    "SEPARATORS",
+    "SETTING_PATTERN",
+    "Declarations",
+    "Profile",
+    "ReadOptions",
+    "make_profile",
+]
 
 # Channel of a recording -> dimension of its unit.
 CHANNELS = {
@@ -28,7 +36,16 @@ CHANNELS = {
 # 30s_2), and 10.5 is no setting.
 SETTING_PATTERN = r"(?:setting|(?<![^\W_])s)[ _=-]?(\d+)(?![.]?\d)"
 
-_WORDS = {"restarts": ("refuse", "split", "last"), "bad_rows": ("refuse", "drop")}
+_DIMENSIONS = {"sample_rate": "frequency", "pause": "time"}
+# What the user may call a character that is hard to see in a configuration.
+SEPARATORS = {",": ",", ";": ";", "|": "|", "\t": "\t", "tab": "\t", " ": " ", "blanks": " "}
+_WORDS = {
+    "separator": ("", *SEPARATORS),
+    "decimal": ("", ".", ","),
+    "thousands": ("", ".", ",", "'", " "),
+    "restarts": ("refuse", "split", "last"),
+    "bad_rows": ("refuse", "drop"),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +67,14 @@ class Declarations:
         value = scale * logged + offset, in the channel's unit, as for volts.
     reverse_force, reverse_displacement : bool
         The log counts the channel positive in bump.
+    encoding : str
+        Of text, as in "cp1252"; empty: UTF-8, UTF-16 with a mark, else Latin-1.
+    separator : str
+        Of fields: "," ";" "|" "tab" or "blanks"; empty: found from the rows.
+    decimal : str
+        Decimal mark, "." or ","; empty: found from the rows.
+    thousands : str
+        Mark between groups of three digits; empty: there is none, and "1,234" is refused.
     skip_lines : int
         Lines of text above the log that are not looked at.
     sample_rate : float
@@ -75,6 +100,10 @@ class Declarations:
     offsets: Mapping[str, float] = field(default_factory=dict)
     reverse_force: bool = False
     reverse_displacement: bool = False
+    encoding: str = ""
+    separator: str = ""
+    decimal: str = ""
+    thousands: str = ""
     skip_lines: int = 0
     sample_rate: float = 0.0
     pause: float = 0.0
@@ -84,6 +113,22 @@ class Declarations:
     def __post_init__(self) -> None:
         """Refuse declarations that mean nothing."""
         _check_pattern(self.setting_pattern)
+        _check_encoding(self.encoding)
+        self._check_channels()
+        for name in ("skip_lines", "sample_rate", "pause"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise ConfigurationError(f"{name}: found {getattr(self, name)}, expected 0 or more")
+        for name, words in _WORDS.items():
+            found = getattr(self, name)
+            if found not in words:
+                shown = " or ".join(repr(word) for word in words if word)
+                raise ConfigurationError(
+                    f"{name}: found {found!r}, expected {shown}.{did_you_mean(str(found), words)}"
+                )
+        if self.thousands and self.thousands in {self.decimal, self.separator}:
+            raise ConfigurationError(f"thousands: {self.thousands!r} already has another meaning")
+
+    def _check_channels(self) -> None:
         for what in ("columns", "units", "scales", "offsets"):
             known = (*CHANNELS, "setting") if what == "columns" else tuple(CHANNELS)
             for channel in getattr(self, what):
@@ -100,16 +145,6 @@ class Declarations:
         for channel, offset in self.offsets.items():
             if not math.isfinite(offset):
                 raise ConfigurationError(f"offsets: {channel} is {offset}, expected a number")
-        for name in ("skip_lines", "sample_rate", "pause"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise ConfigurationError(f"{name}: found {getattr(self, name)}, expected 0 or more")
-        for name, words in _WORDS.items():
-            found = getattr(self, name)
-            if found not in words:
-                raise ConfigurationError(
-                    f"{name}: found {found!r}, expected {' or '.join(words)}."
-                    f"{did_you_mean(str(found), words)}"
-                )
 
 
 def _check_pattern(pattern: str) -> None:
@@ -123,6 +158,13 @@ def _check_pattern(pattern: str) -> None:
         raise ConfigurationError(
             f"setting_pattern: {pattern!r} has no group (...) around the number"
         )
+
+
+def _check_encoding(encoding: str) -> None:
+    try:
+        "".encode(encoding or "utf-8")
+    except LookupError as error:
+        raise ConfigurationError(f"encoding: {encoding!r} is no text encoding") from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -237,6 +279,8 @@ def _checked(value: Any, known: Any, where: str) -> Any:
         raise ConfigurationError(f"{where}: found {value!r}, expected a list of whole numbers")
     if known.default is MISSING:
         return _checked_table(value, known.name, where)
+    if known.name in _DIMENSIONS and isinstance(value, str):
+        return parse_quantity(value, _DIMENSIONS[known.name])
     if isinstance(known.default, float) and _is_int(value):
         value = float(value)
     if type(value) is not type(known.default):

@@ -7,7 +7,7 @@ refuses is read again field by field, which ends in the exact line and channel.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.readers.dialect import Dialect
+    from damperfit.readers.options import Declarations
 
     FloatArray = NDArray[np.float64]
 
@@ -32,9 +33,11 @@ __all__ = ["TextRows", "load_rows"]
 _BLANK = ["", "nan", "NaN", "NAN"]
 _THREADED = 4_000_000  # bytes; below it, starting threads costs more than it saves
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[ ,.'\u00a0]\d{3})+(?:[.,]\d+)?", re.ASCII)
+_GROUPED = re.compile(r"[+-]?\d{1,3}(?P<mark>[ ,.'])\d{3}(?:(?P=mark)\d{3})*(?:[.,]\d+)?", re.ASCII)
 _NOT_FINITE = {"nan", "+nan", "-nan", "inf", "+inf", "-inf", "infinity", "+infinity", "-infinity"}
 _LINE = re.compile(rb"([^\r\n]*)(\r\n|\n|\r|\Z)")
+_LINE_END = re.compile(rb"\r\n|\n|\r")
+_PIECE = 1_000_000  # bytes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,8 +56,8 @@ class TextRows:
         Named columns; fields in a row (one more when every row ends in a separator).
     clocks : frozenset of int
         Columns of wall-clock stamps.
-    drops_bad_rows : bool
-        Leave out what cannot be read, and count it.
+    declared : Declarations
+        Mark of thousands; whether rows that cannot be read are dropped.
     """
 
     name: str
@@ -63,7 +66,12 @@ class TextRows:
     n_names: int
     n_fields: int
     clocks: frozenset[int]
-    drops_bad_rows: bool
+    declared: Declarations
+
+    @property
+    def drops_bad_rows(self) -> bool:
+        """Leave out what cannot be read, and count it."""
+        return self.declared.bad_rows == "drop"
 
     def lines(self) -> Iterator[tuple[int, str]]:
         """Yield number and text of each row that is not blank."""
@@ -89,21 +97,91 @@ def load_rows(text: TextRows, wanted: Mapping[str, int]) -> Samples:
     LogError
         A row has too few or too many fields, or text where a number should be.
     """
+    columns = _load_fast(text, wanted)
+    if columns is not None:
+        return Samples(columns, text.place)
+    return _load_in_pieces(text, wanted)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Piece:
+    """Values of some rows; lines is None when they are all the rows of the text."""
+
+    text: TextRows
+    columns: Mapping[str, FloatArray]
+    lines: list[int] | None = None
+    n_bad: int = 0
+    first_bad: str = ""
+
+    @property
+    def n(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def place(self, index: int) -> str:
+        return self.text.place(index) if self.lines is None else f"line {self.lines[index]}"
+
+
+def _load_in_pieces(text: TextRows, wanted: Mapping[str, int]) -> Samples:
+    """Read piece by piece, fast where that goes, so that one bad row costs one slow piece."""
+    pieces: list[_Piece] = []
+    for part in [text] if text.clocks else _cut(text):
+        columns = None if part is text else _load_fast(part, wanted)
+        pieces.append(_load_slow(part, wanted) if columns is None else _Piece(part, columns))
+    n_bad = sum(piece.n_bad for piece in pieces)
+    first_bad = next((piece.first_bad for piece in pieces if piece.first_bad), "")
+    if not any(piece.n for piece in pieces):
+        raise LogError(f"{text.name}: no data rows{'; first: ' * bool(first_bad)}{first_bad}")
+
+    def place(index: int) -> str:
+        for piece in pieces:
+            if index < piece.n:
+                return piece.place(index)
+            index -= piece.n
+        return f"row {index + 1} after the last"
+
+    columns = {
+        channel: np.concatenate([piece.columns[channel] for piece in pieces]) for channel in wanted
+    }
+    notes = (f"{n_bad} rows that cannot be read were dropped; {first_bad}",) if n_bad else ()
+    return Samples(columns, place, notes)
+
+
+def _cut(text: TextRows) -> Iterator[TextRows]:
+    """Yield the rows in pieces of whole lines."""
+    start, line = 0, text.dialect.data_line
+    while start < len(text.rows):
+        end = start + _PIECE
+        cut = max(text.rows.rfind(b"\n", start, end), text.rows.rfind(b"\r", start, end)) + 1
+        if end >= len(text.rows):
+            cut = len(text.rows)
+        elif cut == 0:  # a line longer than a piece
+            found = _LINE.match(text.rows, start)
+            cut = found.end() if found else len(text.rows)
+        elif text.rows[cut - 1 : cut + 1] == b"\r\n":
+            cut += 1
+        rows = text.rows[start:cut]
+        yield replace(text, rows=rows, dialect=replace(text.dialect, data_line=line))
+        line += sum(1 for _ in _LINE_END.finditer(rows))
+        start = cut
+
+
+def _load_fast(text: TextRows, wanted: Mapping[str, int]) -> dict[str, FloatArray] | None:
+    """Return columns as floats, or None where something is wrong or has to be dropped."""
     from pyarrow import ArrowException
 
     try:
-        columns = _load_fast(text, sorted(set(wanted.values())))
+        columns = _parse(text, sorted(set(wanted.values())))
     except (ArrowException, ValueError):
-        return _load_slow(text, wanted)
+        return None
     needed = [columns[i] for channel, i in wanted.items() if channel != "temperature"]
     if text.drops_bad_rows and not all(np.isfinite(values).all() for values in needed):
-        return _load_slow(text, wanted)
-    if text.clocks and any(np.isnan(columns[i]).any() for i in text.clocks if i in columns):
-        return _load_slow(text, wanted)
-    return Samples({channel: columns[index] for channel, index in wanted.items()}, text.place)
+        return None
+    if any(np.isnan(columns[i]).any() for i in text.clocks if i in columns):
+        return None
+    return {channel: columns[index] for channel, index in wanted.items()}
 
 
-def _load_fast(text: TextRows, indices: list[int]) -> dict[int, FloatArray]:
+def _parse(text: TextRows, indices: list[int]) -> dict[int, FloatArray]:
     import pyarrow as pa
     from pyarrow import csv
 
@@ -130,12 +208,24 @@ def _load_fast(text: TextRows, indices: list[int]) -> dict[int, FloatArray]:
 def _as_floats(column: Any, *, is_clock: bool) -> FloatArray:
     if is_clock:
         return clock_seconds(column)
-    return np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64)
+    parts = [_chunk_floats(chunk) for chunk in column.chunks]
+    return np.concatenate(parts) if parts else np.empty(0)
 
 
-def _load_slow(text: TextRows, wanted: Mapping[str, int]) -> Samples:
+def _chunk_floats(chunk: Any) -> FloatArray:
+    """Return a float64 chunk, nulls as NaN, from its buffers: to_numpy() imports pandas first."""
+    validity, data = chunk.buffers()
+    rows = slice(chunk.offset, chunk.offset + len(chunk))
+    values = np.frombuffer(data, dtype=np.float64)[rows]
+    if not chunk.null_count:
+        return values
+    bits = np.unpackbits(np.frombuffer(validity, dtype=np.uint8), bitorder="little")[rows]
+    return np.where(bits.astype(np.bool_), values, np.nan)
+
+
+def _load_slow(text: TextRows, wanted: Mapping[str, int]) -> _Piece:
     """Read field by field: the values, or the line and channel of the first thing wrong."""
-    numbers: list[int] = []
+    lines: list[int] = []
     values: dict[str, list[float | str]] = {channel: [] for channel in wanted}
     first_bad = ""
     n_bad = 0
@@ -148,20 +238,14 @@ def _load_slow(text: TextRows, wanted: Mapping[str, int]) -> Samples:
             n_bad += 1
             first_bad = first_bad or str(error)
             continue
-        numbers.append(number)
+        lines.append(number)
         for channel, value in row.items():
             values[channel].append(value)
-    if not numbers:
-        raise LogError(f"{text.name}: no data rows{'; first: ' * bool(first_bad)}{first_bad}")
-    notes = (f"{n_bad} rows that cannot be read were dropped; {first_bad}",) if n_bad else ()
-    return Samples(
-        {
-            channel: _stamps(column) if wanted[channel] in text.clocks else np.array(column, float)
-            for channel, column in values.items()
-        },
-        lambda index: f"line {numbers[index]}",
-        notes,
-    )
+    columns = {
+        channel: _stamps(column) if wanted[channel] in text.clocks else np.array(column, float)
+        for channel, column in values.items()
+    }
+    return _Piece(text, columns, lines, n_bad, first_bad)
 
 
 def _stamps(column: list[float | str]) -> FloatArray:
@@ -198,19 +282,22 @@ def _field(text: TextRows, field: str, channel: str, is_clock: bool, where: str)
         if not is_stamp(field):
             raise LogError(f"{where}: {channel} is {visible(field)}, expected a time of day")
         return field
-    value = _number(field, channel, where, text.dialect.decimal)
+    value = _number(text, field, channel, where)
     if text.drops_bad_rows and channel != "temperature" and not np.isfinite(value):
         raise LogError(f"{where}: {channel} is {visible(field)}, expected a finite number")
     return value
 
 
-def _number(field: str, channel: str, where: str, decimal: str) -> float:
+def _number(text: TextRows, field: str, channel: str, where: str) -> float:
     plain = field
-    if decimal == ",":
-        plain = "?" if "." in field else field.replace(",", ".")
+    is_grouped = _GROUPED.fullmatch(field)
+    if text.declared.thousands and is_grouped and is_grouped["mark"] == text.declared.thousands:
+        plain = plain.replace(text.declared.thousands, "")
+    if text.dialect.decimal == ",":
+        plain = "?" if "." in plain else plain.replace(",", ".")
     if _NUMBER.fullmatch(plain):
         return float(plain)
     if not plain or plain.lower() in _NOT_FINITE:
         return float(plain or "nan")
-    hint = "; it looks like a number with thousands separators" * bool(_THOUSANDS.fullmatch(field))
+    hint = "; if it has a mark of thousands, declare rig.thousands" if is_grouped else ""
     raise LogError(f"{where}: {channel} is {visible(field)}, expected a number{hint}")

@@ -19,11 +19,10 @@ from damperfit.tables.arrays import float_array, repeated
 from damperfit.tables.columns import table_schema
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from damperfit.damper.parameters import Damper
-    from damperfit.identification import Campaign, Comparison, FitOptions
+    from damperfit.identification import Campaign, Comparison
     from damperfit.recording import Trace
 
 __all__ = ["read_parameters", "safe_cell", "write_responses", "write_table"]
@@ -32,31 +31,37 @@ __all__ = ["read_parameters", "safe_cell", "write_responses", "write_table"]
 def write_responses(
     path: Path,
     campaign: Campaign,
-    damper: Damper,
+    comparisons: Iterable[Comparison],
     *,
-    options: FitOptions,
     provenance: Mapping[str, Any] | None = None,
 ) -> int:
     """Write measured and simulated signals of every setting, one row group per log.
 
-    Each log is simulated when its turn comes, so that memory does not grow with their number.
+    Parameters
+    ----------
+    path : pathlib.Path
+        Where to write.
+    campaign : Campaign
+        The fits.
+    comparisons : iterable of Comparison
+        What `damperfit.identification.compare` gives for each log of each fit, in their order.
+        It is taken one by one, so that memory need not grow with the number of logs.
+    provenance : mapping, optional
+        Facts for the schema's ``damperfit`` entry, as JSON values.
 
     Returns
     -------
     int
         Rows written.
     """
-    from damperfit.identification import compare
-
     schema = table_schema("responses", provenance or {})
+    logs = ((fit.setting, log.trace) for fit in campaign.fits for log in fit.logs)
     n_rows = 0
     with pq.ParquetWriter(path, schema, write_page_checksum=True) as writer:
-        for fit in campaign.fits:
-            for log in fit.logs:
-                seen = compare(fit.parameters, log.trace, damper, solver=options.solver)
-                table = _response_table(schema, fit.setting, log.trace, seen)
-                writer.write_table(table, row_group_size=max(table.num_rows, 1))
-                n_rows += table.num_rows
+        for (setting, trace), seen in zip(logs, comparisons, strict=True):
+            table = _response_table(schema, setting, trace, seen)
+            writer.write_table(table, row_group_size=max(table.num_rows, 1))
+            n_rows += table.num_rows
     return n_rows
 
 

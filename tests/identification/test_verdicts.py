@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.reference import reference_parameters
 from damperfit.errors import ConfigurationError, LogError, SimulationError
 from damperfit.identification import (
@@ -156,3 +156,30 @@ def test_options_that_cannot_be(options: FitOptions, text: str) -> None:
 def test_a_trace_without_a_setting_is_refused() -> None:
     with pytest.raises(LogError, match="the setting is not known"):
         identify([replace(trace(1, duration=4.0), setting=None)], PURDY_DAMPER)
+
+
+def test_a_log_of_another_damper_is_called_poor_and_does_not_stop_the_run() -> None:
+    # Used to fail the setting: the second pass started where the first had run out of the model.
+    other = Damper(
+        rod_diameter=0.012,
+        piston_diameter=0.036,
+        gas_piston_diameter=0.036,
+        chamber_1_length=0.06,
+        chamber_2_length=0.06,
+        gas_length=0.045,
+        oil_density=860.0,
+        gas_pressure=12e5,
+    )
+    truth = Parameters(r_m1=8e3, r_m2=6e5, r_m3=4.5e5, k_e=6e8, f_f=30.0)
+    log = trace(2, truth, damper=other, amplitude=0.02, noise=4.0)
+    campaign = identify([log], PURDY_DAMPER)
+    assert campaign.failures == ()
+    assert campaign.fits[0].mse_percent > 5.0
+    assert campaign.fits[0].outcome is not Outcome.CONVERGED
+
+
+def test_values_found_once_for_all_settings_are_shared() -> None:
+    fit = identify([trace(2, noise=4.0)], PURDY_DAMPER, FitOptions(fixed={"f_f": 50.0})).fits[0]
+    assert fit.status["r_m3"] == "shared"
+    assert fit.status["f_f"] == "fixed"
+    assert fit.status["k_e"] == "fitted"

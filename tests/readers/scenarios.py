@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -126,6 +127,24 @@ def _parquet_units(scenario: Scenario) -> bytes:
     return parquet_bytes(parquet_table(scenario, units_in_names=False))
 
 
+def _gzip(scenario: Scenario) -> bytes:
+    return gzip.compress(_european(scenario))
+
+
+def _mts(scenario: Scenario) -> bytes:
+    lines = [
+        "MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A",
+        "",
+        "Data Acquisition: Timed\t\tTime:\t1.5\tSec\t3/29/2016 1:54:32 PM",
+        f"# setting: {scenario.setting}",
+        "Running Time\tAxial Force\tTemperature\tAxial Displacement",
+        "Sec\tN\tdegC\tmm",
+    ]
+    for t, d, f, temperature in scenario.rows():
+        lines.append("\t".join(repr(value) for value in (t, f, temperature, d)))
+    return ("\r\n".join(lines) + "\r\n").encode()
+
+
 WRITERS: dict[str, tuple[str, Callable[[Scenario], bytes]]] = {
     "plain": ("log.csv", _plain),
     "crlf and BOM": ("log.csv", _crlf_bom),
@@ -133,6 +152,8 @@ WRITERS: dict[str, tuple[str, Callable[[Scenario], bytes]]] = {
     "Latin-1": ("log.csv", _latin1),
     "European export": ("log.csv", _european),
     "blanks": ("log.dat", _blanks),
+    "gzip": ("log.csv.gz", _gzip),
+    "MTS block": ("specimen.dat", _mts),
     "shuffled": ("log.csv", _shuffled),
     "Parquet": ("log.parquet", _parquet),
     "Parquet, units in fields": ("log.parquet", _parquet_units),

@@ -162,7 +162,7 @@ def test_declared_columns_units_and_signs(put) -> None:
 
 def test_no_names_row_needs_numbers_and_units(put) -> None:
     log = "0\t1\t2\n10\t3\t4\n"
-    with pytest.raises(LogError, match="no names; declare the column numbers"):
+    with pytest.raises(LogError, match="no names; declare the numbers"):
         read_log(put(log))
     options = ReadOptions(
         columns={"time": 1, "displacement": 3, "force": 2},
@@ -223,7 +223,10 @@ FAULTS = {
     "text": (_with_row("0.02,OVR,2,26"), "line 4: displacement is 'OVR', expected a number"),
     "underscore": (_with_row("0.02,1_000,2,26"), "line 4: displacement is '1_000'"),
     "text in temperature": (_with_row("0.02,1,2,#NV"), "line 4: temperature is '#NV'"),
-    "thousands": (_with_row('0.02,1,"1,234",26'), "line 4: force is '1,234', expected a number"),
+    "thousands": (
+        _with_row('0.02,1,"1,234",26'),
+        "line 4: force is '1,234', expected a number; if it has a mark of thousands",
+    ),
     "hexadecimal": (_with_row("0.02,0x1,2,26"), "line 4: displacement is '0x1'"),
     "NaN": (_with_row("0.02,nan,2,26"), "line 4: displacement is blank, NaN or infinite, in 1 of"),
     "blank field": (_with_row("0.02,1,,26"), "line 4: force is blank, NaN or infinite, in 1 of 20"),
@@ -256,12 +259,12 @@ FAULTS = {
     ),
     "two candidates": (
         "time_s,front force_N,displacement_mm,rear force_N\n0,1,2,3\n1,2,3,4\n",
-        "force could be column 'front force_N' or 'rear force_N'; declare which",
+        "force could be column 'front force_N' or 'rear force_N'; declare which in rig.columns",
     ),
     "HTML": ("\n<!DOCTYPE html><html><body>404</body></html>", "this is HTML"),
     "XML": ("<?xml version='1.0'?><log/>", "this is XML"),
     "UTF-16 without mark": (PLAIN.encode("utf-16-le"), "looks like UTF-16"),
-    "broken UTF-16": (b"\xff\xfe\x00\xd8", "starts like UTF-16-LE but is not valid"),
+    "broken UTF-16": (b"\xff\xfe\x00\xd8", "is no valid UTF-16-LE"),
     "pickle": (b"\x80\x04\x95\x00", "pickle, which could run code"),
     "zip": (b"PK\x03\x04 and so on", "ZIP archive"),
     "NumPy": (b"\x93NUMPY\x01\x00", "NumPy array"),

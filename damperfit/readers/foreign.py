@@ -1,0 +1,79 @@
+"""Libraries that read foreign formats: loaded when a log needs them, and kept to one exception."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from damperfit.errors import LogError
+from damperfit.readers.channels import visible
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["check_size", "load_library", "refusing_damage"]
+
+
+def load_library(module: str, *, extra: str, reads: str, name: str) -> Any:
+    """Return a library that is not installed with the program itself.
+
+    Parameters
+    ----------
+    module : str
+        As in "nptdms".
+    extra : str
+        Name of the optional dependency in the package.
+    reads : str
+        Format, for the message.
+    name : str
+        Log, for the message.
+
+    Raises
+    ------
+    LogError
+        The library is not there; names the command that installs it.
+    """
+    try:
+        library = importlib.import_module(module)
+    except ImportError as error:
+        raise LogError(
+            f"{name}: {reads} needs one more library: pip install 'damperfit[{extra}]'"
+        ) from error
+    # It may tell its own story on stderr, with bytes of the log in it.
+    logging.getLogger(module).setLevel(logging.CRITICAL + 1)
+    return library
+
+
+@contextmanager
+def refusing_damage(reads: str, *, name: str) -> Iterator[None]:
+    """Turn whatever a library raises over damaged bytes into one line.
+
+    Raises
+    ------
+    LogError
+        The block raised anything but LogError and MemoryError.
+    """
+    try:
+        yield
+    except (LogError, MemoryError):
+        raise
+    except Exception as error:  # npTDMS alone raises five kinds, from KeyError to struct.error
+        first = (str(error).splitlines() or [""])[0]
+        reason = visible(first or type(error).__name__, limit=120)
+        raise LogError(f"{name}: damaged {reads}: {reason}; copy the log again") from error
+
+
+def check_size(n_bytes: int, *, limit: int, what: str, name: str) -> None:
+    """Refuse what would need more memory than the limit.
+
+    Raises
+    ------
+    LogError
+        n_bytes is more than the limit, or negative.
+    """
+    if not 0 <= n_bytes <= limit:
+        raise LogError(
+            f"{name}: {what} claims {n_bytes} bytes, more than the limit of {limit} (max_bytes)"
+        )

@@ -1,0 +1,79 @@
+"""MATLAB files of version 7.3, which are HDF5, through h5py.
+
+Only data sets of real numbers are looked at; no references are followed and no objects made.
+"""
+
+from __future__ import annotations
+
+import io
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from damperfit.readers.channels import visible
+from damperfit.readers.foreign import check_size, load_library, refusing_damage
+from damperfit.readers.grouping import Group, GroupChannel, group_tables
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from damperfit.readers.files import Source
+    from damperfit.readers.options import ReadOptions
+    from damperfit.readers.table import Table
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["read_hdf5"]
+
+_MAX_ITEMS = 10_000
+_MAX_COLUMNS = 64
+_NO_NUMBERS = (b"char", b"logical", b"cell", b"struct", b"function_handle")
+
+
+def read_hdf5(source: Source, options: ReadOptions) -> tuple[Table, ...]:
+    """Return the table of the vectors at the top of the file, of their commonest length.
+
+    Raises
+    ------
+    LogError
+        The file is damaged, claims more than the limit, or h5py is not installed.
+    """
+    name = source.name
+    h5py = load_library("h5py", extra="mat73", reads="MATLAB 7.3", name=name)
+    with refusing_damage("HDF5 file", name=name), h5py.File(io.BytesIO(source.data), "r") as file:
+        channels: list[GroupChannel] = []
+        for n_seen, key in enumerate(file):
+            is_data = n_seen < _MAX_ITEMS and file.get(key, getclass=True) is h5py.Dataset
+            # A link into another file would read what nobody gave.
+            if is_data and isinstance(file.get(key, getlink=True), h5py.HardLink):
+                room = options.max_bytes - 8 * sum(channel.length for channel in channels)
+                channels += list(_channels(file[key], str(key), room, name))
+    lengths = [channel.length for channel in channels]
+    usual = max(set(lengths), key=lambda n: (lengths.count(n), n), default=0)
+    used = tuple(channel for channel in channels if channel.length == usual)
+    n_others = len(channels) - len(used)
+    notes = (f"{n_others} vectors left out; they are not {usual} long",) if n_others else ()
+    return group_tables([Group("", used)], options, name=name, notes=notes)
+
+
+def _channels(data: Any, key: str, room: int, name: str) -> Iterator[GroupChannel]:
+    """Yield the columns of a data set; MATLAB's columns are rows in HDF5."""
+    kind = data.attrs.get("MATLAB_class", b"")
+    is_number = data.dtype.kind in "fiu" and kind not in _NO_NUMBERS
+    if not is_number or data.ndim != 2 or min(data.shape) < 1 or max(data.shape) < 2:
+        return
+    if data.id.get_create_plist().get_external_count():
+        return
+    n_columns, n_rows = data.shape
+    if n_rows == 1:
+        n_columns, n_rows = 1, n_columns
+    if n_columns > min(n_rows, _MAX_COLUMNS):
+        return
+    check_size(8 * n_columns * n_rows, limit=room, what=visible(key), name=name)
+    values = np.asarray(data[()], dtype=np.float64).reshape(n_columns, n_rows)
+    for i, column in enumerate(values):
+        label = key if n_columns == 1 else f"{key}:{i + 1}"
+        yield GroupChannel(label, None, n_rows, partial(np.asarray, column))

@@ -1,0 +1,32 @@
+"""An undeclared filter in the rig is remarked on; a raw log is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from scipy.signal import butter, sosfilt
+
+from damperfit.conditioning import ConditionOptions, condition
+from tests.identification.rig import recording
+
+
+@pytest.mark.parametrize("rate", [300.0, 1000.0])
+@pytest.mark.parametrize("setting", [1, 20])
+def test_a_raw_log_is_not_suspected(setting: int, rate: float) -> None:
+    assert condition(recording(setting, noise=4.0, rate=rate)).warnings == ()
+    assert condition(recording(setting, noise=0.5, rate=rate)).warnings == ()
+
+
+@pytest.mark.parametrize("corner", [30.0, 60.0])
+def test_a_filtered_log_is_suspected_until_it_is_declared(corner: float) -> None:
+    raw = recording(10, noise=4.0)
+    sections = butter(4, corner, fs=1000.0, output="sos")
+    log = replace(
+        raw,
+        displacement=sosfilt(sections, raw.displacement),
+        force=sosfilt(sections, raw.force),
+    )
+    assert "rig.filter" in condition(log).warnings[0]
+    declared = ConditionOptions(rig_filter="causal", rig_filter_corner=corner)
+    assert condition(log, declared).warnings == ()
