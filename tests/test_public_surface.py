@@ -113,6 +113,7 @@ SURFACE = {
         "Outcome",
         "PROCEDURES",
         "Sharing",
+        "check_options",
         "compare",
         "identify",
         "normalised_mse",

@@ -1,21 +1,25 @@
-"""Fits over the settings of a damper: the procedures `plain` and `paper`.
+"""Fits over the settings of a damper: the procedures `plain`, `paper` and `joint`.
 
 The paper's procedure, automated: all five parameters at the lowest setting give R_m3; the mean of
 the friction over a first pass of all settings gives f_f; then R_m1, R_m2 and K_e at every setting.
+`joint` starts from there and fits all settings at once, with R_m3 and f_f in common.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.errors import ConfigurationError, DamperfitError, LogError, did_you_mean
+from damperfit.errors import ConfigurationError, DamperfitError, LogError, SimulationError
 from damperfit.identification.descent import FitCancelledError, Misfit
+from damperfit.identification.joint import fit_jointly
+from damperfit.identification.options import FitOptions, check_options
+from damperfit.identification.outcome import Outcome
 from damperfit.identification.setting import (
     Fit,
     Judged,
@@ -26,7 +30,6 @@ from damperfit.identification.setting import (
 )
 from damperfit.identification.sharing import Sharing
 from damperfit.identification.starting import scan_bulk_modulus, starting_values
-from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -34,7 +37,7 @@ if TYPE_CHECKING:
     from damperfit.damper.parameters import Damper, Parameters
     from damperfit.recording import Trace
 
-__all__ = ["PROCEDURES", "Campaign", "FitOptions", "check_options", "identify"]
+__all__ = ["PROCEDURES", "Campaign", "identify"]
 
 _MODEL_PARAMETERS = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
 _PAPER_FREE = ("r_m1", "r_m2", "k_e")
@@ -42,38 +45,13 @@ _PAPER_FREE = ("r_m1", "r_m2", "k_e")
 _BULK_MODULUS = 6e8
 # A first-pass friction is used when its setting's R_m3 agrees this well with the lowest setting's.
 _SAME_R_M3 = 0.25
-
-
-@dataclass(frozen=True, slots=True)
-class FitOptions:
-    """What to fit and how.
-
-    Attributes
-    ----------
-    procedure : str
-        A name of `PROCEDURES`.
-    free : tuple of str or None
-        Parameters to fit; None takes the procedure's own (`paper`: R_m1, R_m2, K_e per setting;
-        `plain`: all five that are not fixed).
-    fixed : mapping of str to float
-        Parameters held at a value, SI.
-    solver : SolverOptions
-        How exactly to integrate. 10 mN for one step leaves a bias of 1e-5 in R_m1, a hundredth of
-        what 4 N of noise does; a fit with less misfit is refined with a tighter integrator.
-    max_evaluations : int
-        Limit of simulations for one descent.
-    fallback_r_m3, fallback_f_f : float
-        The paper's published values, used with a warning only where the logs of a single setting
-        cannot fix these parameters.
-    """
-
-    procedure: str = "paper"
-    free: tuple[str, ...] | None = None
-    fixed: Mapping[str, float] = field(default_factory=dict)
-    solver: SolverOptions = SolverOptions(tolerance=1e-2)
-    max_evaluations: int = 100
-    fallback_r_m3: float = 2.597e6
-    fallback_f_f: float = 50.0
+_NOT_JOINT = (
+    "the joint fit needs two settings at a sound minimum and a shared parameter: these are the "
+    "results of procedure paper."
+)
+_NO_JOINT_MINIMUM = (
+    "the joint fit stopped before its minimum: the shared values are the best found."
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -226,7 +204,59 @@ def _paper(task: _Task) -> Campaign:
     return replace(_collect(task, fit, warnings), sharing=first.sharing)
 
 
-PROCEDURES: dict[str, Callable[[_Task], Campaign]] = {"paper": _paper, "plain": _plain}
+def _joint(task: _Task) -> Campaign:
+    """One fit over the settings, from the paper's procedure as start; unsound ones follow it."""
+    shared = _ordered(task.options.share)
+    own = task.options.free or tuple(
+        name for name in _PAPER_FREE if name not in {*task.options.fixed, *shared}
+    )
+    varying = tuple(name for name in shared if name not in {"r_m3", "f_f"})
+    options = replace(task.options, free=(*own, *varying))
+    before = _paper(replace(task, options=options, on_fit=lambda _fit: None))
+    starts = {
+        fit.setting: fit.parameters for fit in before.fits if fit.outcome is Outcome.CONVERGED
+    }
+    if not before.is_complete or len(starts) < 2 or not shared:
+        said = () if not before.is_complete else (_NOT_JOINT,)
+        return replace(before, procedure="joint", warnings=(*before.warnings, *said))
+    common = {
+        name: float(np.mean([getattr(start, name) for start in starts.values()])) for name in shared
+    }
+    free = _ordered((*own, *shared))
+    try:
+        found = fit_jointly(
+            {setting: task.misfit(setting, free) for setting in starts},
+            {setting: replace(start, **common) for setting, start in starts.items()},
+            shared,
+            jobs=task.jobs,
+        )
+    except FitCancelledError:
+        return Campaign("joint", (), is_complete=False)
+    agreed = next(iter(found.parameters.values()))
+    held = {name: getattr(agreed, name) for name in shared}
+    fits = {fit.setting: fit for fit in before.fits}
+
+    def fit(setting: int) -> Fit:
+        if setting not in fits:
+            raise SimulationError(dict(before.failures)[setting])
+        misfit = task.misfit(setting, _ordered(own))
+        start = found.parameters.get(setting, replace(fits[setting].parameters, **held))
+        spent = fits[setting].evaluations + found.evaluations
+        judged = fit_setting(misfit, start, spent=spent)
+        return describe_fit(setting, _named_shared(judged, shared), misfit)
+
+    warnings = before.warnings if found.is_converged else (*before.warnings, _NO_JOINT_MINIMUM)
+    return replace(
+        _collect(task, fit, warnings),
+        sharing=Sharing(free, jointly=shared, settings=tuple(sorted(starts))),
+    )
+
+
+PROCEDURES: dict[str, Callable[[_Task], Campaign]] = {
+    "paper": _paper,
+    "joint": _joint,
+    "plain": _plain,
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -408,28 +438,3 @@ def _by_setting(traces: Sequence[Trace]) -> dict[int, tuple[Trace, ...]]:
 def _ordered(names: Iterable[str]) -> tuple[str, ...]:
     wanted = set(names)
     return tuple(name for name in PARAMETER_NAMES if name in wanted)
-
-
-def check_options(options: FitOptions) -> None:
-    """Refuse options that cannot be, before any log is read.
-
-    Raises
-    ------
-    ConfigurationError
-        An unknown procedure or parameter, one both free and fixed, or a value out of range.
-    """
-    if options.procedure not in PROCEDURES:
-        hint = did_you_mean(options.procedure, PROCEDURES)
-        known = ", ".join(PROCEDURES)
-        raise ConfigurationError(f"no procedure {options.procedure!r}; there are {known}.{hint}")
-    for name in (*(options.free or ()), *options.fixed):
-        if name not in PARAMETER_NAMES:
-            hint = did_you_mean(name, PARAMETER_NAMES)
-            known = ", ".join(PARAMETER_NAMES)
-            raise ConfigurationError(f"no parameter {name!r}; there are {known}.{hint}")
-    for name in options.free or ():
-        if name in options.fixed:
-            raise ConfigurationError(f"{name} is both free and fixed; choose one.")
-    for name, value in options.fixed.items():
-        if name != "f_0" and not value > 0.0 and not (name == "f_f" and value == 0.0):
-            raise ConfigurationError(f"{name} = {value:g} is fixed; it must be above zero.")

@@ -17,6 +17,8 @@ class Sharing:
         What was free together with them at each setting.
     jointly : tuple of str
         Parameters found in one fit over all settings.
+    settings : tuple of int
+        Settings of that fit.
     r_m3_from : int or None
         Setting whose logs gave R_m3.
     f_f_from : tuple of int
@@ -27,6 +29,7 @@ class Sharing:
 
     free: tuple[str, ...] = ()
     jointly: tuple[str, ...] = ()
+    settings: tuple[int, ...] = ()
     r_m3_from: int | None = None
     f_f_from: tuple[int, ...] = ()
     is_refined: bool = False

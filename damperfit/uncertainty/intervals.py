@@ -189,7 +189,7 @@ def _interval(name: str, value: float, error: float, ratio: float) -> Interval:
 def _shared_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatArray]:
     """T for every setting, shape (number shared, 6)."""
     if sharing.jointly:
-        return _joint_rows(evidence, sharing.jointly)
+        return _joint_rows(evidence, sharing)
     by_setting = {one.fit.setting: one for one in evidence}
     used = [setting for setting in sharing.f_f_from if setting in by_setting]
     friction = {
@@ -218,18 +218,26 @@ def _shared_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatAr
     ]
 
 
-def _joint_rows(evidence: Sequence[Evidence], shared: tuple[str, ...]) -> list[FloatArray]:
-    theta = _places(shared)
+def _joint_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatArray]:
+    """T of a joint fit, in which each setting has the weight of its own residual."""
+    theta = _places(sharing.jointly)
     unit = np.eye(len(PARAMETER_NAMES))
-    reduced = []
+    rows = []
     for one in evidence:
         places = _places(_own(one))
         carried = one.information[np.ix_(theta, places)] @ _solve(one.information, places)
-        reduced.append(unit[theta] - carried)
-    complement = sum(
-        row @ one.information[:, theta] for row, one in zip(reduced, evidence, strict=True)
+        is_in = one.fit.setting in sharing.settings
+        rows.append((unit[theta] - carried) * (_weight(one) if is_in else 0.0))
+    complement = np.sum(
+        [row @ one.information[:, theta] for row, one in zip(rows, evidence, strict=True)], axis=0
     )
-    return [np.asarray(np.linalg.solve(np.asarray(complement), row)) for row in reduced]
+    return [np.asarray(np.linalg.pinv(complement, rcond=1e-14) @ row) for row in rows]
+
+
+def _weight(evidence: Evidence) -> float:
+    """One over the mean square of the residuals, 1/N^2."""
+    squares = sum(float(log.residuals @ log.residuals) for log in evidence.logs)
+    return sum(len(log.residuals) for log in evidence.logs) / max(squares, 1e-300)
 
 
 def _row(information: FloatArray, free: tuple[str, ...], name: str) -> FloatArray:
