@@ -82,7 +82,11 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
     channels = _si_channels(samples, choices, options, name)
     temperature, temperature_notes = _temperature(channels)
     cuts = _cuts(samples, channels, options, name)
-    signs, sign_notes = _signs(options)
+    sign_notes = []
+    for channel in ("displacement", "force"):
+        if getattr(options, f"reverse_{channel}"):
+            channels[channel] = -channels[channel]
+            sign_notes.append(f"{channel}: sign reversed, as declared")
     titles = (f"part: {table.part}",) if table.part else ()
     notes = (*titles, *table.notes, *samples.notes, *notes, *_scale_notes(choices, options))
     notes = (*notes, *sign_notes, *temperature_notes)
@@ -100,8 +104,8 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
                 sha256=source.sha256,
                 setting=setting,
                 time=time,
-                displacement=channels["displacement"][part] * signs[0],
-                force=channels["force"][part] * signs[1],
+                displacement=channels["displacement"][part],
+                force=channels["force"][part],
                 temperature=None if temperature is None else temperature[part],
                 notes=(*notes, *time_notes, *setting_notes),
                 metadata=table.metadata,
@@ -132,16 +136,18 @@ def _si_channels(
 ) -> dict[str, FloatArray]:
     channels = {}
     for channel, choice in choices.items():
-        values = samples.channels[channel]
+        logged = values = samples.channels[channel]
         if choice.unit is None:
             continue
         if channel != "temperature":
-            _check_finite(values, channel, samples, name)
+            _check_finite(logged, channel, samples, name)
         with np.errstate(over="ignore", invalid="ignore"):
-            scaled = values * options.scales.get(channel, 1.0) + options.offsets.get(channel, 0.0)
-            si = choice.unit.to_si(scaled)
+            if channel in options.scales or channel in options.offsets:
+                values = values * options.scales.get(channel, 1.0)
+                values += options.offsets.get(channel, 0.0)
+            si = choice.unit.to_si(values)
         channels[channel] = np.ascontiguousarray(si, dtype=np.float64)
-        if channel != "temperature":  # a factor may overflow what the log's own unit could hold
+        if channel != "temperature" and channels[channel] is not logged:  # a factor may overflow
             _check_finite(channels[channel], channel, samples, name)
     return channels
 
@@ -156,6 +162,9 @@ def _scale_notes(choices: Mapping[str, ChannelChoice], options: ReadOptions) -> 
 
 
 def _check_finite(values: FloatArray, channel: str, samples: Samples, name: str) -> None:
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(values.sum()):  # one pass where all is well; a sum keeps NaN and infinity
+            return
     bad = np.flatnonzero(~np.isfinite(values))
     if len(bad):
         raise LogError(
@@ -178,6 +187,9 @@ def _cuts(
     first = 0
     if "time" in channels and n > 1:
         steps = np.diff(channels["time"])
+        is_plain = steps.min() > 0.0 and steps.max() <= (options.pause or _PAUSE)
+        if is_plain and "setting" not in samples.channels:
+            return [(0, n)]
         late = np.flatnonzero((steps <= 0.0) & ~is_cut[1:n])
         if len(late) and options.restarts == "refuse" and options.sample_rate == 0.0:
             raise LogError(_backwards(channels["time"], int(late[0]) + 1, len(late), samples, name))
@@ -218,19 +230,6 @@ def _temperature(channels: Mapping[str, FloatArray]) -> tuple[FloatArray | None,
     if n_bad:
         return None, (f"temperature: left out; {n_bad} of {len(values)} values are missing",)
     return values, ()
-
-
-def _signs(options: ReadOptions) -> tuple[tuple[float, float], tuple[str, ...]]:
-    notes = []
-    if options.reverse_displacement:
-        notes.append("displacement: sign reversed, as declared")
-    if options.reverse_force:
-        notes.append("force: sign reversed, as declared")
-    signs = (
-        -1.0 if options.reverse_displacement else 1.0,
-        -1.0 if options.reverse_force else 1.0,
-    )
-    return signs, tuple(notes)
 
 
 def _setting(

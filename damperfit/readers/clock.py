@@ -52,6 +52,8 @@ def clock_seconds(stamps: Any) -> FloatArray:
 
     if isinstance(stamps, pa.ChunkedArray):
         stamps = stamps.combine_chunks()
+    if not len(stamps):
+        return np.zeros(0)
     parts = compute.call_function(
         "extract_regex", [stamps], compute.ExtractRegexOptions(pattern=_PATTERN)
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError
 from damperfit.readers.clock import is_stamp
-from damperfit.readers.dialect import Dialect, fields_of, find_dialect
+from damperfit.readers.dialect import Dialect, fields_of, find_dialect, metadata_of
 from damperfit.readers.encoding import to_utf8
 from damperfit.readers.rows import TextRows, load_rows
 from damperfit.readers.table import Column, Table
@@ -24,6 +24,7 @@ _BLOCK = re.compile(rb'(?m)^"?Data Acquisition\b[^\r\n]*(?:\r\n|\n|\r|\Z)')
 # "MTS793|MPT|ENU|1|2|.|/|:|...": language, ..., decimal mark, marks of date and time.
 _MTS793 = re.compile(rb"MTS793\|[^|\r\n]*\|[^|\r\n]*\|[^|\r\n]*\|[^|\r\n]*\|(?P<decimal>[.,])\|")
 _EVENTS = re.compile(r"events?|markers?|comments?|remarks?|notes?", re.IGNORECASE)
+_MAX_PREAMBLE = 100_000  # bytes; what is longer is no preamble
 _LINE_END = re.compile(rb"\r\n|\n|\r")
 
 
@@ -36,6 +37,7 @@ class _Block:
     name: str
     decimal: str = ""
     title: str = ""
+    preamble: tuple[str, ...] = ()  # lines above the first block
 
 
 def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
@@ -70,20 +72,23 @@ def _without_lines(data: bytes, n_lines: int, name: str) -> tuple[bytes, int]:
 
 def _blocks(data: bytes, first_line: int, name: str) -> list[_Block]:
     """Return the whole text, or the pieces that MTS heads with "Data Acquisition"."""
-    starts = list(_BLOCK.finditer(data)) if b"Data Acquisition" in data else []
+    has_blocks = data.find(b"Data Acquisition", 0, _MAX_PREAMBLE) >= 0
+    starts = list(_BLOCK.finditer(data)) if has_blocks else []
     header = _MTS793.match(data)
     decimal = header["decimal"].decode() if header else ""
     if not starts:
         return [_Block(data, first_line, name, decimal)]
     blocks = []
-    line = first_line + _count_lines(data[: starts[0].start()])
+    above = data[: starts[0].start()]
+    preamble = tuple(above[:_MAX_PREAMBLE].decode("utf-8", "replace").splitlines())
+    line = first_line + _count_lines(above)
     ends = [found.start() for found in starts[1:]] + [len(data)]
     for found, end in zip(starts, ends, strict=True):
         piece = data[found.end() : end]
         line += 1
         title = found[0].decode("utf-8", "replace").strip().replace("\t", " ")
         if piece.strip():
-            blocks.append(_Block(piece, line, name, decimal, title))
+            blocks.append(_Block(piece, line, name, decimal, title, preamble))
         line += _count_lines(piece)
     if not blocks:
         raise LogError(f"{name}: no data rows after 'Data Acquisition' in line {line - 1}")
@@ -97,11 +102,14 @@ def _count_lines(data: bytes) -> int:
 def _read_block(block: _Block, notes: tuple[str, ...], options: ReadOptions) -> Table:
     name = block.name
     dialect = find_dialect(block.data, options, name=name, first_line=block.first_line)
-    notes = (*notes, *dialect.notes())
     if block.decimal and not options.decimal and block.decimal != dialect.decimal:
         dialect = replace(dialect, decimal=block.decimal)
-        notes = (*notes, f"decimal mark: {block.decimal}, as the first line says")
     rows, cut_notes = _without_cut_row(block.data[dialect.data_offset :], name)
+    is_open = dialect.separator != "," and not options.decimal and not block.decimal
+    if is_open and b"." not in rows and b"," in rows:
+        # The first rows may hold whole numbers only, as of a machine at rest.
+        dialect = replace(dialect, decimal=",")
+    notes = (*notes, *dialect.notes())
     if dialect.separator == " ":
         rows = _with_tabs(rows)
         dialect = replace(dialect, separator="\t")
@@ -116,7 +124,7 @@ def _read_block(block: _Block, notes: tuple[str, ...], options: ReadOptions) -> 
     return Table(
         columns=_columns(names, dialect, clocks),
         load=lambda wanted: load_rows(text, wanted),
-        metadata=dialect.metadata(),
+        metadata=metadata_of([*block.preamble, *dialect.preamble]),
         notes=(*notes, *width_notes, *cut_notes),
         part=block.title,
     )

@@ -17,9 +17,9 @@ from damperfit.readers.channels import mentions_channel, visible
 from damperfit.readers.options import SEPARATORS, Declarations
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
-__all__ = ["Dialect", "Line", "fields_of", "find_dialect"]
+__all__ = ["Dialect", "Line", "fields_of", "find_dialect", "metadata_of"]
 
 _HEAD_BYTES = 262_144
 _HEAD_LINES = (40, 1_000)  # tried in turn: nearly all preambles are short
@@ -92,14 +92,21 @@ class Dialect:
             found.append(f"preamble: {foreign} lines above the names")
         return tuple(found)
 
-    def metadata(self) -> dict[str, str]:
-        """Return the ``key: value`` lines of the preamble, keys in lower case."""
-        pairs = (_ENTRY.fullmatch(line) for line in self.preamble)
-        return {
-            pair["key"].strip("#%\" '").lower(): pair["value"].strip('" ')
-            for pair in pairs
-            if pair is not None
-        }
+
+def metadata_of(preamble: Iterable[str]) -> dict[str, str]:
+    """Return the ``key: value`` lines of a preamble, keys in lower case.
+
+    Examples
+    --------
+    >>> metadata_of(["# rig log", "# Setting: 10"])
+    {'setting': '10'}
+    """
+    pairs = (_ENTRY.fullmatch(line) for line in preamble)
+    return {
+        pair["key"].strip("#%\" '").lower(): pair["value"].strip('" ')
+        for pair in pairs
+        if pair is not None
+    }
 
 
 def find_dialect(data: bytes, declared: Declarations, *, name: str, first_line: int = 1) -> Dialect:

@@ -42,12 +42,14 @@ def load_library(module: str, *, extra: str, reads: str, name: str) -> Any:
             f"{name}: {reads} needs one more library: pip install 'damperfit[{extra}]'"
         ) from error
     # It may tell its own story on stderr, with bytes of the log in it.
-    logging.getLogger(module).setLevel(logging.CRITICAL + 1)
+    for name_of_logger in (module, *logging.root.manager.loggerDict):
+        if name_of_logger.partition(".")[0] == module:
+            logging.getLogger(name_of_logger).setLevel(logging.CRITICAL + 1)
     return library
 
 
 @contextmanager
-def refusing_damage(reads: str, *, name: str) -> Iterator[None]:
+def refusing_damage(reads: str, *, name: str = "") -> Iterator[None]:
     """Turn whatever a library raises over damaged bytes into one line.
 
     Raises
@@ -62,10 +64,11 @@ def refusing_damage(reads: str, *, name: str) -> Iterator[None]:
     except Exception as error:  # npTDMS alone raises five kinds, from KeyError to struct.error
         first = (str(error).splitlines() or [""])[0]
         reason = visible(first or type(error).__name__, limit=120)
-        raise LogError(f"{name}: damaged {reads}: {reason}; copy the log again") from error
+        where = f"{name}: " if name else ""
+        raise LogError(f"{where}damaged {reads}: {reason}; copy the log again") from error
 
 
-def check_size(n_bytes: int, *, limit: int, what: str, name: str) -> None:
+def check_size(n_bytes: int, *, limit: int, what: str, name: str = "") -> None:
     """Refuse what would need more memory than the limit.
 
     Raises
@@ -74,6 +77,7 @@ def check_size(n_bytes: int, *, limit: int, what: str, name: str) -> None:
         n_bytes is more than the limit, or negative.
     """
     if not 0 <= n_bytes <= limit:
+        where = f"{name}: " if name else ""
         raise LogError(
-            f"{name}: {what} claims {n_bytes} bytes, more than the limit of {limit} (max_bytes)"
+            f"{where}{what} claims {n_bytes} bytes, more than the limit of {limit} (max_bytes)"
         )

@@ -5,14 +5,16 @@ Only data sets of real numbers are looked at; no references are followed and no 
 
 from __future__ import annotations
 
+import importlib
 import io
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from damperfit.readers.apart import groups_read_apart
 from damperfit.readers.channels import visible
-from damperfit.readers.foreign import check_size, load_library, refusing_damage
+from damperfit.readers.foreign import check_size, refusing_damage
 from damperfit.readers.grouping import Group, GroupChannel, group_tables
 
 if TYPE_CHECKING:
@@ -26,7 +28,9 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["read_hdf5"]
+__all__ = ["EXTRA", "READS", "read_groups", "read_hdf5"]
+
+EXTRA, READS = "mat73", "MATLAB 7.3"
 
 _MAX_ITEMS = 10_000
 _MAX_COLUMNS = 64
@@ -41,25 +45,37 @@ def read_hdf5(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     LogError
         The file is damaged, claims more than the limit, or h5py is not installed.
     """
-    name = source.name
-    h5py = load_library("h5py", extra="mat73", reads="MATLAB 7.3", name=name)
-    with refusing_damage("HDF5 file", name=name), h5py.File(io.BytesIO(source.data), "r") as file:
-        channels: list[GroupChannel] = []
-        for n_seen, key in enumerate(file):
-            is_data = n_seen < _MAX_ITEMS and file.get(key, getclass=True) is h5py.Dataset
-            # A link into another file would read what nobody gave.
-            if is_data and isinstance(file.get(key, getlink=True), h5py.HardLink):
-                room = options.max_bytes - 8 * sum(channel.length for channel in channels)
-                channels += list(_channels(file[key], str(key), room, name))
+    groups = groups_read_apart(__name__, "h5py", source, options)
+    channels = [channel for group in groups for channel in group.channels]
     lengths = [channel.length for channel in channels]
     usual = max(set(lengths), key=lambda n: (lengths.count(n), n), default=0)
     used = tuple(channel for channel in channels if channel.length == usual)
     n_others = len(channels) - len(used)
     notes = (f"{n_others} vectors left out; they are not {usual} long",) if n_others else ()
-    return group_tables([Group("", used)], options, name=name, notes=notes)
+    return group_tables([Group("", used)], options, name=source.name, notes=notes)
 
 
-def _channels(data: Any, key: str, room: int, name: str) -> Iterator[GroupChannel]:
+def read_groups(data: bytes, limit: int) -> list[Group]:
+    """Return the vectors at the top of a file; runs in a process of its own.
+
+    Raises
+    ------
+    LogError
+        The file is damaged or claims more than the limit.
+    """
+    h5py = importlib.import_module("h5py")
+    channels: list[GroupChannel] = []
+    with refusing_damage(READS), h5py.File(io.BytesIO(data), "r") as file:
+        for n_seen, key in enumerate(file):
+            is_data = n_seen < _MAX_ITEMS and file.get(key, getclass=True) is h5py.Dataset
+            # A link into another file would read what nobody gave.
+            if is_data and isinstance(file.get(key, getlink=True), h5py.HardLink):
+                room = limit - 8 * sum(channel.length for channel in channels)
+                channels += list(_channels(file[key], str(key), room))
+    return [Group("", tuple(channels))]
+
+
+def _channels(data: Any, key: str, room: int) -> Iterator[GroupChannel]:
     """Yield the columns of a data set; MATLAB's columns are rows in HDF5."""
     kind = data.attrs.get("MATLAB_class", b"")
     is_number = data.dtype.kind in "fiu" and kind not in _NO_NUMBERS
@@ -72,7 +88,7 @@ def _channels(data: Any, key: str, room: int, name: str) -> Iterator[GroupChanne
         n_columns, n_rows = 1, n_columns
     if n_columns > min(n_rows, _MAX_COLUMNS):
         return
-    check_size(8 * n_columns * n_rows, limit=room, what=visible(key), name=name)
+    check_size(8 * n_columns * n_rows, limit=room, what=visible(key))
     values = np.asarray(data[()], dtype=np.float64).reshape(n_columns, n_rows)
     for i, column in enumerate(values):
         label = key if n_columns == 1 else f"{key}:{i + 1}"

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.readers.foreign import check_size, load_library, refusing_damage
+from damperfit.readers.apart import groups_read_apart
+from damperfit.readers.foreign import check_size, refusing_damage
 from damperfit.readers.grouping import Group, GroupChannel, group_tables
 
 if TYPE_CHECKING:
@@ -24,7 +25,9 @@ if TYPE_CHECKING:
     from damperfit.readers.options import ReadOptions
     from damperfit.readers.table import Table
 
-__all__ = ["read_mdf"]
+__all__ = ["EXTRA", "READS", "read_groups", "read_mdf"]
+
+EXTRA, READS = "mdf", "MDF"
 
 _FIRST_BLOCK = 64
 _MAX_BLOCKS = 1_000_000
@@ -47,22 +50,31 @@ def read_mdf(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     if source.data.startswith(b"UnFinMF"):
         raise LogError(f"{name}: truncated MDF file: the recording was not finished")
     _check_blocks(source.data, name=name, limit=options.max_bytes)
-    asammdf = load_library("asammdf", extra="mdf", reads="MDF", name=name)
-    with refusing_damage("MDF file", name=name):
-        file = asammdf.MDF(io.BytesIO(source.data), remove_source_from_channel_names=True)
-        try:
-            _check_rows(file, source, options)
-            groups = [_group(file, index) for index in range(len(file.groups))]
-        finally:
-            file.close()
+    groups = groups_read_apart(__name__, "asammdf", source, options)
     return group_tables(groups, options, name=name)
 
 
-def _check_rows(file: Any, source: Source, options: ReadOptions) -> None:
+def read_groups(data: bytes, limit: int) -> list[Group]:
+    """Return the channel groups of a file; runs in a process of its own.
+
+    Raises
+    ------
+    LogError
+        The file is damaged or claims more than the limit.
+    """
+    import asammdf
+
+    with refusing_damage(READS):
+        file = asammdf.MDF(io.BytesIO(data), remove_source_from_channel_names=True)
+        _check_rows(file, limit)
+        return [_group(file, index) for index in range(len(file.groups))]
+
+
+def _check_rows(file: Any, limit: int) -> None:
     for group in file.groups:
         n_rows = int(group.channel_group.cycles_nr)
         n_bytes = n_rows * 8 * max(len(group.channels), 1)
-        check_size(n_bytes, limit=options.max_bytes, what="a channel group", name=source.name)
+        check_size(n_bytes, limit=limit, what="a channel group")
 
 
 def _group(file: Any, index: int) -> Group:

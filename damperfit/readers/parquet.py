@@ -49,7 +49,8 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         fields = [schema.field(i) for i in range(len(schema))]
     except (pa.ArrowException, OSError, ValueError) as error:
         raise LogError(f"{name}: damaged Parquet: {_first_line(error)}") from error
-    n_rows = file.metadata.num_rows
+    groups = (file.metadata.row_group(i) for i in range(file.metadata.num_row_groups))
+    n_rows = max(file.metadata.num_rows, sum(max(group.num_rows, 0) for group in groups))
     claimed = max(n_rows, 0) * 8 * 4  # four channels of float64 are all that is ever loaded
     if claimed > options.max_bytes:
         raise LogError(
@@ -75,7 +76,8 @@ def _texts(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
 
 
 def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0][:200]
+    found = (str(error).splitlines() or [""])[0] or type(error).__name__
+    return visible(found, limit=150)
 
 
 def _load(file: Any, fields: list[Any], wanted: Mapping[str, int], name: str) -> Samples:
@@ -94,8 +96,9 @@ def _load(file: Any, fields: list[Any], wanted: Mapping[str, int], name: str) ->
             channel: _floats(table.column(fields[index].name)) for channel, index in wanted.items()
         }
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
-        found = visible(_first_line(error), limit=200)
-        raise LogError(f"{name}: damaged Parquet: {found}; copy the log again") from error
+        raise LogError(
+            f"{name}: damaged Parquet: {_first_line(error)}; copy the log again"
+        ) from error
     return Samples(channels, lambda index: f"row {index + 1}")
 
 

@@ -131,7 +131,8 @@ def test_every_kind_of_number_is_read_as_scipy_reads_it(tmp_path, kind, is_packe
     recording = read_log(put(tmp_path, data, "a.mat"), options)
     expected = scipy_io.loadmat(io.BytesIO(data))["a"]
     np.testing.assert_array_equal(recording.force, expected[:, 2])
-    np.testing.assert_array_equal(recording.displacement, expected[:, 0] * 1e-3)
+    expected_si = expected[:, 0].astype(float) * 1e-3
+    np.testing.assert_array_equal(recording.displacement, expected_si)
 
 
 @pytest.mark.parametrize("is_packed", [True, False])
@@ -264,6 +265,41 @@ def test_mdf_of_version_3_is_refused(tmp_path) -> None:
     assert "3.30" in refusal(put(tmp_path, data, "a.mdf"))
 
 
+# Libraries that may end the process
+
+
+def test_a_reader_that_dies_or_never_ends_is_one_refused_log(tmp_path, monkeypatch) -> None:
+    from damperfit.readers import apart, hdf5
+
+    pytest.importorskip("h5py")
+    path = put(tmp_path, binary_logs.matlab_73(SCENARIO), "a.mat")
+    monkeypatch.setattr(apart, "_CHILD", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+    assert "its reader ended by" in refusal(path)
+    monkeypatch.setattr(apart, "_CHILD", "import time; time.sleep(60)")
+    monkeypatch.setattr(apart, "_TIME_LIMIT", 0.2)
+    assert "not read in 0.2 s" in refusal(path)
+    assert hdf5.READS in refusal(path)
+
+
+def test_modules_beside_a_log_are_never_imported(tmp_path, monkeypatch) -> None:
+    pytest.importorskip("h5py")
+    (tmp_path / "h5py.py").write_text("raise SystemExit(7)")
+    (tmp_path / "json.py").write_text("raise SystemExit(7)")
+    monkeypatch.chdir(tmp_path)
+    path = put(tmp_path, binary_logs.matlab_73(SCENARIO), "a.mat")
+    np.testing.assert_array_equal(read_log(path).force, SCENARIO.force_n)
+
+
+def test_hdf5_that_claims_terabytes_is_refused(tmp_path) -> None:
+    h5py = pytest.importorskip("h5py")
+    sink = io.BytesIO()
+    with h5py.File(sink, "w") as file:
+        for name in ("time_s", "displacement_mm", "force_N"):
+            # Nothing is stored until something is written.
+            file.create_dataset(name, shape=(1, 10**12), dtype="f8", chunks=(1, 1000))
+    assert "max_bytes" in refusal(put(tmp_path, sink.getvalue(), "a.mat"))
+
+
 # Excel
 
 
@@ -318,9 +354,11 @@ def test_damaged_bytes_give_a_log_or_one_line(tmp_path, writer) -> None:
         pytest.importorskip(module)
     data = write(SCENARIO)
     path = tmp_path / file_name
+    # MDF and HDF5 are read in a process of their own, 0.2 s each.
+    n_examples = 10 if writer in {"MDF", "MATLAB 7.3"} else 60
 
     @settings(
-        max_examples=40,
+        max_examples=n_examples,
         deadline=None,
         suppress_health_check=list(HealthCheck),
         derandomize=True,

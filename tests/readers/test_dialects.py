@@ -80,6 +80,13 @@ def test_a_declared_rate_replaces_the_clock_but_pauses_still_count(put) -> None:
     np.testing.assert_array_equal(parts[1].time, [0.0, 0.005, 0.01])
 
 
+@pytest.mark.parametrize(("unit", "n_infinite"), [("N", 3), ("kN", 4)])  # 1.5e308 N is a number
+def test_a_scale_that_overflows_is_refused(put, unit, n_infinite) -> None:
+    options = ReadOptions(scales={"force": 1e308}, units={"force": unit})
+    with pytest.raises(LogError, match=f"line 2: force is .*infinite, in {n_infinite} of 5"):
+        read_log(put(text(Scenario())), options)
+
+
 def test_logger_without_profile_says_what_is_missing(put) -> None:
     with pytest.raises(LogError, match="no column for displacement; there are 'Sample Number'"):
         read_logs(put(LOGGER, "other.txt"), ReadOptions(profiles=(LOGGER_PROFILE,)))
@@ -127,6 +134,12 @@ def test_mts_blocks_are_tests(put, decimal) -> None:
         np.testing.assert_allclose(part.displacement, (np.arange(4) + start) / 1e3, rtol=1e-14)
         np.testing.assert_array_equal(part.force, -500.0 * np.arange(4))
     assert parts[1].notes[1].startswith("part: Data Acquisition: Timed")
+
+
+def test_what_stands_above_the_blocks_holds_for_all(put) -> None:
+    log = _mts(".").replace("\r\n\r\n", "\r\nSetting: 7\r\nOperator: A\r\n", 1)
+    parts = read_logs(put(log, "specimen.dat"))
+    assert [(part.setting, part.metadata["operator"]) for part in parts] == [(7, "A")] * 2
 
 
 def test_mts_decimal_mark_of_the_first_line_counts(put) -> None:
@@ -205,6 +218,13 @@ def test_a_bad_stamp_has_its_line(put) -> None:
     log = "time,displacement_mm,force_N\n10:00:00,1,2\n10:00:01,1,2\nnoon,1,2\n10:00:03,1,2\n"
     with pytest.raises(LogError, match="line 4: time is 'noon', expected a time of day"):
         read_log(put(log))
+
+
+def test_clocks_of_which_every_row_is_bad(put) -> None:
+    # Used to end in an IndexError.
+    log = "time,displacement_mm,force_N\n" + "10:00:00,1,OVR\n" * 4
+    with pytest.raises(LogError, match="no data rows; first:"):
+        read_log(put(log), ReadOptions(bad_rows="drop"))
 
 
 def test_sampling_rate_of_the_preamble_stands_in_for_time(put) -> None:
@@ -340,6 +360,13 @@ def test_a_long_preamble_of_numbers_and_prose(put) -> None:
     recording = read_log(put(preamble + text(Scenario()).replace(",", ";")))
     np.testing.assert_array_equal(recording.force, Scenario().force_n)
     assert "preamble: 60 lines above the names" in recording.notes
+
+
+def test_a_decimal_comma_below_many_whole_numbers(put) -> None:
+    rows = [f"{i};0;0" for i in range(2000)] + ["2000;0,5;-1,25"]
+    recording = read_log(put("time_s;displacement_mm;force_N\n" + "\n".join(rows) + "\n"))
+    assert (recording.displacement[-1], recording.force[-1]) == (0.0005, -1.25)
+    assert "decimal mark: comma" in recording.notes
 
 
 def test_units_row_of_another_length(put) -> None:

@@ -1,0 +1,216 @@
+"""Damaged logs against every reader: a recording or one LogError, in bounded time and memory.
+
+    python -m tests.fuzz.fuzz_readers --runs 100000            # each format in turn
+    python -m tests.fuzz.fuzz_readers --format TDMS --seed 7
+    python -m tests.fuzz.fuzz_readers --format "MATLAB 7" --engine atheris --runs 1000000
+
+What breaks the promise is kept in the folder --keep, and the command ends with code 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import os
+import random
+import resource
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from damperfit.errors import LogError
+from damperfit.readers import ReadOptions, read_logs
+from tests.readers import binary_logs, scenarios
+
+SCENARIO = scenarios.Scenario()
+MAX_SECONDS = 5.0
+MAX_GROWTH = 300_000_000  # bytes beyond what reading the undamaged log took
+OPTIONS = ReadOptions(max_bytes=20_000_000)
+APART = ("MDF", "MATLAB 7.3")  # a process for each log: a hundredth of the runs
+TOKENS = (
+    b"nan", b"inf", b"1e400", b"-", b",", b";", b"\t", b'"', b"\r", b"\n", b"\0", b"#", b"\xb5",
+    b"# setting: ", b"Data Acquisition", b"MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A", b"Header Size: 7",
+    b"\xff\xfe", b"\xef\xbb\xbf", b"12:00:00 PM", b"2022-02-30", b"(mm)", b"time_s", b"force_N",
+    b"\xff\xff\xff\xff\xff\xff\xff\xff", b"\x00\x00\x00\x80", b"1,5", b"0x10", b"1_000",
+)  # fmt: skip
+
+
+class PromiseBroken(AssertionError):  # noqa: N818  # what it says
+    """A reader let something else out, took too long or too much."""
+
+
+@cache
+def seeds() -> dict[str, tuple[str, bytes]]:
+    """Return format -> file name and bytes of a good log."""
+    found = {name: (file, write(SCENARIO)) for name, (file, write) in scenarios.WRITERS.items()}
+    for name, (file, write, needed) in binary_logs.WRITERS.items():
+        if all(importlib.util.find_spec(module) for module in needed):
+            found[name] = (file, write(SCENARIO))
+    return found
+
+
+def memory() -> int:
+    """Return the most memory this process has had, in bytes."""
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+
+@dataclass
+class Tally:
+    """What came of the runs."""
+
+    read: int = 0
+    refused: int = 0
+    slowest: float = 0.0
+    start_memory: int = field(default_factory=memory)
+
+    def __str__(self) -> str:
+        growth = (memory() - self.start_memory) / 1e6
+        return (
+            f"{self.read} read, {self.refused} refused, slowest {self.slowest:.3f} s, "
+            f"memory grew {growth:.0f} MB"
+        )
+
+
+def attempt(data: bytes, path: Path, tally: Tally) -> None:
+    """Read bytes as a log.
+
+    Raises
+    ------
+    PromiseBroken
+        See the class.
+    """
+    path.write_bytes(data)
+    begin = time.perf_counter()
+    try:
+        recordings = read_logs(path, OPTIONS)
+    except LogError as error:
+        tally.refused += 1
+        message = str(error)
+        if len(message.splitlines()) != 1 or not message.isprintable():
+            raise PromiseBroken(f"no single printable line: {message!r}") from error
+    except Exception as error:
+        raise PromiseBroken(f"{type(error).__name__}: {error}") from error
+    else:
+        tally.read += 1
+        for recording in recordings:
+            for values in (recording.time, recording.displacement, recording.force):
+                if not np.isfinite(values).all() or len(values) != len(recording.time):
+                    raise PromiseBroken("a channel that is not finite, or of another length")
+            if not np.all(np.diff(recording.time) > 0.0):
+                raise PromiseBroken("time that does not increase")
+    took = time.perf_counter() - begin
+    tally.slowest = max(tally.slowest, took)
+    if took > MAX_SECONDS:
+        raise PromiseBroken(f"took {took:.1f} s")
+    if memory() - tally.start_memory > MAX_GROWTH:
+        raise PromiseBroken("memory grew beyond the limit")
+
+
+def damaged(data: bytes, others: list[bytes], dice: random.Random) -> bytes:
+    """Return bytes with one to eight wounds."""
+    wounded = bytearray(data)
+    for _ in range(dice.choice((1, 1, 1, 2, 4, 8))):
+        at = dice.randrange(len(wounded) + 1)
+        kind = dice.randrange(8)
+        if kind == 0:
+            del wounded[at:]
+        elif kind == 1:
+            del wounded[at : at + dice.randrange(1, 40)]
+        elif kind == 2:
+            wounded[at:at] = dice.choice(TOKENS)
+        elif kind == 3:
+            part = wounded[at : at + dice.randrange(1, 200)]
+            wounded[at:at] = bytes(part) * dice.choice((1, 1, 50))
+        elif kind == 4:
+            other = dice.choice(others)
+            start = dice.randrange(len(other) + 1)
+            wounded[at:at] = other[start : start + dice.randrange(1, 200)]
+        elif at < len(wounded):
+            wounded[at] = dice.choice((0, 1, 255, wounded[at] ^ 1 << dice.randrange(8)))
+    return bytes(wounded)
+
+
+def fuzz(name: str, *, runs: int, seed: int, folder: Path, keep: Path) -> Tally:
+    """Read that many damaged logs of a format.
+
+    Raises
+    ------
+    PromiseBroken
+        Names the file that holds the bytes.
+    """
+    logs = seeds()
+    file, data = logs[name]
+    others = [other for _, other in logs.values()]
+    dice = random.Random(f"{name} {seed}")  # noqa: S311  # the same for the same seed
+    path = folder / file
+    attempt(data, path, Tally())
+    tally = Tally()
+    for _ in range(runs):
+        wounded = damaged(data, others, dice)
+        _attempt_or_keep(wounded, path, tally, keep)
+    return tally
+
+
+def _attempt_or_keep(data: bytes, path: Path, tally: Tally, keep: Path) -> None:
+    try:
+        attempt(data, path, tally)
+    except PromiseBroken as error:
+        keep.mkdir(parents=True, exist_ok=True)
+        kept = keep / f"{time.time_ns()}_{path.name}"
+        kept.write_bytes(data)
+        raise PromiseBroken(f"{error} (kept as {kept})") from error
+
+
+def _fuzz_with_atheris(name: str, *, runs: int, folder: Path, keep: Path) -> None:
+    """Let libFuzzer choose the bytes by what they reach in our own modules."""
+    import atheris
+
+    file, data = seeds()[name]
+    corpus = folder / "corpus"
+    corpus.mkdir()
+    (corpus / "seed").write_bytes(data)
+    tally = Tally()
+
+    def one(chosen: bytes) -> None:
+        _attempt_or_keep(chosen, folder / file, tally, keep)
+
+    atheris.instrument_all()
+    atheris.Setup([sys.argv[0], f"-runs={runs}", "-max_len=20000", str(corpus)], one)
+    atheris.Fuzz()
+
+
+def main() -> int:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description="Damaged logs against every reader.")
+    parser.add_argument("--format", choices=sorted(seeds()), action="append")
+    parser.add_argument("--runs", type=int, default=20_000, help="for each format")
+    parser.add_argument("--seed", type=int, default=time.time_ns())
+    parser.add_argument("--engine", choices=("random", "atheris"), default="random")
+    parser.add_argument("--keep", type=Path, default=Path("fuzz_findings"))
+    chosen = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        for name in chosen.format or seeds():
+            runs = max(1, chosen.runs // (100 if name in APART else 1))
+            if chosen.engine == "atheris":
+                _fuzz_with_atheris(name, runs=runs, folder=Path(folder), keep=chosen.keep)
+                continue
+            try:
+                tally = fuzz(
+                    name, runs=runs, seed=chosen.seed, folder=Path(folder), keep=chosen.keep
+                )
+            except PromiseBroken as error:
+                print(f"{name}: {error}")
+                return 1
+            print(f"{name}: {tally}", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    sys.exit(main())

@@ -1,0 +1,36 @@
+"""A short run of the fuzzer over every format; the long one is a command of its own."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from tests.fuzz.fuzz_readers import APART, SCENARIO, PromiseBroken, Tally, attempt, damaged, fuzz
+from tests.readers import binary_logs, scenarios
+
+
+@pytest.mark.parametrize("name", [*scenarios.WRITERS, *binary_logs.WRITERS])
+def test_damaged_logs_are_read_or_refused(tmp_path, name) -> None:
+    for module in binary_logs.WRITERS[name][2] if name in binary_logs.WRITERS else ():
+        pytest.importorskip(module)
+    runs = 5 if name in APART else 150
+    tally = fuzz(name, runs=runs, seed=1, folder=tmp_path, keep=tmp_path / "kept")
+    assert tally.read + tally.refused == runs
+    assert tally.refused > 0
+
+
+def test_the_fuzzer_sees_a_promise_broken(tmp_path, monkeypatch) -> None:
+    def broken(*_) -> None:
+        raise KeyError("force")
+
+    monkeypatch.setattr("tests.fuzz.fuzz_readers.read_logs", broken)
+    with pytest.raises(PromiseBroken, match="KeyError"):
+        attempt(b"time_s", tmp_path / "log.csv", Tally())
+
+
+def test_damage_is_the_same_for_the_same_seed() -> None:
+    data = scenarios.WRITERS["plain"][1](SCENARIO)
+    dice = (random.Random(4) for _ in range(2))  # noqa: S311
+    first, second = (damaged(data, [data], die) for die in dice)
+    assert first == second != data
