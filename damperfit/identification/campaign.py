@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, SimulationError
-from damperfit.identification.descent import FitCancelledError, Misfit
+from damperfit.identification.descent import FitCancelledError
+from damperfit.identification.first_pass import first_pass
 from damperfit.identification.joint import fit_jointly
 from damperfit.identification.options import FitOptions, check_options
 from damperfit.identification.outcome import Outcome
@@ -24,27 +24,21 @@ from damperfit.identification.setting import (
     Fit,
     Judged,
     describe_fit,
-    fit_guided,
     fit_setting,
-    is_sound,
 )
 from damperfit.identification.sharing import Sharing
-from damperfit.identification.starting import scan_bulk_modulus, starting_values
+from damperfit.identification.task import Task, closed_form_start, ordered
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
-    from damperfit.damper.parameters import Damper, Parameters
+    from damperfit.damper.parameters import Damper
     from damperfit.recording import Trace
 
 __all__ = ["PROCEDURES", "Campaign", "identify"]
 
 _MODEL_PARAMETERS = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
 _PAPER_FREE = ("r_m1", "r_m2", "k_e")
-# Where the scan over bulk moduli starts from when no other setting has been fitted.
-_BULK_MODULUS = 6e8
-# A first-pass friction is used when its setting's R_m3 agrees this well with the lowest setting's.
-_SAME_R_M3 = 0.25
 _NOT_JOINT = (
     "the joint fit needs two settings at a sound minimum and a shared parameter: these are the "
     "results of procedure paper."
@@ -80,28 +74,6 @@ class Campaign:
     warnings: tuple[str, ...] = ()
     is_complete: bool = True
     sharing: Sharing = Sharing()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Task:
-    """Everything a procedure needs."""
-
-    settings: Mapping[int, tuple[Trace, ...]]
-    damper: Damper
-    options: FitOptions
-    jobs: int
-    on_fit: Callable[[Fit], None]
-    cancelled: Callable[[], bool]
-
-    def misfit(self, setting: int, free: tuple[str, ...]) -> Misfit:
-        return Misfit(
-            self.settings[setting],
-            self.damper,
-            free,
-            self.options.solver,
-            self.options.max_evaluations,
-            self.cancelled,
-        )
 
 
 def identify(
@@ -146,7 +118,7 @@ def identify(
         A trace without a setting.
     """
     check_options(options)
-    task = _Task(
+    task = Task(
         _by_setting(traces),
         damper,
         options,
@@ -157,7 +129,7 @@ def identify(
     return PROCEDURES[options.procedure](task)
 
 
-def _plain(task: _Task) -> Campaign:
+def _plain(task: Task) -> Campaign:
     """Fit at every setting what is free, from the closed form."""
     fixed = dict(task.options.fixed)
     fixed.setdefault("f_0", 0.0)
@@ -174,13 +146,13 @@ def _plain(task: _Task) -> Campaign:
             )
 
     def fit(setting: int) -> Fit:
-        misfit = task.misfit(setting, _ordered(free))
-        return describe_fit(setting, fit_setting(misfit, _start(misfit, fixed)), misfit)
+        misfit = task.misfit(setting, ordered(free))
+        return describe_fit(setting, fit_setting(misfit, closed_form_start(misfit, fixed)), misfit)
 
     return _collect(task, fit, ())
 
 
-def _paper(task: _Task) -> Campaign:
+def _paper(task: Task) -> Campaign:
     """The paper's own procedure, sections 3 and 4 of its identification."""
     fixed = dict(task.options.fixed)
     free = task.options.free or tuple(name for name in _PAPER_FREE if name not in fixed)
@@ -189,14 +161,14 @@ def _paper(task: _Task) -> Campaign:
         fixed.setdefault("f_0", 0.0)
         shared_free = tuple(name for name in shared_free if name != "f_0")
     try:
-        first, warnings = _first_pass(task, _ordered(shared_free), fixed, set(free))
+        first, warnings = first_pass(task, ordered(shared_free), fixed, set(free))
     except FitCancelledError:
         return Campaign("paper", (), is_complete=False)
     held = {**{k: v for k, v in fixed.items() if k not in free}, **first.shared}
 
     def fit(setting: int) -> Fit:
-        misfit = task.misfit(setting, _ordered(free))
-        start = first.start(setting) or _start(misfit, held)
+        misfit = task.misfit(setting, ordered(free))
+        start = first.start(setting) or closed_form_start(misfit, held)
         spent = first.evaluations(setting)
         judged = fit_setting(misfit, replace(start, **held), spent=spent)
         return describe_fit(setting, _named_shared(judged, first.sharing.found), misfit)
@@ -204,9 +176,9 @@ def _paper(task: _Task) -> Campaign:
     return replace(_collect(task, fit, warnings), sharing=first.sharing)
 
 
-def _joint(task: _Task) -> Campaign:
+def _joint(task: Task) -> Campaign:
     """One fit over the settings, from the paper's procedure as start; unsound ones follow it."""
-    shared = _ordered(task.options.share)
+    shared = ordered(task.options.share)
     own = task.options.free or tuple(
         name for name in _PAPER_FREE if name not in {*task.options.fixed, *shared}
     )
@@ -222,7 +194,7 @@ def _joint(task: _Task) -> Campaign:
     common = {
         name: float(np.mean([getattr(start, name) for start in starts.values()])) for name in shared
     }
-    free = _ordered((*own, *shared))
+    free = ordered((*own, *shared))
     try:
         found = fit_jointly(
             {setting: task.misfit(setting, free) for setting in starts},
@@ -239,7 +211,7 @@ def _joint(task: _Task) -> Campaign:
     def fit(setting: int) -> Fit:
         if setting not in fits:
             raise SimulationError(dict(before.failures)[setting])
-        misfit = task.misfit(setting, _ordered(own))
+        misfit = task.misfit(setting, ordered(own))
         start = found.parameters.get(setting, replace(fits[setting].parameters, **held))
         spent = fits[setting].evaluations + found.evaluations
         judged = fit_setting(misfit, start, spent=spent)
@@ -252,26 +224,11 @@ def _joint(task: _Task) -> Campaign:
     )
 
 
-PROCEDURES: dict[str, Callable[[_Task], Campaign]] = {
+PROCEDURES: dict[str, Callable[[Task], Campaign]] = {
     "paper": _paper,
     "joint": _joint,
     "plain": _plain,
 }
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _FirstPass:
-    judged: Mapping[int, Judged]
-    shared: Mapping[str, float]
-    sharing: Sharing = Sharing()
-
-    def start(self, setting: int) -> Parameters | None:
-        """Where the second pass starts, if the first ended where a fit should end."""
-        judged = self.judged.get(setting)
-        return judged.solution.parameters if judged is not None and is_sound(judged) else None
-
-    def evaluations(self, setting: int) -> int:
-        return self.judged[setting].solution.evaluations if setting in self.judged else 0
 
 
 def _named_shared(judged: Judged, shared: Iterable[str]) -> Judged:
@@ -279,123 +236,7 @@ def _named_shared(judged: Judged, shared: Iterable[str]) -> Judged:
     return replace(judged, status={**judged.status, **dict.fromkeys(shared, "shared")})
 
 
-def _first_pass(
-    task: _Task, names: tuple[str, ...], fixed: Mapping[str, float], free: set[str]
-) -> tuple[_FirstPass, tuple[str, ...]]:
-    """All parameters free at every setting; returns R_m3 and f_f as the paper takes them."""
-    wanted = [name for name in ("r_m3", "f_f") if name not in fixed and name not in free]
-    if not wanted:
-        return _FirstPass({}, {}), ()
-    lowest = min(task.settings)
-    warnings: list[str] = []
-    if lowest != 1 and "r_m3" in wanted:
-        warnings.append(f"there is no log of setting 1: R_m3 is taken from setting {lowest}.")
-    misfit = task.misfit(lowest, names)
-    judged = {lowest: fit_setting(misfit, _start(misfit, fixed))}
-    shared: dict[str, float] = {}
-    anchor = judged[lowest].solution.parameters
-    r_m3_from, is_refined = None, False
-    f_f_from: tuple[int, ...] = ()
-    if "r_m3" in wanted:
-        shared["r_m3"], said = _shared_r_m3(judged[lowest], lowest, task.options)
-        r_m3_from = None if said else lowest
-        warnings.extend(said)
-    anchor = replace(anchor, **shared)
-    judged.update(_free_everywhere(task, names, fixed, anchor))
-    if "f_f" in wanted:
-        shared["f_f"], f_f_from, said = _shared_friction(judged, shared, task.options)
-        warnings.extend(said)
-    if set(wanted) == {"r_m3", "f_f"} and is_sound(judged[lowest]) and len(judged) > 1:
-        again = _with_mean_friction(misfit, judged[lowest], shared["f_f"])
-        is_refined = again is not judged[lowest]
-        judged[lowest] = again
-        shared["r_m3"] = again.solution.parameters.r_m3
-    sharing = Sharing(names, r_m3_from=r_m3_from, f_f_from=f_f_from, is_refined=is_refined)
-    return _FirstPass(judged, shared, sharing), tuple(warnings)
-
-
-def _with_mean_friction(misfit: Misfit, judged: Judged, f_f: float) -> Judged:
-    """The lowest setting once more with the mean friction, which halves the error of its R_m3.
-
-    R_m3 and f_f are strongly correlated within one setting; the mean over the settings knows f_f
-    better than any one of them. An unsound result changes nothing.
-    """
-    free = tuple(name for name in misfit.free if name != "f_f")
-    start = replace(judged.solution.parameters, f_f=f_f)
-    again = fit_setting(replace(misfit, free=free), start, spent=judged.solution.evaluations)
-    return again if is_sound(again) else judged
-
-
-def _free_everywhere(
-    task: _Task, names: tuple[str, ...], fixed: Mapping[str, float], anchor: Parameters
-) -> dict[int, Judged]:
-    """The first pass at all settings but the lowest, each from its closed form and the anchor."""
-
-    def one(setting: int) -> Judged | None:
-        misfit = task.misfit(setting, names)
-        known = {**fixed, "r_m3": anchor.r_m3, "f_f": anchor.f_f}
-        start = starting_values(misfit.traces, task.damper, known, anchor.k_e)
-        try:
-            return fit_guided(misfit, start)
-        except FitCancelledError:
-            raise
-        except DamperfitError:
-            return None
-
-    others = sorted(task.settings)[1:]
-    with ThreadPoolExecutor(task.jobs) as pool:
-        found = dict(zip(others, pool.map(one, others), strict=True))
-    return {setting: judged for setting, judged in found.items() if judged is not None}
-
-
-def _shared_r_m3(judged: Judged, lowest: int, options: FitOptions) -> tuple[float, list[str]]:
-    if is_sound(judged) or judged.status["r_m3"] == "fitted":
-        return judged.solution.parameters.r_m3, []
-    said = (
-        f"the logs of setting {lowest} do not fix R_m3 ({judged.outcome.value}): the paper's "
-        f"{options.fallback_r_m3:.4g} is used; give --fix r_m3=VALUE if yours is known."
-    )
-    return options.fallback_r_m3, [said]
-
-
-def _shared_friction(
-    judged: Mapping[int, Judged], shared: Mapping[str, float], options: FitOptions
-) -> tuple[float, tuple[int, ...], list[str]]:
-    """The mean friction over the settings whose first pass is sound, and these settings."""
-    sound = {
-        setting: one.solution.parameters
-        for setting, one in judged.items()
-        if is_sound(one)
-        and abs(one.solution.parameters.r_m3 / shared.get("r_m3", one.solution.parameters.r_m3) - 1)
-        < _SAME_R_M3
-    }
-    if not sound:
-        said = (
-            "no setting's logs fix the friction: the paper's "
-            f"{options.fallback_f_f:g} N is used; give --fix f_f=VALUE if yours is known."
-        )
-        return options.fallback_f_f, (), [said]
-    left_out = sorted(set(judged) - set(sound))
-    warnings = []
-    if left_out:
-        listed = ", ".join(str(setting) for setting in left_out)
-        warnings.append(
-            f"friction is the mean over {len(sound)} of {len(judged)} settings: with all "
-            f"parameters free the fit is not sound at setting {listed}."
-        )
-    used = tuple(sorted(sound))
-    return float(np.mean([sound[setting].f_f for setting in used])), used, warnings
-
-
-def _start(misfit: Misfit, fixed: Mapping[str, float]) -> Parameters:
-    k_e = fixed.get("k_e", _BULK_MODULUS)
-    start = starting_values(misfit.traces, misfit.damper, fixed, k_e)
-    if "k_e" in fixed:
-        return start
-    return scan_bulk_modulus(start, misfit.traces, misfit.damper, misfit.solver)
-
-
-def _collect(task: _Task, fit: Callable[[int], Fit], warnings: Iterable[str]) -> Campaign:
+def _collect(task: Task, fit: Callable[[int], Fit], warnings: Iterable[str]) -> Campaign:
     """Run the fit at every setting, in threads; one setting's failure leaves the others."""
 
     def one(setting: int) -> Fit | str | None:
@@ -433,8 +274,3 @@ def _by_setting(traces: Sequence[Trace]) -> dict[int, tuple[Trace, ...]]:
         setting: tuple(sorted(groups[setting], key=lambda t: (t.name, t.start_time)))
         for setting in sorted(groups)
     }
-
-
-def _ordered(names: Iterable[str]) -> tuple[str, ...]:
-    wanted = set(names)
-    return tuple(name for name in PARAMETER_NAMES if name in wanted)
