@@ -218,7 +218,7 @@ def _backwards(time: FloatArray, i: int, n_such: int, samples: Samples, name: st
     what = "repeats" if time[i] == time[i - 1] else "runs backwards"
     return (
         f"{name}, {samples.place(i)}: time {what}: {time[i]:.9g} s after {time[i - 1]:.9g} s; "
-        f"time must increase ({n_such} such rows)"
+        f"time must increase ({n_such} such rows); several tests in one file: declare rig.restarts"
     )
 
 
