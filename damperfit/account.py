@@ -16,7 +16,7 @@ from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Outcome
 from damperfit.report import Failure, ReportFacts
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
-from damperfit.uncertainty import METHOD
+from damperfit.uncertainty import METHOD, verdicts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -103,6 +103,7 @@ def record(
     settings: Settings,
     intake: Intake,
     facts: ReportFacts,
+    campaign: Campaign,
     assessment: Assessment,
     *,
     ending: Ending,
@@ -121,18 +122,20 @@ def record(
         "gaps": list(facts.gaps),
         "gates_missed": list(facts.gates),
         "procedure": list(facts.procedure),
-        "uncertainty": list(_trust(assessment)),
+        "uncertainty": list(_trust(campaign, assessment)),
         "schema": describe_tables(),
     }
     cleaned: dict[str, Any] = json_values(document)
     return cleaned
 
 
-def _trust(assessment: Assessment) -> Iterator[dict[str, Any]]:
+def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any]]:
     """Yield, by setting, what stands behind the intervals, and what the residuals say."""
+    fits = {fit.setting: fit for fit in campaign.fits}
     for known, seen in zip(assessment.uncertainties, assessment.diagnoses, strict=True):
         yield {
             "setting": known.setting,
+            "verdicts": verdicts(fits[known.setting], known),
             "parameters": list(known.names),
             "correlation": known.correlation.tolist(),
             "jackknife_over_sandwich": {

@@ -152,7 +152,7 @@ def run(
             provenance=origin,
         ),
         facts=facts,
-        record=record(settings, intake, facts, assessment, ending=ending),
+        record=record(settings, intake, facts, campaign, assessment, ending=ending),
     )
     if campaign.fits or not facts.is_interrupted:
         _write(settings, result, origin, clock=clock, jobs=workers)

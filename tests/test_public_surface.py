@@ -219,6 +219,7 @@ SURFACE = {
         "diagnose",
         "gather",
         "uncertainties",
+        "verdicts",
     ],
 }
 

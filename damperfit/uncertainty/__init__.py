@@ -9,6 +9,7 @@ from damperfit.uncertainty.intervals import (
     uncertainties,
 )
 from damperfit.uncertainty.residuals import Diagnosis, Hint, diagnose
+from damperfit.uncertainty.verdicts import verdicts
 
 __all__ = [
     "METHOD",
@@ -24,4 +25,5 @@ __all__ = [
     "diagnose",
     "gather",
     "uncertainties",
+    "verdicts",
 ]

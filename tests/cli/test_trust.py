@@ -27,6 +27,9 @@ def test_tables_and_run_json_carry_errors_and_correlations(logs, tmp_path, proce
     assert [one["setting"] for one in record["uncertainty"]] == sorted(truth)
     for one in record["uncertainty"]:
         assert one["parameters"] == ["r_m1", "r_m2", "k_e", "r_m3", "f_f"]
+        assert one["verdicts"]["f_0"] == "held at the value given"
+        assert one["verdicts"]["r_m3"].startswith("shared by all settings, 95 % from 2.")
+        assert one["verdicts"]["k_e"].startswith("fitted, 95 % from ")
         matrix = one["correlation"]
         assert [matrix[i][i] for i in range(5)] == pytest.approx([1.0] * 5)
         assert all(abs(value) <= 1.0 + 1e-12 for row in matrix for value in row)
