@@ -91,6 +91,7 @@ def _load(file: Any, fields: list[Any], wanted: Mapping[str, int], name: str) ->
     columns = sorted({fields[index].name for index in wanted.values()})
     try:
         table = file.read(columns=columns, use_threads=False)
+        _check_counts(file.metadata, table.num_rows, name)
         table.validate(full=True)
         channels = {
             channel: _floats(table.column(fields[index].name)) for channel, index in wanted.items()
@@ -100,6 +101,20 @@ def _load(file: Any, fields: list[Any], wanted: Mapping[str, int], name: str) ->
             f"{name}: damaged Parquet: {_first_line(error)}; copy the log again"
         ) from error
     return Samples(channels, lambda index: f"row {index + 1}")
+
+
+def _check_counts(metadata: Any, n_read: int, name: str) -> None:
+    """Compare what is said twice: the footer has no checksum, and a count may be damaged.
+
+    The counts of the columns are left alone: asking pyarrow for a damaged one ends the process.
+    """
+    groups = range(metadata.num_row_groups)
+    n_held = sum(metadata.row_group(i).num_rows for i in groups)
+    if not metadata.num_rows == n_held == n_read:
+        raise LogError(
+            f"{name}: damaged Parquet: {metadata.num_rows} rows are announced, {n_held} held and "
+            f"{n_read} read; copy the log again"
+        )
 
 
 def _floats(column: Any) -> FloatArray:

@@ -17,7 +17,7 @@ from scipy import io as scipy_io
 
 from damperfit.errors import LogError
 from damperfit.readers import ReadOptions, read_log, read_logs
-from tests.readers import binary_logs
+from tests.readers import binary_logs, scenarios
 from tests.readers.binary_logs import WRITERS
 from tests.readers.scenarios import Scenario, check_round_trip
 
@@ -379,3 +379,29 @@ def test_damaged_bytes_give_a_log_or_one_line(tmp_path, writer) -> None:
                 assert np.isfinite(recording.force).all()
 
     attempt()
+
+
+# Parquet
+
+
+@pytest.mark.parametrize("stride", [pytest.param(23), pytest.param(1, marks=pytest.mark.slow)])
+def test_a_flipped_bit_in_parquet_never_changes_a_number(tmp_path, stride) -> None:
+    # The pages have checksums; the footer, with its counts, has none.
+    file_name, write = scenarios.WRITERS["Parquet"]
+    data = write(SCENARIO)
+    path = put(tmp_path, data, file_name)
+    good = read_log(path)
+    n_refused = 0
+    for position in range(0, 8 * len(data), stride):
+        flipped = bytearray(data)
+        flipped[position // 8] ^= 1 << position % 8
+        path.write_bytes(bytes(flipped))
+        try:
+            found = read_log(path)
+        except LogError:
+            n_refused += 1
+            continue
+        for channel in ("time", "displacement", "force"):
+            expected = getattr(good, channel)
+            np.testing.assert_array_equal(getattr(found, channel), expected, err_msg=f"{position}")
+    assert n_refused > 4 * len(data) // stride
