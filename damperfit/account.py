@@ -16,6 +16,7 @@ from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Outcome
 from damperfit.report import Failure, ReportFacts
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
+from damperfit.uncertainty import METHOD, verdicts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from damperfit.identification import Campaign
     from damperfit.intake import Intake, LogFacts
     from damperfit.settings import RigOptions, Settings
+    from damperfit.uncertainty import Assessment
 
 __all__ = [
     "Ending",
@@ -50,7 +52,12 @@ class Ending(Enum):
 
 
 def report_facts(
-    settings: Settings, intake: Intake, campaign: Campaign, *, is_interrupted: bool
+    settings: Settings,
+    intake: Intake,
+    campaign: Campaign,
+    assessment: Assessment,
+    *,
+    is_interrupted: bool,
 ) -> ReportFacts:
     """Return what a report tells besides the tables."""
     done = {fit.setting for fit in campaign.fits}
@@ -58,9 +65,10 @@ def report_facts(
     outcomes = {fit.outcome for fit in campaign.fits if fit.outcome is not Outcome.CONVERGED}
     return ReportFacts(
         version=__version__,
-        procedure=tuple(_procedure(settings, campaign)),
+        procedure=(*_procedure(settings, campaign), *((METHOD,) if campaign.fits else ())),
         failures=failures,
-        warnings=tuple(_warnings(settings, intake, campaign)),
+        warnings=(*_warnings(settings, intake, campaign), *assessment.warnings),
+        trust=assessment.sentences,
         gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
         gates=tuple(_missed_gates(settings, campaign)),
         advice=tuple(sorted((outcome.value, outcome.advice) for outcome in outcomes)),
@@ -92,7 +100,13 @@ def provenance(settings: Settings, intake: Intake, campaign: Campaign) -> dict[s
 
 
 def record(
-    settings: Settings, intake: Intake, facts: ReportFacts, *, ending: Ending
+    settings: Settings,
+    intake: Intake,
+    facts: ReportFacts,
+    campaign: Campaign,
+    assessment: Assessment,
+    *,
+    ending: Ending,
 ) -> dict[str, Any]:
     """Return what run.json tells, as JSON values."""
     document = {
@@ -108,10 +122,27 @@ def record(
         "gaps": list(facts.gaps),
         "gates_missed": list(facts.gates),
         "procedure": list(facts.procedure),
+        "uncertainty": list(_trust(campaign, assessment)),
         "schema": describe_tables(),
     }
     cleaned: dict[str, Any] = json_values(document)
     return cleaned
+
+
+def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any]]:
+    """Yield, by setting, what stands behind the intervals, and what the residuals say."""
+    fits = {fit.setting: fit for fit in campaign.fits}
+    for known, seen in zip(assessment.uncertainties, assessment.diagnoses, strict=True):
+        yield {
+            "setting": known.setting,
+            "verdicts": verdicts(fits[known.setting], known),
+            "parameters": list(known.names),
+            "correlation": known.correlation.tolist(),
+            "jackknife_over_sandwich": {
+                name: interval.cycle_ratio for name, interval in known.intervals.items()
+            },
+            "residuals": asdict(seen),
+        }
 
 
 def log_documents(intake: Intake) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from damperfit.identification import Campaign, compare, identify
 from damperfit.intake import available_cores, expand, take_in
 from damperfit.report import markdown_report
 from damperfit.tables import make_tables, write_responses, write_table
+from damperfit.uncertainty import assess
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -134,15 +135,24 @@ def run(
     watch.on_start(len({trace.setting for trace in intake.traces}))
     with clock.lap("fit_s"):
         campaign = _identify(settings, intake.traces, jobs=workers, watch=watch)
+    with clock.lap("judge_s"):
+        assessment = assess(
+            campaign, settings.damper, solver=settings.identification.solver, jobs=workers
+        )
     origin = provenance(settings, intake, campaign)
-    facts = report_facts(settings, intake, campaign, is_interrupted=watch.cancelled())
+    facts = report_facts(settings, intake, campaign, assessment, is_interrupted=watch.cancelled())
     ending = ending_of(campaign, facts)
     result = RunResult(
         ending=ending,
         campaign=campaign,
-        tables=make_tables(campaign, expected=settings.rig.settings, provenance=origin),
+        tables=make_tables(
+            campaign,
+            assessment=assessment,
+            expected=settings.rig.settings,
+            provenance=origin,
+        ),
         facts=facts,
-        record=record(settings, intake, facts, ending=ending),
+        record=record(settings, intake, facts, campaign, assessment, ending=ending),
     )
     if campaign.fits or not facts.is_interrupted:
         _write(settings, result, origin, clock=clock, jobs=workers)

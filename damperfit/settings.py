@@ -259,6 +259,7 @@ class _IdentificationSection(_Section):
     procedure: str
     free: list[str]
     fix: dict[str, float | str]
+    share: list[str]
     max_evaluations: Annotated[int, Field(ge=1)]
     tolerance: _Force
     dead_band: _Speed
@@ -270,6 +271,7 @@ class _IdentificationSection(_Section):
             procedure=self.procedure,
             free=tuple(name.strip() for name in self.free) or None,
             fixed={name: parameter_value(name, value) for name, value in self.fix.items()},
+            share=tuple(name.strip() for name in self.share),
             solver=SolverOptions(tolerance=self.tolerance, dead_band=self.dead_band),
             max_evaluations=self.max_evaluations,
             fallback_r_m3=self.fallback_r_m3,

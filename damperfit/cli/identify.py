@@ -44,7 +44,11 @@ def identify(
         typer.Option(metavar="NAME=VALUE", help="Hold a parameter; may be given several times."),
     ] = None,
     procedure: Annotated[
-        str | None, typer.Option(metavar="NAME", help="How to share parameters: paper, plain.")
+        str | None, typer.Option(metavar="NAME", help="How to fit: paper, joint, plain.")
+    ] = None,
+    share: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,NAME", help="In common to all settings of a joint fit."),
     ] = None,
     max_mse: Annotated[
         float | None, typer.Option(metavar="PCT", help="End with code 4 above this MSE.")
@@ -89,6 +93,7 @@ def identify(
             ("identification", "free", free.split(",") if free is not None else None),
             ("identification", "fix", assignments(fix or [], option="--fix") or None),
             ("identification", "procedure", procedure),
+            ("identification", "share", share.split(",") if share is not None else None),
             ("output", "max_mse_percent", max_mse),
             ("output", "folder", str(out) if out is not None else None),
         ),
@@ -105,7 +110,8 @@ def identify(
     if json:
         print_json(result.document())
     elif result.campaign.fits:
-        print_renderable(terminal_table(parameter_sheet(result.tables.parameters, digits=4)))
+        sheet = parameter_sheet(result.tables.parameters, digits=4, has_errors=False)
+        print_renderable(terminal_table(sheet))
     return result.ending.value
 
 

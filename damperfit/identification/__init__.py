@@ -1,15 +1,11 @@
 """From traces to parameters: residuals, starting values, one setting's fit, the campaign."""
 
-from damperfit.identification.campaign import (
-    PROCEDURES,
-    Campaign,
-    FitOptions,
-    check_options,
-    identify,
-)
+from damperfit.identification.campaign import PROCEDURES, Campaign, identify
 from damperfit.identification.comparison import Comparison, compare, normalised_mse
+from damperfit.identification.options import FitOptions, check_options
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.setting import Fit, LogFit
+from damperfit.identification.sharing import Sharing
 
 __all__ = [
     "PROCEDURES",
@@ -19,6 +15,7 @@ __all__ = [
     "FitOptions",
     "LogFit",
     "Outcome",
+    "Sharing",
     "check_options",
     "compare",
     "identify",

@@ -1,78 +1,51 @@
-"""Fits over the settings of a damper: the procedures `plain` and `paper`.
+"""Fits over the settings of a damper: the procedures `plain`, `paper` and `joint`.
 
 The paper's procedure, automated: all five parameters at the lowest setting give R_m3; the mean of
 the friction over a first pass of all settings gives f_f; then R_m1, R_m2 and K_e at every setting.
+`joint` starts from there and fits all settings at once, with R_m3 and f_f in common.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.errors import ConfigurationError, DamperfitError, LogError, did_you_mean
-from damperfit.identification.descent import FitCancelledError, Misfit
+from damperfit.errors import ConfigurationError, DamperfitError, LogError, SimulationError
+from damperfit.identification.descent import FitCancelledError
+from damperfit.identification.first_pass import first_pass
+from damperfit.identification.joint import fit_jointly
+from damperfit.identification.options import FitOptions, check_options
+from damperfit.identification.outcome import Outcome
 from damperfit.identification.setting import (
     Fit,
     Judged,
     describe_fit,
-    fit_guided,
     fit_setting,
-    is_sound,
 )
-from damperfit.identification.starting import scan_bulk_modulus, starting_values
-from damperfit.simulation import SolverOptions
+from damperfit.identification.sharing import Sharing
+from damperfit.identification.task import Task, closed_form_start, ordered
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
-    from damperfit.damper.parameters import Damper, Parameters
+    from damperfit.damper.parameters import Damper
     from damperfit.recording import Trace
 
-__all__ = ["PROCEDURES", "Campaign", "FitOptions", "check_options", "identify"]
+__all__ = ["PROCEDURES", "Campaign", "identify"]
 
 _MODEL_PARAMETERS = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
 _PAPER_FREE = ("r_m1", "r_m2", "k_e")
-# Where the scan over bulk moduli starts from when no other setting has been fitted.
-_BULK_MODULUS = 6e8
-# A first-pass friction is used when its setting's R_m3 agrees this well with the lowest setting's.
-_SAME_R_M3 = 0.25
-
-
-@dataclass(frozen=True, slots=True)
-class FitOptions:
-    """What to fit and how.
-
-    Attributes
-    ----------
-    procedure : str
-        A name of `PROCEDURES`.
-    free : tuple of str or None
-        Parameters to fit; None takes the procedure's own (`paper`: R_m1, R_m2, K_e per setting;
-        `plain`: all five that are not fixed).
-    fixed : mapping of str to float
-        Parameters held at a value, SI.
-    solver : SolverOptions
-        How exactly to integrate. 10 mN for one step leaves a bias of 1e-5 in R_m1, a hundredth of
-        what 4 N of noise does; a fit with less misfit is refined with a tighter integrator.
-    max_evaluations : int
-        Limit of simulations for one descent.
-    fallback_r_m3, fallback_f_f : float
-        The paper's published values, used with a warning only where the logs of a single setting
-        cannot fix these parameters.
-    """
-
-    procedure: str = "paper"
-    free: tuple[str, ...] | None = None
-    fixed: Mapping[str, float] = field(default_factory=dict)
-    solver: SolverOptions = SolverOptions(tolerance=1e-2)
-    max_evaluations: int = 100
-    fallback_r_m3: float = 2.597e6
-    fallback_f_f: float = 50.0
+_NOT_JOINT = (
+    "the joint fit needs two settings at a sound minimum and a shared parameter: these are the "
+    "results of procedure paper."
+)
+_NO_JOINT_MINIMUM = (
+    "the joint fit stopped before its minimum: the shared values are the best found."
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,6 +64,8 @@ class Campaign:
         One plain sentence each.
     is_complete : bool
         False when the caller asked to stop before every setting was done.
+    sharing : Sharing
+        How the shared parameters were estimated.
     """
 
     procedure: str
@@ -98,28 +73,7 @@ class Campaign:
     failures: tuple[tuple[int, str], ...] = ()
     warnings: tuple[str, ...] = ()
     is_complete: bool = True
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Task:
-    """Everything a procedure needs."""
-
-    settings: Mapping[int, tuple[Trace, ...]]
-    damper: Damper
-    options: FitOptions
-    jobs: int
-    on_fit: Callable[[Fit], None]
-    cancelled: Callable[[], bool]
-
-    def misfit(self, setting: int, free: tuple[str, ...]) -> Misfit:
-        return Misfit(
-            self.settings[setting],
-            self.damper,
-            free,
-            self.options.solver,
-            self.options.max_evaluations,
-            self.cancelled,
-        )
+    sharing: Sharing = Sharing()
 
 
 def identify(
@@ -164,7 +118,7 @@ def identify(
         A trace without a setting.
     """
     check_options(options)
-    task = _Task(
+    task = Task(
         _by_setting(traces),
         damper,
         options,
@@ -175,7 +129,7 @@ def identify(
     return PROCEDURES[options.procedure](task)
 
 
-def _plain(task: _Task) -> Campaign:
+def _plain(task: Task) -> Campaign:
     """Fit at every setting what is free, from the closed form."""
     fixed = dict(task.options.fixed)
     fixed.setdefault("f_0", 0.0)
@@ -192,13 +146,13 @@ def _plain(task: _Task) -> Campaign:
             )
 
     def fit(setting: int) -> Fit:
-        misfit = task.misfit(setting, _ordered(free))
-        return describe_fit(setting, fit_setting(misfit, _start(misfit, fixed)), misfit)
+        misfit = task.misfit(setting, ordered(free))
+        return describe_fit(setting, fit_setting(misfit, closed_form_start(misfit, fixed)), misfit)
 
     return _collect(task, fit, ())
 
 
-def _paper(task: _Task) -> Campaign:
+def _paper(task: Task) -> Campaign:
     """The paper's own procedure, sections 3 and 4 of its identification."""
     fixed = dict(task.options.fixed)
     free = task.options.free or tuple(name for name in _PAPER_FREE if name not in fixed)
@@ -207,153 +161,82 @@ def _paper(task: _Task) -> Campaign:
         fixed.setdefault("f_0", 0.0)
         shared_free = tuple(name for name in shared_free if name != "f_0")
     try:
-        first, warnings = _first_pass(task, _ordered(shared_free), fixed, set(free))
+        first, warnings = first_pass(task, ordered(shared_free), fixed, set(free))
     except FitCancelledError:
         return Campaign("paper", (), is_complete=False)
     held = {**{k: v for k, v in fixed.items() if k not in free}, **first.shared}
 
     def fit(setting: int) -> Fit:
-        misfit = task.misfit(setting, _ordered(free))
-        start = first.start(setting) or _start(misfit, held)
+        misfit = task.misfit(setting, ordered(free))
+        start = first.start(setting) or closed_form_start(misfit, held)
         spent = first.evaluations(setting)
         judged = fit_setting(misfit, replace(start, **held), spent=spent)
-        return describe_fit(setting, _named_shared(judged, first.shared), misfit)
+        return describe_fit(setting, _named_shared(judged, first.sharing.found), misfit)
 
-    return _collect(task, fit, warnings)
-
-
-PROCEDURES: dict[str, Callable[[_Task], Campaign]] = {"paper": _paper, "plain": _plain}
+    return replace(_collect(task, fit, warnings), sharing=first.sharing)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _FirstPass:
-    judged: Mapping[int, Judged]
-    shared: Mapping[str, float]
+def _joint(task: Task) -> Campaign:
+    """One fit over the settings, from the paper's procedure as start; unsound ones follow it."""
+    shared = ordered(task.options.share)
+    own = task.options.free or tuple(
+        name for name in _PAPER_FREE if name not in {*task.options.fixed, *shared}
+    )
+    varying = tuple(name for name in shared if name not in {"r_m3", "f_f"})
+    options = replace(task.options, free=(*own, *varying))
+    before = _paper(replace(task, options=options, on_fit=lambda _fit: None))
+    starts = {
+        fit.setting: fit.parameters for fit in before.fits if fit.outcome is Outcome.CONVERGED
+    }
+    if not before.is_complete or len(starts) < 2 or not shared:
+        said = () if not before.is_complete else (_NOT_JOINT,)
+        return replace(before, procedure="joint", warnings=(*before.warnings, *said))
+    common = {
+        name: float(np.mean([getattr(start, name) for start in starts.values()])) for name in shared
+    }
+    free = ordered((*own, *shared))
+    try:
+        found = fit_jointly(
+            {setting: task.misfit(setting, free) for setting in starts},
+            {setting: replace(start, **common) for setting, start in starts.items()},
+            shared,
+            jobs=task.jobs,
+        )
+    except FitCancelledError:
+        return Campaign("joint", (), is_complete=False)
+    agreed = next(iter(found.parameters.values()))
+    held = {name: getattr(agreed, name) for name in shared}
+    fits = {fit.setting: fit for fit in before.fits}
 
-    def start(self, setting: int) -> Parameters | None:
-        """Where the second pass starts, if the first ended where a fit should end."""
-        judged = self.judged.get(setting)
-        return judged.solution.parameters if judged is not None and is_sound(judged) else None
+    def fit(setting: int) -> Fit:
+        if setting not in fits:
+            raise SimulationError(dict(before.failures)[setting])
+        misfit = task.misfit(setting, ordered(own))
+        start = found.parameters.get(setting, replace(fits[setting].parameters, **held))
+        spent = fits[setting].evaluations + found.evaluations
+        judged = fit_setting(misfit, start, spent=spent)
+        return describe_fit(setting, _named_shared(judged, shared), misfit)
 
-    def evaluations(self, setting: int) -> int:
-        return self.judged[setting].solution.evaluations if setting in self.judged else 0
+    warnings = before.warnings if found.is_converged else (*before.warnings, _NO_JOINT_MINIMUM)
+    return replace(
+        _collect(task, fit, warnings),
+        sharing=Sharing(free, jointly=shared, settings=tuple(sorted(starts))),
+    )
 
 
-def _named_shared(judged: Judged, shared: Mapping[str, float]) -> Judged:
-    """The values that the procedure found once for all settings are shared, not fixed."""
+PROCEDURES: dict[str, Callable[[Task], Campaign]] = {
+    "paper": _paper,
+    "joint": _joint,
+    "plain": _plain,
+}
+
+
+def _named_shared(judged: Judged, shared: Iterable[str]) -> Judged:
+    """The values that the logs gave once for all settings are shared, not fixed."""
     return replace(judged, status={**judged.status, **dict.fromkeys(shared, "shared")})
 
 
-def _first_pass(
-    task: _Task, names: tuple[str, ...], fixed: Mapping[str, float], free: set[str]
-) -> tuple[_FirstPass, tuple[str, ...]]:
-    """All parameters free at every setting; returns R_m3 and f_f as the paper takes them."""
-    wanted = [name for name in ("r_m3", "f_f") if name not in fixed and name not in free]
-    if not wanted:
-        return _FirstPass({}, {}), ()
-    lowest = min(task.settings)
-    warnings: list[str] = []
-    if lowest != 1 and "r_m3" in wanted:
-        warnings.append(f"there is no log of setting 1: R_m3 is taken from setting {lowest}.")
-    misfit = task.misfit(lowest, names)
-    judged = {lowest: fit_setting(misfit, _start(misfit, fixed))}
-    shared: dict[str, float] = {}
-    anchor = judged[lowest].solution.parameters
-    if "r_m3" in wanted:
-        shared["r_m3"], said = _shared_r_m3(judged[lowest], lowest, task.options)
-        warnings.extend(said)
-    anchor = replace(anchor, **shared)
-    judged.update(_free_everywhere(task, names, fixed, anchor))
-    if "f_f" in wanted:
-        shared["f_f"], said = _shared_friction(judged, shared, task.options)
-        warnings.extend(said)
-    if set(wanted) == {"r_m3", "f_f"} and is_sound(judged[lowest]) and len(judged) > 1:
-        judged[lowest] = _with_mean_friction(misfit, judged[lowest], shared["f_f"])
-        shared["r_m3"] = judged[lowest].solution.parameters.r_m3
-    return _FirstPass(judged, shared), tuple(warnings)
-
-
-def _with_mean_friction(misfit: Misfit, judged: Judged, f_f: float) -> Judged:
-    """The lowest setting once more with the mean friction, which halves the error of its R_m3.
-
-    R_m3 and f_f are strongly correlated within one setting; the mean over the settings knows f_f
-    better than any one of them. An unsound result changes nothing.
-    """
-    free = tuple(name for name in misfit.free if name != "f_f")
-    start = replace(judged.solution.parameters, f_f=f_f)
-    again = fit_setting(replace(misfit, free=free), start, spent=judged.solution.evaluations)
-    return again if is_sound(again) else judged
-
-
-def _free_everywhere(
-    task: _Task, names: tuple[str, ...], fixed: Mapping[str, float], anchor: Parameters
-) -> dict[int, Judged]:
-    """The first pass at all settings but the lowest, each from its closed form and the anchor."""
-
-    def one(setting: int) -> Judged | None:
-        misfit = task.misfit(setting, names)
-        known = {**fixed, "r_m3": anchor.r_m3, "f_f": anchor.f_f}
-        start = starting_values(misfit.traces, task.damper, known, anchor.k_e)
-        try:
-            return fit_guided(misfit, start)
-        except FitCancelledError:
-            raise
-        except DamperfitError:
-            return None
-
-    others = sorted(task.settings)[1:]
-    with ThreadPoolExecutor(task.jobs) as pool:
-        found = dict(zip(others, pool.map(one, others), strict=True))
-    return {setting: judged for setting, judged in found.items() if judged is not None}
-
-
-def _shared_r_m3(judged: Judged, lowest: int, options: FitOptions) -> tuple[float, list[str]]:
-    if is_sound(judged) or judged.status["r_m3"] == "fitted":
-        return judged.solution.parameters.r_m3, []
-    said = (
-        f"the logs of setting {lowest} do not fix R_m3 ({judged.outcome.value}): the paper's "
-        f"{options.fallback_r_m3:.4g} is used; give --fix r_m3=VALUE if yours is known."
-    )
-    return options.fallback_r_m3, [said]
-
-
-def _shared_friction(
-    judged: Mapping[int, Judged], shared: Mapping[str, float], options: FitOptions
-) -> tuple[float, list[str]]:
-    """The mean friction over the settings whose first pass is sound."""
-    sound = {
-        setting: one.solution.parameters
-        for setting, one in judged.items()
-        if is_sound(one)
-        and abs(one.solution.parameters.r_m3 / shared.get("r_m3", one.solution.parameters.r_m3) - 1)
-        < _SAME_R_M3
-    }
-    if not sound:
-        said = (
-            "no setting's logs fix the friction: the paper's "
-            f"{options.fallback_f_f:g} N is used; give --fix f_f=VALUE if yours is known."
-        )
-        return options.fallback_f_f, [said]
-    left_out = sorted(set(judged) - set(sound))
-    warnings = []
-    if left_out:
-        listed = ", ".join(str(setting) for setting in left_out)
-        warnings.append(
-            f"friction is the mean over {len(sound)} of {len(judged)} settings: with all "
-            f"parameters free the fit is not sound at setting {listed}."
-        )
-    return float(np.mean([sound[setting].f_f for setting in sorted(sound)])), warnings
-
-
-def _start(misfit: Misfit, fixed: Mapping[str, float]) -> Parameters:
-    k_e = fixed.get("k_e", _BULK_MODULUS)
-    start = starting_values(misfit.traces, misfit.damper, fixed, k_e)
-    if "k_e" in fixed:
-        return start
-    return scan_bulk_modulus(start, misfit.traces, misfit.damper, misfit.solver)
-
-
-def _collect(task: _Task, fit: Callable[[int], Fit], warnings: Iterable[str]) -> Campaign:
+def _collect(task: Task, fit: Callable[[int], Fit], warnings: Iterable[str]) -> Campaign:
     """Run the fit at every setting, in threads; one setting's failure leaves the others."""
 
     def one(setting: int) -> Fit | str | None:
@@ -391,33 +274,3 @@ def _by_setting(traces: Sequence[Trace]) -> dict[int, tuple[Trace, ...]]:
         setting: tuple(sorted(groups[setting], key=lambda t: (t.name, t.start_time)))
         for setting in sorted(groups)
     }
-
-
-def _ordered(names: Iterable[str]) -> tuple[str, ...]:
-    wanted = set(names)
-    return tuple(name for name in PARAMETER_NAMES if name in wanted)
-
-
-def check_options(options: FitOptions) -> None:
-    """Refuse options that cannot be, before any log is read.
-
-    Raises
-    ------
-    ConfigurationError
-        An unknown procedure or parameter, one both free and fixed, or a value out of range.
-    """
-    if options.procedure not in PROCEDURES:
-        hint = did_you_mean(options.procedure, PROCEDURES)
-        known = ", ".join(PROCEDURES)
-        raise ConfigurationError(f"no procedure {options.procedure!r}; there are {known}.{hint}")
-    for name in (*(options.free or ()), *options.fixed):
-        if name not in PARAMETER_NAMES:
-            hint = did_you_mean(name, PARAMETER_NAMES)
-            known = ", ".join(PARAMETER_NAMES)
-            raise ConfigurationError(f"no parameter {name!r}; there are {known}.{hint}")
-    for name in options.free or ():
-        if name in options.fixed:
-            raise ConfigurationError(f"{name} is both free and fixed; choose one.")
-    for name, value in options.fixed.items():
-        if name != "f_0" and not value > 0.0 and not (name == "f_f" and value == 0.0):
-            raise ConfigurationError(f"{name} = {value:g} is fixed; it must be above zero.")

@@ -33,10 +33,13 @@ class Comparison:
         As simulated, unfiltered.
     force : numpy.ndarray
         Shape (n,), the response's force behind the trace's model filter, N.
+    sensitivities : numpy.ndarray
+        Shape (k, n), the sensitivities asked for, in that order, behind the same filter.
     """
 
     response: Response
     force: FloatArray
+    sensitivities: FloatArray
 
 
 def motion_of(trace: Trace) -> Motion:
@@ -65,7 +68,9 @@ def compare(
     response = simulate(
         parameters, damper, motion_of(trace), sensitivities=sensitivities, options=solver
     )
-    return Comparison(response, apply_filter(trace.model_filter, response.force))
+    rows = np.stack([response.force, *response.sensitivities.values()])
+    rows = apply_filter(trace.model_filter, rows)
+    return Comparison(response, rows[0], rows[1:])
 
 
 def normalised_mse(measured: FloatArray, simulated: FloatArray) -> float:

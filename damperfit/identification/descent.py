@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["FitCancelledError", "Misfit", "Solution", "approach", "descend"]
+__all__ = ["FitCancelledError", "Misfit", "Solution", "approach", "descend", "linearise", "stepped"]
 
 # A relative change of the sum of squares below 1e-8 moves no parameter by 1 % of its error; a
 # start for another descent needs no more than a per cent.
@@ -42,6 +42,8 @@ _WALL = 1e3
 # Below this misfit (times the solver's tolerance, N) the solver's own error is what is left.
 _POLISH_BELOW = 100.0
 _POLISH_FACTOR = 0.003
+# A force offset is about as much, N: the rod's gas force.
+_OFFSET = 100.0
 
 
 class FitCancelledError(DamperfitError):
@@ -161,6 +163,33 @@ def descend(misfit: Misfit, start: Parameters) -> Solution:
     )
 
 
+def linearise(misfit: Misfit, parameters: Parameters) -> tuple[FloatArray, FloatArray]:
+    """Return the residuals (n,), model minus measured, N, and their derivative (n, k).
+
+    By ln y, and by f_0 in units of 100 N: the same variables whatever the setting's forces are.
+
+    Raises
+    ------
+    SimulationError
+        When the model cannot be integrated.
+    FitCancelledError
+        When the caller asked to stop.
+    """
+    if misfit.cancelled():
+        raise FitCancelledError("stopped while a fit was running.")
+    point = _evaluate(misfit, _pack(misfit, parameters), parameters, 1.0)
+    return point.residuals, point.jacobian * _common_scale(misfit)
+
+
+def stepped(misfit: Misfit, parameters: Parameters, step: FloatArray) -> Parameters:
+    """Return the parameters after a step in the variables of `linearise`."""
+    return _unpack(_pack(misfit, parameters) + _common_scale(misfit) * step, misfit, parameters)
+
+
+def _common_scale(misfit: Misfit) -> FloatArray:
+    return np.array([_OFFSET / misfit.deviation if n == "f_0" else 1.0 for n in misfit.free])
+
+
 def _minimise(misfit: Misfit, start: Parameters, cost_tolerance: float) -> Solution:
     from scipy.optimize import least_squares
 
@@ -265,7 +294,9 @@ def _unpack(u: FloatArray, misfit: Misfit, start: Parameters) -> Parameters:
     for name, value in zip(misfit.free, u, strict=True):
         # e^600 overflows nothing yet and is refused by the core as a failed trial.
         values[name] = (
-            value * misfit.deviation if name == "f_0" else math.exp(min(max(value, -600), 600))
+            float(value) * misfit.deviation
+            if name == "f_0"
+            else math.exp(min(max(value, -600), 600))
         )
     return Parameters(**values)
 

@@ -59,6 +59,8 @@ class ReportFacts:
         Gates that were not met, one sentence each.
     advice : tuple of (str, str)
         Each outcome other than success that occurred, and what to do about it.
+    trust : tuple of str
+        What the residuals say of noise and lack of fit, one sentence each.
     is_interrupted : bool
         The run was stopped before all settings were done.
     """
@@ -70,4 +72,5 @@ class ReportFacts:
     gaps: tuple[int, ...] = ()
     gates: tuple[str, ...] = ()
     advice: tuple[tuple[str, str], ...] = ()
+    trust: tuple[str, ...] = ()
     is_interrupted: bool = False

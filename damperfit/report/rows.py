@@ -149,10 +149,11 @@ def flags(row: Mapping[str, Any]) -> str:
     return "; ".join(found)
 
 
-def parameter_sheet(table: pa.Table, *, digits: int = 5) -> Sheet:
+def parameter_sheet(table: pa.Table, *, digits: int = 5, has_errors: bool = True) -> Sheet:
     """Return one row per setting: parameters, MSE, grade and outcome.
 
-    Numbers without a standard error are shown with ``digits`` significant digits.
+    Numbers without a standard error, or all with ``has_errors`` False for a narrow screen, are
+    shown with ``digits`` significant digits.
     """
     rows = table.to_pylist()
     names = [n for n in PARAMETER_NAMES if n != "f_0" or _has_offset(rows)]
@@ -163,7 +164,10 @@ def parameter_sheet(table: pa.Table, *, digits: int = 5) -> Sheet:
         rows=tuple(
             (
                 str(row["setting"]),
-                *(_parameter_cell(row, name, digits=digits) for name in names),
+                *(
+                    _parameter_cell(row, name, digits=digits, has_errors=has_errors)
+                    for name in names
+                ),
                 percent(row["mse_percent"]),
                 row["grade"] or NOTHING,
                 _words(row["outcome"]),
@@ -228,9 +232,10 @@ def log_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
     )
 
 
-def _parameter_cell(row: Mapping[str, Any], name: str, *, digits: int) -> str:
+def _parameter_cell(row: Mapping[str, Any], name: str, *, digits: int, has_errors: bool) -> str:
     _, _, factor = _SCALES[name]
-    value, error, status = row[name], row[f"{name}_se"], row[f"{name}_status"]
+    value, status = row[name], row[f"{name}_status"]
+    error = row[f"{name}_se"] if has_errors else None
     if status == "not_identifiable":
         return _MARKS[status]  # no number that pretends to be known
     text = with_error(

@@ -11,6 +11,7 @@ import pyarrow as pa
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.tables.arrays import column, float_array
 from damperfit.tables.columns import table_schema
+from damperfit.uncertainty import Assessment
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
     from damperfit.identification import Campaign, Fit
     from damperfit.simulation import Response
+    from damperfit.uncertainty import Interval
 
 __all__ = ["MISSING", "Tables", "grade", "make_tables", "time_series_table"]
 
@@ -63,6 +65,7 @@ def grade(mse_percent: float) -> str:
 def make_tables(
     campaign: Campaign,
     *,
+    assessment: Assessment = Assessment(),
     expected: Iterable[int] = (),
     provenance: Mapping[str, Any] | None = None,
 ) -> Tables:
@@ -72,6 +75,8 @@ def make_tables(
     ----------
     campaign : Campaign
         Result of `damperfit.identification.identify`.
+    assessment : Assessment
+        Errors and intervals; cells without one stay empty.
     expected : iterable of int
         Settings that ought to be there; those without a fit get a row of nulls.
     provenance : mapping, optional
@@ -81,7 +86,8 @@ def make_tables(
     -------
     Tables
     """
-    rows = {fit.setting: _parameter_row(fit) for fit in campaign.fits}
+    known = {one.setting: one.intervals for one in assessment.uncertainties}
+    rows = {fit.setting: _parameter_row(fit, known.get(fit.setting, {})) for fit in campaign.fits}
     for setting in set(expected) - rows.keys():
         rows[setting] = {"setting": setting, "outcome": MISSING}
     facts = dict(provenance or {})
@@ -91,10 +97,15 @@ def make_tables(
     )
 
 
-def _parameter_row(fit: Fit) -> dict[str, Any]:
+def _parameter_row(fit: Fit, intervals: Mapping[str, Interval]) -> dict[str, Any]:
     row: dict[str, Any] = {"setting": fit.setting}
     for name in PARAMETER_NAMES:
         row[name] = _finite(getattr(fit.parameters, name))
+        interval = intervals.get(name)
+        if interval is not None:
+            row[f"{name}_se"] = _finite(interval.error)
+            row[f"{name}_ci_low"] = _finite(interval.low)
+            row[f"{name}_ci_high"] = _finite(interval.high)
         row[f"{name}_status"] = fit.status[name]
     return row | {
         "mse_percent": _finite(fit.mse_percent),

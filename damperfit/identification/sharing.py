@@ -1,0 +1,43 @@
+"""Where the parameters that all settings share came from; their errors are traced back by it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Sharing"]
+
+
+@dataclass(frozen=True, slots=True)
+class Sharing:
+    """How the shared parameters were estimated; empty where the logs did not give them.
+
+    Attributes
+    ----------
+    free : tuple of str
+        What was free together with them at each setting.
+    jointly : tuple of str
+        Parameters found in one fit over all settings.
+    settings : tuple of int
+        Settings of that fit.
+    r_m3_from : int or None
+        Setting whose logs gave R_m3.
+    f_f_from : tuple of int
+        Settings whose mean is the friction.
+    is_refined : bool
+        R_m3 was found with the mean friction held, not beside the setting's own.
+    """
+
+    free: tuple[str, ...] = ()
+    jointly: tuple[str, ...] = ()
+    settings: tuple[int, ...] = ()
+    r_m3_from: int | None = None
+    f_f_from: tuple[int, ...] = ()
+    is_refined: bool = False
+
+    @property
+    def found(self) -> tuple[str, ...]:
+        """Names of the shared parameters that the logs gave."""
+        if self.jointly:
+            return self.jointly
+        known = {"r_m3": self.r_m3_from is not None, "f_f": bool(self.f_f_from)}
+        return tuple(name for name, is_found in known.items() if is_found)

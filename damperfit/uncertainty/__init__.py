@@ -1,0 +1,29 @@
+"""How far each number may be trusted: covariance, intervals, what the residuals say."""
+
+from damperfit.uncertainty.assessment import METHOD, Assessment, assess
+from damperfit.uncertainty.evidence import Evidence, LogEvidence, gather
+from damperfit.uncertainty.intervals import (
+    Interval,
+    Uncertainty,
+    collect_evidence,
+    uncertainties,
+)
+from damperfit.uncertainty.residuals import Diagnosis, Hint, diagnose
+from damperfit.uncertainty.verdicts import verdicts
+
+__all__ = [
+    "METHOD",
+    "Assessment",
+    "Diagnosis",
+    "Evidence",
+    "Hint",
+    "Interval",
+    "LogEvidence",
+    "Uncertainty",
+    "assess",
+    "collect_evidence",
+    "diagnose",
+    "gather",
+    "uncertainties",
+    "verdicts",
+]

@@ -1,0 +1,138 @@
+"""What the logs of one setting say about all parameters at the fitted point.
+
+One more simulation of the setting, with every sensitivity. In u (ln y, and f_0 in N), with the
+residual r = f - f_hat in N and its Jacobian J = d f_hat/du, both behind the filter::
+
+    information  H = J^T J       scores  g_t = J_t r_t       M = covariance of sum g_t
+
+A fit of any subset of the parameters has, to first order, the error H_ff^-1 (sum g)_f.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.identification.comparison import compare
+from damperfit.simulation import SENSITIVITY_NAMES, SolverOptions
+from damperfit.uncertainty.spectrum import correlation_length, cycle_covariance, score_covariance
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from damperfit.damper.parameters import Damper
+    from damperfit.identification import Fit
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["Evidence", "LogEvidence", "gather"]
+
+# Residuals still correlated after this share of a cycle repeat with the cycle: a misfit, no noise.
+_LONGEST_CORRELATION = 0.25
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LogEvidence:
+    """One log at the fitted point, over its steady cycles, n samples.
+
+    Attributes
+    ----------
+    residuals : numpy.ndarray
+        Shape (n,), measured minus modelled force, N.
+    jacobian : numpy.ndarray
+        Shape (n, 6): derivative of the modelled force by u, in the order of `PARAMETER_NAMES`.
+    gas : numpy.ndarray
+        Shape (n, 2): derivative by ln of the gas pressure and of the gas exponent.
+    force : numpy.ndarray
+        Shape (n,), modelled force behind the filter, N.
+    pressures : numpy.ndarray
+        Shape (3,), lowest absolute pressure of each chamber, Pa.
+    """
+
+    residuals: FloatArray
+    jacobian: FloatArray
+    gas: FloatArray
+    force: FloatArray
+    pressures: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """What the logs of one setting say; matrices are (6, 6) in the order of `PARAMETER_NAMES`.
+
+    Attributes
+    ----------
+    fit : Fit
+        The fit it belongs to.
+    information : numpy.ndarray
+        H, N^2.
+    scores : numpy.ndarray
+        Covariance of the summed scores, correlation allowed for, N^4.
+    cycle_scores : numpy.ndarray
+        The same from the scatter between whole cycles; NaN for a single cycle.
+    gradient : numpy.ndarray
+        Shape (6,), sum of the scores.
+    correlation_time : float
+        Time after which residuals are independent, s.
+    logs : tuple of LogEvidence
+        Log by log.
+    """
+
+    fit: Fit
+    information: FloatArray
+    scores: FloatArray
+    cycle_scores: FloatArray
+    gradient: FloatArray
+    correlation_time: float
+    logs: tuple[LogEvidence, ...]
+
+
+def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions()) -> Evidence:
+    """Simulate the logs of a fit once more and return what they say about every parameter.
+
+    Raises
+    ------
+    SimulationError
+        When the model cannot be integrated.
+    """
+    values = [getattr(fit.parameters, name) for name in PARAMETER_NAMES[:-1]]
+    slopes = np.array([*values, 1.0, damper.gas_pressure, damper.gas_exponent])
+    logs, covariances, times = [], [], []
+    for trace in (log.trace for log in fit.logs):
+        seen = compare(
+            fit.parameters, trace, damper, sensitivities=SENSITIVITY_NAMES, solver=solver
+        )
+        window = trace.window
+        columns = (seen.sensitivities[:, window] * slopes[:, None]).T
+        logs.append(
+            LogEvidence(
+                residuals=trace.force[window] - seen.force[window],
+                jacobian=np.ascontiguousarray(columns[:, :6]),
+                gas=columns[:, 6:],
+                force=seen.force[window],
+                pressures=seen.response.pressures[:, window].min(axis=1),
+            )
+        )
+        period = 1.0 / (trace.frequency * trace.interval)
+        longest = round(_LONGEST_CORRELATION * period)
+        lag = correlation_length(logs[-1].residuals, longest=longest)
+        times.append(lag * trace.interval)
+        covariances.append(score_covariance(_scores(logs[-1]), lag))
+    scores = [_scores(log) for log in logs]
+    edges = [log.trace.cycle_starts - log.trace.first for log in fit.logs]
+    return Evidence(
+        fit=fit,
+        information=np.asarray(sum(log.jacobian.T @ log.jacobian for log in logs)),
+        scores=np.asarray(sum(covariances)),
+        cycle_scores=cycle_covariance(scores, edges),
+        gradient=np.asarray(sum(part.sum(axis=0) for part in scores)),
+        correlation_time=max(times),
+        logs=tuple(logs),
+    )
+
+
+def _scores(log: LogEvidence) -> FloatArray:
+    return log.jacobian * log.residuals[:, None]

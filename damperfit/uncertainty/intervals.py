@@ -1,0 +1,258 @@
+r"""Standard errors and 95 % intervals of a campaign's parameters.
+
+With s the summed scores of a setting (covariance M, see `evidence`), f its own free parameters and
+theta the shared ones, the errors are linear::
+
+    own       du = H_ff^-1 (s_f - H_f,theta dtheta)
+    shared    dtheta = sum over settings of T s
+
+The rows T follow how the shared parameters were found. Procedure `paper`: f_f is the mean over
+settings of fits with everything free; R_m3 comes from the lowest setting with that mean held.
+Procedure `joint`: T = S^-1 (E_theta - H_theta,f H_ff^-1 E_f) with the Schur complement S. So the
+error of a shared parameter is inside the intervals of the setting's own. They are built on the
+scale of ln y and can never be negative.
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.errors import SimulationError
+from damperfit.identification import Outcome
+from damperfit.simulation import SolverOptions
+from damperfit.uncertainty.evidence import Evidence, gather
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.damper.parameters import Damper
+    from damperfit.identification import Campaign, Fit, Sharing
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["Interval", "Uncertainty", "collect_evidence", "uncertainties"]
+
+_95_PERCENT = 1.959964
+_NO_MINIMUM = (Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE)
+_INDEX = {name: j for j, name in enumerate(PARAMETER_NAMES)}
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """Standard error and 95 % interval of one parameter, SI.
+
+    Attributes
+    ----------
+    error : float
+        Standard error: y times that of ln y.
+    low, high : float
+        y exp(-+1.96 se(ln y)); f_0, which may be negative, has y -+ 1.96 se.
+    cycle_ratio : float
+        The error from the scatter between whole cycles (linearised jackknife, the setting's own
+        logs only) over the same from the residuals' autocorrelation. 1 within about
+        1/sqrt(2 (cycles - 1)) when both are right; far below 1 where the residuals repeat with
+        the cycle. NaN for a shared parameter and for a single cycle.
+    """
+
+    error: float
+    low: float
+    high: float
+    cycle_ratio: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Uncertainty:
+    """How far the parameters of one setting may be trusted.
+
+    Attributes
+    ----------
+    setting : int
+        Adjuster setting.
+    intervals : dict of str to Interval
+        For every fitted or shared parameter that the logs gave.
+    names : tuple of str
+        Order of `covariance`: the setting's own, then the shared ones.
+    covariance : numpy.ndarray
+        Of ln y (f_0: of f_0, N), shape (k, k).
+    """
+
+    setting: int
+    intervals: Mapping[str, Interval]
+    names: tuple[str, ...]
+    covariance: FloatArray
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Correlation matrix, shape (k, k)."""
+        scale = np.sqrt(np.diag(self.covariance))
+        return np.asarray(self.covariance / np.outer(scale, scale))
+
+
+def collect_evidence(
+    campaign: Campaign,
+    damper: Damper,
+    *,
+    solver: SolverOptions = SolverOptions(tolerance=1e-2),
+    jobs: int = 1,
+) -> tuple[Evidence, ...]:
+    """Return the evidence of every setting, by rising setting; one simulation for each log.
+
+    A setting that cannot be simulated at its fitted point is left out.
+    """
+
+    def one(fit: Fit) -> Evidence | None:
+        try:
+            return gather(fit, damper, solver=solver)
+        except SimulationError:
+            return None
+
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        found = pool.map(one, campaign.fits)
+        return tuple(evidence for evidence in found if evidence is not None)
+
+
+def uncertainties(evidence: Sequence[Evidence], sharing: Sharing) -> tuple[Uncertainty, ...]:
+    """Return errors and intervals for every setting.
+
+    Parameters
+    ----------
+    evidence : sequence of Evidence
+        Of all settings of the campaign.
+    sharing : Sharing
+        How the shared parameters were found.
+    """
+    shared = sharing.found
+    rows = _shared_rows(evidence, sharing)
+    parts = [row @ one.scores @ row.T for row, one in zip(rows, evidence, strict=True)]
+    # Summed without the setting's own: a difference of sums could turn negative by rounding.
+    others = [
+        np.sum([np.zeros((len(shared),) * 2), *parts[:k], *parts[k + 1 :]], axis=0)
+        for k in range(len(parts))
+    ]
+    return tuple(
+        _of_setting(one, shared, row, rest)
+        for one, row, rest in zip(evidence, rows, others, strict=True)
+    )
+
+
+def _of_setting(
+    evidence: Evidence, shared: tuple[str, ...], row: FloatArray, others: FloatArray
+) -> Uncertainty:
+    """One setting: its own scores (through own fit and shared rows), then the other settings'."""
+    own = _own(evidence)
+    f, theta = _places(own), _places(shared)
+    direct = _solve(evidence.information, f)
+    carried = -direct @ evidence.information[:, theta]
+    from_own = np.vstack([direct + carried @ row, row])
+    from_others = np.vstack([carried, np.eye(len(shared))])
+    covariance = from_own @ evidence.scores @ from_own.T + from_others @ others @ from_others.T
+    names = (*own, *shared)
+    residual_part = np.diag(direct @ evidence.scores @ direct.T)
+    cycle_part = np.diag(direct @ evidence.cycle_scores @ direct.T)
+    ratios = np.full(len(names), math.nan)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratios[: len(own)] = np.sqrt(cycle_part / residual_part)
+    errors = np.sqrt(np.diag(covariance))
+    values = [float(getattr(evidence.fit.parameters, name)) for name in names]
+    intervals = {
+        name: _interval(name, value, float(error), float(ratio))
+        for name, value, error, ratio in zip(names, values, errors, ratios, strict=True)
+    }
+    return Uncertainty(evidence.fit.setting, intervals, names, covariance)
+
+
+def _own(evidence: Evidence) -> tuple[str, ...]:
+    """Parameters of the setting's own fit; none where it is no minimum, for nothing holds there."""
+    fit = evidence.fit
+    if fit.outcome in _NO_MINIMUM:
+        return ()
+    return tuple(n for n in PARAMETER_NAMES if fit.status[n] in {"fitted", "not_identifiable"})
+
+
+def _interval(name: str, value: float, error: float, ratio: float) -> Interval:
+    reach = _95_PERCENT * error
+    if name == "f_0":
+        return Interval(error, value - reach, value + reach, ratio)
+    # e^700 is the largest factor that is a number; such an interval says "anything".
+    factor = math.exp(min(reach, 700.0))
+    return Interval(value * error, value / factor, value * factor, ratio)
+
+
+def _shared_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatArray]:
+    """T for every setting, shape (number shared, 6)."""
+    if sharing.jointly:
+        return _joint_rows(evidence, sharing)
+    by_setting = {one.fit.setting: one for one in evidence}
+    used = [setting for setting in sharing.f_f_from if setting in by_setting]
+    friction = {
+        setting: _row(by_setting[setting].information, sharing.free, "f_f") / len(used)
+        for setting in used
+    }
+    r_m3: dict[int, FloatArray] = {}
+    source = by_setting.get(sharing.r_m3_from) if sharing.r_m3_from is not None else None
+    if source is not None:
+        free = sharing.free
+        if sharing.is_refined:
+            free = tuple(name for name in free if name != "f_f")
+        row = _row(source.information, free, "r_m3")
+        r_m3[source.fit.setting] = row
+        if sharing.is_refined:
+            carried = -float(row @ source.information[:, _INDEX["f_f"]])
+            for setting, other in friction.items():
+                r_m3[setting] = r_m3.get(setting, np.zeros(6)) + carried * other
+    tables = {"r_m3": r_m3, "f_f": friction}
+    nothing = np.zeros(len(PARAMETER_NAMES))
+    return [
+        np.array([tables[name].get(one.fit.setting, nothing) for name in sharing.found]).reshape(
+            -1, len(PARAMETER_NAMES)
+        )
+        for one in evidence
+    ]
+
+
+def _joint_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatArray]:
+    """T of a joint fit, in which each setting has the weight of its own residual."""
+    theta = _places(sharing.jointly)
+    unit = np.eye(len(PARAMETER_NAMES))
+    rows = []
+    for one in evidence:
+        places = _places(_own(one))
+        carried = one.information[np.ix_(theta, places)] @ _solve(one.information, places)
+        is_in = one.fit.setting in sharing.settings
+        rows.append((unit[theta] - carried) * (_weight(one) if is_in else 0.0))
+    complement = np.sum(
+        [row @ one.information[:, theta] for row, one in zip(rows, evidence, strict=True)], axis=0
+    )
+    return [np.asarray(np.linalg.pinv(complement, rcond=1e-14) @ row) for row in rows]
+
+
+def _weight(evidence: Evidence) -> float:
+    """One over the mean square of the residuals, 1/N^2."""
+    squares = sum(float(log.residuals @ log.residuals) for log in evidence.logs)
+    return sum(len(log.residuals) for log in evidence.logs) / max(squares, 1e-300)
+
+
+def _row(information: FloatArray, free: tuple[str, ...], name: str) -> FloatArray:
+    return np.asarray(_solve(information, _places(free))[free.index(name)])
+
+
+def _solve(information: FloatArray, places: NDArray[np.intp]) -> FloatArray:
+    """H_ff^-1 E_f, shape (k, 6), by a scaled pseudo-inverse where H_ff is singular."""
+    block = information[np.ix_(places, places)]
+    scale = np.sqrt(np.maximum(np.diag(block), 1e-300))
+    inverse = np.linalg.pinv(block / np.outer(scale, scale), rcond=1e-14, hermitian=True)
+    result = np.zeros((len(places), len(PARAMETER_NAMES)))
+    result[:, places] = inverse / np.outer(scale, scale)
+    return result
+
+
+def _places(names: Sequence[str]) -> NDArray[np.intp]:
+    return np.array([_INDEX[name] for name in names], dtype=np.intp)

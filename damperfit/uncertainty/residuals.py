@@ -1,0 +1,360 @@
+"""What the residuals say that the MSE does not: noise or missing physics, and which.
+
+The residual is laid over itself cycle by cycle. What differs between cycles is noise (of both
+channels); what repeats is lack of fit. With C cycles of scatter s^2 the mean residual of pure noise
+has the power s^2/C, which is taken off::
+
+    repeating = mean over phases of (mean residual)^2 - s^2/C
+
+What the model lacks is then sought among signatures: the force that each flaw would add, behind the
+filter and with everything the fit could absorb projected out. The share of the repeating misfit
+that one signature explains is what a refit with that flaw in the model would gain.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.conditioning import apply_filter
+from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.uncertainty.spectrum import autocorrelation
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from numpy.typing import NDArray
+
+    from damperfit.recording import Trace
+    from damperfit.uncertainty.evidence import Evidence, LogEvidence
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["Diagnosis", "Hint", "diagnose"]
+
+# The repeating power of pure noise is F-distributed about 1 with a relative deviation of
+# sqrt(2/independent samples per cycle); five deviations do not happen by chance.
+_DEVIATIONS = 5.0
+# Below this share of the force's variance, 0.1 N of 300 N, the integrator's error repeats too.
+_NEGLIGIBLE = 1e-7
+# A signature that explains less of the repeating misfit than this names nothing.
+_NAMED = 0.5
+# Signatures within this factor of the best cannot be told from it.
+_TIE = 0.9
+# Speeds over which seal friction falls from its breakaway level, m/s.
+_STRIBECK_SPEEDS = (0.01, 0.03, 0.1)
+
+
+@dataclass(frozen=True, slots=True)
+class Hint:
+    """One flaw that would leave such residuals.
+
+    Attributes
+    ----------
+    name : str
+        Short name: delay, gas_pressure, ...
+    family : str
+        What the misfit is locked to: position, sign of v, reversals or v squared.
+    share : float
+        Part of the repeating misfit that it explains, 0 to 1.
+    amount : float
+        Its size in its own unit (ms, per cent or N), as a refit would find it to first order.
+    words : str
+        For people.
+    """
+
+    name: str
+    family: str
+    share: float
+    amount: float
+    words: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Diagnosis:
+    """What the residuals of one setting say.
+
+    Attributes
+    ----------
+    setting : int
+        Adjuster setting.
+    mse_percent : float
+        Eq. (22).
+    noise_percent : float
+        The part of it that differs from cycle to cycle; NaN for a single cycle.
+    is_structured : bool
+        Whether more of the residual repeats with the cycle than noise can explain.
+    correlation : float
+        Autocorrelation of the residual at a lag of one cycle: 0 for noise, towards 1 when the
+        residual repeats. NaN for a single cycle.
+    runs_ratio : float
+        Runs of one sign over what noise behind the same filter would have; well below 1 when
+        the residual is structured.
+    hints : tuple of Hint
+        What may be missing, best first; empty where nothing repeats or nothing explains it.
+    sentence : str
+        For people.
+    """
+
+    setting: int
+    mse_percent: float
+    noise_percent: float
+    is_structured: bool
+    correlation: float
+    runs_ratio: float
+    hints: tuple[Hint, ...]
+    sentence: str
+
+
+def diagnose(evidence: Evidence) -> Diagnosis:
+    """Return what the residuals of a setting say; uses the evidence alone, no simulation."""
+    fit = evidence.fit
+    repeats, noise, ratio, bar = _split(evidence)
+    variance = np.var(np.concatenate([log.trace.force[log.trace.window] for log in fit.logs]))
+    is_structured = bool(ratio > bar and repeats > _NEGLIGIBLE * variance)
+    hints = _hints(evidence, repeats) if is_structured else ()
+    noise_percent = float(min(100.0 * noise / variance, fit.mse_percent))
+    return Diagnosis(
+        setting=fit.setting,
+        mse_percent=fit.mse_percent,
+        noise_percent=noise_percent,
+        is_structured=is_structured,
+        correlation=_correlation(evidence),
+        runs_ratio=_runs_ratio(evidence),
+        hints=hints,
+        sentence=_sentence(fit.mse_percent, noise_percent, hints, is_structured=is_structured),
+    )
+
+
+def _sentence(mse: float, noise: float, hints: tuple[Hint, ...], *, is_structured: bool) -> str:
+    if math.isnan(noise):
+        return f"MSE {mse:.2g} %; a single cycle does not tell noise from lack of fit"
+    said = f"MSE {mse:.2g} %, of which {noise:.2g} % is noise"
+    if not is_structured:
+        return f"{said}: nothing repeats that the model lacks"
+    if not hints:
+        return f"{said}: the model is missing something that no known flaw explains"
+    named = " or ".join(hint.words for hint in hints)
+    best = hints[0]
+    return (
+        f"{said}: the model is missing something, locked to {best.family}, as from {named} "
+        f"(explains {100.0 * best.share:.0f} % of what repeats)"
+    )
+
+
+def _split(evidence: Evidence) -> tuple[float, float, float, float]:
+    """Return repeating and scattered mean squares, N^2, their test ratio and its bar."""
+    repeats, noise, expected, n_samples, phases = 0.0, 0.0, 0.0, 0, 0.0
+    for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True):
+        trace = log.trace
+        n = len(seen.residuals)
+        n_samples += n
+        if trace.n_cycles < 2:
+            return math.nan, math.nan, math.nan, math.nan
+        folded = _fold(seen.residuals, trace)
+        scatter = float(np.mean(np.var(folded, axis=0, ddof=1)))
+        mean_power = float(np.mean(folded.mean(axis=0) ** 2))
+        repeats += n * (mean_power - scatter / trace.n_cycles)
+        expected += n * scatter / trace.n_cycles
+        noise += n * scatter
+        phases += 1.0 / (trace.frequency * max(2.0 * evidence.correlation_time, trace.interval))
+    bar = 1.0 + _DEVIATIONS * math.sqrt(2.0 / phases)
+    ratio = 1.0 + repeats / max(expected, 1e-300)
+    return repeats / n_samples, noise / n_samples, ratio, bar
+
+
+def _fold(residuals: FloatArray, trace: Trace) -> FloatArray:
+    """Residuals over cycles and phases, shape (cycles, phases)."""
+    starts = trace.cycle_starts - trace.first
+    n_phases = max(8, round(float(np.mean(np.diff(starts)))))
+    positions = starts[:-1, None] + np.diff(starts)[:, None] * (np.arange(n_phases) / n_phases)
+    nearest = np.clip(np.rint(positions).astype(np.int64), 0, len(residuals) - 1)
+    return np.asarray(residuals[nearest])
+
+
+def _correlation(evidence: Evidence) -> float:
+    """Autocorrelation at a lag of one cycle, the largest of the logs."""
+    values = []
+    for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True):
+        period = round(1.0 / (log.trace.frequency * log.trace.interval))
+        if 2 * period < len(seen.residuals):
+            rho = autocorrelation(seen.residuals, period)[period]
+            values.append(float(rho) * len(seen.residuals) / (len(seen.residuals) - period))
+    return max(values, default=math.nan)
+
+
+def _runs_ratio(evidence: Evidence) -> float:
+    """Sign changes of the residual over those of its scatter about the mean cycle."""
+    found, expected = 0, 0
+    for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True):
+        if log.trace.n_cycles < 2:
+            return math.nan
+        folded = _fold(seen.residuals, log.trace)
+        found += int(np.count_nonzero(np.diff(np.signbit(folded), axis=1)))
+        about = np.signbit(folded - folded.mean(axis=0))
+        expected += int(np.count_nonzero(np.diff(about, axis=1)))
+    return found / max(expected, 1)
+
+
+@dataclass(frozen=True, slots=True)
+class _Flaw:
+    name: str
+    family: str
+    unit: float
+    words: Callable[[float], str]
+
+
+def _size(text: str, unit: str) -> Callable[[float], str]:
+    return lambda amount: text.format(f"{abs(amount):.2g} {unit}")
+
+
+_FLAWS: Mapping[str, _Flaw] = {
+    flaw.name: flaw
+    for flaw in (
+        _Flaw(
+            "delay",
+            "reversals",
+            1e3,
+            lambda a: (
+                f"a channel delay (the force is {abs(a):.2g} ms "
+                f"{'late' if a > 0.0 else 'early'} against the displacement)"
+            ),
+        ),
+        _Flaw(
+            "gas_pressure",
+            "position",
+            100.0,
+            lambda a: (
+                f"a wrong gas pressure ({abs(a):.2g} % {'more' if a > 0.0 else 'less'} "
+                "than configured)"
+            ),
+        ),
+        _Flaw("gas_exponent", "position", 100.0, _size("a wrong gas exponent (by {})", "%")),
+        _Flaw(
+            "gas_volume",
+            "position",
+            1.0,
+            _size("a wrong gas or rod volume ({} at full stroke)", "N"),
+        ),
+        _Flaw(
+            "offset", "position", 1.0, _size("a force offset that is not in the model ({})", "N")
+        ),
+        _Flaw(
+            "friction_with_speed",
+            "the sign of v",
+            1.0,
+            _size("friction that depends on velocity ({} more at low speed)", "N"),
+        ),
+        _Flaw(
+            "compressibility",
+            "reversals",
+            100.0,
+            _size("a bulk modulus that changes with pressure (by {} per 10 bar)", "%"),
+        ),
+        _Flaw(
+            "valve_law_rebound",
+            "v squared",
+            1.0,
+            _size("the valve law in rebound ({} at peak)", "N"),
+        ),
+        _Flaw("valve_law_bump", "v squared", 1.0, _size("the valve law in bump ({} at peak)", "N")),
+    )
+}
+
+
+def _signatures(trace: Trace, seen: LogEvidence) -> dict[str, list[FloatArray]]:
+    """Force that one unit of each flaw adds, behind the filter, over the window."""
+    x, v = trace.displacement, trace.velocity
+    peak = float(np.max(np.abs(v[trace.window])))
+    stroke = float(np.max(np.abs(x[trace.window])))
+
+    def passed(values: FloatArray) -> FloatArray:
+        return apply_filter(trace.model_filter, values)[trace.window]
+
+    rate = np.gradient(seen.force, trace.interval)
+    pressure = np.abs(seen.force - seen.force.mean())
+    return {
+        "delay": [-rate],
+        "gas_pressure": [seen.gas[:, 0]],
+        "gas_exponent": [seen.gas[:, 1]],
+        "gas_volume": [passed(x / stroke)],
+        "offset": [np.ones(len(seen.force))],
+        "friction_with_speed": [
+            passed(np.tanh(v / 1e-3) * np.exp(-np.abs(v) / speed)) for speed in _STRIBECK_SPEEDS
+        ],
+        "compressibility": [seen.jacobian[:, 3] * pressure / max(float(pressure.max()), 1e-300)],
+        "valve_law_rebound": [passed(np.maximum(v, 0.0) ** 2 / peak**2)],
+        "valve_law_bump": [passed(np.minimum(v, 0.0) ** 2 / peak**2)],
+    }
+
+
+def _hints(evidence: Evidence, repeats: float) -> tuple[Hint, ...]:
+    residuals = np.concatenate([seen.residuals for seen in evidence.logs])
+    absorbed = _absorbed(evidence)
+    tables = [
+        _signatures(log.trace, seen)
+        for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True)
+    ]
+    columns: dict[str, list[FloatArray]] = {
+        name: [
+            np.concatenate([table[name][k] for table in tables])
+            for k in range(len(tables[0][name]))
+        ]
+        for name in tables[0]
+    }
+    for name in _held(evidence):
+        place = PARAMETER_NAMES.index(name)
+        columns[name] = [np.concatenate([seen.jacobian[:, place] for seen in evidence.logs])]
+    power = repeats * len(residuals)
+    found = []
+    for name, candidates in columns.items():
+        share, amount = max(_gain(column, absorbed, residuals) for column in candidates)
+        flaw = _FLAWS.get(name) or _held_flaw(name)
+        size = amount * flaw.unit
+        found.append(Hint(name, flaw.family, min(share / power, 1.0), size, flaw.words(size)))
+    found.sort(key=lambda hint: -hint.share)
+    if found[0].share < _NAMED:
+        return ()
+    return tuple(hint for hint in found if hint.share >= _TIE * found[0].share)
+
+
+def _gain(column: FloatArray, absorbed: FloatArray, residuals: FloatArray) -> tuple[float, float]:
+    """Return by how much a signature lowers the sum of squares, and its amount."""
+    left = column - absorbed @ (absorbed.T @ column)
+    power = float(left @ left)
+    if power < 1e-12 * float(column @ column):
+        return 0.0, 0.0  # the fit absorbs it whole
+    amount = float(left @ residuals) / power
+    return amount * amount * power, amount
+
+
+def _held(evidence: Evidence) -> tuple[str, ...]:
+    """Parameters that nothing in the logs has set; f_0 stands among the flaws already."""
+    status = evidence.fit.status
+    return tuple(n for n in PARAMETER_NAMES if status[n] == "fixed" and n != "f_0")
+
+
+def _held_flaw(name: str) -> _Flaw:
+    return _Flaw(
+        name,
+        "a held parameter",
+        100.0,
+        lambda a: f"{name} held at a wrong value, too {'low' if a > 0.0 else 'high'}",
+    )
+
+
+def _absorbed(evidence: Evidence) -> FloatArray:
+    """Orthonormal basis of what the fit, shared parameters included, could absorb."""
+    status = evidence.fit.status
+    places = [
+        j
+        for j, name in enumerate(PARAMETER_NAMES)
+        if status[name] in {"fitted", "shared", "not_identifiable"}
+    ]
+    whole = np.vstack([seen.jacobian[:, places] for seen in evidence.logs])
+    lengths = np.sqrt(np.sum(whole * whole, axis=0))
+    basis, _ = np.linalg.qr(whole[:, lengths > 0.0] / lengths[lengths > 0.0])
+    return np.asarray(basis)

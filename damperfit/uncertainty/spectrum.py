@@ -1,0 +1,149 @@
+r"""The variance of sums of correlated numbers.
+
+The error of a fit is linear in its scores g_t = J_t r_t (one row of the Jacobian times its
+residual), so that its covariance needs the variance of their sum::
+
+    M = sum over lags l of  w(l) sum_t g_t g_{t+l}^T,     w(l) = 1 up to m, falling to 0 at 2 m
+
+The flat-topped window w leaves no bias where correlation ends before lag m; m is read from the
+residual's own autocorrelation (Politis, "Adaptive bandwidth choice", J. Nonparametric Statistics,
+2003, with Bartlett's variance of a sample autocorrelation in place of that of white noise, because
+a filtered residual is far from white). No form of the correlation is assumed, and residuals that
+are larger in part of the cycle than elsewhere are allowed for.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["autocorrelation", "correlation_length", "cycle_covariance", "score_covariance"]
+
+# A sample autocorrelation within this many of its standard errors counts as none.
+_NO_CORRELATION = 2.5
+
+
+def autocorrelation(residuals: FloatArray, n_lags: int) -> FloatArray:
+    """Return the sample autocorrelation at lags 0 to ``n_lags``; 1, 0, 0, ... for zeros."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    n = len(residuals)
+    spectrum = rfft(residuals, next_fast_len(n + n_lags + 1, real=True))
+    sums = irfft(np.abs(spectrum) ** 2, next_fast_len(n + n_lags + 1, real=True))[: n_lags + 1]
+    if not sums[0] > 0.0:
+        return np.asarray(np.eye(1, n_lags + 1)[0])
+    return np.asarray(sums / sums[0])
+
+
+def correlation_length(residuals: FloatArray, *, longest: int) -> int:
+    """Return the lag, in samples, beyond which the residuals are not correlated.
+
+    Parameters
+    ----------
+    residuals : numpy.ndarray
+        Shape (n,).
+    longest : int
+        What to return when the correlation does not end before: a misfit that repeats with every
+        cycle never does.
+    """
+    longest = max(1, min(longest, len(residuals) // 4))
+    rho = autocorrelation(residuals, longest)
+    # Bartlett: var(rho at a lag beyond m) is (1 + 2 sum of rho^2 up to m)/n.
+    bars = _NO_CORRELATION * np.sqrt((2.0 * np.cumsum(rho * rho) - 1.0) / len(residuals))
+    is_small = np.abs(rho[1:]) < bars[:-1]
+    run = 0
+    for lag in range(1, longest + 1):
+        run = run + 1 if is_small[lag - 1] else 0
+        first = lag - run
+        # Quiet for as long as the correlation itself lasted, and for five lags at least.
+        if run >= max(5, first):
+            return first
+    return longest
+
+
+def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
+    """Return the covariance of the sum of scores that are correlated up to a lag.
+
+    Parameters
+    ----------
+    scores : numpy.ndarray
+        Shape (n, k), one log's.
+    lag : int
+        Correlation length, samples.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (k, k), positive semi-definite.
+    """
+    n = len(scores)
+    lags = np.arange(min(2 * lag + 1, n))
+    flat_topped = np.clip(2.0 - lags / max(lag, 1), 0.0, 1.0) if lag else np.ones(1)
+    total = _windowed(scores, flat_topped)
+    if lag and not _is_positive(total):
+        # A misfit that repeats with the cycle can do that; a triangle never gives a negative sum.
+        total = _windowed(scores, 1.0 - lags / (2.0 * lag + 1.0))
+    return total
+
+
+def _windowed(scores: FloatArray, window: FloatArray) -> FloatArray:
+    """Sum over lags of window times lagged products; the window holds the lags from 0."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    n, reach = len(scores), len(window)
+    length = next_fast_len(n + reach, real=True)
+    kernel = np.zeros(length)
+    kernel[:reach] = window
+    kernel[length - reach + 1 :] = window[:0:-1]
+    gain = rfft(kernel).real
+    smooth = irfft(rfft(scores, length, axis=0) * gain[:, None], length, axis=0)[:n]
+    total = scores.T @ smooth
+    # The fit makes the sum of the scores zero, which takes this share of the variance away.
+    lost = min((2.0 * float(np.sum(window)) - 1.0) / n, 0.5)
+    return np.asarray(0.5 * (total + total.T) / (1.0 - lost))
+
+
+def cycle_covariance(scores: Sequence[FloatArray], starts: Sequence[FloatArray]) -> FloatArray:
+    """Return the same from sums over whole cycles: the jackknife over cycles, linearised.
+
+    Leaving one cycle out moves the fit by the sum of its scores, to first order.
+
+    Parameters
+    ----------
+    scores : sequence of numpy.ndarray
+        One array (n_i, k) per log.
+    starts : sequence of numpy.ndarray
+        Boundaries of the cycles, samples of the scores.
+    """
+    sums = [
+        part[a:b].sum(axis=0)
+        for part, edges in zip(scores, starts, strict=True)
+        for a, b in zip(*_cuts(edges, len(part)), strict=True)
+    ]
+    n = len(sums)
+    if n < 2:
+        return np.full((scores[0].shape[1],) * 2, math.nan)
+    table = np.array(sums)
+    table -= table.mean(axis=0)
+    return np.asarray(table.T @ table * (n / (n - 1.0)))
+
+
+def _cuts(edges: FloatArray, n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    cuts = np.clip(np.rint(edges).astype(np.int64), 0, n)
+    return cuts[:-1], cuts[1:]
+
+
+def _is_positive(matrix: FloatArray) -> bool:
+    if not np.all(np.diag(matrix) > 0.0):
+        return False
+    scale = np.sqrt(np.diag(matrix))
+    return bool(np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0] > 0.0)

@@ -1,0 +1,120 @@
+"""One fit over all settings: the minimum of one big least squares, in a few steps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from damperfit.conditioning import condition
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.reference import reference_parameters
+from damperfit.errors import ConfigurationError
+from damperfit.identification import PROCEDURES, FitOptions, Outcome, compare, identify
+from damperfit.identification.options import PROCEDURE_NAMES
+from damperfit.readers import read_log
+from damperfit.uncertainty import assess
+from tests.identification.rig import trace, traces
+
+SAMPLES = Path(__file__).parents[2] / "sample_runs"
+OWN = ("r_m1", "r_m2", "k_e")
+SHARED = ("r_m3", "f_f")
+
+
+def test_every_procedure_has_its_name() -> None:
+    assert set(PROCEDURES) == set(PROCEDURE_NAMES)
+
+
+def test_the_sample_runs_give_what_is_shared_at_the_cost_of_a_few_steps() -> None:
+    logs = [condition(read_log(path)) for path in sorted(SAMPLES.glob("setting_*.csv"))]
+    joint = identify(logs, PURDY_DAMPER, FitOptions("joint"))
+    assert len(joint.fits) == 20
+    assert joint.warnings == ()
+    first = joint.fits[0].parameters
+    assert first.r_m3 == pytest.approx(2.597e6, rel=3e-3)
+    assert first.f_f == pytest.approx(50.0, rel=1e-2)
+    for fit in joint.fits:
+        assert fit.outcome is Outcome.CONVERGED
+        assert (fit.parameters.r_m3, fit.parameters.f_f) == (first.r_m3, first.f_f)
+        assert fit.status["r_m3"] == fit.status["f_f"] == "shared"
+        assert fit.parameters.r_m1 == pytest.approx(
+            reference_parameters(fit.setting).r_m1, rel=1.5e-3
+        )
+    paper = identify(logs, PURDY_DAMPER)
+    spent = [sum(fit.evaluations for fit in one.fits) for one in (paper, joint)]
+    assert spent[1] < 2 * spent[0]
+    # One setting alone cannot know R_m3 as well as all of them together.
+    errors = [
+        assess(one, PURDY_DAMPER).uncertainties[0].intervals["r_m3"].error for one in (paper, joint)
+    ]
+    assert errors[1] < 0.6 * errors[0]
+
+
+def test_it_is_the_minimum_of_one_big_least_squares() -> None:
+    logs = traces([2, 9, 17], noise=4.0, duration=4.0)
+    options = FitOptions("joint")
+    fits = identify(logs, PURDY_DAMPER, options).fits
+    separate = identify(logs, PURDY_DAMPER).fits
+    rms = [
+        np.sqrt(fit.mse_percent / 100.0) * np.std(log.force[log.window])
+        for fit, log in zip(separate, logs, strict=True)
+    ]
+
+    def residuals(u: np.ndarray) -> np.ndarray:
+        parts = []
+        for k, log in enumerate(logs):
+            values = np.exp([*u[3 * k : 3 * k + 3], *u[9:]])
+            named = dict(zip((*OWN, *SHARED), values, strict=True))
+            y = replace(fits[k].parameters, **named)
+            force = compare(y, log, PURDY_DAMPER, solver=options.solver).force
+            parts.append((force - log.force)[log.window] / rms[k])
+        return np.concatenate(parts)
+
+    start = [np.log(getattr(reference_parameters(s), name)) for s in (2, 9, 17) for name in OWN] + [
+        np.log(2.597e6),
+        np.log(50.0),
+    ]
+    big = least_squares(residuals, start, diff_step=1e-4, x_scale=1e-3, xtol=1e-12, ftol=1e-12)
+    found = [np.log(getattr(fit.parameters, name)) for fit in fits for name in OWN]
+    found += [np.log(getattr(fits[0].parameters, name)) for name in SHARED]
+    # Differences of 1e-4 leave the big one that far from the minimum, in units of its errors.
+    covariance = np.linalg.inv(big.jac.T @ big.jac)
+    assert np.abs((np.array(found) - big.x) / np.sqrt(np.diag(covariance))).max() < 0.05
+    assert np.sum(residuals(np.array(found)) ** 2) <= 2 * big.cost * (1 + 1e-6)
+
+
+def test_what_is_shared_is_an_option() -> None:
+    logs = traces([3, 12], noise=4.0, duration=5.0)
+    options = FitOptions("joint", share=("f_f",), fixed={"r_m3": 2.597e6})
+    fits = identify(logs, PURDY_DAMPER, options).fits
+    assert fits[0].parameters.f_f == fits[1].parameters.f_f
+    assert fits[0].status["r_m3"] == "fixed"
+    assert fits[0].status["f_f"] == "shared"
+    everything = FitOptions("joint", share=("r_m3", "f_f", "f_0"))
+    tared = [
+        trace(s, replace(reference_parameters(s), f_0=118.0), noise=4.0, duration=5.0)
+        for s in (3, 12)
+    ]
+    found = identify(tared, PURDY_DAMPER, everything).fits
+    assert found[0].parameters.f_0 == found[1].parameters.f_0 == pytest.approx(118.0, abs=0.5)
+
+
+def test_one_setting_is_said_not_to_be_a_joint_fit() -> None:
+    campaign = identify([trace(3, noise=4.0, duration=5.0)], PURDY_DAMPER, FitOptions("joint"))
+    assert campaign.procedure == "joint"
+    assert any("needs two settings" in text for text in campaign.warnings)
+
+
+def test_shared_and_fixed_at_once_is_refused() -> None:
+    options = FitOptions("joint", fixed={"f_f": 50.0})
+    with pytest.raises(ConfigurationError, match="f_f is shared and also free or fixed"):
+        identify([trace(1, duration=4.0)], PURDY_DAMPER, options)
+
+
+def test_jobs_give_the_same_bits() -> None:
+    logs = traces([1, 8, 15], noise=4.0, duration=5.0)
+    one, two = (identify(logs, PURDY_DAMPER, FitOptions("joint"), jobs=jobs) for jobs in (1, 2))
+    assert [fit.parameters for fit in one.fits] == [fit.parameters for fit in two.fits]

@@ -1,0 +1,147 @@
+"""Monte Carlo of the intervals: fits of noisy copies of known logs, and how often they cover.
+
+    python -m tests.uncertainty.coverage --fits 1000 [--white] [--displacement-noise 8e-6]
+
+Every trial is a whole campaign by the paper's procedure over a soft, a middle and a stiff setting,
+so that the errors of the shared R_m3 and f_f are in it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from damperfit.conditioning import ConditionOptions, apply_filter, condition
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.reference import reference_parameters
+from damperfit.identification import FitOptions, identify
+from damperfit.recording import Trace
+from damperfit.uncertainty import collect_evidence, uncertainties
+from tests.identification.rig import recording
+
+SETTINGS = (1, 10, 20)
+NAMES = ("r_m1", "r_m2", "k_e", "r_m3", "f_f")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What is simulated: noise in N and m, filter, sample rate, length."""
+
+    noise: float = 4.0
+    displacement_noise: float = 0.0
+    is_white: bool = False
+    rate: float = 500.0
+    duration: float = 10.0
+    procedure: str = "paper"
+
+
+def clean_logs(trial: Trial) -> list:
+    return [recording(s, rate=trial.rate, duration=trial.duration) for s in SETTINGS]
+
+
+def noisy(trial: Trial, logs: list, clean: list[Trace], rng: np.random.Generator) -> list[Trace]:
+    options = ConditionOptions(filter="none" if trial.is_white else "zero_phase")
+    traces = []
+    for quiet, trace in zip(logs, clean, strict=True):
+        shaken = trial.noise * rng.standard_normal(len(quiet.time))
+        if trial.displacement_noise:
+            moved = trial.displacement_noise * rng.standard_normal(len(quiet.time))
+            log = replace(
+                quiet, force=quiet.force + shaken, displacement=quiet.displacement + moved
+            )
+            traces.append(condition(log, options))
+        else:  # filtering is linear: the same numbers at a tenth of the cost
+            n = len(trace.force)
+            traces.append(
+                replace(trace, force=trace.force + apply_filter(trace.model_filter, shaken[:n]))
+            )
+    return traces
+
+
+def one(job: tuple[Trial, int]) -> np.ndarray:
+    """Return ln of value, true value, low, high and the cycle ratio, (settings, names, 5)."""
+    trial, seed = job
+    logs = clean_logs(trial)
+    options = ConditionOptions(filter="none" if trial.is_white else "zero_phase")
+    clean = [condition(log, options) for log in logs]
+    rows = []
+    for k in range(PER_JOB):
+        traces = noisy(trial, logs, clean, np.random.default_rng([seed, k]))
+        campaign = identify(traces, PURDY_DAMPER, FitOptions(trial.procedure))
+        known = uncertainties(collect_evidence(campaign, PURDY_DAMPER), campaign.sharing)
+        table = np.full((len(SETTINGS), len(NAMES), 5), np.nan)
+        for i, (fit, found) in enumerate(zip(campaign.fits, known, strict=True)):
+            truth = reference_parameters(fit.setting)
+            for j, name in enumerate(NAMES):
+                interval = found.intervals[name]
+                numbers = (
+                    getattr(fit.parameters, name),
+                    getattr(truth, name),
+                    interval.low,
+                    interval.high,
+                )
+                table[i, j] = (*np.log(numbers), interval.cycle_ratio)
+        rows.append(table)
+    return np.array(rows)
+
+
+PER_JOB = 25
+
+
+def run(trial: Trial, fits: int, workers: int = 1) -> np.ndarray:
+    """Return (fits, settings, names, 5)."""
+    jobs = [(trial, seed) for seed in range(-(-fits // PER_JOB))]
+    if workers == 1:
+        return np.concatenate([one(job) for job in jobs])[:fits]
+    with ProcessPoolExecutor(workers) as pool:
+        return np.concatenate(list(pool.map(one, jobs)))[:fits]
+
+
+def summary(table: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return coverage, mean width over 2 x 1.96 true scatter, and bias over scatter."""
+    value, truth, low, high = (table[..., i] for i in range(4))
+    covered = np.mean((low <= truth) & (truth <= high), axis=0)
+    scatter = np.std(value, axis=0, ddof=1)
+    width = np.mean(high - low, axis=0) / (2 * 1.959964 * scatter)
+    return covered, width, np.mean(value - truth, axis=0) / scatter
+
+
+def main() -> int:
+    """Print coverage and width; return 1 when the coverage of an own parameter is not 93-97 %."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--fits", type=int, default=1000)
+    parser.add_argument("--white", action="store_true")
+    parser.add_argument("--displacement-noise", type=float, default=0.0)
+    parser.add_argument("--rate", type=float, default=500.0)
+    parser.add_argument("--duration", type=float, default=10.0)
+    parser.add_argument("--procedure", default="paper")
+    parser.add_argument("--workers", type=int, default=1)
+    given = parser.parse_args()
+    trial = Trial(
+        displacement_noise=given.displacement_noise,
+        is_white=given.white,
+        rate=given.rate,
+        duration=given.duration,
+        procedure=given.procedure,
+    )
+    table = run(trial, given.fits, given.workers)
+    covered, width, bias = summary(table)
+    ratio = np.nanmedian(table[..., 4], axis=0) if len(table) else covered
+    print(f"{trial}, {len(table)} campaigns")
+    print("setting parameter coverage width/scatter bias/scatter jackknife/sandwich")
+    for i, setting in enumerate(SETTINGS):
+        for j, name in enumerate(NAMES):
+            print(
+                f"{setting:7d} {name:>9s} {100 * covered[i, j]:7.1f}% {width[i, j]:13.3f} "
+                f"{bias[i, j]:12.2f} {ratio[i, j]:18.2f}"
+            )
+    own = covered[:, :3]
+    return int(not (np.all(own >= 0.93) and np.all(own <= 0.97)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

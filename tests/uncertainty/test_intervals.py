@@ -1,0 +1,163 @@
+"""Intervals hold: exact where the answer is known, by Monte Carlo where it is not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER
+from damperfit.damper.reference import reference_parameters
+from damperfit.identification import FitOptions, identify
+from damperfit.uncertainty import assess, collect_evidence, uncertainties, verdicts
+from damperfit.uncertainty.spectrum import (
+    autocorrelation,
+    correlation_length,
+    cycle_covariance,
+    score_covariance,
+)
+from tests.identification.rig import trace, traces
+from tests.uncertainty.coverage import Trial, run, summary
+
+FREE = ("r_m1", "r_m2", "k_e")
+KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
+
+
+def smooth_noise(rng: np.random.Generator, n: int, span: int) -> np.ndarray:
+    return np.convolve(rng.standard_normal(n + span - 1), np.ones(span), "valid")
+
+
+def test_autocorrelation_is_that_of_the_definition() -> None:
+    r = np.random.default_rng(3).standard_normal(200)
+    expected = [r[: 200 - k] @ r[k:] / (r @ r) for k in range(6)]
+    assert autocorrelation(r, 5) == pytest.approx(expected, abs=1e-12)
+    assert autocorrelation(np.zeros(9), 2).tolist() == [1.0, 0.0, 0.0]
+
+
+def test_white_residuals_have_no_correlation_length_and_the_textbook_sum() -> None:
+    r = np.random.default_rng(5).standard_normal(4000)
+    assert correlation_length(r, longest=100) == 0
+    scores = r[:, None] * np.array([[1.0, -2.0]])
+    found = score_covariance(scores, 0)
+    assert found == pytest.approx(scores.T @ scores / (1.0 - 1.0 / 4000), rel=1e-5)
+
+
+def test_the_correlation_length_is_found_and_a_repeating_misfit_is_cut_off() -> None:
+    rng = np.random.default_rng(7)
+    found = [correlation_length(smooth_noise(rng, 6000, 20), longest=200) for _ in range(40)]
+    # The triangle of a moving mean of 20 ends at lag 19; its last lags drown in noise.
+    assert 15 <= np.median(found) <= 22
+    cycle = np.sin(2 * np.pi * np.arange(6000) / 500)
+    assert correlation_length(cycle, longest=125) == 125
+
+
+@pytest.mark.parametrize("span", [1, 12])
+def test_the_variance_of_a_sum_is_not_biased(span: int) -> None:
+    # The sum of n moving means of unit noise has the variance n span^2, but for its ends.
+    rng = np.random.default_rng(11)
+    n = 3000
+    shape = 1.0 + 0.5 * np.sin(2 * np.pi * np.arange(n) / 300)
+    found, sums = [], []
+    for _ in range(300):
+        scores = (smooth_noise(rng, n, span) * shape)[:, None]
+        lag = correlation_length(scores[:, 0], longest=100)
+        found.append(score_covariance(scores - scores.mean(), lag)[0, 0])
+        sums.append(float(scores.sum()))
+    assert np.mean(found) == pytest.approx(n * 1.125 * span**2, rel=0.04)
+    assert np.mean(found) == pytest.approx(np.var(sums), rel=0.3)
+
+
+def test_the_jackknife_over_cycles_is_that_of_the_cycle_sums() -> None:
+    rng = np.random.default_rng(13)
+    scores = rng.standard_normal((1200, 2))
+    edges = np.arange(0.0, 1201.0, 100.0)
+    found = cycle_covariance([scores], [edges])
+    sums = scores.reshape(12, 100, 2).sum(axis=1)
+    assert found == pytest.approx(12 * np.cov(sums.T), rel=1e-12)
+    assert np.isnan(cycle_covariance([scores], [np.array([0.0, 1200.0])])).all()
+
+
+def test_errors_of_white_residuals_are_those_of_the_textbook() -> None:
+    log = trace(8, noise=4.0)
+    options = FitOptions("plain", FREE, KNOWN)
+    campaign = identify([log], PURDY_DAMPER, options)
+    evidence = collect_evidence(campaign, PURDY_DAMPER)
+    places = [PARAMETER_NAMES.index(name) for name in FREE]
+    jacobian = evidence[0].logs[0].jacobian[:, places]
+    rng = np.random.default_rng(17)
+    values = []
+    for _ in range(400):
+        step = np.linalg.lstsq(jacobian, 4.0 * rng.standard_normal(len(jacobian)), rcond=None)[0]
+        values.append(step)
+    textbook = 4.0 * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    assert np.std(values, axis=0) == pytest.approx(textbook, rel=0.12)
+    # Behind the filter the honest error is more than twice what the textbook makes of it.
+    found = uncertainties(evidence, campaign.sharing)[0].intervals
+    residual = float(np.std(evidence[0].logs[0].residuals))
+    naive = residual / 4.0 * textbook
+    for name, small in zip(FREE, naive, strict=True):
+        relative = found[name].error / getattr(campaign.fits[0].parameters, name)
+        assert relative > 2.0 * small
+
+
+def test_intervals_are_positive_and_named_for_what_the_logs_gave() -> None:
+    campaign = identify(traces([1, 10], noise=4.0), PURDY_DAMPER)
+    for fit, found in zip(campaign.fits, assess(campaign, PURDY_DAMPER).uncertainties, strict=True):
+        assert set(found.intervals) == {"r_m1", "r_m2", "k_e", "r_m3", "f_f"}
+        assert fit.status["r_m3"] == fit.status["f_f"] == "shared"
+        for name, interval in found.intervals.items():
+            value = getattr(fit.parameters, name)
+            assert 0.0 < interval.low < value < interval.high
+            assert interval.low * interval.high == pytest.approx(value**2, rel=1e-12)
+        assert np.diag(found.correlation) == pytest.approx(1.0)
+        assert np.linalg.eigvalsh(found.covariance).min() > -1e-18
+    first, second = (found.intervals for found in assess(campaign, PURDY_DAMPER).uncertainties)
+    assert first["r_m3"].error == second["r_m3"].error
+
+
+def test_one_setting_alone_has_the_errors_of_the_fit_with_everything_free() -> None:
+    log = trace(3, noise=4.0)
+    shared = assess(identify([log], PURDY_DAMPER), PURDY_DAMPER).uncertainties[0]
+    plain = assess(identify([log], PURDY_DAMPER, FitOptions("plain")), PURDY_DAMPER)
+    for name, interval in plain.uncertainties[0].intervals.items():
+        assert shared.intervals[name].error == pytest.approx(interval.error, rel=0.02)
+
+
+def test_a_parameter_at_its_bound_has_no_interval_and_an_offset_may_be_negative() -> None:
+    log = trace(5, noise=4.0)
+    options = FitOptions("plain", (*FREE, "f_0"), KNOWN)
+    campaign = identify([log], PURDY_DAMPER, options)
+    found = assess(campaign, PURDY_DAMPER).uncertainties[0].intervals
+    assert found["f_0"].low < 0.0 < found["f_0"].high
+    assert found["f_0"].error < 0.5
+    limited = identify([log], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN, max_evaluations=2))
+    assert assess(limited, PURDY_DAMPER).uncertainties[0].intervals == {}
+
+
+def test_verdicts_say_what_cannot_be_told_and_what_is_tied() -> None:
+    truth = replace(reference_parameters(12), r_m3=2.6e3)
+    campaign = identify([trace(12, truth, noise=4.0)], PURDY_DAMPER, FitOptions("plain"))
+    fit = campaign.fits[0]
+    said = verdicts(fit, assess(campaign, PURDY_DAMPER).uncertainties[0])
+    assert fit.status["r_m3"] in {"not_identifiable", "at_bound"}
+    assert "do not tell it" in said["r_m3"] or "edge of its plausible range" in said["r_m3"]
+    assert said["r_m1"].startswith("fitted, 95 % from ")
+    paper = identify(traces([1, 10], noise=4.0), PURDY_DAMPER)
+    said = verdicts(paper.fits[1], assess(paper, PURDY_DAMPER).uncertainties[1])
+    assert "correlated with r_m3 (-0.9" in said["r_m1"]
+    assert said["f_0"] == "held at the value given"
+
+
+@pytest.mark.parametrize(
+    "trial", [Trial(), pytest.param(Trial(is_white=True), marks=pytest.mark.slow)]
+)
+def test_intervals_cover_the_truth_through_the_whole_procedure(trial: Trial) -> None:
+    # 100 campaigns of three settings; 1000 by hand: python -m tests.uncertainty.coverage.
+    covered, width, bias = summary(run(trial, 100))
+    # Three standard deviations of a binomial at 95 %, and of the scatter's own estimate.
+    assert covered.min() > 0.95 - 3 * math.sqrt(0.95 * 0.05 / 100)
+    assert 0.93 <= covered[:, :3].mean() <= 0.98
+    assert np.abs(width - 1.0).max() < 3 / math.sqrt(2 * 100)
+    assert np.abs(bias).max() < 3 / math.sqrt(100)
