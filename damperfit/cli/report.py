@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from damperfit.cli.console import print_json, say
-from damperfit.cli.options import DebugOption, JsonOption, QuietOption, VersionOption
+from damperfit.cli.options import (
+    ConfigOption,
+    DebugOption,
+    JsonOption,
+    QuietOption,
+    VersionOption,
+)
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -28,6 +34,7 @@ def report(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where to write.  [the results folder]")
     ] = None,
+    config: ConfigOption = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
@@ -35,9 +42,15 @@ def report(
 ) -> int:
     """Write report.html, one page that opens anywhere, from a results folder.
 
+    Damper and rig are those of the run; a --config is only checked.
+
     Example: damperfit report results --figures svg
     """
     check_kind("--figures", figures)
+    if config is not None:
+        from damperfit.config import load_settings
+
+        load_settings(config)
     folder = out or results
     remarks, files = write_report(results, folder, figures=figures)
     for remark in remarks:
