@@ -17,6 +17,7 @@ signed, because P_1 falls below P_3 for a fraction of a per cent of a cycle.
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -275,8 +276,38 @@ def _core_simulate() -> Callable[..., tuple[int, int, int, int, int]]:
     try:
         from damperfit.damper._core import simulate as run
     except ImportError as error:
-        raise InstallationError(
-            f"the compiled core does not load ({error}). "
-            "Reinstall it for this Python with: pip install --force-reinstall damperfit"
-        ) from error
+        installed = _installed_core_simulate()
+        if installed is None:
+            raise InstallationError(
+                f"the compiled core does not load ({error}). "
+                "Reinstall it for this Python with: pip install --force-reinstall damperfit"
+            ) from error
+        return installed
+    return run
+
+
+@lru_cache(maxsize=1)
+def _installed_core_simulate() -> Callable[..., tuple[int, int, int, int, int]] | None:
+    """Return the core of the installed package when a checkout without one hides that package.
+
+    Python started in a checkout takes the sources there, after ``pip install .`` too.
+    """
+    import sys
+    from importlib import metadata
+    from importlib.machinery import PathFinder
+    from importlib.util import module_from_spec
+    from pathlib import Path
+
+    from damperfit import __version__
+
+    folders = [str(Path(entry) / "damperfit" / "damper") for entry in sys.path]
+    spec = PathFinder.find_spec("damperfit.damper._core", folders)
+    try:
+        if spec is None or spec.loader is None or metadata.version("damperfit") != __version__:
+            return None
+        module = module_from_spec(spec)
+        spec.loader.exec_module(module)
+    except (ImportError, metadata.PackageNotFoundError):
+        return None
+    run: Callable[..., tuple[int, int, int, int, int]] = module.simulate
     return run

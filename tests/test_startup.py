@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -60,3 +63,35 @@ def test_the_script_is_installed():
     (script,) = importlib.metadata.entry_points(group="console_scripts", name="damperfit")
     assert script.value == "damperfit.cli:main"
     assert importlib.metadata.version("damperfit") == damperfit.__version__
+
+
+def test_a_checkout_without_the_core_uses_the_installed_one(tmp_path: Path) -> None:
+    """Used to fail: ``pip install .``, then Python started in the checkout."""
+    import damperfit.damper._core as core
+
+    source = Path(damperfit.__file__).parent
+    checkout, site = tmp_path / "checkout", tmp_path / "site"
+    ignore = shutil.ignore_patterns("_core*.so", "_core*.pyd", "__pycache__")
+    shutil.copytree(source, checkout / "damperfit", ignore=ignore)
+    place = site / "damperfit" / "damper"
+    place.mkdir(parents=True)
+    shutil.copy(core.__file__, place)
+    code = (
+        "import damperfit, sys; from damperfit.simulation import simulate, sine_motion;"
+        "from damperfit.damper.parameters import PURDY_DAMPER;"
+        "from damperfit.damper.reference import reference_parameters;"
+        "m = sine_motion(0.032, 1.5, cycles=1, sample_rate=500);"
+        "r = simulate(reference_parameters(10), PURDY_DAMPER, m);"
+        "print(damperfit.__file__, len(r.force))"
+    )
+    path = os.pathsep.join([str(checkout), str(site)])
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": path},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert str(checkout) in done.stdout
