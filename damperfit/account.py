@@ -196,16 +196,24 @@ def _missing(settings: Settings, intake: Intake) -> Iterator[Failure]:
 def _warnings(settings: Settings, intake: Intake, campaign: Campaign) -> Iterator[str]:
     for path in intake.skipped:
         yield f"{path}: a parameter table of damperfit, not a log; skipped"
-    seen: dict[str, str] = {}
-    for log in intake.logs:
-        twin = seen.setdefault(log.sha256 or log.path, log.log)
-        if twin != log.log:
-            yield f"{log.log}: holds the same bytes as {twin}; both are used"
+    yield from _twin_warnings(intake)
     yield from _temperature_warnings(settings.rig, intake)
     yield from _log_warnings(campaign)
     yield from campaign.warnings
     for fit in campaign.fits:
         yield from (f"setting {fit.setting}: {warning}" for warning in fit.warnings)
+
+
+def _twin_warnings(intake: Intake) -> Iterator[str]:
+    """One line for each set of files with the same bytes; the tests in one file are no twins."""
+    twins: dict[str, dict[str, str]] = {}
+    for log in intake.logs:
+        twins.setdefault(log.sha256 or log.path, {}).setdefault(log.path, log.log)
+    for first, *others in (list(names.values()) for names in twins.values()):
+        if len(others) == 1:
+            yield f"{others[0]}: holds the same bytes as {first}; both are used"
+        elif others:
+            yield f"{others[0]} and {len(others) - 1} other logs: hold the same bytes as {first}"
 
 
 def _log_warnings(campaign: Campaign) -> Iterator[str]:
