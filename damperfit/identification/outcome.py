@@ -23,11 +23,6 @@ class Outcome(Enum):
         """One plain sentence for people."""
         return _ADVICE[self]
 
-    @property
-    def is_trustworthy(self) -> bool:
-        """Whether the fit ended where a fit should end."""
-        return self is Outcome.CONVERGED
-
 
 _ADVICE = {
     Outcome.CONVERGED: "The fit converged.",
