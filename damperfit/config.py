@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.settings import Settings, build_settings
+from damperfit.schema import build_settings
+from damperfit.settings import Settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What a rig wrote (`Recording`) and what the model is compared with (`Trace`).
+"""What a rig wrote (`Recording`), what is remarkable in it (`Finding`), what is fitted (`Trace`).
 
 Both hold SI floats and the project's signs: displacement, velocity and force are positive in
 rebound (rod out, tension). Readers make recordings, conditioning turns them into traces.
@@ -6,7 +6,7 @@ rebound (rod out, tension). Readers make recordings, conditioning turns them int
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -17,7 +17,35 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["FilterDesign", "Recording", "Trace"]
+__all__ = ["SEVERITIES", "FilterDesign", "Finding", "Recording", "Trace"]
+
+SEVERITIES = ("note", "warning", "refusal")
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that the data of a log show, good to know or bad.
+
+    Attributes
+    ----------
+    name : str
+        What was looked at, a fixed word for scripts, such as ``clipping`` or ``force_polarity``.
+    severity : str
+        "note": good to know, or put right with certainty. "warning": the parameters are doubtful.
+        "refusal": the log cannot be used (only in what `inspect` tells; a trace has none).
+    sentence : str
+        One plain sentence with what was found, where, and what to do; without the log's name.
+    value : float or None
+        The number behind it, for scripts; None where there is none.
+    unit : str
+        Unit of `value`; empty for counts and shares.
+    """
+
+    name: str
+    severity: str
+    sentence: str
+    value: float | None = None
+    unit: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,8 +137,8 @@ class Trace:
         Mean over the window, degrees Celsius.
     notes : tuple of str
         What conditioning assumed or noticed, one plain sentence each.
-    warnings : tuple of str
-        What makes the log's parameters doubtful, one plain sentence each.
+    findings : tuple of Finding
+        What the data show of the log's quality, and what was put right.
     """
 
     name: str
@@ -130,7 +158,12 @@ class Trace:
     model_filter: FilterDesign
     temperature: float | None = None
     notes: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes the log's parameters doubtful, one plain sentence each."""
+        return tuple(one.sentence for one in self.findings if one.severity == "warning")
 
     @property
     def n_cycles(self) -> int:
@@ -156,4 +189,5 @@ class Trace:
             "temperature_degC": self.temperature,
             "notes": list(self.notes),
             "warnings": list(self.warnings),
+            "findings": [asdict(one) for one in self.findings],
         }

@@ -1,33 +1,27 @@
-"""What a configuration holds: `Settings`, and the schema that a TOML document must meet.
-
-The schema has no defaults: every key stands in defaults.toml. Quantities are text with a unit
-("19mm", "4.6bar") or bare numbers in SI.
-"""
+"""What a configuration holds: `Settings`, one options object for each part of the program."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
-from pathlib import Path
-from typing import Annotated, Any, Literal
-
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 from damperfit.conditioning import ConditionOptions
 from damperfit.damper.parameters import PARAMETER_NAMES, Damper
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.identification import FitOptions, check_options
+from damperfit.identification import FitOptions
 from damperfit.quantities import parse_quantity
-from damperfit.readers import ReadOptions, make_profile
-from damperfit.readers.options import Declarations
+from damperfit.readers import ReadOptions
 from damperfit.simulation import SolverOptions
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 __all__ = [
     "OutputOptions",
     "RigOptions",
     "Settings",
     "SimulationOptions",
-    "build_settings",
     "parameter_value",
 ]
 
@@ -126,211 +120,6 @@ class Settings:
     simulation: SimulationOptions
     output: OutputOptions
     document: dict[str, Any] = field(compare=False, repr=False)
-
-
-def _quantity(dimension: str) -> BeforeValidator:
-    def convert(value: object) -> object:
-        return parse_quantity(value, dimension) if isinstance(value, str) else value
-
-    return BeforeValidator(convert)
-
-
-def _quantity_or_word(dimension: str, word: str) -> BeforeValidator:
-    def convert(value: object) -> object:
-        is_text = isinstance(value, str) and value != word
-        return parse_quantity(str(value), dimension) if is_text else value
-
-    return BeforeValidator(convert)
-
-
-_Positive = Field(gt=0.0, allow_inf_nan=False)
-_NotNegative = Field(ge=0.0, allow_inf_nan=False)
-_Length = Annotated[float, _quantity("length"), _Positive]
-_Force = Annotated[float, _quantity("force"), _Positive]
-_Pressure = Annotated[float, _quantity("pressure"), _Positive]
-_Density = Annotated[float, _quantity("density"), _Positive]
-_Frequency = Annotated[float, _quantity("frequency"), _Positive]
-_Speed = Annotated[float, _quantity("velocity"), _NotNegative]
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-
-class _DamperSection(_Section):
-    rod_diameter: _Length
-    piston_diameter: _Length
-    gas_piston_diameter: _Length
-    chamber_1_length: _Length
-    chamber_2_length: _Length
-    gas_length: _Length
-    oil_density: _Density
-    gas_pressure: _Pressure
-    gas_exponent: Annotated[float, _Positive]
-
-    @model_validator(mode="after")
-    def _rod_fits(self) -> _DamperSection:
-        if self.rod_diameter >= self.piston_diameter:
-            raise ValueError(
-                f"rod_diameter {self.rod_diameter:g} m must be smaller than "
-                f"piston_diameter {self.piston_diameter:g} m"
-            )
-        return self
-
-    def build(self) -> Damper:
-        return Damper(**self.model_dump())
-
-
-class _RigSection(_Section):
-    amplitude: _Length
-    frequency: _Frequency
-    settings: list[int]
-    temperature: Annotated[float, Field(allow_inf_nan=False)]
-    temperature_tolerance: Annotated[float, _NotNegative]
-    filter: Literal["none", "causal", "zero_phase"]
-    filter_corner: _Frequency
-    filter_order: int
-    centre: Annotated[float | str, _quantity_or_word("length", "mid-stroke")]
-    reverse_displacement: bool
-    reverse_force: bool
-    setting_pattern: str
-    part_settings: list[int]
-    columns: dict[str, str | int]
-    units: dict[str, str]
-    scales: dict[str, float]
-    offsets: dict[str, float]
-    encoding: str
-    separator: str
-    decimal: str
-    thousands: str
-    skip_lines: int
-    sample_rate: Annotated[float, _quantity("frequency"), _NotNegative]
-    pause: Annotated[float, _quantity("time"), _NotNegative]
-    restarts: str
-    bad_rows: str
-    max_log_bytes: int
-    profile: str
-    profiles: dict[str, dict[str, Any]]
-
-    def build(self) -> RigOptions:
-        return RigOptions(
-            amplitude=self.amplitude,
-            frequency=self.frequency,
-            settings=tuple(sorted(set(self.settings))),
-            temperature=self.temperature,
-            temperature_tolerance=self.temperature_tolerance,
-        )
-
-    def build_reading(self) -> ReadOptions:
-        declared = {f.name: getattr(self, f.name) for f in fields(Declarations)}
-        return ReadOptions(
-            **declared | {"part_settings": tuple(self.part_settings)},
-            max_bytes=self.max_log_bytes,
-            profile=self.profile,
-            profiles=tuple(make_profile(name, keys) for name, keys in self.profiles.items()),
-        )
-
-
-class _ConditioningSection(_Section):
-    filter: Literal["none", "causal", "zero_phase"]
-    filter_corner: _Frequency
-    filter_order: int
-    steadiness: float
-    max_amplitude: _Length
-    max_force: _Force
-
-    def build(self, rig: _RigSection, damper: Damper) -> ConditionOptions:
-        return ConditionOptions(
-            filter=self.filter,
-            filter_corner=self.filter_corner,
-            filter_order=self.filter_order,
-            rig_filter=rig.filter,
-            rig_filter_corner=rig.filter_corner,
-            rig_filter_order=rig.filter_order,
-            centre=None if isinstance(rig.centre, str) else rig.centre,
-            steadiness=self.steadiness,
-            chamber_lengths=(damper.chamber_1_length, damper.chamber_2_length),
-            max_amplitude=self.max_amplitude,
-            max_force=self.max_force,
-        )
-
-
-class _IdentificationSection(_Section):
-    procedure: str
-    free: list[str]
-    fix: dict[str, float | str]
-    share: list[str]
-    max_evaluations: Annotated[int, Field(ge=1)]
-    tolerance: _Force
-    dead_band: _Speed
-    fallback_r_m3: Annotated[float, _Positive]
-    fallback_f_f: Annotated[float, _quantity("force"), _NotNegative]
-
-    def build(self) -> FitOptions:
-        options = FitOptions(
-            procedure=self.procedure,
-            free=tuple(name.strip() for name in self.free) or None,
-            fixed={name: parameter_value(name, value) for name, value in self.fix.items()},
-            share=tuple(name.strip() for name in self.share),
-            solver=SolverOptions(tolerance=self.tolerance, dead_band=self.dead_band),
-            max_evaluations=self.max_evaluations,
-            fallback_r_m3=self.fallback_r_m3,
-            fallback_f_f=self.fallback_f_f,
-        )
-        check_options(options)
-        return options
-
-
-class _SimulationSection(_Section):
-    wave: Literal["sine", "triangle"]
-    cycles: Annotated[float, Field(ge=1.0, le=10_000.0)]
-    sample_rate: _Frequency
-    tolerance: _Force
-
-    def build(self, dead_band: float) -> SimulationOptions:
-        solver = SolverOptions(tolerance=self.tolerance, dead_band=dead_band)
-        return SimulationOptions(self.cycles, self.sample_rate, self.wave, solver)
-
-
-class _OutputSection(_Section):
-    folder: Annotated[str, Field(min_length=1)]
-    max_mse_percent: Annotated[float, _NotNegative]
-
-    def build(self) -> OutputOptions:
-        return OutputOptions(Path(self.folder), self.max_mse_percent)
-
-
-class _Document(_Section):
-    damper: _DamperSection
-    rig: _RigSection
-    conditioning: _ConditioningSection
-    identification: _IdentificationSection
-    simulation: _SimulationSection
-    output: _OutputSection
-
-
-def build_settings(document: dict[str, Any]) -> Settings:
-    """Return the settings that a complete TOML document describes.
-
-    Raises
-    ------
-    pydantic.ValidationError
-        A key is missing or unknown, or a value is of the wrong kind or out of range.
-    ConfigurationError
-        Values that do not go together, such as a parameter both free and fixed.
-    """
-    checked = _Document.model_validate(document)
-    damper = checked.damper.build()
-    return Settings(
-        damper=damper,
-        rig=checked.rig.build(),
-        reading=checked.rig.build_reading(),
-        conditioning=checked.conditioning.build(checked.rig, damper),
-        identification=checked.identification.build(),
-        simulation=checked.simulation.build(checked.identification.dead_band),
-        output=checked.output.build(),
-        document=document,
-    )
 
 
 def parameter_value(name: str, value: str | float) -> float:

@@ -147,7 +147,9 @@ SURFACE = {
     ],
     "damperfit.recording": [
         "FilterDesign",
+        "Finding",
         "Recording",
+        "SEVERITIES",
         "Trace",
     ],
     "damperfit.report": [
@@ -176,12 +178,14 @@ SURFACE = {
         "make_samples",
         "steady_cycle",
     ],
+    "damperfit.schema": [
+        "build_settings",
+    ],
     "damperfit.settings": [
         "OutputOptions",
         "RigOptions",
         "Settings",
         "SimulationOptions",
-        "build_settings",
         "parameter_value",
     ],
     "damperfit.simulation": [

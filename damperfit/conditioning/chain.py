@@ -41,7 +41,14 @@ from damperfit.conditioning.filters import (
     settling_samples,
 )
 from damperfit.conditioning.options import ConditionOptions
-from damperfit.conditioning.spectrum import looks_filtered
+from damperfit.conditioning.quality import examine
+from damperfit.conditioning.refusals import (
+    MIN_CYCLES,
+    refuse_dead,
+    refuse_fast,
+    refuse_polarity,
+    refuse_stroke,
+)
 from damperfit.conditioning.timebase import UniformLog, make_uniform
 from damperfit.errors import ConditioningError
 from damperfit.recording import FilterDesign, Recording, Trace
@@ -53,8 +60,6 @@ if TYPE_CHECKING:
 
 __all__ = ["condition"]
 
-_MIN_SAMPLES = 20
-_MIN_CYCLES = 3
 _SPLINE_EDGE = 14  # samples; 0.268^14 = 1e-8, how an end condition fades in a cubic spline
 
 
@@ -78,7 +83,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         implausible stroke or force, stroke beyond the chambers, reversed polarity.
     """
     options = options or ConditionOptions()
-    _refuse_dead(recording, options)
+    refuse_dead(recording, options)
     log = make_uniform(recording)
     try:
         displacement, force, model_filter = _filtered(log, options)
@@ -89,7 +94,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     edge = max(settling_samples(model_filter), _SPLINE_EDGE)
     starts = _window(recording, log, cycles, edge)
     assert cycles is not None
-    _refuse_fast(recording, log, cycles, options)
+    refuse_fast(recording, log, cycles, options)
 
     lead = edge + math.ceil(cycles.period) + 1
     keep = slice(max(0, int(starts[0]) - lead), math.ceil(starts[-1]) + edge + 2)
@@ -114,9 +119,9 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         temperature=_mean_temperature(recording, log, starts + keep.start),
     )
     notes = (*log.notes, *_notes(trace, cycles, options))
-    trace = replace(trace, notes=notes, warnings=_warnings(log, options))
-    _refuse_stroke(trace, options)
-    _refuse_polarity(trace)
+    trace = replace(trace, notes=notes, findings=examine(log, options))
+    refuse_stroke(trace, options)
+    refuse_polarity(trace)
     return trace
 
 
@@ -148,13 +153,13 @@ def _window(recording: Recording, log: UniformLog, cycles: Cycles | None, edge: 
     """Return boundaries of the steady cycles that neither run-in nor filter edges touch."""
     n, h = len(log.force), log.interval
     length = f"the log is {n * h:.3g} s long"
-    if cycles is None or cycles.n_found < _MIN_CYCLES:
+    if cycles is None or cycles.n_found < MIN_CYCLES:
         found = 0 if cycles is None else cycles.n_found
         stroke = 1e3 * float(np.ptp(log.displacement))
-        period = "" if cycles is None else f" ({_MIN_CYCLES * cycles.period * h:.3g} s)"
+        period = "" if cycles is None else f" ({MIN_CYCLES * cycles.period * h:.3g} s)"
         raise ConditioningError(
             f"{recording.name}: found {found} whole steady cycles in the displacement (it spans "
-            f"{stroke:.3g} mm; {length}); expected at least {_MIN_CYCLES}{period}; log longer"
+            f"{stroke:.3g} mm; {length}); expected at least {MIN_CYCLES}{period}; log longer"
         )
     low, high = _untouched(cycles, n, edge)
     rising, falling = (
@@ -162,7 +167,7 @@ def _window(recording: Recording, log: UniformLog, cycles: Cycles | None, edge: 
         for crossings in (cycles.rising, cycles.falling)
     )
     # Short logs: half a cycle more may fit when cycles are cut at the other crossing.
-    starts = falling if len(rising) <= _MIN_CYCLES and len(falling) > len(rising) else rising
+    starts = falling if len(rising) <= MIN_CYCLES and len(falling) > len(rising) else rising
     if len(starts) >= 2:
         return starts
     if high - low >= cycles.period:  # a whole cycle that starts in mid-cycle
@@ -226,97 +231,3 @@ def _notes(trace: Trace, cycles: Cycles, options: ConditionOptions) -> tuple[str
             f"the amplitude is only {1e3 * cycles.amplitude:.3g} mm; check the displacement's unit"
         )
     return tuple(notes)
-
-
-def _warnings(log: UniformLog, options: ConditionOptions) -> tuple[str, ...]:
-    """Undeclared, a causal filter in the rig costs 0.3 to 2 % in every parameter."""
-    if options.rig_filter != "none":
-        return ()
-    if not looks_filtered(log.displacement, log.force, log.interval):
-        return ()
-    text = (
-        "both channels look as if the rig had filtered them: if so, say rig.filter = "
-        "'causal' or 'zero_phase' in the configuration, or every parameter is off by up to 2 %"
-    )
-    return (text,)
-
-
-def _refuse_dead(recording: Recording, options: ConditionOptions) -> None:
-    n = len(recording.time)
-    if n < _MIN_SAMPLES:
-        raise ConditioningError(
-            f"{recording.name}: {n} samples; expected at least {_MIN_CYCLES} whole cycles of a "
-            "steady test; log longer"
-        )
-    for channel, values in (
-        ("displacement", recording.displacement),
-        ("force", recording.force),
-    ):
-        middle = float(values[0])
-        # A constant that passed a change of units differs by rounding only.
-        if float(np.ptp(values)) <= 1e-12 * abs(middle):
-            raise ConditioningError(
-                f"{recording.name}: the {channel} is constant ({middle:g}) in all {n} rows; "
-                "expected a steady periodic test; check sensor and column"
-            )
-    if (half := 0.5 * float(np.ptp(recording.displacement))) > options.max_amplitude:
-        raise ConditioningError(
-            f"{recording.name}: displacement swings +-{half:.4g} m, expected at most "
-            f"+-{options.max_amplitude:g} m{_chambers(options)}; was mm read as m? "
-            "Declare the unit or raise max_amplitude"
-        )
-    peak = float(np.abs(recording.force).max())
-    if peak > options.max_force:
-        raise ConditioningError(
-            f"{recording.name}: force reaches {peak:.4g} N, expected at most "
-            f"{options.max_force:g} N; was N read as kN? Declare the unit or raise max_force"
-        )
-
-
-def _chambers(options: ConditionOptions) -> str:
-    if options.chamber_lengths is None:
-        return ""
-    l_1, l_2 = options.chamber_lengths
-    return f" (chambers l_1 {l_1:g} m, l_2 {l_2:g} m)"
-
-
-def _refuse_fast(
-    recording: Recording, log: UniformLog, cycles: Cycles, options: ConditionOptions
-) -> None:
-    is_rig = options.rig_filter != "none"
-    corner = options.rig_filter_corner if is_rig else options.filter_corner
-    frequency = 1.0 / (cycles.period * log.interval)
-    if (is_rig or options.filter != "none") and frequency >= corner:
-        raise ConditioningError(
-            f"{recording.name}: the motion found has {frequency:.3g} Hz, not below the filter "
-            f"corner of {corner:g} Hz; the displacement is noise, or the corner must be raised"
-        )
-
-
-def _refuse_stroke(trace: Trace, options: ConditionOptions) -> None:
-    """Refuse a displacement that leaves chamber 1 (x >= l_1) or chamber 2 (x <= -l_2) no volume."""
-    if options.chamber_lengths is None:
-        return
-    l_1, l_2 = options.chamber_lengths
-    highest, lowest = float(trace.displacement.max()), float(trace.displacement.min())
-    if highest < l_1 and lowest > -l_2:
-        return
-    x, at = (highest, "below l_1") if highest >= l_1 else (lowest, "above -l_2")
-    hint = "give the right centre or unit" if abs(x) < 10.0 * max(l_1, l_2) else "mm read as m?"
-    raise ConditioningError(
-        f"{trace.name}: stroke beyond the chamber: x reaches {x:.4g} m, expected {at} "
-        f"(l_1 = {l_1:g} m, l_2 = {l_2:g} m; x = 0 at {trace.centre:.4g} m of the log); {hint}"
-    )
-
-
-def _refuse_polarity(trace: Trace) -> None:
-    """Refuse a damper that gives energy: one channel has the wrong sign."""
-    power = trace.force[trace.window] * trace.velocity[trace.window]
-    energy, size = float(np.mean(power)), float(np.mean(np.abs(power)))
-    if energy < -0.1 * size:
-        joules = energy / trace.frequency
-        raise ConditioningError(
-            f"{trace.name}: the damper gives {-joules:.3g} J per cycle instead of taking energy; "
-            "expected force and displacement both positive in rebound; declare the sign of the "
-            "force or of the displacement reversed"
-        )

@@ -1,0 +1,103 @@
+"""Logs that cannot be used at all, each refused with the reason and the way out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.errors import ConditioningError
+
+if TYPE_CHECKING:
+    from damperfit.conditioning.cycles import Cycles
+    from damperfit.conditioning.options import ConditionOptions
+    from damperfit.conditioning.timebase import UniformLog
+    from damperfit.recording import Recording, Trace
+
+__all__ = ["MIN_CYCLES", "refuse_dead", "refuse_fast", "refuse_polarity", "refuse_stroke"]
+
+MIN_CYCLES = 3
+_MIN_SAMPLES = 20
+
+
+def refuse_dead(recording: Recording, options: ConditionOptions) -> None:
+    """Refuse a log without a test in it: too short, a constant channel, an impossible size."""
+    n = len(recording.time)
+    if n < _MIN_SAMPLES:
+        raise ConditioningError(
+            f"{recording.name}: {n} samples; expected at least {MIN_CYCLES} whole cycles of a "
+            "steady test; log longer"
+        )
+    for channel, values in (
+        ("displacement", recording.displacement),
+        ("force", recording.force),
+    ):
+        middle = float(values[0])
+        # A constant that passed a change of units differs by rounding only.
+        if float(np.ptp(values)) <= 1e-12 * abs(middle):
+            raise ConditioningError(
+                f"{recording.name}: the {channel} is constant ({middle:g}) in all {n} rows; "
+                "expected a steady periodic test; check sensor and column"
+            )
+    if (half := 0.5 * float(np.ptp(recording.displacement))) > options.max_amplitude:
+        raise ConditioningError(
+            f"{recording.name}: displacement swings +-{half:.4g} m, expected at most "
+            f"+-{options.max_amplitude:g} m{_chambers(options)}; was mm read as m? "
+            "Declare the unit or raise max_amplitude"
+        )
+    peak = float(np.abs(recording.force).max())
+    if peak > options.max_force:
+        raise ConditioningError(
+            f"{recording.name}: force reaches {peak:.4g} N, expected at most "
+            f"{options.max_force:g} N; was N read as kN? Declare the unit or raise max_force"
+        )
+
+
+def _chambers(options: ConditionOptions) -> str:
+    if options.chamber_lengths is None:
+        return ""
+    l_1, l_2 = options.chamber_lengths
+    return f" (chambers l_1 {l_1:g} m, l_2 {l_2:g} m)"
+
+
+def refuse_fast(
+    recording: Recording, log: UniformLog, cycles: Cycles, options: ConditionOptions
+) -> None:
+    """Refuse a motion that the filter takes away."""
+    is_rig = options.rig_filter != "none"
+    corner = options.rig_filter_corner if is_rig else options.filter_corner
+    frequency = 1.0 / (cycles.period * log.interval)
+    if (is_rig or options.filter != "none") and frequency >= corner:
+        raise ConditioningError(
+            f"{recording.name}: the motion found has {frequency:.3g} Hz, not below the filter "
+            f"corner of {corner:g} Hz; the displacement is noise, or the corner must be raised"
+        )
+
+
+def refuse_stroke(trace: Trace, options: ConditionOptions) -> None:
+    """Refuse a displacement that leaves chamber 1 (x >= l_1) or chamber 2 (x <= -l_2) no volume."""
+    if options.chamber_lengths is None:
+        return
+    l_1, l_2 = options.chamber_lengths
+    highest, lowest = float(trace.displacement.max()), float(trace.displacement.min())
+    if highest < l_1 and lowest > -l_2:
+        return
+    x, at = (highest, "below l_1") if highest >= l_1 else (lowest, "above -l_2")
+    hint = "give the right centre or unit" if abs(x) < 10.0 * max(l_1, l_2) else "mm read as m?"
+    raise ConditioningError(
+        f"{trace.name}: stroke beyond the chamber: x reaches {x:.4g} m, expected {at} "
+        f"(l_1 = {l_1:g} m, l_2 = {l_2:g} m; x = 0 at {trace.centre:.4g} m of the log); {hint}"
+    )
+
+
+def refuse_polarity(trace: Trace) -> None:
+    """Refuse a damper that gives energy: one channel has the wrong sign."""
+    power = trace.force[trace.window] * trace.velocity[trace.window]
+    energy, size = float(np.mean(power)), float(np.mean(np.abs(power)))
+    if energy < -0.1 * size:
+        joules = energy / trace.frequency
+        raise ConditioningError(
+            f"{trace.name}: the damper gives {-joules:.3g} J per cycle instead of taking energy; "
+            "expected force and displacement both positive in rebound; declare the sign of the "
+            "force or of the displacement reversed"
+        )
