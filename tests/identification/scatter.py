@@ -4,8 +4,8 @@
     python -m tests.identification.scatter --procedure plain --fix r_m3=2.597e6 --fix f_f=50
     python -m tests.identification.scatter --in-the-rig causal --declared none
 
-4 N of noise on the force and 8 um on the displacement, 10 s at 1 kHz. The last line makes logs behind
-a 30 Hz filter that nobody declares; the mean is then what that costs.
+4 N of noise on the force and 8 um on the displacement, 10 s at 1 kHz. The last line makes logs
+behind a 30 Hz filter that nobody declares; the mean is then what that costs.
 """
 
 from __future__ import annotations
