@@ -20,6 +20,7 @@ __all__ = [
     "say",
     "shield_streams",
     "silence_broken_pipe",
+    "spark_levels",
 ]
 
 _PIPE_WIDTH = 80
@@ -67,6 +68,19 @@ def print_renderable(renderable: RenderableType) -> None:
         sys.stdout.flush()
     except BrokenPipeError:
         silence_broken_pipe()
+
+
+def spark_levels() -> str:
+    """Return the characters of a sparkline that whoever reads stdout can show."""
+    from damperfit.report import ASCII_LEVELS, BLOCK_LEVELS
+
+    # A pipe is given UTF-8 by `shield_streams`, so what was asked for is looked at first.
+    asked = os.environ.get("PYTHONIOENCODING", "").partition(":")[0]
+    try:
+        BLOCK_LEVELS.encode(asked or sys.stdout.encoding or "ascii")
+    except (LookupError, UnicodeEncodeError):
+        return ASCII_LEVELS
+    return BLOCK_LEVELS
 
 
 def shield_streams() -> None:

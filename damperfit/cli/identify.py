@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from damperfit.cli.console import print_json, print_renderable, say
+from damperfit.cli.console import print_json, print_renderable, say, spark_levels
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -83,7 +83,7 @@ def identify(
     from damperfit.cli.progress import progress
     from damperfit.config import load_settings
     from damperfit.pipeline import Watch, run
-    from damperfit.report import markdown_report, parameter_sheet, terminal_table
+    from damperfit.report import closing_sheet, markdown_report, terminal_table
 
     check_kind("--plots", plots)
     summary = _summary_file() if github_summary else None
@@ -110,7 +110,7 @@ def identify(
     if json:
         print_json(result.document())
     elif result.campaign.fits:
-        sheet = parameter_sheet(result.tables.parameters, digits=4, has_errors=False)
+        sheet = closing_sheet(result.tables.parameters, levels=spark_levels())
         print_renderable(terminal_table(sheet))
     return result.ending.value
 

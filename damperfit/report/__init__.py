@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from damperfit.report.closing import closing_sheet
 from damperfit.report.facts import Failure, ReportFacts
 from damperfit.report.markdown import markdown_report
 from damperfit.report.rows import Sheet, log_sheet, parameter_sheet
+from damperfit.report.spark import ASCII_LEVELS, BLOCK_LEVELS, sparkline
 from damperfit.report.terminal import terminal_table
 
 if TYPE_CHECKING:
@@ -26,12 +28,15 @@ if TYPE_CHECKING:
     from damperfit.report.plots import Plot
 
 __all__ = [
+    "ASCII_LEVELS",
+    "BLOCK_LEVELS",
     "Failure",
     "Kin",
     "Plot",
     "Portfolio",
     "ReportFacts",
     "Sheet",
+    "closing_sheet",
     "draw_plot",
     "family_plot",
     "family_records",
@@ -43,6 +48,7 @@ __all__ = [
     "markdown_report",
     "parameter_sheet",
     "portfolio",
+    "sparkline",
     "terminal_table",
 ]
 

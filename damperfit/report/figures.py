@@ -20,6 +20,16 @@ _STYLES: dict[str, dict[str, Any]] = {
     "dotted": {"linewidth": 1.2, "linestyle": ":"},
     "points": {"linestyle": "none", "marker": "o"},
     "triangles": {"linestyle": "none", "marker": "^", "markerfacecolor": "none"},
+    "rings": {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markersize": 11.0},
+    "arrows": {"linestyle": "none", "marker": (3, 0, 180), "markersize": 8.0},
+    "dot_line": {"linewidth": 0.8, "marker": "o", "markersize": 4.0},
+    "triangle_line": {
+        "linewidth": 0.8,
+        "linestyle": "--",
+        "marker": "^",
+        "markersize": 5.0,
+        "markerfacecolor": "none",
+    },
 }
 # Nothing of the time or the machine in the files; text stays text in SVG and PDF.
 _FIXED: Any = {
@@ -38,6 +48,8 @@ _METADATA: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
 }
 _MANY = 60  # points: beyond it they are drawn small
+_BESIDE = 6  # entries of a legend: more stand beside the axes
+_KEY_ROWS = 20
 
 
 def draw_plot(path: Path, plot: Plot, *, kind: str) -> None:
@@ -61,14 +73,22 @@ def draw_plot(path: Path, plot: Plot, *, kind: str) -> None:
         mpl.rcParams.update(_FIXED)
         n = len(plot.panels)
         entries = max(sum(line.in_legend for line in panel.lines) for panel in plot.panels)
-        figure = Figure(figsize=(7.0 if entries > 6 else 5.4, 3.8 if n == 1 else 4.8))
+        is_wide = bool(plot.key) or entries > _BESIDE
+        figure = Figure(figsize=(6.4 if is_wide else 5.4, 3.8 if n == 1 else 4.8))
         FigureCanvasAgg(figure)
         heights = [2.0, *(1.0 for _ in range(n - 1))]
         rows = figure.subplots(n, 1, sharex=True, squeeze=False, height_ratios=heights)
         for axes, panel in zip(rows[:, 0], plot.panels, strict=True):
             _draw_panel(axes, panel)
         rows[-1, 0].set_xlabel(_label(plot.panels[-1].x_label, plot.panels[-1].x_unit))
-        rows[0, 0].set_title(plot.title, fontsize=10, loc="left")
+        top = rows[0, 0]
+        if plot.key:
+            _draw_key(top, plot)
+        else:
+            _draw_legend(top, plot.panels[0])
+        # Above a legend that stands on the axes.
+        is_above = not plot.key and 1 < entries <= _BESIDE
+        top.set_title(plot.title, fontsize=10, loc="left", pad=20.0 if is_above else 6.0)
         figure.align_ylabels()
         figure.savefig(path, format=kind, dpi=160, bbox_inches="tight", metadata=_METADATA[kind])
 
@@ -95,28 +115,81 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
     axes.set_ylabel(_label(panel.y_label, panel.y_unit))
     axes.grid(visible=True, color="#e3e7ed", linewidth=0.6)
     axes.set_axisbelow(True)
-    if panel.x_label == "setting":
-        from matplotlib.ticker import MaxNLocator
+    if panel.ticks:
+        axes.set_xticks(panel.ticks, [f"{tick:g}" for tick in panel.ticks])
+    if panel.x_range:
+        axes.set_xlim(panel.x_range)
+    if panel.y_range:
+        axes.set_ylim(panel.y_range)
+    if panel.x_unit == "s" or panel.x_label == "absolute velocity":
+        axes.margins(x=0.02)
 
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+
+def _draw_legend(axes: Any, panel: Panel) -> None:
+    """Draw a legend where it hides nothing: above a few lines, beside many."""
     entries = sum(line.in_legend for line in panel.lines)
-    if entries > 6:
-        columns = 1 + (entries - 1) // 24
+    if entries > _BESIDE:
         axes.legend(
-            loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=6, frameon=False, ncols=columns
+            loc="upper left",
+            bbox_to_anchor=(1.01, 1.0),
+            fontsize=7,
+            frameon=False,
+            labelspacing=0.3,
         )
     elif entries > 1:
-        axes.legend(fontsize=7, frameon=False)
+        axes.legend(
+            loc="lower left",
+            bbox_to_anchor=(-0.01, 0.99),
+            ncols=3,
+            fontsize=7,
+            frameon=False,
+            borderaxespad=0.1,
+        )
+
+
+def _draw_key(axes: Any, plot: Plot) -> None:
+    """Draw what the colours are: the settings, in their order; and what the styles are."""
+    from matplotlib.lines import Line2D
+
+    lines = [line for panel in plot.panels for line in panel.lines]
+    colours = {line.setting: line.colour for line in lines if line.setting is not None}
+    settings = sorted(colours)
+    handles = [Line2D([], [], color=colours[s], linewidth=4.0, label=str(s)) for s in settings]
+    key = axes.legend(
+        handles=handles,
+        title="setting",
+        loc="upper left",
+        bbox_to_anchor=(1.01, 1.02),
+        ncols=1 + (len(settings) - 1) // _KEY_ROWS,
+        fontsize=7,
+        title_fontsize=7,
+        frameon=False,
+        labelspacing=0.25,
+        handlelength=1.4,
+        columnspacing=1.0,
+    )
+    axes.add_artist(key)
+    styles = [
+        Line2D([], [], color=_COLOURS["ink"], label=word, **_STYLES[style])
+        for word, style in plot.key
+    ]
+    axes.legend(
+        handles=styles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=7,
+        frameon=False, borderaxespad=0.1,
+    )  # fmt: skip
 
 
 def _draw_line(axes: Any, line: Line) -> None:
     colour = _COLOURS.get(line.colour, line.colour)
     style = dict(_STYLES[line.style])
     if "marker" in style:
-        style["markersize"] = 5.0 if len(line.x) <= _MANY else 1.0
+        style.setdefault("markersize", 5.0 if len(line.x) <= _MANY else 1.0)
     label = line.label if line.in_legend else "_" + line.label
-    if line.low is not None and line.high is not None:
+    if line.low is None or line.high is None:
+        axes.plot(line.x, line.y, color=colour, label=label, **style)
+    elif "marker" not in style:
+        axes.plot(line.x, line.y, color=colour, label=label, **style)
+        axes.fill_between(line.x, line.low, line.high, color=colour, alpha=0.2, linewidth=0.0)
+    else:
         reach = [line.y - line.low, line.high - line.y]
         axes.errorbar(line.x, line.y, yerr=reach, color=colour, capsize=2.5, label=label, **style)
-    else:
-        axes.plot(line.x, line.y, color=colour, label=label, **style)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from damperfit.report.rows import Sheet, sheet_width
+
 if TYPE_CHECKING:
     from rich.console import RenderableType
-
-    from damperfit.report.rows import Sheet
 
 __all__ = ["terminal_table"]
 
@@ -21,7 +21,7 @@ def terminal_table(sheet: Sheet) -> RenderableType:
     from rich.table import Table
     from rich.text import Text
 
-    gap = 2 if _width(sheet, gap=2) <= _COLUMNS else 1
+    gap = 2 if sheet_width(sheet, gap=2) <= _COLUMNS else 1
     table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), header_style="bold")
     for heading, unit, is_number in zip(sheet.headings, sheet.units, sheet.is_number, strict=True):
         table.add_column(
@@ -32,9 +32,3 @@ def terminal_table(sheet: Sheet) -> RenderableType:
     for row in sheet.rows:
         table.add_row(*(Text(cell, style=_COLOURS.get(cell, "")) for cell in row))
     return Group(table, *(Text(note, style="dim") for note in sheet.notes))
-
-
-def _width(sheet: Sheet, *, gap: int) -> int:
-    columns = zip(sheet.headings, sheet.units, *sheet.rows, strict=True)
-    widths = [max(len(cell) for cell in column) for column in columns]
-    return sum(widths) + gap * (len(widths) - 1)
