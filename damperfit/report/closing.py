@@ -142,7 +142,7 @@ def _common_notes(rows: Sequence[Row], names: Sequence[str]) -> Iterator[str]:
             scale.factor * row[name], None if error is None else scale.factor * error
         )
         how = {"shared": "shared by all settings", "fixed": "fixed"}[row[f"{name}_status"]]
-        yield f"{scale.symbol} = {text} {scale.unit}, {how}"
+        yield f"{scale.symbol} = {scale.say(text)}, {how}"
 
 
 def _sparks(rows: Sequence[Row], names: Sequence[str], levels: str) -> Iterator[str]:

@@ -21,7 +21,8 @@ _STYLES: dict[str, dict[str, Any]] = {
     "points": {"linestyle": "none", "marker": "o"},
     "triangles": {"linestyle": "none", "marker": "^", "markerfacecolor": "none"},
     "rings": {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markersize": 11.0},
-    "arrows": {"linestyle": "none", "marker": (3, 0, 180), "markersize": 8.0},
+    "above": {"linestyle": "none", "marker": "^", "markersize": 8.0},
+    "below": {"linestyle": "none", "marker": "v", "markersize": 8.0},
     "dot_line": {"linewidth": 0.8, "marker": "o", "markersize": 4.0},
     "triangle_line": {
         "linewidth": 0.8,

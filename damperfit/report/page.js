@@ -6,7 +6,7 @@
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const WIDTHS = { solid: 2, wide: 4, thin: 1, dashed: 1.5, dotted: 1.5, dot_line: 1, triangle_line: 1 };
   const DASHES = { dashed: "dash", dotted: "dot", triangle_line: "dash" };
-  const SYMBOLS = { points: "circle", triangles: "triangle-up-open", rings: "circle-open", arrows: "triangle-down", dot_line: "circle", triangle_line: "triangle-up-open" };
+  const SYMBOLS = { points: "circle", triangles: "triangle-up-open", rings: "circle-open", above: "triangle-up", below: "triangle-down", dot_line: "circle", triangle_line: "triangle-up-open" };
   const JOINED = new Set(["dot_line", "triangle_line"]);
   let printing = false;
 
@@ -113,13 +113,13 @@
       ...axes(plot, look), ...marks(plot, look),
       paper_bgcolor: look.paper, plot_bgcolor: look.paper,
       font: { color: look.ink, size: printing ? 10 : 12 },
-      margin: { l: 60, r: 12, t: printing ? 24 : shown > 1 && shown <= 6 ? 50 : 30, b: 44 },
+      margin: { l: 60, r: 12, t: printing ? 24 : shown > 1 && shown <= 6 ? 50 : 30, b: printing ? 36 : 44 },
       showlegend: shown > 1,
       legend: shown > 6 && !printing ? { font: { size: 10 } } : { orientation: "h", y: 1.02, yanchor: "bottom", font: { size: printing ? 7 : 11 } },
       hovermode: "closest",
       uirevision: plot.name,  // a zoom survives switching
     };
-    if (printing) Object.assign(layout, { width: 340, height: 245, showlegend: shown > 1 && shown <= 6 });
+    if (printing) Object.assign(layout, { width: 340, height: 235, showlegend: shown > 1 && shown <= 6 });
     drawn.add(place);
     return Plotly.react(div, data, layout, { responsive: true, displaylogo: false, displayModeBar: "hover", modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]], toImageButtonOptions: { format: "svg", filename: plot.name } });
   }

@@ -260,6 +260,7 @@ def _log_section(
         f"<h2>Setting {signals.setting}: {html_escape(signals.log)}</h2>"
         f'<p class="lead">{html_escape(verdict)}</p><p>{html_escape(facts)}</p>'
         f"{words_html('Findings', [f'{f.severity}: {f.sentence}' for f in view.findings])}"
-        f"{log_table(view)}{details_html('How the log was read', view.notes)}"
-        f'<div class="grid">{figures}</div></section>\n'
+        f"{details_html('How the log was read', view.notes)}"
+        f'<div class="grid">{figures}<figure><h3>Setting {signals.setting}: forces</h3>'
+        f"{log_table(view)}</figure></div></section>\n"
     )

@@ -153,7 +153,7 @@ def _facts(results: Results, views: Sequence[LogView]) -> str:
     )
     rows = [
         ("damper", _damper(record)),
-        ("rig", "; ".join(line.removeprefix("Rig: ") for line in _rig(record))),
+        ("rig", "; ".join(line.removeprefix("Rig: ").rstrip(".") for line in _rig(record))),
         ("test", _test(views)),
         ("procedure", procedure.removeprefix("Procedure: ").rstrip(".")),
         ("made by", f"damperfit {record.get('version')}" if record.get("version") else ""),
@@ -193,7 +193,8 @@ def _rig(record: Mapping[str, Any]) -> Iterator[str]:
     if isinstance(rig, dict):
         turned = [key for key in ("displacement", "force") if rig.get(f"reverse_{key}") is True]
         yield (
-            f"Rig: filter {rig.get('filter', 'unknown')}, x = 0 at {rig.get('centre', 'unknown')}, "
+            f"Rig: filter in the rig {rig.get('filter', 'unknown')}, "
+            f"x = 0 at {rig.get('centre', 'unknown')}, "
             f"signs turned: {' and '.join(turned) or 'none'}."
         )
 

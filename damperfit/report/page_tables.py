@@ -68,16 +68,16 @@ def log_table(view: LogView) -> str:
         return '<p class="note">No whole cycle: no figures.</p>'
     rows = [
         *(
-            _force_row(f"force at {a.speed:g} m/s, N", (a.rebound, b.rebound), (a.bump, b.bump))
+            _force_row(f"at {a.speed:g} m/s", (a.rebound, b.rebound), (a.bump, b.bump))
             for a, b in zip(measured.speed_forces, simulated.speed_forces, strict=True)
         ),
         _force_row(
-            "peak force, N",
+            "peak",
             (measured.peak_force_rebound, simulated.peak_force_rebound),
             (measured.peak_force_bump, simulated.peak_force_bump),
         ),
         (
-            f"hysteresis at {measured.hysteresis_speed:.3g} m/s, N",
+            f"hysteresis, {measured.hysteresis_speed:.2g} m/s",
             number(measured.hysteresis_rebound, digits=4),
             number(simulated.hysteresis_rebound, digits=4),
             number(measured.hysteresis_bump, digits=4),
@@ -86,12 +86,27 @@ def log_table(view: LogView) -> str:
         ),
     ]
     sheet = Sheet(
-        headings=("", "rebound", "rebound", "bump", "bump", "ratio", "ratio"),
+        headings=("force, N", "rebound", "rebound", "bump", "bump", "ratio", "ratio"),
         units=("", *("measured", "simulated") * 3),
         rows=tuple(rows),
         is_number=(False, *(True,) * 6),
+        notes=(_energy(view), _READING),
     )
     return table_html(sheet, kind="forces")
+
+
+def _energy(view: LogView) -> str:
+    if view.measured is None or view.simulated is None:
+        return ""
+    warmth = "not logged" if view.temperature is None else f"{view.temperature:.1f} degC"
+    energies = f"{view.measured.energy:.4g} J measured, {view.simulated.energy:.4g} J simulated"
+    return f"Energy per cycle: {energies}. Temperature: {warmth}."
+
+
+_READING = (
+    "Force at a speed: mean of the opening and the closing branch. Hysteresis: opening less "
+    "closing. Ratio: rebound over bump; none where the gas pushes both to one side."
+)
 
 
 def _force_row(

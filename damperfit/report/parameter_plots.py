@@ -55,7 +55,7 @@ def parameter_plots(
         )
         ticks, x_range = setting_axis(row["setting"] for row in rows)
         panel = Panel(
-            *("setting", "", scale.symbol, scale.unit, lines),
+            *("setting", "", scale.symbol, scale.axis, lines),
             ticks=ticks,
             x_range=x_range,
             y_range=y_range,
@@ -109,7 +109,9 @@ def _point(row: Row, name: str, factor: float, colour: str, far: Mapping[int, fl
     has_interval = low is not None and high is not None and setting not in far
     label, style = f"setting {setting}", "points" if _is_fitted(row, name) else "triangles"
     if setting in far:
-        label, style = f"setting {setting}, off the scale at {factor * row[name]:.3g}", "arrows"
+        value = factor * row[name]
+        style = "above" if value > far[setting] else "below"
+        label = f"setting {setting}, off the scale at {value:.3g}"
     return Line(
         np.array([float(setting)]),
         np.array([far.get(setting, factor * row[name])]),
@@ -177,17 +179,21 @@ def _caption(
     trend: ToldTrend | None,
 ) -> Iterator[str]:
     fitted = [row for row in known if _is_fitted(row, name)]
-    held = {str(row[f"{name}_status"]).replace("_", " ") for row in known if row not in fitted}
+    held = {
+        str(row[f"{name}_status"]).replace("_", " ")
+        for row in known
+        if row not in fitted and row["setting"] not in far
+    }
     if fitted:
         yield "Dots: fitted."
     if held:
-        yield f"Triangles: {', '.join(sorted(held))}."
+        yield f"Open triangles: {', '.join(sorted(held))}."
     if any(row[f"{name}_ci_low"] is not None for row in known):
         yield "Bars: 95 % interval."
     elif fitted:
         yield "No intervals in the table."
     if far:
-        yield "Arrows: at a bound, off the scale."
+        yield "Filled triangles at the edge: at a bound, off the scale."
     unknown = [str(row["setting"]) for row in rows if row[f"{name}_status"] == "not_identifiable"]
     if unknown:
         yield f"Not shown, these logs cannot tell it: setting {', '.join(unknown)}."

@@ -69,7 +69,7 @@ class Line:
         Adjuster setting whose trace it is; None belongs to all.
     style : str
         "solid", "wide", "thin", "dashed", "dotted"; "points", "triangles", "rings" and, off the
-        scale, "arrows"; "dot_line" and "triangle_line" join their marks.
+        scale, "above" and "below"; "dot_line" and "triangle_line" join their marks.
     in_legend : bool
         The legend names it.
     low, high : numpy.ndarray or None

@@ -41,23 +41,40 @@ NOTHING = "-"
 
 
 class Scale(NamedTuple):
-    """How a parameter is shown: symbol, meaning, unit in words and short, factor from SI."""
+    """How a parameter is shown: symbol, meaning, unit, power of ten, and both on an axis."""
 
     symbol: str
     meaning: str
     unit: str
-    short_unit: str
-    factor: float
+    power: int
+    axis: str
+
+    @property
+    def factor(self) -> float:
+        """From SI to what is shown."""
+        return 10.0**-self.power
+
+    @property
+    def short_unit(self) -> str:
+        """For the head of a narrow column."""
+        return self.unit if len(self.unit) <= _SHORT else f"1e{self.power}"
+
+    def say(self, text: str) -> str:
+        """Return a shown value, with or without its error, and its unit."""
+        if len(self.unit) <= _SHORT:
+            return f"{text} {self.unit}"
+        return f"{f'({text})' if '±' in text else text}e{self.power} {self.unit}"
 
 
-# The factors keep the numbers between 1 and 1000.
+_SHORT = 3
+# The powers keep the numbers between 1 and 1000.
 PARAMETER_SCALES: dict[str, Scale] = {
-    "r_m1": Scale("R_m1", "valve 1 (adjuster)", "1e3 s sqrt(N)/(m kg)", "1e3", 1e-3),
-    "r_m2": Scale("R_m2", "valve 2 (bump)", "1e6 N s/(m2 kg)", "1e6", 1e-6),
-    "r_m3": Scale("R_m3", "valve 3 (rebound)", "1e6 N s/(m2 kg)", "1e6", 1e-6),
-    "k_e": Scale("K_e", "bulk modulus of oil and chamber", "MPa", "MPa", 1e-6),
-    "f_f": Scale("f_f", "friction", "N", "N", 1.0),
-    "f_0": Scale("f_0", "force offset", "N", "N", 1.0),
+    "r_m1": Scale("R_m1", "valve 1 (adjuster)", "s sqrt(N)/(m kg)", 3, "10³ s √N / (m kg)"),
+    "r_m2": Scale("R_m2", "valve 2 (bump)", "N s/(m2 kg)", 6, "10⁶ N s / (m² kg)"),
+    "r_m3": Scale("R_m3", "valve 3 (rebound)", "N s/(m2 kg)", 6, "10⁶ N s / (m² kg)"),
+    "k_e": Scale("K_e", "bulk modulus of oil and chamber", "MPa", 6, "MPa"),
+    "f_f": Scale("f_f", "friction", "N", 0, "N"),
+    "f_0": Scale("f_0", "force offset", "N", 0, "N"),
 }
 # A mark behind a number that was not simply fitted; the legend stands below the table.
 PARAMETER_MARKS = {"fixed": "f", "shared": "s", "at_bound": "!", "not_identifiable": "?"}
@@ -250,7 +267,7 @@ def parameter_line(row: Mapping[str, Any]) -> str:
             scale.factor * row[name], None if error is None else scale.factor * error
         )
         words = "" if status in {"fitted", None} else f" ({status.replace('_', ' ')})"
-        parts.append(f"{scale.symbol} = {value} {scale.unit}{words}")
+        parts.append(f"{scale.symbol} = {scale.say(value)}{words}")
     return f"{', '.join(parts)}." if parts else ""
 
 
