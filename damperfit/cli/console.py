@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ __all__ = [
     "print_lines",
     "print_renderable",
     "say",
+    "screen_columns",
     "shield_streams",
     "silence_broken_pipe",
     "spark_levels",
@@ -68,6 +70,11 @@ def print_renderable(renderable: RenderableType) -> None:
         sys.stdout.flush()
     except BrokenPipeError:
         silence_broken_pipe()
+
+
+def screen_columns() -> int:
+    """Return the width of the terminal; 80 in a pipe or a file."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else _PIPE_WIDTH
 
 
 def spark_levels() -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from damperfit.cli.console import print_json, print_renderable, say, spark_levels
+from damperfit.cli.console import print_json, print_renderable, say, screen_columns, spark_levels
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -110,7 +110,9 @@ def identify(
     if json:
         print_json(result.document())
     elif result.campaign.fits:
-        sheet = closing_sheet(result.tables.parameters, levels=spark_levels())
+        sheet = closing_sheet(
+            result.tables.parameters, columns=screen_columns(), levels=spark_levels()
+        )
         print_renderable(terminal_table(sheet))
     return result.ending.value
 

@@ -159,7 +159,7 @@ def _sparks(rows: Sequence[Row], names: Sequence[str], levels: str) -> Iterator[
         known = [value * scale.factor for value in values if value is not None]
         if len(known) < _FEWEST:
             continue
-        ends = f"{number(min(known), digits=3)} to {number(max(known), digits=3)}"
+        ends = f"{number(min(known), digits=4)} to {number(max(known), digits=4)}"
         yield f"{scale.symbol:<4} {sparkline(values, levels=levels)}  {ends} {scale.short_unit}"
     errors = [row["mse_percent"] for row in rows]
     logs = [math.log10(error) if error else None for error in errors]

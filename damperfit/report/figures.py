@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from damperfit.report.plots import Line, Panel, Plot
 
-__all__ = ["draw_plot"]
+__all__ = ["FIXED_METADATA", "draw_plot", "fixed_style"]
 
 _COLOURS = {"ink": "#000000", "muted": "#7d8796"}
 _STYLES: dict[str, dict[str, Any]] = {
@@ -43,7 +45,7 @@ _FIXED: Any = {
     "text.usetex": False,
     "text.parse_math": False,  # a log may be called $x_1$
 }
-_METADATA: dict[str, dict[str, Any]] = {
+FIXED_METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": None},
     "svg": {"Date": None, "Creator": None},
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
@@ -51,6 +53,17 @@ _METADATA: dict[str, dict[str, Any]] = {
 _MANY = 60  # points: beyond it they are drawn small
 _BESIDE = 6  # entries of a legend: more stand beside the axes
 _KEY_ROWS = 20
+
+
+@contextmanager
+def fixed_style() -> Iterator[None]:
+    """Draw alike everywhere: a reader's own matplotlibrc must not change the bytes."""
+    import matplotlib as mpl
+
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(_FIXED)
+        yield
 
 
 def draw_plot(path: Path, plot: Plot, *, kind: str) -> None:
@@ -65,13 +78,10 @@ def draw_plot(path: Path, plot: Plot, *, kind: str) -> None:
     kind : str
         "png", "svg" or "pdf".
     """
-    import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with mpl.rc_context():
-        mpl.rcdefaults()  # a reader's own matplotlibrc must not change the bytes
-        mpl.rcParams.update(_FIXED)
+    with fixed_style():
         n = len(plot.panels)
         entries = max(sum(line.in_legend for line in panel.lines) for panel in plot.panels)
         is_wide = bool(plot.key) or entries > _BESIDE
@@ -91,7 +101,9 @@ def draw_plot(path: Path, plot: Plot, *, kind: str) -> None:
         is_above = not plot.key and 1 < entries <= _BESIDE
         top.set_title(plot.title, fontsize=10, loc="left", pad=20.0 if is_above else 6.0)
         figure.align_ylabels()
-        figure.savefig(path, format=kind, dpi=160, bbox_inches="tight", metadata=_METADATA[kind])
+        figure.savefig(
+            path, format=kind, dpi=160, bbox_inches="tight", metadata=FIXED_METADATA[kind]
+        )
 
 
 def _label(name: str, unit: str) -> str:
@@ -170,6 +182,7 @@ def _draw_key(axes: Any, plot: Plot) -> None:
         columnspacing=1.0,
     )
     axes.add_artist(key)
+    key.set_clip_on(False)  # it stands outside of the axes
     styles = [
         Line2D([], [], color=_COLOURS["ink"], label=word, **_STYLES[style])
         for word, style in plot.key

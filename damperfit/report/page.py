@@ -21,7 +21,8 @@ import numpy as np
 from damperfit import __version__
 from damperfit.errors import InstallationError
 from damperfit.report.campaign_plots import campaign_plots
-from damperfit.report.page_summary import result_tables, setting_verdict, summary_html
+from damperfit.report.page_sheets import result_tables
+from damperfit.report.page_summary import setting_verdict, summary_html
 from damperfit.report.page_tables import details_html, log_table, words_html
 from damperfit.report.plots import setting_colours
 from damperfit.report.rows import parameter_line

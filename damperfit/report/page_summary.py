@@ -7,32 +7,21 @@ from statistics import median
 from typing import TYPE_CHECKING, Any
 
 from damperfit.report.page_tables import details_html, table_html, words_html
-from damperfit.report.rows import (
-    Sheet,
-    flags,
-    mse_sheet,
-    number,
-    parameter_sheet,
-    percent,
-)
+from damperfit.report.rows import Sheet, flags, number, percent
 from damperfit.report.run_record import (
     span_words,
     told_checks,
     told_findings,
-    told_sentences,
     told_trends,
 )
-from damperfit.tables import table_schema
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
-
-    import pyarrow as pa
+    from collections.abc import Iterator, Mapping, Sequence
 
     from damperfit.report.views import LogView
     from damperfit.tables import Results
 
-__all__ = ["result_tables", "setting_verdict", "summary_html"]
+__all__ = ["setting_verdict", "summary_html"]
 
 _SYMBOLS = (
     "R_m1: restriction of valve 1, the adjuster, rod side to gas side; acts in bump and rebound",
@@ -77,7 +66,7 @@ def summary_html(results: Results, views: Sequence[LogView]) -> str:
             words_html("Gates not met", _listed(record, "gates_missed"), kind="alarm"),
             _checks(record),
             words_html("Verdicts", verdicts),
-            words_html("Across the settings", [*trends, *told_sentences(record, "clicks")]),
+            words_html("Across the settings", trends),
             words_html("Warnings", _listed(record, "warnings")),
             words_html("Findings of the logs", _log_findings(record)),
             details_html("How it was done", [*_listed(record, "procedure"), *_rig(record)]),
@@ -96,23 +85,6 @@ def setting_verdict(row: Mapping[str, Any]) -> str:
     if told:
         words.append(told)
     return "; ".join(words)
-
-
-def result_tables(results: Results) -> str:
-    """Return parameters and MSE as tables."""
-    settings = {row["setting"] for row in results.parameters}
-    rows = [row | {"outcome": row["outcome"] or "unknown"} for row in results.parameters]
-    errors = [
-        row | {"grade": row["grade"] or "-", "log": row["log"] or ""}
-        for row in results.mse
-        if row["setting"] in settings
-    ]
-    parameters = _arrow("parameters", rows)
-    parts = ["<h3>Parameters</h3>", table_html(parameter_sheet(parameters))] if rows else []
-    if errors:
-        sheet = mse_sheet(_arrow("mse", errors), parameters)
-        parts += ["<h3>MSE by setting and log</h3>", table_html(sheet)]
-    return "".join(parts)
 
 
 def _is_fine(row: Mapping[str, Any]) -> bool:
@@ -227,9 +199,3 @@ def _log_findings(record: Mapping[str, Any]) -> list[str]:
         for finding in told_findings(entry)
         if finding.severity != "note"
     ]
-
-
-def _arrow(name: str, rows: Iterable[Mapping[str, Any]]) -> pa.Table:
-    import pyarrow as pa
-
-    return pa.Table.from_pylist([dict(row) for row in rows], schema=table_schema(name, {}))

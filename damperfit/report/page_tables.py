@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 __all__ = ["details_html", "log_table", "table_html", "words_html"]
 
 
-_LOOKS = {"excellent": "well", "pass": "well", "poor": "ill", "FAIL": "ill"}
+_LOOKS = {"excellent": "well", "passed": "well", "poor": "ill", "FAILED": "ill"}
 
 
 def words_html(title: str, items: Sequence[object], *, kind: str = "") -> str:

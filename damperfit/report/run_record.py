@@ -15,12 +15,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ToldCheck",
+    "ToldClick",
     "ToldFinding",
     "ToldTrend",
     "span_words",
     "told_checks",
+    "told_clicks",
     "told_findings",
-    "told_sentences",
     "told_trends",
 ]
 
@@ -46,7 +47,7 @@ class ToldCheck:
     @property
     def verdict(self) -> str:
         """The result in words."""
-        return {True: "pass", False: "FAIL", None: "not looked at"}[self.passed]
+        return {True: "passed", False: "FAILED", None: "not looked at"}[self.passed]
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +86,31 @@ class ToldFinding:
 
     severity: str
     sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class ToldClick:
+    """Change of force from one setting to the next.
+
+    Attributes
+    ----------
+    first, second : int
+        The settings.
+    speed : float
+        m/s.
+    stroke : str
+        "rebound" or "bump".
+    change, low, high : float
+        N, with its 95 % interval.
+    """
+
+    first: int
+    second: int
+    speed: float
+    stroke: str
+    change: float
+    low: float
+    high: float
 
 
 def told_checks(record: Mapping[str, Any]) -> tuple[ToldCheck, ...]:
@@ -129,14 +155,18 @@ def told_findings(log: Mapping[str, Any]) -> tuple[ToldFinding, ...]:
     return tuple(sorted(found, key=lambda finding: order.get(finding.severity, 2)))
 
 
-def told_sentences(record: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """Return the sentences under a key: of a list of texts, or of entries with a ``sentence``."""
-    value = record.get(key)
-    found = (
-        item.get("sentence") if isinstance(item, dict) else item
-        for item in (value if isinstance(value, list) else ())
-    )
-    return tuple(_text(item) for item in found if item is not None)
+def told_clicks(record: Mapping[str, Any]) -> tuple[ToldClick, ...]:
+    """Return the changes of force by click."""
+    keys = ("speed_m_per_s", "change_N", "low_N", "high_N")
+    found = []
+    for entry in _entries(record, "clicks"):
+        first, second = entry.get("from"), entry.get("to")
+        numbers = [_number(entry.get(key)) for key in keys]
+        if isinstance(first, int) and isinstance(second, int) and math.isfinite(numbers[0]):
+            speed, change, low, high = numbers
+            stroke = str(entry.get("stroke"))
+            found.append(ToldClick(first, second, speed, stroke, change, low, high))
+    return tuple(found)
 
 
 def span_words(settings: Any) -> str:
