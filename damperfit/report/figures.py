@@ -9,9 +9,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from matplotlib.figure import Figure
+
     from damperfit.report.plots import Line, Panel, Plot
 
-__all__ = ["FIXED_METADATA", "draw_plot", "fixed_style"]
+__all__ = ["FIXED_METADATA", "compose", "draw_plot", "fixed_style"]
 
 _COLOURS = {"ink": "#000000", "muted": "#7d8796"}
 _STYLES: dict[str, dict[str, Any]] = {
@@ -66,7 +68,7 @@ def fixed_style() -> Iterator[None]:
         yield
 
 
-def draw_plot(path: Path, plot: Plot, *, kind: str) -> None:
+def draw_plot(path: Path, plot: Plot, *, kind: str, dpi: float = 160.0) -> None:
     """Draw one plot into a file.
 
     Parameters
@@ -77,33 +79,40 @@ def draw_plot(path: Path, plot: Plot, *, kind: str) -> None:
         What to draw.
     kind : str
         "png", "svg" or "pdf".
+    dpi : float
+        Dots per inch of a PNG.
     """
+    with fixed_style():
+        figure = compose(plot, dpi=dpi)
+        figure.savefig(path, format=kind, dpi=dpi, metadata=FIXED_METADATA[kind])
+
+
+def compose(plot: Plot, *, dpi: float = 160.0) -> Figure:
+    """Return the figure of a plot, not yet drawn; to be called and drawn inside `fixed_style`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with fixed_style():
-        n = len(plot.panels)
-        entries = max(sum(line.in_legend for line in panel.lines) for panel in plot.panels)
-        is_wide = bool(plot.key) or entries > _BESIDE
-        figure = Figure(figsize=(6.4 if is_wide else 5.4, 3.8 if n == 1 else 4.8))
-        FigureCanvasAgg(figure)
-        heights = [2.0, *(1.0 for _ in range(n - 1))]
-        rows = figure.subplots(n, 1, sharex=True, squeeze=False, height_ratios=heights)
-        for axes, panel in zip(rows[:, 0], plot.panels, strict=True):
-            _draw_panel(axes, panel)
-        rows[-1, 0].set_xlabel(_label(plot.panels[-1].x_label, plot.panels[-1].x_unit))
-        top = rows[0, 0]
-        if plot.key:
-            _draw_key(top, plot)
-        else:
-            _draw_legend(top, plot.panels[0])
-        # Above a legend that stands on the axes.
-        is_above = not plot.key and 1 < entries <= _BESIDE
-        top.set_title(plot.title, fontsize=10, loc="left", pad=20.0 if is_above else 6.0)
-        figure.align_ylabels()
-        figure.savefig(
-            path, format=kind, dpi=160, bbox_inches="tight", metadata=FIXED_METADATA[kind]
-        )
+    n = len(plot.panels)
+    entries = max(sum(line.in_legend for line in panel.lines) for panel in plot.panels)
+    is_wide = bool(plot.key) or entries > _BESIDE
+    size = 6.4 if is_wide else 5.4, 3.8 if n == 1 else 4.8  # inch
+    figure = Figure(figsize=size, dpi=dpi, layout="constrained")
+    FigureCanvasAgg(figure)
+    heights = [2.0, *(1.0 for _ in range(n - 1))]
+    rows = figure.subplots(n, 1, sharex=True, squeeze=False, height_ratios=heights)
+    for axes, panel in zip(rows[:, 0], plot.panels, strict=True):
+        _draw_panel(axes, panel)
+    rows[-1, 0].set_xlabel(_label(plot.panels[-1].x_label, plot.panels[-1].x_unit))
+    top = rows[0, 0]
+    if plot.key:
+        _draw_key(top, plot)
+    else:
+        _draw_legend(top, plot.panels[0])
+    # Above a legend that stands on the axes.
+    is_above = not plot.key and 1 < entries <= _BESIDE
+    top.set_title(plot.title, fontsize=10, loc="left", pad=20.0 if is_above else 6.0)
+    figure.align_ylabels()
+    return figure
 
 
 def _label(name: str, unit: str) -> str:
