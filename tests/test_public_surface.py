@@ -153,12 +153,15 @@ SURFACE = {
         "Trace",
     ],
     "damperfit.report": [
+        "ASCII_LEVELS",
+        "BLOCK_LEVELS",
         "Failure",
         "Kin",
         "Plot",
         "Portfolio",
         "ReportFacts",
         "Sheet",
+        "closing_sheet",
         "draw_plot",
         "family_plot",
         "family_records",
@@ -170,6 +173,7 @@ SURFACE = {
         "markdown_report",
         "parameter_sheet",
         "portfolio",
+        "sparkline",
         "terminal_table",
     ],
     "damperfit.samples": [

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["cycle_lines", "draw_loops", "force_sheet", "pressure_sheet"]
 
 _BAR = 1e5  # Pa
-_CELLS = 48  # characters of one cycle
+_CELLS = 44  # characters of one cycle
 
 
 def force_sheet(figures: Characteristics) -> Sheet:
