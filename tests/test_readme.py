@@ -15,9 +15,14 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib.testing.compare import calculate_rms
+from PIL import Image
 
 from damperfit.config import load_settings
+from damperfit.report import draw_plot, portfolio
+from damperfit.tables import read_results
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
@@ -81,10 +86,39 @@ def test_the_first_command_gives_the_output_shown(clone) -> None:
 
 def _same(word: str, wanted: str) -> bool:
     """Equal, or numbers that differ by rounding alone: other machines round the last digit."""
+    if set(word + wanted) & set("▁▂▃▄▅▆▇█"):
+        return len(word) == len(wanted)
+    value, _, error = word.rstrip(")").partition("(")
+    wanted_value, _, wanted_error = wanted.rstrip(")").partition("(")
     try:
-        return float(word) == pytest.approx(float(wanted), rel=1e-2)
+        return float(value) == pytest.approx(float(wanted_value), rel=1e-2) and (
+            float(error or 0) == pytest.approx(float(wanted_error or 0), rel=0.1)
+        )
     except ValueError:
         return word == wanted
+
+
+def test_pictures_are_those_that_the_tool_makes(clone) -> None:
+    """Each picture shown is there, and current: made anew it has the same curves."""
+    names = re.findall(r"!\[[^]]+\]\(sample_runs/pictures/(\w+)\.png\)", TEXT)
+    assert set(names) == {path.stem for path in (ROOT / "sample_runs" / "pictures").iterdir()}
+    logs = [str(path) for path in sorted((clone / "sample_runs").glob("setting_*.csv"))]
+    assert _damperfit(shlex.join(["damperfit", "identify", *logs]), clone).returncode == 0
+    assert _damperfit("damperfit sweep --paper", clone).returncode == 0
+    plots = {plot.name: plot for plot in portfolio(read_results(clone / "results")).plots}
+    for name in names:
+        made = clone / "sweep" / f"{name}.png"
+        if name in plots:
+            draw_plot(made, plots[name], kind="png")
+        kept = ROOT / "sample_runs" / "pictures" / f"{name}.png"
+        if os.environ.get("DAMPERFIT_WRITE_GOLDEN"):
+            kept.write_bytes(made.read_bytes())
+        assert calculate_rms(_shrunk(kept), _shrunk(made)) < 12.0, name  # letters may move axes
+
+
+def _shrunk(path: Path) -> np.ndarray:
+    with Image.open(path) as image:
+        return np.asarray(image.convert("RGB").reduce(8), dtype=float)
 
 
 @pytest.mark.parametrize("command", [c for c in COMMANDS if c.startswith("damperfit")])

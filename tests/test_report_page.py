@@ -293,8 +293,9 @@ def test_a_damaged_log_costs_that_log_alone(copy):
     damage_row_group(copy / "responses.parquet", 1)
     results = read_results(copy)
     assert [log.setting for log in results.logs] == [1, 3, 5]
-    assert len(results.remarks) == 1
-    assert "log 2 is damaged" in results.remarks[0]
+    damage, consequence = results.remarks
+    assert "log 2 is damaged" in damage
+    assert consequence == "setting 2: parameters but no signals, so no loops"
     assert "log 2 is damaged" in html_report(portfolio(results), title="x")
 
 
@@ -342,6 +343,64 @@ def test_an_older_schema_is_named_and_what_it_has_is_shown(copy):
     assert "schema version 0 (damperfit 0.0.1)" in results.remarks[0]
     assert "k_e_ci_low" in results.remarks[1]
     assert "parameter_k_e" in html_report(portfolio(results), title="x")
+
+
+def _change(path, change):
+    """Write a Parquet table anew with changed rows, its schema kept."""
+    table = pq.read_table(path)
+    rows = table.to_pylist()
+    pq.write_table(pa.Table.from_pylist(change(rows) or rows, schema=table.schema), path)
+
+
+def test_a_setting_that_is_in_one_table_alone_is_named_and_shown(copy):
+    _change(copy / "parameters.parquet", lambda rows: [r for r in rows if r["setting"] != 2])
+    results = read_results(copy)
+    assert results.remarks == ("setting 2: signals but no parameters",)
+    page = html_report(portfolio(results), title="x")
+    assert "Setting 2: setting_02.csv" in page
+    table = pq.read_table(copy / "responses.parquet")
+    kept = pa.array([setting != 3 for setting in table.column("setting").to_pylist()])
+    pq.write_table(table.filter(kept), copy / "responses.parquet")
+    remarks = read_results(copy).remarks
+    assert "setting 3: parameters but no signals, so no loops" in remarks
+
+
+def test_a_setting_told_twice_is_shown_once(copy):
+    _change(copy / "parameters.parquet", lambda rows: rows * 2)
+    results = read_results(copy)
+    assert [row["setting"] for row in results.parameters] == [1, 2, 3, 4, 5]
+    assert "more than once" in results.remarks[0]
+
+
+def test_a_table_of_another_kind_is_named_in_short(copy):
+    shutil.copy(copy / "mse.parquet", copy / "parameters.parquet")
+    (remark, *_) = read_results(copy).remarks
+    assert "parameters.parquet has no column r_m1, r_m2" in remark
+    assert "more" in remark
+    assert len(remark) < 120
+
+
+def test_numbers_that_cannot_be_drawn_are_left_out(copy, tmp_path):
+    """An interval beside its value used to end in an internal error."""
+
+    def spoil(rows):
+        rows[0] |= {"k_e_ci_low": 9e9, "k_e_ci_high": float("nan"), "mse_percent": 0.0}
+        rows[1]["mse_percent"] = float("inf")
+
+    def spoil_errors(rows):
+        rows[0]["mse_percent"] = 0.0
+        rows[2] |= {"mse_percent": float("inf"), "noise_floor_percent": float("nan")}
+
+    _change(copy / "parameters.parquet", spoil)
+    _change(copy / "mse.parquet", spoil_errors)
+    shown = portfolio(read_results(copy))
+    html_report(shown, title="x")
+    for plot in shown.overall[:7]:
+        draw_plot(tmp_path / "a.png", plot, kind="png", dpi=40)
+    (errors,) = (plot for plot in shown.overall if plot.name == "mse")
+    values = np.concatenate([line.y for line in errors.panels[0].lines])
+    assert (values > 0.0).all()
+    assert np.isfinite(values).all()
 
 
 def test_a_file_of_another_run_is_named(copy):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -58,7 +59,7 @@ def campaign_plots(
 
 
 def _errors(rows: Sequence[Row], colours: Mapping[int, str]) -> Iterator[Plot]:
-    whole = [row for row in rows if not row["log"] and row["mse_percent"] is not None]
+    whole = [row for row in rows if not row["log"] and _is_positive(row["mse_percent"])]
     if not whole:
         return
     lines = [
@@ -73,7 +74,7 @@ def _errors(rows: Sequence[Row], colours: Mapping[int, str]) -> Iterator[Plot]:
         )
         for row in whole
     ]
-    floor = [row for row in whole if row["noise_floor_percent"] is not None]
+    floor = [row for row in whole if _is_positive(row["noise_floor_percent"])]
     if floor:
         at = np.array([float(row["setting"]) for row in floor])
         values = np.array([row["noise_floor_percent"] for row in floor])
@@ -92,6 +93,10 @@ def _errors(rows: Sequence[Row], colours: Mapping[int, str]) -> Iterator[Plot]:
         "that the scatter between cycles explains; what is above it is the model's."
     )
     yield Plot("mse", "MSE and noise floor against setting", (panel,), caption)
+
+
+def _is_positive(value: float | None) -> bool:
+    return value is not None and 0.0 < value < math.inf  # the axis is logarithmic
 
 
 def _fan(views: Sequence[LogView], colours: Mapping[int, str]) -> Plot:

@@ -106,7 +106,8 @@ def _window(
 def _point(row: Row, name: str, factor: float, colour: str, far: Mapping[int, float]) -> Line:
     setting = row["setting"]
     low, high = row[f"{name}_ci_low"], row[f"{name}_ci_high"]
-    has_interval = low is not None and high is not None and setting not in far
+    # "<=" is also what NaN fails.
+    has_interval = None not in {low, high} and low <= row[name] <= high and setting not in far
     label, style = f"setting {setting}", "points" if _is_fitted(row, name) else "triangles"
     if setting in far:
         value = factor * row[name]
