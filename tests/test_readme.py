@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.ft2font import __freetype_version__
 from matplotlib.testing.compare import calculate_rms
 from PIL import Image
 
@@ -29,6 +30,9 @@ README = ROOT / "README.md"
 TEXT = README.read_text(encoding="utf-8")
 COMMANDS = re.findall(r"^    (\S.*)$", TEXT, flags=re.MULTILINE)
 FIRST, SECOND = COMMANDS[:2]
+
+
+_FREETYPE = "2.14.3"  # that the pictures were made with; matplotlib's wheels bring it
 
 
 def _block(kind: str) -> str:
@@ -113,7 +117,10 @@ def test_pictures_are_those_that_the_tool_makes(clone) -> None:
         kept = ROOT / "sample_runs" / "pictures" / f"{name}.png"
         if os.environ.get("DAMPERFIT_WRITE_GOLDEN"):
             kept.write_bytes(made.read_bytes())
-        assert calculate_rms(_shrunk(kept), _shrunk(made)) < 12.0, name  # letters may move axes
+        # Another FreeType sets letters otherwise and moves the axes: 3 to 7 with other hinting.
+        # Curves 5 % off give 6 and more, other colours 6 to 28, missing curves 10 and more.
+        limit = 3.0 if __freetype_version__ == _FREETYPE else 9.0
+        assert calculate_rms(_shrunk(kept), _shrunk(made)) < limit, name
 
 
 def _shrunk(path: Path) -> np.ndarray:
