@@ -220,7 +220,7 @@ def _take_test(
         return _failed(known, error)
     facts = trace.describe() | {
         "n_samples_read": len(recording.time),
-        "notes": [*recording.notes, *trace.notes, *trace.warnings],
+        "notes": [*recording.notes, *trace.notes, *(one.sentence for one in trace.findings)],
     }
     return _Taken(replace(known, facts=facts), trace)
 

@@ -46,6 +46,7 @@ SURFACE = {
     ],
     "damperfit.conditioning": [
         "ConditionOptions",
+        "GasFacts",
         "apply_filter",
         "condition",
         "design_filter",

@@ -32,6 +32,7 @@ import numpy as np
 
 from damperfit.conditioning.cycles import Cycles, find_cycles
 from damperfit.conditioning.derivatives import differentiate
+from damperfit.conditioning.detective import describe_level, describe_middle, put_right
 from damperfit.conditioning.filters import (
     apply_filter,
     complete_causal,
@@ -46,7 +47,6 @@ from damperfit.conditioning.refusals import (
     MIN_CYCLES,
     refuse_dead,
     refuse_fast,
-    refuse_polarity,
     refuse_stroke,
 )
 from damperfit.conditioning.timebase import UniformLog, make_uniform
@@ -80,9 +80,20 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     ------
     ConditioningError
         Constant channel, gap in time, sample rate too low for the filter, too few steady cycles,
-        implausible stroke or force, stroke beyond the chambers, reversed polarity.
+        implausible stroke or force, stroke beyond the chambers, a sign that must be declared.
     """
     options = options or ConditionOptions()
+    trace = _trace(recording, options)
+    righted, findings = put_right(trace, recording, options)
+    if righted is not recording:
+        trace = _trace(righted, options)
+    refuse_stroke(trace, options)
+    told = (describe_middle(trace, options), *describe_level(trace, options))
+    return replace(trace, findings=(*trace.findings, *findings, *told))
+
+
+def _trace(recording: Recording, options: ConditionOptions) -> Trace:
+    """Return the trace of a recording whose signs are taken as they are."""
     refuse_dead(recording, options)
     log = make_uniform(recording)
     try:
@@ -99,7 +110,8 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     lead = edge + math.ceil(cycles.period) + 1
     keep = slice(max(0, int(starts[0]) - lead), math.ceil(starts[-1]) + edge + 2)
     starts = starts - keep.start
-    centre = cycles.centre if options.centre is None else options.centre
+    sign = -1.0 if recording.reverse_displacement else 1.0  # the log's own count
+    centre = cycles.centre if options.centre is None else sign * options.centre
     trace = Trace(
         name=recording.name,
         setting=recording.setting,
@@ -113,16 +125,13 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         cycle_starts=starts,
         frequency=(len(starts) - 1) / float(starts[-1] - starts[0]) / log.interval,
         amplitude=cycles.amplitude,
-        centre=centre,
+        centre=sign * centre,
         n_cycles_found=cycles.n_found,
         model_filter=model_filter,
         temperature=_mean_temperature(recording, log, starts + keep.start),
     )
     notes = (*log.notes, *_notes(trace, cycles, options))
-    trace = replace(trace, notes=notes, findings=examine(log, options))
-    refuse_stroke(trace, options)
-    refuse_polarity(trace)
-    return trace
+    return replace(trace, notes=notes, findings=examine(log, options))
 
 
 def _filtered(
@@ -206,9 +215,6 @@ def _mean_temperature(recording: Recording, log: UniformLog, starts: FloatArray)
 def _notes(trace: Trace, cycles: Cycles, options: ConditionOptions) -> tuple[str, ...]:
     used = f"{trace.n_cycles} of {trace.n_cycles_found} whole cycles evaluated"
     notes = [f"{used} (left out: run-in, filter edges, unsteady cycles)"]
-    if options.centre is None:
-        middle = round(1e3 * cycles.centre, 3) + 0.0  # no "-0.000"
-        notes.append(f"mid-stroke of the log ({middle:.3f} mm) is x = 0 of the model")
     if options.rig_filter != "none":
         notes.append(
             f"filtered in the rig as declared ({options.rig_filter}, "

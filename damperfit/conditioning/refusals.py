@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Recording, Trace
 
-__all__ = ["MIN_CYCLES", "refuse_dead", "refuse_fast", "refuse_polarity", "refuse_stroke"]
+__all__ = ["MIN_CYCLES", "refuse_dead", "refuse_fast", "refuse_stroke"]
 
 MIN_CYCLES = 3
 _MIN_SAMPLES = 20
@@ -88,16 +88,3 @@ def refuse_stroke(trace: Trace, options: ConditionOptions) -> None:
         f"{trace.name}: stroke beyond the chamber: x reaches {x:.4g} m, expected {at} "
         f"(l_1 = {l_1:g} m, l_2 = {l_2:g} m; x = 0 at {trace.centre:.4g} m of the log); {hint}"
     )
-
-
-def refuse_polarity(trace: Trace) -> None:
-    """Refuse a damper that gives energy: one channel has the wrong sign."""
-    power = trace.force[trace.window] * trace.velocity[trace.window]
-    energy, size = float(np.mean(power)), float(np.mean(np.abs(power)))
-    if energy < -0.1 * size:
-        joules = energy / trace.frequency
-        raise ConditioningError(
-            f"{trace.name}: the damper gives {-joules:.3g} J per cycle instead of taking energy; "
-            "expected force and displacement both positive in rebound; declare the sign of the "
-            "force or of the displacement reversed"
-        )

@@ -65,6 +65,8 @@ def make_recordings(
             temperature=part.temperature,
             notes=(*notes, *part.notes, *declared),
             metadata=part.metadata,
+            reverse_displacement=part.reverse_displacement,
+            reverse_force=part.reverse_force,
         )
         for i, part in enumerate(parts)
     )
@@ -83,8 +85,11 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
     temperature, temperature_notes = _temperature(channels)
     cuts = _cuts(samples, channels, options, name)
     sign_notes = []
+    signs: dict[str, bool | None] = {}
     for channel in ("displacement", "force"):
-        if getattr(options, f"reverse_{channel}"):
+        is_reversed = getattr(options, f"reverse_{channel}")
+        signs[channel] = is_reversed if isinstance(is_reversed, bool) else None
+        if is_reversed is True:
             channels[channel] = -channels[channel]
             sign_notes.append(f"{channel}: sign reversed, as declared")
     titles = (f"part: {table.part}",) if table.part else ()
@@ -109,6 +114,8 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
                 temperature=None if temperature is None else temperature[part],
                 notes=(*notes, *time_notes, *setting_notes),
                 metadata=table.metadata,
+                reverse_displacement=signs["displacement"],
+                reverse_force=signs["force"],
             )
         )
     return parts
