@@ -32,7 +32,7 @@ import numpy as np
 
 from damperfit.conditioning.cycles import Cycles, find_cycles
 from damperfit.conditioning.derivatives import differentiate
-from damperfit.conditioning.detective import describe_level, describe_middle, put_right
+from damperfit.conditioning.detective import describe_level, describe_middle, find_skew, put_right
 from damperfit.conditioning.filters import (
     apply_filter,
     complete_causal,
@@ -49,6 +49,7 @@ from damperfit.conditioning.refusals import (
     refuse_fast,
     refuse_stroke,
 )
+from damperfit.conditioning.skew import take_back
 from damperfit.conditioning.timebase import UniformLog, make_uniform
 from damperfit.errors import ConditioningError
 from damperfit.recording import FilterDesign, Recording, Trace
@@ -83,19 +84,26 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         implausible stroke or force, stroke beyond the chambers, a sign that must be declared.
     """
     options = options or ConditionOptions()
-    trace = _trace(recording, options)
+    delay = options.skew if isinstance(options.skew, float | int) else 0.0
+    trace, log = _trace(recording, options, delay)
     righted, findings = put_right(trace, recording, options)
     if righted is not recording:
-        trace = _trace(righted, options)
+        trace, log = _trace(righted, options, delay)
+    skew, skew_findings = find_skew(log, trace, options)
+    if skew != 0.0:
+        trace, _ = _trace(righted, options, skew)
     refuse_stroke(trace, options)
-    told = (describe_middle(trace, options), *describe_level(trace, options))
+    told = (describe_middle(trace, options), *describe_level(trace, options), *skew_findings)
     return replace(trace, findings=(*trace.findings, *findings, *told))
 
 
-def _trace(recording: Recording, options: ConditionOptions) -> Trace:
-    """Return the trace of a recording whose signs are taken as they are."""
+def _trace(
+    recording: Recording, options: ConditionOptions, delay: float
+) -> tuple[Trace, UniformLog]:
+    """Return the trace of a recording with its signs, the force moved ahead by ``delay``."""
     refuse_dead(recording, options)
-    log = make_uniform(recording)
+    logged = make_uniform(recording)
+    log = take_back(logged, delay) if delay else logged
     try:
         displacement, force, model_filter = _filtered(log, options)
     except ConditioningError as error:
@@ -131,7 +139,7 @@ def _trace(recording: Recording, options: ConditionOptions) -> Trace:
         temperature=_mean_temperature(recording, log, starts + keep.start),
     )
     notes = (*log.notes, *_notes(trace, cycles, options))
-    return replace(trace, notes=notes, findings=examine(log, options))
+    return replace(trace, notes=notes, findings=examine(logged, options)), log
 
 
 def _filtered(

@@ -12,13 +12,15 @@ from typing import TYPE_CHECKING
 
 from damperfit.conditioning.gas_force import force_level
 from damperfit.conditioning.polarity import TARED, find_signs
+from damperfit.conditioning.skew import Skew, estimate_skew
 from damperfit.recording import Finding, Recording, Trace
 
 if TYPE_CHECKING:
     from damperfit.conditioning.gas_force import ForceLevel
     from damperfit.conditioning.options import ConditionOptions
+    from damperfit.conditioning.timebase import UniformLog
 
-__all__ = ["describe_level", "describe_middle", "put_right"]
+__all__ = ["describe_level", "describe_middle", "find_skew", "put_right"]
 
 # A level this near to what the gas gives is no news: other gas and oil move it as much.
 _NEAR = 0.15
@@ -88,12 +90,58 @@ def describe_middle(trace: Trace, options: ConditionOptions) -> Finding:
     off = 0.5 * float(window.max() + window.min())
     centre = 1e3 * trace.centre
     if options.centre is not None:
-        text = (
-            f"x = 0 at {centre:.3f} mm of the log, as declared; mid-stroke at x = {1e3 * off:.3f}"
-        )
-        text += " mm"
+        middle = f"mid-stroke at x = {1e3 * off:.3f} mm"
+        text = f"x = 0 at {centre:.3f} mm of the log, as declared; {middle}"
         return Finding("mid_stroke", "note", text, off, "m")
     text = f"mid-stroke of the log ({round(centre, 3) + 0.0:.3f} mm) is x = 0 of the model"
     if 0.05 < abs(trace.centre) / trace.amplitude < 0.8:
         text += "; if the log's 0 is the middle of the damper, say rig.centre = '0mm'"
     return Finding("mid_stroke", "note", text, trace.centre, "m")
+
+
+def find_skew(
+    log: UniformLog, trace: Trace, options: ConditionOptions
+) -> tuple[float, tuple[Finding, ...]]:
+    """Return by how much the force must be moved ahead, s, and what was found of the skew.
+
+    Parameters
+    ----------
+    log : UniformLog
+        With the signs of the project, moved by what was declared, not filtered by us.
+    trace : Trace
+        Of this log.
+    options : ConditionOptions
+        ``skew`` says what was declared.
+    """
+    is_auto = options.skew == "auto"
+    if options.rig_filter != "none":
+        skew = Skew(None, reason="the rig's filter rounds the friction's jump")
+    else:
+        skew = estimate_skew(log, trace)
+    declared = () if is_auto or options.skew == 0.0 else (_moved(float(options.skew)),)
+    if skew.delay is None:
+        text = f"cannot be told whether the force is late: {skew.reason}"
+        severity, done = (
+            ("warning", "nothing was taken back")
+            if is_auto
+            else ("note", "a late force looks like a low K_e")
+        )
+        return 0.0, (*declared, Finding("skew", severity, f"{text}; {done}", None, "s"))
+    text = (
+        f"the force is {1e3 * skew.delay:.2f} +- {1e3 * skew.uncertainty:.2f} ms late, by its jump "
+        "at the ends of the stroke taken for Coulomb friction"
+    )
+    if not skew.is_significant:
+        text = f"force and displacement are together: {text}"
+        return 0.0, (*declared, Finding("skew", "note", text, skew.delay, "s"))
+    if is_auto:
+        finding = Finding("skew", "note", f"{text}; taken back", skew.delay, "s")
+        return skew.delay, (finding,)
+    said = f"rig.skew = '{1e3 * skew.delay:.1f}ms'"
+    text += f"; that bends K_e most: say {said} if the rig is known to do so, or --skew auto"
+    return 0.0, (*declared, Finding("skew", "warning", text, skew.delay, "s"))
+
+
+def _moved(delay: float) -> Finding:
+    text = f"the force is moved {1e3 * delay:g} ms ahead, as declared"
+    return Finding("skew_declared", "note", text, delay, "s")
