@@ -45,12 +45,15 @@ from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.quality import examine
 from damperfit.conditioning.refusals import (
     MIN_CYCLES,
+    oversize,
     refuse_dead,
     refuse_fast,
     refuse_stroke,
+    refuse_swapped,
 )
 from damperfit.conditioning.skew import take_back
 from damperfit.conditioning.timebase import UniformLog, make_uniform
+from damperfit.conditioning.velocity import check_velocity
 from damperfit.errors import ConditioningError
 from damperfit.recording import FilterDesign, Recording, Trace
 
@@ -84,8 +87,16 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         implausible stroke or force, stroke beyond the chambers, a sign that must be declared.
     """
     options = options or ConditionOptions()
+    refuse_dead(recording)
     delay = options.skew if isinstance(options.skew, float | int) else 0.0
-    trace, log = _trace(recording, options, delay)
+    too_large = oversize(recording, options)
+    try:
+        trace, log = _trace(recording, options, delay)
+    except ConditioningError as error:
+        raise ConditioningError(too_large or str(error)) from None
+    refuse_swapped(trace)
+    if too_large:
+        raise ConditioningError(too_large)
     righted, findings = put_right(trace, recording, options)
     if righted is not recording:
         trace, log = _trace(righted, options, delay)
@@ -93,7 +104,12 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     if skew != 0.0:
         trace, _ = _trace(righted, options, skew)
     refuse_stroke(trace, options)
-    told = (describe_middle(trace, options), *describe_level(trace, options), *skew_findings)
+    told = (
+        describe_middle(trace, options),
+        *describe_level(trace, options),
+        *skew_findings,
+        *check_velocity(trace, righted),
+    )
     return replace(trace, findings=(*trace.findings, *findings, *told))
 
 
@@ -101,7 +117,6 @@ def _trace(
     recording: Recording, options: ConditionOptions, delay: float
 ) -> tuple[Trace, UniformLog]:
     """Return the trace of a recording with its signs, the force moved ahead by ``delay``."""
-    refuse_dead(recording, options)
     logged = make_uniform(recording)
     log = take_back(logged, delay) if delay else logged
     try:

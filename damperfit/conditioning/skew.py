@@ -38,10 +38,12 @@ __all__ = ["Skew", "estimate_skew", "take_back"]
 
 _REACH = 0.020  # s beside an end of the stroke; the oil's part is smooth on this scale
 _FARTHEST = 0.010  # s
-_STEP = 2.5e-4  # s, of the scan
+_STEP = 5e-4  # s, of the scan
+_LEAST = 2.5e-4  # s; less moves K_e by no more than other doubts
 _WIDTHS = (0.0, 1e-3, 3e-3, 8e-3)  # s, of the rounded step
 _SHARP = 1e-3
 _CLEAR = 50.0  # gain of the step in squared deviations of the noise; 16 is chance at four sigma
+_ROUNDED = 1.5  # misfit of the sharp jump over that of the best one
 _ALIKE = 0.4  # smaller over larger jump
 _FINEST = 4e-4  # s; samples closer than this are averaged, for the time it takes
 _SYSTEMATIC = 1e-4  # s; what the smooth part may lean, by noise-free logs at 5 kHz
@@ -69,7 +71,7 @@ class Skew:
     @property
     def is_significant(self) -> bool:
         """Whether the force is late, or early, beyond doubt."""
-        return self.delay is not None and abs(self.delay) > max(self.uncertainty, _STEP)
+        return self.delay is not None and abs(self.delay) > max(self.uncertainty, _LEAST)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,32 +98,29 @@ def estimate_skew(log: UniformLog, trace: Trace) -> Skew:
     if min(len(lag) for lag, _ in sides) < _FEWEST:
         return Skew(None, reason="too few samples beside the ends of the stroke")
     delays = np.arange(-_FARTHEST, _FARTHEST + 0.5 * _STEP, _STEP)
-    first = _scan(sides, delays, width=0.0, kink=None)
-    kink = float(delays[np.argmin(first.rest)])
-    scans = [_scan(sides, delays, width=width, kink=kink) for width in _WIDTHS]
+    kink = float(delays[np.argmin(_scan(sides, delays, width=0.0, kink=None).rest)])
+    near = delays[np.abs(delays - kink) < 4.5 * _STEP]
+    scans = [_scan(sides, near, width=width, kink=kink) for width in _WIDTHS]
     least = [float(scan.rest.min()) for scan in scans]
     best = int(np.argmin(least))
-    scan = scans[best]
+    scan, width = scans[best], _WIDTHS[best]
     at = int(np.argmin(scan.rest))
     variance = least[best] / (scan.n - 14)
     jumps = scan.jumps[:, at]
-    if (scan.total - least[best]) < _CLEAR * variance:
+    if scan.total - least[best] < _CLEAR * variance:
         return Skew(None, reason="no friction stands out at the ends of the stroke")
     if not jumps.min() > _ALIKE * jumps.max():
         return Skew(None, reason="what jumps at the ends of the stroke is not friction alone")
-    if _WIDTHS[best] > _SHARP or least[0] > 1.5 * least[best]:
-        return Skew(
-            None,
-            reason="the friction's jump is rounded, by a filter in the rig or by seals that "
-            "stretch before they slide",
-        )
-    if at in (0, len(delays) - 1):
+    if width > _SHARP or least[0] > _ROUNDED * least[best]:
+        reason = "a filter in the rig, or seals that stretch before they slide"
+        return Skew(None, reason=f"the friction's jump is rounded by {reason}")
+    if abs(near[at]) > _FARTHEST - 1.5 * _STEP:
         return Skew(None, reason=f"it would be more than {1e3 * _FARTHEST:.0f} ms")
-    fine = delays[at] + np.linspace(-2.0 * _STEP, 2.0 * _STEP, 41)
-    rest = np.concatenate([scan.rest, _scan(sides, fine, width=_WIDTHS[best], kink=kink).rest])
-    like = np.concatenate([delays, fine])[rest <= rest.min() + 9.0 * variance]
+    fine = near[at] + np.linspace(-2.0 * _STEP, 2.0 * _STEP, 81)
+    rest = np.concatenate([scan.rest, _scan(sides, fine, width=width, kink=kink).rest])
+    like = np.concatenate([near, fine])[rest <= rest.min() + 9.0 * variance]
     middle, half = 0.5 * (like.min() + like.max()), 0.5 * (like.max() - like.min())
-    return Skew(float(middle), float(half + _given(log.interval) + 0.5 * _WIDTHS[best]))
+    return Skew(float(middle), float(half + _given(log.interval) + 0.5 * width))
 
 
 def _given(interval: float) -> float:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CHANNELS",
+    "EXTRAS",
     "SEPARATORS",
     "SETTING_PATTERN",
     "Declarations",
@@ -30,7 +31,10 @@ CHANNELS = {
     "displacement": "length",
     "force": "force",
     "temperature": "temperature",
+    "velocity": "velocity",
 }
+# Channels that a log is good without; where they are missing or damaged they are left out.
+EXTRAS = ("temperature", "velocity")
 
 # Number after "setting" or "s" in a file name. "s" must stand alone (run_s10, not runs10 and not
 # 30s_2), and 10.5 is no setting.
