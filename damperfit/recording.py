@@ -39,6 +39,8 @@ class Finding:
         The number behind it, for scripts; None where there is none.
     unit : str
         Unit of `value`; empty for counts and shares.
+    is_correction : bool
+        The data were changed for it.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Finding:
     sentence: str
     value: float | None = None
     unit: str = ""
+    is_correction: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,6 +21,7 @@ SURFACE = {
     ],
     "damperfit.account": [
         "Ending",
+        "corrections",
         "ending_of",
         "json_values",
         "log_documents",

@@ -139,12 +139,16 @@ def _append(path: Path, report: str) -> None:
 
 
 def _tell_people(result: RunResult, *, folder: Path, is_quiet: bool) -> None:
+    from damperfit.account import corrections
+
     for failure in result.facts.failures:
         say(f"damperfit: {failure.line}")
     for gate in result.facts.gates:
         say(f"damperfit: {gate}")
     if is_quiet:
         return
+    for line in corrections(result.campaign):
+        say(f"note: {line}")
     for warning in result.facts.warnings:
         say(f"warning: {warning}")
     say(f"damperfit: {_summary(result, folder)}")

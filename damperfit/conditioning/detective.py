@@ -54,17 +54,16 @@ def describe_level(trace: Trace, options: ConditionOptions) -> tuple[Finding, ..
     level = force_level(trace, options.gas)
     missing = level.force - level.expected
     size = -level.expected
-    is_told = level.uncertainty < _KNOWN * size
     severity = "note" if options.is_offset_known else "warning"
     told = (
         f"at no speed the force is {level.force:.0f} +- {level.uncertainty:.0f} N, the gas alone "
         f"gives {level.expected:.0f} N"
     )
-    if abs(missing) <= _NEAR * size + level.uncertainty:
-        return (Finding("tare", "note", f"gas force present: {told}", missing, "N"),)
-    if not is_told:
+    if level.uncertainty > _KNOWN * size:
         text = f"cannot tell whether the force was tared: {told}"
         return (Finding("tare", "note", text, missing, "N"),)
+    if abs(missing) <= _NEAR * size + level.uncertainty:
+        return (Finding("tare", "note", f"gas force present: {told}", missing, "N"),)
     if abs(level.ratio) < TARED:
         return (Finding("tare", severity, _removed(told, level, options), missing, "N"),)
     what = "part of the gas force is missing" if 0.0 < missing < size else "not the gas force"
@@ -135,7 +134,9 @@ def find_skew(
         text = f"force and displacement are together: {text}"
         return 0.0, (*declared, Finding("skew", "note", text, skew.delay, "s"))
     if is_auto:
-        finding = Finding("skew", "note", f"{text}; taken back", skew.delay, "s")
+        finding = Finding(
+            "skew", "note", f"{text}; taken back", skew.delay, "s", is_correction=True
+        )
         return skew.delay, (finding,)
     said = f"rig.skew = '{1e3 * skew.delay:.1f}ms'"
     text += f"; that bends K_e most: say {said} if the rig is known to do so, or --skew auto"

@@ -40,8 +40,8 @@ _LEAST_CURVATURE = -0.6
 TARED = 0.25  # below this share of the gas force there is none to be seen
 _CHANNELS = ("displacement", "force")
 _ASK = (
-    "declare rig.reverse_displacement and rig.reverse_force, true or false: true where the log "
-    "counts bump (rod in, compression) positive"
+    "declare rig.reverse_displacement and rig.reverse_force: true where the log counts bump (rod "
+    "in, compression) positive, else false"
 )
 
 
@@ -111,7 +111,7 @@ def _both_or_none(level: ForceLevel | None, free: list[str]) -> Signs:
         )
     if _is_certain(level, _CHANNELS):
         return _reversed(_CHANNELS, f"{_told(level)}, and the loop takes energy")
-    return _doubt(level, f"taken as logged, positive in rebound; {_ASK}")
+    return _doubt(level, f"taken as logged; {_ASK}")
 
 
 def _one(trace: Trace, level: ForceLevel | None, joules: float, gives: str) -> Signs:
@@ -167,6 +167,7 @@ def _reversed(channels: tuple[str, ...] | list[str], reason: str) -> Signs:
             f"{channel}: found positive in bump and reversed: {reason}; "
             f"rig.reverse_{channel} = true says so, false keeps it as logged",
             -1.0,
+            is_correction=True,
         )
         for channel in channels
     )
@@ -175,8 +176,8 @@ def _reversed(channels: tuple[str, ...] | list[str], reason: str) -> Signs:
 
 def _doubt(level: ForceLevel, advice: str) -> Signs:
     sees = "so no gas force tells rebound from bump"
-    if level.ratio <= -TARED:
-        sees = "which is the other way, but not certain enough to reverse both channels"
+    if level.ratio <= -TARED and abs(level.force) > level.uncertainty:
+        sees = "as if both channels were positive in bump, but that is not certain"
     return Signs(
         (), (Finding("direction", "warning", f"{_told(level)}, {sees}; {advice}", level.ratio),)
     )
