@@ -1,4 +1,4 @@
-"""Signs, tare, swapped channels, mid-stroke and logged velocity: F44, F46, F47's neighbours, N22."""
+"""Signs, tare, swapped channels, mid-stroke and logged velocity: F44, F46, N22."""
 
 from __future__ import annotations
 
