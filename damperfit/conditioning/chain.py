@@ -64,7 +64,6 @@ if TYPE_CHECKING:
 
 __all__ = ["condition"]
 
-_ABSURD = 1e9  # N or m; no column of any rig, in whatever unit
 _SPLINE_EDGE = 14  # samples; 0.268^14 = 1e-8, how an end condition fades in a cubic spline
 
 
@@ -90,7 +89,14 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     options = options or ConditionOptions()
     refuse_dead(recording)
     delay = options.skew if isinstance(options.skew, float | int) else 0.0
-    trace, log = _first_trace(recording, options, delay)
+    too_large = oversize(recording, options)
+    try:
+        trace, log = _trace(recording, options, delay)
+    except ConditioningError as error:
+        raise ConditioningError(too_large or str(error)) from None
+    refuse_swapped(trace)
+    if too_large:
+        raise ConditioningError(too_large)
     righted, findings = put_right(trace, recording, options)
     if righted is not recording:
         trace, log = _trace(righted, options, delay)
@@ -105,24 +111,6 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         *check_velocity(trace, righted),
     )
     return replace(trace, findings=(*trace.findings, *findings, *told))
-
-
-def _first_trace(
-    recording: Recording, options: ConditionOptions, delay: float
-) -> tuple[Trace, UniformLog]:
-    """Return the trace of the right columns; of a log too large, look first whether they are."""
-    too_large = oversize(recording, options)
-    largest = max(float(np.abs(c).max()) for c in (recording.displacement, recording.force))
-    if too_large and largest > _ABSURD:
-        raise ConditioningError(too_large)
-    try:
-        trace, log = _trace(recording, options, delay)
-    except ConditioningError as error:
-        raise ConditioningError(too_large or str(error)) from None
-    refuse_swapped(trace)
-    if too_large:
-        raise ConditioningError(too_large)
-    return trace, log
 
 
 def _trace(
