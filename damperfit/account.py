@@ -7,28 +7,33 @@ that a bad log beside them changes no byte. `record` is run.json and tells every
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
+from damperfit.adjustment import Adjustment
+from damperfit.checklist import Check, missed_gates
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Outcome
 from damperfit.report import Failure, ReportFacts
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
-from damperfit.uncertainty import METHOD, verdicts
+from damperfit.uncertainty import METHOD, Assessment, verdicts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from damperfit.adjustment import Click
     from damperfit.identification import Campaign
     from damperfit.intake import Intake, LogFacts
     from damperfit.settings import RigOptions, Settings
-    from damperfit.uncertainty import Assessment
 
 __all__ = [
     "Ending",
+    "Judgement",
+    "click_document",
     "ending_of",
+    "failures_of",
     "json_values",
     "log_documents",
     "provenance",
@@ -51,26 +56,55 @@ class Ending(Enum):
     INTERRUPTED = 130
 
 
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What was found of the fits once they were done.
+
+    Attributes
+    ----------
+    assessment : Assessment
+        How far the numbers may be trusted.
+    adjustment : Adjustment
+        What shows across settings.
+    checks : tuple of Check
+        The checklist.
+    """
+
+    assessment: Assessment = Assessment()
+    adjustment: Adjustment = Adjustment()
+    checks: tuple[Check, ...] = ()
+
+
+def failures_of(settings: Settings, intake: Intake, campaign: Campaign) -> tuple[Failure, ...]:
+    """Return the logs and settings without a result."""
+    return (*intake.failures, *_setting_failures(campaign), *_missing(settings, intake))
+
+
 def report_facts(
     settings: Settings,
     intake: Intake,
     campaign: Campaign,
-    assessment: Assessment,
+    judgement: Judgement,
     *,
     is_interrupted: bool,
 ) -> ReportFacts:
     """Return what a report tells besides the tables."""
     done = {fit.setting for fit in campaign.fits}
-    failures = (*intake.failures, *_setting_failures(campaign), *_missing(settings, intake))
+    assessment = judgement.assessment
     outcomes = {fit.outcome for fit in campaign.fits if fit.outcome is not Outcome.CONVERGED}
     return ReportFacts(
         version=__version__,
         procedure=(*_procedure(settings, campaign), *((METHOD,) if campaign.fits else ())),
-        failures=failures,
+        failures=failures_of(settings, intake, campaign),
         warnings=(*_warnings(settings, intake, campaign), *assessment.warnings),
         trust=assessment.sentences,
+        across=judgement.adjustment.sentences,
+        checks=judgement.checks,
         gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
-        gates=tuple(_missed_gates(settings, campaign)),
+        gates=(
+            *_missed_gates(settings, campaign),
+            *missed_gates(judgement.checks, settings.output.checks),
+        ),
         advice=tuple(sorted((outcome.value, outcome.advice) for outcome in outcomes)),
         is_interrupted=is_interrupted,
     )
@@ -104,7 +138,7 @@ def record(
     intake: Intake,
     facts: ReportFacts,
     campaign: Campaign,
-    assessment: Assessment,
+    judgement: Judgement,
     *,
     ending: Ending,
 ) -> dict[str, Any]:
@@ -122,7 +156,9 @@ def record(
         "gaps": list(facts.gaps),
         "gates_missed": list(facts.gates),
         "procedure": list(facts.procedure),
-        "uncertainty": list(_trust(campaign, assessment)),
+        "checks": [asdict(check) for check in judgement.checks],
+        "uncertainty": list(_trust(campaign, judgement.assessment)),
+        **_across(judgement.adjustment),
         "schema": describe_tables(),
     }
     cleaned: dict[str, Any] = json_values(document)
@@ -143,6 +179,36 @@ def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any
             },
             "residuals": asdict(seen),
         }
+
+
+def _across(adjustment: Adjustment) -> dict[str, Any]:
+    """Return trends, and the changes of force by click at the sine that stands for the tests."""
+    sine = adjustment.sine
+    motion = {} if sine is None else {"amplitude_m": sine.amplitude, "frequency_Hz": sine.frequency}
+    return {
+        "trends": [
+            {**asdict(trend), "unit": PARAMETER_UNITS[trend.parameter]}
+            for trend in adjustment.trends
+        ],
+        "clicks": [click_document(click) for click in adjustment.clicks],
+        "clicks_motion": motion,
+    }
+
+
+def click_document(click: Click) -> dict[str, Any]:
+    """Return one change of force as JSON values."""
+    return {
+        "from": click.first,
+        "to": click.second,
+        "speed_m_per_s": click.speed,
+        "stroke": click.stroke,
+        "change_N": click.change,
+        "low_N": click.low,
+        "high_N": click.high,
+        "percent": click.percent,
+        "percent_low": click.percent_low,
+        "percent_high": click.percent_high,
+    }
 
 
 def log_documents(intake: Intake) -> dict[str, Any]:
