@@ -6,6 +6,7 @@ that nobody looked at must not let anything through. A reason names the settings
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import defaultdict
 from dataclasses import dataclass
@@ -23,7 +24,15 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.uncertainty import Assessment, Diagnosis
 
-__all__ = ["CHECKS", "CHECK_LISTS", "Check", "Subject", "expand_checks", "missed_gates", "run_checks"]
+__all__ = [
+    "CHECKS",
+    "CHECK_LISTS",
+    "Check",
+    "Subject",
+    "expand_checks",
+    "missed_gates",
+    "run_checks",
+]
 
 _EXCELLENT = 1.0  # per cent, the paper's bar
 _EXPLAINED = 0.5  # share of the MSE
@@ -146,20 +155,21 @@ def _mse_below_1_percent(subject: Subject) -> _Verdict:
 
 
 def _no_parameter_at_bound(subject: Subject) -> _Verdict:
-    return _no_status(subject, "at_bound", "at the edge of its plausible range")
+    bad = _with_status(subject, "at_bound", "lies at the edge of its plausible range")
+    return (False, bad) if bad else (True, "every parameter lies inside its plausible range")
 
 
 def _all_parameters_identifiable(subject: Subject) -> _Verdict:
-    return _no_status(subject, "not_identifiable", "not told by the logs")
+    bad = _with_status(subject, "not_identifiable", "is not told by the logs")
+    return (False, bad) if bad else (True, "the logs tell every parameter that was fitted")
 
 
-def _no_status(subject: Subject, status: str, words: str) -> _Verdict:
+def _with_status(subject: Subject, status: str, words: str) -> str:
     found = {
         name: [fit for fit in subject.fits if fit.status[name] == status]
         for name in PARAMETER_NAMES
     }
-    said = [f"{name} is {words} at {_settings(fits)}" for name, fits in found.items() if fits]
-    return (False, "; ".join(said)) if said else (True, f"no parameter is {words}")
+    return "; ".join(f"{name} {words} at {_settings(fits)}" for name, fits in found.items() if fits)
 
 
 def _no_cavitation(subject: Subject) -> _Verdict:
@@ -293,7 +303,7 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
 def _every_setting_fitted(subject: Subject) -> _Verdict:
     done = [fit.setting for fit in subject.fits]
     said = [f"{name} failed" for name in subject.missing]
-    steps = sorted(b - a for a, b in zip(done, done[1:], strict=False))
+    steps = sorted(b - a for a, b in itertools.pairwise(done))
     # Where every other click or none but 1, 5, 10 was tested, those between are no gaps.
     is_every_click = bool(steps) and steps[len(steps) // 2] == 1
     gaps = set(range(min(done), max(done))) - set(done) if is_every_click else set()

@@ -153,9 +153,7 @@ def fit_curve(points: Points, scale: str, degree: int, *, scatter: float | None 
         shift = np.zeros(degree + 1)
         shift[0] = level
         return Curve(scale, coefficients + shift, covariance, centre, half, tau, freedom)
-    return Curve(
-        scale, coefficients * factor, covariance * factor**2, centre, half, tau, freedom
-    )
+    return Curve(scale, coefficients * factor, covariance * factor**2, centre, half, tau, freedom)
 
 
 def scatter_of(residuals: FloatArray, errors: FloatArray, freedom: int) -> float:

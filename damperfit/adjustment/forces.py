@@ -12,6 +12,7 @@ K dtheta and a rest that is the setting's alone (up to 1/n for n settings in a m
 
 from __future__ import annotations
 
+import itertools
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -299,7 +300,7 @@ def clicks(found: Sequence[Level], damper: Damper) -> tuple[Click, ...]:
     speeds = sorted({level.speed for level in found})
     return tuple(
         _click(table[a, speed, stroke], table[b, speed, stroke], damper)
-        for a, b in zip(settings, settings[1:], strict=False)
+        for a, b in itertools.pairwise(settings)
         for speed in speeds
         for stroke in STROKES
     )

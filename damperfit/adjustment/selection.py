@@ -135,9 +135,7 @@ def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tu
     return (int(first), int(second))
 
 
-def _weighted(
-    points: Points, scale: str, degree: int, tau: float
-) -> tuple[FloatArray, FloatArray]:
+def _weighted(points: Points, scale: str, degree: int, tau: float) -> tuple[FloatArray, FloatArray]:
     """Rows and targets of the least squares, weighed by the values themselves."""
     flat = Points(points.settings, points.logs - points.logs.mean(), points.errors)
     deviation = np.sqrt(points.errors**2 + tau**2)
@@ -204,9 +202,7 @@ def _distance(points: Points, curve: Curve, place: int) -> float:
     """Distance of a point to the curve of others, in standard deviations of that distance."""
     at = points.settings[place : place + 1]
     distance = float(abs(points.logs[place] - curve.logs(at)[0]))
-    variance = (
-        float(points.errors[place]) ** 2 + curve.scatter**2 + float(curve.errors(at)[0]) ** 2
-    )
+    variance = float(points.errors[place]) ** 2 + curve.scatter**2 + float(curve.errors(at)[0]) ** 2
     return distance / math.sqrt(variance) if math.isfinite(distance) else 0.0
 
 

@@ -124,9 +124,7 @@ class Trend:
     sentence: str
 
 
-def find_trends(
-    fits: Sequence[Fit], uncertainties: Mapping[int, Uncertainty]
-) -> tuple[Trend, ...]:
+def find_trends(fits: Sequence[Fit], uncertainties: Mapping[int, Uncertainty]) -> tuple[Trend, ...]:
     """Return the trend of every parameter that was fitted setting by setting.
 
     Parameters

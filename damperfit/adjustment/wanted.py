@@ -8,6 +8,7 @@ by the distance of the cubic from the straight line, for nothing was measured th
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 __all__ = ["Answer", "Wanted", "which_setting"]
 
 
+_NARROW = 0.1  # settings; an interval below it is shown with three decimals
+
+
 @dataclass(frozen=True, slots=True)
 class Answer:
     """One place of the adjuster that gives the wanted force.
@@ -40,19 +44,20 @@ class Answer:
         last setting.
     nearest : int
         The fitted setting beside it whose force is nearest.
-    force : float
-        Force of that setting, N.
     below, above : int
         The fitted settings on both sides, the same where `position` is one.
+    force_below, force_above : float
+        Their forces, N.
     """
 
     position: float
     low: float
     high: float
     nearest: int
-    force: float
     below: int
     above: int
+    force_below: float
+    force_above: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,23 +95,29 @@ class Wanted:
             harder = abs(self.force - self.hardest[1]) < abs(self.force - self.weakest[1])
             setting, force = self.hardest if harder else self.weakest
             side = "more than the hardest" if harder else "less than the weakest"
-            return f"{asked}: no setting gives it; it is {side}, setting {setting} with {force:.5g} N"
+            return (
+                f"{asked}: no setting gives it; it is {side}, setting {setting} with {force:.5g} N"
+            )
         said = "; or ".join(_words(answer, self.force) for answer in self.answers)
         several = len(self.answers)
         return f"{asked}: {f'{several} answers, ' if several > 1 else ''}{said}"
 
 
 def _words(answer: Answer, wanted: float) -> str:
+    digits = 2 if not answer.high - answer.low < _NARROW else 3
     interval = ""
     if math.isfinite(answer.low):
-        interval = f" (95 % from {answer.low:.2f} to {answer.high:.2f})"
+        interval = f" (95 % from {answer.low:.{digits}f} to {answer.high:.{digits}f})"
     if answer.below == answer.above:
-        return f"setting {answer.below}{interval}, which gives {answer.force:.5g} N"
-    said = f"setting {answer.position:.2f}{interval}, between {answer.below} and {answer.above}"
+        return f"setting {answer.below}{interval}, which gives {answer.force_below:.5g} N"
+    said = (
+        f"setting {answer.position:.{digits}f}{interval}, between {answer.below} with "
+        f"{answer.force_below:.5g} N and {answer.above} with {answer.force_above:.5g} N"
+    )
     if answer.above - answer.below > 1:
         said += ", interpolated over settings without a fit"
-    off = answer.force - wanted
-    return f"{said}; nearest is {answer.nearest} with {answer.force:.5g} N ({off:+.3g} N)"
+    force = answer.force_below if answer.nearest == answer.below else answer.force_above
+    return f"{said}; nearest is {answer.nearest} ({force - wanted:+.3g} N)"
 
 
 def which_setting(found: Sequence[Level], force: float) -> Wanted:
@@ -132,7 +143,8 @@ def which_setting(found: Sequence[Level], force: float) -> Wanted:
         speed=ordered[0].speed,
         stroke=ordered[0].stroke,
         answers=tuple(
-            _answer(ordered, curve, position, force) for position in _positions(ordered, curve, force)
+            _answer(ordered, curve, position, force)
+            for position in _positions(ordered, curve, force)
         ),
         weakest=(ordered[weakest].setting, ordered[weakest].force),
         hardest=(ordered[hardest].setting, ordered[hardest].force),
@@ -142,7 +154,7 @@ def which_setting(found: Sequence[Level], force: float) -> Wanted:
 def _positions(ordered: Sequence[Level], curve: PchipInterpolator, force: float) -> list[float]:
     """Where the curve has the force, and an end that has it within its interval."""
     found = [float(level.setting) for level in ordered if level.force == force]
-    for a, b in zip(ordered, ordered[1:], strict=False):
+    for a, b in itertools.pairwise(ordered):
         if (a.force - force) * (b.force - force) < 0.0:
             found.append(_root(curve, float(a.setting), float(b.setting), force))
     if not found:
@@ -176,9 +188,10 @@ def _answer(
         low=max((s for s in ends if s < position), default=first) if known else math.nan,
         high=min((s for s in ends if s > position), default=last) if known else math.nan,
         nearest=nearest.setting,
-        force=nearest.force,
         below=below.setting,
         above=above.setting,
+        force_below=below.force,
+        force_above=above.force,
     )
 
 
@@ -189,7 +202,7 @@ def _crossings(
     return [
         _root(curve, float(a.setting), float(b.setting), force)
         for force in forces
-        for a, b in zip(ordered, ordered[1:], strict=False)
+        for a, b in itertools.pairwise(ordered)
         if (a.force - force) * (b.force - force) < 0.0
     ]
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 __all__ = ["check_lines", "check_sheet", "check_summary", "ladder_sheet", "stroke_sheet"]
 
 _WORDS = {True: "passed", False: "FAILED", None: "not looked at"}
-_GAS = "change in % is of the damping, which is the force without the gas force at mid-stroke"
+_GAS = "% of the damping: of the force less the gas force at mid-stroke"
 
 
 def check_summary(checks: Sequence[Check]) -> str:
@@ -68,16 +68,14 @@ def ladder_sheet(rows: Sequence[Mapping[str, Any]]) -> Sheet:
             for setting in settings
         ),
         is_number=(True,) * 7,
-        notes=(f"force at {fastest:g} m/s with 95 % intervals", _GAS),
+        notes=(f"force at {fastest:g} m/s and its change by click, with 95 % intervals", _GAS),
     )
 
 
 def stroke_sheet(rows: Sequence[Mapping[str, Any]], stroke: str) -> Sheet:
     """Return the forces of one stroke at all speeds, and the click at the fastest."""
     speeds = sorted({row["speed_m_per_s"] for row in rows})
-    table = {
-        (row["setting"], row["speed_m_per_s"]): row for row in rows if row["stroke"] == stroke
-    }
+    table = {(row["setting"], row["speed_m_per_s"]): row for row in rows if row["stroke"] == stroke}
     settings = sorted({setting for setting, _ in table})
     return Sheet(
         headings=("set", *(f"{speed:g}" for speed in speeds), "click", ""),
@@ -96,11 +94,11 @@ def stroke_sheet(rows: Sequence[Mapping[str, Any]], stroke: str) -> Sheet:
 
 
 def _cells(row: Mapping[str, Any]) -> tuple[str, str, str]:
-    """Force, change and change in per cent, each with half of its 95 % interval."""
+    """Force and change, each with half of its 95 % interval, and the change in per cent."""
     return (
         _reached(row["force_N"], row["force_ci_high_N"]),
         _reached(row["change_N"], row["change_ci_high_N"], plus="+"),
-        _reached(row["change_percent"], row["change_percent_ci_high"], plus="+"),
+        NOTHING if row["change_percent"] is None else f"{row['change_percent']:+.1f}",
     )
 
 

@@ -36,6 +36,16 @@ __all__ = [
 MISSING = "missing"  # outcome of a setting that the configuration expects but that has no fit
 
 
+_CHANGES = (
+    "change_N",
+    "change_ci_low_N",
+    "change_ci_high_N",
+    "change_percent",
+    "change_percent_ci_low",
+    "change_percent_ci_high",
+)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Tables:
     """The tables of a campaign, as Arrow tables.
@@ -110,7 +120,9 @@ def make_tables(
     return Tables(
         parameters=_table("parameters", [rows[setting] for setting in sorted(rows)], facts),
         mse=_table("mse", [row for fit in campaign.fits for row in _mse_rows(fit)], facts),
-        adjustment=_table("adjustment", adjustment_rows(adjustment.levels, adjustment.clicks), facts),
+        adjustment=_table(
+            "adjustment", adjustment_rows(adjustment.levels, adjustment.clicks), facts
+        ),
     )
 
 
@@ -177,19 +189,22 @@ def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[di
             "force_ci_high_N": _finite(level.high),
         }
         click = changes.get((level.setting, level.speed, level.stroke))
-        rows.append(row | ({} if click is None else _change(click)))
+        rows.append(row | _change(click))
     return rows
 
 
-def _change(click: Click) -> dict[str, Any]:
-    return {
-        "change_N": _finite(click.change),
-        "change_ci_low_N": _finite(click.low),
-        "change_ci_high_N": _finite(click.high),
-        "change_percent": _finite(click.percent),
-        "change_percent_ci_low": _finite(click.percent_low),
-        "change_percent_ci_high": _finite(click.percent_high),
-    }
+def _change(click: Click | None) -> dict[str, Any]:
+    if click is None:
+        return dict.fromkeys(_CHANGES)
+    values = (
+        click.change,
+        click.low,
+        click.high,
+        click.percent,
+        click.percent_low,
+        click.percent_high,
+    )
+    return {name: _finite(value) for name, value in zip(_CHANGES, values, strict=True)}
 
 
 def _finite(value: float | None) -> float | None:
