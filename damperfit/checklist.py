@@ -1,7 +1,7 @@
 """Named checks of a run, each passed, failed or not looked at, with the reason.
 
-A check that cannot be looked at has passed None and says why. As a gate it counts as not met: a gate
-that nobody looked at must not let anything through. A reason names the settings it speaks of.
+A check that cannot be looked at has passed None and says why. As a gate it counts as not met: what
+nobody looked at must not be let through. A reason names the settings it speaks of.
 """
 
 from __future__ import annotations

@@ -1,10 +1,12 @@
 r"""Smooth curves of one parameter over the setting, with errors that scatter allows for.
 
-A curve is a polynomial P of the setting on one of three scales::
+A curve is a polynomial P of the setting s, which runs from a to b, on one of these scales::
 
-    linear       y = P(s)          the paper's quadratic for K_e
-    log          y = exp(P(s))     every click changes y by nearly the same share
-    reciprocal   y = 1/P(s)        a port whose area is a polynomial of the setting, R_m1 ~ 1/area
+    linear       y = P(s)                 the paper's quadratic for K_e
+    log          y = exp(P(s))            every click changes y by nearly the same share
+    reciprocal   y = 1/P(s)               a port whose area is a polynomial of s, R_m1 ~ 1/area
+    from_first   y = exp(P(ln(1 + s - a)))     a power of the clicks from the first setting,
+    from_last    y = exp(P(ln(1 + b - s)))     or from the last one: steepest there
 
 Residuals are relative, r = ln y - ln y_curve, on every scale, so that curves of all scales compete
 by one likelihood. Their variance is v = sigma^2 + tau^2: the error of the fitted value and the
@@ -25,15 +27,16 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["LEAST_SCATTER", "SCALES", "Curve", "Points", "fit_curve", "scatter_of"]
+__all__ = ["LEAST_SCATTER", "SCALES", "Curve", "Points", "fit_curve", "powers", "scatter_of"]
 
-SCALES = ("linear", "log", "reciprocal")
+SCALES = ("linear", "log", "reciprocal", "from_first", "from_last")
 
 # No detent and no rig repeats better than this share; the error of a clean log is ten times less.
 LEAST_SCATTER = 3e-3
 # Twice to weigh by the curve instead of by the values, which scatter.
 _PASSES = 3
-_STEPS = 16  # of a bisection over e^7: tau within 1e-4 of itself
+_STEPS = 30  # more than doubling tau in each, so that no scatter is out of reach
+_SMALL = 1e-3  # of the degrees of freedom: tau within a thousandth
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,18 +51,24 @@ class Points:
         Shape (n,), ln y.
     errors : numpy.ndarray
         Shape (n,), standard errors of ln y.
+    first, last : float
+        Ends of the adjuster's range, also of points kept from a larger set.
     """
 
     settings: FloatArray
     logs: FloatArray
     errors: FloatArray
+    first: float
+    last: float
 
     def __len__(self) -> int:
         return len(self.settings)
 
     def kept(self, mask: NDArray[np.bool_]) -> Points:
         """Return the points where the mask is True."""
-        return Points(self.settings[mask], self.logs[mask], self.errors[mask])
+        return Points(
+            self.settings[mask], self.logs[mask], self.errors[mask], self.first, self.last
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,11 +80,11 @@ class Curve:
     scale : str
         One of `SCALES`.
     coefficients : numpy.ndarray
-        Shape (degree + 1,), of P in powers of (s - centre)/half.
+        Shape (degree + 1,), of P in powers of its argument scaled to -1..1.
     covariance : numpy.ndarray
         Of the coefficients.
-    centre, half : float
-        Middle and half of the range of settings fitted.
+    first, last : float
+        Ends of the range of settings.
     scatter : float
         tau.
     freedom : int
@@ -85,8 +94,8 @@ class Curve:
     scale: str
     coefficients: FloatArray
     covariance: FloatArray
-    centre: float
-    half: float
+    first: float
+    last: float
     scatter: float
     freedom: int
 
@@ -111,7 +120,7 @@ class Curve:
 
     def basis(self, settings: FloatArray) -> FloatArray:
         """Return the powers of the scaled setting, shape (n, degree + 1)."""
-        return _basis(settings, self.centre, self.half, self.degree)
+        return powers(settings, self.scale, self.degree, ends=(self.first, self.last))
 
 
 def fit_curve(points: Points, scale: str, degree: int, *, scatter: float | None = None) -> Curve:
@@ -128,9 +137,8 @@ def fit_curve(points: Points, scale: str, degree: int, *, scatter: float | None 
     scatter : float, optional
         tau; found from the residuals by default.
     """
-    low, high = float(points.settings.min()), float(points.settings.max())
-    centre, half = 0.5 * (low + high), max(0.5 * (high - low), 1.0)
-    rows = _basis(points.settings, centre, half, degree)
+    ends = (points.first, points.last)
+    rows = powers(points.settings, scale, degree, ends=ends)
     freedom = len(points) - degree - 1
     tau = LEAST_SCATTER if scatter is None else scatter
     # Values of one parameter may be 1e11; the level keeps every scale near one.
@@ -148,28 +156,41 @@ def fit_curve(points: Points, scale: str, degree: int, *, scatter: float | None 
         residuals = level_logs - about
         if scatter is None:
             tau = scatter_of(residuals, points.errors, freedom)
-    factor = math.exp(level) if scale == "linear" else math.exp(-level)
-    if scale == "log":
-        shift = np.zeros(degree + 1)
-        shift[0] = level
-        return Curve(scale, coefficients + shift, covariance, centre, half, tau, freedom)
-    return Curve(scale, coefficients * factor, covariance * factor**2, centre, half, tau, freedom)
+    if scale in {"linear", "reciprocal"}:
+        factor = math.exp(level if scale == "linear" else -level)
+        coefficients, covariance = coefficients * factor, covariance * factor**2
+    else:
+        coefficients = coefficients + level * np.eye(degree + 1)[0]
+    return Curve(scale, coefficients, covariance, *ends, tau, freedom)
+
+
+def powers(
+    settings: FloatArray, scale: str, degree: int, *, ends: tuple[float, float]
+) -> FloatArray:
+    """Return the powers of P's argument, scaled to -1..1 over the range; shape (n, degree + 1)."""
+    first, last = ends
+    half = max(0.5 * (last - first), 1.0)
+    argument = (settings - 0.5 * (first + last)) / half
+    if scale in {"from_first", "from_last"}:
+        clicks = settings - first if scale == "from_first" else last - settings
+        argument = 2.0 * np.log1p(clicks) / math.log1p(2.0 * half) - 1.0
+    return np.vander(argument, degree + 1, increasing=True)
 
 
 def scatter_of(residuals: FloatArray, errors: FloatArray, freedom: int) -> float:
     """Return tau, for which the sum of r^2/(sigma^2 + tau^2) is the degrees of freedom."""
-    squares, variances = residuals**2, errors**2
-
-    def excess(tau: float) -> float:
-        return float(np.sum(squares / (variances + tau * tau))) - freedom
-
-    if freedom < 1 or excess(LEAST_SCATTER) <= 0.0:
+    squares, variances = residuals * residuals, errors * errors
+    square = LEAST_SCATTER**2
+    if freedom < 1:
         return LEAST_SCATTER
-    low, high = math.log(LEAST_SCATTER), math.log(1.0 + math.sqrt(float(np.sum(squares))))
+    # Newton from the left climbs to the root of a falling, convex function without passing it.
     for _ in range(_STEPS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if excess(math.exp(middle)) > 0.0 else (low, middle)
-    return math.exp(high)
+        weights = 1.0 / (variances + square)
+        excess = float(squares @ weights) - freedom
+        if excess <= _SMALL * freedom:
+            break
+        square += excess / float(squares @ (weights * weights))
+    return math.sqrt(square)
 
 
 def _solve(rows: FloatArray, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -179,18 +200,14 @@ def _solve(rows: FloatArray, targets: FloatArray) -> tuple[FloatArray, FloatArra
     return np.asarray(inverse @ (q.T @ targets)), np.asarray(inverse @ inverse.T)
 
 
-def _basis(settings: FloatArray, centre: float, half: float, degree: int) -> FloatArray:
-    return np.vander((settings - centre) / half, degree + 1, increasing=True)
-
-
 def _from_logs(scale: str, logs: FloatArray) -> FloatArray:
-    if scale == "log":
-        return logs
-    return np.exp(logs if scale == "linear" else -logs)
+    if scale == "linear":
+        return np.exp(logs)
+    return np.exp(-logs) if scale == "reciprocal" else logs
 
 
 def _to_logs(scale: str, values: FloatArray) -> FloatArray:
-    if scale == "log":
+    if scale not in {"linear", "reciprocal"}:
         return values
     with np.errstate(invalid="ignore", divide="ignore"):
         logs = np.log(np.where(values > 0.0, values, np.nan))
@@ -199,6 +216,6 @@ def _to_logs(scale: str, values: FloatArray) -> FloatArray:
 
 def _log_slope(scale: str, values: FloatArray) -> FloatArray:
     """Derivative of ln y by P."""
-    if scale == "log":
+    if scale not in {"linear", "reciprocal"}:
         return np.ones_like(values)
     return 1.0 / values if scale == "linear" else -1.0 / values

@@ -4,11 +4,12 @@ Curve and outliers are chosen together, because a curve bent enough swallows an 
 and an outlier left in bends the curve. For every scale and degree the best none, one and two
 settings to leave out are found; of all these the least value wins of::
 
-    sum(ln v + r^2/v) + ln(n) (coefficients + 1) + 3 ln(n) outliers
+    sum(ln v + r^2/v) + ln(n) (coefficients + 1 + 3 outliers) + 2 ln(scales)
 
 (Bayesian information criterion; an outlier costs its own number and the choice among n settings,
-twice). Then each one left out must prove itself: Student's t of its distance to the curve of
-the others, errors of both included, against the bound of `_FALSE_ALARM`.
+twice; a curve that is no constant costs the choice among the scales). Then each one left out must
+prove itself: Student's t of its distance to the curve of the others, errors of both included, must
+pass a bound set by `_FALSE_ALARM`, and at an end it must break off, not just get steeper.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.adjustment.curves import LEAST_SCATTER, SCALES, Curve, Points, fit_curve
+from damperfit.adjustment.curves import LEAST_SCATTER, SCALES, Curve, Points, fit_curve, powers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -34,7 +35,7 @@ __all__ = ["LEAST_FOR_OUTLIERS", "LEAST_FOR_TREND", "Choice", "choose"]
 LEAST_FOR_TREND = 4
 LEAST_FOR_OUTLIERS = 5
 _LEAST_FOR_TWO = 8
-_HIGHEST_DEGREE = 4
+_DEGREES = {"linear": 4, "log": 4, "reciprocal": 4, "from_first": 2, "from_last": 2}
 _SETTINGS_PER_DEGREE = 3
 _LEAST_FREEDOM = 2  # of the curve that judges an outlier
 # The third difference of an outlier at an end over that of the curve beside it.
@@ -79,8 +80,9 @@ def choose(points: Points, families: Sequence[tuple[str, int]] | None = None) ->
         Scales and degrees to choose from; all that the number of settings allows by default.
     """
     if families is None:
-        highest = max(1, min(_HIGHEST_DEGREE, (len(points) - 1) // _SETTINGS_PER_DEGREE))
-        families = [(s, d) for d in range(highest + 1) for s in (SCALES if d else ("log",))]
+        highest = max(1, (len(points) - 1) // _SETTINGS_PER_DEGREE)
+        families = [("log", 0)]
+        families += [(s, d) for s in SCALES for d in range(1, min(highest, _DEGREES[s]) + 1)]
     candidates = sorted(
         itertools.chain.from_iterable(_candidates(points, *family) for family in families),
         key=lambda one: one.criterion,
@@ -137,18 +139,13 @@ def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tu
 
 def _weighted(points: Points, scale: str, degree: int, tau: float) -> tuple[FloatArray, FloatArray]:
     """Rows and targets of the least squares, weighed by the values themselves."""
-    flat = Points(points.settings, points.logs - points.logs.mean(), points.errors)
+    logs = points.logs - points.logs.mean()
     deviation = np.sqrt(points.errors**2 + tau**2)
-    values = {
-        "linear": np.exp(flat.logs),
-        "log": np.ones(len(points)),
-        "reciprocal": np.exp(-flat.logs),
-    }[scale]
-    targets = flat.logs if scale == "log" else values
-    span = max(0.5 * float(np.ptp(points.settings)), 1.0)
-    middle = 0.5 * float(points.settings.max() + points.settings.min())
-    rows = np.vander((points.settings - middle) / span, degree + 1, increasing=True)
-    weights = 1.0 / (values * deviation)
+    values = {"linear": np.exp(logs), "reciprocal": np.exp(-logs)}.get(scale)
+    slopes = np.ones(len(points)) if values is None else values
+    targets = logs if values is None else values
+    rows = powers(points.settings, scale, degree, ends=(points.first, points.last))
+    weights = 1.0 / (slopes * deviation)
     return rows * weights[:, None], targets * weights
 
 
@@ -159,6 +156,8 @@ def _judged(points: Points, curve: Curve, left_out: tuple[int, ...]) -> _Candida
     inside = kept.errors**2 + curve.scatter**2
     misfit = float(np.sum(np.log(variances)) + np.sum(residuals**2 / inside))
     cost = math.log(len(points)) * (curve.degree + 2 + _OUTLIER_COST * len(left_out))
+    if curve.degree:
+        cost += 2.0 * math.log(len(SCALES))
     total = misfit + cost
     return _Candidate(total if math.isfinite(total) else math.inf, curve, left_out)
 

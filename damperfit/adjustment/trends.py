@@ -86,8 +86,8 @@ class Trend:
     parameter : str
         Name.
     scale : str or None
-        "linear", "log" or "reciprocal": on which scale the trend is a polynomial; None where
-        there are too few settings for one.
+        On which scale the trend is a polynomial: "linear", "log", "reciprocal", or "from_first",
+        "from_last" (powers of the clicks from an end). None where settings are too few for one.
     degree : int or None
         Of the polynomial.
     scatter : float
@@ -134,11 +134,9 @@ def find_trends(fits: Sequence[Fit], uncertainties: Mapping[int, Uncertainty]) -
     uncertainties : mapping of int to Uncertainty
         By setting; a value without an interval does not count.
     """
-    trends = []
-    for name in _FOLLOWED:
-        if any(fit.status[name] in {"fitted", "at_bound", "not_identifiable"} for fit in fits):
-            trends.append(_trend(name, _points(name, fits, uncertainties)))
-    return tuple(trends)
+    own = {"fitted", "at_bound", "not_identifiable"}
+    names = [name for name in _FOLLOWED if any(fit.status[name] in own for fit in fits)]
+    return tuple(_trend(name, _points(name, fits, uncertainties)) for name in names)
 
 
 def _points(name: str, fits: Sequence[Fit], known: Mapping[int, Uncertainty]) -> Points:
@@ -152,7 +150,8 @@ def _points(name: str, fits: Sequence[Fit], known: Mapping[int, Uncertainty]) ->
         if math.isfinite(interval.error):
             rows.append((float(fit.setting), math.log(value), interval.error / value))
     settings, logs, errors = np.array(rows, dtype=np.float64).reshape(-1, 3).T
-    return Points(settings, logs, errors)
+    ends = (settings[0], settings[-1]) if len(settings) else (0.0, 0.0)
+    return Points(settings, logs, errors, *ends)
 
 
 def _trend(name: str, points: Points) -> Trend:
@@ -193,7 +192,7 @@ def _trend(name: str, points: Points) -> Trend:
 def _outlier(points: Points, curve: Curve, place: int) -> Outlier:
     at = points.settings[place]
     value = math.exp(points.logs[place])
-    expected = math.exp(curve.logs(np.array([at]))[0])
+    expected = float(_exp(curve.logs(np.array([at])))[0])
     return Outlier(int(at), value, expected, value / expected - 1.0)
 
 
@@ -238,12 +237,16 @@ def _curve_points(points: Points, curve: Curve) -> tuple[TrendPoint, ...]:
         settings = np.arange(settings[0], settings[-1] + 1.0)
     logs = curve.logs(settings)
     reach = _quantile(curve, 1) * curve.errors(settings)
-    with np.errstate(over="ignore"):
-        value, low, high = np.exp(logs), np.exp(logs - reach), np.exp(logs + reach)
+    value, low, high = _exp(logs), _exp(logs - reach), _exp(logs + reach)
     return tuple(
         TrendPoint(int(s), float(y), float(a), float(b), found.get(int(s)))
         for s, y, a, b in zip(settings, value, low, high, strict=True)
     )
+
+
+def _exp(logs: FloatArray) -> FloatArray:
+    with np.errstate(over="ignore"):
+        return np.asarray(np.exp(logs))
 
 
 def _with_sentence(trend: Trend, *, own: float) -> Trend:
@@ -260,7 +263,13 @@ def _sentence(trend: Trend, own: float) -> str:
         "flat": "does not change with the setting",
         "mixed": "turns: it neither rises nor falls throughout",
     }[trend.direction or "mixed"]
-    on = {"linear": "", "log": " in its logarithm", "reciprocal": " in its reciprocal"}
+    on = {
+        "linear": "",
+        "log": " in its logarithm",
+        "reciprocal": " in its reciprocal",
+        "from_first": " of logarithms, counted from the first setting",
+        "from_last": " of logarithms, counted from the last setting",
+    }
     kind = f"{_DEGREES[trend.degree]}{on[trend.scale or 'linear'] if trend.degree else ''}"
     said = (
         f"{_SYMBOLS[trend.parameter]} {words}, {first.value:.4g} at setting {first.setting}, "

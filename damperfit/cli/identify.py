@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from damperfit.cli.console import print_json, print_lines, print_renderable, say
+from damperfit.cli.console import one_line, print_json, print_lines, print_renderable, say
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -126,7 +126,7 @@ def identify(
     elif result.campaign.fits:
         sheet = parameter_sheet(result.tables.parameters, digits=4, has_errors=False)
         print_renderable(terminal_table(sheet))
-        print_lines(["", *check_lines(result.facts.checks)])
+        print_lines(["", *map(one_line, check_lines(result.facts.checks))])
     return result.ending.value
 
 
