@@ -38,7 +38,9 @@ def click(change=50.0, reach=1.0, **more):
     return replace(plain, **more)
 
 
-def subject(*fits, diagnoses=None, trends=(trend(),), clicks=(click(),), **more):
+def subject(*fits, diagnoses=None, trends=None, clicks=None, **more):
+    trends = (trend(),) if trends is None else trends
+    clicks = (click(),) if clicks is None else clicks
     fits = fits or (fit(1), fit(2))
     assessed = [diagnosis(one.setting) for one in fits] if diagnoses is None else diagnoses
     return Subject(

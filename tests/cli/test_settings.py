@@ -67,6 +67,7 @@ def test_the_sample_runs_get_what_the_paper_found_by_hand(samples) -> None:
     assert "## Across the settings" in report
 
 
+@pytest.mark.slow  # by the clock, which other tests disturb
 def test_judging_costs_less_than_fitting(samples) -> None:
     timings = record(samples)["timings"]
     assert timings["judge_s"] < timings["fit_s"]
@@ -107,9 +108,8 @@ def test_which_setting_gives_a_force(run, samples, question, stroke, wanted, nei
 
 def test_simulate_gives_the_force_of_the_setting_found(run, results) -> None:
     document = asked(run, results, "--velocity", "0.26")
-    simulated = run(
-        "simulate", "--setting", 2, "--parameters", results / "parameters.csv", "--json"
-    )
+    table = results / "parameters.csv"
+    simulated = run("simulate", "--setting", 2, "--parameters", table, "--json")
     (wanted,) = (
         f["rebound"]
         for f in json.loads(simulated.out)["characteristics"]["speed_forces"]
