@@ -23,6 +23,7 @@ SURFACE = {
         "Ending",
         "Judgement",
         "click_document",
+        "corrections",
         "ending_of",
         "failures_of",
         "json_values",
@@ -88,6 +89,7 @@ SURFACE = {
     ],
     "damperfit.conditioning": [
         "ConditionOptions",
+        "GasFacts",
         "apply_filter",
         "condition",
         "design_filter",
