@@ -70,6 +70,8 @@ class Recording:
         What the reader assumed or noticed, one plain sentence each.
     metadata : mapping of str to str
         Free text found in the log's preamble.
+    findings : tuple of Finding
+        What the reader had to leave out or to take on trust.
     """
 
     name: str
@@ -82,6 +84,7 @@ class Recording:
     temperature: FloatArray | None = None
     notes: tuple[str, ...] = ()
     metadata: Mapping[str, str] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from damperfit.conditioning import ConditionOptions
+from damperfit.conditioning import ConditionOptions, NominalTest
 from damperfit.damper.parameters import Damper
 from damperfit.identification import FitOptions, check_options
 from damperfit.quantities import parse_quantity
@@ -87,8 +87,9 @@ class _RigSection(_Section):
     amplitude: _Length
     frequency: _Frequency
     settings: list[int]
+    strict: bool
     temperature: Annotated[float, Field(allow_inf_nan=False)]
-    temperature_tolerance: Annotated[float, _NotNegative]
+    temperature_tolerance: Annotated[float, Field(ge=0.0)]  # infinite: none is asked for
     filter: Literal["none", "causal", "zero_phase"]
     filter_corner: _Frequency
     filter_order: int
@@ -121,6 +122,7 @@ class _RigSection(_Section):
             settings=tuple(sorted(set(self.settings))),
             temperature=self.temperature,
             temperature_tolerance=self.temperature_tolerance,
+            is_strict=self.strict,
         )
 
     def build_reading(self) -> ReadOptions:
@@ -154,6 +156,12 @@ class _ConditioningSection(_Section):
             chamber_lengths=(damper.chamber_1_length, damper.chamber_2_length),
             max_amplitude=self.max_amplitude,
             max_force=self.max_force,
+            nominal=NominalTest(
+                frequency=rig.frequency,
+                amplitude=rig.amplitude,
+                temperature=rig.temperature,
+                temperature_tolerance=rig.temperature_tolerance,
+            ),
         )
 
 

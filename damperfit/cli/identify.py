@@ -17,6 +17,7 @@ from damperfit.cli.options import (
     LogsArgument,
     QuietOption,
     SettingOption,
+    StrictOption,
     VersionOption,
     assignments,
     overlay,
@@ -54,6 +55,7 @@ def identify(
         float | None, typer.Option(metavar="PCT", help="End with code 4 above this MSE.")
     ] = None,
     setting: SettingOption = None,
+    strict: StrictOption = False,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the results.  [results]")
     ] = None,
@@ -94,6 +96,7 @@ def identify(
             ("identification", "fix", assignments(fix or [], option="--fix") or None),
             ("identification", "procedure", procedure),
             ("identification", "share", share.split(",") if share is not None else None),
+            ("rig", "strict", strict or None),
             ("output", "max_mse_percent", max_mse),
             ("output", "folder", str(out) if out is not None else None),
         ),

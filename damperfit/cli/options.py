@@ -21,6 +21,7 @@ __all__ = [
     "LogsArgument",
     "QuietOption",
     "SettingOption",
+    "StrictOption",
     "VersionOption",
     "assignments",
     "overlay",
@@ -65,6 +66,9 @@ JobsOption = Annotated[
 SettingOption = Annotated[
     int | None,
     typer.Option("--setting", metavar="N", help="Setting of the logs that do not say theirs."),
+]
+StrictOption = Annotated[
+    bool, typer.Option("--strict", help="Refuse logs that have a warning; ends with code 4.")
 ]
 
 

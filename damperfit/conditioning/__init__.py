@@ -9,14 +9,17 @@ from __future__ import annotations
 from damperfit.conditioning.chain import condition
 from damperfit.conditioning.derivatives import differentiate
 from damperfit.conditioning.filters import apply_filter, design_filter
-from damperfit.conditioning.options import ConditionOptions
+from damperfit.conditioning.options import ConditionOptions, NominalTest
+from damperfit.conditioning.quality import examine_raw
 from damperfit.conditioning.scatter import noise_floor
 
 __all__ = [
     "ConditionOptions",
+    "NominalTest",
     "apply_filter",
     "condition",
     "design_filter",
     "differentiate",
+    "examine_raw",
     "noise_floor",
 ]

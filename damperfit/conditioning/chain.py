@@ -37,7 +37,6 @@ from damperfit.conditioning.filters import (
     complete_causal,
     completed,
     design_filter,
-    gain_at,
     settling_samples,
 )
 from damperfit.conditioning.options import ConditionOptions
@@ -118,8 +117,8 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         model_filter=model_filter,
         temperature=_mean_temperature(recording, log, starts + keep.start),
     )
-    notes = (*log.notes, *_notes(trace, cycles, options))
-    trace = replace(trace, notes=notes, findings=examine(log, options))
+    findings = examine(recording, log, trace, cycles, options)
+    trace = replace(trace, notes=_notes(cycles, options), findings=findings)
     refuse_stroke(trace, options)
     refuse_polarity(trace)
     return trace
@@ -203,9 +202,8 @@ def _mean_temperature(recording: Recording, log: UniformLog, starts: FloatArray)
     return float(np.mean(recording.temperature[inside]))
 
 
-def _notes(trace: Trace, cycles: Cycles, options: ConditionOptions) -> tuple[str, ...]:
-    used = f"{trace.n_cycles} of {trace.n_cycles_found} whole cycles evaluated"
-    notes = [f"{used} (left out: run-in, filter edges, unsteady cycles)"]
+def _notes(cycles: Cycles, options: ConditionOptions) -> tuple[str, ...]:
+    notes = []
     if options.centre is None:
         middle = round(1e3 * cycles.centre, 3) + 0.0  # no "-0.000"
         notes.append(f"mid-stroke of the log ({middle:.3f} mm) is x = 0 of the model")
@@ -214,20 +212,5 @@ def _notes(trace: Trace, cycles: Cycles, options: ConditionOptions) -> tuple[str
             f"filtered in the rig as declared ({options.rig_filter}, "
             f"{options.rig_filter_corner:g} Hz, order {options.rig_filter_order}); "
             "no filter of our own"
-        )
-    step = 2.0 * math.pi / cycles.period
-    if step**4 / 180.0 > 1e-3:
-        notes.append(
-            f"only {cycles.period:.1f} samples a cycle: velocity is {step**4 / 1.8:.2g} % low"
-        )
-    lost = 1.0 - gain_at(trace.model_filter, trace.frequency, sample_rate=1.0 / trace.interval)
-    if lost > 1e-3:
-        notes.append(
-            f"the filter takes {100.0 * lost:.2g} % off the motion at {trace.frequency:.3g} Hz: "
-            "parameters will be off by about as much; raise its corner"
-        )
-    if cycles.amplitude < 2e-4:
-        notes.append(
-            f"the amplitude is only {1e3 * cycles.amplitude:.3g} mm; check the displacement's unit"
         )
     return tuple(notes)

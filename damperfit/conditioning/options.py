@@ -7,9 +7,29 @@ from dataclasses import dataclass
 
 from damperfit.errors import ConfigurationError, did_you_mean
 
-__all__ = ["FILTER_KINDS", "ConditionOptions"]
+__all__ = ["FILTER_KINDS", "ConditionOptions", "NominalTest"]
 
 FILTER_KINDS = ("zero_phase", "causal", "none")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NominalTest:
+    """What the test was meant to be; findings compare with it, no number depends on it.
+
+    Attributes
+    ----------
+    frequency, amplitude : float or None
+        Hz, m. None: not said.
+    temperature : float or None
+        Degrees Celsius. None: not said.
+    temperature_tolerance : float
+        Degrees either way; infinite: no temperature is asked for.
+    """
+
+    frequency: float | None = None
+    amplitude: float | None = None
+    temperature: float | None = None
+    temperature_tolerance: float = math.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +61,8 @@ class ConditionOptions:
         l_1 and l_2 of the damper, m. With them a stroke beyond the chambers is refused.
     max_amplitude, max_force : float
         What no log may exceed, m and N: a unit was misread.
+    nominal : NominalTest
+        What the test was meant to be, for findings.
     """
 
     filter: str = "zero_phase"
@@ -54,6 +76,7 @@ class ConditionOptions:
     chamber_lengths: tuple[float, float] | None = None
     max_amplitude: float = 1.0
     max_force: float = 1e5
+    nominal: NominalTest = NominalTest()
 
     def __post_init__(self) -> None:
         """Refuse options that mean nothing."""

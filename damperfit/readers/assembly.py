@@ -65,6 +65,7 @@ def make_recordings(
             temperature=part.temperature,
             notes=(*notes, *part.notes, *declared),
             metadata=part.metadata,
+            findings=part.findings,
         )
         for i, part in enumerate(parts)
     )
@@ -88,7 +89,9 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
             channels[channel] = -channels[channel]
             sign_notes.append(f"{channel}: sign reversed, as declared")
     titles = (f"part: {table.part}",) if table.part else ()
-    notes = (*titles, *table.notes, *samples.notes, *notes, *_scale_notes(choices, options))
+    findings = (*table.findings, *samples.findings)
+    said = (*table.notes, *samples.notes, *(finding.sentence for finding in findings))
+    notes = (*titles, *said, *notes, *_scale_notes(choices, options))
     notes = (*notes, *sign_notes, *temperature_notes)
     parts = []
     for start, stop in cuts:
@@ -109,6 +112,7 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
                 temperature=None if temperature is None else temperature[part],
                 notes=(*notes, *time_notes, *setting_notes),
                 metadata=table.metadata,
+                findings=findings,
             )
         )
     return parts

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.report.facts import Failure, ReportFacts
 from damperfit.report.markdown import markdown_report
-from damperfit.report.rows import Sheet, log_sheet, parameter_sheet
+from damperfit.report.inspection import VERDICT_COLOURS, finding_lines, log_sheet
+from damperfit.report.rows import Sheet, parameter_sheet
 from damperfit.report.terminal import terminal_table
 
 if TYPE_CHECKING:
@@ -32,11 +33,13 @@ __all__ = [
     "Portfolio",
     "ReportFacts",
     "Sheet",
+    "VERDICT_COLOURS",
     "draw_plot",
     "family_plot",
     "family_records",
     "family_sentence",
     "family_sheet",
+    "finding_lines",
     "html_report",
     "kin_pressures",
     "log_sheet",
