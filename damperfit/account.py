@@ -70,7 +70,7 @@ def report_facts(
         version=__version__,
         procedure=(*_procedure(settings, campaign), *((METHOD,) if campaign.fits else ())),
         failures=failures,
-        warnings=(*_warnings(settings, intake, campaign), *assessment.warnings),
+        warnings=(*_warnings(intake, campaign), *assessment.warnings),
         trust=assessment.sentences,
         gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
         gates=tuple(_missed_gates(settings, intake, campaign)),
@@ -200,7 +200,7 @@ def _missing(settings: Settings, intake: Intake) -> Iterator[Failure]:
         yield Failure("", "", setting, "LogError", message)
 
 
-def _warnings(settings: Settings, intake: Intake, campaign: Campaign) -> Iterator[str]:
+def _warnings(intake: Intake, campaign: Campaign) -> Iterator[str]:
     for path in intake.skipped:
         yield f"{path}: a parameter table of damperfit, not a log; skipped"
     yield from _twin_warnings(intake)

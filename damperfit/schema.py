@@ -140,6 +140,7 @@ class _ConditioningSection(_Section):
     filter_corner: _Frequency
     filter_order: int
     steadiness: float
+    spikes: str
     max_amplitude: _Length
     max_force: _Force
 
@@ -153,6 +154,7 @@ class _ConditioningSection(_Section):
             rig_filter_order=rig.filter_order,
             centre=None if isinstance(rig.centre, str) else rig.centre,
             steadiness=self.steadiness,
+            spikes=self.spikes,
             chamber_lengths=(damper.chamber_1_length, damper.chamber_2_length),
             max_amplitude=self.max_amplitude,
             max_force=self.max_force,

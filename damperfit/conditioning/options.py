@@ -10,6 +10,7 @@ from damperfit.errors import ConfigurationError, did_you_mean
 __all__ = ["FILTER_KINDS", "ConditionOptions", "NominalTest"]
 
 FILTER_KINDS = ("zero_phase", "causal", "none")
+SPIKES = ("keep", "bridge")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +64,8 @@ class ConditionOptions:
         What no log may exceed, m and N: a unit was misread.
     nominal : NominalTest
         What the test was meant to be, for findings.
+    spikes : str
+        "keep", or "bridge": replace single samples that stand out by a straight line.
     """
 
     filter: str = "zero_phase"
@@ -77,6 +80,7 @@ class ConditionOptions:
     max_amplitude: float = 1.0
     max_force: float = 1e5
     nominal: NominalTest = NominalTest()
+    spikes: str = "keep"
 
     def __post_init__(self) -> None:
         """Refuse options that mean nothing."""
@@ -95,6 +99,10 @@ class ConditionOptions:
                 raise ConfigurationError(
                     f"{name}: found {getattr(self, name):g} Hz, expected more than 0"
                 )
+        if self.spikes not in SPIKES:
+            raise ConfigurationError(
+                f"spikes: found {self.spikes!r}, expected {' or '.join(SPIKES)}"
+            )
         if not 0.0 < self.steadiness < 0.5:
             raise ConfigurationError(
                 f"steadiness: found {self.steadiness:g}, expected more than 0 and less than 0.5"

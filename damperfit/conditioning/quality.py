@@ -19,11 +19,12 @@ rig_filter                                             `damperfit.conditioning.s
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.conditioning.channels import Channel, examine_channel
+from damperfit.conditioning.channels import Channel, examine_channel, find_spikes
 from damperfit.conditioning.motion import examine_motion
 from damperfit.conditioning.spectrum import looks_filtered
 from damperfit.recording import Finding
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["examine", "examine_raw"]
+__all__ = ["bridge_spikes", "examine", "examine_raw"]
 
 
 def examine(
@@ -89,6 +90,37 @@ def _channels(recording: Recording, window: slice, *, period: float) -> Iterator
     yield from examine_channel(
         Channel("force", "N", 1.0, force, displacement, time, first_row, period)
     )
+
+
+def bridge_spikes(recording: Recording, trace: Trace) -> tuple[Recording, tuple[Finding, ...]]:
+    """Return the recording with its spikes replaced by straight lines, and what was done.
+
+    Parameters
+    ----------
+    recording : Recording
+        As read.
+    trace : Trace
+        What became of it; its cycles tell a spike from what happens in each of them.
+    """
+    period = 1.0 / (trace.frequency * trace.interval)
+    found = []
+    bridged = {}
+    for name, other, unit, factor in (
+        ("displacement", "force", "mm", 1e3),
+        ("force", "displacement", "N", 1.0),
+    ):
+        values = getattr(recording, name)
+        channel = Channel(
+            name, unit, factor, values, getattr(recording, other), recording.time, period=period
+        )
+        rows = find_spikes(channel, float(np.ptp(np.percentile(values, [1.0, 99.0]))))
+        if len(rows):
+            good = np.delete(np.arange(len(values)), rows)
+            bridged[name] = np.interp(recording.time, recording.time[good], values[good])
+            text = f"{len(rows)} spikes in the {name} bridged as declared, the first in "
+            text += channel.place(int(rows[0]))
+            found.append(Finding(f"{name}_spikes_bridged", "note", text, float(len(rows))))
+    return (replace(recording, **bridged) if bridged else recording), tuple(found)
 
 
 def _temperature(recording: Recording, window: slice, test: NominalTest) -> Iterator[Finding]:

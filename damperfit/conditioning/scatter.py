@@ -70,7 +70,7 @@ def _cubic(positions: FloatArray, n: int) -> tuple[list[FloatArray], NDArray[np.
 @lru_cache(maxsize=64)
 def _autocorrelation(sections: bytes, is_zero_phase: bool) -> FloatArray:  # noqa: FBT001
     """Return the correlation of white noise behind a filter at lags 0 to 3."""
-    design = FilterDesign(np.frombuffer(sections).reshape(-1, 6), is_zero_phase, "")
+    design = FilterDesign(np.frombuffer(sections).reshape(-1, 6).copy(), is_zero_phase, "")
     reach = settling_samples(design) + 4
     impulse = np.zeros(2 * reach + 1)
     impulse[reach] = 1.0

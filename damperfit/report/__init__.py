@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from damperfit.report.facts import Failure, ReportFacts
-from damperfit.report.markdown import markdown_report
 from damperfit.report.inspection import VERDICT_COLOURS, finding_lines, log_sheet
+from damperfit.report.markdown import markdown_report
 from damperfit.report.rows import Sheet, parameter_sheet
 from damperfit.report.terminal import terminal_table
 
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from damperfit.report.plots import Plot
 
 __all__ = [
+    "VERDICT_COLOURS",
     "Failure",
     "Kin",
     "Plot",
     "Portfolio",
     "ReportFacts",
     "Sheet",
-    "VERDICT_COLOURS",
     "draw_plot",
     "family_plot",
     "family_records",

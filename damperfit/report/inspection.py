@@ -68,7 +68,7 @@ def finding_lines(logs: Sequence[Mapping[str, Any]], *, has_notes: bool = True) 
 
 
 def _verdicts(logs: Sequence[Mapping[str, Any]]) -> str:
-    counts = {verdict: 0 for verdict in VERDICT_COLOURS}
+    counts = dict.fromkeys(VERDICT_COLOURS, 0)
     for log in logs:
         counts[log.get("verdict", "good")] += 1
     words = {"good": "good", "warnings": "usable with warnings", "refused": "refused"}
