@@ -40,7 +40,7 @@ from damperfit.conditioning.filters import (
     settling_samples,
 )
 from damperfit.conditioning.options import ConditionOptions
-from damperfit.conditioning.quality import examine
+from damperfit.conditioning.quality import bridge_spikes, examine
 from damperfit.conditioning.refusals import (
     MIN_CYCLES,
     refuse_dead,
@@ -82,6 +82,9 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         implausible stroke or force, stroke beyond the chambers, reversed polarity.
     """
     options = options or ConditionOptions()
+    if options.spikes == "bridge":
+        options = replace(options, spikes="keep")
+        recording = bridge_spikes(recording, condition(recording, options))
     refuse_dead(recording, options)
     log = make_uniform(recording)
     try:

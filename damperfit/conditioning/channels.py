@@ -42,7 +42,7 @@ _FEWEST_STEPS = {"displacement": 500.0, "force": 125.0}
 _FINE = 1e6  # steps; finer than any converter
 _DITHER = 0.45  # of a step: its rounding alone has 0.29, noise of half a step makes it 0.58
 _SPIKE = 0.02  # of the range
-_SPIKE_NOISE = 10.0  # times the noise
+_SPIKE_NOISE = 7.0  # times the noise
 _HARMLESS = 0.2  # of the range, all spikes together
 _MOST_SPIKES = 0.02  # of the samples; more are noise
 
@@ -116,10 +116,11 @@ def examine_channel(channel: Channel) -> Iterator[Finding]:
     runs = _runs(channel.values)
     rails = _clipped(channel, runs, step, span)
     yield from _clipping(channel, rails)
-    yield from _standing(channel, runs, rails, step, span)
-    yield _steps(channel, step, span)
+    noise = noise_of(channel.values)
+    yield from _standing(channel, runs, rails, step, noise)
+    yield _steps(channel, step, span, noise=noise)
     usual = float(order[n - 1 - n // 100] - order[n // 100])
-    yield from _spikes(channel, usual)
+    yield from _spikes(channel, usual, noise=noise)
 
 
 def _step(order: FloatArray, span: float) -> float:
@@ -187,11 +188,14 @@ def _clipping(channel: Channel, rails: list[_Runs]) -> Iterator[Finding]:
 
 
 def _standing(
-    channel: Channel, runs: _Runs, rails: list[_Runs], step: float, span: float
+    channel: Channel, runs: _Runs, rails: list[_Runs], step: float, noise: float
 ) -> Iterator[Finding]:
     n = len(channel.values)
+    span = float(np.ptp(channel.values))
     least = max(5.0, _STANDS * channel.period, 0.001 * n if channel.period == 0.0 else 0.0)
     is_leap = runs.greatest_leap > max(_LEAP * step, 0.01 * span)
+    # Chance makes a few equal samples where a nearly constant force is about to change.
+    is_leap &= runs.least_leap > max(0.5 * _LEAP * step, 4.0 * noise, 0.002 * span)
     leaping = runs.where(is_leap)
     held = float(leaping.length.sum()) / n
     if held > 0.5 and len(leaping.start) > 10:
@@ -224,14 +228,15 @@ def _standing(
     yield Finding(f"{channel.name}_stuck", "warning", text, share, "%")
 
 
-def _steps(channel: Channel, step: float, span: float) -> Finding:
+def _steps(channel: Channel, step: float, span: float, *, noise: float) -> Finding:
     """Say how fine the channel is; a warning when its steps are coarse and noise hides none."""
     count = span / step
-    text = f"the {channel.name} has steps of {channel.shown(step)}, {count:.0f} over its range"
-    if count > _FINE:
-        text = f"the {channel.name} has no steps to be seen"
     few = _FEWEST_STEPS[channel.name]
-    is_spread = channel.name == "force" and noise_of(channel.values) > _DITHER * step
+    text = f"the {channel.name} has steps of {channel.shown(step)}, {count:.0f} over its range"
+    if count > _FINE or (count < few and not _is_stepped(channel.values, step)):
+        text = f"the {channel.name} has no steps to be seen"
+        return Finding(f"{channel.name}_steps", "note", text)
+    is_spread = channel.name == "force" and noise > _DITHER * step
     if count >= few or is_spread:
         return Finding(f"{channel.name}_steps", "note", text, count)
     text += (
@@ -241,14 +246,25 @@ def _steps(channel: Channel, step: float, span: float) -> Finding:
     return Finding(f"{channel.name}_steps", "warning", text, count)
 
 
+def _is_stepped(values: FloatArray, step: float) -> bool:
+    """Whether the signal goes in whole steps; one that repeats exactly has few values, too."""
+    steps = np.abs(np.diff(values)) / step
+    whole = np.rint(steps)
+    # A triangle that repeats exactly goes on by one and the same amount.
+    low, high = np.percentile(whole, [5.0, 95.0])
+    return bool(high > low and np.mean(np.abs(steps - whole) < 0.1) > 0.9)
+
+
 def noise_of(values: FloatArray) -> float:
     """Return the standard deviation of white noise in a smooth signal, robustly."""
-    third = np.abs(np.diff(values, 3))
-    return float(np.median(third)) / (0.6745 * math.sqrt(20.0))
+    # Fifth differences of white noise are sqrt(252) larger; of a motion with 40 samples a cycle,
+    # 1e-4 of it.
+    fifth = np.abs(np.diff(values, 5))
+    return float(np.median(fifth)) / (0.6745 * math.sqrt(252.0))
 
 
-def _spikes(channel: Channel, usual: float) -> Iterator[Finding]:
-    rows = find_spikes(channel, usual)
+def _spikes(channel: Channel, usual: float, *, noise: float) -> Iterator[Finding]:
+    rows = find_spikes(channel, usual, noise=noise)
     if not len(rows):
         return
     sizes = np.abs(_beside(channel.values)[rows])
@@ -271,7 +287,7 @@ def _spikes(channel: Channel, usual: float) -> Iterator[Finding]:
     yield Finding(f"{channel.name}_spikes", "warning", text, float(len(rows)))
 
 
-def find_spikes(channel: Channel, usual: float) -> IntArray:
+def find_spikes(channel: Channel, usual: float, *, noise: float) -> IntArray:
     """Return the samples that stand out of those beside them, and not in each cycle.
 
     A sample is compared with the median of five, which steps and slopes pass unchanged; `usual` is
@@ -283,7 +299,7 @@ def find_spikes(channel: Channel, usual: float) -> IntArray:
     size = np.abs(beside)
     if float(size.max()) <= least:
         return np.empty(0, dtype=np.int64)
-    rows = np.flatnonzero(size > max(least, _SPIKE_NOISE * 1.4826 * float(np.median(size))))
+    rows = np.flatnonzero(size > max(least, _SPIKE_NOISE * noise))
     if len(rows) > _MOST_SPIKES * len(size):
         return rows[:0]
     return rows[[not _is_repeated(beside, int(row), period) for row in rows]]

@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 
     from damperfit.conditioning.cycles import Cycles
     from damperfit.conditioning.options import ConditionOptions
-    from damperfit.recording import Recording, Trace
+    from damperfit.conditioning.timebase import UniformLog
+    from damperfit.recording import Trace
 
     FloatArray = NDArray[np.float64]
 
@@ -44,6 +45,7 @@ _SCATTER = 1.0  # %
 _FORCE_DRIFT = 1.0  # % of the peak force
 _STROKE_DRIFT = 5.0  # % of the amplitude
 _VELOCITY_NOISE = 0.35  # % of the peak velocity
+_TELLING = 20.0  # samples in a cycle, from which on noise can be told from motion
 _SURE = 4.0  # standard errors
 _ENOUGH = 4  # cycles, to tell a trend from scatter
 _DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
@@ -53,17 +55,22 @@ _AMPLITUDE_KEYS = ("amplitude", "test amplitude", "amplitude_mm", "amplitude (mm
 
 
 def examine_motion(
-    recording: Recording, trace: Trace, cycles: Cycles, options: ConditionOptions
+    log: UniformLog,
+    trace: Trace,
+    cycles: Cycles,
+    options: ConditionOptions,
+    *,
+    metadata: Mapping[str, str],
 ) -> Iterator[Finding]:
     """Yield what is remarkable in the steady cycles of a log."""
     yield _sample_rate(trace, options)
     yield from _filter_loss(trace)
-    yield from _displacement_noise(recording, trace, options)
+    yield from _displacement_noise(log, trace, options)
     yield _cycles(trace)
     yield from _unsteady(trace, cycles)
-    yield _trimmed(recording, trace)
-    yield _frequency(recording.metadata, trace, options)
-    yield _amplitude(recording.metadata, trace, options)
+    yield _trimmed(log, trace)
+    yield _frequency(metadata, trace, options)
+    yield _amplitude(metadata, trace, options)
     yield _harmonics(trace)
     if trace.n_cycles >= 2:
         yield _scatter(trace)
@@ -101,11 +108,12 @@ def _filter_loss(trace: Trace) -> Iterator[Finding]:
 
 
 def _displacement_noise(
-    recording: Recording, trace: Trace, options: ConditionOptions
+    log: UniformLog, trace: Trace, options: ConditionOptions
 ) -> Iterator[Finding]:
-    if options.rig_filter != "none":
-        return  # the rig's filter has taken most of it, and what is left cannot be told
-    noise = noise_of(recording.displacement)
+    if options.rig_filter != "none" or 1.0 / (trace.frequency * trace.interval) < _TELLING:
+        return  # the rig's filter has taken most of it; at few samples a cycle motion looks alike
+    first = round((trace.start_time - log.start_time) / log.interval) + trace.first
+    noise = noise_of(log.displacement[first : first + trace.stop - trace.first])
     rate = 1.0 / trace.interval
     corner = options.filter_corner if options.filter != "none" else 0.5 * rate
     passed = noise * math.sqrt(2.0 * corner / rate) * corner / math.sqrt(3.0)
@@ -144,10 +152,10 @@ def _unsteady(trace: Trace, cycles: Cycles) -> Iterator[Finding]:
     yield Finding("unsteady_cycles", "warning", text, 100.0 * (1.0 - steady / found), "%")
 
 
-def _trimmed(recording: Recording, trace: Trace) -> Finding:
-    ends = trace.start_time + trace.interval * trace.cycle_starts[[0, -1]]
-    ahead = max(0.0, float(ends[0] - recording.time[0]))
-    behind = max(0.0, float(recording.time[-1] - ends[1]))
+def _trimmed(log: UniformLog, trace: Trace) -> Finding:
+    ends = trace.start_time - log.start_time + trace.interval * trace.cycle_starts[[0, -1]]
+    ahead = max(0.0, float(ends[0]))
+    behind = max(0.0, len(log.force) * log.interval - float(ends[1]))
     text = (
         f"{ahead:.3g} s at the beginning and {behind:.3g} s at the end are not evaluated (rest, "
         "run-up, coast-down, run-in, filter edges)"

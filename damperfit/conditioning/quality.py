@@ -20,11 +20,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.conditioning.channels import Channel, examine_channel, find_spikes
+from damperfit.conditioning.channels import Channel, examine_channel, find_spikes, noise_of
 from damperfit.conditioning.motion import examine_motion
 from damperfit.conditioning.spectrum import looks_filtered
 from damperfit.recording import Finding
@@ -69,7 +69,7 @@ def examine(
         *recording.findings,
         *log.findings,
         *_channels(recording, window, period=1.0 / (trace.frequency * trace.interval)),
-        *examine_motion(recording, trace, cycles, options),
+        *examine_motion(log, trace, cycles, options, metadata=recording.metadata),
         *_temperature(recording, window, options.nominal),
         *_rig_filter(log, options),
     )
@@ -92,8 +92,8 @@ def _channels(recording: Recording, window: slice, *, period: float) -> Iterator
     )
 
 
-def bridge_spikes(recording: Recording, trace: Trace) -> tuple[Recording, tuple[Finding, ...]]:
-    """Return the recording with its spikes replaced by straight lines, and what was done.
+def bridge_spikes(recording: Recording, trace: Trace) -> Recording:
+    """Return the recording with its spikes replaced by straight lines, and a finding of that.
 
     Parameters
     ----------
@@ -103,8 +103,8 @@ def bridge_spikes(recording: Recording, trace: Trace) -> tuple[Recording, tuple[
         What became of it; its cycles tell a spike from what happens in each of them.
     """
     period = 1.0 / (trace.frequency * trace.interval)
-    found = []
-    bridged = {}
+    found: list[Finding] = []
+    bridged: dict[str, Any] = {}
     for name, other, unit, factor in (
         ("displacement", "force", "mm", 1e3),
         ("force", "displacement", "N", 1.0),
@@ -113,14 +113,15 @@ def bridge_spikes(recording: Recording, trace: Trace) -> tuple[Recording, tuple[
         channel = Channel(
             name, unit, factor, values, getattr(recording, other), recording.time, period=period
         )
-        rows = find_spikes(channel, float(np.ptp(np.percentile(values, [1.0, 99.0]))))
+        usual = float(np.ptp(np.percentile(values, [1.0, 99.0])))
+        rows = find_spikes(channel, usual, noise=noise_of(values))
         if len(rows):
             good = np.delete(np.arange(len(values)), rows)
             bridged[name] = np.interp(recording.time, recording.time[good], values[good])
             text = f"{len(rows)} spikes in the {name} bridged as declared, the first in "
             text += channel.place(int(rows[0]))
             found.append(Finding(f"{name}_spikes_bridged", "note", text, float(len(rows))))
-    return (replace(recording, **bridged) if bridged else recording), tuple(found)
+    return replace(recording, **bridged, findings=(*recording.findings, *found))
 
 
 def _temperature(recording: Recording, window: slice, test: NominalTest) -> Iterator[Finding]:
