@@ -74,7 +74,7 @@ ROWS = {
     ),
     "F46 off zero": (
         lambda r: column(r, 1, number(lambda _, x: x + 41.7)),
-        ("good", "", r"mid-stroke.* 41\.[67]"),
+        ("good", "", r"mid-stroke.*\(41\.[67]"),
     ),
     "F47 constant": (
         lambda r: column(r, 2, lambda *_: "5.0"),
