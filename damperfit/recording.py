@@ -39,6 +39,8 @@ class Finding:
         The number behind it, for scripts; None where there is none.
     unit : str
         Unit of `value`; empty for counts and shares.
+    is_correction : bool
+        The data were changed for it.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Finding:
     sentence: str
     value: float | None = None
     unit: str = ""
+    is_correction: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +75,11 @@ class Recording:
         Free text found in the log's preamble.
     findings : tuple of Finding
         What the reader had to leave out or to take on trust.
+    velocity : numpy.ndarray or None
+        Shape (n,), m/s, with the log's own sign; only checked, never used.
+    reverse_displacement, reverse_force : bool or None
+        Whether the log was declared to count the channel positive in bump, and the channel is
+        reversed here. None: nobody said, and it is as logged.
     """
 
     name: str
@@ -85,6 +93,9 @@ class Recording:
     notes: tuple[str, ...] = ()
     metadata: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
+    velocity: FloatArray | None = None
+    reverse_displacement: bool | None = None
+    reverse_force: bool | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,7 +142,7 @@ class Trace:
     frequency, amplitude : float
         Cycles per second in the window, Hz, and half the stroke, m.
     centre : float
-        Displacement of the log that is x = 0 of the model, m.
+        Displacement that is x = 0 of the model, as the log counts it, m.
     n_cycles_found : int
         Whole cycles in the log, run-in included.
     model_filter : FilterDesign

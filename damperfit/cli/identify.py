@@ -17,6 +17,7 @@ from damperfit.cli.options import (
     LogsArgument,
     QuietOption,
     SettingOption,
+    SkewOption,
     StrictOption,
     VersionOption,
     assignments,
@@ -56,6 +57,7 @@ def identify(
     ] = None,
     setting: SettingOption = None,
     strict: StrictOption = False,
+    skew: SkewOption = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the results.  [results]")
     ] = None,
@@ -97,6 +99,7 @@ def identify(
             ("identification", "procedure", procedure),
             ("identification", "share", share.split(",") if share is not None else None),
             ("rig", "strict", strict or None),
+            ("rig", "skew", skew),
             ("output", "max_mse_percent", max_mse),
             ("output", "folder", str(out) if out is not None else None),
         ),
@@ -139,12 +142,16 @@ def _append(path: Path, report: str) -> None:
 
 
 def _tell_people(result: RunResult, *, folder: Path, is_quiet: bool) -> None:
+    from damperfit.account import corrections
+
     for failure in result.facts.failures:
         say(f"damperfit: {failure.line}")
     for gate in result.facts.gates:
         say(f"damperfit: {gate}")
     if is_quiet:
         return
+    for line in corrections(result.campaign):
+        say(f"note: {line}")
     for warning in result.facts.warnings:
         say(f"warning: {warning}")
     say(f"damperfit: {_summary(result, folder)}")

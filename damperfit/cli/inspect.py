@@ -13,6 +13,7 @@ from damperfit.cli.options import (
     LogsArgument,
     QuietOption,
     SettingOption,
+    SkewOption,
     StrictOption,
     VersionOption,
     overlay,
@@ -28,6 +29,7 @@ def inspect(
     logs: LogsArgument,
     setting: SettingOption = None,
     strict: StrictOption = False,
+    skew: SkewOption = None,
     jobs: JobsOption = None,
     config: ConfigOption = None,
     json: JsonOption = False,
@@ -43,7 +45,8 @@ def inspect(
     from damperfit.config import load_settings
     from damperfit.intake import available_cores, expand, take_in
 
-    settings = load_settings(config, overlay=overlay(("rig", "strict", strict or None)))
+    changes = overlay(("rig", "strict", strict or None), ("rig", "skew", skew))
+    settings = load_settings(config, overlay=changes)
     paths = expand(logs)
     intake = take_in(paths, settings, jobs=jobs or available_cores(), setting=setting)
     for failure in intake.failures:

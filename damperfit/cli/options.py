@@ -21,6 +21,7 @@ __all__ = [
     "LogsArgument",
     "QuietOption",
     "SettingOption",
+    "SkewOption",
     "StrictOption",
     "VersionOption",
     "assignments",
@@ -69,6 +70,12 @@ SettingOption = Annotated[
 ]
 StrictOption = Annotated[
     bool, typer.Option("--strict", help="Refuse logs that have a warning; ends with code 4.")
+]
+SkewOption = Annotated[
+    str | None,
+    typer.Option(
+        "--skew", metavar="TIME|auto", help="The force is late by this: 2ms, or auto to estimate."
+    ),
 ]
 
 
