@@ -52,7 +52,8 @@ def warned(recording, options=OPTIONS) -> dict[str, Finding]:
 
 
 def _warns(one: Finding) -> bool:
-    return one.severity == "warning"
+    # A delay is estimated, not looked up: tests/conditioning/test_skew.py holds its rates.
+    return one.severity == "warning" and one.name != "skew"
 
 
 def with_(recording, channel, values):
