@@ -72,13 +72,13 @@ def examine_motion(
     yield _frequency(metadata, trace, options)
     yield _amplitude(metadata, trace, options)
     yield _harmonics(trace)
-    if trace.n_cycles >= 2:
+    if trace.n_cycles >= 2 and math.isfinite(floor := noise_floor(trace)):
         yield _scatter(trace)
-        floor = noise_floor(trace)
         text = f"the force differs from cycle to cycle by {floor:.2g} % of its variance"
         yield Finding("noise_floor", "note", f"{text}: no fit has a smaller MSE", floor, "%")
     if trace.n_cycles >= _ENOUGH:
-        yield _force_drift(trace)
+        if float(np.ptp(trace.force[trace.window])) > 0.0:
+            yield _force_drift(trace)
         yield _stroke_drift(trace)
 
 

@@ -34,7 +34,7 @@ __all__ = ["noise_floor"]
 def noise_floor(trace: Trace) -> float:
     """Return the scatter of the force between cycles, percent of its variance, eq. (22).
 
-    NaN for a single cycle.
+    NaN for a single cycle, and where the force does not vary.
     """
     if trace.n_cycles < 2:
         return math.nan
@@ -52,7 +52,8 @@ def noise_floor(trace: Trace) -> float:
         for i in range(4)
         for j in range(4)
     )
-    return float(100.0 * scatter / kept / np.var(trace.force[trace.window]))
+    variance = float(np.var(trace.force[trace.window]))
+    return 100.0 * scatter / kept / variance if variance > 0.0 else math.nan
 
 
 def _cubic(positions: FloatArray, n: int) -> tuple[list[FloatArray], NDArray[np.int64]]:

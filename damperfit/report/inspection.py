@@ -18,6 +18,7 @@ __all__ = ["VERDICT_COLOURS", "finding_lines", "log_sheet"]
 VERDICT_COLOURS = {"good": "green", "warnings": "yellow", "refused": "red"}
 _NOTHING = "-"
 _WIDTH = 80
+_EACH = 3  # sentences of one kind of finding that are told one by one
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
 
 
@@ -60,8 +61,8 @@ def finding_lines(logs: Sequence[Mapping[str, Any]], *, has_notes: bool = True) 
         told = _told(logs, severity)
         if told:
             yield from ("", heading)
-        for (name, sentence), names in told.items():
-            yield from _wrapped(f"{_named(names)}: {name}: {sentence}")
+        for text in _grouped(told):
+            yield from _wrapped(text)
     if has_notes:
         yield from _note_lines(logs)
         yield from _reading_lines(logs)
@@ -89,6 +90,21 @@ def _told(logs: Sequence[Mapping[str, Any]], severity: str) -> dict[tuple[str, s
             if one["severity"] == severity:
                 told.setdefault((one["name"], one["sentence"]), []).append(log["name"])
     return told
+
+
+def _grouped(told: Mapping[tuple[str, str], list[str]]) -> Iterator[str]:
+    """Yield a line for each sentence; one for each name where it differs from log to log."""
+    kinds: dict[str, list[tuple[str, list[str]]]] = {}
+    for (name, sentence), names in told.items():
+        kinds.setdefault(name, []).append((sentence, names))
+    for name, found in kinds.items():
+        if len(found) <= _EACH:
+            yield from (f"{_named(names)}: {name}: {sentence}" for sentence, names in found)
+            continue
+        sentence, (first, *_) = found[0]
+        others = dict.fromkeys(log for _, names in found for log in names)
+        del others[first]
+        yield f"{first}: {name}: {sentence}. With other numbers in {', '.join(others)}"
 
 
 def _note_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:

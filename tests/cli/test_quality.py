@@ -232,3 +232,16 @@ def test_settings_that_are_missing_are_gaps_with_code_1(run, logs, tmp_path) -> 
         (2, True),
         (3, False),
     ]
+
+
+def test_one_kind_of_warning_in_many_logs_is_told_once() -> None:
+    from damperfit.report import finding_lines
+
+    def log(n: int) -> dict:
+        found = {"name": "tare", "severity": "warning", "sentence": f"{n} N off", "value": n}
+        return {"name": f"log_{n}.csv", "verdict": "warnings", "findings": [{**found, "unit": "N"}]}
+
+    few = "\n".join(finding_lines([log(n) for n in range(3)]))
+    assert "log_2.csv: tare: 2 N off" in few
+    many = list(finding_lines([log(n) for n in range(5)]))
+    assert many[-2].startswith("  log_0.csv: tare: 0 N off. With other numbers in log_1.csv,")
