@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from damperfit.identification import Campaign
     from damperfit.intake import Intake, LogFacts
     from damperfit.recording import Finding
-    from damperfit.settings import RigOptions, Settings
+    from damperfit.settings import Settings
 
 __all__ = [
     "Ending",
@@ -46,6 +46,9 @@ __all__ = [
 
 # Outcomes whose result is no minimum: the run is done, but not as it should be.
 _UNFINISHED = (Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE)
+
+
+_STRICT = "QualityError"  # kind of the failures that only strict quality makes
 
 
 class Ending(Enum):
@@ -98,13 +101,13 @@ def report_facts(
         version=__version__,
         procedure=(*_procedure(settings, campaign), *((METHOD,) if campaign.fits else ())),
         failures=failures_of(settings, intake, campaign),
-        warnings=(*_warnings(settings, intake, campaign), *assessment.warnings),
+        warnings=(*_warnings(intake, campaign), *assessment.warnings),
         trust=assessment.sentences,
         across=judgement.adjustment.sentences,
         checks=judgement.checks,
         gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
         gates=(
-            *_missed_gates(settings, campaign),
+            *_missed_gates(settings, intake, campaign),
             *missed_gates(judgement.checks, settings.output.checks),
         ),
         advice=tuple(sorted((outcome.value, outcome.advice) for outcome in outcomes)),
@@ -113,12 +116,16 @@ def report_facts(
 
 
 def ending_of(campaign: Campaign, facts: ReportFacts) -> Ending:
-    """Return how a run ended; a failure counts before a gate, an interruption before both."""
+    """Return how a run ended; a failure counts before a gate, an interruption before both.
+
+    A log that only strict quality refused has missed a gate, also when no other log is left.
+    """
     if facts.is_interrupted:
         return Ending.INTERRUPTED
-    if not campaign.fits:
+    has_failed = any(failure.kind != _STRICT for failure in facts.failures)
+    if not campaign.fits and (has_failed or not facts.gates):
         return Ending.ALL_FAILED
-    if facts.failures:
+    if has_failed:
         return Ending.SOME_FAILED
     return Ending.GATE_MISSED if facts.gates else Ending.COMPLETE
 
@@ -227,9 +234,9 @@ def log_documents(intake: Intake) -> dict[str, Any]:
 
 def reading_ending(intake: Intake) -> Ending:
     """Return how reading alone ended."""
-    if not intake.failures:
-        return Ending.COMPLETE
-    return Ending.SOME_FAILED if intake.traces else Ending.ALL_FAILED
+    if any(failure.kind != _STRICT for failure in intake.failures):
+        return Ending.SOME_FAILED if intake.traces else Ending.ALL_FAILED
+    return Ending.GATE_MISSED if intake.failures else Ending.COMPLETE
 
 
 def _input(log: LogFacts) -> dict[str, Any]:
@@ -261,11 +268,10 @@ def _missing(settings: Settings, intake: Intake) -> Iterator[Failure]:
         yield Failure("", "", setting, "LogError", message)
 
 
-def _warnings(settings: Settings, intake: Intake, campaign: Campaign) -> Iterator[str]:
+def _warnings(intake: Intake, campaign: Campaign) -> Iterator[str]:
     for path in intake.skipped:
         yield f"{path}: a parameter table of damperfit, not a log; skipped"
     yield from _twin_warnings(intake)
-    yield from _temperature_warnings(settings.rig, intake)
     yield from _log_warnings(campaign)
     yield from campaign.warnings
     for fit in campaign.fits:
@@ -305,23 +311,11 @@ def _by_kind(campaign: Campaign, is_meant: Callable[[Finding], bool]) -> Iterato
         yield f"{name}{also}: {sentence}"
 
 
-def _temperature_warnings(rig: RigOptions, intake: Intake) -> Iterator[str]:
-    known = [(trace.name, trace.temperature) for trace in intake.traces]
-    window = f"{rig.temperature:g} +- {rig.temperature_tolerance:g} degC"
-    outside = [
-        f"{name} {value:.1f}"
-        for name, value in known
-        if value is not None and not abs(value - rig.temperature) <= rig.temperature_tolerance
-    ]
-    if outside:
-        yield f"temperature outside {window}: {', '.join(outside)}"
-    without = [name for name, value in known if value is None]
-    if without:
-        count = f"{len(without)} of {len(known)} logs"
-        yield f"no temperature in {count} ({without[0]}, ...); the test asks for {window}"
-
-
-def _missed_gates(settings: Settings, campaign: Campaign) -> Iterator[str]:
+def _missed_gates(settings: Settings, intake: Intake, campaign: Campaign) -> Iterator[str]:
+    refused = [failure.log for failure in intake.failures if failure.kind == _STRICT]
+    if refused:
+        others = f" and {len(refused) - 1} other logs" if len(refused) > 1 else ""
+        yield f"strict quality: {refused[0]}{others} left out for warnings"
     limit = settings.output.max_mse_percent
     for fit in campaign.fits:
         if limit > 0.0 and not fit.mse_percent <= limit:  # "not <=" catches NaN too

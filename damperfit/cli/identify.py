@@ -18,6 +18,7 @@ from damperfit.cli.options import (
     QuietOption,
     SettingOption,
     SkewOption,
+    StrictOption,
     VersionOption,
     assignments,
     names_of,
@@ -63,6 +64,7 @@ def identify(
         ),
     ] = None,
     setting: SettingOption = None,
+    strict: StrictOption = False,
     skew: SkewOption = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the results.  [results]")
@@ -109,6 +111,7 @@ def identify(
             ("identification", "fix", assignments(fix or [], option="--fix") or None),
             ("identification", "procedure", procedure),
             ("identification", "share", share.split(",") if share is not None else None),
+            ("rig", "strict", strict or None),
             ("rig", "skew", skew),
             ("output", "max_mse_percent", max_mse),
             ("output", "checks", names_of(check) if check else None),

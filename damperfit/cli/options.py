@@ -22,6 +22,7 @@ __all__ = [
     "QuietOption",
     "SettingOption",
     "SkewOption",
+    "StrictOption",
     "VersionOption",
     "assignments",
     "names_of",
@@ -67,6 +68,9 @@ JobsOption = Annotated[
 SettingOption = Annotated[
     int | None,
     typer.Option("--setting", metavar="N", help="Setting of the logs that do not say theirs."),
+]
+StrictOption = Annotated[
+    bool, typer.Option("--strict", help="Refuse logs that have a warning; ends with code 4.")
 ]
 SkewOption = Annotated[
     str | None,
