@@ -17,6 +17,7 @@ from damperfit.cli.options import (
     LogsArgument,
     QuietOption,
     SettingOption,
+    SkewOption,
     VersionOption,
     assignments,
     overlay,
@@ -54,6 +55,7 @@ def identify(
         float | None, typer.Option(metavar="PCT", help="End with code 4 above this MSE.")
     ] = None,
     setting: SettingOption = None,
+    skew: SkewOption = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the results.  [results]")
     ] = None,
@@ -94,6 +96,7 @@ def identify(
             ("identification", "fix", assignments(fix or [], option="--fix") or None),
             ("identification", "procedure", procedure),
             ("identification", "share", share.split(",") if share is not None else None),
+            ("rig", "skew", skew),
             ("output", "max_mse_percent", max_mse),
             ("output", "folder", str(out) if out is not None else None),
         ),
@@ -136,12 +139,16 @@ def _append(path: Path, report: str) -> None:
 
 
 def _tell_people(result: RunResult, *, folder: Path, is_quiet: bool) -> None:
+    from damperfit.account import corrections
+
     for failure in result.facts.failures:
         say(f"damperfit: {failure.line}")
     for gate in result.facts.gates:
         say(f"damperfit: {gate}")
     if is_quiet:
         return
+    for line in corrections(result.campaign):
+        say(f"note: {line}")
     for warning in result.facts.warnings:
         say(f"warning: {warning}")
     say(f"damperfit: {_summary(result, folder)}")
