@@ -15,12 +15,16 @@ from damperfit.cli.options import (
     JobsOption,
     JsonOption,
     LogsArgument,
+    ProfileOption,
     QuietOption,
+    RigOption,
     SettingOption,
     SkewOption,
+    TruncatedOption,
     VersionOption,
     assignments,
     overlay,
+    rig_entries,
 )
 from damperfit.cli.report import check_kind, write_report
 from damperfit.errors import ConfigurationError, OutputError
@@ -56,6 +60,9 @@ def identify(
     ] = None,
     setting: SettingOption = None,
     skew: SkewOption = None,
+    profile: ProfileOption = None,
+    rig: RigOption = None,
+    allow_truncated: TruncatedOption = False,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the results.  [results]")
     ] = None,
@@ -96,7 +103,10 @@ def identify(
             ("identification", "fix", assignments(fix or [], option="--fix") or None),
             ("identification", "procedure", procedure),
             ("identification", "share", share.split(",") if share is not None else None),
+            *rig_entries(rig),
             ("rig", "skew", skew),
+            ("rig", "profile", profile),
+            ("rig", "allow_truncated", allow_truncated or None),
             ("output", "max_mse_percent", max_mse),
             ("output", "folder", str(out) if out is not None else None),
         ),

@@ -11,11 +11,15 @@ from damperfit.cli.options import (
     JobsOption,
     JsonOption,
     LogsArgument,
+    ProfileOption,
     QuietOption,
+    RigOption,
     SettingOption,
     SkewOption,
+    TruncatedOption,
     VersionOption,
     overlay,
+    rig_entries,
 )
 
 if TYPE_CHECKING:
@@ -28,6 +32,9 @@ def inspect(
     logs: LogsArgument,
     setting: SettingOption = None,
     skew: SkewOption = None,
+    profile: ProfileOption = None,
+    rig: RigOption = None,
+    allow_truncated: TruncatedOption = False,
     jobs: JobsOption = None,
     config: ConfigOption = None,
     json: JsonOption = False,
@@ -43,7 +50,15 @@ def inspect(
     from damperfit.config import load_settings
     from damperfit.intake import available_cores, expand, take_in
 
-    settings = load_settings(config, overlay=overlay(("rig", "skew", skew)))
+    settings = load_settings(
+        config,
+        overlay=overlay(
+            *rig_entries(rig),
+            ("rig", "skew", skew),
+            ("rig", "profile", profile),
+            ("rig", "allow_truncated", allow_truncated or None),
+        ),
+    )
     paths = expand(logs)
     intake = take_in(paths, settings, jobs=jobs or available_cores(), setting=setting)
     for failure in intake.failures:

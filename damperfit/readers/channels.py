@@ -230,6 +230,8 @@ def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int
         if hits:
             is_sure = column.is_clock or _is_unit_of(column.unit or unit, channel)
             found.append((not is_sure, len(words) - len(hits), i))
+    if channel == "time" and not found:  # times of day need no name
+        return [(False, 0, i) for i, column in enumerate(columns) if column.is_clock]
     return found
 
 

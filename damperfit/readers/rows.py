@@ -311,5 +311,9 @@ def _number(text: TextRows, field: str, channel: str, where: str) -> float:
         return float(plain)
     if not plain or plain.lower() in _NOT_FINITE:
         return float(plain or "nan")
-    hint = "; if it has a mark of thousands, declare rig.thousands" if is_grouped else ""
+    hint = ""
+    if is_grouped:
+        hint = "; if it has a mark of thousands, declare rig.thousands"
+        if is_grouped["mark"] == "," != text.dialect.decimal:
+            hint += ", if a decimal comma, rig.decimal"
     raise LogError(f"{where}: {channel} is {visible(field)}, expected a number{hint}")
