@@ -163,7 +163,7 @@ def reading_ending(intake: Intake) -> Ending:
     """Return how reading alone ended."""
     if not intake.failures:
         return Ending.COMPLETE
-    return Ending.SOME_FAILED if intake.traces else Ending.ALL_FAILED
+    return Ending.SOME_FAILED if intake.n_good else Ending.ALL_FAILED
 
 
 def _input(log: LogFacts) -> dict[str, Any]:

@@ -60,7 +60,8 @@ def inspect(
         ),
     )
     paths = expand(logs)
-    intake = take_in(paths, settings, jobs=jobs or available_cores(), setting=setting)
+    workers = jobs or available_cores()
+    intake = take_in(paths, settings, jobs=workers, setting=setting, keeps_traces=False)
     for failure in intake.failures:
         say(f"damperfit: {failure.line}")
     if not quiet:
@@ -77,7 +78,7 @@ def _show(intake: Intake) -> None:
     from damperfit.cli.console import one_line
     from damperfit.report import log_sheet, terminal_table
 
-    if intake.traces:
+    if intake.n_good:
         print_renderable(terminal_table(log_sheet([log.facts for log in intake.logs])))
     notes = [
         one_line(f"{log.log}: {note}") for log in intake.logs for note in log.facts.get("notes", ())

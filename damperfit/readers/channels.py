@@ -282,7 +282,8 @@ def _with_unit(
             return ChannelChoice(index, name, None, f"{channel}: left out; it has no unit")
         raise LogError(
             f"{where}: column {name} has no unit, needed for {channel}; write it into the name, "
-            f"as in {channel}_{units_of(dimension)[0]}, or declare it in rig.units"
+            f"as in {channel}_{units_of(dimension)[0]}, or declare it in rig.units "
+            f"(--rig units.{channel}={units_of(dimension)[0]})"
         )
     try:
         return ChannelChoice(index, name, find_unit(found, dimension))
