@@ -92,7 +92,7 @@ def force_level(trace: Trace, gas: GasFacts) -> ForceLevel:
         Of the damper.
     """
     x, v, f = (channel[trace.window] for channel in _channels(trace))
-    half_range = 0.5 * float(np.ptp(f))
+    half_range = max(0.5 * float(np.ptp(f)), 1e-300)
     constant, rebound, bump = _branches(x, v, f)
     ends, at = _reversals(x, v, f)
     middle, hysteresis = float(np.mean(ends)), 0.5 * abs(ends[0] - ends[1])

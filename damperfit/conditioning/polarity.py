@@ -96,7 +96,7 @@ def _energy(trace: Trace) -> tuple[float, float]:
     """Return mean(f v) over mean(|f v|), and J per cycle."""
     power = trace.force[trace.window] * trace.velocity[trace.window]
     mean = float(np.mean(power))
-    return mean / float(np.mean(np.abs(power))), mean / trace.frequency
+    return mean / max(float(np.mean(np.abs(power))), 1e-300), mean / trace.frequency
 
 
 def _both_or_none(level: ForceLevel | None, free: list[str]) -> Signs:

@@ -29,6 +29,7 @@ __all__ = [
 
 MIN_CYCLES = 3
 _MIN_SAMPLES = 20
+_ABSURD = 1e9  # N or m; no column of any rig, in whatever unit; its squares might overflow
 _ANSWERS = 3e-4  # a damper without friction and of one valve law has 1e-4
 _MORE = 4.0
 
@@ -51,6 +52,12 @@ def refuse_dead(recording: Recording) -> None:
             raise ConditioningError(
                 f"{recording.name}: the {channel} is constant ({middle:g}) in all {n} rows; "
                 "expected a steady periodic test; check sensor and column"
+            )
+        if (largest := float(np.abs(values).max())) > _ABSURD:
+            unit = "m" if channel == "displacement" else "N"
+            raise ConditioningError(
+                f"{recording.name}: the {channel} reaches {largest:.3g} {unit}, which no rig logs; "
+                "declare its unit, or check sensor and column"
             )
 
 

@@ -174,13 +174,13 @@ def _scan(
         since = lag[:, np.newaxis] - delays
         step = np.sign(since) if width == 0.0 else np.tanh(since / width)
         step -= basis @ (basis.T @ step)
-        size = np.einsum("ij,ij->j", step, step)
+        size = np.maximum(np.einsum("ij,ij->j", step, step), 1e-9 * len(f))
         share = f @ step
         rest += float(f @ f) - share**2 / size
         total += float(f @ f)
         jumps.append(sign * share / size)
         n += len(f)
-    return _Scan(rest, total, np.stack(jumps), n)
+    return _Scan(np.maximum(rest, 1e-15 * total), total, np.stack(jumps), n)
 
 
 def _smooth(z: FloatArray, kink: float | None) -> FloatArray:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["check_velocity"]
 
 _SCALE = 0.1  # a velocity further off than this has another unit, or the clock has
+_FASTEST = 1e6  # m/s; a damaged value beyond it must not overflow
 _ALIKE = 0.7  # share of its power that must be in the fundamental
 
 
@@ -40,14 +41,14 @@ def check_velocity(trace: Trace, recording: Recording) -> tuple[Finding, ...]:
         return ()
     index = np.arange(trace.first, trace.stop)
     time = trace.start_time + index * trace.interval
-    logged = np.interp(time, recording.time, recording.velocity)
+    logged = np.interp(time, recording.time, np.clip(recording.velocity, -_FASTEST, _FASTEST))
     if recording.reverse_displacement:
         logged = -logged
     turn = np.exp(-2j * np.pi * trace.frequency * time)
     ours = complex(np.mean(trace.velocity[trace.window] * turn))
     theirs = complex(np.mean((logged - np.mean(logged)) * turn))
     share = 2.0 * abs(theirs) ** 2 / max(float(np.var(logged)), 1e-300)
-    if share < _ALIKE:
+    if not share >= _ALIKE:
         text = "the logged velocity does not follow the displacement; it is not used"
         return (Finding("velocity_channel", "note", text, share),)
     ratio = theirs / ours

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -282,3 +283,27 @@ def test_the_gas_force_here_is_that_of_the_physics() -> None:
     x = np.linspace(-0.05, 0.05, 11)
     expected = -PURDY_DAMPER.rod_area * gas_pressure(PURDY_DAMPER, x)
     assert gas_force(gas_of(PURDY_DAMPER), x) == pytest.approx(expected, rel=1e-14)
+
+
+STRANGE = {
+    "a force that dies": lambda f: np.where(np.arange(len(f)) < 5, -1.0, -130.4),
+    "a single spike": lambda f: np.where(np.arange(len(f)) == 2000, 1e4, 0.0),
+    "next to nothing": lambda f: 1e-300 * f,
+    "a square": np.sign,
+    "far too much": lambda f: 1e300 * f,
+}
+
+
+@pytest.mark.parametrize("force", STRANGE)
+@pytest.mark.parametrize("scale", [1.0, 1e6, 1e200])
+def test_strange_forces_are_told_or_refused_and_nothing_else(force, scale) -> None:
+    log = sine_log(rate=500.0)
+    strange = STRANGE[force](log.force)
+    velocity = 1e150 * np.clip(strange, -1.0, 1.0)
+    log = replace(log, force=strange, velocity=velocity, displacement=scale * log.displacement)
+    for skew in (0.0, "auto"):
+        values = [0.0]
+        with suppress(ConditioningError):  # one line of ours; any other exception fails
+            trace = condition(log, replace(PURDY, skew=skew))
+            values = [one.value or 0.0 for one in trace.findings]
+        assert np.isfinite(values).all()
