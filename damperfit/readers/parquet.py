@@ -1,7 +1,7 @@
 """Parquet logs: same column names as text, units also from field metadata.
 
-The format: https://parquet.apache.org/docs/file-format/. "PAR1", then pages of values, each behind a
-header, then a footer that says where everything is, its length, and "PAR1".
+The format: https://parquet.apache.org/docs/file-format/. "PAR1", then pages of values, each behind
+a header, then a footer that says where everything is, its length, and "PAR1".
 
 Traps. Page checksums are verified by pyarrow only when asked, and writers write them only when
 asked (pandas does not): without them one flipped bit changes a value and nobody can know, which is
@@ -179,7 +179,9 @@ def _seconds(column: Any) -> FloatArray:
     import pyarrow as pa
 
     kind = column.type
-    ticks = column.cast(pa.int32()).cast(pa.int64()) if kind.bit_width == 32 else column.cast("int64")
+    ticks = (
+        column.cast(pa.int32()).cast(pa.int64()) if kind.bit_width == 32 else column.cast("int64")
+    )
     is_known = np.asarray(column.is_valid().to_numpy(zero_copy_only=False), dtype=np.bool_)
     counts = ticks.fill_null(0).to_numpy().astype(np.int64)
     if not pa.types.is_duration(kind) and is_known.any():

@@ -1,4 +1,4 @@
-"""The skeleton of a TDMS file: are its segments whole, and do they say nothing against themselves?
+"""The skeleton of a TDMS file: whether its segments are whole and do not contradict themselves.
 
 Each segment starts with 28 bytes: "TDSm", contents, version, bytes to the next segment, bytes to
 its values. Then it says what its channels are, then come their values.
@@ -26,10 +26,9 @@ _NO_VALUES, _AS_BEFORE = 0xFFFF_FFFF, 0  # length of what is said of a channel's
 _TEXT = 0x20
 # Kind of a property -> bytes: integers, floats (with a unit), bool, time stamp, complex.
 _SIZES = {
-    **{1: 1, 2: 2, 3: 4, 4: 8, 5: 1, 6: 2, 7: 4, 8: 8},
-    **{9: 4, 10: 8, 11: 16, 0x19: 4, 0x1A: 8, 0x1B: 16},
-    **{0: 0, 0x21: 1, 0x44: 16, 0x08000C: 8, 0x10000D: 16},
-}
+    0: 0, 1: 1, 2: 2, 3: 4, 4: 8, 5: 1, 6: 2, 7: 4, 8: 8, 9: 4, 10: 8, 11: 16, 0x19: 4, 0x1A: 8,
+    0x1B: 16, 0x21: 1, 0x44: 16, 0x08000C: 8, 0x10000D: 16,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -91,7 +91,7 @@ def assess(
     """
     evidence: list[Evidence] = []
     diagnoses: list[Diagnosis] = []
-    n_at_once = 2 * max(1, jobs)
+    n_at_once = max(1, jobs)
     for start in range(0, len(campaign.fits), n_at_once):
         few = replace(campaign, fits=campaign.fits[start : start + n_at_once])
         seen = collect_evidence(few, damper, solver=solver, jobs=jobs)
@@ -104,7 +104,7 @@ def assess(
 
 
 def _without_curves(evidence: Evidence) -> Evidence:
-    """Keep the residuals of each log only: with thousands of logs the rest would fill the memory."""
+    """Keep only the residuals of each log: of thousands of logs the rest would fill the memory."""
     none = np.empty((0, 0))
     logs = (replace(log, jacobian=none, gas=none, force=none) for log in evidence.logs)
     return replace(evidence, logs=tuple(logs))

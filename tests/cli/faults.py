@@ -58,8 +58,8 @@ class Fault:
 
     Attributes
     ----------
-    make : callable
-        Good log -> bytes.
+    make : callable or bytes
+        Good log -> bytes, or the bytes.
     says : str
         Part of the sentence; of the refusal, or of the note where the log is still good.
     suffix : str
@@ -70,11 +70,14 @@ class Fault:
         Modules without which the file cannot be made.
     """
 
-    make: Callable[[Good], bytes]
+    make: Callable[[Good], bytes] | bytes
     says: str
     suffix: str = ".csv"
     is_good: bool = False
     needs: tuple[str, ...] = ()
+
+    def content(self, good: Good) -> bytes:
+        return self.make if isinstance(self.make, bytes) else self.make(good)
 
 
 def _semicolons(good: Good) -> bytes:
@@ -106,6 +109,14 @@ def _preamble(good: Good) -> bytes:
 
 def _parquet(good: Good, **how: object) -> bytes:
     return parquet_bytes(good.table(), **how)
+
+
+def _without_checksums(good: Good) -> bytes:
+    from pyarrow import parquet
+
+    sink = pa.BufferOutputStream()
+    parquet.write_table(good.table(), sink)
+    return sink.getvalue().to_pybytes()
 
 
 def _flipped_parquet(good: Good) -> bytes:
@@ -227,11 +238,9 @@ def _metres(good: Good) -> bytes:
     return good.text(header=good.header.replace("displacement_mm", "displacement_m"))
 
 
-_FIFTH = ("0.020,1,2,26", "0.020,OVR,2,26", "0.020,1_000,2,26")
-
 FAULTS: dict[str, Fault] = {
     # Files and text
-    "F03 empty": Fault(lambda g: b"", "empty file (0 bytes)"),
+    "F03 empty": Fault(b"", "empty file (0 bytes)"),
     "F04 header only": Fault(lambda g: g.text(rows=()), "no data rows after the names in line 1"),
     "F05 too many fields": Fault(
         lambda g: g.with_row("0.020,1,2,26,5"), "line 12: found 5 fields, expected 4"
@@ -249,18 +258,14 @@ FAULTS: dict[str, Fault] = {
         "found '7' after the last named column",
     ),
     "F08 semicolon and decimal comma": Fault(_semicolons, "decimal mark: comma", is_good=True),
-    "F08 decimal commas between commas": Fault(
-        _quoted_commas, "decimal mark: comma", is_good=True
+    "F08 decimal commas between commas": Fault(_quoted_commas, "decimal mark: comma", is_good=True),
+    "F09 thousands": Fault(lambda g: g.with_row('0.020,1,"1,234",26'), "line 12: force is '1,234'"),
+    "F10 text": Fault(lambda g: g.with_row("0.020,OVR,2,26"), "line 12: displacement is 'OVR'"),
+    "F10 underscore": Fault(
+        lambda g: g.with_row("0.020,1_000,2,26"), "line 12: displacement is '1_000'"
     ),
-    "F09 thousands": Fault(
-        lambda g: g.with_row('0.020,1,"1,234",26'), "line 12: force is '1,234'"
-    ),
-    "F10 text": Fault(lambda g: g.with_row(_FIFTH[1]), "line 12: displacement is 'OVR'"),
-    "F10 underscore": Fault(lambda g: g.with_row(_FIFTH[2]), "line 12: displacement is '1_000'"),
     "F10 #NV": Fault(lambda g: g.with_row("0.020,1,#NV,26"), "line 12: force is '#NV'"),
-    "F11 NUL": Fault(
-        lambda g: g.with_row("0.020,1,\0,26"), "line 12: NUL byte at byte offset "
-    ),
+    "F11 NUL": Fault(lambda g: g.with_row("0.020,1,\0,26"), "line 12: NUL byte at byte offset "),
     "F12 UTF-8 with a mark": Fault(
         lambda g: b"\xef\xbb\xbf" + g.text(), "setting: from the file name", is_good=True
     ),
@@ -295,13 +300,13 @@ FAULTS: dict[str, Fault] = {
         lambda g: g.text(header=g.header.replace("force_N", "force_kN")), "was N read as kN?"
     ),
     "F20 line of a million characters": Fault(
-        lambda g: b"1" * 1_000_000 + b"\n", "line 1: longer than 262144 bytes"
+        b"1" * 1_000_000 + b"\n", "line 1: longer than 262144 bytes"
     ),
     "F20 row of a million characters": Fault(
         lambda g: g.text() + b"1," * 500_000 + b"\n", "found 500001 fields, expected 4"
     ),
     "F20 100000 columns": Fault(
-        lambda g: b",".join([b"1"] * 100_000) + b"\n", "100000 columns, more than the limit of 2000"
+        b",".join([b"1"] * 100_000) + b"\n", "100000 columns, more than the limit of 2000"
     ),
     "F20 mixed line ends": Fault(
         lambda g: g.text().replace(b"\n", b"\r\n", 40).replace(b"\r\n", b"\n", 7),
@@ -317,7 +322,7 @@ FAULTS: dict[str, Fault] = {
     ),
     "F22 a bit flipped in Parquet": Fault(_flipped_parquet, "damaged Parquet", ".parquet"),
     "F22 no checksums in Parquet": Fault(
-        lambda g: _without_checksums(g), "without page checksums", ".parquet", is_good=True
+        _without_checksums, "without page checksums", ".parquet", is_good=True
     ),
     "F23 Parquet bomb": Fault(
         _parquet_bomb, f"more than the limit of {LIMIT} bytes allows", ".parquet"
@@ -332,9 +337,7 @@ FAULTS: dict[str, Fault] = {
     "F28 MATLAB 7.3 with a function handle": Fault(
         _matlab_73_without_numbers, "no channels of numbers", ".mat", needs=("h5py",)
     ),
-    "F29 TDMS cut": Fault(
-        _tdms_cut, "'temperature_degC' lost 100 of ", ".tdms", needs=("nptdms",)
-    ),
+    "F29 TDMS cut": Fault(_tdms_cut, "'temperature_degC' lost 100 of ", ".tdms", needs=("nptdms",)),
     "F30 TDMS that claims 1e12 values": Fault(
         _tdms_claim, "TDMS file: 74656 bytes of values are announced", ".tdms", needs=("nptdms",)
     ),
@@ -346,10 +349,10 @@ FAULTS: dict[str, Fault] = {
     ),
     "F33 Parquet called CSV": Fault(_parquet, "setting: from the file name", is_good=True),
     "F33 web page called CSV": Fault(
-        lambda g: b"<!DOCTYPE html><html><body>404</body></html>", "this is HTML"
+        b"<!DOCTYPE html><html><body>404</body></html>", "this is HTML"
     ),
     "F33 noise called TDMS": Fault(
-        lambda g: bytes(range(256)), "is named like TDMS and does not begin like it", ".tdms"
+        bytes(range(256)), "is named like TDMS and does not begin like it", ".tdms"
     ),
     "F34 formulas": Fault(
         _excel,
@@ -359,7 +362,7 @@ FAULTS: dict[str, Fault] = {
         needs=("openpyxl", "python_calamine"),
     ),
     "F34 workbook bomb": Fault(
-        lambda g: _zip({"xl/workbook.xml": b"", "xl/worksheets/sheet1.xml": b" " * (LIMIT + 1)}),
+        _zip({"xl/workbook.xml": b"", "xl/worksheets/sheet1.xml": b" " * (LIMIT + 1)}),
         "the workbook claims",
         ".xlsx",
     ),
@@ -367,21 +370,13 @@ FAULTS: dict[str, Fault] = {
         lambda g: _zip({"../../log.csv": g.text()}), "this is a ZIP archive; unpack it", ".zip"
     ),
     "F35 archive of 20000 members": Fault(
-        lambda g: _zip({f"xl/workbook{i}": b"" for i in range(20_000)}), "20000 members", ".xlsx"
+        _zip({f"xl/workbook{i}": b"" for i in range(20_000)}), "20000 members", ".xlsx"
     ),
     "F35 tar": Fault(_tar, "this is an archive; unpack it", ".tar"),
     "F35 gzip in gzip": Fault(
         lambda g: gzip.compress(gzip.compress(g.text())), "a gzip inside a gzip", ".csv.gz"
     ),
 }
-
-
-def _without_checksums(good: Good) -> bytes:
-    from pyarrow import parquet
-
-    sink = pa.BufferOutputStream()
-    parquet.write_table(good.table(), sink)
-    return sink.getvalue().to_pybytes()
 
 
 def file_name(fault: str) -> str:

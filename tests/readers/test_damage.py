@@ -1,8 +1,8 @@
-"""Damaged TDMS and Parquet: the numbers of the whole file, or a refusal, and never others in silence.
+"""Damaged TDMS and Parquet: the numbers of the whole file or a refusal, never others in silence.
 
-Parquet's pages have checksums, so no flipped bit may change a number. TDMS has none: a bit flipped in
-a stored value is another value, which no reader can know and a note says. All else that a bit may
-do there, to lengths, kinds, names and places, may change no number.
+Parquet's pages have checksums, so no flipped bit may change a number. TDMS has none: a bit flipped
+in a stored value is another value, which no reader can know and a note says. All else that a bit
+may do there, to lengths, kinds, names and places, may change no number.
 """
 
 from __future__ import annotations
@@ -99,7 +99,9 @@ def test_a_cut_never_changes_a_number(tmp_path, name) -> None:
         for found in _read(path, data[:n], ReadOptions(allow_truncated=True)):
             kept = len(found.time)
             for channel in CHANNELS:
-                np.testing.assert_array_equal(getattr(found, channel), getattr(good, channel)[:kept])
+                np.testing.assert_array_equal(
+                    getattr(found, channel), getattr(good, channel)[:kept]
+                )
 
 
 @pytest.mark.parametrize("how", ["plain", "no dictionary", "second version", "packed"])
@@ -154,5 +156,5 @@ def test_whole_numbers_that_no_float_holds_are_refused(tmp_path) -> None:
         )
     path = tmp_path / "log.tdms"
     path.write_bytes(sink.getvalue())
-    with pytest.raises(LogError, match="log.tdms: 'force_N' holds whole numbers beyond 9007199254740992"):
+    with pytest.raises(LogError, match=r"log\.tdms: 'force_N' holds whole numbers beyond"):
         read_logs(path)
