@@ -235,7 +235,7 @@ def log_documents(intake: Intake) -> dict[str, Any]:
 def reading_ending(intake: Intake) -> Ending:
     """Return how reading alone ended."""
     if any(failure.kind != _STRICT for failure in intake.failures):
-        return Ending.SOME_FAILED if intake.traces else Ending.ALL_FAILED
+        return Ending.SOME_FAILED if intake.n_good else Ending.ALL_FAILED
     return Ending.GATE_MISSED if intake.failures else Ending.COMPLETE
 
 

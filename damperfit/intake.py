@@ -68,12 +68,15 @@ class Intake:
         Logs that cannot be used.
     skipped : tuple of str
         Files that are no logs and are not meant to be.
+    n_good : int
+        Logs that can be used, whether or not their traces were kept.
     """
 
     traces: tuple[Trace, ...]
     logs: tuple[LogFacts, ...]
     failures: tuple[Failure, ...]
     skipped: tuple[str, ...]
+    n_good: int
 
 
 def expand(patterns: Iterable[str]) -> tuple[Path, ...]:
@@ -125,6 +128,7 @@ def take_in(
     *,
     jobs: int,
     setting: int | None = None,
+    keeps_traces: bool = True,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> Intake:
     """Read and condition logs, several at a time.
@@ -139,6 +143,8 @@ def take_in(
         Workers.
     setting : int, optional
         Setting of the logs that do not say theirs.
+    keeps_traces : bool
+        False: only the facts are wanted, and memory does not grow with the number of logs.
     cancelled : callable
         Asked before each log; once it says True, the remaining logs are left out.
     """
@@ -148,7 +154,8 @@ def take_in(
     logs = [path for path in paths if not is_table[path]]
 
     def one(path: Path, name: str) -> list[_Taken]:
-        return [] if cancelled() else _take_file(path, name, settings, setting=setting)
+        taken = [] if cancelled() else _take_file(path, name, settings, setting=setting)
+        return taken if keeps_traces else [replace(part, trace=None) for part in taken]
 
     # BLAS threads spin between small products and take the core of the next log.
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(jobs) as pool:
@@ -158,6 +165,7 @@ def take_in(
         logs=tuple(part.facts for part in taken),
         failures=tuple(part.failure for part in taken if part.failure is not None),
         skipped=tuple(_shown(str(path)) for path in paths if is_table[path]),
+        n_good=sum(part.failure is None for part in taken),
     )
 
 

@@ -120,6 +120,7 @@ class _RigSection(_Section):
     pause: Annotated[float, _quantity("time"), _NotNegative]
     restarts: str
     bad_rows: str
+    allow_truncated: bool
     max_log_bytes: int
     profile: str
     profiles: dict[str, dict[str, Any]]

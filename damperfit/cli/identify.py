@@ -15,14 +15,18 @@ from damperfit.cli.options import (
     JobsOption,
     JsonOption,
     LogsArgument,
+    ProfileOption,
     QuietOption,
+    RigOption,
     SettingOption,
     SkewOption,
     StrictOption,
+    TruncatedOption,
     VersionOption,
     assignments,
     names_of,
     overlay,
+    rig_entries,
 )
 from damperfit.cli.report import check_kind, write_report
 from damperfit.errors import ConfigurationError, OutputError
@@ -66,6 +70,9 @@ def identify(
     setting: SettingOption = None,
     strict: StrictOption = False,
     skew: SkewOption = None,
+    profile: ProfileOption = None,
+    rig: RigOption = None,
+    allow_truncated: TruncatedOption = False,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the results.  [results]")
     ] = None,
@@ -112,7 +119,10 @@ def identify(
             ("identification", "procedure", procedure),
             ("identification", "share", share.split(",") if share is not None else None),
             ("rig", "strict", strict or None),
+            *rig_entries(rig),
             ("rig", "skew", skew),
+            ("rig", "profile", profile),
+            ("rig", "allow_truncated", allow_truncated or None),
             ("output", "max_mse_percent", max_mse),
             ("output", "checks", names_of(check) if check else None),
             ("output", "folder", str(out) if out is not None else None),

@@ -11,12 +11,16 @@ from damperfit.cli.options import (
     JobsOption,
     JsonOption,
     LogsArgument,
+    ProfileOption,
     QuietOption,
+    RigOption,
     SettingOption,
     SkewOption,
     StrictOption,
+    TruncatedOption,
     VersionOption,
     overlay,
+    rig_entries,
 )
 
 if TYPE_CHECKING:
@@ -30,6 +34,9 @@ def inspect(
     setting: SettingOption = None,
     strict: StrictOption = False,
     skew: SkewOption = None,
+    profile: ProfileOption = None,
+    rig: RigOption = None,
+    allow_truncated: TruncatedOption = False,
     jobs: JobsOption = None,
     config: ConfigOption = None,
     json: JsonOption = False,
@@ -45,10 +52,19 @@ def inspect(
     from damperfit.config import load_settings
     from damperfit.intake import available_cores, expand, take_in
 
-    changes = overlay(("rig", "strict", strict or None), ("rig", "skew", skew))
-    settings = load_settings(config, overlay=changes)
+    settings = load_settings(
+        config,
+        overlay=overlay(
+            *rig_entries(rig),
+            ("rig", "strict", strict or None),
+            ("rig", "skew", skew),
+            ("rig", "profile", profile),
+            ("rig", "allow_truncated", allow_truncated or None),
+        ),
+    )
     paths = expand(logs)
-    intake = take_in(paths, settings, jobs=jobs or available_cores(), setting=setting)
+    workers = jobs or available_cores()
+    intake = take_in(paths, settings, jobs=workers, setting=setting, keeps_traces=False)
     for failure in intake.failures:
         say(f"damperfit: {failure.line}")
     if not quiet:

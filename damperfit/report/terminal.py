@@ -1,4 +1,8 @@
-"""A sheet as a table for the terminal; at most 80 columns wide, and plain in a pipe."""
+"""A sheet as a table for the terminal; at most 80 columns wide, and plain in a pipe.
+
+A cell may be the name of a log, which may hold anything: rich obeys no markup in a `Text`, but
+passes escape sequences and reversed writing on, so they are shown as escapes.
+"""
 
 from __future__ import annotations
 
@@ -32,8 +36,12 @@ def terminal_table(sheet: Sheet, *, colours: Mapping[str, str] = _COLOURS) -> Re
             overflow="fold",
         )
     for row in sheet.rows:
-        table.add_row(*(Text(cell, style=colours.get(cell, "")) for cell in row))
-    return Group(table, *(Text(note, style="dim") for note in sheet.notes))
+        table.add_row(*(Text(_printable(cell), style=colours.get(cell, "")) for cell in row))
+    return Group(table, *(Text(_printable(note), style="dim") for note in sheet.notes))
+
+
+def _printable(cell: str) -> str:
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in cell)
 
 
 def _width(sheet: Sheet, *, gap: int) -> int:
