@@ -8,7 +8,7 @@ from damperfit.intake import Intake, LogFacts
 
 def _warned(*logs: tuple[str, str, str]) -> list[str]:
     facts = tuple(LogFacts(log, path, sha256, {}) for log, path, sha256 in logs)
-    return list(_twin_warnings(Intake((), facts, (), ())))
+    return list(_twin_warnings(Intake((), facts, (), (), len(facts))))
 
 
 def test_two_files_with_the_same_bytes_are_named() -> None:

@@ -194,7 +194,7 @@ def test_what_the_run_told_is_shown(copy):
             {
                 "parameter": "k_e",
                 "sentence": "K_e rises by 10 MPa a setting.",
-                "outliers": [3],
+                "outliers": [{"setting": 3, "deviation": 0.2}],
                 "points": [
                     {"setting": n, "value": 5e8 + 1e7 * n, "low": 4.9e8, "high": 5.9e8}
                     for n in range(1, 6)

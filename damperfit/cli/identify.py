@@ -4,23 +4,38 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from damperfit.cli.console import print_json, print_renderable, say, screen_columns, spark_levels
+from damperfit.cli.console import (
+    one_line,
+    print_json,
+    print_lines,
+    print_renderable,
+    say,
+    screen_columns,
+    spark_levels,
+)
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
     JobsOption,
     JsonOption,
     LogsArgument,
+    ProfileOption,
     QuietOption,
+    RigOption,
     SettingOption,
     SkewOption,
+    StrictOption,
+    TruncatedOption,
     VersionOption,
     assignments,
+    names_of,
     overlay,
+    rig_entries,
 )
 from damperfit.cli.report import check_kind, write_report
 from damperfit.errors import ConfigurationError, OutputError
@@ -54,8 +69,19 @@ def identify(
     max_mse: Annotated[
         float | None, typer.Option(metavar="PCT", help="End with code 4 above this MSE.")
     ] = None,
+    check: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME,NAME",
+            help="End with code 4 unless these checks are passed; purdy2000 is a list of them.",
+        ),
+    ] = None,
     setting: SettingOption = None,
+    strict: StrictOption = False,
     skew: SkewOption = None,
+    profile: ProfileOption = None,
+    rig: RigOption = None,
+    allow_truncated: TruncatedOption = False,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the results.  [results]")
     ] = None,
@@ -85,7 +111,12 @@ def identify(
     from damperfit.cli.progress import progress
     from damperfit.config import load_settings
     from damperfit.pipeline import Watch, run
-    from damperfit.report import closing_sheet, markdown_report, terminal_table
+    from damperfit.report import (
+        check_lines,
+        closing_sheet,
+        markdown_report,
+        terminal_table,
+    )
 
     check_kind("--plots", plots)
     summary = _summary_file() if github_summary else None
@@ -96,8 +127,13 @@ def identify(
             ("identification", "fix", assignments(fix or [], option="--fix") or None),
             ("identification", "procedure", procedure),
             ("identification", "share", share.split(",") if share is not None else None),
+            ("rig", "strict", strict or None),
+            *rig_entries(rig),
             ("rig", "skew", skew),
+            ("rig", "profile", profile),
+            ("rig", "allow_truncated", allow_truncated or None),
             ("output", "max_mse_percent", max_mse),
+            ("output", "checks", names_of(check) if check else None),
             ("output", "folder", str(out) if out is not None else None),
         ),
     )
@@ -117,6 +153,8 @@ def identify(
             result.tables.parameters, columns=screen_columns(), levels=spark_levels()
         )
         print_renderable(terminal_table(sheet))
+        lines = map(one_line, check_lines(result.facts.checks))
+        print_lines(["", *(part for line in lines for part in wrap(line, screen_columns()))])
     return result.ending.value
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,12 +20,18 @@ __all__ = [
     "JobsOption",
     "JsonOption",
     "LogsArgument",
+    "ProfileOption",
     "QuietOption",
+    "RigOption",
     "SettingOption",
     "SkewOption",
+    "StrictOption",
+    "TruncatedOption",
     "VersionOption",
     "assignments",
+    "names_of",
     "overlay",
+    "rig_entries",
 ]
 
 
@@ -67,12 +74,58 @@ SettingOption = Annotated[
     int | None,
     typer.Option("--setting", metavar="N", help="Setting of the logs that do not say theirs."),
 ]
+StrictOption = Annotated[
+    bool, typer.Option("--strict", help="Refuse logs that have a warning; ends with code 4.")
+]
 SkewOption = Annotated[
     str | None,
     typer.Option(
         "--skew", metavar="TIME|auto", help="The force is late by this: 2ms, or auto to estimate."
     ),
 ]
+TruncatedOption = Annotated[
+    bool,
+    typer.Option("--allow-truncated", help="Of a TDMS log that was cut, keep what is common."),
+]
+ProfileOption = Annotated[
+    str | None,
+    typer.Option("--profile", metavar="NAME", help="Profile of the rig for every log."),
+]
+RigOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--rig",
+        metavar="KEY=VALUE",
+        help="A key of [rig], such as units.force=kN; may be given several times.",
+    ),
+]
+
+
+def rig_entries(texts: Iterable[str] | None) -> list[tuple[str, str, Any]]:
+    """Return KEY=VALUE texts as entries of [rig] for `overlay`; KEY may be dotted.
+
+    A value is what it would be in TOML; what is no TOML (kN) is text.
+
+    Raises
+    ------
+    ConfigurationError
+        A text has no key, no ``=`` or no value, or a key is given twice.
+    """
+    import json
+    import tomllib
+
+    keys: dict[str, Any] = {}
+    for key, value in assignments(texts or [], option="--rig").items():
+        for text in (value, json.dumps(value)):
+            with suppress(tomllib.TOMLDecodeError):
+                found = tomllib.loads(f"{key} = {text}")
+                break
+        else:
+            raise ConfigurationError(f"--rig {key}={value}: {key!r} is no key")
+        for name, entry in found.items():
+            is_table = isinstance(entry, dict) and isinstance(keys.get(name), dict)
+            keys[name] = keys[name] | entry if is_table else entry
+    return [("rig", name, entry) for name, entry in keys.items()]
 
 
 def assignments(texts: Iterable[str], *, option: str) -> dict[str, str]:
@@ -92,6 +145,17 @@ def assignments(texts: Iterable[str], *, option: str) -> dict[str, str]:
             raise ConfigurationError(f"{option} {text}: {name} is given twice")
         values[name] = value
     return values
+
+
+def names_of(texts: Iterable[str]) -> list[str]:
+    """Return the names in options that may be given several times and may hold lists.
+
+    Examples
+    --------
+    >>> names_of(["a,b", "c"])
+    ['a', 'b', 'c']
+    """
+    return [name.strip() for text in texts for name in text.split(",")]
 
 
 def overlay(*entries: tuple[str, str, Any]) -> dict[str, dict[str, Any]]:

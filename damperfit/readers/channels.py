@@ -230,6 +230,8 @@ def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int
         if hits:
             is_sure = column.is_clock or _is_unit_of(column.unit or unit, channel)
             found.append((not is_sure, len(words) - len(hits), i))
+    if channel == "time" and not found:  # times of day need no name
+        return [(False, 0, i) for i, column in enumerate(columns) if column.is_clock]
     return found
 
 
@@ -280,7 +282,8 @@ def _with_unit(
             return ChannelChoice(index, name, None, f"{channel}: left out; it has no unit")
         raise LogError(
             f"{where}: column {name} has no unit, needed for {channel}; write it into the name, "
-            f"as in {channel}_{units_of(dimension)[0]}, or declare it in rig.units"
+            f"as in {channel}_{units_of(dimension)[0]}, or declare it in rig.units "
+            f"(--rig units.{channel}={units_of(dimension)[0]})"
         )
     try:
         return ChannelChoice(index, name, find_unit(found, dimension))

@@ -12,6 +12,7 @@ from damperfit.readers.dialect import Dialect, fields_of, find_dialect, metadata
 from damperfit.readers.encoding import to_utf8
 from damperfit.readers.rows import TextRows, load_rows
 from damperfit.readers.table import Column, Table
+from damperfit.recording import Finding
 
 if TYPE_CHECKING:
     from damperfit.readers.files import Source
@@ -25,6 +26,7 @@ _BLOCK = re.compile(rb'(?m)^"?Data Acquisition\b[^\r\n]*(?:\r\n|\n|\r|\Z)')
 _MTS793 = re.compile(rb"MTS793\|[^|\r\n]*\|[^|\r\n]*\|[^|\r\n]*\|[^|\r\n]*\|(?P<decimal>[.,])\|")
 _EVENTS = re.compile(r"events?|markers?|comments?|remarks?|notes?", re.IGNORECASE)
 _MAX_PREAMBLE = 100_000  # bytes; what is longer is no preamble
+_FIRST_LINE = re.compile(rb"[^\r\n]*")
 _LINE_END = re.compile(rb"\r\n|\n|\r")
 
 
@@ -104,42 +106,46 @@ def _read_block(block: _Block, notes: tuple[str, ...], options: ReadOptions) -> 
     dialect = find_dialect(block.data, options, name=name, first_line=block.first_line)
     if block.decimal and not options.decimal and block.decimal != dialect.decimal:
         dialect = replace(dialect, decimal=block.decimal)
-    rows, cut_notes = _without_cut_row(block.data[dialect.data_offset :], name)
+    start = dialect.data_offset
+    rows, cut = _without_cut_row(block.data, start, name)
     is_open = dialect.separator != "," and not options.decimal and not block.decimal
-    if is_open and b"." not in rows and b"," in rows:
+    if is_open and rows.find(b".", start) < 0 <= rows.find(b",", start):
         # The first rows may hold whole numbers only, as of a machine at rest.
         dialect = replace(dialect, decimal=",")
     notes = (*notes, *dialect.notes())
     if dialect.separator == " ":
-        rows = _with_tabs(rows)
+        rows, start = _with_tabs(rows[start:]), 0
         dialect = replace(dialect, separator="\t")
-    rows = _with_events(rows, dialect)
-    first = re.match(rb"[^\r\n]*", rows)
+    if _lacks_events(rows, dialect):
+        rows, start = _with_events(rows[start:], dialect), 0
+    first = _FIRST_LINE.match(rows, start)
     fields = fields_of(first[0].decode("utf-8", "replace") if first else "", dialect.separator)
-    names, n_fields, width_notes = _width(fields, dialect, name)
+    names, n_fields, extra = _width(fields, dialect, name)
     clocks = frozenset(i for i, field in enumerate(fields[: len(names)]) if is_stamp(field))
-    text = TextRows(name, rows, dialect, len(names), n_fields, clocks, options)
+    text = TextRows(name, rows, start, dialect, len(names), n_fields, clocks, options)
     if not text.drops_bad_rows:
         _check_quotes(text)
     return Table(
         columns=_columns(names, dialect, clocks),
         load=lambda wanted: load_rows(text, wanted),
         metadata=metadata_of([*block.preamble, *dialect.preamble]),
-        notes=(*notes, *width_notes, *cut_notes),
+        notes=notes,
         part=block.title,
+        findings=(*extra, *cut),
     )
 
 
-def _without_cut_row(rows: bytes, name: str) -> tuple[bytes, tuple[str, ...]]:
+def _without_cut_row(text: bytes, start: int, name: str) -> tuple[bytes, tuple[Finding, ...]]:
     """Drop a last row without line end: -12 may be what was written of -1234."""
-    if rows.endswith((b"\n", b"\r")):
-        return rows, ()
-    end = max(rows.rfind(b"\n"), rows.rfind(b"\r")) + 1
-    if not rows[end:].strip():
-        return rows[:end], ()
-    if end == 0:
+    if text.endswith((b"\n", b"\r")):
+        return text, ()
+    end = max(text.rfind(b"\n", start), text.rfind(b"\r", start)) + 1 or start
+    if not text[end:].strip():
+        return text[:end], ()
+    if end == start:
         raise LogError(f"{name}: no data rows; the only one has no line end and may be cut")
-    return rows[:end], ("no final newline; the last row may be cut and was dropped",)
+    words = "no final newline; the last row may be cut and was dropped"
+    return text[:end], (Finding("cut_row", "warning", words, 1.0),)
 
 
 def _with_tabs(rows: bytes) -> bytes:
@@ -147,22 +153,26 @@ def _with_tabs(rows: bytes) -> bytes:
     return re.sub(rb"(?m)^\t|\t(?=\r?$)", b"", rows)
 
 
+def _lacks_events(rows: bytes, dialect: Dialect) -> bool:
+    """Say whether the last column may be one that only rows with an event have."""
+    is_named = len(dialect.names) >= 2 and _EVENTS.fullmatch(dialect.names[-1]) is not None
+    return is_named and b'"' not in rows
+
+
 def _with_events(rows: bytes, dialect: Dialect) -> bytes:
-    """Give the last column, which only rows with an event have, to every row."""
-    n_names = len(dialect.names)
-    if n_names < 2 or not _EVENTS.fullmatch(dialect.names[-1]) or b'"' in rows:
-        return rows
+    """Give the last column to every row."""
+    n_before = len(dialect.names) - 2
     separator = dialect.separator.encode()
     lines = _LINE_END.sub(b"\n", rows).split(b"\n")
     return b"\n".join(
-        line + separator if line.count(separator) == n_names - 2 else line for line in lines
+        line + separator if line.count(separator) == n_before else line for line in lines
     )
 
 
 def _width(
     fields: list[str], dialect: Dialect, name: str
-) -> tuple[tuple[str, ...], int, tuple[str, ...]]:
-    """Return names, number of fields in a row, and notes; a trailing separator may add one."""
+) -> tuple[tuple[str, ...], int, tuple[Finding, ...]]:
+    """Return names, number of fields in a row, and findings; a trailing separator may add one."""
     names = dialect.names or ("",) * len(fields)
     if dialect.units and len(dialect.units) != len(names):
         raise LogError(
@@ -171,7 +181,7 @@ def _width(
         )
     if len(fields) == len(names) + 1 and not fields[-1]:
         note = "every row ends in a separator; the empty last column was left out"
-        return names, len(names) + 1, (note,)
+        return names, len(names) + 1, (Finding("extra_separator", "warning", note),)
     return names, len(names), ()
 
 
@@ -186,7 +196,7 @@ def _columns(
 
 
 def _check_quotes(text: TextRows) -> None:
-    if b'"' not in text.rows:
+    if not text.has_quotes:
         return
     for number, line in text.lines():
         if line.count('"') % 2:

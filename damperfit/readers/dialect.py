@@ -28,6 +28,8 @@ _SEPARATORS = (",", ";", "\t", "|", " ")  # blank: runs of blanks and tabs
 _NAMES = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
 _POINT = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _COMMA = re.compile(r"[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+# A comma that may as well part thousands. "0,125" may not: no group starts with a zero.
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+", re.ASCII)
 _NOT_A_NUMBER = frozenset({"nan", "+nan", "-nan", "inf", "+inf", "-inf"})
 _STAMP = re.compile(r"\d+[-/.:]\d+[-/.:]\d.*", re.ASCII | re.DOTALL)
 _ENTRY = re.compile(r"[#%;\s]*(?P<key>[^:=,;\t]{1,60}?)\s*[:=]\s*(?P<value>.*?)[\s;,]*")
@@ -163,12 +165,12 @@ def fields_of(text: str, separator: str) -> list[str]:
     return [field.strip() for field in text.split(separator)]
 
 
-def _is_value(field: str, separator: str, declared: Declarations) -> bool:
+def _is_value(field: str, declared: Declarations) -> bool:
     if declared.thousands:
         field = field.replace(declared.thousands, "")
     return bool(
         _POINT.fullmatch(field)
-        or ((separator != "," or declared.decimal == ",") and _COMMA.fullmatch(field))
+        or _COMMA.fullmatch(field)  # between commas only in quotes
         or field.lower() in _NOT_A_NUMBER
         or _STAMP.fullmatch(field)
     )
@@ -190,7 +192,7 @@ def _rows(lines: Sequence[Line], separator: str, declared: Declarations) -> list
     for line in lines:
         fields = fields_of(line.text, separator)
         filled = [field for field in fields if field]
-        values = sum(_is_value(field, separator, declared) for field in filled)
+        values = sum(_is_value(field, declared) for field in filled)
         is_comment = line.text.lstrip().startswith(("#", "%", "//"))
         share = 0.0 if is_comment or not filled else values / len(filled)
         rows.append(_Row(line, fields, share))
@@ -309,11 +311,18 @@ def _is_units_row(fields: Sequence[str]) -> bool:
 
 
 def _decimal(rows: Sequence[_Row], separator: str, thousands: str) -> str:
-    if separator == "," or thousands == ",":
-        return "."
-    if thousands == ".":
-        return ","
+    """Return the decimal mark that the first rows show.
+
+    Between commas, "1,234" in quotes has thousands or decimals. It has decimals where no number
+    has a point and others, such as "0,5" or "-12,25", cannot have thousands; more than one in ten
+    of them, so that a damaged field does not decide.
+    """
+    if thousands:
+        return "," if thousands == "." else "."
     fields = [field for row in rows for field in row.fields]
     commas = sum(bool(_COMMA.fullmatch(field)) for field in fields)
     points = sum("." in field and bool(_POINT.fullmatch(field)) for field in fields)
-    return "," if commas > points else "."
+    if separator != ",":
+        return "," if commas > points else "."
+    grouped = sum(bool(_GROUPED.fullmatch(field)) for field in fields)
+    return "," if not points and commas - grouped > commas / 10 else "."

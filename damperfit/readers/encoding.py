@@ -7,11 +7,17 @@ import re
 
 from damperfit.errors import LogError
 
-__all__ = ["to_utf8"]
+__all__ = ["is_binary", "to_utf8"]
 
 _UTF16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 _CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f\x7f]")
 _HEAD = 4096  # bytes looked at for signs of binary data
+
+
+def is_binary(data: bytes) -> bool:
+    """Say whether the first bytes are no text, neither of one byte a letter nor UTF-16."""
+    head = data[:_HEAD]
+    return head[:2] not in _UTF16 and (b"\0" in head or _CONTROL.search(head) is not None)
 
 
 def to_utf8(

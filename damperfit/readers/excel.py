@@ -79,13 +79,22 @@ def _check_archive(source: Source, options: ReadOptions) -> int:
     with refusing_damage("ZIP archive", name=name), opened(io.BytesIO(source.data)) as archive:
         members = archive.infolist()
         if not any(member.filename.startswith("xl/workbook") for member in members):
-            raise LogError(f"{name}: this is a ZIP archive; unpack it and give the logs in it")
+            raise LogError(f"{name}: {_other_archive([member.filename for member in members])}")
         if len(members) > _MAX_MEMBERS:
             raise LogError(f"{name}: {len(members)} members, expected a workbook of few")
         claimed = sum(member.file_size for member in members)
         check_size(claimed, limit=options.max_bytes, what="the workbook", name=name)
         sheets = [m for m in members if m.filename.startswith("xl/worksheets/sheet")]
         return sum(_count_formulas(archive, member) for member in sheets)
+
+
+def _other_archive(names: Sequence[str]) -> str:
+    """Return what a ZIP archive is that is no workbook. No member is ever unpacked to disk."""
+    if names and all(name.endswith(".npy") for name in names):
+        return "this is a NumPy archive without units; write CSV or Parquet"
+    if "content.xml" in names:
+        return "this is an OpenDocument file; save the sheet as .xlsx or CSV"
+    return "this is a ZIP archive; unpack it and give the logs in it"
 
 
 def _count_formulas(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> int:

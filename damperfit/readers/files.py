@@ -6,15 +6,20 @@ import hashlib
 import os
 import stat
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from io import FileIO
 
 __all__ = ["Source", "read_source"]
+
+_HASHED_BESIDE = 4_000_000  # bytes; below it, starting a thread costs more than it saves
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,14 +32,19 @@ class Source:
         File name for messages, and the path as given.
     data : bytes
         The whole content.
-    sha256 : str
-        Hash of the file's bytes, hexadecimal.
+    hashed : callable
+        () -> SHA-256 of the file's bytes, hexadecimal.
     """
 
     name: str
     path: str
     data: bytes
-    sha256: str
+    hashed: Callable[[], str]
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of the file's bytes, hexadecimal; waits until it is known."""
+        return self.hashed()
 
 
 def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
@@ -60,7 +70,23 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise LogError(f"{shown}: file unreadable: {reason}") from error
-    return Source(name, shown, data, hashlib.sha256(data).hexdigest())
+    return Source(name, shown, data, _hashed(data))
+
+
+def _hashed(data: bytes) -> Callable[[], str]:
+    """Hash a large log in a thread, as that takes a fifth of the time of parsing it."""
+    digest = hashlib.sha256()
+    if len(data) < _HASHED_BESIDE:
+        digest.update(data)
+        return digest.hexdigest
+    thread = Thread(target=digest.update, args=(data,), name="damperfit hash")
+    thread.start()
+    return partial(_digest_of, digest, thread)
+
+
+def _digest_of(digest: hashlib._Hash, thread: Thread) -> str:
+    thread.join()
+    return digest.hexdigest()
 
 
 def _one_line(text: str) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError
 from damperfit.readers.delimited import read_delimited
+from damperfit.readers.encoding import is_binary
 from damperfit.readers.excel import read_excel
 from damperfit.readers.hdf5 import read_hdf5
 from damperfit.readers.matlab import read_matlab
@@ -50,32 +51,35 @@ class Format:
 FORMATS = (
     Format("Parquet", (b"PAR1",), (".parquet", ".pq"), read_parquet),
     Format("MATLAB", (b"MATLAB 5.0 MAT-file",), (".mat",), read_matlab),
-    Format("MATLAB 7.3", (b"MATLAB 7.3 MAT-file", b"\x89HDF"), (".mat",), read_hdf5),
+    Format("MATLAB 7.3", (b"MATLAB 7.3 MAT-file", b"\x89HDF"), (".mat", ".h5"), read_hdf5),
     Format("TDMS", (b"TDSm",), (".tdms",), read_tdms),
     Format("MDF", (b"MDF     ", b"UnFinMF "), (".mf4", ".mdf"), read_mdf),
     Format("Excel", (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"), (".xlsx", ".xls"), read_excel),
     Format("delimited text", (), (".csv", ".txt", ".tsv", ".dat", ".asc", ".log"), read_delimited),
 )
+_TEXT = FORMATS[-1]  # any suffix may stand for text
 
-# Known by their first bytes, and why they are not read.
+# What is known by its first bytes and not read, and why.
+_PICKLE = "this is a Python pickle, which could run code; write CSV or Parquet"
+_ARCHIVE = "this is an archive; unpack it and give the logs in it"
 _REFUSED = (
     (b"\x93NUMPY", "this is a NumPy array without names or units; write CSV or Parquet"),
-    (b"\x80\x02", "this is a Python pickle, which could run code; write CSV or Parquet"),
-    (b"\x80\x03", "this is a Python pickle, which could run code; write CSV or Parquet"),
-    (b"\x80\x04", "this is a Python pickle, which could run code; write CSV or Parquet"),
-    (b"\x80\x05", "this is a Python pickle, which could run code; write CSV or Parquet"),
-    (b"7z\xbc\xaf\x27\x1c", "this is a 7z archive; unpack it and give the logs in it"),
+    *((b"\x80" + bytes([protocol]), _PICKLE) for protocol in (2, 3, 4, 5)),
+    *((magic, _ARCHIVE) for magic in (b"7z\xbc\xaf\x27\x1c", b"Rar!\x1a\x07")),
+    *((magic, _ARCHIVE) for magic in (b"BZh", b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd")),
     (b"%PDF", "this is a PDF; export the log as delimited text"),
+    (b"SQLite format 3\0", "this is a database; export the log as delimited text"),
 )
+_TAR = 257  # where a tar archive says "ustar"
 
 
 def find_format(source: Source) -> Format:
-    """Return the format of a file.
+    """Return the format of a file: what its first bytes say, else what its suffix says.
 
     Raises
     ------
     LogError
-        It is of a kind that is not read.
+        It is of a kind that is not read, or does not begin as its suffix says.
     """
     for known in FORMATS:
         if known.magic and source.data.startswith(known.magic):
@@ -83,8 +87,13 @@ def find_format(source: Source) -> Format:
     for magic, reason in _REFUSED:
         if source.data.startswith(magic):
             raise LogError(f"{source.name}: {reason}")
+    if source.data.startswith(b"ustar", _TAR):
+        raise LogError(f"{source.name}: {_ARCHIVE}")
     suffix = PurePath(source.name).suffix.lower()
-    for known in FORMATS:
-        if suffix in known.suffixes and not known.magic:
-            return known
-    return FORMATS[-1]  # text can have any suffix; what is no text is refused there
+    named = next((known for known in FORMATS if suffix in known.suffixes), _TEXT)
+    if named is not _TEXT and is_binary(source.data):
+        raise LogError(
+            f"{source.name}: is named like {named.name} and does not begin like it; it is damaged "
+            "or of a version that is not read"
+        )
+    return _TEXT

@@ -68,11 +68,14 @@ class Group:
         Numbers only.
     metadata : mapping of str to str
         Keys in lower case.
+    is_cut : bool
+        The end of the file is missing: what all channels have is kept.
     """
 
     name: str
     channels: tuple[GroupChannel, ...]
     metadata: Mapping[str, str] = field(default_factory=dict)
+    is_cut: bool = False
 
 
 def group_tables(
@@ -109,7 +112,7 @@ def _is_test(group: Group, options: ReadOptions) -> bool:
 def _merged(groups: Sequence[Group]) -> Group:
     channels = tuple(channel for group in groups for channel in group.channels)
     metadata = {key: value for group in reversed(groups) for key, value in group.metadata.items()}
-    return Group("", channels, metadata)
+    return Group("", channels, metadata, is_cut=any(group.is_cut for group in groups))
 
 
 def _columns(group: Group) -> tuple[Column, ...]:
@@ -130,7 +133,8 @@ def _makes_time(group: Group) -> bool:
 
 def _table(group: Group, options: ReadOptions, name: str, notes: tuple[str, ...]) -> Table:
     def load(wanted: Mapping[str, int]) -> Samples:
-        return Samples(_load(group, wanted, options, name), lambda index: f"row {index + 1}")
+        channels, said = _load(group, wanted, options, name)
+        return Samples(channels, lambda index: f"row {index + 1}", said)
 
     from_interval = ("time: from the interval between values",) if _makes_time(group) else ()
     said = (f"group: {visible(group.name)}",) if group.name else ()
@@ -139,33 +143,43 @@ def _table(group: Group, options: ReadOptions, name: str, notes: tuple[str, ...]
 
 def _load(
     group: Group, wanted: Mapping[str, int], options: ReadOptions, name: str
-) -> dict[str, FloatArray]:
+) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     chosen = {
         channel: group.channels[index]
         for channel, index in wanted.items()
         if index < len(group.channels)
     }
     lengths = {channel: column.length for channel, column in chosen.items()}
+    n_common = min(lengths.values(), default=0)
+    notes: tuple[str, ...] = ()
     if len(set(lengths.values())) > 1:
         shown = ", ".join(f"{channel} {n}" for channel, n in lengths.items())
-        raise LogError(f"{name}: channels of different length: {shown} values; log them together")
+        if not group.is_cut:
+            raise LogError(
+                f"{name}: channels of different length: {shown} values; log them together"
+            )
+        notes = (f"kept: the first {n_common} values, which all channels have, of {shown}",)
     claimed = 8 * sum(lengths.values())
     check_size(claimed, limit=options.max_bytes, what="the log", name=name)
-    loaded = {}
-    for channel, column in chosen.items():
-        values = np.asarray(column.load(), dtype=np.float64)
-        if values.shape != (column.length,):
-            raise LogError(
-                f"{name}: {channel}: {column.length} values are announced and {values.size} found; "
-                "copy the log again"
-            )
-        loaded[channel] = values
+    loaded = {
+        channel: _values(channel, column, name)[:n_common] for channel, column in chosen.items()
+    }
     if "time" in wanted and "time" not in chosen:
-        loaded["time"] = _time(chosen, name)
-    return loaded
+        loaded["time"] = _time(chosen, n_common, name)
+    return loaded, notes
 
 
-def _time(chosen: Mapping[str, GroupChannel], name: str) -> FloatArray:
+def _values(channel: str, column: GroupChannel, name: str) -> FloatArray:
+    values = np.asarray(column.load(), dtype=np.float64)
+    if values.shape != (column.length,):
+        raise LogError(
+            f"{name}: {channel}: {column.length} values are announced and {values.size} found; "
+            "copy the log again"
+        )
+    return values
+
+
+def _time(chosen: Mapping[str, GroupChannel], n: int, name: str) -> FloatArray:
     steps = {channel: (column.interval, column.start) for channel, column in chosen.items()}
     if len(set(steps.values())) > 1:
         shown = ", ".join(
@@ -175,4 +189,4 @@ def _time(chosen: Mapping[str, GroupChannel], name: str) -> FloatArray:
     first = next(iter(chosen.values()))
     if first.interval is None or not np.isfinite(first.interval) or first.interval <= 0.0:
         raise LogError(f"{name}: the interval between values is {first.interval} s")
-    return first.start + first.interval * np.arange(first.length, dtype=np.float64)
+    return first.start + first.interval * np.arange(n, dtype=np.float64)

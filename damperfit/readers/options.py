@@ -90,6 +90,8 @@ class Declarations:
         When time runs backwards: "refuse" the log, "split" it into tests, or keep the "last".
     bad_rows : str
         Rows with text or blanks in a channel, or too few or many fields: "refuse" or "drop".
+    allow_truncated : bool
+        Of a TDMS log whose end is missing, keep the values that all channels have.
 
     Raises
     ------
@@ -114,6 +116,7 @@ class Declarations:
     pause: float = 0.0
     restarts: str = "refuse"
     bad_rows: str = "refuse"
+    allow_truncated: bool = False
 
     def __post_init__(self) -> None:
         """Refuse declarations that mean nothing."""

@@ -18,6 +18,7 @@ from damperfit.readers.clock import clock_seconds, is_stamp
 from damperfit.readers.dialect import fields_of
 from damperfit.readers.options import EXTRAS
 from damperfit.readers.table import Samples
+from damperfit.recording import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -50,7 +51,9 @@ class TextRows:
     name : str
         Log, for messages.
     rows : bytes
-        From the first row of data on; every row ends.
+        The text; every row ends.
+    start : int
+        Byte of the first row of data; a copy of a large log without its head would cost time.
     dialect : Dialect
         Separator and decimal mark.
     n_names, n_fields : int
@@ -63,6 +66,7 @@ class TextRows:
 
     name: str
     rows: bytes
+    start: int
     dialect: Dialect
     n_names: int
     n_fields: int
@@ -74,10 +78,15 @@ class TextRows:
         """Leave out what cannot be read, and count it."""
         return self.declared.bad_rows == "drop"
 
+    @property
+    def has_quotes(self) -> bool:
+        """Say whether any field may be quoted."""
+        return self.rows.find(b'"', self.start) >= 0
+
     def lines(self) -> Iterator[tuple[int, str]]:
         """Yield number and text of each row that is not blank."""
         number = self.dialect.data_line
-        for found in _LINE.finditer(self.rows):
+        for found in _LINE.finditer(self.rows, self.start):
             if found[1]:
                 yield number, found[1].decode("utf-8", "replace")
             number += 1
@@ -143,13 +152,14 @@ def _load_in_pieces(text: TextRows, wanted: Mapping[str, int]) -> Samples:
     columns = {
         channel: np.concatenate([piece.columns[channel] for piece in pieces]) for channel in wanted
     }
-    notes = (f"{n_bad} rows that cannot be read were dropped; {first_bad}",) if n_bad else ()
-    return Samples(columns, place, notes)
+    text_of_bad = f"{n_bad} rows that cannot be read were dropped; {first_bad}"
+    found = (Finding("rows_dropped", "warning", text_of_bad, float(n_bad)),) if n_bad else ()
+    return Samples(columns, place, findings=found)
 
 
 def _cut(text: TextRows) -> Iterator[TextRows]:
     """Yield the rows in pieces of whole lines."""
-    start, line = 0, text.dialect.data_line
+    start, line = text.start, text.dialect.data_line
     while start < len(text.rows):
         end = start + _PIECE
         cut = max(text.rows.rfind(b"\n", start, end), text.rows.rfind(b"\r", start, end)) + 1
@@ -161,7 +171,7 @@ def _cut(text: TextRows) -> Iterator[TextRows]:
         elif text.rows[cut - 1 : cut + 1] == b"\r\n":
             cut += 1
         rows = text.rows[start:cut]
-        yield replace(text, rows=rows, dialect=replace(text.dialect, data_line=line))
+        yield replace(text, rows=rows, start=0, dialect=replace(text.dialect, data_line=line))
         line += sum(1 for _ in _LINE_END.finditer(rows))
         start = cut
 
@@ -193,9 +203,12 @@ def _parse(text: TextRows, indices: list[int]) -> dict[int, FloatArray]:
     }
     types.update(dict.fromkeys(extra, pa.null()))  # anything in the column is an error
     table = csv.read_csv(
-        pa.BufferReader(text.rows),
+        pa.BufferReader(pa.py_buffer(text.rows).slice(text.start)),
         read_options=csv.ReadOptions(column_names=names, use_threads=len(text.rows) > _THREADED),
-        parse_options=csv.ParseOptions(delimiter=text.dialect.separator),
+        parse_options=csv.ParseOptions(
+            delimiter=text.dialect.separator,
+            quote_char='"' if text.has_quotes else False,
+        ),
         convert_options=csv.ConvertOptions(
             column_types=types,
             include_columns=[names[i] for i in indices] + extra,
@@ -300,5 +313,9 @@ def _number(text: TextRows, field: str, channel: str, where: str) -> float:
         return float(plain)
     if not plain or plain.lower() in _NOT_FINITE:
         return float(plain or "nan")
-    hint = "; if it has a mark of thousands, declare rig.thousands" if is_grouped else ""
+    hint = ""
+    if is_grouped:
+        hint = "; if it has a mark of thousands, declare rig.thousands"
+        if is_grouped["mark"] == "," != text.dialect.decimal:
+            hint += ", if a decimal comma, rig.decimal"
     raise LogError(f"{where}: {channel} is {visible(field)}, expected a number{hint}")

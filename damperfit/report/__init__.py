@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.report.closing import closing_sheet
 from damperfit.report.facts import Failure, ReportFacts
+from damperfit.report.inspection import VERDICT_COLOURS, finding_lines, log_sheet
+from damperfit.report.ladder import check_lines, ladder_sheet, stroke_sheet
 from damperfit.report.markdown import markdown_report
-from damperfit.report.rows import Sheet, log_sheet, parameter_sheet
+from damperfit.report.rows import Sheet, parameter_sheet
 from damperfit.report.spark import ASCII_LEVELS, BLOCK_LEVELS, sparkline
 from damperfit.report.terminal import terminal_table
 
@@ -30,25 +32,30 @@ if TYPE_CHECKING:
 __all__ = [
     "ASCII_LEVELS",
     "BLOCK_LEVELS",
+    "VERDICT_COLOURS",
     "Failure",
     "Kin",
     "Plot",
     "Portfolio",
     "ReportFacts",
     "Sheet",
+    "check_lines",
     "closing_sheet",
     "draw_plot",
     "family_plot",
     "family_records",
     "family_sentence",
     "family_sheet",
+    "finding_lines",
     "html_report",
     "kin_pressures",
+    "ladder_sheet",
     "log_sheet",
     "markdown_report",
     "parameter_sheet",
     "portfolio",
     "sparkline",
+    "stroke_sheet",
     "terminal_table",
 ]
 

@@ -1,8 +1,8 @@
 """The report as one HTML file: text and tables by us, plots by plotly.js, everything inlined.
 
 Everything that may have come from a log or a configuration is escaped where it enters the page:
-`escape` in HTML, and in plot descriptions, which plotly reads as a small HTML of its own. The page
-forbids itself every network request (Content-Security-Policy).
+`page_text` in HTML, and in plot descriptions, which plotly reads as a small HTML of its own.
+The page forbids itself every network request (Content-Security-Policy).
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import base64
 import json
 from dataclasses import dataclass, field
-from html import escape as html_escape
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
@@ -23,7 +22,7 @@ from damperfit.errors import InstallationError
 from damperfit.report.campaign_plots import campaign_plots
 from damperfit.report.page_sheets import result_tables
 from damperfit.report.page_summary import setting_verdict, summary_html
-from damperfit.report.page_tables import details_html, log_table, words_html
+from damperfit.report.page_tables import details_html, log_table, page_text, words_html
 from damperfit.report.plots import setting_colours
 from damperfit.report.rows import parameter_line
 from damperfit.report.run_record import told_trends
@@ -123,8 +122,8 @@ def html_report(shown: Portfolio, *, title: str) -> str:
         "colours": {str(setting): colour for setting, colour in shown.colours.items()},
     }
     parts = {
-        "title": html_escape(title),
-        "version": html_escape(__version__),
+        "title": page_text(title),
+        "version": page_text(__version__),
         "style": _asset("page.css"),
         "summary": summary_html(shown.results, [view for view, _ in shown.by_log]),
         "tables": result_tables(shown.results) or "<p>No table could be read.</p>",
@@ -184,16 +183,16 @@ def _figure(plot: Plot, store: _Store) -> str:
     store.plots.append(
         {
             "name": plot.name,
-            "title": html_escape(plot.title),
+            "title": page_text(plot.title),
             "panels": panels,
             "keyed": bool(plot.key),
         }
     )
-    caption = f"<figcaption>{html_escape(plot.caption)}</figcaption>" if plot.caption else ""
+    caption = f"<figcaption>{page_text(plot.caption)}</figcaption>" if plot.caption else ""
     tall = " tall" if len(plot.panels) > 1 else ""
     return (
-        f'<figure><h3>{html_escape(plot.title)}</h3><div class="plot{tall}" id="plot-{place}" '
-        f'data-name="{html_escape(plot.name)}"></div>{caption}</figure>\n'
+        f'<figure><h3>{page_text(plot.title)}</h3><div class="plot{tall}" id="plot-{place}" '
+        f'data-name="{page_text(plot.name)}"></div>{caption}</figure>\n'
     )
 
 
@@ -215,7 +214,7 @@ def _line(line: Line, store: _Store) -> dict[str, Any]:
     return {
         "x": store.add(line.x),
         "y": store.add(line.y),
-        "label": html_escape(line.label),
+        "label": page_text(line.label),
         "colour": line.colour,
         "setting": line.setting,
         "style": line.style,
@@ -258,8 +257,8 @@ def _log_section(
     verdict = f"Fit of the setting: {setting_verdict(row)}. {parameter_line(row)}" if row else ""
     return (
         f'<section class="log" data-setting="{signals.setting}">'
-        f"<h2>Setting {signals.setting}: {html_escape(signals.log)}</h2>"
-        f'<p class="lead">{html_escape(verdict)}</p><p>{html_escape(facts)}</p>'
+        f"<h2>Setting {signals.setting}: {page_text(signals.log)}</h2>"
+        f'<p class="lead">{page_text(verdict)}</p><p>{page_text(facts)}</p>'
         f"{words_html('Findings', [f'{f.severity}: {f.sentence}' for f in view.findings])}"
         f"{details_html('How the log was read', view.notes)}"
         f'<div class="grid">{figures}<figure><h3>Setting {signals.setting}: forces</h3>'

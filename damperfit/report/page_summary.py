@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from html import escape
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from damperfit.report.page_tables import details_html, table_html, words_html
+from damperfit.report.page_tables import details_html, page_text, table_html, words_html
 from damperfit.report.rows import Sheet, flags, number, percent
 from damperfit.report.run_record import (
     span_words,
@@ -55,7 +54,7 @@ def summary_html(results: Results, views: Sequence[LogView]) -> str:
     trends = [trend.sentence for trend in told_trends(record) if trend.sentence]
     return "".join(
         (
-            f'<p class="lead">{escape(" ".join(_headline(results)))}</p>',
+            f'<p class="lead">{page_text(" ".join(_headline(results)))}</p>',
             _facts(results, views),
             words_html("These results are not whole", results.remarks, kind="alarm"),
             words_html(
@@ -187,7 +186,7 @@ def _checks(record: Mapping[str, Any]) -> str:
         tuple((check.name.replace("_", " "), check.verdict, check.reason) for check in order),
         (False, False, False),
     )
-    return f"<h3>{escape(title)}</h3>{table_html(sheet, kind='checks')}"
+    return f"<h3>{page_text(title)}</h3>{table_html(sheet, kind='checks')}"
 
 
 def _log_findings(record: Mapping[str, Any]) -> list[str]:

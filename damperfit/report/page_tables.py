@@ -1,8 +1,8 @@
-"""Sheets and lists as HTML; every text is escaped here."""
+"""Sheets and lists as HTML; every text is escaped here, by `page_text`."""
 
 from __future__ import annotations
 
-from html import escape
+from html import escape as html_escape
 from typing import TYPE_CHECKING
 
 from damperfit.report.rows import Sheet, number
@@ -12,26 +12,38 @@ if TYPE_CHECKING:
 
     from damperfit.report.views import LogView
 
-__all__ = ["details_html", "log_table", "table_html", "words_html"]
+__all__ = ["details_html", "log_table", "page_text", "table_html", "words_html"]
 
 
 _LOOKS = {"excellent": "well", "passed": "well", "poor": "ill", "FAILED": "ill"}
+
+
+def page_text(text: object) -> str:
+    r"""Return text that a page and a plot show as it is, control characters as escapes.
+
+    Examples
+    --------
+    >>> print(page_text("<b>run_1\x1b[0m"))
+    &lt;b&gt;run_1\x1b[0m
+    """
+    shown = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in str(text))
+    return html_escape(shown)
 
 
 def words_html(title: str, items: Sequence[object], *, kind: str = "") -> str:
     """Return a titled list, or nothing when it would be empty."""
     if not items:
         return ""
-    lines = "".join(f"<li>{escape(str(item))}</li>" for item in items)
-    return f'<div class="words {escape(kind)}"><h3>{escape(title)}</h3><ul>{lines}</ul></div>'
+    lines = "".join(f"<li>{page_text(str(item))}</li>" for item in items)
+    return f'<div class="words {page_text(kind)}"><h3>{page_text(title)}</h3><ul>{lines}</ul></div>'
 
 
 def details_html(title: str, items: Sequence[object]) -> str:
     """Return a titled list that opens on demand, and in print; nothing when it would be empty."""
     if not items:
         return ""
-    lines = "".join(f"<li>{escape(str(item))}</li>" for item in items)
-    return f'<details class="words"><summary>{escape(title)}</summary><ul>{lines}</ul></details>'
+    lines = "".join(f"<li>{page_text(str(item))}</li>" for item in items)
+    return f'<details class="words"><summary>{page_text(title)}</summary><ul>{lines}</ul></details>'
 
 
 def table_html(sheet: Sheet, *, kind: str = "") -> str:
@@ -39,7 +51,7 @@ def table_html(sheet: Sheet, *, kind: str = "") -> str:
 
     def row(cells: Sequence[str], tag: str) -> str:
         done = (
-            f"<{tag}{_mark(cell, is_number=is_number)}>{escape(cell)}</{tag}>"
+            f"<{tag}{_mark(cell, is_number=is_number)}>{page_text(cell)}</{tag}>"
             for cell, is_number in zip(cells, sheet.is_number, strict=True)
         )
         return f"<tr>{''.join(done)}</tr>"
@@ -47,9 +59,9 @@ def table_html(sheet: Sheet, *, kind: str = "") -> str:
     heads = row(sheet.headings, "th") if any(sheet.headings) else ""
     heads += row(sheet.units, "th") if any(sheet.units) else ""
     body = "".join(row(cells, "td") for cells in sheet.rows)
-    notes = "".join(f'<p class="note">{escape(note)}</p>' for note in sheet.notes)
+    notes = "".join(f'<p class="note">{page_text(note)}</p>' for note in sheet.notes)
     table = f"<table><thead>{heads}</thead><tbody>{body}</tbody></table>"
-    return f'<div class="table {escape(kind)}">{table}</div>{notes}'
+    return f'<div class="table {page_text(kind)}">{table}</div>{notes}'
 
 
 def _mark(cell: str, *, is_number: bool) -> str:

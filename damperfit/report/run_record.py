@@ -132,12 +132,11 @@ def told_trends(record: Mapping[str, Any]) -> tuple[ToldTrend, ...]:
     for entry in _entries(record, "trends"):
         points = [_point(point) for point in _entries(entry, "points")]
         whole = sorted(p for p in points if math.isfinite(p[0]) and math.isfinite(p[1]))
-        outliers = entry.get("outliers")
         found.append(
             ToldTrend(
                 str(entry.get("parameter", "")),
                 tuple(whole),
-                tuple(map(_number, outliers)) if isinstance(outliers, list) else (),
+                tuple(_number(one.get("setting")) for one in _entries(entry, "outliers")),
                 _text(entry.get("sentence")),
             )
         )

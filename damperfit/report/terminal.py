@@ -1,4 +1,8 @@
-"""A sheet as a table for the terminal; at most 80 columns wide, and plain in a pipe."""
+"""A sheet as a table for the terminal; at most 80 columns wide, and plain in a pipe.
+
+A cell may be the name of a log, which may hold anything: rich obeys no markup in a `Text`, but
+passes escape sequences and reversed writing on, so they are shown as escapes.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,8 @@ from typing import TYPE_CHECKING
 from damperfit.report.rows import Sheet, sheet_width
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rich.console import RenderableType
 
 __all__ = ["terminal_table"]
@@ -15,8 +21,8 @@ _COLUMNS = 80
 _COLOURS = {"excellent": "green", "good": "yellow", "poor": "red"}
 
 
-def terminal_table(sheet: Sheet) -> RenderableType:
-    """Return a rich table: headings, units, rows, notes below."""
+def terminal_table(sheet: Sheet, *, colours: Mapping[str, str] = _COLOURS) -> RenderableType:
+    """Return a rich table: headings, units, rows, notes below; cells coloured by their word."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
@@ -30,5 +36,9 @@ def terminal_table(sheet: Sheet) -> RenderableType:
             overflow="fold",
         )
     for row in sheet.rows:
-        table.add_row(*(Text(cell, style=_COLOURS.get(cell, "")) for cell in row))
-    return Group(table, *(Text(note, style="dim") for note in sheet.notes))
+        table.add_row(*(Text(_printable(cell), style=colours.get(cell, "")) for cell in row))
+    return Group(table, *(Text(_printable(note), style="dim") for note in sheet.notes))
+
+
+def _printable(cell: str) -> str:
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in cell)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.intervals import Uncertainty, collect_evidence, uncertainties
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.parameters import Damper
     from damperfit.identification import Campaign
+    from damperfit.uncertainty.evidence import Evidence
 
 __all__ = ["METHOD", "Assessment", "assess"]
 
@@ -86,11 +89,25 @@ def assess(
     jobs : int
         Threads.
     """
-    evidence = collect_evidence(campaign, damper, solver=solver, jobs=jobs)
+    evidence: list[Evidence] = []
+    diagnoses: list[Diagnosis] = []
+    n_at_once = max(1, jobs)
+    for start in range(0, len(campaign.fits), n_at_once):
+        few = replace(campaign, fits=campaign.fits[start : start + n_at_once])
+        seen = collect_evidence(few, damper, solver=solver, jobs=jobs)
+        diagnoses.extend(diagnose(one) for one in seen)
+        evidence.extend(_without_curves(one) for one in seen)
     return Assessment(
         uncertainties=uncertainties(evidence, campaign.sharing),
-        diagnoses=tuple(diagnose(one) for one in evidence),
+        diagnoses=tuple(diagnoses),
     )
+
+
+def _without_curves(evidence: Evidence) -> Evidence:
+    """Keep only the residuals of each log: of thousands of logs the rest would fill the memory."""
+    none = np.empty((0, 0))
+    logs = (replace(log, jacobian=none, gas=none, force=none) for log in evidence.logs)
+    return replace(evidence, logs=tuple(logs))
 
 
 def _warning(group: list[Diagnosis]) -> str:

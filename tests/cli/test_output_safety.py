@@ -1,0 +1,200 @@
+"""Results stay whole whatever happens to the run or its folder; what a log says stays text."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from damperfit import pipeline
+
+ROOT = Path(__file__).parents[2]
+QUICK = (
+    *("--procedure", "plain", "--free", "r_m1,r_m2,k_e"),
+    *("--fix", "r_m3=2.6e6", "--fix", "f_f=50N"),
+)
+
+
+def _contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+# Ends the process as a power cut would, at the n-th rename; with n = 0 before the first.
+_KILLED = """
+import os, signal, sys
+from pathlib import Path
+from damperfit.cli import main
+left, replace = [int(sys.argv[1])], os.replace
+def replace_or_die(source, target):
+    if left[0] == 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    left[0] -= 1
+    replace(source, target)
+os.replace = replace_or_die
+main(sys.argv[2:])
+"""
+
+
+def _killed_at(rename: int, log: Path, folder: Path) -> None:
+    command = [sys.executable, "-c", _KILLED, str(rename), "identify", str(log), *QUICK, "--quiet"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, check=False)
+    assert done.returncode == -signal.SIGKILL
+
+
+@pytest.fixture(scope="module")
+def results(logs, tmp_path_factory) -> Path:
+    from damperfit.cli import main
+
+    folder = tmp_path_factory.mktemp("first") / "results"
+    code = main(["identify", str(logs / "setting_01.csv"), *QUICK, "--quiet", "--out", str(folder)])
+    assert code == 0
+    return folder
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs SIGKILL")
+def test_a_run_killed_at_any_moment_leaves_every_file_whole(run, logs, results, tmp_path) -> None:
+    folder = tmp_path / "results"
+    shutil.copytree(results, folder)
+    before = _contents(folder)
+    _killed_at(0, logs / "setting_02.csv", tmp_path)
+    left = _contents(folder)
+    assert {name: left.pop(name) for name in before} == before
+    assert left  # temporary files of the dead run
+    _killed_at(3, logs / "setting_02.csv", tmp_path)
+    between = _contents(folder)
+    n_new = sum(between[name] != before[name] for name in before)
+    assert n_new == 3
+    assert between["run.json"] == before["run.json"]  # comes last
+    ended = run("report", "results")  # and so a mixed set is found out
+    assert ended.code == 1
+    assert "parameters.parquet is not the file that the run wrote" in ended.err
+    assert run("identify", logs / "setting_02.csv", *QUICK).code == 0
+    after = _contents(folder)
+    assert set(after) - {"report.html"} == set(before)
+    assert after["parameters.parquet"] == between["parameters.parquet"]
+
+
+def test_a_read_only_folder_is_one_line(run, logs, results, tmp_path, monkeypatch) -> None:
+    folder = tmp_path / "results"
+    shutil.copytree(results, folder)
+    before = _contents(folder)
+    opened = Path.open
+
+    def refuse(path, mode="r", *arguments, **how):  # root may write whatever the mode says
+        if path.parent == Path("results") and mode != "r" and "b" in mode and mode != "rb":
+            raise OSError(30, "Read-only file system")
+        return opened(path, mode, *arguments, **how)
+
+    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr(Path, "write_bytes", lambda path, _: refuse(path, "wb"))
+    ended = run("identify", logs / "setting_01.csv", *QUICK)
+    assert ended.code == 1
+    (line,) = [line for line in ended.err.splitlines() if "cannot write" in line]
+    assert line.endswith("Read-only file system; earlier results there are untouched")
+    monkeypatch.undo()
+    assert _contents(folder) == before
+
+
+def test_a_linked_folder_is_written_to_where_it_points(run, logs, results, tmp_path) -> None:
+    """The folder that the user names may be a link; files in it are replaced, never followed."""
+    real = tmp_path / "real"
+    real.mkdir()
+    precious = tmp_path / "precious.txt"
+    precious.write_text("precious")
+    for name in ("parameters.csv", "run.json", "report.md"):
+        (real / name).symlink_to(precious)
+    (tmp_path / "results").symlink_to(real, target_is_directory=True)
+    ended = run("identify", logs / "setting_01.csv", *QUICK)
+    assert ended.code == 0
+    assert precious.read_text() == "precious"
+    assert not any(path.is_symlink() for path in real.iterdir())
+    assert (tmp_path / "results").is_symlink()
+    assert set(_contents(real)) == set(_contents(results))
+
+
+def test_a_folder_that_vanishes_during_the_run_is_made_again(
+    run, logs, results, tmp_path, monkeypatch
+) -> None:
+    shutil.copytree(results, tmp_path / "results")
+    judge = pipeline.assess
+
+    def vanish(*arguments, **how):
+        shutil.rmtree(tmp_path / "results")
+        return judge(*arguments, **how)
+
+    monkeypatch.setattr(pipeline, "assess", vanish)
+    assert run("identify", logs / "setting_01.csv", *QUICK).code == 0
+    assert set(_contents(tmp_path / "results")) == set(_contents(results))
+
+
+def test_a_folder_that_vanishes_while_it_is_written_to_is_one_line(
+    run, logs, tmp_path, monkeypatch
+) -> None:
+    write = pipeline.write_responses
+
+    def vanish(*arguments, **how):
+        shutil.rmtree(tmp_path / "results")
+        return write(*arguments, **how)
+
+    monkeypatch.setattr(pipeline, "write_responses", vanish)
+    ended = run("identify", logs / "setting_01.csv", *QUICK, "--quiet")
+    assert ended.code == 1
+    (line,) = ended.err.splitlines()
+    assert "cannot write to results" in line
+
+
+# What a log may say, and every place where it is shown
+
+EVIL = "<script>alert(1)</script>[red]x[/red] `*_| =HYPERLINK(1) \x1b]0;owned\u202e"
+
+
+def _evil_logs(logs: Path, folder: Path) -> list[Path]:
+    """Two logs whose names, preambles and columns ask to be obeyed; one of them is refused."""
+    text = (logs / "setting_01.csv").read_text()
+    rows = text[text.index("time_s") :]
+    name = "=cmd[red]'<b>`|\x1b[31m\u202e_setting_1.csv"
+    header, _, body = rows.partition("\n")
+    evil_header = header.replace("force_N", f'"{EVIL.replace(",", " ")} force_N"')
+    good = f"# operator: {EVIL}\n# {EVIL}: x\n{evil_header}\n{body}"
+    (folder / name).write_text(good)
+    bad = good.replace("force_N", "forse_N")
+    (folder / name.replace("_1.csv", "_2.csv")).write_text(bad)
+    return [folder / name, folder / name.replace("_1.csv", "_2.csv")]
+
+
+def _is_clean(text: str) -> bool:
+    return not any(c in text for c in "\x1b\x07\u202e")
+
+
+def test_nothing_that_a_log_says_becomes_markup(run, logs, tmp_path) -> None:
+    paths = _evil_logs(logs, tmp_path)
+    ended = run("inspect", *paths)
+    assert ended.code == 1
+    assert _is_clean(ended.out + ended.err)
+    assert "[red]" in ended.out  # shown, not obeyed
+    ended = run("identify", *paths, *QUICK, "--report")
+    assert ended.code == 1
+    assert _is_clean(ended.out + ended.err)
+    folder = tmp_path / "results"
+    report = (folder / "report.md").read_text()
+    assert _is_clean(report)
+    bare = report.replace("\\<", "").replace("\\[", "")  # what Markdown shows as it is
+    assert not any(mark in bare for mark in ("<script", "<b>", "[red]"))
+    page = (folder / "report.html").read_text()
+    assert "<script>alert" not in page
+    assert "\x1b" not in page
+    with (folder / "mse.csv").open(newline="") as file:
+        cells = [cell for row in csv.reader(file) for cell in row]
+    assert any(cell.startswith("'=cmd") for cell in cells)
+    assert not any(cell.startswith(("=", "@", "\t", "\r")) for cell in cells)
+    assert {path.parent for path in tmp_path.rglob("*") if path.is_file()} == {tmp_path, folder}
+    json.loads((folder / "run.json").read_text())
+    assert "\x1b" not in (folder / "run.json").read_text()
