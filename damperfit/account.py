@@ -19,12 +19,12 @@ from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
 from damperfit.uncertainty import METHOD, verdicts
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from damperfit.identification import Campaign
     from damperfit.intake import Intake, LogFacts
     from damperfit.settings import RigOptions, Settings
-    from damperfit.uncertainty import Assessment
+    from damperfit.uncertainty import Assessment, Prediction
 
 __all__ = [
     "Ending",
@@ -57,6 +57,7 @@ def report_facts(
     campaign: Campaign,
     assessment: Assessment,
     *,
+    predictions: Sequence[Prediction] = (),
     is_interrupted: bool,
 ) -> ReportFacts:
     """Return what a report tells besides the tables."""
@@ -67,11 +68,16 @@ def report_facts(
         version=__version__,
         procedure=(*_procedure(settings, campaign), *((METHOD,) if campaign.fits else ())),
         failures=failures,
-        warnings=(*_warnings(settings, intake, campaign), *assessment.warnings),
+        warnings=(
+            *_warnings(settings, intake, campaign),
+            *assessment.warnings,
+            *_prediction_warnings(predictions),
+        ),
         trust=assessment.sentences,
         gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
         gates=tuple(_missed_gates(settings, campaign)),
         advice=tuple(sorted((outcome.value, outcome.advice) for outcome in outcomes)),
+        held_out=tuple(predictions),
         is_interrupted=is_interrupted,
     )
 
@@ -87,9 +93,15 @@ def ending_of(campaign: Campaign, facts: ReportFacts) -> Ending:
     return Ending.GATE_MISSED if facts.gates else Ending.COMPLETE
 
 
-def provenance(settings: Settings, intake: Intake, campaign: Campaign) -> dict[str, Any]:
+def provenance(
+    settings: Settings,
+    intake: Intake,
+    campaign: Campaign,
+    predictions: Sequence[Prediction] = (),
+) -> dict[str, Any]:
     """Return what the tables were made from; nothing in it depends on place, time or failures."""
     used = {log.trace.name for fit in campaign.fits for log in fit.logs}
+    used |= {one.trace.name for one in predictions}
     document = {key: value for key, value in settings.document.items() if key != "output"}
     return {
         "version": __version__,
@@ -123,6 +135,7 @@ def record(
         "gates_missed": list(facts.gates),
         "procedure": list(facts.procedure),
         "uncertainty": list(_trust(campaign, assessment)),
+        "held_out": [_predicted(one) for one in facts.held_out],
         "schema": describe_tables(),
     }
     cleaned: dict[str, Any] = json_values(document)
@@ -143,6 +156,33 @@ def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any
             },
             "residuals": asdict(seen),
         }
+
+
+def _predicted(one: Prediction) -> dict[str, Any]:
+    return {
+        "setting": one.setting,
+        "log": one.trace.name,
+        "cycles": one.cycles,
+        "amplitude_m": one.trace.amplitude,
+        "frequency_Hz": one.trace.frequency,
+        "mse_percent": one.mse_percent,
+        "noise_floor_percent": one.noise_floor_percent,
+        "fitted_mse_percent": one.fitted_mse_percent,
+        "expected_mse_percent": one.expected_mse_percent,
+        "verdict": one.verdict,
+    }
+
+
+def _prediction_warnings(predictions: Sequence[Prediction]) -> Iterator[str]:
+    """Yield one line for all predictions that fail, led by the worst."""
+    failed = [one for one in predictions if one.is_failed]
+    if failed:
+        worst = max(failed, key=lambda one: one.ratio)
+        yield (
+            f"{len(failed)} of {len(predictions)} held-out logs are not met as the fitted ones "
+            f"are, most {worst.trace.name}: {worst.verdict}; the parameters hold for the tests "
+            "that were fitted, not for the damper"
+        )
 
 
 def log_documents(intake: Intake) -> dict[str, Any]:

@@ -13,16 +13,18 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from damperfit.account import Ending, ending_of, provenance, record, report_facts
 from damperfit.atomic import check_writable, file_set
 from damperfit.errors import ConfigurationError
+from damperfit.holdout import Parted, named_files, note_unpredicted, part
 from damperfit.identification import Campaign, compare, identify
 from damperfit.intake import available_cores, expand, take_in
 from damperfit.report import markdown_report
 from damperfit.tables import make_tables, write_responses, write_table
-from damperfit.uncertainty import assess
+from damperfit.uncertainty import assess, predict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -126,12 +128,16 @@ def run(
     clock = _Clock()
     folder = settings.output.folder
     paths = expand(logs)
+    named = named_files(settings.hold_out.patterns, paths)
+    paths = tuple(dict.fromkeys((*paths, *chain.from_iterable(named.values()))))
     check_writable(folder)
     workers = jobs or available_cores()
     with clock.lap("read_s"):
         intake = take_in(paths, settings, jobs=workers, setting=setting, cancelled=watch.cancelled)
     if not intake.logs and not watch.cancelled():
         raise ConfigurationError("no logs among the files given: they are all parameter tables")
+    parted = Parted(intake) if watch.cancelled() else part(intake, settings.hold_out, named)
+    intake = parted.intake
     watch.on_start(len({trace.setting for trace in intake.traces}))
     with clock.lap("fit_s"):
         campaign = _identify(settings, intake.traces, jobs=workers, watch=watch)
@@ -139,8 +145,25 @@ def run(
         assessment = assess(
             campaign, settings.damper, solver=settings.identification.solver, jobs=workers
         )
-    origin = provenance(settings, intake, campaign)
-    facts = report_facts(settings, intake, campaign, assessment, is_interrupted=watch.cancelled())
+        predictions = predict(
+            campaign,
+            assessment,
+            parted.held_out,
+            damper=settings.damper,
+            solver=settings.identification.solver,
+            jobs=workers,
+        )
+    if not watch.cancelled():
+        intake = note_unpredicted(parted, campaign, predictions)
+    origin = provenance(settings, intake, campaign, predictions)
+    facts = report_facts(
+        settings,
+        intake,
+        campaign,
+        assessment,
+        predictions=predictions,
+        is_interrupted=watch.cancelled(),
+    )
     ending = ending_of(campaign, facts)
     result = RunResult(
         ending=ending,
@@ -148,6 +171,7 @@ def run(
         tables=make_tables(
             campaign,
             assessment=assessment,
+            predictions=predictions,
             expected=settings.rig.settings,
             provenance=origin,
         ),

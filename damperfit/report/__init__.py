@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from damperfit.report.facts import Failure, ReportFacts
+from damperfit.report.held_out import held_out_sheet
 from damperfit.report.markdown import markdown_report
 from damperfit.report.rows import Sheet, log_sheet, parameter_sheet
 from damperfit.report.terminal import terminal_table
@@ -37,6 +38,7 @@ __all__ = [
     "family_records",
     "family_sentence",
     "family_sheet",
+    "held_out_sheet",
     "html_report",
     "kin_pressures",
     "log_sheet",

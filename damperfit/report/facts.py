@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from damperfit.uncertainty import Prediction
 
 __all__ = ["Failure", "ReportFacts"]
 
@@ -61,6 +65,8 @@ class ReportFacts:
         Each outcome other than success that occurred, and what to do about it.
     trust : tuple of str
         What the residuals say of noise and lack of fit, one sentence each.
+    held_out : tuple of Prediction
+        What was not fitted but predicted.
     is_interrupted : bool
         The run was stopped before all settings were done.
     """
@@ -73,4 +79,5 @@ class ReportFacts:
     gates: tuple[str, ...] = ()
     advice: tuple[tuple[str, str], ...] = ()
     trust: tuple[str, ...] = ()
+    held_out: tuple[Prediction, ...] = ()
     is_interrupted: bool = False

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from damperfit.identification import Campaign, Fit
+    from damperfit.identification import Campaign, Fit, LogFit
     from damperfit.simulation import Response
-    from damperfit.uncertainty import Interval
+    from damperfit.uncertainty import Interval, Prediction
 
 __all__ = ["MISSING", "Tables", "grade", "make_tables", "time_series_table"]
 
@@ -66,6 +66,7 @@ def make_tables(
     campaign: Campaign,
     *,
     assessment: Assessment = Assessment(),
+    predictions: Sequence[Prediction] = (),
     expected: Iterable[int] = (),
     provenance: Mapping[str, Any] | None = None,
 ) -> Tables:
@@ -77,6 +78,8 @@ def make_tables(
         Result of `damperfit.identification.identify`.
     assessment : Assessment
         Errors and intervals; cells without one stay empty.
+    predictions : sequence of Prediction
+        What was held out; their rows follow those of the setting in table ``mse``.
     expected : iterable of int
         Settings that ought to be there; those without a fit get a row of nulls.
     provenance : mapping, optional
@@ -93,7 +96,7 @@ def make_tables(
     facts = dict(provenance or {})
     return Tables(
         parameters=_table("parameters", [rows[setting] for setting in sorted(rows)], facts),
-        mse=_table("mse", [row for fit in campaign.fits for row in _mse_rows(fit)], facts),
+        mse=_table("mse", list(_mse_rows(campaign, predictions)), facts),
     )
 
 
@@ -120,21 +123,35 @@ def _parameter_row(fit: Fit, intervals: Mapping[str, Interval]) -> dict[str, Any
     }
 
 
-def _mse_rows(fit: Fit) -> Iterator[dict[str, Any]]:
-    def row(log: str, mse: float, noise_floor: float | None, n_samples: int) -> dict[str, Any]:
-        return {
-            "setting": fit.setting,
-            "log": log,
-            "mse_percent": _finite(mse),
-            "noise_floor_percent": _finite(noise_floor),
-            "grade": grade(mse),
-            "n_samples": n_samples,
-        }
+def _mse_rows(campaign: Campaign, predictions: Sequence[Prediction]) -> Iterator[dict[str, Any]]:
+    """Yield for each setting the row of the whole, of each log fitted, of each held out."""
+    for fit in campaign.fits:
+        whole = ("", fit.mse_percent, fit.noise_floor_percent, fit.n_samples)
+        yield _mse_row(fit.setting, "fitted", *whole)
+        for seen in fit.logs:
+            yield _mse_row(fit.setting, "fitted", *_of_log(seen))
+        for held_out in predictions:
+            if held_out.setting == fit.setting:
+                yield _mse_row(fit.setting, "held_out", *_of_log(held_out))
 
-    yield row("", fit.mse_percent, fit.noise_floor_percent, fit.n_samples)
-    for log in fit.logs:
-        n_samples = log.trace.stop - log.trace.first
-        yield row(log.trace.name, log.mse_percent, log.noise_floor_percent, n_samples)
+
+def _of_log(seen: LogFit | Prediction) -> tuple[str, float, float, int]:
+    trace = seen.trace
+    return trace.name, seen.mse_percent, seen.noise_floor_percent, trace.stop - trace.first
+
+
+def _mse_row(
+    setting: int, role: str, log: str, mse: float, noise_floor: float, n_samples: int
+) -> dict[str, Any]:
+    return {
+        "setting": setting,
+        "log": log,
+        "mse_percent": _finite(mse),
+        "noise_floor_percent": _finite(noise_floor),
+        "grade": grade(mse),
+        "n_samples": n_samples,
+        "role": role,
+    }
 
 
 def _finite(value: float | None) -> float | None:

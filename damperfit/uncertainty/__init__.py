@@ -8,6 +8,12 @@ from damperfit.uncertainty.intervals import (
     collect_evidence,
     uncertainties,
 )
+from damperfit.uncertainty.prediction import (
+    HoldOutOptions,
+    Prediction,
+    predict,
+    split_cycles,
+)
 from damperfit.uncertainty.residuals import Diagnosis, Hint, diagnose
 from damperfit.uncertainty.verdicts import verdicts
 
@@ -17,13 +23,17 @@ __all__ = [
     "Diagnosis",
     "Evidence",
     "Hint",
+    "HoldOutOptions",
     "Interval",
     "LogEvidence",
+    "Prediction",
     "Uncertainty",
     "assess",
     "collect_evidence",
     "diagnose",
     "gather",
+    "predict",
+    "split_cycles",
     "uncertainties",
     "verdicts",
 ]
