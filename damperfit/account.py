@@ -66,7 +66,7 @@ def report_facts(
     outcomes = {fit.outcome for fit in campaign.fits if fit.outcome is not Outcome.CONVERGED}
     return ReportFacts(
         version=__version__,
-        procedure=(*_procedure(settings, campaign), *((METHOD,) if campaign.fits else ())),
+        procedure=(*_procedure(settings, campaign), *_method(campaign, assessment)),
         failures=failures,
         warnings=(
             *_warnings(settings, intake, campaign),
@@ -80,6 +80,12 @@ def report_facts(
         held_out=tuple(predictions),
         is_interrupted=is_interrupted,
     )
+
+
+def _method(campaign: Campaign, assessment: Assessment) -> tuple[str, ...]:
+    """How the errors were found, and how they were checked."""
+    said = (METHOD, assessment.cycle_check) if campaign.fits else ()
+    return tuple(sentence for sentence in said if sentence)
 
 
 def ending_of(campaign: Campaign, facts: ReportFacts) -> Ending:
