@@ -19,15 +19,17 @@ from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
 from damperfit.uncertainty import METHOD, verdicts
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from damperfit.identification import Campaign
     from damperfit.intake import Intake, LogFacts
+    from damperfit.recording import Finding
     from damperfit.settings import RigOptions, Settings
     from damperfit.uncertainty import Assessment, Prediction
 
 __all__ = [
     "Ending",
+    "corrections",
     "ending_of",
     "json_values",
     "log_documents",
@@ -263,15 +265,24 @@ def _twin_warnings(intake: Intake) -> Iterator[str]:
 
 
 def _log_warnings(campaign: Campaign) -> Iterator[str]:
-    """One line for each kind of warning, however many logs it is true of."""
-    logs: dict[str, list[str]] = {}
+    """One line for each kind of warning, with the numbers of its first log."""
+    yield from _by_kind(campaign, lambda finding: finding.severity == "warning")
+
+
+def corrections(campaign: Campaign) -> Iterator[str]:
+    """Yield what was put right in the logs that were fitted, one line for each kind."""
+    yield from _by_kind(campaign, lambda finding: finding.is_correction)
+
+
+def _by_kind(campaign: Campaign, is_meant: Callable[[Finding], bool]) -> Iterator[str]:
+    logs: dict[str, list[tuple[str, str]]] = {}
     for fit in campaign.fits:
         for log in fit.logs:
-            for warning in log.trace.warnings:
-                logs.setdefault(warning, []).append(log.trace.name)
-    for warning, names in logs.items():
-        others = f" and {len(names) - 1} other logs" if len(names) > 1 else ""
-        yield f"{names[0]}{others}: {warning}"
+            for one in filter(is_meant, log.trace.findings):
+                logs.setdefault(one.name, []).append((log.trace.name, one.sentence))
+    for (name, sentence), *others in logs.values():
+        also = f" and {len(others)} other log{'s' if len(others) > 1 else ''}" if others else ""
+        yield f"{name}{also}: {sentence}"
 
 
 def _temperature_warnings(rig: RigOptions, intake: Intake) -> Iterator[str]:
@@ -311,6 +322,7 @@ def _procedure(settings: Settings, campaign: Campaign) -> Iterator[str]:
     fit = campaign.fits[0]
     yield f"Filter: {fit.logs[0].trace.model_filter.description}"
     yield f"Procedure: {campaign.procedure}."
+    yield from (f"Put right: {line}." for line in corrections(campaign))
     for name in PARAMETER_NAMES:
         value = getattr(fit.parameters, name)
         unit = PARAMETER_UNITS[name]

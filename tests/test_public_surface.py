@@ -21,6 +21,7 @@ SURFACE = {
     ],
     "damperfit.account": [
         "Ending",
+        "corrections",
         "ending_of",
         "json_values",
         "log_documents",
@@ -46,6 +47,7 @@ SURFACE = {
     ],
     "damperfit.conditioning": [
         "ConditionOptions",
+        "GasFacts",
         "apply_filter",
         "condition",
         "design_filter",

@@ -17,6 +17,7 @@ from damperfit.cli.options import (
     LogsArgument,
     QuietOption,
     SettingOption,
+    SkewOption,
     VersionOption,
     assignments,
     overlay,
@@ -67,6 +68,7 @@ def identify(
         float | None, typer.Option(metavar="PCT", help="End with code 4 above this MSE.")
     ] = None,
     setting: SettingOption = None,
+    skew: SkewOption = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the results.  [results]")
     ] = None,
@@ -114,6 +116,7 @@ def identify(
             ("identification", "share", share.split(",") if share is not None else None),
             ("identification", "hold_out", hold_out or None),
             ("identification", "hold_out_cycles", hold_out_cycles),
+            ("rig", "skew", skew),
             ("output", "max_mse_percent", max_mse),
             ("output", "folder", str(out) if out is not None else None),
         ),
@@ -159,12 +162,16 @@ def _append(path: Path, report: str) -> None:
 
 
 def _tell_people(result: RunResult, *, folder: Path, is_quiet: bool) -> None:
+    from damperfit.account import corrections
+
     for failure in result.facts.failures:
         say(f"damperfit: {failure.line}")
     for gate in result.facts.gates:
         say(f"damperfit: {gate}")
     if is_quiet:
         return
+    for line in corrections(result.campaign):
+        say(f"note: {line}")
     for warning in result.facts.warnings:
         say(f"warning: {warning}")
     say(f"damperfit: {_summary(result, folder)}")

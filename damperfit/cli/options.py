@@ -21,6 +21,7 @@ __all__ = [
     "LogsArgument",
     "QuietOption",
     "SettingOption",
+    "SkewOption",
     "VersionOption",
     "assignments",
     "overlay",
@@ -65,6 +66,12 @@ JobsOption = Annotated[
 SettingOption = Annotated[
     int | None,
     typer.Option("--setting", metavar="N", help="Setting of the logs that do not say theirs."),
+]
+SkewOption = Annotated[
+    str | None,
+    typer.Option(
+        "--skew", metavar="TIME|auto", help="The force is late by this: 2ms, or auto to estimate."
+    ),
 ]
 
 
