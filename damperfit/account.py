@@ -7,30 +7,36 @@ that a bad log beside them changes no byte. `record` is run.json and tells every
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
+from damperfit.adjustment import Adjustment
+from damperfit.checklist import Check, missed_gates
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Outcome
 from damperfit.report import Failure, ReportFacts
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
-from damperfit.uncertainty import METHOD, verdicts
+from damperfit.uncertainty import METHOD, Assessment, prediction_warnings, verdicts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
+    from damperfit.adjustment import Click
     from damperfit.identification import Campaign
     from damperfit.intake import Intake, LogFacts
     from damperfit.recording import Finding
     from damperfit.settings import RigOptions, Settings
-    from damperfit.uncertainty import Assessment, Prediction
+    from damperfit.uncertainty import Prediction
 
 __all__ = [
     "Ending",
+    "Judgement",
+    "click_document",
     "corrections",
     "ending_of",
+    "failures_of",
     "json_values",
     "log_documents",
     "provenance",
@@ -53,33 +59,64 @@ class Ending(Enum):
     INTERRUPTED = 130
 
 
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What was found of the fits once they were done.
+
+    Attributes
+    ----------
+    assessment : Assessment
+        How far the numbers may be trusted.
+    adjustment : Adjustment
+        What shows across settings.
+    checks : tuple of Check
+        The checklist.
+    predictions : tuple of Prediction
+        How well what was held out is predicted.
+    """
+
+    assessment: Assessment = Assessment()
+    adjustment: Adjustment = Adjustment()
+    checks: tuple[Check, ...] = ()
+    predictions: tuple[Prediction, ...] = ()
+
+
+def failures_of(settings: Settings, intake: Intake, campaign: Campaign) -> tuple[Failure, ...]:
+    """Return the logs and settings without a result."""
+    return (*intake.failures, *_setting_failures(campaign), *_missing(settings, intake))
+
+
 def report_facts(
     settings: Settings,
     intake: Intake,
     campaign: Campaign,
-    assessment: Assessment,
+    judgement: Judgement,
     *,
-    predictions: Sequence[Prediction] = (),
     is_interrupted: bool,
 ) -> ReportFacts:
     """Return what a report tells besides the tables."""
     done = {fit.setting for fit in campaign.fits}
-    failures = (*intake.failures, *_setting_failures(campaign), *_missing(settings, intake))
+    assessment = judgement.assessment
     outcomes = {fit.outcome for fit in campaign.fits if fit.outcome is not Outcome.CONVERGED}
     return ReportFacts(
         version=__version__,
         procedure=(*_procedure(settings, campaign), *_method(campaign, assessment)),
-        failures=failures,
+        failures=failures_of(settings, intake, campaign),
         warnings=(
             *_warnings(settings, intake, campaign),
             *assessment.warnings,
-            *_prediction_warnings(predictions),
+            *prediction_warnings(judgement.predictions),
         ),
         trust=assessment.sentences,
+        across=judgement.adjustment.sentences,
+        checks=judgement.checks,
         gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
-        gates=tuple(_missed_gates(settings, campaign)),
+        gates=(
+            *_missed_gates(settings, campaign),
+            *missed_gates(judgement.checks, settings.output.checks),
+        ),
         advice=tuple(sorted((outcome.value, outcome.advice) for outcome in outcomes)),
-        held_out=tuple(predictions),
+        held_out=judgement.predictions,
         is_interrupted=is_interrupted,
     )
 
@@ -124,7 +161,7 @@ def record(
     intake: Intake,
     facts: ReportFacts,
     campaign: Campaign,
-    assessment: Assessment,
+    judgement: Judgement,
     *,
     ending: Ending,
 ) -> dict[str, Any]:
@@ -142,8 +179,10 @@ def record(
         "gaps": list(facts.gaps),
         "gates_missed": list(facts.gates),
         "procedure": list(facts.procedure),
-        "uncertainty": list(_trust(campaign, assessment)),
-        "held_out": [_predicted(one) for one in facts.held_out],
+        "checks": [asdict(check) for check in judgement.checks],
+        "uncertainty": list(_trust(campaign, judgement.assessment)),
+        "held_out": [one.describe() for one in judgement.predictions],
+        **_across(judgement.adjustment),
         "schema": describe_tables(),
     }
     cleaned: dict[str, Any] = json_values(document)
@@ -166,31 +205,34 @@ def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any
         }
 
 
-def _predicted(one: Prediction) -> dict[str, Any]:
+def _across(adjustment: Adjustment) -> dict[str, Any]:
+    """Return trends, and the changes of force by click at the sine that stands for the tests."""
+    sine = adjustment.sine
+    motion = {} if sine is None else {"amplitude_m": sine.amplitude, "frequency_Hz": sine.frequency}
     return {
-        "setting": one.setting,
-        "log": one.trace.name,
-        "cycles": one.cycles,
-        "amplitude_m": one.trace.amplitude,
-        "frequency_Hz": one.trace.frequency,
-        "mse_percent": one.mse_percent,
-        "noise_floor_percent": one.noise_floor_percent,
-        "fitted_mse_percent": one.fitted_mse_percent,
-        "expected_mse_percent": one.expected_mse_percent,
-        "verdict": one.verdict,
+        "trends": [
+            {**asdict(trend), "unit": PARAMETER_UNITS[trend.parameter]}
+            for trend in adjustment.trends
+        ],
+        "clicks": [click_document(click) for click in adjustment.clicks],
+        "clicks_motion": motion,
     }
 
 
-def _prediction_warnings(predictions: Sequence[Prediction]) -> Iterator[str]:
-    """Yield one line for all predictions that fail, led by the worst."""
-    failed = [one for one in predictions if one.is_failed]
-    if failed:
-        worst = max(failed, key=lambda one: one.ratio)
-        yield (
-            f"{len(failed)} of {len(predictions)} held-out logs are not met as the fitted ones "
-            f"are, most {worst.trace.name}: {worst.verdict}; the parameters hold for the tests "
-            "that were fitted, not for the damper"
-        )
+def click_document(click: Click) -> dict[str, Any]:
+    """Return one change of force as JSON values."""
+    return {
+        "from": click.first,
+        "to": click.second,
+        "speed_m_per_s": click.speed,
+        "stroke": click.stroke,
+        "change_N": click.change,
+        "low_N": click.low,
+        "high_N": click.high,
+        "percent": click.percent,
+        "percent_low": click.percent_low,
+        "percent_high": click.percent_high,
+    }
 
 
 def log_documents(intake: Intake) -> dict[str, Any]:

@@ -16,8 +16,18 @@ from dataclasses import dataclass, field
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
-from damperfit.account import Ending, ending_of, provenance, record, report_facts
+from damperfit.account import (
+    Ending,
+    Judgement,
+    ending_of,
+    failures_of,
+    provenance,
+    record,
+    report_facts,
+)
+from damperfit.adjustment import compare_settings
 from damperfit.atomic import check_writable, file_set
+from damperfit.checklist import Subject, run_checks
 from damperfit.errors import ConfigurationError
 from damperfit.holdout import Parted, named_files, note_unpredicted, part
 from damperfit.identification import Campaign, compare, identify
@@ -32,6 +42,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.parameters import Parameters
     from damperfit.identification import Comparison, Fit
+    from damperfit.intake import Intake
     from damperfit.recording import Trace
     from damperfit.report import ReportFacts
     from damperfit.settings import Settings
@@ -142,41 +153,25 @@ def run(
     with clock.lap("fit_s"):
         campaign = _identify(settings, intake.traces, jobs=workers, watch=watch)
     with clock.lap("judge_s"):
-        assessment = assess(
-            campaign, settings.damper, solver=settings.identification.solver, jobs=workers
-        )
-        predictions = predict(
-            campaign,
-            assessment,
-            parted.held_out,
-            damper=settings.damper,
-            solver=settings.identification.solver,
-            jobs=workers,
-        )
+        judgement = _judge(settings, intake, campaign, held_out=parted.held_out, jobs=workers)
     if not watch.cancelled():
-        intake = note_unpredicted(parted, campaign, predictions)
-    origin = provenance(settings, intake, campaign, predictions)
-    facts = report_facts(
-        settings,
-        intake,
-        campaign,
-        assessment,
-        predictions=predictions,
-        is_interrupted=watch.cancelled(),
-    )
+        intake = note_unpredicted(parted, campaign, judgement.predictions)
+    origin = provenance(settings, intake, campaign, judgement.predictions)
+    facts = report_facts(settings, intake, campaign, judgement, is_interrupted=watch.cancelled())
     ending = ending_of(campaign, facts)
     result = RunResult(
         ending=ending,
         campaign=campaign,
         tables=make_tables(
             campaign,
-            assessment=assessment,
-            predictions=predictions,
+            assessment=judgement.assessment,
+            predictions=judgement.predictions,
+            adjustment=judgement.adjustment,
             expected=settings.rig.settings,
             provenance=origin,
         ),
         facts=facts,
-        record=record(settings, intake, facts, campaign, assessment, ending=ending),
+        record=record(settings, intake, facts, campaign, judgement, ending=ending),
     )
     if campaign.fits or not facts.is_interrupted:
         _write(settings, result, origin, clock=clock, jobs=workers)
@@ -215,6 +210,31 @@ def _identify(settings: Settings, traces: Sequence[Trace], *, jobs: int, watch: 
     )
 
 
+def _judge(
+    settings: Settings,
+    intake: Intake,
+    campaign: Campaign,
+    *,
+    held_out: Sequence[Trace],
+    jobs: int,
+) -> Judgement:
+    solver = settings.identification.solver
+    assessment = assess(campaign, settings.damper, solver=solver, jobs=jobs)
+    adjustment = compare_settings(campaign, assessment, settings.damper, solver=solver, jobs=jobs)
+    subject = Subject(
+        campaign,
+        assessment,
+        adjustment,
+        missing=tuple(one.place for one in failures_of(settings, intake, campaign)),
+        temperature=settings.rig.temperature,
+        temperature_tolerance=settings.rig.temperature_tolerance,
+    )
+    predictions = predict(
+        campaign, assessment, held_out, damper=settings.damper, solver=solver, jobs=jobs
+    )
+    return Judgement(assessment, adjustment, run_checks(subject), predictions)
+
+
 def _comparisons(settings: Settings, campaign: Campaign, *, jobs: int) -> Iterator[Comparison]:
     """Simulate each log once more, a few at a time and no more: they are large."""
 
@@ -242,6 +262,7 @@ def _write(
             for name, table in (
                 ("parameters", result.tables.parameters),
                 ("mse", result.tables.mse),
+                ("adjustment", result.tables.adjustment),
             ):
                 for suffix in (".parquet", ".csv"):
                     write_table(files.path(name + suffix), table, suffix=suffix)

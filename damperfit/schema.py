@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
+from damperfit.checklist import expand_checks
 from damperfit.conditioning import ConditionOptions, GasFacts
 from damperfit.damper.parameters import Damper
 from damperfit.identification import FitOptions, check_options
@@ -228,9 +229,11 @@ class _SimulationSection(_Section):
 class _OutputSection(_Section):
     folder: Annotated[str, Field(min_length=1)]
     max_mse_percent: Annotated[float, _NotNegative]
+    checks: list[str]
 
     def build(self) -> OutputOptions:
-        return OutputOptions(Path(self.folder), self.max_mse_percent)
+        names = (name.strip() for name in self.checks)
+        return OutputOptions(Path(self.folder), self.max_mse_percent, expand_checks(names))
 
 
 class _Document(_Section):

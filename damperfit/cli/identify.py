@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from damperfit.cli.console import print_json, print_renderable, say
+from damperfit.cli.console import one_line, print_json, print_lines, print_renderable, say
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -20,6 +20,7 @@ from damperfit.cli.options import (
     SkewOption,
     VersionOption,
     assignments,
+    names_of,
     overlay,
 )
 from damperfit.cli.report import check_kind, write_report
@@ -67,6 +68,13 @@ def identify(
     max_mse: Annotated[
         float | None, typer.Option(metavar="PCT", help="End with code 4 above this MSE.")
     ] = None,
+    check: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME,NAME",
+            help="End with code 4 unless these checks are passed; purdy2000 is a list of them.",
+        ),
+    ] = None,
     setting: SettingOption = None,
     skew: SkewOption = None,
     out: Annotated[
@@ -99,6 +107,7 @@ def identify(
     from damperfit.config import load_settings
     from damperfit.pipeline import Watch, run
     from damperfit.report import (
+        check_lines,
         held_out_sheet,
         markdown_report,
         parameter_sheet,
@@ -118,6 +127,7 @@ def identify(
             ("identification", "hold_out_cycles", hold_out_cycles),
             ("rig", "skew", skew),
             ("output", "max_mse_percent", max_mse),
+            ("output", "checks", names_of(check) if check else None),
             ("output", "folder", str(out) if out is not None else None),
         ),
     )
@@ -138,6 +148,7 @@ def identify(
         if result.facts.held_out:
             held_out = held_out_sheet(result.facts.held_out, is_narrow=True)
             print_renderable(terminal_table(held_out))
+        print_lines(["", *map(one_line, check_lines(result.facts.checks))])
     return result.ending.value
 
 

@@ -24,6 +24,7 @@ __all__ = [
     "SkewOption",
     "VersionOption",
     "assignments",
+    "names_of",
     "overlay",
 ]
 
@@ -92,6 +93,17 @@ def assignments(texts: Iterable[str], *, option: str) -> dict[str, str]:
             raise ConfigurationError(f"{option} {text}: {name} is given twice")
         values[name] = value
     return values
+
+
+def names_of(texts: Iterable[str]) -> list[str]:
+    """Return the names in options that may be given several times and may hold lists.
+
+    Examples
+    --------
+    >>> names_of(["a,b", "c"])
+    ['a', 'b', 'c']
+    """
+    return [name.strip() for text in texts for name in text.split(",")]
 
 
 def overlay(*entries: tuple[str, str, Any]) -> dict[str, dict[str, Any]]:

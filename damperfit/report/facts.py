@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from damperfit.uncertainty import Prediction
 
+from damperfit.checklist import Check
+
 __all__ = ["Failure", "ReportFacts"]
 
 
@@ -36,9 +38,14 @@ class Failure:
     message: str
 
     @property
+    def place(self) -> str:
+        """The log, else the setting, that has no result."""
+        return self.log or (f"setting {self.setting}" if self.setting is not None else "")
+
+    @property
     def line(self) -> str:
         """The failure as one line, its place first."""
-        place = self.log or (f"setting {self.setting}" if self.setting is not None else "")
+        place = self.place
         has_place = not place or place in self.message
         return self.message if has_place else f"{place}: {self.message}"
 
@@ -67,6 +74,10 @@ class ReportFacts:
         What the residuals say of noise and lack of fit, one sentence each.
     held_out : tuple of Prediction
         What was not fitted but predicted.
+    across : tuple of str
+        What shows only across the settings, one sentence each.
+    checks : tuple of Check
+        Every check, with reason.
     is_interrupted : bool
         The run was stopped before all settings were done.
     """
@@ -80,4 +91,6 @@ class ReportFacts:
     advice: tuple[tuple[str, str], ...] = ()
     trust: tuple[str, ...] = ()
     held_out: tuple[Prediction, ...] = ()
+    across: tuple[str, ...] = ()
+    checks: tuple[Check, ...] = ()
     is_interrupted: bool = False

@@ -12,6 +12,7 @@ from damperfit.uncertainty.prediction import (
     HoldOutOptions,
     Prediction,
     predict,
+    prediction_warnings,
     split_cycles,
 )
 from damperfit.uncertainty.residuals import Diagnosis, Hint, diagnose
@@ -33,6 +34,7 @@ __all__ = [
     "diagnose",
     "gather",
     "predict",
+    "prediction_warnings",
     "split_cycles",
     "uncertainties",
     "verdicts",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.uncertainty.assessment import Assessment
 
-__all__ = ["HoldOutOptions", "Prediction", "predict", "split_cycles"]
+__all__ = ["HoldOutOptions", "Prediction", "predict", "prediction_warnings", "split_cycles"]
 
 # Twice the expected square is beyond the scatter of an MSE over a cycle or more; ten times is a
 # misfit three times as large as where the model was fitted.
@@ -103,6 +103,36 @@ class Prediction:
             return "predicted as well as fitted"
         degree = "worse than fitted" if self.ratio < _NOT_PREDICTED else "not predicted"
         return f"{degree}: {self.ratio:.2g} times the MSE to expect"
+
+    def describe(self) -> dict[str, Any]:
+        """Return the prediction for run.json."""
+        return {
+            "setting": self.setting,
+            "log": self.trace.name,
+            "cycles": self.cycles,
+            "amplitude_m": self.trace.amplitude,
+            "frequency_Hz": self.trace.frequency,
+            "mse_percent": self.mse_percent,
+            "noise_floor_percent": self.noise_floor_percent,
+            "fitted_mse_percent": self.fitted_mse_percent,
+            "expected_mse_percent": self.expected_mse_percent,
+            "verdict": self.verdict,
+        }
+
+
+def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[str, ...]:
+    """Return one sentence for all predictions that fail, led by the worst; none where none does."""
+    failed = [one for one in predictions if one.is_failed]
+    if not failed:
+        return ()
+    worst = max(failed, key=lambda one: one.ratio)
+    return (
+        (
+            f"{len(failed)} of {len(predictions)} held-out logs are not met as the fitted ones are, "
+            f"most {worst.trace.name}: {worst.verdict}; the parameters hold for the tests that were "
+            "fitted, not for the damper"
+        ),
+    )
 
 
 def split_cycles(trace: Trace, cycles: float) -> tuple[Trace, Trace]:
