@@ -126,13 +126,12 @@ def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[str, ...]:
     if not failed:
         return ()
     worst = max(failed, key=lambda one: one.ratio)
-    return (
-        (
-            f"{len(failed)} of {len(predictions)} held-out logs are not met as the fitted ones are, "
-            f"most {worst.trace.name}: {worst.verdict}; the parameters hold for the tests that were "
-            "fitted, not for the damper"
-        ),
+    said = (
+        f"{len(failed)} of {len(predictions)} held-out logs are not met as the fitted ones are, "
+        f"most {worst.trace.name}: {worst.verdict}; the parameters hold for the tests that were "
+        "fitted, not for the damper"
     )
+    return (said,)
 
 
 def split_cycles(trace: Trace, cycles: float) -> tuple[Trace, Trace]:
