@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
 from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.identification import Outcome
+from damperfit.identification import Outcome, describe_cavitation
 from damperfit.report import Failure, ReportFacts
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
 from damperfit.uncertainty import METHOD, verdicts
@@ -69,6 +69,7 @@ def report_facts(
         failures=failures,
         warnings=(*_warnings(settings, intake, campaign), *assessment.warnings),
         trust=assessment.sentences,
+        cavitation=describe_cavitation({fit.setting: fit.cavitation for fit in campaign.fits}),
         gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
         gates=tuple(_missed_gates(settings, campaign)),
         advice=tuple(sorted((outcome.value, outcome.advice) for outcome in outcomes)),
@@ -142,6 +143,7 @@ def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any
                 name: interval.cycle_ratio for name, interval in known.intervals.items()
             },
             "residuals": asdict(seen),
+            "cavitation": asdict(fits[known.setting].cavitation),
         }
 
 

@@ -1,6 +1,7 @@
 """From traces to parameters: residuals, starting values, one setting's fit, the campaign."""
 
 from damperfit.identification.campaign import PROCEDURES, Campaign, identify
+from damperfit.identification.cavitation import Cavitation, describe_cavitation
 from damperfit.identification.comparison import Comparison, compare, normalised_mse
 from damperfit.identification.options import FitOptions, check_options
 from damperfit.identification.outcome import Outcome
@@ -10,6 +11,7 @@ from damperfit.identification.sharing import Sharing
 __all__ = [
     "PROCEDURES",
     "Campaign",
+    "Cavitation",
     "Comparison",
     "Fit",
     "FitOptions",
@@ -18,6 +20,7 @@ __all__ = [
     "Sharing",
     "check_options",
     "compare",
+    "describe_cavitation",
     "identify",
     "normalised_mse",
 ]

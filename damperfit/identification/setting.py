@@ -9,7 +9,7 @@ import numpy as np
 
 from damperfit.conditioning import noise_floor
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
-from damperfit.identification.cavitation import cavitation_margin
+from damperfit.identification.cavitation import Cavitation, examine_cavitation
 from damperfit.identification.comparison import compare, normalised_mse
 from damperfit.identification.descent import Misfit, Solution, approach, descend
 from damperfit.identification.outcome import Outcome
@@ -89,11 +89,8 @@ class Fit:
         Eq. (22) over all logs of the setting, and the share that is scatter between cycles.
     n_samples, n_cycles, evaluations : int
         Samples and cycles compared; simulations spent.
-    cavitation_fraction : float
-        Share of the compared time with a chamber at zero pressure.
-    r_m3_cavitation_margin : float
-        Fraction by which R_m3 may rise before chamber 2 cavitates on this motion; negative when
-        it must fall, NaN where no R_m3 in the plausible range is at the edge.
+    cavitation : Cavitation
+        Share of the time, lowest pressure, margins to the onset.
     logs : tuple of LogFit
         The logs fitted together.
     warnings : tuple of str
@@ -109,10 +106,19 @@ class Fit:
     n_samples: int
     n_cycles: int
     evaluations: int
-    cavitation_fraction: float
-    r_m3_cavitation_margin: float
+    cavitation: Cavitation
     logs: tuple[LogFit, ...]
     warnings: tuple[str, ...] = ()
+
+    @property
+    def cavitation_fraction(self) -> float:
+        """Share of the compared time with a chamber at zero pressure."""
+        return self.cavitation.fraction
+
+    @property
+    def r_m3_cavitation_margin(self) -> float:
+        """Fraction by which R_m3 may rise before a chamber cavitates on this motion."""
+        return self.cavitation.r_m3_margin
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -249,17 +255,15 @@ def _outcome(solution: Solution, status: Mapping[str, str]) -> Outcome:
 
 
 def describe_fit(setting: int, judged: Judged, misfit: Misfit) -> Fit:
-    """Return the `Fit` of a judged solution: figures per log, cavitation, margin."""
+    """Return the `Fit` of a judged solution: figures per log, cavitation."""
     parameters = judged.solution.parameters
-    logs, empty, misses, floors = [], 0, [], []
+    logs, seen, misses, floors = [], [], [], []
     for trace in misfit.traces:
         comparison = compare(parameters, trace, misfit.damper, solver=misfit.solver)
         window = trace.window
         measured, simulated = trace.force[window], comparison.force[window]
         logs.append(LogFit(trace, normalised_mse(measured, simulated), noise_floor(trace)))
-        empty += int(
-            np.count_nonzero((comparison.response.pressures[:, window] <= 0.0).any(axis=0))
-        )
+        seen.append((trace, comparison.response))
         misses.append(simulated - measured)
         floors.append(logs[-1].noise_floor_percent / 100.0 * np.var(measured) * len(measured))
     all_misses = np.concatenate(misses)
@@ -274,10 +278,7 @@ def describe_fit(setting: int, judged: Judged, misfit: Misfit) -> Fit:
         n_samples=len(all_misses),
         n_cycles=sum(trace.n_cycles for trace in misfit.traces),
         evaluations=judged.solution.evaluations,
-        cavitation_fraction=empty / len(all_misses),
-        r_m3_cavitation_margin=cavitation_margin(
-            parameters, misfit.traces[0], misfit.damper, solver=misfit.solver
-        ),
+        cavitation=examine_cavitation(parameters, seen, misfit.damper, solver=misfit.solver),
         logs=tuple(logs),
         warnings=_warnings(judged.solution),
     )

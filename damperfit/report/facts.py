@@ -61,6 +61,8 @@ class ReportFacts:
         Each outcome other than success that occurred, and what to do about it.
     trust : tuple of str
         What the residuals say of noise and lack of fit, one sentence each.
+    cavitation : tuple of str
+        How near the chambers are to zero pressure, one sentence each.
     is_interrupted : bool
         The run was stopped before all settings were done.
     """
@@ -73,4 +75,5 @@ class ReportFacts:
     gates: tuple[str, ...] = ()
     advice: tuple[tuple[str, str], ...] = ()
     trust: tuple[str, ...] = ()
+    cavitation: tuple[str, ...] = ()
     is_interrupted: bool = False

@@ -53,6 +53,7 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
         _section("What to do", _list(f"{word}: {advice}" for word, advice in facts.advice)),
         _section("Warnings", _list(facts.warnings)),
         _section("Noise and lack of fit", _list(facts.trust)),
+        _section("Cavitation", _list(facts.cavitation)),
         _section("How it was done", _list((*facts.procedure, f"damperfit {facts.version}"))),
     ]
     return "\n".join(line for part in parts for line in part) + "\n"

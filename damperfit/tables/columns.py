@@ -88,6 +88,16 @@ _PARAMETERS: tuple[_Column, ...] = (
     _Column(
         "r_m3_cavitation_margin", _FLOAT, "1", "rise of r_m3 at which chamber 2 starts to cavitate"
     ),
+    _Column("lowest_pressure", _FLOAT, "Pa", "lowest absolute pressure of any chamber"),
+    _Column("lowest_pressure_chamber", _INT, "1", "chamber of the lowest pressure"),
+    _Column("lowest_pressure_displacement", _FLOAT, "m", "x at the lowest pressure"),
+    _Column("lowest_pressure_velocity", _FLOAT, "m/s", "v at the lowest pressure"),
+    _Column(
+        "safe_gas_pressure",
+        _FLOAT,
+        "Pa",
+        "absolute gas pressure at rest at which a chamber just reaches zero on this motion",
+    ),
 )
 _MSE_TABLE: tuple[_Column, ...] = (
     _SETTING,

@@ -115,8 +115,13 @@ def _parameter_row(fit: Fit, intervals: Mapping[str, Interval]) -> dict[str, Any
         "n_samples": fit.n_samples,
         "n_cycles": fit.n_cycles,
         "evaluations": fit.evaluations,
-        "cavitation_fraction": _finite(fit.cavitation_fraction),
-        "r_m3_cavitation_margin": _finite(fit.r_m3_cavitation_margin),
+        "cavitation_fraction": _finite(fit.cavitation.fraction),
+        "r_m3_cavitation_margin": _finite(fit.cavitation.r_m3_margin),
+        "lowest_pressure": _finite(fit.cavitation.lowest_pressure),
+        "lowest_pressure_chamber": fit.cavitation.chamber or None,
+        "lowest_pressure_displacement": _finite(fit.cavitation.displacement),
+        "lowest_pressure_velocity": _finite(fit.cavitation.velocity),
+        "safe_gas_pressure": _finite(fit.cavitation.safe_gas_pressure),
     }
 
 
