@@ -30,7 +30,7 @@ from damperfit.identification.sharing import Sharing
 from damperfit.identification.task import Task, closed_form_start, ordered
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from damperfit.damper.parameters import Damper
     from damperfit.recording import Trace
@@ -176,7 +176,8 @@ def _paper(task: Task) -> Campaign:
         start = first.start(setting) or closed_form_start(misfit, held)
         spent = first.evaluations(setting)
         judged = fit_setting(misfit, replace(start, **held), spent=spent)
-        return describe_fit(setting, _named_shared(judged, first.sharing.found), misfit)
+        named = dict.fromkeys(first.sharing.found, "shared") | dict(first.status)
+        return describe_fit(setting, _named(judged, named), misfit)
 
     return replace(_collect(task, fit, warnings), sharing=first.sharing)
 
@@ -220,7 +221,7 @@ def _joint(task: Task) -> Campaign:
         start = found.parameters.get(setting, replace(fits[setting].parameters, **held))
         spent = fits[setting].evaluations + found.evaluations
         judged = fit_setting(misfit, start, spent=spent)
-        return describe_fit(setting, _named_shared(judged, shared), misfit)
+        return describe_fit(setting, _named(judged, dict.fromkeys(shared, "shared")), misfit)
 
     warnings = before.warnings if found.is_converged else (*before.warnings, _NO_JOINT_MINIMUM)
     return replace(
@@ -236,9 +237,9 @@ PROCEDURES: dict[str, Callable[[Task], Campaign]] = {
 }
 
 
-def _named_shared(judged: Judged, shared: Iterable[str]) -> Judged:
-    """The values that the logs gave once for all settings are shared, not fixed."""
-    return replace(judged, status={**judged.status, **dict.fromkeys(shared, "shared")})
+def _named(judged: Judged, status: Mapping[str, str]) -> Judged:
+    """Values that were found once for all settings are not fixed but shared, or cannot be told."""
+    return replace(judged, status={**judged.status, **status})
 
 
 def _collect(task: Task, fit: Callable[[int], Fit], warnings: Iterable[str]) -> Campaign:

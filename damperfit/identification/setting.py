@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
 
 __all__ = [
+    "PLAUSIBLE",
     "Fit",
     "Judged",
     "LogFit",
@@ -34,7 +35,7 @@ __all__ = [
 ]
 
 # Plausible ranges in SI, a factor of a hundred or more beyond any car damper on both sides.
-_PLAUSIBLE = {
+PLAUSIBLE = {
     "r_m1": (1e1, 1e7),
     "r_m2": (1e3, 1e10),
     "r_m3": (1e3, 1e10),
@@ -229,7 +230,7 @@ def _statuses(misfit: Misfit, solution: Solution) -> dict[str, str]:
         status[name] = "fitted"
         if name == "f_0":
             continue
-        low, high = _PLAUSIBLE[name]
+        low, high = PLAUSIBLE[name]
         if name == "f_f":
             low = max(low, _NO_FRICTION * misfit.deviation if error > _NOT_FOUND else low)
         if not low < value < high:

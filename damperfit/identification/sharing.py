@@ -3,6 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from damperfit.identification.gas_content import GAS_NAMES
+
+if TYPE_CHECKING:
+    from damperfit.identification.gas_content import GasLaw
 
 __all__ = ["Sharing"]
 
@@ -25,6 +31,8 @@ class Sharing:
         Settings whose mean is the friction.
     is_refined : bool
         R_m3 was found with the mean friction held, not beside the setting's own.
+    gas : GasLaw or None
+        The law that K_e follows over the settings, where it was asked for.
     """
 
     free: tuple[str, ...] = ()
@@ -33,11 +41,19 @@ class Sharing:
     r_m3_from: int | None = None
     f_f_from: tuple[int, ...] = ()
     is_refined: bool = False
+    gas: GasLaw | None = None
 
     @property
     def found(self) -> tuple[str, ...]:
-        """Names of the shared parameters that the logs gave."""
+        """Names of the parameters that the logs gave once for all settings."""
         if self.jointly:
-            return self.jointly
+            return self.jointly if self.gas is None else (*self.jointly, "k_e")
         known = {"r_m3": self.r_m3_from is not None, "f_f": bool(self.f_f_from)}
         return tuple(name for name, is_found in known.items() if is_found)
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of the variables behind them: themselves, but for K_e those of its law."""
+        if self.gas is None:
+            return self.found
+        return (*self.jointly, *GAS_NAMES)
