@@ -1,4 +1,4 @@
-r"""How far a setting is from cavitation: lowest pressure, margin of R_m3, smallest safe gas pressure.
+r"""How far a setting is from cavitation: lowest pressure, margin of R_m3, safe gas pressure.
 
 Chamber 2 is filled in rebound through valve 3, so that with little oil stored in compression::
 
@@ -131,8 +131,8 @@ def describe_cavitation(settings: Mapping[int, Cavitation]) -> tuple[str, ...]:
     empty = {setting: one for setting, one in settings.items() if one.fraction > 0.0}
     full = {setting: one for setting, one in settings.items() if one.fraction == 0.0}
     said = [
-        f"setting {setting}: {_share(one.fraction)} of the cycle with chamber {one.chamber} at zero "
-        f"pressure, {_moment(one, 'from')}{_needed(one)}"
+        f"setting {setting}: {_share(one.fraction)} of the cycle with chamber {one.chamber} at "
+        f"zero pressure, {_moment(one, 'from')}{_needed(one)}"
         for setting, one in sorted(empty.items())
     ]
     if full:

@@ -10,6 +10,7 @@ import numpy as np
 
 from damperfit.errors import DamperfitError
 from damperfit.identification.descent import FitCancelledError, Misfit, descend
+from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.setting import (
     PLAUSIBLE,
@@ -51,12 +52,15 @@ class FirstPass:
         Where they came from.
     status : mapping of str to str
         Of a shared value that the logs do not tell: not_identifiable, or fixed at the fallback.
+    searches : tuple of Search
+        What many starts found at the lowest setting, where they were asked for.
     """
 
     judged: Mapping[int, Judged]
     shared: Mapping[str, float]
     sharing: Sharing = Sharing()
     status: Mapping[str, str] = field(default_factory=dict)
+    searches: tuple[Search, ...] = ()
 
     def start(self, setting: int) -> Parameters | None:
         """Where the second pass starts, if the first ended where a fit should end."""
@@ -80,7 +84,9 @@ def first_pass(
     if lowest != 1 and "r_m3" in wanted:
         warnings.append(f"there is no log of setting 1: R_m3 is taken from setting {lowest}.")
     misfit = task.misfit(lowest, names)
-    judged = {lowest: fit_setting(misfit, closed_form_start(misfit, fixed))}
+    one, looked = fit_from(task, lowest, misfit, closed_form_start(misfit, fixed))
+    judged = {lowest: one}
+    searches = () if looked is None else (looked,)
     anchor = judged[lowest].solution.parameters
     if "r_m3" in wanted and not _tells_r_m3(judged[lowest]):
         anchor = replace(anchor, r_m3=task.options.fallback_r_m3)
@@ -93,7 +99,8 @@ def first_pass(
         shared["f_f"], f_f_from, said = _shared_friction(judged, known, task.options)
         warnings.extend(said)
     if "r_m3" not in wanted:
-        return FirstPass(judged, shared, Sharing(names, f_f_from=f_f_from)), tuple(warnings)
+        sharing = Sharing(names, f_f_from=f_f_from)
+        return FirstPass(judged, shared, sharing, searches=searches), tuple(warnings)
     found = _shared_r_m3(task, judged, names, source or lowest, shared.get("f_f"))
     if source is not None and source != lowest:
         warnings.append(
@@ -106,7 +113,9 @@ def first_pass(
         names, r_m3_from=found.setting, f_f_from=f_f_from, is_refined=found.is_refined
     )
     return (
-        FirstPass(judged, {**shared, "r_m3": found.value}, sharing, {"r_m3": found.status}),
+        FirstPass(
+            judged, {**shared, "r_m3": found.value}, sharing, {"r_m3": found.status}, searches
+        ),
         tuple(warnings),
     )
 
@@ -200,9 +209,7 @@ def _with_mean_friction(misfit: Misfit, judged: Judged, f_f: float, r_m3: float)
     if not _tells_r_m3(judged):
         start = replace(start, r_m3=min(r_m3, cavitation_limit(misfit.traces, misfit.damper)))
     try:
-        again = fit_setting(
-            replace(misfit, free=free), start, spent=judged.solution.evaluations
-        )
+        again = fit_setting(replace(misfit, free=free), start, spent=judged.solution.evaluations)
     except FitCancelledError:
         raise
     except DamperfitError:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
 
 __all__ = [
+    "NOT_FOUND",
     "PLAUSIBLE",
     "Fit",
     "Judged",
@@ -43,7 +44,7 @@ PLAUSIBLE = {
     "f_f": (1e-3, 1e4),
 }
 # A number with a standard error above this share of itself is not found by the fit.
-_NOT_FOUND = 0.5
+NOT_FOUND = 0.5
 # Friction below this share of the force's deviation that the logs do not fix has run to zero.
 _NO_FRICTION = 1e-2
 # A fit that meets none of MINPACK's tests has still descended when the residual is this close to
@@ -232,10 +233,10 @@ def _statuses(misfit: Misfit, solution: Solution) -> dict[str, str]:
             continue
         low, high = PLAUSIBLE[name]
         if name == "f_f":
-            low = max(low, _NO_FRICTION * misfit.deviation if error > _NOT_FOUND else low)
+            low = max(low, _NO_FRICTION * misfit.deviation if error > NOT_FOUND else low)
         if not low < value < high:
             status[name] = "at_bound"
-        elif error > _NOT_FOUND:
+        elif error > NOT_FOUND:
             status[name] = "not_identifiable"
     return status
 

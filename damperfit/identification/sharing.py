@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from damperfit.identification.gas_content import GAS_NAMES
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from damperfit.identification.gas_content import GasLaw
 
 __all__ = ["Sharing"]
@@ -33,6 +35,9 @@ class Sharing:
         R_m3 was found with the mean friction held, not beside the setting's own.
     gas : GasLaw or None
         The law that K_e follows over the settings, where it was asked for.
+    gas_rises : mapping of int to float
+        By how much a setting's misfit is above that with a K_e of its own, in units of the noise:
+        chi-squared with one degree of freedom where the law holds.
     """
 
     free: tuple[str, ...] = ()
@@ -42,6 +47,7 @@ class Sharing:
     f_f_from: tuple[int, ...] = ()
     is_refined: bool = False
     gas: GasLaw | None = None
+    gas_rises: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def found(self) -> tuple[str, ...]:

@@ -147,9 +147,7 @@ def uncertainties(evidence: Sequence[Evidence], sharing: Sharing) -> tuple[Uncer
     parts = [row @ one.scores @ row.T for row, one in zip(rows, evidence, strict=True)]
     # Summed without the setting's own: a difference of sums could turn negative by rounding.
     nothing = np.zeros((len(sharing.variables),) * 2)
-    others = [
-        np.sum([nothing, *parts[:k], *parts[k + 1 :]], axis=0) for k in range(len(parts))
-    ]
+    others = [np.sum([nothing, *parts[:k], *parts[k + 1 :]], axis=0) for k in range(len(parts))]
     return tuple(
         _of_setting(one, sharing, row, rest)
         for one, row, rest in zip(evidence, rows, others, strict=True)

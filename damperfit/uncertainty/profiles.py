@@ -318,21 +318,26 @@ def _next_step(stride: Stride, step: float, before: float, found: float) -> floa
 
 def _crossing(walk: _Walk, state: _State, side: float) -> float:
     """Where sqrt(rise) passes the limit, between the outermost points around it."""
-    for _ in range(2):
-        mine = sorted((p for p in walk.points if p[0] * side >= 0.0), key=lambda p: abs(p[0]))
-        after = next(k for k, p in enumerate(mine) if p[1] >= ROOT_LIMIT)
-        (near, low, _), (far, high, _) = mine[after - 1], mine[after]
-        share = (ROOT_LIMIT - low) / max(high - low, 1e-12)
-        along = near + (far - near) * share
-        if min(high - low - _NARROW, high - ROOT_LIMIT - _NEAR) < 0.0 or walk.spent >= walk.stride.budget:
-            return along
+    along, is_near = _interpolated(walk, side)
+    if not is_near and walk.spent < walk.stride.budget:
         middle, cost = walk.settled(walk.moved(state, along), _others(walk))
         walk.points.append((along, walk.root(cost), middle.parameters))
+        along, _ = _interpolated(walk, side)
     return along
 
 
+def _interpolated(walk: _Walk, side: float) -> tuple[float, bool]:
+    """The limit between the points around it, and whether they are near enough."""
+    mine = sorted((p for p in walk.points if p[0] * side >= 0.0), key=lambda p: abs(p[0]))
+    after = next(k for k, p in enumerate(mine) if p[1] >= ROOT_LIMIT)
+    (near, low, _), (far, high, _) = mine[after - 1], mine[after]
+    share = (ROOT_LIMIT - low) / max(high - low, 1e-12)
+    return near + (far - near) * share, high - low < _NARROW or high - ROOT_LIMIT < _NEAR
+
+
 def _others(walk: _Walk) -> NDArray[np.intp]:
-    return np.array([k for k in range(len(walk.line.misfit.free)) if k != walk.place], dtype=np.intp)
+    places = range(len(walk.line.misfit.free))
+    return np.array([k for k in places if k != walk.place], dtype=np.intp)
 
 
 def _newton(state: _State, moving: NDArray[np.intp]) -> tuple[FloatArray, float]:
