@@ -2,28 +2,37 @@
 
 from damperfit.uncertainty.assessment import METHOD, Assessment, assess
 from damperfit.uncertainty.evidence import Evidence, LogEvidence, gather
+from damperfit.uncertainty.gas import GasContent
 from damperfit.uncertainty.intervals import (
     Interval,
     Uncertainty,
     collect_evidence,
     uncertainties,
 )
+from damperfit.uncertainty.lines import Bench
+from damperfit.uncertainty.profiles import Profile, ProfilePoint, Stride
+from damperfit.uncertainty.requested import check_profile_names, profile_campaign
 from damperfit.uncertainty.residuals import Diagnosis, Hint, diagnose
-from damperfit.uncertainty.verdicts import verdicts
 
 __all__ = [
     "METHOD",
     "Assessment",
+    "Bench",
     "Diagnosis",
     "Evidence",
+    "GasContent",
     "Hint",
     "Interval",
     "LogEvidence",
+    "Profile",
+    "ProfilePoint",
+    "Stride",
     "Uncertainty",
     "assess",
+    "check_profile_names",
     "collect_evidence",
     "diagnose",
     "gather",
+    "profile_campaign",
     "uncertainties",
-    "verdicts",
 ]

@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from damperfit.errors import SimulationError
+from damperfit.identification.descent import FitCancelledError
 from damperfit.simulation import SolverOptions
+from damperfit.uncertainty.gas import GasContent, gas_content
 from damperfit.uncertainty.intervals import Uncertainty, collect_evidence, uncertainties
+from damperfit.uncertainty.lines import Bench, doubtful_profiles
+from damperfit.uncertainty.profiles import Profile
 from damperfit.uncertainty.residuals import Diagnosis, diagnose
+from damperfit.uncertainty.verdicts import doubts, listed_settings, verdicts
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable
 
     from damperfit.damper.parameters import Damper
     from damperfit.identification import Campaign
+    from damperfit.uncertainty.evidence import Evidence
 
 __all__ = ["METHOD", "Assessment", "assess"]
 
@@ -35,10 +43,60 @@ class Assessment:
         Errors, intervals, correlations.
     diagnoses : tuple of Diagnosis
         What the residuals say.
+    profiles : tuple of Profile
+        Of the parameters that were in doubt, and of those asked for (see `profile_campaign`).
+    gas : GasContent or None
+        The gas content that K_e follows from, in a joint fit that asked for it.
     """
 
     uncertainties: tuple[Uncertainty, ...] = ()
     diagnoses: tuple[Diagnosis, ...] = ()
+    profiles: tuple[Profile, ...] = ()
+    gas: GasContent | None = None
+
+    def profile(self, setting: int, name: str) -> Profile | None:
+        """Return the closest profile of a parameter at a setting, if there is one."""
+        mine = [p for p in self.profiles if (p.setting, p.name) == (setting, name)]
+        return max(mine, key=lambda profile: len(profile.points), default=None)
+
+    def limits(self, setting: int, name: str) -> tuple[float | None, float | None]:
+        """Return the 95 % limits to print, SI; None where the logs set none.
+
+        Those of the sandwich covariance, or of the profile where the quadratic approximation was
+        in doubt.
+        """
+        profile = self._telling(setting).get(name)
+        if profile is not None and profile.is_complete and profile.is_doubtful:
+            return profile.low, profile.high
+        for known in self.uncertainties:
+            if known.setting == setting and name in known.intervals:
+                return known.intervals[name].low, known.intervals[name].high
+        return None, None
+
+    def verdicts(self, campaign: Campaign) -> dict[int, dict[str, str]]:
+        """Return a sentence on each parameter, by setting."""
+        fits = {fit.setting: fit for fit in campaign.fits}
+        return {
+            one.setting: verdicts(
+                fits[one.setting], one, campaign.sharing, self._telling(one.setting)
+            )
+            for one in self.uncertainties
+        }
+
+    def doubts(self, campaign: Campaign) -> tuple[str, ...]:
+        """Return what a reader must know of the parameters before using them."""
+        known = {one.setting: one for one in self.uncertainties}
+        telling = {setting: self._telling(setting) for setting in known}
+        return doubts(campaign.fits, known, campaign.sharing, telling)
+
+    def _telling(self, setting: int) -> dict[str, Profile]:
+        """Profiles that speak of a setting: its own, and that of R_m3 from where it was taken."""
+        found = {p.name: p for p in self.profiles if p.name == "r_m3" and p.is_shared}
+        for name in {p.name for p in self.profiles}:
+            own = self.profile(setting, name)
+            if own is not None and not (own.is_shared and name == "f_f"):
+                found[name] = own
+        return found
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -57,7 +115,7 @@ class Assessment:
         quiet = [d for d in self.diagnoses if not d.is_structured and d not in single]
         if quiet:
             least = min(100.0 * d.noise_percent / max(d.mse_percent, 1e-300) for d in quiet)
-            listed = _listed(d.setting for d in quiet)
+            listed = listed_settings(d.setting for d in quiet)
             said.append(
                 f"setting{'s' if len(quiet) > 1 else ''} {listed}: nothing repeats from cycle to "
                 f"cycle that the model lacks; noise makes {least:.0f} % of the MSE or more"
@@ -72,8 +130,12 @@ def assess(
     *,
     solver: SolverOptions = SolverOptions(tolerance=1e-2),
     jobs: int = 1,
+    cancelled: Callable[[], bool] = lambda: False,
 ) -> Assessment:
-    """Judge every setting of a campaign; costs one simulation for each log.
+    """Judge every setting of a campaign.
+
+    Costs one simulation for each log, and half of what its fit has cost where a parameter's error
+    is so large that the quadratic approximation is in doubt.
 
     Parameters
     ----------
@@ -85,11 +147,29 @@ def assess(
         How exactly to integrate.
     jobs : int
         Threads.
+    cancelled : callable, optional
+        Asked before each simulation of a profile; when it returns True no more are traced.
     """
+    from threadpoolctl import threadpool_limits
+
     evidence = collect_evidence(campaign, damper, solver=solver, jobs=jobs)
+    known = uncertainties(evidence, campaign.sharing)
+    bench = Bench(damper, solver, cancelled, jobs)
+
+    def doubtful(pair: tuple[Evidence, Uncertainty]) -> tuple[Profile, ...]:
+        try:
+            return doubtful_profiles(*pair, campaign.sharing, bench)
+        except (SimulationError, FitCancelledError):
+            return ()
+
+    with ThreadPoolExecutor(max(1, jobs)) as pool, threadpool_limits(limits=1, user_api="blas"):
+        pairs = zip(evidence, known, strict=True)
+        profiles = tuple(p for several in pool.map(doubtful, pairs) for p in several)
     return Assessment(
-        uncertainties=uncertainties(evidence, campaign.sharing),
+        uncertainties=known,
         diagnoses=tuple(diagnose(one) for one in evidence),
+        profiles=profiles,
+        gas=gas_content(evidence, campaign.sharing),
     )
 
 
@@ -98,18 +178,5 @@ def _warning(group: list[Diagnosis]) -> str:
     worst = max(group, key=lambda one: one.mse_percent)
     if len(group) == 1:
         return f"setting {worst.setting}: {worst.sentence}."
-    listed = _listed(one.setting for one in group)
+    listed = listed_settings(one.setting for one in group)
     return f"settings {listed}, most at {worst.setting}: {worst.sentence}."
-
-
-def _listed(settings: Iterable[int]) -> str:
-    """Whole numbers with runs of three and more drawn together: 1, 2, 5-9."""
-    runs: list[list[int]] = []
-    for setting in sorted(settings):
-        if runs and setting == runs[-1][-1] + 1:
-            runs[-1].append(setting)
-        else:
-            runs.append([setting])
-    return ", ".join(
-        f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs
-    )

@@ -49,6 +49,7 @@ __all__ = [
     "make_interval",
     "own_names",
     "shared_covariance",
+    "shared_curvature",
     "shared_slopes",
     "solved",
     "uncertainties",
@@ -161,6 +162,14 @@ def shared_covariance(evidence: Sequence[Evidence], sharing: Sharing) -> FloatAr
     return np.asarray(np.sum([np.zeros((len(sharing.variables),) * 2), *parts], axis=0))
 
 
+def shared_curvature(evidence: Sequence[Evidence], sharing: Sharing) -> FloatArray:
+    """Return the diagonal of S^-1 of a joint fit, shape (k,), by the logarithms of its variables.
+
+    The variances that white noise would give.
+    """
+    return np.asarray(np.diag(_joint_rows(evidence, sharing)[0]))
+
+
 def shared_slopes(setting: int, sharing: Sharing) -> FloatArray:
     """Return A = du/dtheta of a setting, shape (6, k): what its u move with the shared variables.
 
@@ -235,7 +244,8 @@ def make_interval(name: str, value: float, error: float, ratio: float = math.nan
 def _shared_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatArray]:
     """T for every setting, shape (number shared, 6)."""
     if sharing.jointly:
-        return _joint_rows(evidence, sharing)
+        inverse, rows = _joint_rows(evidence, sharing)
+        return [np.asarray(inverse @ row) for row in rows]
     by_setting = {one.fit.setting: one for one in evidence}
     used = [setting for setting in sharing.f_f_from if setting in by_setting]
     friction = {
@@ -264,8 +274,10 @@ def _shared_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatAr
     ]
 
 
-def _joint_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatArray]:
-    """T of a joint fit, in which each setting has the weight of its own residual."""
+def _joint_rows(
+    evidence: Sequence[Evidence], sharing: Sharing
+) -> tuple[FloatArray, list[FloatArray]]:
+    """S^-1 of a joint fit and S T, in which each setting has the weight of its own residual."""
     slopes = [shared_slopes(one.fit.setting, sharing) for one in evidence]
     rows = []
     for one, slope in zip(evidence, slopes, strict=True):
@@ -283,7 +295,7 @@ def _joint_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatArr
     )
     scale = 1.0 / np.sqrt(np.maximum(np.diag(complement), 1e-300))
     inverse = np.linalg.pinv(complement * np.outer(scale, scale), rcond=1e-14)
-    return [np.asarray(inverse * np.outer(scale, scale) @ row) for row in rows]
+    return np.asarray(inverse * np.outer(scale, scale)), rows
 
 
 def _weight(evidence: Evidence) -> float:

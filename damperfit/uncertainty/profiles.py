@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -26,23 +26,40 @@ from damperfit.identification.descent import Misfit, linearise, stepped
 from damperfit.identification.setting import PLAUSIBLE
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from damperfit.damper.parameters import Parameters
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["ROOT_LIMIT", "Line", "Profile", "ProfilePoint", "Stride", "trace_profile"]
+__all__ = [
+    "OFFSET_UNIT",
+    "ROOT_LIMIT",
+    "Line",
+    "Profile",
+    "ProfilePoint",
+    "Stride",
+    "Walker",
+    "signed_root",
+    "trace_profile",
+    "walked",
+]
 
 # 95 % of a normal distribution lie within so many standard errors.
 ROOT_LIMIT = 1.959964
 # What one more Gauss-Newton step of the others would take from the rise.
 _SETTLED = 0.02
 _MAX_STEPS = 8
+_MAX_HALVINGS = 4
 # Parameters are changed by a factor of two at most in one step of the others.
 _LONGEST_STEP = 0.7
 # The line itself may go by a factor of ten where nothing happens.
 _LONGEST_STRIDE = 2.3
+# `linearise` counts f_0 in units of 100 N; it is followed to 10 kN.
+OFFSET_UNIT = 100.0
+_OFFSET_EDGE = 100.0
 # A rise this far below zero is another, better minimum.
 _BETTER = -0.5
 # A limit is interpolated between points this near to each other in sqrt(rise), or to a point this
@@ -90,6 +107,10 @@ class Profile:
         Its limit is then None without a verdict on it.
     evaluations : int
         Simulations of the setting.
+    is_shared : bool
+        Of a parameter that is common to all settings.
+    is_doubtful : bool
+        Whether its limits stand for those of the quadratic approximation.
     """
 
     setting: int
@@ -99,6 +120,8 @@ class Profile:
     high: float | None
     is_complete: bool
     evaluations: int
+    is_shared: bool = False
+    is_doubtful: bool = False
 
     @property
     def shape(self) -> str:
@@ -163,6 +186,19 @@ class Stride:
     budget: int = 400
 
 
+class Walker(Protocol):
+    """Something that can be refitted with one parameter held at a place along its line."""
+
+    points: list[tuple[float, float, Mapping[int, Parameters]]]
+    spent: int
+
+    def refit(self, along: float) -> float:
+        """Refit, going on from the place before; note the point, return its sqrt(rise)."""
+
+    def restart(self) -> None:
+        """Go back to the best fit."""
+
+
 @dataclass(slots=True)
 class _State:
     """A point with what is needed to go on from it, in the variables of `linearise`."""
@@ -176,19 +212,43 @@ class _State:
 
 @dataclass(slots=True)
 class _Walk:
-    """One profile while it is being traced."""
+    """The walker of one setting."""
 
     line: Line
-    stride: Stride
+    budget: int
     least: float = 0.0
     spent: int = 0
-    points: list[tuple[float, float, Parameters]] = field(default_factory=list)
+    points: list[tuple[float, float, Mapping[int, Parameters]]] = field(default_factory=list)
+    state: _State = field(init=False)
+    centre: _State = field(init=False)
+
+    def __post_init__(self) -> None:
+        start = self._at(self.line.start, 0.0)
+        every = np.arange(len(self.line.misfit.free), dtype=np.intp)
+        self.centre, self.least = self._settled(start, every)
+        self.centre.along = 0.0
+        self.points.append((0.0, 0.0, {self.line.setting: self.centre.parameters}))
+        self.state = self.centre
+
+    def restart(self) -> None:
+        self.state = self.centre
+
+    def refit(self, along: float) -> float:
+        self.state, cost = self._settled(self._moved(along), self._others)
+        root = signed_root(self.line.scale * (cost - self.least))
+        self.points.append((along, root, {self.line.setting: self.state.parameters}))
+        return root
 
     @property
-    def place(self) -> int:
+    def _place(self) -> int:
         return self.line.misfit.free.index(self.line.name)
 
-    def at(self, parameters: Parameters, along: float) -> _State:
+    @property
+    def _others(self) -> NDArray[np.intp]:
+        places = range(len(self.line.misfit.free))
+        return np.array([k for k in places if k != self._place], dtype=np.intp)
+
+    def _at(self, parameters: Parameters, along: float) -> _State:
         self.spent += 1
         residuals, jacobian = linearise(self.line.misfit, parameters)
         return _State(
@@ -199,18 +259,17 @@ class _Walk:
             jacobian.T @ jacobian,
         )
 
-    def settled(self, state: _State, moving: NDArray[np.intp]) -> tuple[_State, float]:
+    def _settled(self, state: _State, moving: NDArray[np.intp]) -> tuple[_State, float]:
         """Refit the moving ones; returns the state and the least cost that is promised there."""
         for _ in range(_MAX_STEPS):
             step, gain = _newton(state, moving)
-            if gain * self.line.scale < _SETTLED or self.spent >= self.stride.budget:
+            if gain * self.line.scale < _SETTLED or self.spent >= self.budget:
                 return state, state.cost - gain
-            length = float(np.max(np.abs(step)))
-            step *= min(1.0, _LONGEST_STEP / length)
-            for _ in range(4):
-                found = self.at(
+            step *= min(1.0, _LONGEST_STEP / float(np.max(np.abs(step))))
+            for _ in range(_MAX_HALVINGS):
+                found = self._at(
                     stepped(self.line.misfit, state.parameters, step),
-                    state.along + float(step[self.place]),
+                    state.along + float(step[self._place]),
                 )
                 if found.cost < state.cost:
                     break
@@ -220,25 +279,20 @@ class _Walk:
             state = found
         return state, state.cost
 
-    def moved(self, state: _State, along: float) -> _State:
+    def _moved(self, along: float) -> _State:
         """Go along the line, the others along their tangent."""
+        state, others = self.state, self._others
         shift = np.zeros(len(self.line.misfit.free))
-        shift[self.place] = along - state.along
-        others = _others(self)
-        pull = state.slope[others] - state.information[others, self.place] * shift[self.place]
+        shift[self._place] = along - state.along
+        pull = state.slope[others] - state.information[others, self._place] * shift[self._place]
         change = _solve(state.information[np.ix_(others, others)], pull)
         length = float(np.max(np.abs(change), initial=0.0))
         shift[others] = change * min(1.0, 2.0 * _LONGEST_STEP / max(length, 1e-300))
-        return self.at(stepped(self.line.misfit, state.parameters, shift), along)
-
-    def root(self, cost: float) -> float:
-        """Signed square root of the rise."""
-        rise = self.line.scale * (cost - self.least)
-        return math.copysign(math.sqrt(abs(rise)), rise)
+        return self._at(stepped(self.line.misfit, state.parameters, shift), along)
 
 
 def trace_profile(line: Line, stride: Stride = Stride()) -> Profile:
-    """Follow the misfit along one parameter to both sides of its best value.
+    """Follow the misfit of a setting along one parameter to both sides of its best value.
 
     Parameters
     ----------
@@ -254,56 +308,78 @@ def trace_profile(line: Line, stride: Stride = Stride()) -> Profile:
     FitCancelledError
         The caller asked to stop.
     """
-    walk = _Walk(line, stride)
-    centre, walk.least = walk.settled(
-        walk.at(line.start, 0.0), np.arange(len(line.misfit.free), dtype=np.intp)
-    )
-    centre.along = 0.0
-    walk.points.append((0.0, 0.0, centre.parameters))
+    walk = _Walk(line, stride.budget)
+    best = float(getattr(walk.centre.parameters, line.name))
+    return walked(walk, line.name, best, line.error, stride)[line.setting]
+
+
+def walked(
+    walker: Walker, name: str, best: float, error: float, stride: Stride
+) -> dict[int, Profile]:
+    """Return the profile of every setting that a walker sees, walking both sides of its start.
+
+    Parameters
+    ----------
+    walker : Walker
+        At the best fit, which is its first point.
+    name : str
+        Parameter.
+    best : float
+        Its best value, SI.
+    error : float
+        Standard error of its u.
+    stride : Stride
+        How closely.
+    """
     limits, is_complete = [], True
     for side in (-1.0, 1.0):
-        limit, is_done = _side(walk, centre, side)
-        limits.append(None if limit is None else _value(line, centre.parameters, limit))
-        is_complete &= is_done
-    walk.points.sort(key=lambda point: point[0])
-    return Profile(
-        setting=line.setting,
-        name=line.name,
-        points=tuple(
-            ProfilePoint(float(getattr(parameters, line.name)), root * abs(root), parameters)
-            for _, root, parameters in walk.points
-        ),
-        low=limits[0],
-        high=limits[1],
-        is_complete=is_complete,
-        evaluations=walk.spent,
-    )
+        walker.restart()
+        limit, is_known = _side(walker, side, stride, error, _edges(name, best))
+        limits.append(None if limit is None else _moved_value(name, best, limit))
+        is_complete &= is_known
+    points = sorted(walker.points, key=lambda point: point[0])
+    return {
+        setting: Profile(
+            setting=setting,
+            name=name,
+            points=tuple(
+                ProfilePoint(float(getattr(at[setting], name)), root * abs(root), at[setting])
+                for _, root, at in points
+            ),
+            low=limits[0],
+            high=limits[1],
+            is_complete=is_complete,
+            evaluations=walker.spent,
+        )
+        for setting in points[0][2]
+    }
 
 
-def _side(walk: _Walk, centre: _State, side: float) -> tuple[float | None, bool]:
+def signed_root(rise: float) -> float:
+    """Return the square root of a rise, with its sign."""
+    return math.copysign(math.sqrt(abs(rise)), rise)
+
+
+def _side(
+    walker: Walker, side: float, stride: Stride, error: float, edges: tuple[float, float]
+) -> tuple[float | None, bool]:
     """Walk one side; return where the limit is (None: not reached) and whether that is known."""
-    edge = _edge(walk.line, centre.parameters, side)
+    edge, other_edge = edges[side > 0.0], edges[side < 0.0]
     if edge * side <= 0.0:
         return None, True
-    state, root, limit = centre, 0.0, None
-    step = min(walk.stride.step * walk.line.error, _LONGEST_STEP)
-    lowest = _edge(walk.line, centre.parameters, -side)
-    if lowest * side > 0.0:  # the fit ran out of the range on the other side: begin at its edge
-        step = max(step, abs(lowest))
+    along, root, limit = 0.0, 0.0, None
+    step = min(stride.step * error, _LONGEST_STEP)
+    if other_edge * side > 0.0:  # the fit ran out of the range on the other side: go to its edge
+        step = max(step, abs(other_edge))
     try:
-        while root < walk.stride.reach:
-            if walk.spent >= walk.stride.budget:
+        while root < stride.reach and along != edge:
+            if walker.spent >= stride.budget:
                 return limit, limit is not None
-            along = side * min(abs(state.along) + step, abs(edge))
-            state, cost = walk.settled(walk.moved(state, along), _others(walk))
-            found = walk.root(cost)
-            walk.points.append((along, found, state.parameters))
+            along = side * min(abs(along) + step, abs(edge))
+            found = walker.refit(along)
             if limit is None and found >= ROOT_LIMIT:
-                limit = _crossing(walk, state, side)
-            if along == edge:
-                break
-            step = _next_step(walk.stride, step, root, found)
-            root = found
+                limit = _crossing(walker, side, stride)
+            step, root = _next_step(stride, step, root, found), found
     except SimulationError:
         return limit, limit is not None
     return limit, True
@@ -316,28 +392,22 @@ def _next_step(stride: Stride, step: float, before: float, found: float) -> floa
     return min(step * min(max(aimed / gained, 0.2), 2.0), _LONGEST_STRIDE)
 
 
-def _crossing(walk: _Walk, state: _State, side: float) -> float:
+def _crossing(walker: Walker, side: float, stride: Stride) -> float:
     """Where sqrt(rise) passes the limit, between the outermost points around it."""
-    along, is_near = _interpolated(walk, side)
-    if not is_near and walk.spent < walk.stride.budget:
-        middle, cost = walk.settled(walk.moved(state, along), _others(walk))
-        walk.points.append((along, walk.root(cost), middle.parameters))
-        along, _ = _interpolated(walk, side)
+    along, is_near = _interpolated(walker, side)
+    if not is_near and walker.spent < stride.budget:
+        walker.refit(along)
+        along, _ = _interpolated(walker, side)
     return along
 
 
-def _interpolated(walk: _Walk, side: float) -> tuple[float, bool]:
+def _interpolated(walker: Walker, side: float) -> tuple[float, bool]:
     """The limit between the points around it, and whether they are near enough."""
-    mine = sorted((p for p in walk.points if p[0] * side >= 0.0), key=lambda p: abs(p[0]))
+    mine = sorted((p for p in walker.points if p[0] * side >= 0.0), key=lambda p: abs(p[0]))
     after = next(k for k, p in enumerate(mine) if p[1] >= ROOT_LIMIT)
     (near, low, _), (far, high, _) = mine[after - 1], mine[after]
     share = (ROOT_LIMIT - low) / max(high - low, 1e-12)
     return near + (far - near) * share, high - low < _NARROW or high - ROOT_LIMIT < _NEAR
-
-
-def _others(walk: _Walk) -> NDArray[np.intp]:
-    places = range(len(walk.line.misfit.free))
-    return np.array([k for k in places if k != walk.place], dtype=np.intp)
 
 
 def _newton(state: _State, moving: NDArray[np.intp]) -> tuple[FloatArray, float]:
@@ -357,15 +427,13 @@ def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
     return np.asarray(scale * np.linalg.lstsq(scaled, scale * right, rcond=1e-12)[0])
 
 
-def _edge(line: Line, centre: Parameters, side: float) -> float:
-    """Where the plausible range ends on a side, in u from the centre."""
-    if line.name == "f_0":
-        return side * 1e2  # 100 times 100 N
-    bounds = PLAUSIBLE[line.name]
-    return math.log(bounds[side > 0.0] / getattr(centre, line.name))
+def _edges(name: str, best: float) -> tuple[float, float]:
+    """Where the plausible range ends on both sides, in u from the best value."""
+    if name == "f_0":
+        return -_OFFSET_EDGE, _OFFSET_EDGE
+    low, high = PLAUSIBLE[name]
+    return math.log(low / best), math.log(high / best)
 
 
-def _value(line: Line, centre: Parameters, along: float) -> float:
-    shift = np.zeros(len(line.misfit.free))
-    shift[line.misfit.free.index(line.name)] = along
-    return float(getattr(stepped(line.misfit, centre, shift), line.name))
+def _moved_value(name: str, best: float, along: float) -> float:
+    return best + OFFSET_UNIT * along if name == "f_0" else best * math.exp(along)
