@@ -16,7 +16,7 @@ from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Outcome, describe_cavitation
 from damperfit.report import Failure, ReportFacts
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
-from damperfit.uncertainty import METHOD, verdicts
+from damperfit.uncertainty import METHOD
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from damperfit.identification import Campaign
     from damperfit.intake import Intake, LogFacts
     from damperfit.settings import RigOptions, Settings
-    from damperfit.uncertainty import Assessment
+    from damperfit.uncertainty import Assessment, Profile
 
 __all__ = [
     "Ending",
@@ -65,10 +65,16 @@ def report_facts(
     outcomes = {fit.outcome for fit in campaign.fits if fit.outcome is not Outcome.CONVERGED}
     return ReportFacts(
         version=__version__,
-        procedure=(*_procedure(settings, campaign), *((METHOD,) if campaign.fits else ())),
+        procedure=(
+            *_procedure(settings, campaign),
+            *((assessment.gas.sentence,) if assessment.gas is not None else ()),
+            *((METHOD,) if campaign.fits else ()),
+        ),
         failures=failures,
         warnings=(*_warnings(settings, intake, campaign), *assessment.warnings),
         trust=assessment.sentences,
+        identifiability=assessment.doubts(campaign),
+        searches=tuple(one.sentence for one in campaign.searches),
         cavitation=describe_cavitation({fit.setting: fit.cavitation for fit in campaign.fits}),
         gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
         gates=tuple(_missed_gates(settings, campaign)),
@@ -124,6 +130,9 @@ def record(
         "gates_missed": list(facts.gates),
         "procedure": list(facts.procedure),
         "uncertainty": list(_trust(campaign, assessment)),
+        "profiles": [_profile(one, assessment) for one in assessment.profiles],
+        "gas_content": None if assessment.gas is None else asdict(assessment.gas),
+        "searches": [asdict(one) for one in campaign.searches],
         "schema": describe_tables(),
     }
     cleaned: dict[str, Any] = json_values(document)
@@ -133,10 +142,11 @@ def record(
 def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any]]:
     """Yield, by setting, what stands behind the intervals, and what the residuals say."""
     fits = {fit.setting: fit for fit in campaign.fits}
+    said = assessment.verdicts(campaign)
     for known, seen in zip(assessment.uncertainties, assessment.diagnoses, strict=True):
         yield {
             "setting": known.setting,
-            "verdicts": verdicts(fits[known.setting], known),
+            "verdicts": said[known.setting],
             "parameters": list(known.names),
             "correlation": known.correlation.tolist(),
             "jackknife_over_sandwich": {
@@ -145,6 +155,24 @@ def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any
             "residuals": asdict(seen),
             "cavitation": asdict(fits[known.setting].cavitation),
         }
+
+
+def _profile(profile: Profile, assessment: Assessment) -> dict[str, Any]:
+    """The limits of a profile beside those of the sandwich covariance; the points have a table."""
+    intervals = {one.setting: one.intervals.get(profile.name) for one in assessment.uncertainties}
+    sandwich = intervals.get(profile.setting)
+    return {
+        "setting": profile.setting,
+        "parameter": profile.name,
+        "shape": profile.shape,
+        "ci_low": profile.low,
+        "ci_high": profile.high,
+        "sandwich_ci_low": None if sandwich is None else sandwich.low,
+        "sandwich_ci_high": None if sandwich is None else sandwich.high,
+        "is_shared": profile.is_shared,
+        "points": len(profile.points),
+        "evaluations": profile.evaluations,
+    }
 
 
 def log_documents(intake: Intake) -> dict[str, Any]:

@@ -21,12 +21,14 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, compare, identify
 from damperfit.intake import available_cores, expand, take_in
 from damperfit.report import markdown_report
-from damperfit.tables import make_tables, write_responses, write_table
-from damperfit.uncertainty import assess
+from damperfit.tables import make_tables, profiles_table, write_responses, write_table
+from damperfit.uncertainty import Bench, assess, profile_campaign, reconsider
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
+
+    import pyarrow as pa
 
     from damperfit.damper.parameters import Parameters
     from damperfit.identification import Comparison, Fit
@@ -34,8 +36,12 @@ if TYPE_CHECKING:
     from damperfit.report import ReportFacts
     from damperfit.settings import Settings
     from damperfit.tables import Tables
+    from damperfit.uncertainty import Assessment
 
 __all__ = ["RunResult", "Watch", "run"]
+
+# Tables that are written only when they were asked for.
+_ON_REQUEST = {"profiles"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +79,8 @@ class RunResult:
         Failures, warnings, procedure.
     record : dict
         What stands in run.json.
+    profiles : pyarrow.Table or None
+        Points of the profiles that were asked for.
     """
 
     ending: Ending
@@ -80,6 +88,13 @@ class RunResult:
     tables: Tables
     facts: ReportFacts
     record: dict[str, Any]
+    profiles: pa.Table | None = None
+
+    @property
+    def written(self) -> dict[str, pa.Table]:
+        """Tables by the name of their files."""
+        always = {"parameters": self.tables.parameters, "mse": self.tables.mse}
+        return always if self.profiles is None else always | {"profiles": self.profiles}
 
     def document(self) -> dict[str, Any]:
         """Return run.json and the rows of both tables as one JSON document."""
@@ -135,10 +150,7 @@ def run(
     watch.on_start(len({trace.setting for trace in intake.traces}))
     with clock.lap("fit_s"):
         campaign = _identify(settings, intake.traces, jobs=workers, watch=watch)
-    with clock.lap("judge_s"):
-        assessment = assess(
-            campaign, settings.damper, solver=settings.identification.solver, jobs=workers
-        )
+    campaign, assessment = _judge(settings, campaign, clock=clock, jobs=workers, watch=watch)
     origin = provenance(settings, intake, campaign)
     facts = report_facts(settings, intake, campaign, assessment, is_interrupted=watch.cancelled())
     ending = ending_of(campaign, facts)
@@ -153,6 +165,12 @@ def run(
         ),
         facts=facts,
         record=record(settings, intake, facts, campaign, assessment, ending=ending),
+        profiles=profiles_table(
+            (one for one in assessment.profiles if one.name in settings.profile),
+            provenance=origin,
+        )
+        if settings.profile
+        else None,
     )
     if campaign.fits or not facts.is_interrupted:
         _write(settings, result, origin, clock=clock, jobs=workers)
@@ -191,6 +209,23 @@ def _identify(settings: Settings, traces: Sequence[Trace], *, jobs: int, watch: 
     )
 
 
+def _judge(
+    settings: Settings, campaign: Campaign, *, clock: _Clock, jobs: int, watch: Watch
+) -> tuple[Campaign, Assessment]:
+    """Intervals, verdicts and residuals of a campaign; profiles where they were asked for."""
+    solver = settings.identification.solver
+    with clock.lap("judge_s"):
+        assessment = assess(
+            campaign, settings.damper, solver=solver, jobs=jobs, cancelled=watch.cancelled
+        )
+        campaign = reconsider(campaign, assessment)
+    if settings.profile and campaign.fits and not watch.cancelled():
+        bench = Bench(settings.damper, solver, watch.cancelled, jobs)
+        with clock.lap("profile_s"):
+            assessment = profile_campaign(campaign, assessment, bench, names=settings.profile)
+    return campaign, assessment
+
+
 def _comparisons(settings: Settings, campaign: Campaign, *, jobs: int) -> Iterator[Comparison]:
     """Simulate each log once more, a few at a time and no more: they are large."""
 
@@ -215,12 +250,12 @@ def _write(
     """Write all files as a set, run.json last."""
     with file_set(settings.output.folder) as files:
         with clock.lap("write_s"):
-            for name, table in (
-                ("parameters", result.tables.parameters),
-                ("mse", result.tables.mse),
-            ):
+            for name, table in result.written.items():
                 for suffix in (".parquet", ".csv"):
                     write_table(files.path(name + suffix), table, suffix=suffix)
+            for name in _ON_REQUEST - result.written.keys():
+                for suffix in (".parquet", ".csv"):
+                    files.without(name + suffix)
             write_responses(
                 files.path("responses.parquet"),
                 result.campaign,

@@ -26,6 +26,7 @@ from damperfit.settings import (
     parameter_value,
 )
 from damperfit.simulation import SolverOptions
+from damperfit.uncertainty import check_profile_names
 
 __all__ = ["build_settings"]
 
@@ -162,6 +163,9 @@ class _IdentificationSection(_Section):
     free: list[str]
     fix: dict[str, float | str]
     share: list[str]
+    bulk_modulus: str
+    starts: Annotated[int, Field(ge=1, le=10_000)]
+    profile: list[str]
     max_evaluations: Annotated[int, Field(ge=1)]
     tolerance: _Force
     dead_band: _Speed
@@ -176,11 +180,18 @@ class _IdentificationSection(_Section):
             share=tuple(name.strip() for name in self.share),
             solver=SolverOptions(tolerance=self.tolerance, dead_band=self.dead_band),
             max_evaluations=self.max_evaluations,
+            bulk_modulus=self.bulk_modulus,
+            starts=self.starts,
             fallback_r_m3=self.fallback_r_m3,
             fallback_f_f=self.fallback_f_f,
         )
         check_options(options)
         return options
+
+    def build_profile(self) -> tuple[str, ...]:
+        names = tuple(name.strip() for name in self.profile)
+        check_profile_names(names, fixed=self.fix)
+        return names
 
 
 class _SimulationSection(_Section):
@@ -229,6 +240,7 @@ def build_settings(document: dict[str, Any]) -> Settings:
         reading=checked.rig.build_reading(),
         conditioning=checked.conditioning.build(checked.rig, damper),
         identification=checked.identification.build(),
+        profile=checked.identification.build_profile(),
         simulation=checked.simulation.build(checked.identification.dead_band),
         output=checked.output.build(),
         document=document,

@@ -104,6 +104,8 @@ class Settings:
         How signals become traces.
     identification : FitOptions
         What is fitted, and how.
+    profile : tuple of str
+        Parameters whose misfit is followed away from the best value.
     simulation : SimulationOptions
         Defaults of `simulate`.
     output : OutputOptions
@@ -117,6 +119,7 @@ class Settings:
     reading: ReadOptions
     conditioning: ConditionOptions
     identification: FitOptions
+    profile: tuple[str, ...]
     simulation: SimulationOptions
     output: OutputOptions
     document: dict[str, Any] = field(compare=False, repr=False)

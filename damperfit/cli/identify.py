@@ -50,6 +50,19 @@ def identify(
         str | None,
         typer.Option(metavar="NAME,NAME", help="In common to all settings of a joint fit."),
     ] = None,
+    bulk_modulus: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="K_e: free, or appendix1, from one gas content."),
+    ] = None,
+    starts: Annotated[
+        int | None, typer.Option(metavar="N", help="Fit each setting from N starts.  [1]")
+    ] = None,
+    profile: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME,NAME", help="Follow the misfit of a parameter, into profiles.csv."
+        ),
+    ] = None,
     max_mse: Annotated[
         float | None, typer.Option(metavar="PCT", help="End with code 4 above this MSE.")
     ] = None,
@@ -94,6 +107,9 @@ def identify(
             ("identification", "fix", assignments(fix or [], option="--fix") or None),
             ("identification", "procedure", procedure),
             ("identification", "share", share.split(",") if share is not None else None),
+            ("identification", "bulk_modulus", bulk_modulus),
+            ("identification", "starts", starts),
+            ("identification", "profile", ",".join(profile).split(",") if profile else None),
             ("output", "max_mse_percent", max_mse),
             ("output", "folder", str(out) if out is not None else None),
         ),

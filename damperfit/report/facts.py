@@ -61,6 +61,10 @@ class ReportFacts:
         Each outcome other than success that occurred, and what to do about it.
     trust : tuple of str
         What the residuals say of noise and lack of fit, one sentence each.
+    identifiability : tuple of str
+        Parameters that the logs do not tell, and those that are tied, one sentence each.
+    searches : tuple of str
+        What fits from many starts found, one sentence each.
     cavitation : tuple of str
         How near the chambers are to zero pressure, one sentence each.
     is_interrupted : bool
@@ -75,5 +79,7 @@ class ReportFacts:
     gates: tuple[str, ...] = ()
     advice: tuple[tuple[str, str], ...] = ()
     trust: tuple[str, ...] = ()
+    identifiability: tuple[str, ...] = ()
+    searches: tuple[str, ...] = ()
     cavitation: tuple[str, ...] = ()
     is_interrupted: bool = False

@@ -53,6 +53,8 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
         _section("What to do", _list(f"{word}: {advice}" for word, advice in facts.advice)),
         _section("Warnings", _list(facts.warnings)),
         _section("Noise and lack of fit", _list(facts.trust)),
+        _section("Identifiability", _list(facts.identifiability)),
+        _section("Many starts", _list(facts.searches)),
         _section("Cavitation", _list(facts.cavitation)),
         _section("How it was done", _list((*facts.procedure, f"damperfit {facts.version}"))),
     ]

@@ -129,10 +129,26 @@ _RESPONSES: tuple[_Column, ...] = (
     _Column("force_N", _FLOAT, "N", "force of the model as compared, filtered alike"),
     *_PRESSURES,
 )
+_PROFILES: tuple[_Column, ...] = (
+    _SETTING,
+    _Column("parameter", _TEXT, "", "name of the parameter that is followed"),
+    _Column("value", _FLOAT, "", "its value, in the unit of its column in parameters"),
+    _Column(
+        "misfit_rise",
+        _FLOAT,
+        "1",
+        "rise of the misfit above its minimum; 3.84 is the 95 % limit",
+    ),
+    *(
+        _Column(name, _FLOAT, PARAMETER_UNITS[name], f"{_PARAMETER_MEANINGS[name]}, refitted")
+        for name in PARAMETER_NAMES
+    ),
+)
 _TABLES: dict[str, tuple[_Column, ...]] = {
     "parameters": _PARAMETERS,
     "mse": _MSE_TABLE,
     "responses": _RESPONSES,
+    "profiles": _PROFILES,
     "time_series": _TIME_SERIES,
 }
 
@@ -143,7 +159,7 @@ def table_schema(name: str, facts: Mapping[str, Any]) -> pa.Schema:
     Parameters
     ----------
     name : str
-        "parameters", "mse", "responses" or "time_series".
+        "parameters", "mse", "responses", "profiles" or "time_series".
     facts : mapping
         JSON values for the schema's ``damperfit`` entry, beside version and name of the table.
     """

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     from damperfit.identification import Campaign, Fit
     from damperfit.simulation import Response
-    from damperfit.uncertainty import Interval
+    from damperfit.uncertainty import Profile
 
-__all__ = ["MISSING", "Tables", "grade", "make_tables", "time_series_table"]
+__all__ = ["MISSING", "Tables", "grade", "make_tables", "profiles_table", "time_series_table"]
 
 MISSING = "missing"  # outcome of a setting that the configuration expects but that has no fit
 
@@ -86,8 +86,7 @@ def make_tables(
     -------
     Tables
     """
-    known = {one.setting: one.intervals for one in assessment.uncertainties}
-    rows = {fit.setting: _parameter_row(fit, known.get(fit.setting, {})) for fit in campaign.fits}
+    rows = {fit.setting: _parameter_row(fit, assessment) for fit in campaign.fits}
     for setting in set(expected) - rows.keys():
         rows[setting] = {"setting": setting, "outcome": MISSING}
     facts = dict(provenance or {})
@@ -97,15 +96,16 @@ def make_tables(
     )
 
 
-def _parameter_row(fit: Fit, intervals: Mapping[str, Interval]) -> dict[str, Any]:
+def _parameter_row(fit: Fit, assessment: Assessment) -> dict[str, Any]:
     row: dict[str, Any] = {"setting": fit.setting}
+    known = {one.setting: one.intervals for one in assessment.uncertainties}
     for name in PARAMETER_NAMES:
         row[name] = _finite(getattr(fit.parameters, name))
-        interval = intervals.get(name)
+        interval = known.get(fit.setting, {}).get(name)
         if interval is not None:
             row[f"{name}_se"] = _finite(interval.error)
-            row[f"{name}_ci_low"] = _finite(interval.low)
-            row[f"{name}_ci_high"] = _finite(interval.high)
+        low, high = assessment.limits(fit.setting, name)
+        row[f"{name}_ci_low"], row[f"{name}_ci_high"] = _finite(low), _finite(high)
         row[f"{name}_status"] = fit.status[name]
     return row | {
         "mse_percent": _finite(fit.mse_percent),
@@ -140,6 +140,32 @@ def _mse_rows(fit: Fit) -> Iterator[dict[str, Any]]:
     for log in fit.logs:
         n_samples = log.trace.stop - log.trace.first
         yield row(log.trace.name, log.mse_percent, log.noise_floor_percent, n_samples)
+
+
+def profiles_table(
+    profiles: Iterable[Profile], *, provenance: Mapping[str, Any] | None = None
+) -> pa.Table:
+    """Lay profiles out as a table with one row per point.
+
+    Parameters
+    ----------
+    profiles : iterable of Profile
+        As in `damperfit.uncertainty.Assessment`.
+    provenance : mapping, optional
+        Facts for the schema's ``damperfit`` entry, as JSON values.
+    """
+    rows = [
+        {
+            "setting": profile.setting,
+            "parameter": profile.name,
+            "value": _finite(point.value),
+            "misfit_rise": _finite(point.rise),
+        }
+        | {name: _finite(getattr(point.parameters, name)) for name in PARAMETER_NAMES}
+        for profile in profiles
+        for point in profile.points
+    ]
+    return _table("profiles", rows, dict(provenance or {}))
 
 
 def _finite(value: float | None) -> float | None:

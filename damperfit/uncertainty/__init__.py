@@ -1,6 +1,6 @@
 """How far each number may be trusted: covariance, intervals, what the residuals say."""
 
-from damperfit.uncertainty.assessment import METHOD, Assessment, assess
+from damperfit.uncertainty.assessment import METHOD, Assessment, assess, reconsider
 from damperfit.uncertainty.evidence import Evidence, LogEvidence, gather
 from damperfit.uncertainty.gas import GasContent
 from damperfit.uncertainty.intervals import (
@@ -34,5 +34,6 @@ __all__ = [
     "diagnose",
     "gather",
     "profile_campaign",
+    "reconsider",
     "uncertainties",
 ]

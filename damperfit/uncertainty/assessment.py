@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import FitCancelledError
+from damperfit.identification.outcome import Outcome
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.gas import GasContent, gas_content
 from damperfit.uncertainty.intervals import Uncertainty, collect_evidence, uncertainties
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from damperfit.identification import Campaign
     from damperfit.uncertainty.evidence import Evidence
 
-__all__ = ["METHOD", "Assessment", "assess"]
+__all__ = ["METHOD", "Assessment", "assess", "reconsider"]
 
 METHOD = (
     "Errors and 95 % intervals: sandwich covariance on the logarithm of the parameter with the "
@@ -65,7 +66,7 @@ class Assessment:
         Those of the sandwich covariance, or of the profile where the quadratic approximation was
         in doubt.
         """
-        profile = self._telling(setting).get(name)
+        profile = self.telling(setting).get(name)
         if profile is not None and profile.is_complete and profile.is_doubtful:
             return profile.low, profile.high
         for known in self.uncertainties:
@@ -78,7 +79,7 @@ class Assessment:
         fits = {fit.setting: fit for fit in campaign.fits}
         return {
             one.setting: verdicts(
-                fits[one.setting], one, campaign.sharing, self._telling(one.setting)
+                fits[one.setting], one, campaign.sharing, self.telling(one.setting)
             )
             for one in self.uncertainties
         }
@@ -86,11 +87,11 @@ class Assessment:
     def doubts(self, campaign: Campaign) -> tuple[str, ...]:
         """Return what a reader must know of the parameters before using them."""
         known = {one.setting: one for one in self.uncertainties}
-        telling = {setting: self._telling(setting) for setting in known}
+        telling = {setting: self.telling(setting) for setting in known}
         return doubts(campaign.fits, known, campaign.sharing, telling)
 
-    def _telling(self, setting: int) -> dict[str, Profile]:
-        """Profiles that speak of a setting: its own, and that of R_m3 from where it was taken."""
+    def telling(self, setting: int) -> dict[str, Profile]:
+        """Return the profiles that speak of a setting: its own, and R_m3's from its source."""
         found = {p.name: p for p in self.profiles if p.name == "r_m3" and p.is_shared}
         for name in {p.name for p in self.profiles}:
             own = self.profile(setting, name)
@@ -171,6 +172,27 @@ def assess(
         profiles=profiles,
         gas=gas_content(evidence, campaign.sharing),
     )
+
+
+def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
+    """Return the campaign with the status of parameters whose misfit proved flat on a side.
+
+    The fit itself judges by rough errors; a profile that sets no limit has the last word.
+    """
+    fits = []
+    for fit in campaign.fits:
+        flat = {
+            name
+            for name, profile in assessment.telling(fit.setting).items()
+            if profile.shape.startswith("flat") and fit.status[name] in {"fitted", "shared"}
+        }
+        own = {name for name in flat if fit.status[name] == "fitted"}
+        outcome = fit.outcome
+        if own and outcome is Outcome.CONVERGED:
+            outcome = Outcome.NOT_IDENTIFIABLE
+        status = {**fit.status, **dict.fromkeys(flat, "not_identifiable")}
+        fits.append(replace(fit, status=status, outcome=outcome))
+    return replace(campaign, fits=tuple(fits))
 
 
 def _warning(group: list[Diagnosis]) -> str:

@@ -35,6 +35,7 @@ _DOUBTFUL = 0.1
 _QUICK_STEP, _QUICK_REACH = 2.05, 1.96
 # What it may cost at a setting: a share of what its fit has, and enough for one parameter.
 _QUICK_SHARE, _QUICK_LEAST = 0.5, 6
+_FAILED = ("at_bound", "not_identifiable")
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +168,9 @@ def doubtful_profiles(
     """
     budget = max(_QUICK_LEAST, int(_QUICK_SHARE * one.fit.evaluations))
     found = []
-    for name in PARAMETER_NAMES[:-1]:
+    # What has failed first: the budget may not reach for all.
+    names = sorted(PARAMETER_NAMES[:-1], key=lambda name: one.fit.status[name] not in _FAILED)
+    for name in names:
         if budget < _QUICK_LEAST // 2 or not is_doubtful(name, one.fit, known):
             continue
         mine, its = {one.fit.setting: one}, {one.fit.setting: known}
@@ -183,7 +186,7 @@ def doubtful_profiles(
 
 def is_doubtful(name: str, fit: Fit, known: Uncertainty) -> bool:
     """Whether the quadratic approximation of the misfit may not hold as far as the limits."""
-    if fit.status[name] in {"at_bound", "not_identifiable"}:
+    if fit.status[name] in _FAILED:
         return True
     if name not in known.names:
         return False

@@ -53,6 +53,7 @@ ROOT_LIMIT = 1.959964
 _SETTLED = 0.02
 _MAX_STEPS = 8
 _MAX_HALVINGS = 4
+_MAX_LOOKS = 3
 # Parameters are changed by a factor of two at most in one step of the others.
 _LONGEST_STEP = 0.7
 # The line itself may go by a factor of ten where nothing happens.
@@ -395,19 +396,27 @@ def _next_step(stride: Stride, step: float, before: float, found: float) -> floa
 def _crossing(walker: Walker, side: float, stride: Stride) -> float:
     """Where sqrt(rise) passes the limit, between the outermost points around it."""
     along, is_near = _interpolated(walker, side)
-    if not is_near and walker.spent < stride.budget:
+    for _ in range(_MAX_LOOKS):
+        if is_near or walker.spent >= stride.budget:
+            break
         walker.refit(along)
-        along, _ = _interpolated(walker, side)
+        along, is_near = _interpolated(walker, side)
     return along
 
 
 def _interpolated(walker: Walker, side: float) -> tuple[float, bool]:
-    """The limit between the points around it, and whether they are near enough."""
+    """The limit between the points around it, and whether they are near enough.
+
+    On the scale that grows outwards, y upwards and 1/y downwards: where the misfit is flat and then
+    steep, its root is straight in that; near the best value it makes no difference.
+    """
     mine = sorted((p for p in walker.points if p[0] * side >= 0.0), key=lambda p: abs(p[0]))
     after = next(k for k, p in enumerate(mine) if p[1] >= ROOT_LIMIT)
     (near, low, _), (far, high, _) = mine[after - 1], mine[after]
     share = (ROOT_LIMIT - low) / max(high - low, 1e-12)
-    return near + (far - near) * share, high - low < _NARROW or high - ROOT_LIMIT < _NEAR
+    grown = math.expm1(min(abs(far - near), 30.0)) * share
+    is_near = high - low < _NARROW or high - ROOT_LIMIT < _NEAR or ROOT_LIMIT - low < _NEAR / 2
+    return near + side * math.log1p(grown), is_near
 
 
 def _newton(state: _State, moving: NDArray[np.intp]) -> tuple[FloatArray, float]:

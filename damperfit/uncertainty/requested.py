@@ -15,7 +15,7 @@ from damperfit.uncertainty.lines import Bench, is_doubtful, lines_of
 from damperfit.uncertainty.profiles import Line, Profile, Stride, trace_profile
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Container, Iterable, Sequence
 
     from damperfit.identification import Campaign
     from damperfit.uncertainty.assessment import Assessment
@@ -23,19 +23,21 @@ if TYPE_CHECKING:
 __all__ = ["check_profile_names", "profile_campaign"]
 
 
-def check_profile_names(names: Iterable[str]) -> None:
-    """Refuse names that are no parameters.
+def check_profile_names(names: Iterable[str], *, fixed: Container[str] = ()) -> None:
+    """Refuse names that are no parameters, or that are held.
 
     Raises
     ------
     ConfigurationError
-        A name is not known.
+        A name is not known, or is among the fixed.
     """
     for name in names:
         if name not in PARAMETER_NAMES:
             hint = did_you_mean(name, PARAMETER_NAMES)
             known = ", ".join(PARAMETER_NAMES)
             raise ConfigurationError(f"no parameter {name!r} to profile; there are {known}.{hint}")
+        if name in fixed:
+            raise ConfigurationError(f"{name} is both fixed and to be profiled; choose one.")
 
 
 def profile_campaign(

@@ -39,7 +39,7 @@ def verdicts(
         By parameter, where the misfit was followed; of shared ones too.
     """
     return {
-        name: _verdict(name, fit, known, profiles.get(name), is_shared=name in sharing.found)
+        name: _verdict(name, fit, known, profiles.get(name), sharing, is_tied=True)
         for name in PARAMETER_NAMES
     }
 
@@ -69,9 +69,9 @@ def doubts(
         if fit.setting not in known:
             continue
         mine = profiles.get(fit.setting, {})
-        for name, words in verdicts(fit, known[fit.setting], sharing, mine).items():
-            is_flat = name in mine and mine[name].shape.startswith("flat")
-            if fit.status[name] in {"at_bound", "not_identifiable"} or is_flat:
+        for name in PARAMETER_NAMES:
+            if fit.status[name] in {"at_bound", "not_identifiable"}:
+                words = _verdict(name, fit, known[fit.setting], mine.get(name), sharing)
                 said[name, words].append(fit.setting)
         for one, other, value in _ties(known[fit.setting]):
             ties[one, other].append((fit.setting, value))
@@ -111,7 +111,13 @@ def listed_settings(settings: Iterable[int]) -> str:
 
 
 def _verdict(
-    name: str, fit: Fit, known: Uncertainty, profile: Profile | None, *, is_shared: bool
+    name: str,
+    fit: Fit,
+    known: Uncertainty,
+    profile: Profile | None,
+    sharing: Sharing,
+    *,
+    is_tied: bool = False,
 ) -> str:
     status = fit.status[name]
     if status == "fixed":
@@ -122,7 +128,7 @@ def _verdict(
     interval = known.intervals.get(name)
     if interval is None:
         return "no interval: the fit did not end at a minimum"
-    tied = _tied(name, known)
+    tied = _tied(name, known) if is_tied else ""
     where = (
         f"95 % from {interval.low:.4g} to {interval.high:.4g}"
         if profile is None or not profile.is_complete
@@ -132,7 +138,7 @@ def _verdict(
         where += f", a better minimum lies near {profile.better.value:.4g}: give --starts 20"
     if status == "not_identifiable":
         value = f"{getattr(fit.parameters, name):.4g}"
-        used = f"; {value} is used for all settings" if is_shared else ""
+        used = f"; {value} is used for all settings" if name in sharing.found else ""
         return f"these logs do not tell it ({where}{tied}){used}; fix it, or fit more logs"
     found = "shared by all settings" if status == "shared" else "fitted"
     return f"{found}, {where}{tied}"
