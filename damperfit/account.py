@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
 from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.identification import Outcome, describe_cavitation
+from damperfit.identification import Outcome, describe_cavitation, describe_searches
 from damperfit.report import Failure, ReportFacts
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
 from damperfit.uncertainty import METHOD
@@ -74,7 +74,7 @@ def report_facts(
         warnings=(*_warnings(settings, intake, campaign), *assessment.warnings),
         trust=assessment.sentences,
         identifiability=assessment.doubts(campaign),
-        searches=tuple(one.sentence for one in campaign.searches),
+        searches=describe_searches(campaign.searches),
         cavitation=describe_cavitation({fit.setting: fit.cavitation for fit in campaign.fits}),
         gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
         gates=tuple(_missed_gates(settings, campaign)),
@@ -160,7 +160,7 @@ def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any
 def _profile(profile: Profile, assessment: Assessment) -> dict[str, Any]:
     """The limits of a profile beside those of the sandwich covariance; the points have a table."""
     intervals = {one.setting: one.intervals.get(profile.name) for one in assessment.uncertainties}
-    sandwich = intervals.get(profile.setting)
+    sandwich = None if profile.is_partial else intervals.get(profile.setting)
     return {
         "setting": profile.setting,
         "parameter": profile.name,

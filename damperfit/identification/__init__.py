@@ -3,6 +3,7 @@
 from damperfit.identification.campaign import PROCEDURES, Campaign, identify
 from damperfit.identification.cavitation import Cavitation, describe_cavitation
 from damperfit.identification.comparison import Comparison, compare, normalised_mse
+from damperfit.identification.multistart import Minimum, Search, describe_searches
 from damperfit.identification.options import FitOptions, check_options
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.setting import Fit, LogFit
@@ -16,11 +17,14 @@ __all__ = [
     "Fit",
     "FitOptions",
     "LogFit",
+    "Minimum",
     "Outcome",
+    "Search",
     "Sharing",
     "check_options",
     "compare",
     "describe_cavitation",
+    "describe_searches",
     "identify",
     "normalised_mse",
 ]

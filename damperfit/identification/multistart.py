@@ -6,6 +6,7 @@ both sides of the first result (f_0: 300 N to both sides), the same in every run
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -19,19 +20,29 @@ from damperfit.identification.setting import (
     is_sound,
     relative_errors,
 )
+from damperfit.identification.sharing import listed_settings
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from damperfit.damper.parameters import Parameters
     from damperfit.identification.task import Task
 
-__all__ = ["SPREAD", "Minimum", "Search", "fit_from", "search", "spread_starts"]
+__all__ = [
+    "SPREAD",
+    "Minimum",
+    "Search",
+    "describe_searches",
+    "fit_from",
+    "search",
+    "spread_starts",
+]
 
 # Factor to both sides that the starts are spread over, and as many newtons for an offset.
 SPREAD = 10.0
 _OFFSET_SPREAD = 300.0
 _SEED = 20
+_SHOWN = 4
 # Two ends are one minimum when their parameters are this near, or this many standard errors.
 _SAME = 0.01
 _SAME_ERRORS = 1.0
@@ -90,21 +101,6 @@ class Search:
     is_ambiguous: bool
 
     @property
-    def sentence(self) -> str:
-        """For people."""
-        best = self.minima[0]
-        many = f"{self.n_starts} starts"
-        if self.n_failed:
-            many += f" ({self.n_failed} could not be simulated)"
-        if len(self.minima) == 1:
-            return f"setting {self.setting}: {many}, one minimum"
-        others = ", ".join(f"{one.mse_percent:.3g} %" for one in self.minima[1:4])
-        return (
-            f"setting {self.setting}: {many}, {len(self.minima)} minima; the best has MSE "
-            f"{best.mse_percent:.3g} % ({best.n_starts} starts), then {others}"
-        )
-
-    @property
     def warning(self) -> str:
         """What the reader should know before believing the numbers; empty where all is well."""
         if self.is_ambiguous:
@@ -118,6 +114,30 @@ class Search:
         if self.is_improved:
             return "a better minimum than from the procedure's own start was found, and is used"
         return ""
+
+
+def describe_searches(searches: Iterable[Search]) -> tuple[str, ...]:
+    """Return what the starts found, for people: one sentence for each kind of ending."""
+    said: dict[str, list[int]] = defaultdict(list)
+    for one in searches:
+        said[_ending(one)].append(one.setting)
+    return tuple(
+        f"setting{'s' if len(settings) > 1 else ''} {listed_settings(settings)}, {words}"
+        for words, settings in said.items()
+    )
+
+
+def _ending(one: Search) -> str:
+    many = f"{', '.join(one.free)} free, {one.n_starts} starts"
+    if one.n_failed:
+        many += f" of which {one.n_failed} could not be simulated"
+    if len(one.minima) == 1:
+        return f"{many}: all end in one minimum"
+    ends = ", ".join(
+        f"{end.mse_percent:.3g} % ({end.n_starts}, {end.outcome})" for end in one.minima[:_SHOWN]
+    )
+    more = f" and {len(one.minima) - _SHOWN} more" if len(one.minima) > _SHOWN else ""
+    return f"{many}: {len(one.minima)} minima, with MSE {ends}{more}"
 
 
 def fit_from(

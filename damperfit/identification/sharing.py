@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 from damperfit.identification.gas_content import GAS_NAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from damperfit.identification.gas_content import GasLaw
 
-__all__ = ["Sharing"]
+__all__ = ["Sharing", "listed_settings"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,3 +63,22 @@ class Sharing:
         if self.gas is None:
             return self.found
         return (*self.jointly, *GAS_NAMES)
+
+
+def listed_settings(settings: Iterable[int]) -> str:
+    """Return whole numbers with runs of three and more drawn together.
+
+    Examples
+    --------
+    >>> listed_settings([1, 2, 5, 6, 7])
+    '1, 2, 5-7'
+    """
+    runs: list[list[int]] = []
+    for setting in sorted(settings):
+        if runs and setting == runs[-1][-1] + 1:
+            runs[-1].append(setting)
+        else:
+            runs.append([setting])
+    return ", ".join(
+        f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs
+    )

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.outcome import Outcome
+from damperfit.identification.sharing import listed_settings
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.gas import GasContent, gas_content
 from damperfit.uncertainty.intervals import Uncertainty, collect_evidence, uncertainties
 from damperfit.uncertainty.lines import Bench, doubtful_profiles
 from damperfit.uncertainty.profiles import Profile
 from damperfit.uncertainty.residuals import Diagnosis, diagnose
-from damperfit.uncertainty.verdicts import doubts, listed_settings, verdicts
+from damperfit.uncertainty.verdicts import doubts, verdicts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -95,7 +96,7 @@ class Assessment:
         found = {p.name: p for p in self.profiles if p.name == "r_m3" and p.is_shared}
         for name in {p.name for p in self.profiles}:
             own = self.profile(setting, name)
-            if own is not None and not (own.is_shared and name == "f_f"):
+            if own is not None and not own.is_partial:
                 found[name] = own
         return found
 
@@ -135,8 +136,8 @@ def assess(
 ) -> Assessment:
     """Judge every setting of a campaign.
 
-    Costs one simulation for each log, and half of what its fit has cost where a parameter's error
-    is so large that the quadratic approximation is in doubt.
+    Costs one simulation for each log, and 0.7 of what its fit has cost at most where a
+    parameter's error is so large that the quadratic approximation is in doubt.
 
     Parameters
     ----------

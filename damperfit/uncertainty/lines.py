@@ -33,8 +33,8 @@ __all__ = ["Bench", "doubtful_profiles", "is_doubtful", "lines_of"]
 _DOUBTFUL = 0.1
 # A look at the two limits alone: three simulations where the quadratic approximation is near.
 _QUICK_STEP, _QUICK_REACH = 2.05, 1.96
-# What it may cost at a setting: a share of what its fit has, and enough for one parameter.
-_QUICK_SHARE, _QUICK_LEAST = 0.5, 6
+# What it may cost at a setting: a share of what its fit has, which is ten simulations or more.
+_QUICK_SHARE, _QUICK_LEAST = 0.7, 8
 _FAILED = ("at_bound", "not_identifiable")
 
 
@@ -164,7 +164,7 @@ def doubtful_profiles(
     """Return short profiles of what the quadratic approximation leaves in doubt at a setting.
 
     Parameters at a bound, not identified, or with a standard error of ln y above 0.1; a shared
-    R_m3 where it was taken from. Together they may cost half of what the fit has.
+    R_m3 where it was taken from. Together they may cost 0.7 of what the fit has.
     """
     budget = max(_QUICK_LEAST, int(_QUICK_SHARE * one.fit.evaluations))
     found = []

@@ -58,6 +58,7 @@ _MAX_LOOKS = 3
 _LONGEST_STEP = 0.7
 # The line itself may go by a factor of ten where nothing happens.
 _LONGEST_STRIDE = 2.3
+_LONGEST_GROWTH = 3.0
 # `linearise` counts f_0 in units of 100 N; it is followed to 10 kN.
 OFFSET_UNIT = 100.0
 _OFFSET_EDGE = 100.0
@@ -110,6 +111,9 @@ class Profile:
         Simulations of the setting.
     is_shared : bool
         Of a parameter that is common to all settings.
+    is_partial : bool
+        Of what one setting says of a parameter that is a mean over the settings: its limits are
+        not those of the mean.
     is_doubtful : bool
         Whether its limits stand for those of the quadratic approximation.
     """
@@ -122,6 +126,7 @@ class Profile:
     is_complete: bool
     evaluations: int
     is_shared: bool = False
+    is_partial: bool = False
     is_doubtful: bool = False
 
     @property
@@ -387,10 +392,10 @@ def _side(
 
 
 def _next_step(stride: Stride, step: float, before: float, found: float) -> float:
-    """Aim for the wanted distance in sqrt(rise), twice as far at most."""
+    """Aim for the wanted distance in sqrt(rise), a few times as far at most."""
     gained = max(found - before, 1e-3)
     aimed = min(stride.step, max(stride.reach - found, 0.2 * stride.step) * 1.05)
-    return min(step * min(max(aimed / gained, 0.2), 2.0), _LONGEST_STRIDE)
+    return min(step * min(max(aimed / gained, 0.2), _LONGEST_GROWTH), _LONGEST_STRIDE)
 
 
 def _crossing(walker: Walker, side: float, stride: Stride) -> float:

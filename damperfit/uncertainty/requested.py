@@ -101,6 +101,7 @@ def profile_campaign(
                 replace(
                     profile,
                     is_shared=name in sharing.found,
+                    is_partial=name == "f_f" and name in sharing.found and not sharing.jointly,
                     is_doubtful=is_doubtful(
                         name, mine[profile.setting].fit, known[profile.setting]
                     ),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.identification.sharing import listed_settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from damperfit.uncertainty.intervals import Uncertainty
     from damperfit.uncertainty.profiles import Profile
 
-__all__ = ["doubts", "listed_settings", "verdicts"]
+__all__ = ["doubts", "verdicts"]
 
 # At this correlation knowing the one would shrink the error of the other to a third.
 _CORRELATED = 0.95
@@ -89,25 +90,6 @@ def doubts(
             f"(correlation {spread}): an error of the one is an error of the other"
         )
     return tuple(sentences)
-
-
-def listed_settings(settings: Iterable[int]) -> str:
-    """Return whole numbers with runs of three and more drawn together.
-
-    Examples
-    --------
-    >>> listed_settings([1, 2, 5, 6, 7])
-    '1, 2, 5-7'
-    """
-    runs: list[list[int]] = []
-    for setting in sorted(settings):
-        if runs and setting == runs[-1][-1] + 1:
-            runs[-1].append(setting)
-        else:
-            runs.append([setting])
-    return ", ".join(
-        f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs
-    )
 
 
 def _verdict(
