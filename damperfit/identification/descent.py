@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.parameters import Damper
     from damperfit.recording import Trace
+    from damperfit.simulation import Response
 
     FloatArray = NDArray[np.float64]
 
@@ -42,6 +43,8 @@ _WALL = 1e3
 # Below this misfit (times the solver's tolerance, N) the solver's own error is what is left.
 _POLISH_BELOW = 100.0
 _POLISH_FACTOR = 0.003
+# A force or a sensitivity, SI; a cylinder of the size of a car stays far below.
+_WILD = 1e100
 # A force offset is about as much, N: the rod's gas force.
 _OFFSET = 100.0
 
@@ -163,6 +166,13 @@ def descend(misfit: Misfit, start: Parameters) -> Solution:
     )
 
 
+def _refuse_wild(response: Response) -> None:
+    """A force whose square is no number is a failed trial: far starts get there."""
+    rows = (response.force, *response.sensitivities.values())
+    if not max(float(np.max(np.abs(row))) for row in rows) < _WILD:
+        raise SimulationError("simulation failed: the force is beyond any that could be fitted.")
+
+
 def linearise(misfit: Misfit, parameters: Parameters) -> tuple[FloatArray, FloatArray]:
     """Return the residuals (n,), model minus measured, N, and their derivative (n, k).
 
@@ -259,6 +269,7 @@ def _evaluate(misfit: Misfit, u: FloatArray, parameters: Parameters, scale: floa
             sensitivities=misfit.free,
             options=misfit.solver,
         )
+        _refuse_wild(response)
         rows = np.stack([response.force, *response.sensitivities.values()])
         rows = apply_filter(trace.model_filter, rows)[:, trace.window]
         rows[0] -= trace.force[trace.window]
