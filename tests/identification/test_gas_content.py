@@ -145,7 +145,9 @@ def test_the_joint_fit_ends_in_a_minimum_of_the_law() -> None:
         beside = replace(problem, gas=moved, weights=best.weights)
         fixed = replace(
             beside,
-            misfits={s: replace(m, free=("r_m1", "r_m2", "r_m3", "f_f")) for s, m in misfits.items()},
+            misfits={
+                s: replace(m, free=("r_m1", "r_m2", "r_m3", "f_f")) for s, m in misfits.items()
+            },
             gas=None,
         )
         there = {s: replace(y, k_e=moved.modulus(s)) for s, y in best.parameters.items()}

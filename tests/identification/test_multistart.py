@@ -23,9 +23,7 @@ KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
 
 def misfit(free: tuple[str, ...] = FREE, setting: int = 9) -> Misfit:
     log = trace(setting, noise=4.0, duration=4.0)
-    return Misfit(
-        (log,), PURDY_DAMPER, free, SolverOptions(tolerance=1e-2), 100, lambda: False
-    )
+    return Misfit((log,), PURDY_DAMPER, free, SolverOptions(tolerance=1e-2), 100, lambda: False)
 
 
 def ended(
