@@ -7,28 +7,36 @@ that a bad log beside them changes no byte. `record` is run.json and tells every
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
+from damperfit.adjustment import Adjustment
+from damperfit.checklist import Check, missed_gates
+from damperfit.confidence import confidence_record
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Outcome, describe_cavitation, describe_searches
 from damperfit.report import Failure, ReportFacts
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
-from damperfit.uncertainty import METHOD
+from damperfit.uncertainty import METHOD, Assessment
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
+    from damperfit.adjustment import Click
     from damperfit.identification import Campaign
     from damperfit.intake import Intake, LogFacts
+    from damperfit.recording import Finding
     from damperfit.settings import RigOptions, Settings
-    from damperfit.uncertainty import Assessment, Profile
 
 __all__ = [
     "Ending",
+    "Judgement",
+    "click_document",
+    "corrections",
     "ending_of",
+    "failures_of",
     "json_values",
     "log_documents",
     "provenance",
@@ -51,17 +59,41 @@ class Ending(Enum):
     INTERRUPTED = 130
 
 
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What was found of the fits once they were done.
+
+    Attributes
+    ----------
+    assessment : Assessment
+        How far the numbers may be trusted.
+    adjustment : Adjustment
+        What shows across settings.
+    checks : tuple of Check
+        The checklist.
+    """
+
+    assessment: Assessment = Assessment()
+    adjustment: Adjustment = Adjustment()
+    checks: tuple[Check, ...] = ()
+
+
+def failures_of(settings: Settings, intake: Intake, campaign: Campaign) -> tuple[Failure, ...]:
+    """Return the logs and settings without a result."""
+    return (*intake.failures, *_setting_failures(campaign), *_missing(settings, intake))
+
+
 def report_facts(
     settings: Settings,
     intake: Intake,
     campaign: Campaign,
-    assessment: Assessment,
+    judgement: Judgement,
     *,
     is_interrupted: bool,
 ) -> ReportFacts:
     """Return what a report tells besides the tables."""
     done = {fit.setting for fit in campaign.fits}
-    failures = (*intake.failures, *_setting_failures(campaign), *_missing(settings, intake))
+    assessment = judgement.assessment
     outcomes = {fit.outcome for fit in campaign.fits if fit.outcome is not Outcome.CONVERGED}
     return ReportFacts(
         version=__version__,
@@ -70,14 +102,19 @@ def report_facts(
             *((assessment.gas.sentence,) if assessment.gas is not None else ()),
             *((METHOD,) if campaign.fits else ()),
         ),
-        failures=failures,
+        failures=failures_of(settings, intake, campaign),
         warnings=(*_warnings(settings, intake, campaign), *assessment.warnings),
         trust=assessment.sentences,
         identifiability=assessment.doubts(campaign),
         searches=describe_searches(campaign.searches),
         cavitation=describe_cavitation({fit.setting: fit.cavitation for fit in campaign.fits}),
+        across=judgement.adjustment.sentences,
+        checks=judgement.checks,
         gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
-        gates=tuple(_missed_gates(settings, campaign)),
+        gates=(
+            *_missed_gates(settings, campaign),
+            *missed_gates(judgement.checks, settings.output.checks),
+        ),
         advice=tuple(sorted((outcome.value, outcome.advice) for outcome in outcomes)),
         is_interrupted=is_interrupted,
     )
@@ -111,7 +148,7 @@ def record(
     intake: Intake,
     facts: ReportFacts,
     campaign: Campaign,
-    assessment: Assessment,
+    judgement: Judgement,
     *,
     ending: Ending,
 ) -> dict[str, Any]:
@@ -129,49 +166,42 @@ def record(
         "gaps": list(facts.gaps),
         "gates_missed": list(facts.gates),
         "procedure": list(facts.procedure),
-        "uncertainty": list(_trust(campaign, assessment)),
-        "profiles": [_profile(one, assessment) for one in assessment.profiles],
-        "gas_content": None if assessment.gas is None else asdict(assessment.gas),
-        "searches": [asdict(one) for one in campaign.searches],
+        "checks": [asdict(check) for check in judgement.checks],
+        **confidence_record(campaign, judgement.assessment),
+        **_across(judgement.adjustment),
         "schema": describe_tables(),
     }
     cleaned: dict[str, Any] = json_values(document)
     return cleaned
 
 
-def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any]]:
-    """Yield, by setting, what stands behind the intervals, and what the residuals say."""
-    fits = {fit.setting: fit for fit in campaign.fits}
-    said = assessment.verdicts(campaign)
-    for known, seen in zip(assessment.uncertainties, assessment.diagnoses, strict=True):
-        yield {
-            "setting": known.setting,
-            "verdicts": said[known.setting],
-            "parameters": list(known.names),
-            "correlation": known.correlation.tolist(),
-            "jackknife_over_sandwich": {
-                name: interval.cycle_ratio for name, interval in known.intervals.items()
-            },
-            "residuals": asdict(seen),
-            "cavitation": asdict(fits[known.setting].cavitation),
-        }
-
-
-def _profile(profile: Profile, assessment: Assessment) -> dict[str, Any]:
-    """The limits of a profile beside those of the sandwich covariance; the points have a table."""
-    intervals = {one.setting: one.intervals.get(profile.name) for one in assessment.uncertainties}
-    sandwich = None if profile.is_partial else intervals.get(profile.setting)
+def _across(adjustment: Adjustment) -> dict[str, Any]:
+    """Return trends, and the changes of force by click at the sine that stands for the tests."""
+    sine = adjustment.sine
+    motion = {} if sine is None else {"amplitude_m": sine.amplitude, "frequency_Hz": sine.frequency}
     return {
-        "setting": profile.setting,
-        "parameter": profile.name,
-        "shape": profile.shape,
-        "ci_low": profile.low,
-        "ci_high": profile.high,
-        "sandwich_ci_low": None if sandwich is None else sandwich.low,
-        "sandwich_ci_high": None if sandwich is None else sandwich.high,
-        "is_shared": profile.is_shared,
-        "points": len(profile.points),
-        "evaluations": profile.evaluations,
+        "trends": [
+            {**asdict(trend), "unit": PARAMETER_UNITS[trend.parameter]}
+            for trend in adjustment.trends
+        ],
+        "clicks": [click_document(click) for click in adjustment.clicks],
+        "clicks_motion": motion,
+    }
+
+
+def click_document(click: Click) -> dict[str, Any]:
+    """Return one change of force as JSON values."""
+    return {
+        "from": click.first,
+        "to": click.second,
+        "speed_m_per_s": click.speed,
+        "stroke": click.stroke,
+        "change_N": click.change,
+        "low_N": click.low,
+        "high_N": click.high,
+        "percent": click.percent,
+        "percent_low": click.percent_low,
+        "percent_high": click.percent_high,
     }
 
 
@@ -247,15 +277,24 @@ def _twin_warnings(intake: Intake) -> Iterator[str]:
 
 
 def _log_warnings(campaign: Campaign) -> Iterator[str]:
-    """One line for each kind of warning, however many logs it is true of."""
-    logs: dict[str, list[str]] = {}
+    """One line for each kind of warning, with the numbers of its first log."""
+    yield from _by_kind(campaign, lambda finding: finding.severity == "warning")
+
+
+def corrections(campaign: Campaign) -> Iterator[str]:
+    """Yield what was put right in the logs that were fitted, one line for each kind."""
+    yield from _by_kind(campaign, lambda finding: finding.is_correction)
+
+
+def _by_kind(campaign: Campaign, is_meant: Callable[[Finding], bool]) -> Iterator[str]:
+    logs: dict[str, list[tuple[str, str]]] = {}
     for fit in campaign.fits:
         for log in fit.logs:
-            for warning in log.trace.warnings:
-                logs.setdefault(warning, []).append(log.trace.name)
-    for warning, names in logs.items():
-        others = f" and {len(names) - 1} other logs" if len(names) > 1 else ""
-        yield f"{names[0]}{others}: {warning}"
+            for one in filter(is_meant, log.trace.findings):
+                logs.setdefault(one.name, []).append((log.trace.name, one.sentence))
+    for (name, sentence), *others in logs.values():
+        also = f" and {len(others)} other log{'s' if len(others) > 1 else ''}" if others else ""
+        yield f"{name}{also}: {sentence}"
 
 
 def _temperature_warnings(rig: RigOptions, intake: Intake) -> Iterator[str]:
@@ -295,6 +334,7 @@ def _procedure(settings: Settings, campaign: Campaign) -> Iterator[str]:
     fit = campaign.fits[0]
     yield f"Filter: {fit.logs[0].trace.model_filter.description}"
     yield f"Procedure: {campaign.procedure}."
+    yield from (f"Put right: {line}." for line in corrections(campaign))
     for name in PARAMETER_NAMES:
         value = getattr(fit.parameters, name)
         unit = PARAMETER_UNITS[name]

@@ -140,13 +140,16 @@ def take_in(
     cancelled : callable
         Asked before each log; once it says True, the remaining logs are left out.
     """
+    from threadpoolctl import threadpool_limits
+
     is_table = {path: _is_parameter_table(path) for path in paths}
     logs = [path for path in paths if not is_table[path]]
 
     def one(path: Path, name: str) -> list[_Taken]:
         return [] if cancelled() else _take_file(path, name, settings, setting=setting)
 
-    with ThreadPoolExecutor(max_workers=jobs) as pool:
+    # BLAS threads spin between small products and take the core of the next log.
+    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(jobs) as pool:
         taken = [part for parts in pool.map(one, logs, _distinct_names(logs)) for part in parts]
     return Intake(
         traces=tuple(part.trace for part in taken if part.trace is not None),
@@ -220,7 +223,7 @@ def _take_test(
         return _failed(known, error)
     facts = trace.describe() | {
         "n_samples_read": len(recording.time),
-        "notes": [*recording.notes, *trace.notes, *trace.warnings],
+        "notes": [*recording.notes, *trace.notes, *(one.sentence for one in trace.findings)],
     }
     return _Taken(replace(known, facts=facts), trace)
 

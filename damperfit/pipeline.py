@@ -15,8 +15,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from damperfit.account import Ending, ending_of, provenance, record, report_facts
+from damperfit.account import (
+    Ending,
+    Judgement,
+    ending_of,
+    failures_of,
+    provenance,
+    record,
+    report_facts,
+)
+from damperfit.adjustment import compare_settings
 from damperfit.atomic import check_writable, file_set
+from damperfit.checklist import Subject, run_checks
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, compare, identify
 from damperfit.intake import available_cores, expand, take_in
@@ -32,11 +42,11 @@ if TYPE_CHECKING:
 
     from damperfit.damper.parameters import Parameters
     from damperfit.identification import Comparison, Fit
+    from damperfit.intake import Intake
     from damperfit.recording import Trace
     from damperfit.report import ReportFacts
     from damperfit.settings import Settings
     from damperfit.tables import Tables
-    from damperfit.uncertainty import Assessment
 
 __all__ = ["RunResult", "Watch", "run"]
 
@@ -93,7 +103,11 @@ class RunResult:
     @property
     def written(self) -> dict[str, pa.Table]:
         """Tables by the name of their files."""
-        always = {"parameters": self.tables.parameters, "mse": self.tables.mse}
+        always = {
+            "parameters": self.tables.parameters,
+            "mse": self.tables.mse,
+            "adjustment": self.tables.adjustment,
+        }
         return always if self.profiles is None else always | {"profiles": self.profiles}
 
     def document(self) -> dict[str, Any]:
@@ -150,27 +164,23 @@ def run(
     watch.on_start(len({trace.setting for trace in intake.traces}))
     with clock.lap("fit_s"):
         campaign = _identify(settings, intake.traces, jobs=workers, watch=watch)
-    campaign, assessment = _judge(settings, campaign, clock=clock, jobs=workers, watch=watch)
+    campaign, judgement = _judge(settings, intake, campaign, clock=clock, jobs=workers, watch=watch)
     origin = provenance(settings, intake, campaign)
-    facts = report_facts(settings, intake, campaign, assessment, is_interrupted=watch.cancelled())
+    facts = report_facts(settings, intake, campaign, judgement, is_interrupted=watch.cancelled())
     ending = ending_of(campaign, facts)
     result = RunResult(
         ending=ending,
         campaign=campaign,
         tables=make_tables(
             campaign,
-            assessment=assessment,
+            assessment=judgement.assessment,
+            adjustment=judgement.adjustment,
             expected=settings.rig.settings,
             provenance=origin,
         ),
         facts=facts,
-        record=record(settings, intake, facts, campaign, assessment, ending=ending),
-        profiles=profiles_table(
-            (one for one in assessment.profiles if one.name in settings.profile),
-            provenance=origin,
-        )
-        if settings.profile
-        else None,
+        record=record(settings, intake, facts, campaign, judgement, ending=ending),
+        profiles=_profiles(settings, judgement, origin),
     )
     if campaign.fits or not facts.is_interrupted:
         _write(settings, result, origin, clock=clock, jobs=workers)
@@ -210,20 +220,48 @@ def _identify(settings: Settings, traces: Sequence[Trace], *, jobs: int, watch: 
 
 
 def _judge(
-    settings: Settings, campaign: Campaign, *, clock: _Clock, jobs: int, watch: Watch
-) -> tuple[Campaign, Assessment]:
-    """Intervals, verdicts and residuals of a campaign; profiles where they were asked for."""
+    settings: Settings,
+    intake: Intake,
+    campaign: Campaign,
+    *,
+    clock: _Clock,
+    jobs: int,
+    watch: Watch,
+) -> tuple[Campaign, Judgement]:
+    """Intervals, verdicts, trends and checks of a campaign; profiles where they were asked for."""
     solver = settings.identification.solver
     with clock.lap("judge_s"):
         assessment = assess(
             campaign, settings.damper, solver=solver, jobs=jobs, cancelled=watch.cancelled
         )
         campaign = reconsider(campaign, assessment)
+        adjustment = compare_settings(
+            campaign, assessment, settings.damper, solver=solver, jobs=jobs
+        )
+        subject = Subject(
+            campaign,
+            assessment,
+            adjustment,
+            missing=tuple(one.place for one in failures_of(settings, intake, campaign)),
+            temperature=settings.rig.temperature,
+            temperature_tolerance=settings.rig.temperature_tolerance,
+        )
+        checks = run_checks(subject)
     if settings.profile and campaign.fits and not watch.cancelled():
         bench = Bench(settings.damper, solver, watch.cancelled, jobs)
         with clock.lap("profile_s"):
             assessment = profile_campaign(campaign, assessment, bench, names=settings.profile)
-    return campaign, assessment
+    return campaign, Judgement(assessment, adjustment, checks)
+
+
+def _profiles(
+    settings: Settings, judgement: Judgement, origin: Mapping[str, Any]
+) -> pa.Table | None:
+    """The table of the profiles that were asked for."""
+    if not settings.profile:
+        return None
+    wanted = (p for p in judgement.assessment.profiles if p.name in settings.profile)
+    return profiles_table(wanted, provenance=origin)
 
 
 def _comparisons(settings: Settings, campaign: Campaign, *, jobs: int) -> Iterator[Comparison]:

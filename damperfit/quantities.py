@@ -102,7 +102,12 @@ _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
         "degF °F ºF ˚F F": (5.0 / 9.0, -160.0 / 9.0),
         "K": (1.0, -273.15),
     },
-    "velocity": {"m/s m_per_s": 1.0, "mm/s mm_per_s": 1e-3},
+    "velocity": {
+        "m/s m_per_s": 1.0,
+        "mm/s mm_per_s": 1e-3,
+        "cm/s cm_per_s": 1e-2,
+        "in/s in_per_s": _INCH,
+    },
     "density": {"kg/m3 kg/m^3 kg/m³": 1.0, "g/cm3 g/cm^3 g/cm³": 1e3},
     "voltage": {"V": 1.0, "mV": 1e-3},
 }

@@ -39,6 +39,8 @@ class Finding:
         The number behind it, for scripts; None where there is none.
     unit : str
         Unit of `value`; empty for counts and shares.
+    is_correction : bool
+        The data were changed for it.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Finding:
     sentence: str
     value: float | None = None
     unit: str = ""
+    is_correction: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +73,11 @@ class Recording:
         What the reader assumed or noticed, one plain sentence each.
     metadata : mapping of str to str
         Free text found in the log's preamble.
+    velocity : numpy.ndarray or None
+        Shape (n,), m/s, with the log's own sign; only checked, never used.
+    reverse_displacement, reverse_force : bool or None
+        Whether the log was declared to count the channel positive in bump, and the channel is
+        reversed here. None: nobody said, and it is as logged.
     """
 
     name: str
@@ -82,6 +90,9 @@ class Recording:
     temperature: FloatArray | None = None
     notes: tuple[str, ...] = ()
     metadata: Mapping[str, str] = field(default_factory=dict)
+    velocity: FloatArray | None = None
+    reverse_displacement: bool | None = None
+    reverse_force: bool | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,7 +139,7 @@ class Trace:
     frequency, amplitude : float
         Cycles per second in the window, Hz, and half the stroke, m.
     centre : float
-        Displacement of the log that is x = 0 of the model, m.
+        Displacement that is x = 0 of the model, as the log counts it, m.
     n_cycles_found : int
         Whole cycles in the log, run-in included.
     model_filter : FilterDesign

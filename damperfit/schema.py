@@ -12,7 +12,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from damperfit.conditioning import ConditionOptions
+from damperfit.checklist import expand_checks
+from damperfit.conditioning import ConditionOptions, GasFacts
 from damperfit.damper.parameters import Damper
 from damperfit.identification import FitOptions, check_options
 from damperfit.quantities import parse_quantity
@@ -46,6 +47,13 @@ def _quantity_or_word(dimension: str, word: str) -> BeforeValidator:
     return BeforeValidator(convert)
 
 
+def _known_or_detect(value: object) -> object:
+    if value == "detect" or isinstance(value, bool):
+        return value
+    raise ValueError("expected true, false or 'detect'")
+
+
+_Sign = Annotated[bool | str, BeforeValidator(_known_or_detect)]
 _Positive = Field(gt=0.0, allow_inf_nan=False)
 _NotNegative = Field(ge=0.0, allow_inf_nan=False)
 _Length = Annotated[float, _quantity("length"), _Positive]
@@ -94,8 +102,9 @@ class _RigSection(_Section):
     filter_corner: _Frequency
     filter_order: int
     centre: Annotated[float | str, _quantity_or_word("length", "mid-stroke")]
-    reverse_displacement: bool
-    reverse_force: bool
+    reverse_displacement: _Sign
+    reverse_force: _Sign
+    skew: Annotated[float | str, _quantity_or_word("time", "auto")]
     setting_pattern: str
     part_settings: list[int]
     columns: dict[str, str | int]
@@ -142,7 +151,9 @@ class _ConditioningSection(_Section):
     max_amplitude: _Length
     max_force: _Force
 
-    def build(self, rig: _RigSection, damper: Damper) -> ConditionOptions:
+    def build(
+        self, rig: _RigSection, damper: Damper, fit: _IdentificationSection
+    ) -> ConditionOptions:
         return ConditionOptions(
             filter=self.filter,
             filter_corner=self.filter_corner,
@@ -152,6 +163,14 @@ class _ConditioningSection(_Section):
             rig_filter_order=rig.filter_order,
             centre=None if isinstance(rig.centre, str) else rig.centre,
             steadiness=self.steadiness,
+            skew=rig.skew,
+            gas=GasFacts(
+                rod_area=damper.rod_area,
+                pressure=damper.gas_pressure,
+                volume=damper.gas_volume,
+                exponent=damper.gas_exponent,
+            ),
+            is_offset_known="f_0" in fit.fix or "f_0" in fit.free,
             chamber_lengths=(damper.chamber_1_length, damper.chamber_2_length),
             max_amplitude=self.max_amplitude,
             max_force=self.max_force,
@@ -208,9 +227,11 @@ class _SimulationSection(_Section):
 class _OutputSection(_Section):
     folder: Annotated[str, Field(min_length=1)]
     max_mse_percent: Annotated[float, _NotNegative]
+    checks: list[str]
 
     def build(self) -> OutputOptions:
-        return OutputOptions(Path(self.folder), self.max_mse_percent)
+        names = (name.strip() for name in self.checks)
+        return OutputOptions(Path(self.folder), self.max_mse_percent, expand_checks(names))
 
 
 class _Document(_Section):
@@ -238,7 +259,7 @@ def build_settings(document: dict[str, Any]) -> Settings:
         damper=damper,
         rig=checked.rig.build(),
         reading=checked.rig.build_reading(),
-        conditioning=checked.conditioning.build(checked.rig, damper),
+        conditioning=checked.conditioning.build(checked.rig, damper, checked.identification),
         identification=checked.identification.build(),
         profile=checked.identification.build_profile(),
         simulation=checked.simulation.build(checked.identification.dead_band),

@@ -82,10 +82,13 @@ class OutputOptions:
         Folder of the results of `identify`.
     max_mse_percent : float
         Gate: a setting above it makes the command end with code 4; 0 is no gate.
+    checks : tuple of str
+        Gates: names of `damperfit.checklist.CHECKS` that must be passed.
     """
 
     folder: Path
     max_mse_percent: float
+    checks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.conditioning import ConditionOptions
+from damperfit.conditioning import ConditionOptions, GasFacts
 from damperfit.config import load_settings, settings_toml
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.errors import ConfigurationError
@@ -33,7 +33,13 @@ def test_the_defaults_are_those_of_the_libraries_below() -> None:
     assert settings.identification == FitOptions()
     assert settings.simulation.solver == SolverOptions()
     lengths = (PURDY_DAMPER.chamber_1_length, PURDY_DAMPER.chamber_2_length)
-    assert settings.conditioning == ConditionOptions(chamber_lengths=lengths)
+    gas = GasFacts(
+        rod_area=PURDY_DAMPER.rod_area,
+        pressure=PURDY_DAMPER.gas_pressure,
+        volume=PURDY_DAMPER.gas_volume,
+        exponent=PURDY_DAMPER.gas_exponent,
+    )
+    assert settings.conditioning == ConditionOptions(chamber_lengths=lengths, gas=gas)
 
 
 def test_every_key_of_the_defaults_is_commented() -> None:
@@ -129,7 +135,8 @@ def test_values_arrive_where_they_are_used(tmp_path: Path) -> None:
     assert settings.conditioning.centre == 0.0125
     assert settings.conditioning.rig_filter == "causal"
     assert settings.reading.columns == {"force": 'Load "cell" #1', "time": 3}
-    assert settings.reading.reverse_force
+    assert settings.reading.reverse_force is True
+    assert settings.reading.reverse_displacement == "detect"
     (profile,) = settings.reading.profiles
     assert (profile.name, profile.files, profile.scales) == (
         "logger",
@@ -160,6 +167,14 @@ def test_values_arrive_where_they_are_used(tmp_path: Path) -> None:
         ),
         ("[rig]\nsettings = ['a']\n", r"rig\.toml:2: rig\.settings\.0: .*integer"),
         ("[rig]\nfilter = 'kausal'\n", r"rig\.filter: expected 'none', 'causal' or 'zero_phase'"),
+        (
+            "[rig]\nreverse_force = 'yes'\n",
+            r"rig\.toml:2: rig\.reverse_force: expected true, false or 'detect', found 'yes'",
+        ),
+        ("[rig]\nreverse_force = 1\n", r"expected true, false or 'detect', found 1"),
+        ("[rig]\nskew = '2mm'\n", r"rig\.toml:2: rig\.skew: no unit of time 'mm'"),
+        ("[rig]\nskew = 'atuo'\n", r"rig\.toml:2: rig\.skew"),
+        ("[rig]\nskew = '3s'\n", r"skew: found 3\.0, expected 'auto' or at most 0\.1 s"),
         ("[rig]\nsetting_pattern = '('\n", r"setting_pattern.*regular expression"),
         ("[rig]\nprofile = 'lab'\n", r"no profile 'lab'"),
         ("[rig.profiles.lab]\nfile = 'x'\n", r"rig\.profiles\.lab: unknown key 'file'.*'files'"),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from damperfit.cli.console import print_json, print_renderable, say
+from damperfit.cli.console import one_line, print_json, print_lines, print_renderable, say
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -17,8 +17,10 @@ from damperfit.cli.options import (
     LogsArgument,
     QuietOption,
     SettingOption,
+    SkewOption,
     VersionOption,
     assignments,
+    names_of,
     overlay,
 )
 from damperfit.cli.report import check_kind, write_report
@@ -66,7 +68,15 @@ def identify(
     max_mse: Annotated[
         float | None, typer.Option(metavar="PCT", help="End with code 4 above this MSE.")
     ] = None,
+    check: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME,NAME",
+            help="End with code 4 unless these checks are passed; purdy2000 is a list of them.",
+        ),
+    ] = None,
     setting: SettingOption = None,
+    skew: SkewOption = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the results.  [results]")
     ] = None,
@@ -96,7 +106,12 @@ def identify(
     from damperfit.cli.progress import progress
     from damperfit.config import load_settings
     from damperfit.pipeline import Watch, run
-    from damperfit.report import markdown_report, parameter_sheet, terminal_table
+    from damperfit.report import (
+        check_lines,
+        markdown_report,
+        parameter_sheet,
+        terminal_table,
+    )
 
     check_kind("--plots", plots)
     summary = _summary_file() if github_summary else None
@@ -110,7 +125,9 @@ def identify(
             ("identification", "bulk_modulus", bulk_modulus),
             ("identification", "starts", starts),
             ("identification", "profile", ",".join(profile).split(",") if profile else None),
+            ("rig", "skew", skew),
             ("output", "max_mse_percent", max_mse),
+            ("output", "checks", names_of(check) if check else None),
             ("output", "folder", str(out) if out is not None else None),
         ),
     )
@@ -128,6 +145,7 @@ def identify(
     elif result.campaign.fits:
         sheet = parameter_sheet(result.tables.parameters, digits=4, has_errors=False)
         print_renderable(terminal_table(sheet))
+        print_lines(["", *map(one_line, check_lines(result.facts.checks))])
     return result.ending.value
 
 
@@ -152,12 +170,16 @@ def _append(path: Path, report: str) -> None:
 
 
 def _tell_people(result: RunResult, *, folder: Path, is_quiet: bool) -> None:
+    from damperfit.account import corrections
+
     for failure in result.facts.failures:
         say(f"damperfit: {failure.line}")
     for gate in result.facts.gates:
         say(f"damperfit: {gate}")
     if is_quiet:
         return
+    for line in corrections(result.campaign):
+        say(f"note: {line}")
     for warning in result.facts.warnings:
         say(f"warning: {warning}")
     say(f"damperfit: {_summary(result, folder)}")

@@ -13,7 +13,9 @@ from damperfit.cli.options import (
     LogsArgument,
     QuietOption,
     SettingOption,
+    SkewOption,
     VersionOption,
+    overlay,
 )
 
 if TYPE_CHECKING:
@@ -25,6 +27,7 @@ __all__ = ["inspect"]
 def inspect(
     logs: LogsArgument,
     setting: SettingOption = None,
+    skew: SkewOption = None,
     jobs: JobsOption = None,
     config: ConfigOption = None,
     json: JsonOption = False,
@@ -40,7 +43,7 @@ def inspect(
     from damperfit.config import load_settings
     from damperfit.intake import available_cores, expand, take_in
 
-    settings = load_settings(config)
+    settings = load_settings(config, overlay=overlay(("rig", "skew", skew)))
     paths = expand(logs)
     intake = take_in(paths, settings, jobs=jobs or available_cores(), setting=setting)
     for failure in intake.failures:

@@ -21,8 +21,10 @@ __all__ = [
     "LogsArgument",
     "QuietOption",
     "SettingOption",
+    "SkewOption",
     "VersionOption",
     "assignments",
+    "names_of",
     "overlay",
 ]
 
@@ -66,6 +68,12 @@ SettingOption = Annotated[
     int | None,
     typer.Option("--setting", metavar="N", help="Setting of the logs that do not say theirs."),
 ]
+SkewOption = Annotated[
+    str | None,
+    typer.Option(
+        "--skew", metavar="TIME|auto", help="The force is late by this: 2ms, or auto to estimate."
+    ),
+]
 
 
 def assignments(texts: Iterable[str], *, option: str) -> dict[str, str]:
@@ -85,6 +93,17 @@ def assignments(texts: Iterable[str], *, option: str) -> dict[str, str]:
             raise ConfigurationError(f"{option} {text}: {name} is given twice")
         values[name] = value
     return values
+
+
+def names_of(texts: Iterable[str]) -> list[str]:
+    """Return the names in options that may be given several times and may hold lists.
+
+    Examples
+    --------
+    >>> names_of(["a,b", "c"])
+    ['a', 'b', 'c']
+    """
+    return [name.strip() for text in texts for name in text.split(",")]
 
 
 def overlay(*entries: tuple[str, str, Any]) -> dict[str, dict[str, Any]]:

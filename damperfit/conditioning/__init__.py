@@ -9,11 +9,12 @@ from __future__ import annotations
 from damperfit.conditioning.chain import condition
 from damperfit.conditioning.derivatives import differentiate
 from damperfit.conditioning.filters import apply_filter, design_filter
-from damperfit.conditioning.options import ConditionOptions
+from damperfit.conditioning.options import ConditionOptions, GasFacts
 from damperfit.conditioning.scatter import noise_floor
 
 __all__ = [
     "ConditionOptions",
+    "GasFacts",
     "apply_filter",
     "condition",
     "design_filter",

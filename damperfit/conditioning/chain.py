@@ -32,6 +32,7 @@ import numpy as np
 
 from damperfit.conditioning.cycles import Cycles, find_cycles
 from damperfit.conditioning.derivatives import differentiate
+from damperfit.conditioning.detective import describe_level, describe_middle, find_skew, put_right
 from damperfit.conditioning.filters import (
     apply_filter,
     complete_causal,
@@ -44,12 +45,15 @@ from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.quality import examine
 from damperfit.conditioning.refusals import (
     MIN_CYCLES,
+    oversize,
     refuse_dead,
     refuse_fast,
-    refuse_polarity,
     refuse_stroke,
+    refuse_swapped,
 )
+from damperfit.conditioning.skew import take_back
 from damperfit.conditioning.timebase import UniformLog, make_uniform
+from damperfit.conditioning.velocity import check_velocity
 from damperfit.errors import ConditioningError
 from damperfit.recording import FilterDesign, Recording, Trace
 
@@ -80,11 +84,41 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     ------
     ConditioningError
         Constant channel, gap in time, sample rate too low for the filter, too few steady cycles,
-        implausible stroke or force, stroke beyond the chambers, reversed polarity.
+        implausible stroke or force, stroke beyond the chambers, a sign that must be declared.
     """
     options = options or ConditionOptions()
-    refuse_dead(recording, options)
-    log = make_uniform(recording)
+    refuse_dead(recording)
+    delay = options.skew if isinstance(options.skew, float | int) else 0.0
+    too_large = oversize(recording, options)
+    try:
+        trace, log = _trace(recording, options, delay)
+    except ConditioningError as error:
+        raise ConditioningError(too_large or str(error)) from None
+    refuse_swapped(trace)
+    if too_large:
+        raise ConditioningError(too_large)
+    righted, findings = put_right(trace, recording, options)
+    if righted is not recording:
+        trace, log = _trace(righted, options, delay)
+    skew, skew_findings = find_skew(log, trace, options)
+    if skew != 0.0:
+        trace, _ = _trace(righted, options, skew)
+    refuse_stroke(trace, options)
+    told = (
+        describe_middle(trace, options),
+        *describe_level(trace, options),
+        *skew_findings,
+        *check_velocity(trace, righted),
+    )
+    return replace(trace, findings=(*trace.findings, *findings, *told))
+
+
+def _trace(
+    recording: Recording, options: ConditionOptions, delay: float
+) -> tuple[Trace, UniformLog]:
+    """Return the trace of a recording with its signs, the force moved ahead by ``delay``."""
+    logged = make_uniform(recording)
+    log = take_back(logged, delay) if delay else logged
     try:
         displacement, force, model_filter = _filtered(log, options)
     except ConditioningError as error:
@@ -99,7 +133,8 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     lead = edge + math.ceil(cycles.period) + 1
     keep = slice(max(0, int(starts[0]) - lead), math.ceil(starts[-1]) + edge + 2)
     starts = starts - keep.start
-    centre = cycles.centre if options.centre is None else options.centre
+    sign = -1.0 if recording.reverse_displacement else 1.0  # the log's own count
+    centre = cycles.centre if options.centre is None else sign * options.centre
     trace = Trace(
         name=recording.name,
         setting=recording.setting,
@@ -113,16 +148,13 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         cycle_starts=starts,
         frequency=(len(starts) - 1) / float(starts[-1] - starts[0]) / log.interval,
         amplitude=cycles.amplitude,
-        centre=centre,
+        centre=sign * centre,
         n_cycles_found=cycles.n_found,
         model_filter=model_filter,
         temperature=_mean_temperature(recording, log, starts + keep.start),
     )
     notes = (*log.notes, *_notes(trace, cycles, options))
-    trace = replace(trace, notes=notes, findings=examine(log, options))
-    refuse_stroke(trace, options)
-    refuse_polarity(trace)
-    return trace
+    return replace(trace, notes=notes, findings=examine(logged, options)), log
 
 
 def _filtered(
@@ -206,9 +238,6 @@ def _mean_temperature(recording: Recording, log: UniformLog, starts: FloatArray)
 def _notes(trace: Trace, cycles: Cycles, options: ConditionOptions) -> tuple[str, ...]:
     used = f"{trace.n_cycles} of {trace.n_cycles_found} whole cycles evaluated"
     notes = [f"{used} (left out: run-in, filter edges, unsteady cycles)"]
-    if options.centre is None:
-        middle = round(1e3 * cycles.centre, 3) + 0.0  # no "-0.000"
-        notes.append(f"mid-stroke of the log ({middle:.3f} mm) is x = 0 of the model")
     if options.rig_filter != "none":
         notes.append(
             f"filtered in the rig as declared ({options.rig_filter}, "

@@ -7,9 +7,33 @@ from dataclasses import dataclass
 
 from damperfit.errors import ConfigurationError, did_you_mean
 
-__all__ = ["FILTER_KINDS", "ConditionOptions"]
+__all__ = ["FILTER_KINDS", "ConditionOptions", "GasFacts"]
 
 FILTER_KINDS = ("zero_phase", "causal", "none")
+MAX_SKEW = 0.1  # s; more is no skew between channels but two clocks
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GasFacts:
+    """What is known of the damper's gas: it pushes the rod out and so tells the signs of a log.
+
+    Attributes
+    ----------
+    rod_area : float
+        a_r, m2.
+    pressure, volume, exponent : float
+        P_0 and V_g0 at mid-stroke, Pa and m3; gamma.
+    """
+
+    rod_area: float
+    pressure: float
+    volume: float
+    exponent: float
+
+    @property
+    def force(self) -> float:
+        """Force on the rod at mid-stroke, a_r P_0, N."""
+        return self.rod_area * self.pressure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +58,14 @@ class ConditionOptions:
     rig_filter_order : int
         Order of one pass of the rig's filter.
     centre : float or None
-        Displacement of the log that is x = 0 of the model, m. None: mid-stroke.
+        Displacement that is x = 0 of the model, as the log counts it, m. None: mid-stroke.
+    skew : float or str
+        What the force is late against the displacement, s, beyond what a declared rig filter
+        does to both; taken back. "auto": as estimated, where the log can tell.
+    gas : GasFacts or None
+        With it the gas force tells the signs of the channels, and whether the force was tared.
+    is_offset_known : bool
+        A constant force offset f_0 is fitted or held: a tared force is then no doubt.
     steadiness : float
         A cycle is steady when amplitude and period are within this fraction of the medians.
     chamber_lengths : tuple of float or None
@@ -50,6 +81,9 @@ class ConditionOptions:
     rig_filter_corner: float = 30.0
     rig_filter_order: int = 4
     centre: float | None = None
+    skew: float | str = 0.0
+    gas: GasFacts | None = None
+    is_offset_known: bool = False
     steadiness: float = 0.05
     chamber_lengths: tuple[float, float] | None = None
     max_amplitude: float = 1.0
@@ -79,5 +113,11 @@ class ConditionOptions:
         for name in ("max_amplitude", "max_force"):
             if not getattr(self, name) > 0.0:
                 raise ConfigurationError(f"{name}: found {getattr(self, name)}, expected above 0")
+        if self.skew != "auto" and not (
+            isinstance(self.skew, float | int) and abs(self.skew) <= MAX_SKEW
+        ):
+            raise ConfigurationError(
+                f"skew: found {self.skew!r}, expected 'auto' or at most {MAX_SKEW:g} s either way"
+            )
         if self.centre is not None and not math.isfinite(self.centre):
             raise ConfigurationError(f"centre: found {self.centre}, expected a finite number, m")

@@ -9,6 +9,7 @@ import numpy as np
 
 from damperfit.errors import LogError
 from damperfit.readers.channels import choose_channels
+from damperfit.readers.options import EXTRAS
 from damperfit.readers.settings import file_setting, whole_setting
 from damperfit.recording import Recording
 
@@ -65,6 +66,9 @@ def make_recordings(
             temperature=part.temperature,
             notes=(*notes, *part.notes, *declared),
             metadata=part.metadata,
+            velocity=part.velocity,
+            reverse_displacement=part.reverse_displacement,
+            reverse_force=part.reverse_force,
         )
         for i, part in enumerate(parts)
     )
@@ -80,16 +84,20 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
     if not n:
         raise LogError(f"{name}: no data rows")
     channels = _si_channels(samples, choices, options, name)
-    temperature, temperature_notes = _temperature(channels)
+    temperature, temperature_notes = _extra(channels, "temperature")
+    velocity, velocity_notes = _extra(channels, "velocity")
     cuts = _cuts(samples, channels, options, name)
     sign_notes = []
+    signs: dict[str, bool | None] = {}
     for channel in ("displacement", "force"):
-        if getattr(options, f"reverse_{channel}"):
+        is_reversed = getattr(options, f"reverse_{channel}")
+        signs[channel] = is_reversed if isinstance(is_reversed, bool) else None
+        if is_reversed is True:
             channels[channel] = -channels[channel]
             sign_notes.append(f"{channel}: sign reversed, as declared")
     titles = (f"part: {table.part}",) if table.part else ()
     notes = (*titles, *table.notes, *samples.notes, *notes, *_scale_notes(choices, options))
-    notes = (*notes, *sign_notes, *temperature_notes)
+    notes = (*notes, *sign_notes, *temperature_notes, *velocity_notes)
     parts = []
     for start, stop in cuts:
         part = slice(start, stop)
@@ -109,6 +117,9 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
                 temperature=None if temperature is None else temperature[part],
                 notes=(*notes, *time_notes, *setting_notes),
                 metadata=table.metadata,
+                velocity=None if velocity is None else velocity[part],
+                reverse_displacement=signs["displacement"],
+                reverse_force=signs["force"],
             )
         )
     return parts
@@ -139,7 +150,7 @@ def _si_channels(
         logged = values = samples.channels[channel]
         if choice.unit is None:
             continue
-        if channel != "temperature":
+        if channel not in EXTRAS:
             _check_finite(logged, channel, samples, name)
         with np.errstate(over="ignore", invalid="ignore"):
             if channel in options.scales or channel in options.offsets:
@@ -147,7 +158,7 @@ def _si_channels(
                 values += options.offsets.get(channel, 0.0)
             si = choice.unit.to_si(values)
         channels[channel] = np.ascontiguousarray(si, dtype=np.float64)
-        if channel != "temperature" and channels[channel] is not logged:  # a factor may overflow
+        if channel not in EXTRAS and channels[channel] is not logged:  # a factor may overflow
             _check_finite(channels[channel], channel, samples, name)
     return channels
 
@@ -222,13 +233,15 @@ def _backwards(time: FloatArray, i: int, n_such: int, samples: Samples, name: st
     )
 
 
-def _temperature(channels: Mapping[str, FloatArray]) -> tuple[FloatArray | None, tuple[str, ...]]:
-    if "temperature" not in channels:
+def _extra(
+    channels: Mapping[str, FloatArray], name: str
+) -> tuple[FloatArray | None, tuple[str, ...]]:
+    if name not in channels:
         return None, ()
-    values = channels["temperature"]
+    values = channels[name]
     n_bad = int(np.count_nonzero(~np.isfinite(values)))
     if n_bad:
-        return None, (f"temperature: left out; {n_bad} of {len(values)} values are missing",)
+        return None, (f"{name}: left out; {n_bad} of {len(values)} values are missing",)
     return values, ()
 
 

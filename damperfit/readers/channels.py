@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError, did_you_mean
 from damperfit.quantities import QuantityError, Unit, find_unit, is_unit, units_of
-from damperfit.readers.options import CHANNELS
+from damperfit.readers.options import CHANNELS, EXTRAS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -34,9 +34,10 @@ _WORDS = {
     ),
     "force": ("force", "load", "f", "forc", "kraft"),
     "temperature": ("temperature", "temp", "temperatur"),
+    "velocity": ("velocity", "vel", "speed", "geschwindigkeit", "v"),
     "setting": ("setting",),
 }  # fmt: skip
-_OPTIONAL = ("temperature", "setting")
+_OPTIONAL = (*EXTRAS, "setting")
 _IN_BRACKETS = re.compile(r"(?P<base>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]]\s*", re.DOTALL)
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
@@ -146,7 +147,7 @@ def choose_channels(
         if index is None:
             continue
         choice = _with_unit(channel, index, columns[index], options, where)
-        if choice.note and (choice.unit is None and channel == "temperature"):
+        if choice.note and (choice.unit is None and channel in EXTRAS):
             notes.append(choice.note)
             continue
         chosen[channel] = choice
@@ -214,8 +215,8 @@ def _found_index(
     if len({columns[i].name for i in found}) == 1:
         raise LogError(_duplicate(channel, found, columns, where))
     names = " or ".join(_label(i, columns[i]) for i in found)
-    if channel == "temperature":
-        return None, f"temperature: left out; it could be column {names}: declare which"
+    if channel in EXTRAS:
+        return None, f"{channel}: left out; it could be column {names}: declare which"
     raise LogError(f"{where}: {channel} could be column {names}; declare which in rig.columns")
 
 
@@ -275,8 +276,8 @@ def _with_unit(
         said = f" although the log says {found}" if is_other else ""
         return ChannelChoice(index, name, unit, f"{channel}: unit {declared}, as declared{said}")
     if found is None:
-        if channel == "temperature":
-            return ChannelChoice(index, name, None, "temperature: left out; it has no unit")
+        if channel in EXTRAS:
+            return ChannelChoice(index, name, None, f"{channel}: left out; it has no unit")
         raise LogError(
             f"{where}: column {name} has no unit, needed for {channel}; write it into the name, "
             f"as in {channel}_{units_of(dimension)[0]}, or declare it in rig.units"
@@ -284,4 +285,6 @@ def _with_unit(
     try:
         return ChannelChoice(index, name, find_unit(found, dimension))
     except QuantityError as error:
+        if channel == "velocity":  # a motor's, in revolutions per minute
+            return ChannelChoice(index, name, None, f"velocity: left out; column {name}: {error}")
         raise LogError(f"{where}: column {name}: {error}") from error

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CHANNELS",
+    "EXTRAS",
     "SEPARATORS",
     "SETTING_PATTERN",
     "Declarations",
@@ -30,12 +31,16 @@ CHANNELS = {
     "displacement": "length",
     "force": "force",
     "temperature": "temperature",
+    "velocity": "velocity",
 }
+# Channels that a log is good without; where they are missing or damaged they are left out.
+EXTRAS = ("temperature", "velocity")
 
 # Number after "setting" or "s" in a file name. "s" must stand alone (run_s10, not runs10 and not
 # 30s_2), and 10.5 is no setting.
 SETTING_PATTERN = r"(?:setting|(?<![^\W_])s)[ _=-]?(\d+)(?![.]?\d)"
 
+_SIGNS = ("reverse_force", "reverse_displacement")
 _DIMENSIONS = {"sample_rate": "frequency", "pause": "time"}
 # What the user may call a character that is hard to see in a configuration.
 SEPARATORS = {",": ",", ";": ";", "|": "|", "\t": "\t", "tab": "\t", " ": " ", "blanks": " "}
@@ -65,8 +70,8 @@ class Declarations:
         Unit of a channel, whatever the log says, as in {"displacement": "mm"}.
     scales, offsets : mapping of str to float
         value = scale * logged + offset, in the channel's unit, as for volts.
-    reverse_force, reverse_displacement : bool
-        The log counts the channel positive in bump.
+    reverse_force, reverse_displacement : bool or str
+        Whether the log counts the channel positive in bump; "detect": not declared.
     encoding : str
         Of text, as in "cp1252"; empty: UTF-8, UTF-16 with a mark, else Latin-1.
     separator : str
@@ -98,8 +103,8 @@ class Declarations:
     units: Mapping[str, str] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
     offsets: Mapping[str, float] = field(default_factory=dict)
-    reverse_force: bool = False
-    reverse_displacement: bool = False
+    reverse_force: bool | str = "detect"
+    reverse_displacement: bool | str = "detect"
     encoding: str = ""
     separator: str = ""
     decimal: str = ""
@@ -114,6 +119,11 @@ class Declarations:
         """Refuse declarations that mean nothing."""
         _check_pattern(self.setting_pattern)
         _check_encoding(self.encoding)
+        for name in _SIGNS:
+            if getattr(self, name) not in (True, False, "detect"):
+                raise ConfigurationError(
+                    f"{name}: found {getattr(self, name)!r}, expected true, false or 'detect'"
+                )
         self._check_channels()
         for name in ("skip_lines", "sample_rate", "pause"):
             if not 0.0 <= getattr(self, name) < math.inf:
@@ -277,6 +287,10 @@ def _checked(value: Any, known: Any, where: str) -> Any:
         if isinstance(value, list | tuple) and all(_is_int(item) for item in value):
             return tuple(value)
         raise ConfigurationError(f"{where}: found {value!r}, expected a list of whole numbers")
+    if known.name in _SIGNS:
+        if value == "detect" or isinstance(value, bool):
+            return value
+        raise ConfigurationError(f"{where}: found {value!r}, expected true or false or 'detect'")
     if known.default is MISSING:
         return _checked_table(value, known.name, where)
     if known.name in _DIMENSIONS and isinstance(value, str):

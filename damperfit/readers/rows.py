@@ -16,6 +16,7 @@ from damperfit.errors import LogError
 from damperfit.readers.channels import visible
 from damperfit.readers.clock import clock_seconds, is_stamp
 from damperfit.readers.dialect import fields_of
+from damperfit.readers.options import EXTRAS
 from damperfit.readers.table import Samples
 
 if TYPE_CHECKING:
@@ -173,7 +174,7 @@ def _load_fast(text: TextRows, wanted: Mapping[str, int]) -> dict[str, FloatArra
         columns = _parse(text, sorted(set(wanted.values())))
     except (ArrowException, ValueError):
         return None
-    needed = [columns[i] for channel, i in wanted.items() if channel != "temperature"]
+    needed = [columns[i] for channel, i in wanted.items() if channel not in EXTRAS]
     if text.drops_bad_rows and not all(np.isfinite(values).all() for values in needed):
         return None
     if any(np.isnan(columns[i]).any() for i in text.clocks if i in columns):
@@ -283,7 +284,7 @@ def _field(text: TextRows, field: str, channel: str, is_clock: bool, where: str)
             raise LogError(f"{where}: {channel} is {visible(field)}, expected a time of day")
         return field
     value = _number(text, field, channel, where)
-    if text.drops_bad_rows and channel != "temperature" and not np.isfinite(value):
+    if text.drops_bad_rows and channel not in EXTRAS and not np.isfinite(value):
         raise LogError(f"{where}: {channel} is {visible(field)}, expected a finite number")
     return value
 

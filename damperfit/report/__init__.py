@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from damperfit.report.facts import Failure, ReportFacts
+from damperfit.report.ladder import check_lines, ladder_sheet, stroke_sheet
 from damperfit.report.markdown import markdown_report
 from damperfit.report.rows import Sheet, log_sheet, parameter_sheet
 from damperfit.report.terminal import terminal_table
@@ -32,6 +33,7 @@ __all__ = [
     "Portfolio",
     "ReportFacts",
     "Sheet",
+    "check_lines",
     "draw_plot",
     "family_plot",
     "family_records",
@@ -39,10 +41,12 @@ __all__ = [
     "family_sheet",
     "html_report",
     "kin_pressures",
+    "ladder_sheet",
     "log_sheet",
     "markdown_report",
     "parameter_sheet",
     "portfolio",
+    "stroke_sheet",
     "terminal_table",
 ]
 

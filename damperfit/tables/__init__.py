@@ -11,6 +11,7 @@ from damperfit.tables.reading import LogSignals, Results, read_results
 from damperfit.tables.results import (
     MISSING,
     Tables,
+    adjustment_rows,
     grade,
     make_tables,
     profiles_table,
@@ -24,6 +25,7 @@ __all__ = [
     "LogSignals",
     "Results",
     "Tables",
+    "adjustment_rows",
     "describe_tables",
     "grade",
     "make_tables",

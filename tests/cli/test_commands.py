@@ -16,7 +16,7 @@ from damperfit.cli.main import app
 from damperfit.config import load_settings
 
 ROOT = Path(__file__).parents[2]
-COMMANDS = ("identify", "simulate", "sweep", "inspect", "report", "samples", "config")
+COMMANDS = ("identify", "settings", "simulate", "sweep", "inspect", "report", "samples", "config")
 HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pydantic")
 
 

@@ -71,8 +71,9 @@ def test_starts_are_spread_over_the_whole_range_and_always_the_same() -> None:
     assert min(y.f_0 for y in found) < -200.0
 
 
-def test_a_sound_setting_has_one_minimum() -> None:
-    logs = traces([3], noise=4.0, duration=4.0)
+@pytest.mark.parametrize("setting", [3])
+def test_a_sound_setting_has_one_minimum(setting: int) -> None:
+    logs = traces([setting], noise=4.0, duration=4.0)
     plain = identify(logs, PURDY_DAMPER, FitOptions("plain", FREE, KNOWN))
     many = identify(logs, PURDY_DAMPER, FitOptions("plain", FREE, KNOWN, starts=5))
     assert plain.searches == ()

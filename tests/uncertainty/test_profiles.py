@@ -197,7 +197,7 @@ def test_a_budget_that_is_spent_leaves_no_verdict() -> None:
 
 
 def test_names_that_cannot_be_profiled() -> None:
-    with pytest.raises(ConfigurationError, match="no parameter 'k_f' to profile.*Did you mean"):
+    with pytest.raises(ConfigurationError, match=r"no parameter 'k_f' to profile.*Did you mean"):
         check_profile_names(["k_f"])
     with pytest.raises(ConfigurationError, match="f_f is both fixed and to be profiled"):
         check_profile_names(["f_f"], fixed={"f_f": 50.0})

@@ -1,0 +1,148 @@
+"""What is wrong with the channels of a log: put right where it is certain, else told or asked.
+
+`polarity` tells the signs from the loop's energy and from the gas force, which `gas_force`
+measures; `skew` estimates by how much the force is late. Here they are asked in turn, and the tare
+and the mid-stroke are told. Nothing is absorbed into a parameter in silence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from damperfit.conditioning.gas_force import force_level
+from damperfit.conditioning.polarity import TARED, find_signs
+from damperfit.conditioning.skew import Skew, estimate_skew
+from damperfit.recording import Finding, Recording, Trace
+
+if TYPE_CHECKING:
+    from damperfit.conditioning.gas_force import ForceLevel
+    from damperfit.conditioning.options import ConditionOptions
+    from damperfit.conditioning.timebase import UniformLog
+
+__all__ = ["describe_level", "describe_middle", "find_skew", "put_right"]
+
+# A level this near to what the gas gives is no news: other gas and oil move it as much.
+_NEAR = 0.15
+_KNOWN = 0.35  # uncertainty over the gas force above which nothing is said of a tare
+
+
+def put_right(
+    trace: Trace, recording: Recording, options: ConditionOptions
+) -> tuple[Recording, tuple[Finding, ...]]:
+    """Return the recording with the signs of the project, and what was found.
+
+    The same recording when nothing had to be changed.
+
+    Raises
+    ------
+    ConditioningError
+        A sign is wrong and it is not certain which.
+    """
+    level = None if options.gas is None else force_level(trace, options.gas)
+    signs = find_signs(trace, recording, level)
+    for channel in signs.reversed_channels:
+        changes = {channel: -getattr(recording, channel), f"reverse_{channel}": True}
+        recording = replace(recording, **changes)
+    return recording, signs.findings
+
+
+def describe_level(trace: Trace, options: ConditionOptions) -> tuple[Finding, ...]:
+    """Return whether the gas force is in the log, was tared away, or is another one."""
+    if options.gas is None:
+        return ()
+    level = force_level(trace, options.gas)
+    missing = level.force - level.expected
+    size = -level.expected
+    severity = "note" if options.is_offset_known else "warning"
+    told = (
+        f"at no speed the force is {level.force:.0f} +- {level.uncertainty:.0f} N, the gas alone "
+        f"gives {level.expected:.0f} N"
+    )
+    if level.uncertainty > _KNOWN * size:
+        text = f"cannot tell whether the force was tared: {told}"
+        return (Finding("tare", "note", text, missing, "N"),)
+    if abs(missing) <= _NEAR * size + level.uncertainty:
+        return (Finding("tare", "note", f"gas force present: {told}", missing, "N"),)
+    if abs(level.ratio) < TARED:
+        return (Finding("tare", severity, _removed(told, level, options), missing, "N"),)
+    what = "part of the gas force is missing" if 0.0 < missing < size else "not the gas force"
+    text = (
+        f"{what}: {told}; a tare, another gas pressure, cavitation or much elasticity: check "
+        "damper.gas_pressure, or free the offset (--free r_m1,r_m2,k_e,f_0)"
+    )
+    return (Finding("tare", severity, text, missing, "N"),)
+
+
+def _removed(told: str, level: ForceLevel, options: ConditionOptions) -> str:
+    if options.is_offset_known:
+        return f"gas force tared away: {told}; f_0 makes up for it"
+    return (
+        f"gas force tared away: {told}; free the offset (--free r_m1,r_m2,k_e,f_0) or hold it "
+        f"(--fix f_0={-level.expected:.0f}N), or the parameters make up for it"
+    )
+
+
+def describe_middle(trace: Trace, options: ConditionOptions) -> Finding:
+    """Return where mid-stroke is in the log, or how far a declared centre is from it."""
+    window = trace.displacement[trace.window]
+    off = 0.5 * float(window.max() + window.min())
+    centre = 1e3 * trace.centre
+    if options.centre is not None:
+        middle = f"mid-stroke at x = {1e3 * off:.3f} mm"
+        text = f"x = 0 at {centre:.3f} mm of the log, as declared; {middle}"
+        return Finding("mid_stroke", "note", text, off, "m")
+    text = f"mid-stroke of the log ({round(centre, 3) + 0.0:.3f} mm) is x = 0 of the model"
+    if 0.05 < abs(trace.centre) / trace.amplitude < 0.8:
+        text += "; if the log's 0 is the middle of the damper, say rig.centre = '0mm'"
+    return Finding("mid_stroke", "note", text, trace.centre, "m")
+
+
+def find_skew(
+    log: UniformLog, trace: Trace, options: ConditionOptions
+) -> tuple[float, tuple[Finding, ...]]:
+    """Return by how much the force must be moved ahead, s, and what was found of the skew.
+
+    Parameters
+    ----------
+    log : UniformLog
+        With the signs of the project, moved by what was declared, not filtered by us.
+    trace : Trace
+        Of this log.
+    options : ConditionOptions
+        ``skew`` says what was declared.
+    """
+    is_auto = options.skew == "auto"
+    if options.rig_filter != "none":
+        skew = Skew(None, reason="the rig's filter rounds the friction's jump")
+    else:
+        skew = estimate_skew(log, trace)
+    declared = () if is_auto or options.skew == 0.0 else (_moved(float(options.skew)),)
+    if skew.delay is None:
+        text = f"cannot be told whether the force is late: {skew.reason}"
+        severity, done = (
+            ("warning", "nothing was taken back")
+            if is_auto
+            else ("note", "a late force looks like a low K_e")
+        )
+        return 0.0, (*declared, Finding("skew", severity, f"{text}; {done}", None, "s"))
+    text = (
+        f"the force is {1e3 * skew.delay:.2f} +- {1e3 * skew.uncertainty:.2f} ms late, by its jump "
+        "at the ends of the stroke taken for Coulomb friction"
+    )
+    if not skew.is_significant:
+        text = f"force and displacement are together: {text}"
+        return 0.0, (*declared, Finding("skew", "note", text, skew.delay, "s"))
+    if is_auto:
+        finding = Finding(
+            "skew", "note", f"{text}; taken back", skew.delay, "s", is_correction=True
+        )
+        return skew.delay, (finding,)
+    said = f"rig.skew = '{1e3 * skew.delay:.1f}ms'"
+    text += f"; that bends K_e most: say {said} if the rig is known to do so, or --skew auto"
+    return 0.0, (*declared, Finding("skew", "warning", text, skew.delay, "s"))
+
+
+def _moved(delay: float) -> Finding:
+    text = f"the force is moved {1e3 * delay:g} ms ahead, as declared"
+    return Finding("skew_declared", "note", text, delay, "s")

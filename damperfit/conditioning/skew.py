@@ -1,0 +1,211 @@
+r"""By how much the force is late against the displacement, and taking it back.
+
+At one frequency a late force looks like softer oil: both open the loop, and no fit of one sine
+test tells them apart. What tells them apart is friction: it changes its sign with the motion, at
+once, while oil takes a millisecond or more. So the force jumps by 2 f_f where the velocity is zero
+plus the skew. Around each end of the stroke a smooth curve with a kink stands for the hydraulic
+force, and the time of the jump is scanned::
+
+    f(t) = sum_k a_k z^k + b |z| + c z|z| + F step((t - t_end - skew)/width)
+
+once for the ends of rebound and once for those of bump, one skew for both. Cycles fall differently
+between the samples, so the jump is known better than to a sample.
+
+It is not told where it cannot be: without a jump that stands out of the noise, where the jump of
+rebound and bump differ (what jumps is then not friction), and where it is rounded, by a filter in
+the rig or by seals that stretch before they slide. Such seals look late: friction that only slides
+after 0.1 mm is 8 ms behind at 32 mm and 1.5 Hz. A rounding of more than `_SHARP` therefore speaks
+against every estimate, and a smaller one is added to its uncertainty.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.conditioning.timebase import UniformLog
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from damperfit.recording import Trace
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["Skew", "estimate_skew", "take_back"]
+
+_REACH = 0.020  # s beside an end of the stroke; the oil's part is smooth on this scale
+_FARTHEST = 0.010  # s
+_STEP = 5e-4  # s, of the scan
+_LEAST = 2.5e-4  # s; less moves K_e by no more than other doubts
+_WIDTHS = (0.0, 1e-3, 3e-3, 8e-3)  # s, of the rounded step
+_SHARP = 1e-3
+_CLEAR = 50.0  # gain of the step in squared deviations of the noise; 16 is chance at four sigma
+_ROUNDED = 1.5  # misfit of the sharp jump over that of the best one
+_ALIKE = 0.4  # smaller over larger jump
+_FINEST = 4e-4  # s; samples closer than this are averaged, for the time it takes
+_SYSTEMATIC = 1e-4  # s; what the smooth part may lean, by noise-free logs at 5 kHz
+_FEWEST = 40  # samples beside the ends of rebound, and of bump
+
+
+@dataclass(frozen=True, slots=True)
+class Skew:
+    """What is known of the delay between the channels.
+
+    Attributes
+    ----------
+    delay : float or None
+        Seconds by which the force is late; negative where the displacement is. None: not told.
+    uncertainty : float
+        s, about three standard errors; how samples and cycles fall is part of it.
+    reason : str
+        Why it is not told; empty where it is.
+    """
+
+    delay: float | None
+    uncertainty: float = 0.0
+    reason: str = ""
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether the force is late, or early, beyond doubt."""
+        return self.delay is not None and abs(self.delay) > max(self.uncertainty, _LEAST)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scan:
+    """Sums of squares over the delays tried, and the jump at each end, N."""
+
+    rest: FloatArray
+    total: float
+    jumps: FloatArray
+    n: int
+
+
+def estimate_skew(log: UniformLog, trace: Trace) -> Skew:
+    """Return the delay of the force from the friction's jump at the ends of the stroke.
+
+    Parameters
+    ----------
+    log : UniformLog
+        As logged, not filtered by us.
+    trace : Trace
+        Of the same log; its velocity tells the ends of the stroke.
+    """
+    sides = [_beside(log, ends) for ends in _ends(trace)]
+    if min(len(lag) for lag, _ in sides) < _FEWEST:
+        return Skew(None, reason="too few samples beside the ends of the stroke")
+    delays = np.arange(-_FARTHEST, _FARTHEST + 0.5 * _STEP, _STEP)
+    kink = float(delays[np.argmin(_scan(sides, delays, width=0.0, kink=None).rest)])
+    near = delays[np.abs(delays - kink) < 4.5 * _STEP]
+    scans = [_scan(sides, near, width=width, kink=kink) for width in _WIDTHS]
+    least = [float(scan.rest.min()) for scan in scans]
+    best = int(np.argmin(least))
+    scan, width = scans[best], _WIDTHS[best]
+    at = int(np.argmin(scan.rest))
+    variance = least[best] / (scan.n - 14)
+    jumps = scan.jumps[:, at]
+    if scan.total - least[best] < _CLEAR * variance:
+        return Skew(None, reason="no friction stands out at the ends of the stroke")
+    if not jumps.min() > _ALIKE * jumps.max():
+        return Skew(None, reason="what jumps at the ends of the stroke is not friction alone")
+    if width > _SHARP or least[0] > _ROUNDED * least[best]:
+        reason = "a filter in the rig, or seals that stretch before they slide"
+        return Skew(None, reason=f"the friction's jump is rounded by {reason}")
+    if abs(near[at]) > _FARTHEST - 1.5 * _STEP:
+        return Skew(None, reason=f"it would be more than {1e3 * _FARTHEST:.0f} ms")
+    fine = near[at] + np.linspace(-2.0 * _STEP, 2.0 * _STEP, 81)
+    rest = np.concatenate([scan.rest, _scan(sides, fine, width=width, kink=kink).rest])
+    like = np.concatenate([near, fine])[rest <= rest.min() + 9.0 * variance]
+    middle, half = 0.5 * (like.min() + like.max()), 0.5 * (like.max() - like.min())
+    return Skew(float(middle), float(half + _given(log.interval) + 0.5 * width))
+
+
+def _given(interval: float) -> float:
+    """Return what is added for how the cycles fall between the samples, s."""
+    return max(_SYSTEMATIC, 0.1 * interval)
+
+
+def _ends(trace: Trace) -> tuple[FloatArray, FloatArray]:
+    """Return when rebound ends and when bump ends, s; on a straight line over the cycles."""
+    v = trace.velocity
+    before = np.flatnonzero(v[:-1] * v[1:] < 0.0)
+    before = before[(before >= trace.first) & (before < trace.stop - 1)]
+    part = v[before] / (v[before] - v[before + 1])
+    at = trace.start_time + (before + part) * trace.interval
+    return _straight(at[v[before] > 0.0], trace), _straight(at[v[before] < 0.0], trace)
+
+
+def _straight(at: FloatArray, trace: Trace) -> FloatArray:
+    if len(at) < 3:
+        return at
+    cycle = np.rint((at - at[0]) * trace.frequency)
+    return np.asarray(at[0] + np.polyval(np.polyfit(cycle, at - at[0], 1), cycle))
+
+
+def _beside(log: UniformLog, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return time since the end and force of the samples around the ends, shape (n,) each."""
+    reach = int(_REACH / log.interval)
+    nearest = np.rint((ends - log.start_time) / log.interval).astype(np.int64)
+    index = nearest[:, np.newaxis] + np.arange(-reach, reach + 1)
+    lag = log.start_time + index * log.interval - ends[:, np.newaxis]
+    is_whole = (index[:, 0] >= 0) & (index[:, -1] < len(log.force))
+    lag, force = lag[is_whole], log.force[index[is_whole]]
+    if (block := int(_FINEST / log.interval)) > 1:
+        n = lag.shape[1] // block * block
+        lag, force = (a[:, :n].reshape(-1, block).mean(axis=1) for a in (lag, force))
+    return lag.ravel(), force.ravel()
+
+
+def _scan(
+    sides: list[tuple[FloatArray, FloatArray]],
+    delays: FloatArray,
+    *,
+    width: float,
+    kink: float | None,
+) -> _Scan:
+    """Return what is left of the force for each delay; the smooth part is projected out."""
+    rest, total, jumps, n = np.zeros(len(delays)), 0.0, [], 0
+    for sign, (lag, force) in zip((-1.0, 1.0), sides, strict=True):
+        basis = _smooth(lag / _REACH, None if kink is None else kink / _REACH)
+        f = force - basis @ (basis.T @ force)
+        since = lag[:, np.newaxis] - delays
+        step = np.sign(since) if width == 0.0 else np.tanh(since / width)
+        step -= basis @ (basis.T @ step)
+        size = np.maximum(np.einsum("ij,ij->j", step, step), 1e-9 * len(f))
+        share = f @ step
+        rest += float(f @ f) - share**2 / size
+        total += float(f @ f)
+        jumps.append(sign * share / size)
+        n += len(f)
+    return _Scan(np.maximum(rest, 1e-15 * total), total, np.stack(jumps), n)
+
+
+def _smooth(z: FloatArray, kink: float | None) -> FloatArray:
+    """Return an orthonormal basis of the hydraulic force beside an end, shape (n, 4 or 6)."""
+    columns = [np.ones_like(z), z, z**2, z**3]
+    if kink is not None:
+        columns += [np.abs(z - kink), (z - kink) * np.abs(z - kink)]
+    return np.asarray(np.linalg.qr(np.stack(columns, axis=-1))[0])
+
+
+def take_back(log: UniformLog, delay: float) -> UniformLog:
+    """Return the log with the force moved ``delay`` seconds ahead, by a cubic spline.
+
+    What has no partner at the ends of the log is left out.
+    """
+    from scipy.interpolate import CubicSpline
+
+    samples = np.arange(len(log.force), dtype=np.float64)
+    wanted = samples + delay / log.interval
+    is_there = (wanted >= 0.0) & (wanted <= samples[-1])
+    first = int(np.argmax(is_there))
+    return UniformLog(
+        start_time=log.start_time + first * log.interval,
+        interval=log.interval,
+        displacement=log.displacement[is_there],
+        force=np.ascontiguousarray(CubicSpline(samples, log.force)(wanted[is_there])),
+        notes=log.notes,
+    )

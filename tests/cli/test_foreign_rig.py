@@ -1,0 +1,138 @@
+"""A servo-hydraulic rig's export gives the parameters of the plain log, without a word said."""
+
+from __future__ import annotations
+
+import json
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from damperfit.tables import read_parameters
+
+SAMPLES = Path(__file__).parents[2] / "sample_runs"
+NAMES = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
+
+
+def _rows(setting: int) -> list[list[float]]:
+    lines = (SAMPLES / f"setting_{setting:02d}.csv").read_text().splitlines()[4:]
+    return [[float(field) for field in line.split(",")] for line in lines]
+
+
+def _export(path: Path, setting: int, *, x_sign: float = -1.0, f_sign: float = -1.0) -> Path:
+    """Quoted, semicolons, decimal comma, preamble with both, kN, time last, stroke at 41.7 mm."""
+    lines = [
+        '"Prüfstand 2; Dämpfer Nr. 7"',
+        '"Operator";"J. Müller"',
+        '"Date";"12.03.2024 10:15:01"',
+        "",
+        '"Axial Force ";"Axial Displacement ";"Running Time "',
+        '"kN";"mm";"sec"',
+    ]
+    for time, x, force, _ in _rows(setting):
+        values = (f_sign * force / 1e3, 41.7 + x_sign * x, time)
+        lines.append(";".join(f'"{value:.9g}"'.replace(".", ",") for value in values))
+    path.write_bytes(("\r\n".join(lines) + "\r\n").encode("latin-1"))
+    return path
+
+
+def _found(folder: Path, setting: int) -> dict[str, float]:
+    parameters = read_parameters(folder / "parameters.parquet")[setting]
+    return {name: getattr(parameters, name) for name in NAMES}
+
+
+@pytest.mark.parametrize("setting", [1, 10, 20])
+def test_a_servo_hydraulic_export_bump_positive_and_off_centre(run, tmp_path, setting) -> None:
+    plain = run("identify", SAMPLES / f"setting_{setting:02d}.csv", "--out", "plain")
+    log = _export(tmp_path / f"setting_{setting:02d}.csv", setting)
+    ended = run("identify", log, "--out", "foreign")
+    assert (plain.code, ended.code) == (0, 0), ended.err
+    expected, found = (_found(tmp_path / name, setting) for name in ("plain", "foreign"))
+    for name in NAMES:
+        assert found[name] == pytest.approx(expected[name], rel=1e-5)  # asked for: 1e-3
+    assert "displacement: found positive in bump and reversed" in ended.err
+    assert "force: found positive in bump and reversed" in ended.err
+    record = json.loads((tmp_path / "foreign" / "run.json").read_text())
+    assert record["inputs"][0]["centre_m"] == pytest.approx(0.0417, abs=2e-5)
+    names = {one["name"] for one in record["inputs"][0]["findings"] if one["is_correction"]}
+    assert names == {"force_polarity", "displacement_polarity"}
+    assert any(line.startswith("Put right:") for line in record["procedure"])
+
+
+@pytest.mark.parametrize(("x_sign", "f_sign"), [(-1.0, 1.0), (1.0, -1.0)])
+def test_one_channel_bump_positive(run, tmp_path, x_sign, f_sign) -> None:
+    _export(tmp_path / "a_s10.csv", 10, x_sign=1.0, f_sign=1.0)
+    _export(tmp_path / "b_s10.csv", 10, x_sign=x_sign, f_sign=f_sign)
+    assert run("identify", "a_s10.csv", "--out", "a").code == 0
+    assert run("identify", "b_s10.csv", "--out", "b").code == 0
+    expected, found = (_found(tmp_path / name, 10) for name in ("a", "b"))
+    for name in NAMES:
+        assert found[name] == pytest.approx(expected[name], rel=1e-6)
+
+
+def test_a_profile_may_keep_the_signs_as_logged(run, tmp_path) -> None:
+    _export(tmp_path / "a_s10.csv", 10)
+    (tmp_path / "rig.toml").write_text(
+        '[rig.profiles.ours]\nfiles = "a*.csv"\nreverse_force = false\n'
+        "reverse_displacement = false\n"
+    )
+    ended = run("inspect", "a_s10.csv", "--json", "--config", "rig.toml")
+    (log,) = json.loads(ended.out)["logs"]
+    assert "direction" in {one["name"] for one in log["findings"] if one["severity"] == "warning"}
+    assert not [one for one in log["findings"] if one["is_correction"]]
+    (tmp_path / "rig.toml").write_text("[rig]\nreverse_force = true\nreverse_displacement = true\n")
+    ended = run("inspect", "a_s10.csv", "--json", "--config", "rig.toml")
+    (log,) = json.loads(ended.out)["logs"]
+    assert not log["warnings"]
+    assert not [one for one in log["findings"] if one["is_correction"]]
+
+
+def test_tared_logs_warn_once_and_not_when_the_offset_is_freed(run, tmp_path) -> None:
+    for setting in (1, 2):
+        rows = [f"# setting: {setting}", "time_s,displacement_mm,force_N"]
+        rows += [f"{t},{x},{f + 130.4:.1f}" for t, x, f, _ in _rows(setting)]
+        (tmp_path / f"tared_{setting}.csv").write_text("\n".join(rows) + "\n")
+    logs = ("tared_1.csv", "tared_2.csv")
+    warned = run("identify", *logs)
+    told = [line for line in warned.err.splitlines() if "gas force tared away" in line]
+    assert len(told) == 1
+    assert "tared_1.csv and 1 other log: " in told[0]
+    assert "--fix f_0=130N" in told[0]
+    fixed = run("identify", *logs, "--fix", "f_0=130.4N")
+    assert "tared away" not in fixed.err
+    expected = run("identify", *(SAMPLES / f"setting_0{n}.csv" for n in (1, 2)), "--out", "plain")
+    assert expected.code == 0
+    for setting in (1, 2):
+        plain, found = (_found(tmp_path / name, setting) for name in ("plain", "results"))
+        for name in NAMES:
+            assert found[name] == pytest.approx(plain[name], rel=2e-3)
+
+
+@pytest.mark.parametrize("skew", ["auto", "2ms"])
+def test_skew_is_taken_back_on_request(run, tmp_path, skew) -> None:
+    rows = _rows(5)
+    lines = ["time_s,displacement_mm,force_N"]
+    # One sample is 2 ms: the force of the row before.
+    lines += [f"{t},{x},{before[2]}" for before, (t, x, _, _) in pairwise(rows)]
+    (tmp_path / "late_s5.csv").write_text("\n".join(lines) + "\n")
+    plain = run("identify", SAMPLES / "setting_05.csv", "--out", "plain")
+    late = run("identify", "late_s5.csv", "--out", "late")
+    right = run("identify", "late_s5.csv", "--skew", skew, "--out", "right")
+    assert (plain.code, late.code, right.code) == (0, 0, 0)
+    k_e = {name: _found(tmp_path / name, 5)["k_e"] for name in ("plain", "late", "right")}
+    assert k_e["late"] < 0.75 * k_e["plain"]
+    assert k_e["right"] == pytest.approx(k_e["plain"], rel=0.05)
+    assert "ms late, by its jump" in late.err
+    assert "--skew auto" in late.err
+    shown = run("inspect", "late_s5.csv", "--skew", skew, "--json")
+    findings = {one["name"]: one for one in json.loads(shown.out)["logs"][0]["findings"]}
+    assert ("skew_declared" in findings) == (skew == "2ms")
+
+
+@pytest.mark.parametrize("skew", ["2mm", "often", "1s"])
+def test_a_skew_that_is_no_time_is_wrong_usage(run, tmp_path, skew) -> None:
+    _export(tmp_path / "a_s10.csv", 10)
+    ended = run("inspect", "a_s10.csv", "--skew", skew)
+    assert ended.code == 2
+    assert "skew" in ended.err
+    assert ended.err.count("\n") == 1

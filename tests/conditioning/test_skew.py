@@ -1,0 +1,143 @@
+"""A force late against the displacement: estimated from friction, taken back when asked (F43)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.conditioning import ConditionOptions, condition
+from damperfit.conditioning.skew import take_back
+from damperfit.conditioning.timebase import UniformLog
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.reference import reference_parameters
+from damperfit.errors import ConfigurationError
+from damperfit.identification import FitOptions, identify
+from damperfit.recording import Recording
+from damperfit.simulation import Motion, simulate
+
+FIT = FitOptions("plain", ("r_m1", "r_m2", "k_e"), {"r_m3": 2.597e6, "f_f": 50.0})
+
+
+def late_log(setting, delay, *, rate=500.0, f_f=50.0, noise=4.0):
+    """The standard test with the force ``delay`` seconds late."""
+    random = np.random.default_rng(setting)
+    n, lead, omega = round(8.0 * rate), round(rate * 4.0 / 3.0), 3.0 * np.pi
+    angle = omega * np.arange(n + lead) / rate + random.uniform(0.0, 6.28)
+    x, v = 0.032 * np.sin(angle - omega * delay), 0.032 * omega * np.cos(angle - omega * delay)
+    truth = replace(reference_parameters(setting), f_f=f_f)
+    force = simulate(truth, PURDY_DAMPER, Motion(1.0 / rate, x, v)).force[lead:]
+    return Recording(
+        name="log.csv",
+        path="",
+        sha256="",
+        setting=setting,
+        time=np.arange(n) / rate,
+        displacement=0.032 * np.sin(angle[lead:]) + 2e-6 * noise * random.standard_normal(n),
+        force=force + noise * random.standard_normal(n),
+    )
+
+
+def skew_of(log, **options):
+    (finding,) = [
+        one for one in condition(log, ConditionOptions(**options)).findings if one.name == "skew"
+    ]
+    return finding
+
+
+@pytest.mark.parametrize("delay", [-0.001, 0.0, 0.002, 0.005])
+@pytest.mark.parametrize("setting", [1, 10, 20])
+def test_the_estimate_is_within_its_half_millisecond(setting, delay) -> None:
+    finding = skew_of(late_log(setting, delay))
+    assert finding.value == pytest.approx(delay, abs=6e-4)
+    assert finding.severity == ("warning" if delay else "note")
+
+
+@pytest.mark.parametrize(("rate", "within"), [(1000.0, 3e-4), (5000.0, 1.2e-4)])
+def test_faster_logs_tell_it_better(rate, within) -> None:
+    assert skew_of(late_log(10, 0.002, rate=rate)).value == pytest.approx(0.002, abs=within)
+
+
+@pytest.mark.parametrize("setting", [1, 10, 20])
+def test_taken_back_by_estimate_k_e_is_near_the_truth_again(setting) -> None:
+    log, truth = late_log(setting, 0.002), reference_parameters(setting).k_e
+    errors = {}
+    for skew in (0.0, "auto", 0.002):
+        trace = condition(log, ConditionOptions(skew=skew))
+        fit = identify([trace], PURDY_DAMPER, FIT).fits[0]
+        errors[skew] = abs(fit.parameters.k_e / truth - 1.0)
+    assert errors[0.0] > 0.1  # 15 to 50 %
+    assert errors["auto"] < 0.2 * errors[0.0]
+    assert errors[0.002] < 0.02
+
+
+def test_auto_leaves_a_log_alone_that_is_not_late() -> None:
+    log = late_log(5, 0.0)
+    plain, auto = condition(log), condition(log, ConditionOptions(skew="auto"))
+    assert np.array_equal(plain.force, auto.force)
+
+
+def test_what_was_done_is_told() -> None:
+    corrected = skew_of(late_log(5, 0.002), skew="auto")
+    assert corrected.is_correction
+    assert corrected.severity == "note"
+    trace = condition(late_log(5, 0.002), ConditionOptions(skew=0.002))
+    (declared,) = [one for one in trace.findings if one.name == "skew_declared"]
+    assert "2 ms ahead, as declared" in declared.sentence
+    rest = skew_of(late_log(5, 0.002), skew=0.002)
+    assert abs(rest.value) < 6e-4
+    assert rest.severity == "note"
+
+
+def _soft_seals(log, sliding):
+    """Friction that turns over ``sliding`` metres, without noise in its motion."""
+    t = np.arange(len(log.time) * 20) / (20.0 * 500.0)
+    waves = np.stack([np.sin(3 * np.pi * log.time), np.cos(3 * np.pi * log.time)], axis=-1)
+    a, b = np.linalg.lstsq(waves, log.displacement, rcond=None)[0]
+    x = a * np.sin(3 * np.pi * t) + b * np.cos(3 * np.pi * t)
+    friction, now = np.zeros_like(x), 0.0
+    for i, step in enumerate(np.diff(x), start=1):
+        goal = 50.0 * np.sign(step)
+        now = goal + (now - goal) * np.exp(-abs(step) / sliding)
+        friction[i] = now
+    return replace(log, force=log.force + friction[::20])
+
+
+NOT_TOLD = {
+    "no friction": (late_log(5, 0.002, f_f=0.01), {}, "no friction stands out"),
+    "soft seals": (_soft_seals(late_log(5, 0.0, f_f=0.01), 2e-5), {}, "rounded by"),
+    "very soft seals": (_soft_seals(late_log(10, 0.0, f_f=0.01), 2e-4), {}, ""),
+    "rig filter": (late_log(5, 0.002), {"rig_filter": "zero_phase"}, "the rig's filter rounds"),
+}
+
+
+@pytest.mark.parametrize("case", NOT_TOLD)
+def test_where_it_cannot_be_told_it_says_so_and_changes_nothing(case) -> None:
+    log, options, words = NOT_TOLD[case]
+    finding = skew_of(log, **options)
+    assert (finding.severity, finding.value) == ("note", None)
+    assert words in finding.sentence
+    asked = skew_of(log, skew="auto", **options)
+    assert asked.severity == "warning"
+    assert "nothing was taken back" in asked.sentence
+    plain = condition(log, ConditionOptions(**options))
+    auto = condition(log, ConditionOptions(skew="auto", **options))
+    assert np.array_equal(plain.force, auto.force)
+
+
+@pytest.mark.parametrize("delay", [0.0031, -0.0031, 0.002])
+def test_taking_back_moves_the_force_alone(delay) -> None:
+    t = 5.0 + np.arange(2000) / 500.0
+    log = UniformLog(5.0, 0.002, np.sin(t), np.cos(9.0 * (t - delay)))
+    moved = take_back(log, delay)
+    at = moved.start_time + moved.interval * np.arange(len(moved.force))
+    assert moved.displacement == pytest.approx(np.sin(at), abs=1e-12)
+    assert moved.force[5:-5] == pytest.approx(np.cos(9.0 * at)[5:-5], abs=1e-6)
+    assert 1998 <= len(moved.force) <= 1999
+
+
+@pytest.mark.parametrize("skew", ["2ms", 0.5, float("nan"), None])
+def test_a_skew_without_meaning_is_refused(skew) -> None:
+    with pytest.raises(ConfigurationError, match=r"skew: found .* 'auto' or at most 0\.1 s"):
+        ConditionOptions(skew=skew)
