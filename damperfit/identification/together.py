@@ -29,8 +29,8 @@ _SAME_PRESSURE = 1e-4
 _MAX_ROUNDS = 5
 # Two unknowns of the law; a third setting is the first that can contradict it.
 _LAW_UNKNOWNS = 2
-# A misfit that chance makes so large once in a hundred sets.
-_CHANCE = 0.01
+# A misfit that chance makes so large once in a thousand sets; the noise is known roughly only.
+_CHANCE = 0.001
 
 
 @dataclass(frozen=True, slots=True, eq=False)
