@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from damperfit.identification import Campaign
-    from damperfit.uncertainty import Assessment, Profile
+    from damperfit.uncertainty import Assessment, MisfitProfile
 
 __all__ = ["confidence_record"]
 
@@ -50,7 +50,7 @@ def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any
         }
 
 
-def _profile(profile: Profile, assessment: Assessment) -> dict[str, Any]:
+def _profile(profile: MisfitProfile, assessment: Assessment) -> dict[str, Any]:
     """The limits of a profile beside those of the sandwich covariance; the points have a table."""
     intervals = {one.setting: one.intervals.get(profile.name) for one in assessment.uncertainties}
     sandwich = None if profile.is_partial else intervals.get(profile.setting)

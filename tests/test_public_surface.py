@@ -298,7 +298,7 @@ SURFACE = {
         "Interval",
         "LogEvidence",
         "METHOD",
-        "Profile",
+        "MisfitProfile",
         "ProfilePoint",
         "Stride",
         "Uncertainty",

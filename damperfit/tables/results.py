@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from damperfit.adjustment import Click, Level
     from damperfit.identification import Campaign, Fit
     from damperfit.simulation import Response
-    from damperfit.uncertainty import Profile
+    from damperfit.uncertainty import MisfitProfile
 
 __all__ = [
     "MISSING",
@@ -173,13 +173,13 @@ def _mse_rows(fit: Fit) -> Iterator[dict[str, Any]]:
 
 
 def profiles_table(
-    profiles: Iterable[Profile], *, provenance: Mapping[str, Any] | None = None
+    profiles: Iterable[MisfitProfile], *, provenance: Mapping[str, Any] | None = None
 ) -> pa.Table:
     """Lay profiles out as a table with one row per point.
 
     Parameters
     ----------
-    profiles : iterable of Profile
+    profiles : iterable of MisfitProfile
         As in `damperfit.uncertainty.Assessment`.
     provenance : mapping, optional
         Facts for the schema's ``damperfit`` entry, as JSON values.

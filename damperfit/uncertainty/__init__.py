@@ -10,7 +10,7 @@ from damperfit.uncertainty.intervals import (
     uncertainties,
 )
 from damperfit.uncertainty.lines import Bench
-from damperfit.uncertainty.profiles import Profile, ProfilePoint, Stride
+from damperfit.uncertainty.profiles import MisfitProfile, ProfilePoint, Stride
 from damperfit.uncertainty.requested import check_profile_names, profile_campaign
 from damperfit.uncertainty.residuals import Diagnosis, Hint, diagnose
 
@@ -24,7 +24,7 @@ __all__ = [
     "Hint",
     "Interval",
     "LogEvidence",
-    "Profile",
+    "MisfitProfile",
     "ProfilePoint",
     "Stride",
     "Uncertainty",

@@ -16,7 +16,7 @@ from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.gas import GasContent, gas_content
 from damperfit.uncertainty.intervals import Uncertainty, collect_evidence, uncertainties
 from damperfit.uncertainty.lines import Bench, doubtful_profiles
-from damperfit.uncertainty.profiles import Profile
+from damperfit.uncertainty.profiles import MisfitProfile
 from damperfit.uncertainty.residuals import Diagnosis, diagnose
 from damperfit.uncertainty.verdicts import doubts, verdicts
 
@@ -45,7 +45,7 @@ class Assessment:
         Errors, intervals, correlations.
     diagnoses : tuple of Diagnosis
         What the residuals say.
-    profiles : tuple of Profile
+    profiles : tuple of MisfitProfile
         Of the parameters that were in doubt, and of those asked for (see `profile_campaign`).
     gas : GasContent or None
         The gas content that K_e follows from, in a joint fit that asked for it.
@@ -53,10 +53,10 @@ class Assessment:
 
     uncertainties: tuple[Uncertainty, ...] = ()
     diagnoses: tuple[Diagnosis, ...] = ()
-    profiles: tuple[Profile, ...] = ()
+    profiles: tuple[MisfitProfile, ...] = ()
     gas: GasContent | None = None
 
-    def profile(self, setting: int, name: str) -> Profile | None:
+    def profile(self, setting: int, name: str) -> MisfitProfile | None:
         """Return the closest profile of a parameter at a setting, if there is one."""
         mine = [p for p in self.profiles if (p.setting, p.name) == (setting, name)]
         return max(mine, key=lambda profile: len(profile.points), default=None)
@@ -91,7 +91,7 @@ class Assessment:
         telling = {setting: self.telling(setting) for setting in known}
         return doubts(campaign.fits, known, campaign.sharing, telling)
 
-    def telling(self, setting: int) -> dict[str, Profile]:
+    def telling(self, setting: int) -> dict[str, MisfitProfile]:
         """Return the profiles that speak of a setting: its own, and R_m3's from its source."""
         found = {p.name: p for p in self.profiles if p.name == "r_m3" and p.is_shared}
         for name in {p.name for p in self.profiles}:
@@ -158,7 +158,7 @@ def assess(
     known = uncertainties(evidence, campaign.sharing)
     bench = Bench(damper, solver, cancelled, jobs)
 
-    def doubtful(pair: tuple[Evidence, Uncertainty]) -> tuple[Profile, ...]:
+    def doubtful(pair: tuple[Evidence, Uncertainty]) -> tuple[MisfitProfile, ...]:
         try:
             return doubtful_profiles(*pair, campaign.sharing, bench)
         except (SimulationError, FitCancelledError):

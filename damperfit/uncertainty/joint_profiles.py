@@ -13,7 +13,7 @@ from damperfit.identification.outcome import Outcome
 from damperfit.uncertainty.intervals import shared_curvature
 from damperfit.uncertainty.profiles import (
     OFFSET_UNIT,
-    Profile,
+    MisfitProfile,
     Stride,
     signed_root,
     walked,
@@ -71,7 +71,7 @@ def profile_jointly(
     bench: Bench,
     *,
     stride: Stride = Stride(),
-) -> tuple[Profile, ...]:
+) -> tuple[MisfitProfile, ...]:
     """Return the profile of a shared parameter of a joint fit, once for every setting in it.
 
     The rise is that of all settings together.

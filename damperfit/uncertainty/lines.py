@@ -16,7 +16,7 @@ from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification.descent import Misfit
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.intervals import own_names, solved
-from damperfit.uncertainty.profiles import OFFSET_UNIT, Line, Profile, Stride, trace_profile
+from damperfit.uncertainty.profiles import OFFSET_UNIT, Line, MisfitProfile, Stride, trace_profile
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -160,7 +160,7 @@ def _line(
 
 def doubtful_profiles(
     one: Evidence, known: Uncertainty, sharing: Sharing, bench: Bench
-) -> tuple[Profile, ...]:
+) -> tuple[MisfitProfile, ...]:
     """Return short profiles of what the quadratic approximation leaves in doubt at a setting.
 
     Parameters at a bound, not identified, or with a standard error of ln y above 0.1; a shared

@@ -38,7 +38,7 @@ __all__ = [
     "OFFSET_UNIT",
     "ROOT_LIMIT",
     "Line",
-    "Profile",
+    "MisfitProfile",
     "ProfilePoint",
     "Stride",
     "Walker",
@@ -90,7 +90,7 @@ class ProfilePoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Profile:
+class MisfitProfile:
     """How the misfit rises along one parameter.
 
     Attributes
@@ -297,7 +297,7 @@ class _Walk:
         return self._at(stepped(self.line.misfit, state.parameters, shift), along)
 
 
-def trace_profile(line: Line, stride: Stride = Stride()) -> Profile:
+def trace_profile(line: Line, stride: Stride = Stride()) -> MisfitProfile:
     """Follow the misfit of a setting along one parameter to both sides of its best value.
 
     Parameters
@@ -321,7 +321,7 @@ def trace_profile(line: Line, stride: Stride = Stride()) -> Profile:
 
 def walked(
     walker: Walker, name: str, best: float, error: float, stride: Stride
-) -> dict[int, Profile]:
+) -> dict[int, MisfitProfile]:
     """Return the profile of every setting that a walker sees, walking both sides of its start.
 
     Parameters
@@ -345,7 +345,7 @@ def walked(
         is_complete &= is_known
     points = sorted(walker.points, key=lambda point: point[0])
     return {
-        setting: Profile(
+        setting: MisfitProfile(
             setting=setting,
             name=name,
             points=tuple(

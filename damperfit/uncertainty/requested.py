@@ -12,7 +12,7 @@ from damperfit.identification.descent import FitCancelledError
 from damperfit.uncertainty.intervals import collect_evidence
 from damperfit.uncertainty.joint_profiles import profile_jointly
 from damperfit.uncertainty.lines import Bench, is_doubtful, lines_of
-from damperfit.uncertainty.profiles import Line, Profile, Stride, trace_profile
+from damperfit.uncertainty.profiles import Line, MisfitProfile, Stride, trace_profile
 
 if TYPE_CHECKING:
     from collections.abc import Container, Iterable, Sequence
@@ -78,9 +78,9 @@ def profile_campaign(
     known = {one.setting: one for one in assessment.uncertainties}
     mine = {one.fit.setting: one for one in evidence}
     sharing = campaign.sharing
-    found: list[Profile] = []
+    found: list[MisfitProfile] = []
 
-    def one(line: Line) -> Profile | None:
+    def one(line: Line) -> MisfitProfile | None:
         try:
             return trace_profile(line, stride)
         except (SimulationError, FitCancelledError):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from damperfit.identification import Fit, Sharing
     from damperfit.uncertainty.intervals import Uncertainty
-    from damperfit.uncertainty.profiles import Profile
+    from damperfit.uncertainty.profiles import MisfitProfile
 
 __all__ = ["doubts", "verdicts"]
 
@@ -24,7 +24,7 @@ _CORRELATED = 0.95
 
 
 def verdicts(
-    fit: Fit, known: Uncertainty, sharing: Sharing, profiles: Mapping[str, Profile]
+    fit: Fit, known: Uncertainty, sharing: Sharing, profiles: Mapping[str, MisfitProfile]
 ) -> dict[str, str]:
     """Return one sentence for each parameter: how it was found, how well, tied to which other.
 
@@ -36,7 +36,7 @@ def verdicts(
         The same setting's intervals.
     sharing : Sharing
         How the shared parameters were found.
-    profiles : mapping of str to Profile
+    profiles : mapping of str to MisfitProfile
         By parameter, where the misfit was followed; of shared ones too.
     """
     return {
@@ -49,7 +49,7 @@ def doubts(
     campaign_fits: Iterable[Fit],
     known: Mapping[int, Uncertainty],
     sharing: Sharing,
-    profiles: Mapping[int, Mapping[str, Profile]],
+    profiles: Mapping[int, Mapping[str, MisfitProfile]],
 ) -> tuple[str, ...]:
     """Return what a reader must know before using the numbers: doubtful parameters and ties.
 
@@ -61,7 +61,7 @@ def doubts(
         By setting.
     sharing : Sharing
         How the shared parameters were found.
-    profiles : mapping of int to mapping of str to Profile
+    profiles : mapping of int to mapping of str to MisfitProfile
         By setting and parameter.
     """
     said: dict[tuple[str, str], list[int]] = defaultdict(list)
@@ -96,7 +96,7 @@ def _verdict(
     name: str,
     fit: Fit,
     known: Uncertainty,
-    profile: Profile | None,
+    profile: MisfitProfile | None,
     sharing: Sharing,
     *,
     is_tied: bool = False,
@@ -126,7 +126,7 @@ def _verdict(
     return f"{found}, {where}{tied}"
 
 
-def _seen(profile: Profile) -> str:
+def _seen(profile: MisfitProfile) -> str:
     """What the misfit along the parameter says."""
     low, high = profile.low, profile.high
     if not profile.is_complete:

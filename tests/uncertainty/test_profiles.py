@@ -18,7 +18,7 @@ from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import (
     Assessment,
     Bench,
-    Profile,
+    MisfitProfile,
     Stride,
     assess,
     check_profile_names,
@@ -39,7 +39,7 @@ def profiled(
     return campaign, profile_campaign(campaign, judged, Bench(PURDY_DAMPER), names=names)
 
 
-def sandwich(judged: Assessment, profile: Profile) -> tuple[float, float]:
+def sandwich(judged: Assessment, profile: MisfitProfile) -> tuple[float, float]:
     known = next(one for one in judged.uncertainties if one.setting == profile.setting)
     interval = known.intervals[profile.name]
     return interval.low, interval.high
