@@ -14,20 +14,22 @@ from typing import TYPE_CHECKING, Any
 from damperfit import __version__
 from damperfit.adjustment import Adjustment
 from damperfit.checklist import Check, missed_gates
+from damperfit.confidence import confidence_record
 from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.identification import Outcome
+from damperfit.identification import Outcome, describe_cavitation, describe_searches
 from damperfit.report import Failure, ReportFacts
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
-from damperfit.uncertainty import METHOD, Assessment, verdicts
+from damperfit.uncertainty import METHOD, Assessment, prediction_warnings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from damperfit.adjustment import Click
     from damperfit.identification import Campaign
     from damperfit.intake import Intake, LogFacts
     from damperfit.recording import Finding
     from damperfit.settings import Settings
+    from damperfit.uncertainty import Prediction
 
 __all__ = [
     "Ending",
@@ -73,11 +75,14 @@ class Judgement:
         What shows across settings.
     checks : tuple of Check
         The checklist.
+    predictions : tuple of Prediction
+        How well what was held out is predicted.
     """
 
     assessment: Assessment = Assessment()
     adjustment: Adjustment = Adjustment()
     checks: tuple[Check, ...] = ()
+    predictions: tuple[Prediction, ...] = ()
 
 
 def failures_of(settings: Settings, intake: Intake, campaign: Campaign) -> tuple[Failure, ...]:
@@ -99,10 +104,21 @@ def report_facts(
     outcomes = {fit.outcome for fit in campaign.fits if fit.outcome is not Outcome.CONVERGED}
     return ReportFacts(
         version=__version__,
-        procedure=(*_procedure(settings, campaign), *((METHOD,) if campaign.fits else ())),
+        procedure=(
+            *_procedure(settings, campaign),
+            *((assessment.gas.sentence,) if assessment.gas is not None else ()),
+            *_method(campaign, assessment),
+        ),
         failures=failures_of(settings, intake, campaign),
-        warnings=(*_warnings(intake, campaign), *assessment.warnings),
+        warnings=(
+            *_warnings(intake, campaign),
+            *assessment.warnings,
+            *prediction_warnings(judgement.predictions),
+        ),
         trust=assessment.sentences,
+        identifiability=assessment.doubts(campaign),
+        searches=describe_searches(campaign.searches),
+        cavitation=describe_cavitation({fit.setting: fit.cavitation for fit in campaign.fits}),
         across=judgement.adjustment.sentences,
         checks=judgement.checks,
         gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
@@ -111,8 +127,15 @@ def report_facts(
             *missed_gates(judgement.checks, settings.output.checks),
         ),
         advice=tuple(sorted((outcome.value, outcome.advice) for outcome in outcomes)),
+        held_out=judgement.predictions,
         is_interrupted=is_interrupted,
     )
+
+
+def _method(campaign: Campaign, assessment: Assessment) -> tuple[str, ...]:
+    """How the errors were found, and how they were checked."""
+    said = (METHOD, assessment.cycle_check) if campaign.fits else ()
+    return tuple(sentence for sentence in said if sentence)
 
 
 def ending_of(campaign: Campaign, facts: ReportFacts) -> Ending:
@@ -130,9 +153,15 @@ def ending_of(campaign: Campaign, facts: ReportFacts) -> Ending:
     return Ending.GATE_MISSED if facts.gates else Ending.COMPLETE
 
 
-def provenance(settings: Settings, intake: Intake, campaign: Campaign) -> dict[str, Any]:
+def provenance(
+    settings: Settings,
+    intake: Intake,
+    campaign: Campaign,
+    predictions: Sequence[Prediction] = (),
+) -> dict[str, Any]:
     """Return what the tables were made from; nothing in it depends on place, time or failures."""
     used = {log.trace.name for fit in campaign.fits for log in fit.logs}
+    used |= {one.trace.name for one in predictions}
     document = {key: value for key, value in settings.document.items() if key != "output"}
     return {
         "version": __version__,
@@ -166,28 +195,13 @@ def record(
         "gates_missed": list(facts.gates),
         "procedure": list(facts.procedure),
         "checks": [asdict(check) for check in judgement.checks],
-        "uncertainty": list(_trust(campaign, judgement.assessment)),
+        **confidence_record(campaign, judgement.assessment),
+        "held_out": [one.describe() for one in judgement.predictions],
         **_across(judgement.adjustment),
         "schema": describe_tables(),
     }
     cleaned: dict[str, Any] = json_values(document)
     return cleaned
-
-
-def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any]]:
-    """Yield, by setting, what stands behind the intervals, and what the residuals say."""
-    fits = {fit.setting: fit for fit in campaign.fits}
-    for known, seen in zip(assessment.uncertainties, assessment.diagnoses, strict=True):
-        yield {
-            "setting": known.setting,
-            "verdicts": verdicts(fits[known.setting], known),
-            "parameters": list(known.names),
-            "correlation": known.correlation.tolist(),
-            "jackknife_over_sandwich": {
-                name: interval.cycle_ratio for name, interval in known.intervals.items()
-            },
-            "residuals": asdict(seen),
-        }
 
 
 def _across(adjustment: Adjustment) -> dict[str, Any]:

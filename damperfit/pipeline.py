@@ -13,6 +13,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from damperfit.account import (
@@ -28,25 +29,30 @@ from damperfit.adjustment import compare_settings
 from damperfit.atomic import check_writable, file_set
 from damperfit.checklist import Subject, run_checks
 from damperfit.errors import ConfigurationError
+from damperfit.holdout import Parted, named_files, note_unpredicted, part
 from damperfit.identification import Campaign, compare, identify
 from damperfit.intake import available_cores, expand, take_in
 from damperfit.report import markdown_report
-from damperfit.tables import make_tables, write_responses, write_table
-from damperfit.uncertainty import assess
+from damperfit.tables import make_tables, profiles_table, write_responses, write_table
+from damperfit.uncertainty import Bench, assess, predict, profile_campaign, reconsider
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
+    import pyarrow as pa
+
     from damperfit.damper.parameters import Parameters
     from damperfit.identification import Comparison, Fit
-    from damperfit.intake import Intake
     from damperfit.recording import Trace
     from damperfit.report import ReportFacts
     from damperfit.settings import Settings
     from damperfit.tables import Tables
 
 __all__ = ["RunResult", "Watch", "run"]
+
+# Tables that are written only when they were asked for.
+_ON_REQUEST = {"profiles"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +90,8 @@ class RunResult:
         Failures, warnings, procedure.
     record : dict
         What stands in run.json.
+    profiles : pyarrow.Table or None
+        Points of the profiles that were asked for.
     """
 
     ending: Ending
@@ -91,6 +99,17 @@ class RunResult:
     tables: Tables
     facts: ReportFacts
     record: dict[str, Any]
+    profiles: pa.Table | None = None
+
+    @property
+    def written(self) -> dict[str, pa.Table]:
+        """Tables by the name of their files."""
+        always = {
+            "parameters": self.tables.parameters,
+            "mse": self.tables.mse,
+            "adjustment": self.tables.adjustment,
+        }
+        return always if self.profiles is None else always | {"profiles": self.profiles}
 
     def document(self) -> dict[str, Any]:
         """Return run.json and the rows of both tables as one JSON document."""
@@ -137,18 +156,23 @@ def run(
     clock = _Clock()
     folder = settings.output.folder
     paths = expand(logs)
+    named = named_files(settings.hold_out.patterns, paths)
+    paths = tuple(dict.fromkeys((*paths, *chain.from_iterable(named.values()))))
     check_writable(folder)
     workers = jobs or available_cores()
     with clock.lap("read_s"):
         intake = take_in(paths, settings, jobs=workers, setting=setting, cancelled=watch.cancelled)
     if not intake.logs and not watch.cancelled():
         raise ConfigurationError("no logs among the files given: they are all parameter tables")
+    parted = Parted(intake) if watch.cancelled() else part(intake, settings.hold_out, named)
+    intake = parted.intake
     watch.on_start(len({trace.setting for trace in intake.traces}))
     with clock.lap("fit_s"):
         campaign = _identify(settings, intake.traces, jobs=workers, watch=watch)
-    with clock.lap("judge_s"):
-        judgement = _judge(settings, intake, campaign, jobs=workers)
-    origin = provenance(settings, intake, campaign)
+    campaign, judgement = _judge(settings, parted, campaign, clock=clock, jobs=workers, watch=watch)
+    if not watch.cancelled():
+        intake = note_unpredicted(parted, campaign, judgement.predictions)
+    origin = provenance(settings, intake, campaign, judgement.predictions)
     facts = report_facts(settings, intake, campaign, judgement, is_interrupted=watch.cancelled())
     ending = ending_of(campaign, facts)
     result = RunResult(
@@ -157,12 +181,14 @@ def run(
         tables=make_tables(
             campaign,
             assessment=judgement.assessment,
+            predictions=judgement.predictions,
             adjustment=judgement.adjustment,
             expected=settings.rig.settings,
             provenance=origin,
         ),
         facts=facts,
         record=record(settings, intake, facts, campaign, judgement, ending=ending),
+        profiles=_profiles(settings, judgement, origin),
     )
     if campaign.fits or not facts.is_interrupted:
         _write(settings, result, origin, clock=clock, jobs=workers)
@@ -201,19 +227,52 @@ def _identify(settings: Settings, traces: Sequence[Trace], *, jobs: int, watch: 
     )
 
 
-def _judge(settings: Settings, intake: Intake, campaign: Campaign, *, jobs: int) -> Judgement:
+def _judge(
+    settings: Settings,
+    parted: Parted,
+    campaign: Campaign,
+    *,
+    clock: _Clock,
+    jobs: int,
+    watch: Watch,
+) -> tuple[Campaign, Judgement]:
+    """Intervals, verdicts, trends and checks of a campaign; profiles where they were asked for."""
     solver = settings.identification.solver
-    assessment = assess(campaign, settings.damper, solver=solver, jobs=jobs)
-    adjustment = compare_settings(campaign, assessment, settings.damper, solver=solver, jobs=jobs)
-    subject = Subject(
-        campaign,
-        assessment,
-        adjustment,
-        missing=tuple(one.place for one in failures_of(settings, intake, campaign)),
-        temperature=settings.rig.temperature,
-        temperature_tolerance=settings.rig.temperature_tolerance,
-    )
-    return Judgement(assessment, adjustment, run_checks(subject))
+    with clock.lap("judge_s"):
+        assessment = assess(
+            campaign, settings.damper, solver=solver, jobs=jobs, cancelled=watch.cancelled
+        )
+        campaign = reconsider(campaign, assessment)
+        adjustment = compare_settings(
+            campaign, assessment, settings.damper, solver=solver, jobs=jobs
+        )
+        subject = Subject(
+            campaign,
+            assessment,
+            adjustment,
+            missing=tuple(one.place for one in failures_of(settings, parted.intake, campaign)),
+            temperature=settings.rig.temperature,
+            temperature_tolerance=settings.rig.temperature_tolerance,
+        )
+        checks = run_checks(subject)
+        predictions = predict(
+            campaign, assessment, parted.held_out, damper=settings.damper, solver=solver, jobs=jobs
+        )
+    if settings.profile and campaign.fits and not watch.cancelled():
+        bench = Bench(settings.damper, solver, watch.cancelled, jobs)
+        with clock.lap("profile_s"):
+            assessment = profile_campaign(campaign, assessment, bench, names=settings.profile)
+    return campaign, Judgement(assessment, adjustment, checks, predictions)
+
+
+def _profiles(
+    settings: Settings, judgement: Judgement, origin: Mapping[str, Any]
+) -> pa.Table | None:
+    """The table of the profiles that were asked for."""
+    if not settings.profile:
+        return None
+    wanted = (p for p in judgement.assessment.profiles if p.name in settings.profile)
+    return profiles_table(wanted, provenance=origin)
 
 
 def _comparisons(settings: Settings, campaign: Campaign, *, jobs: int) -> Iterator[Comparison]:
@@ -240,13 +299,12 @@ def _write(
     """Write all files as a set, run.json last."""
     with file_set(settings.output.folder) as files:
         with clock.lap("write_s"):
-            for name, table in (
-                ("parameters", result.tables.parameters),
-                ("mse", result.tables.mse),
-                ("adjustment", result.tables.adjustment),
-            ):
+            for name, table in result.written.items():
                 for suffix in (".parquet", ".csv"):
                     write_table(files.path(name + suffix), table, suffix=suffix)
+            for name in _ON_REQUEST - result.written.keys():
+                for suffix in (".parquet", ".csv"):
+                    files.without(name + suffix)
             write_responses(
                 files.path("responses.parquet"),
                 result.campaign,

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from damperfit.adjustment import Click, Level
-    from damperfit.identification import Campaign, Fit
+    from damperfit.identification import Campaign, Fit, LogFit
     from damperfit.simulation import Response
-    from damperfit.uncertainty import Interval
+    from damperfit.uncertainty import MisfitProfile, Prediction
 
 __all__ = [
     "MISSING",
@@ -30,6 +30,7 @@ __all__ = [
     "adjustment_rows",
     "grade",
     "make_tables",
+    "profiles_table",
     "time_series_table",
 ]
 
@@ -89,6 +90,7 @@ def make_tables(
     campaign: Campaign,
     *,
     assessment: Assessment = Assessment(),
+    predictions: Sequence[Prediction] = (),
     adjustment: Adjustment = Adjustment(),
     expected: Iterable[int] = (),
     provenance: Mapping[str, Any] | None = None,
@@ -101,6 +103,8 @@ def make_tables(
         Result of `damperfit.identification.identify`.
     assessment : Assessment
         Errors and intervals; cells without one stay empty.
+    predictions : sequence of Prediction
+        What was held out; their rows follow those of the setting in table ``mse``.
     adjustment : Adjustment
         Forces by setting; without them that table has no rows.
     expected : iterable of int
@@ -112,29 +116,29 @@ def make_tables(
     -------
     Tables
     """
-    known = {one.setting: one.intervals for one in assessment.uncertainties}
-    rows = {fit.setting: _parameter_row(fit, known.get(fit.setting, {})) for fit in campaign.fits}
+    rows = {fit.setting: _parameter_row(fit, assessment) for fit in campaign.fits}
     for setting in set(expected) - rows.keys():
         rows[setting] = {"setting": setting, "outcome": MISSING}
     facts = dict(provenance or {})
     return Tables(
         parameters=_table("parameters", [rows[setting] for setting in sorted(rows)], facts),
-        mse=_table("mse", [row for fit in campaign.fits for row in _mse_rows(fit)], facts),
+        mse=_table("mse", list(_mse_rows(campaign, predictions)), facts),
         adjustment=_table(
             "adjustment", adjustment_rows(adjustment.levels, adjustment.clicks), facts
         ),
     )
 
 
-def _parameter_row(fit: Fit, intervals: Mapping[str, Interval]) -> dict[str, Any]:
+def _parameter_row(fit: Fit, assessment: Assessment) -> dict[str, Any]:
     row: dict[str, Any] = {"setting": fit.setting}
+    known = {one.setting: one.intervals for one in assessment.uncertainties}
     for name in PARAMETER_NAMES:
         row[name] = _finite(getattr(fit.parameters, name))
-        interval = intervals.get(name)
+        interval = known.get(fit.setting, {}).get(name)
         if interval is not None:
             row[f"{name}_se"] = _finite(interval.error)
-            row[f"{name}_ci_low"] = _finite(interval.low)
-            row[f"{name}_ci_high"] = _finite(interval.high)
+        low, high = assessment.limits(fit.setting, name)
+        row[f"{name}_ci_low"], row[f"{name}_ci_high"] = _finite(low), _finite(high)
         row[f"{name}_status"] = fit.status[name]
     return row | {
         "mse_percent": _finite(fit.mse_percent),
@@ -144,26 +148,71 @@ def _parameter_row(fit: Fit, intervals: Mapping[str, Interval]) -> dict[str, Any
         "n_samples": fit.n_samples,
         "n_cycles": fit.n_cycles,
         "evaluations": fit.evaluations,
-        "cavitation_fraction": _finite(fit.cavitation_fraction),
-        "r_m3_cavitation_margin": _finite(fit.r_m3_cavitation_margin),
+        "cavitation_fraction": _finite(fit.cavitation.fraction),
+        "r_m3_cavitation_margin": _finite(fit.cavitation.r_m3_margin),
+        "lowest_pressure": _finite(fit.cavitation.lowest_pressure),
+        "lowest_pressure_chamber": fit.cavitation.chamber or None,
+        "lowest_pressure_displacement": _finite(fit.cavitation.displacement),
+        "lowest_pressure_velocity": _finite(fit.cavitation.velocity),
+        "safe_gas_pressure": _finite(fit.cavitation.safe_gas_pressure),
     }
 
 
-def _mse_rows(fit: Fit) -> Iterator[dict[str, Any]]:
-    def row(log: str, mse: float, noise_floor: float | None, n_samples: int) -> dict[str, Any]:
-        return {
-            "setting": fit.setting,
-            "log": log,
-            "mse_percent": _finite(mse),
-            "noise_floor_percent": _finite(noise_floor),
-            "grade": grade(mse),
-            "n_samples": n_samples,
-        }
+def _mse_rows(campaign: Campaign, predictions: Sequence[Prediction]) -> Iterator[dict[str, Any]]:
+    """Yield for each setting the row of the whole, of each log fitted, of each held out."""
+    for fit in campaign.fits:
+        whole = ("", fit.mse_percent, fit.noise_floor_percent, fit.n_samples)
+        yield _mse_row(fit.setting, "fitted", *whole)
+        for seen in fit.logs:
+            yield _mse_row(fit.setting, "fitted", *_of_log(seen))
+        for held_out in predictions:
+            if held_out.setting == fit.setting:
+                yield _mse_row(fit.setting, "held_out", *_of_log(held_out))
 
-    yield row("", fit.mse_percent, fit.noise_floor_percent, fit.n_samples)
-    for log in fit.logs:
-        n_samples = log.trace.stop - log.trace.first
-        yield row(log.trace.name, log.mse_percent, log.noise_floor_percent, n_samples)
+
+def _of_log(seen: LogFit | Prediction) -> tuple[str, float, float, int]:
+    trace = seen.trace
+    return trace.name, seen.mse_percent, seen.noise_floor_percent, trace.stop - trace.first
+
+
+def _mse_row(
+    setting: int, role: str, log: str, mse: float, noise_floor: float, n_samples: int
+) -> dict[str, Any]:
+    return {
+        "setting": setting,
+        "log": log,
+        "mse_percent": _finite(mse),
+        "noise_floor_percent": _finite(noise_floor),
+        "grade": grade(mse),
+        "n_samples": n_samples,
+        "role": role,
+    }
+
+
+def profiles_table(
+    profiles: Iterable[MisfitProfile], *, provenance: Mapping[str, Any] | None = None
+) -> pa.Table:
+    """Lay profiles out as a table with one row per point.
+
+    Parameters
+    ----------
+    profiles : iterable of MisfitProfile
+        As in `damperfit.uncertainty.Assessment`.
+    provenance : mapping, optional
+        Facts for the schema's ``damperfit`` entry, as JSON values.
+    """
+    rows = [
+        {
+            "setting": profile.setting,
+            "parameter": profile.name,
+            "value": _finite(point.value),
+            "misfit_rise": _finite(point.rise),
+        }
+        | {name: _finite(getattr(point.parameters, name)) for name in PARAMETER_NAMES}
+        for profile in profiles
+        for point in profile.points
+    ]
+    return _table("profiles", rows, dict(provenance or {}))
 
 
 def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[dict[str, Any]]:

@@ -11,7 +11,7 @@ import pytest
 from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.uncertainty import assess, collect_evidence, uncertainties, verdicts
+from damperfit.uncertainty import Assessment, assess, collect_evidence, uncertainties
 from damperfit.uncertainty.spectrum import (
     autocorrelation,
     correlation_length,
@@ -117,6 +117,21 @@ def test_intervals_are_positive_and_named_for_what_the_logs_gave() -> None:
     assert first["r_m3"].error == second["r_m3"].error
 
 
+def test_the_jackknife_over_cycles_is_told_beside_the_errors_printed() -> None:
+    sound = assess(identify(traces([1, 10], noise=4.0), PURDY_DAMPER), PURDY_DAMPER)
+    ratios = [i.cycle_ratio for u in sound.uncertainties for i in u.intervals.values()]
+    known = [ratio for ratio in ratios if math.isfinite(ratio)]
+    assert len(known) == 6  # shared parameters have no cycles of their own
+    assert all(0.5 < ratio < 1.6 for ratio in known)
+    assert f"gives {np.median(known):.2g} times as much" in sound.cycle_check
+    low, high = np.quantile(known, (0.05, 0.95))
+    assert sound.cycle_check.endswith(f"from {low:.2g} to {high:.2g}).")
+    gas = replace(PURDY_DAMPER, gas_pressure=1.3 * PURDY_DAMPER.gas_pressure)
+    bent = assess(identify(traces([1, 10], noise=4.0, damper=gas), PURDY_DAMPER), PURDY_DAMPER)
+    assert "sees no misfit that repeats" in bent.cycle_check
+    assert Assessment().cycle_check == ""
+
+
 def test_one_setting_alone_has_the_errors_of_the_fit_with_everything_free() -> None:
     log = trace(3, noise=4.0)
     shared = assess(identify([log], PURDY_DAMPER), PURDY_DAMPER).uncertainties[0]
@@ -140,12 +155,12 @@ def test_verdicts_say_what_cannot_be_told_and_what_is_tied() -> None:
     truth = replace(reference_parameters(12), r_m3=2.6e3)
     campaign = identify([trace(12, truth, noise=4.0)], PURDY_DAMPER, FitOptions("plain"))
     fit = campaign.fits[0]
-    said = verdicts(fit, assess(campaign, PURDY_DAMPER).uncertainties[0])
+    said = assess(campaign, PURDY_DAMPER).verdicts(campaign)[12]
     assert fit.status["r_m3"] in {"not_identifiable", "at_bound"}
     assert "do not tell it" in said["r_m3"] or "edge of its plausible range" in said["r_m3"]
     assert said["r_m1"].startswith("fitted, 95 % from ")
     paper = identify(traces([1, 10], noise=4.0), PURDY_DAMPER)
-    said = verdicts(paper.fits[1], assess(paper, PURDY_DAMPER).uncertainties[1])
+    said = assess(paper, PURDY_DAMPER).verdicts(paper)[10]
     assert "correlated with r_m3 (-0.9" in said["r_m1"]
     assert said["f_0"] == "held at the value given"
 
