@@ -276,12 +276,13 @@ def mse_sheet(mse: pa.Table, parameters: pa.Table) -> Sheet:
     everything = mse.to_pylist()
     logs: dict[int, list[str]] = {}
     for row in everything:
-        logs.setdefault(row["setting"], []).extend([row["log"]] if row["log"] else [])
+        is_fitted_log = row["log"] and not _role(row)
+        logs.setdefault(row["setting"], []).extend([row["log"]] if is_fitted_log else [])
     rows = []
     for row in everything:
         mine = logs[row["setting"]]
         is_whole = row["log"] == ""
-        if not is_whole and len(mine) == 1:  # the row of its setting says the same
+        if mine == [row["log"]]:  # the row of its setting says the same
             continue
         setting = settings[row["setting"]]
         name = row["log"] or (mine[0] if len(mine) == 1 else "all logs")
