@@ -13,6 +13,7 @@ from damperfit.identification.descent import FitCancelledError, Misfit, descend
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.setting import (
+    NOT_FIT_TO_SHARE,
     PLAUSIBLE,
     Judged,
     fit_guided,
@@ -121,14 +122,15 @@ def first_pass(
 
 
 def _tells_r_m3(judged: Judged) -> bool:
-    return is_sound(judged) or judged.status["r_m3"] == "fitted"
+    """Whether a fit knows R_m3 well enough for all settings to use it."""
+    return judged.status["r_m3"] == "fitted" and judged.errors["r_m3"] < NOT_FIT_TO_SHARE
 
 
 def _source(judged: Mapping[int, Judged], lowest: int) -> int | None:
     """The setting that gives R_m3: the lowest, or where its logs do not tell it the next one."""
     if _tells_r_m3(judged[lowest]):
         return lowest
-    return min((setting for setting, one in judged.items() if is_sound(one)), default=None)
+    return min((s for s, one in judged.items() if is_sound(one) and _tells_r_m3(one)), default=None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
 
 __all__ = [
+    "NOT_FIT_TO_SHARE",
     "NOT_FOUND",
     "PLAUSIBLE",
     "Fit",
@@ -44,8 +45,10 @@ PLAUSIBLE = {
     "k_e": (1e6, 1e11),
     "f_f": (1e-3, 1e4),
 }
-# A number with a standard error above this share of itself is not found by the fit.
+# A number with a standard error above this share of itself is not found by the fit. One that all
+# settings are to share must be three errors away from nothing: it bends every one of them.
 NOT_FOUND = 0.5
+NOT_FIT_TO_SHARE = 1.0 / 3.0
 # Friction below this share of the force's deviation that the logs do not fix has run to zero.
 _NO_FRICTION = 1e-2
 # A fit that meets none of MINPACK's tests has still descended when the residual is this close to
@@ -126,11 +129,12 @@ class Fit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judged:
-    """A solution with its verdict, before the report figures are added."""
+    """A solution with its verdict and rough relative errors, before report figures are added."""
 
     solution: Solution
     status: dict[str, str]
     outcome: Outcome
+    errors: Mapping[str, float] = field(default_factory=dict)
 
 
 def fit_setting(misfit: Misfit, start: Parameters, *, spent: int = 0) -> Judged:
@@ -199,7 +203,8 @@ def _attempt(misfit: Misfit, start: Parameters, spent: int) -> Judged:
     solution = descend(misfit, start)
     solution = replace(solution, evaluations=solution.evaluations + spent)
     status = _statuses(misfit, solution)
-    return Judged(solution, status, _outcome(solution, status))
+    errors = dict(zip(misfit.free, relative_errors(solution).tolist(), strict=True))
+    return Judged(solution, status, _outcome(solution, status), errors)
 
 
 def relative_errors(solution: Solution) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.identification.gas_content import first_law, working_pressure
 from damperfit.identification.joint import JointProblem, JointSolution, fit_jointly
 from damperfit.identification.outcome import Outcome
-from damperfit.identification.setting import NOT_FOUND, PLAUSIBLE
+from damperfit.identification.setting import NOT_FIT_TO_SHARE, PLAUSIBLE
 from damperfit.identification.sharing import Sharing
 from damperfit.identification.task import Task, ordered
 
@@ -193,6 +193,6 @@ def _statuses(solution: JointSolution, shared: tuple[str, ...], *, is_gas: bool)
     for name in shared:
         low, high = PLAUSIBLE.get(name, (-np.inf, np.inf))
         status[name] = "shared" if low < getattr(agreed, name) < high else "at_bound"
-        if name in PARAMETER_NAMES[:-1] and solution.errors[name] > NOT_FOUND:
+        if name in PARAMETER_NAMES[:-1] and solution.errors[name] > NOT_FIT_TO_SHARE:
             status[name] = "not_identifiable"
     return status | ({"k_e": "shared"} if is_gas else {})

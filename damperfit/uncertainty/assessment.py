@@ -13,6 +13,7 @@ import numpy as np
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.outcome import Outcome
+from damperfit.identification.setting import NOT_FIT_TO_SHARE
 from damperfit.identification.sharing import listed_settings
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.gas import GasContent, gas_content
@@ -23,13 +24,20 @@ from damperfit.uncertainty.residuals import Diagnosis, diagnose
 from damperfit.uncertainty.verdicts import doubts, verdicts
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from damperfit.damper.parameters import Damper
     from damperfit.identification import Campaign
     from damperfit.uncertainty.evidence import Evidence
 
-__all__ = ["METHOD", "Assessment", "assess", "reconsider"]
+__all__ = [
+    "METHOD",
+    "Assessment",
+    "assess",
+    "evidence_in_turns",
+    "reconsider",
+    "without_curves",
+]
 
 # A jackknife over 15 cycles scatters by a fifth; below this it misses something.
 _BLIND = 0.4
@@ -183,12 +191,9 @@ def assess(
 
     evidence: list[Evidence] = []
     diagnoses: list[Diagnosis] = []
-    n_at_once = max(1, jobs)
-    for start in range(0, len(campaign.fits), n_at_once):
-        few = replace(campaign, fits=campaign.fits[start : start + n_at_once])
-        seen = collect_evidence(few, damper, solver=solver, jobs=jobs)
+    for seen in evidence_in_turns(campaign, damper, solver=solver, jobs=jobs):
         diagnoses.extend(diagnose(one) for one in seen)
-        evidence.extend(_without_curves(one) for one in seen)
+        evidence.extend(without_curves(one) for one in seen)
     known = uncertainties(evidence, campaign.sharing)
     bench = Bench(damper, solver, cancelled, jobs)
 
@@ -209,7 +214,17 @@ def assess(
     )
 
 
-def _without_curves(evidence: Evidence) -> Evidence:
+def evidence_in_turns(
+    campaign: Campaign, damper: Damper, *, solver: SolverOptions, jobs: int
+) -> Iterator[tuple[Evidence, ...]]:
+    """Yield the evidence of a campaign, a few settings at a time: it is large."""
+    n_at_once = max(1, jobs)
+    for start in range(0, len(campaign.fits), n_at_once):
+        few = replace(campaign, fits=campaign.fits[start : start + n_at_once])
+        yield collect_evidence(few, damper, solver=solver, jobs=jobs)
+
+
+def without_curves(evidence: Evidence) -> Evidence:
     """Keep only the residuals of each log: of thousands of logs the rest would fill the memory."""
     none = np.empty((0, 0))
     logs = (replace(log, jacobian=none, gas=none, force=none) for log in evidence.logs)
@@ -217,16 +232,23 @@ def _without_curves(evidence: Evidence) -> Evidence:
 
 
 def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
-    """Return the campaign with the status of parameters whose misfit proved flat on a side.
+    """Return the campaign with the status that the errors and profiles of its parameters allow.
 
-    The fit itself judges by rough errors; a profile that sets no limit has the last word.
+    The fit itself judges by rough errors. A profile that sets no limit has the last word, and so
+    has the printed error of a value that all settings share.
     """
+    known = {one.setting: one for one in assessment.uncertainties}
     fits = []
     for fit in campaign.fits:
         flat = {
             name
             for name, profile in assessment.telling(fit.setting).items()
             if profile.shape.startswith("flat") and fit.status[name] in {"fitted", "shared"}
+        }
+        flat |= {
+            name
+            for name in campaign.sharing.found
+            if fit.status[name] == "shared" and _is_unfit(name, known.get(fit.setting))
         }
         own = {name for name in flat if fit.status[name] == "fitted"}
         outcome = fit.outcome
@@ -235,6 +257,14 @@ def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
         status = {**fit.status, **dict.fromkeys(flat, "not_identifiable")}
         fits.append(replace(fit, status=status, outcome=outcome))
     return replace(campaign, fits=tuple(fits))
+
+
+def _is_unfit(name: str, known: Uncertainty | None) -> bool:
+    """Whether a positive value is less than three errors away from nothing."""
+    if known is None or name not in known.names or name == "f_0":
+        return False
+    place = known.names.index(name)
+    return bool(known.covariance[place, place] > NOT_FIT_TO_SHARE**2)
 
 
 def _warning(group: list[Diagnosis]) -> str:

@@ -16,7 +16,8 @@ from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification.descent import Misfit
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.intervals import own_names, solved
-from damperfit.uncertainty.profiles import OFFSET_UNIT, Line, MisfitProfile, Stride, trace_profile
+from damperfit.uncertainty.profiles import OFFSET_UNIT, MisfitProfile, Stride
+from damperfit.uncertainty.tracing import Line, trace_profile
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

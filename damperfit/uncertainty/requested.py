@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import ConfigurationError, SimulationError, did_you_mean
 from damperfit.identification.descent import FitCancelledError
-from damperfit.uncertainty.intervals import collect_evidence
+from damperfit.uncertainty.assessment import Assessment, evidence_in_turns, without_curves
 from damperfit.uncertainty.joint_profiles import profile_jointly
 from damperfit.uncertainty.lines import Bench, is_doubtful, lines_of
-from damperfit.uncertainty.profiles import Line, MisfitProfile, Stride, trace_profile
+from damperfit.uncertainty.profiles import MisfitProfile, Stride
+from damperfit.uncertainty.tracing import Line, trace_profile
 
 if TYPE_CHECKING:
     from collections.abc import Container, Iterable, Sequence
 
     from damperfit.identification import Campaign
-    from damperfit.uncertainty.assessment import Assessment
 
 __all__ = ["check_profile_names", "profile_campaign"]
 
@@ -74,7 +74,8 @@ def profile_campaign(
     from threadpoolctl import threadpool_limits
 
     check_profile_names(names)
-    evidence = collect_evidence(campaign, bench.damper, solver=bench.solver, jobs=bench.jobs)
+    turns = evidence_in_turns(campaign, bench.damper, solver=bench.solver, jobs=bench.jobs)
+    evidence = [without_curves(one) for seen in turns for one in seen]
     known = {one.setting: one for one in assessment.uncertainties}
     mine = {one.fit.setting: one for one in evidence}
     sharing = campaign.sharing
