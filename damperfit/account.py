@@ -7,30 +7,35 @@ that a bad log beside them changes no byte. `record` is run.json and tells every
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
+from damperfit.adjustment import Adjustment
+from damperfit.checklist import Check, missed_gates
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Outcome
 from damperfit.report import Failure, ReportFacts
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
-from damperfit.uncertainty import METHOD, verdicts
+from damperfit.uncertainty import METHOD, Assessment, verdicts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from damperfit.adjustment import Click
     from damperfit.identification import Campaign
     from damperfit.intake import Intake, LogFacts
     from damperfit.recording import Finding
-    from damperfit.settings import RigOptions, Settings
-    from damperfit.uncertainty import Assessment
+    from damperfit.settings import Settings
 
 __all__ = [
     "Ending",
+    "Judgement",
+    "click_document",
     "corrections",
     "ending_of",
+    "failures_of",
     "json_values",
     "log_documents",
     "provenance",
@@ -43,6 +48,9 @@ __all__ = [
 _UNFINISHED = (Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE)
 
 
+_STRICT = "QualityError"  # kind of the failures that only strict quality makes
+
+
 class Ending(Enum):
     """How a run ended; the value is the exit code of the command."""
 
@@ -53,38 +61,71 @@ class Ending(Enum):
     INTERRUPTED = 130
 
 
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What was found of the fits once they were done.
+
+    Attributes
+    ----------
+    assessment : Assessment
+        How far the numbers may be trusted.
+    adjustment : Adjustment
+        What shows across settings.
+    checks : tuple of Check
+        The checklist.
+    """
+
+    assessment: Assessment = Assessment()
+    adjustment: Adjustment = Adjustment()
+    checks: tuple[Check, ...] = ()
+
+
+def failures_of(settings: Settings, intake: Intake, campaign: Campaign) -> tuple[Failure, ...]:
+    """Return the logs and settings without a result."""
+    return (*intake.failures, *_setting_failures(campaign), *_missing(settings, intake))
+
+
 def report_facts(
     settings: Settings,
     intake: Intake,
     campaign: Campaign,
-    assessment: Assessment,
+    judgement: Judgement,
     *,
     is_interrupted: bool,
 ) -> ReportFacts:
     """Return what a report tells besides the tables."""
     done = {fit.setting for fit in campaign.fits}
-    failures = (*intake.failures, *_setting_failures(campaign), *_missing(settings, intake))
+    assessment = judgement.assessment
     outcomes = {fit.outcome for fit in campaign.fits if fit.outcome is not Outcome.CONVERGED}
     return ReportFacts(
         version=__version__,
         procedure=(*_procedure(settings, campaign), *((METHOD,) if campaign.fits else ())),
-        failures=failures,
-        warnings=(*_warnings(settings, intake, campaign), *assessment.warnings),
+        failures=failures_of(settings, intake, campaign),
+        warnings=(*_warnings(intake, campaign), *assessment.warnings),
         trust=assessment.sentences,
+        across=judgement.adjustment.sentences,
+        checks=judgement.checks,
         gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
-        gates=tuple(_missed_gates(settings, campaign)),
+        gates=(
+            *_missed_gates(settings, intake, campaign),
+            *missed_gates(judgement.checks, settings.output.checks),
+        ),
         advice=tuple(sorted((outcome.value, outcome.advice) for outcome in outcomes)),
         is_interrupted=is_interrupted,
     )
 
 
 def ending_of(campaign: Campaign, facts: ReportFacts) -> Ending:
-    """Return how a run ended; a failure counts before a gate, an interruption before both."""
+    """Return how a run ended; a failure counts before a gate, an interruption before both.
+
+    A log that only strict quality refused has missed a gate, also when no other log is left.
+    """
     if facts.is_interrupted:
         return Ending.INTERRUPTED
-    if not campaign.fits:
+    has_failed = any(failure.kind != _STRICT for failure in facts.failures)
+    if not campaign.fits and (has_failed or not facts.gates):
         return Ending.ALL_FAILED
-    if facts.failures:
+    if has_failed:
         return Ending.SOME_FAILED
     return Ending.GATE_MISSED if facts.gates else Ending.COMPLETE
 
@@ -106,7 +147,7 @@ def record(
     intake: Intake,
     facts: ReportFacts,
     campaign: Campaign,
-    assessment: Assessment,
+    judgement: Judgement,
     *,
     ending: Ending,
 ) -> dict[str, Any]:
@@ -124,7 +165,9 @@ def record(
         "gaps": list(facts.gaps),
         "gates_missed": list(facts.gates),
         "procedure": list(facts.procedure),
-        "uncertainty": list(_trust(campaign, assessment)),
+        "checks": [asdict(check) for check in judgement.checks],
+        "uncertainty": list(_trust(campaign, judgement.assessment)),
+        **_across(judgement.adjustment),
         "schema": describe_tables(),
     }
     cleaned: dict[str, Any] = json_values(document)
@@ -147,6 +190,36 @@ def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any
         }
 
 
+def _across(adjustment: Adjustment) -> dict[str, Any]:
+    """Return trends, and the changes of force by click at the sine that stands for the tests."""
+    sine = adjustment.sine
+    motion = {} if sine is None else {"amplitude_m": sine.amplitude, "frequency_Hz": sine.frequency}
+    return {
+        "trends": [
+            {**asdict(trend), "unit": PARAMETER_UNITS[trend.parameter]}
+            for trend in adjustment.trends
+        ],
+        "clicks": [click_document(click) for click in adjustment.clicks],
+        "clicks_motion": motion,
+    }
+
+
+def click_document(click: Click) -> dict[str, Any]:
+    """Return one change of force as JSON values."""
+    return {
+        "from": click.first,
+        "to": click.second,
+        "speed_m_per_s": click.speed,
+        "stroke": click.stroke,
+        "change_N": click.change,
+        "low_N": click.low,
+        "high_N": click.high,
+        "percent": click.percent,
+        "percent_low": click.percent_low,
+        "percent_high": click.percent_high,
+    }
+
+
 def log_documents(intake: Intake) -> dict[str, Any]:
     """Return what `inspect` tells, as JSON values."""
     document: dict[str, Any] = json_values(
@@ -161,9 +234,9 @@ def log_documents(intake: Intake) -> dict[str, Any]:
 
 def reading_ending(intake: Intake) -> Ending:
     """Return how reading alone ended."""
-    if not intake.failures:
-        return Ending.COMPLETE
-    return Ending.SOME_FAILED if intake.n_good else Ending.ALL_FAILED
+    if any(failure.kind != _STRICT for failure in intake.failures):
+        return Ending.SOME_FAILED if intake.n_good else Ending.ALL_FAILED
+    return Ending.GATE_MISSED if intake.failures else Ending.COMPLETE
 
 
 def _input(log: LogFacts) -> dict[str, Any]:
@@ -195,11 +268,10 @@ def _missing(settings: Settings, intake: Intake) -> Iterator[Failure]:
         yield Failure("", "", setting, "LogError", message)
 
 
-def _warnings(settings: Settings, intake: Intake, campaign: Campaign) -> Iterator[str]:
+def _warnings(intake: Intake, campaign: Campaign) -> Iterator[str]:
     for path in intake.skipped:
         yield f"{path}: a parameter table of damperfit, not a log; skipped"
     yield from _twin_warnings(intake)
-    yield from _temperature_warnings(settings.rig, intake)
     yield from _log_warnings(campaign)
     yield from campaign.warnings
     for fit in campaign.fits:
@@ -239,23 +311,11 @@ def _by_kind(campaign: Campaign, is_meant: Callable[[Finding], bool]) -> Iterato
         yield f"{name}{also}: {sentence}"
 
 
-def _temperature_warnings(rig: RigOptions, intake: Intake) -> Iterator[str]:
-    known = [(trace.name, trace.temperature) for trace in intake.traces]
-    window = f"{rig.temperature:g} +- {rig.temperature_tolerance:g} degC"
-    outside = [
-        f"{name} {value:.1f}"
-        for name, value in known
-        if value is not None and not abs(value - rig.temperature) <= rig.temperature_tolerance
-    ]
-    if outside:
-        yield f"temperature outside {window}: {', '.join(outside)}"
-    without = [name for name, value in known if value is None]
-    if without:
-        count = f"{len(without)} of {len(known)} logs"
-        yield f"no temperature in {count} ({without[0]}, ...); the test asks for {window}"
-
-
-def _missed_gates(settings: Settings, campaign: Campaign) -> Iterator[str]:
+def _missed_gates(settings: Settings, intake: Intake, campaign: Campaign) -> Iterator[str]:
+    refused = [failure.log for failure in intake.failures if failure.kind == _STRICT]
+    if refused:
+        others = f" and {len(refused) - 1} other logs" if len(refused) > 1 else ""
+        yield f"strict quality: {refused[0]}{others} left out for warnings"
     limit = settings.output.max_mse_percent
     for fit in campaign.fits:
         if limit > 0.0 and not fit.mse_percent <= limit:  # "not <=" catches NaN too

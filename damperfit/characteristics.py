@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["NAMED_SPEEDS", "Characteristics", "SpeedForce", "characterise"]
+__all__ = ["NAMED_SPEEDS", "Characteristics", "SpeedForce", "characterise", "signals_at_speeds"]
 
 # The test speeds that damper dynos use by habit, m/s.
 NAMED_SPEEDS = (0.05, 0.1, 0.13, 0.26, 0.3, 0.52, 1.05)
@@ -137,6 +137,54 @@ def characterise(
     )
 
 
+def signals_at_speeds(
+    response: Response,
+    frequency: float,
+    signals: FloatArray,
+    *,
+    speeds: Sequence[float] = NAMED_SPEEDS,
+) -> FloatArray:
+    """Return signals where each stroke passes given speeds, mean of opening and closing branch.
+
+    With the force as signal this is `SpeedForce`; with its sensitivities, their derivative: the
+    moments are the motion's alone.
+
+    Parameters
+    ----------
+    response : Response
+        Periodic response on uniform samples, at least one cycle long; its last cycle counts.
+    frequency : float
+        Cycles per second, Hz.
+    signals : numpy.ndarray
+        Shape (k, n), on the samples of the response.
+    speeds : sequence of float
+        m/s, positive.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (k, number of speeds, 2): rebound and bump. NaN where a stroke does not reach a
+        speed.
+
+    Raises
+    ------
+    SimulationError
+        The response is shorter than one cycle.
+    """
+    begin, first = _cycle_start(response, frequency)
+    start = [np.interp(begin, response.time, signal) for signal in signals]
+    rows = np.column_stack([start, signals[:, first:]])
+    v_start = np.interp(begin, response.time, response.velocity)
+    velocity = np.concatenate(([v_start], response.velocity[first:]))
+    found = np.empty((len(signals), len(speeds), 2))
+    for j, speed in enumerate(speeds):
+        for k, towards in enumerate((1.0, -1.0)):
+            beyond = velocity * towards - speed
+            branches = [_crossing_mean(beyond, rows, at) for at in _crossings(beyond)]
+            found[:, j, k] = 0.5 * (branches[0] + branches[1])
+    return found
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Cycle:
     displacement: FloatArray
@@ -145,7 +193,8 @@ class _Cycle:
     pressures: FloatArray  # (3, n)
 
 
-def _last_cycle(response: Response, frequency: float) -> _Cycle:
+def _cycle_start(response: Response, frequency: float) -> tuple[float, int]:
+    """Return where the last cycle begins, s, and the first sample after it."""
     time = response.time
     period = 1.0 / frequency
     slack = 1e-9 * period  # a whole cycle may come out a rounding error short
@@ -156,7 +205,12 @@ def _last_cycle(response: Response, frequency: float) -> _Cycle:
             f"the response lasts {cycles:.2f} cycles at {frequency:g} Hz: "
             "at least one whole cycle is needed"
         )
-    first = int(np.searchsorted(time, begin + slack, side="right"))
+    return begin, int(np.searchsorted(time, begin + slack, side="right"))
+
+
+def _last_cycle(response: Response, frequency: float) -> _Cycle:
+    begin, first = _cycle_start(response, frequency)
+    time = response.time
 
     def cut(signal: FloatArray) -> FloatArray:
         start = np.interp(begin, time, signal)
@@ -174,17 +228,25 @@ def _branch_forces(cycle: _Cycle, velocity: float) -> tuple[float, float]:
     """Return the force on the opening and the closing branch where v passes ``velocity``."""
     towards = 1.0 if velocity > 0.0 else -1.0
     speed = cycle.velocity * towards - abs(velocity)  # first and last sample close the loop
+    opening, closing = (
+        float(_crossing_mean(speed, cycle.force[None, :], at)[0]) for at in _crossings(speed)
+    )
+    return opening, closing
+
+
+def _crossings(speed: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the samples before each rise through zero, and before each fall."""
     before, after = speed[:-1], speed[1:]
     opening = np.flatnonzero((before < 0.0) & (after >= 0.0))
-    closing = np.flatnonzero((before >= 0.0) & (after < 0.0))
-    return _mean_force(speed, cycle.force, opening), _mean_force(speed, cycle.force, closing)
+    return opening, np.flatnonzero((before >= 0.0) & (after < 0.0))
 
 
-def _mean_force(speed: FloatArray, force: FloatArray, at: NDArray[np.intp]) -> float:
+def _crossing_mean(speed: FloatArray, rows: FloatArray, at: NDArray[np.intp]) -> FloatArray:
+    """Return the mean of each row, shape (k, n), where the speed passes zero."""
     if len(at) == 0:
-        return float("nan")
+        return np.full(len(rows), np.nan)
     share = speed[at] / (speed[at] - speed[at + 1])
-    return float(np.mean(force[at] + share * (force[at + 1] - force[at])))
+    return np.asarray(np.mean(rows[:, at] + share * (rows[:, at + 1] - rows[:, at]), axis=1))
 
 
 def _mean(pair: tuple[float, float]) -> float:

@@ -19,6 +19,7 @@ __all__ = [
     "InstallationError",
     "LogError",
     "OutputError",
+    "QualityError",
     "SimulationError",
     "did_you_mean",
 ]
@@ -48,6 +49,12 @@ class LogError(DamperfitError):
 
 class ConditioningError(LogError):
     """One log was read, but its signals cannot be evaluated."""
+
+
+class QualityError(LogError):
+    """One log can be evaluated, but has a warning, and strict quality was asked for."""
+
+    exit_code = 4
 
 
 class SimulationError(DamperfitError):

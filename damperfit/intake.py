@@ -12,13 +12,14 @@ import re
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from damperfit.conditioning import condition
-from damperfit.errors import ConfigurationError, LogError
+from damperfit.conditioning import condition, examine_raw
+from damperfit.errors import ConfigurationError, LogError, QualityError
 from damperfit.readers import read_logs
+from damperfit.recording import Finding
 from damperfit.report.facts import Failure
 
 if TYPE_CHECKING:
@@ -43,7 +44,8 @@ class LogFacts:
     log, path, sha256 : str
         Name for tables, path as given, hash of the bytes (empty when unreadable).
     facts : dict
-        JSON values: samples, rate, cycles, frequency, amplitude, notes.
+        JSON values: samples, rate, cycles, frequency, amplitude, notes, findings, and the
+        verdict: "good", "warnings" (it is used, read them) or "refused".
     """
 
     log: str
@@ -221,26 +223,45 @@ def _take_test(
         log=recording.name,
         path=_shown(str(path)),
         sha256=recording.sha256,
-        facts={"name": recording.name, "setting": recording.setting},
+        facts={
+            "name": recording.name,
+            "setting": recording.setting,
+            "n_samples_read": len(recording.time),
+            "notes": list(recording.notes),
+        },
     )
     try:
         if recording.setting is None:
             recording = replace(recording, setting=_known(setting, recording.name))
         trace = condition(recording, settings.conditioning)
     except (LogError, MemoryError) as error:
-        return _failed(known, error)
+        return _failed(known, error, examine_raw(recording))
+    sentences = (one.sentence for one in trace.findings)
     facts = trace.describe() | {
         "n_samples_read": len(recording.time),
-        "notes": [*recording.notes, *trace.notes, *(one.sentence for one in trace.findings)],
+        "notes": list(dict.fromkeys([*recording.notes, *trace.notes, *sentences])),
+        "verdict": "warnings" if trace.warnings else "good",
     }
-    return _Taken(replace(known, facts=facts), trace)
+    known = replace(known, facts=facts)
+    if settings.rig.is_strict and trace.warnings:
+        more = f" (and {len(trace.warnings) - 1} more)" if len(trace.warnings) > 1 else ""
+        text = f"refused for a warning, as strict quality was asked for: {trace.warnings[0]}{more}"
+        return _failed(known, QualityError(f"{recording.name}: {text}"), trace.findings)
+    return _Taken(known, trace)
 
 
-def _failed(known: LogFacts, error: Exception) -> _Taken:
+# Names of the finding that says why a log is refused, by the class of the error.
+_REFUSALS = {"ConditioningError": "unusable", "QualityError": "strict"}
+
+
+def _failed(known: LogFacts, error: Exception, findings: tuple[Finding, ...] = ()) -> _Taken:
     message = str(error) or "not enough memory to read the log"
-    setting = known.facts["setting"]
-    failure = Failure(known.log, known.path, setting, type(error).__name__, message)
-    return _Taken(known, failure=failure)
+    setting, kind = known.facts["setting"], type(error).__name__
+    failure = Failure(known.log, known.path, setting, kind, message)
+    sentence = message.removeprefix(f"{known.log}: ")
+    refusal = Finding(_REFUSALS.get(kind, "unreadable"), "refusal", sentence)
+    told = {"findings": [asdict(one) for one in (refusal, *findings)], "verdict": "refused"}
+    return _Taken(replace(known, facts=known.facts | told), failure=failure)
 
 
 def _known(setting: int | None, name: str) -> int:

@@ -15,8 +15,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from damperfit.account import Ending, ending_of, provenance, record, report_facts
+from damperfit.account import (
+    Ending,
+    Judgement,
+    ending_of,
+    failures_of,
+    provenance,
+    record,
+    report_facts,
+)
+from damperfit.adjustment import compare_settings
 from damperfit.atomic import check_writable, file_set
+from damperfit.checklist import Subject, run_checks
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, compare, identify
 from damperfit.intake import available_cores, expand, take_in
@@ -30,6 +40,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.parameters import Parameters
     from damperfit.identification import Comparison, Fit
+    from damperfit.intake import Intake
     from damperfit.recording import Trace
     from damperfit.report import ReportFacts
     from damperfit.settings import Settings
@@ -136,23 +147,22 @@ def run(
     with clock.lap("fit_s"):
         campaign = _identify(settings, intake.traces, jobs=workers, watch=watch)
     with clock.lap("judge_s"):
-        assessment = assess(
-            campaign, settings.damper, solver=settings.identification.solver, jobs=workers
-        )
+        judgement = _judge(settings, intake, campaign, jobs=workers)
     origin = provenance(settings, intake, campaign)
-    facts = report_facts(settings, intake, campaign, assessment, is_interrupted=watch.cancelled())
+    facts = report_facts(settings, intake, campaign, judgement, is_interrupted=watch.cancelled())
     ending = ending_of(campaign, facts)
     result = RunResult(
         ending=ending,
         campaign=campaign,
         tables=make_tables(
             campaign,
-            assessment=assessment,
+            assessment=judgement.assessment,
+            adjustment=judgement.adjustment,
             expected=settings.rig.settings,
             provenance=origin,
         ),
         facts=facts,
-        record=record(settings, intake, facts, campaign, assessment, ending=ending),
+        record=record(settings, intake, facts, campaign, judgement, ending=ending),
     )
     if campaign.fits or not facts.is_interrupted:
         _write(settings, result, origin, clock=clock, jobs=workers)
@@ -191,6 +201,21 @@ def _identify(settings: Settings, traces: Sequence[Trace], *, jobs: int, watch: 
     )
 
 
+def _judge(settings: Settings, intake: Intake, campaign: Campaign, *, jobs: int) -> Judgement:
+    solver = settings.identification.solver
+    assessment = assess(campaign, settings.damper, solver=solver, jobs=jobs)
+    adjustment = compare_settings(campaign, assessment, settings.damper, solver=solver, jobs=jobs)
+    subject = Subject(
+        campaign,
+        assessment,
+        adjustment,
+        missing=tuple(one.place for one in failures_of(settings, intake, campaign)),
+        temperature=settings.rig.temperature,
+        temperature_tolerance=settings.rig.temperature_tolerance,
+    )
+    return Judgement(assessment, adjustment, run_checks(subject))
+
+
 def _comparisons(settings: Settings, campaign: Campaign, *, jobs: int) -> Iterator[Comparison]:
     """Simulate each log once more, a few at a time and no more: they are large."""
 
@@ -218,6 +243,7 @@ def _write(
             for name, table in (
                 ("parameters", result.tables.parameters),
                 ("mse", result.tables.mse),
+                ("adjustment", result.tables.adjustment),
             ):
                 for suffix in (".parquet", ".csv"):
                     write_table(files.path(name + suffix), table, suffix=suffix)

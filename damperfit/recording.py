@@ -73,6 +73,8 @@ class Recording:
         What the reader assumed or noticed, one plain sentence each.
     metadata : mapping of str to str
         Free text found in the log's preamble.
+    findings : tuple of Finding
+        What the reader had to leave out or to take on trust.
     velocity : numpy.ndarray or None
         Shape (n,), m/s, with the log's own sign; only checked, never used.
     reverse_displacement, reverse_force : bool or None
@@ -90,6 +92,7 @@ class Recording:
     temperature: FloatArray | None = None
     notes: tuple[str, ...] = ()
     metadata: Mapping[str, str] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
     velocity: FloatArray | None = None
     reverse_displacement: bool | None = None
     reverse_force: bool | None = None

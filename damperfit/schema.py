@@ -12,7 +12,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from damperfit.conditioning import ConditionOptions, GasFacts
+from damperfit.checklist import expand_checks
+from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
 from damperfit.damper.parameters import Damper
 from damperfit.identification import FitOptions, check_options
 from damperfit.quantities import parse_quantity
@@ -94,8 +95,9 @@ class _RigSection(_Section):
     amplitude: _Length
     frequency: _Frequency
     settings: list[int]
+    strict: bool
     temperature: Annotated[float, Field(allow_inf_nan=False)]
-    temperature_tolerance: Annotated[float, _NotNegative]
+    temperature_tolerance: Annotated[float, Field(ge=0.0)]  # infinite: none is asked for
     filter: Literal["none", "causal", "zero_phase"]
     filter_corner: _Frequency
     filter_order: int
@@ -130,6 +132,7 @@ class _RigSection(_Section):
             settings=tuple(sorted(set(self.settings))),
             temperature=self.temperature,
             temperature_tolerance=self.temperature_tolerance,
+            is_strict=self.strict,
         )
 
     def build_reading(self) -> ReadOptions:
@@ -147,6 +150,7 @@ class _ConditioningSection(_Section):
     filter_corner: _Frequency
     filter_order: int
     steadiness: float
+    spikes: str
     max_amplitude: _Length
     max_force: _Force
 
@@ -162,6 +166,7 @@ class _ConditioningSection(_Section):
             rig_filter_order=rig.filter_order,
             centre=None if isinstance(rig.centre, str) else rig.centre,
             steadiness=self.steadiness,
+            spikes=self.spikes,
             skew=rig.skew,
             gas=GasFacts(
                 rod_area=damper.rod_area,
@@ -173,6 +178,12 @@ class _ConditioningSection(_Section):
             chamber_lengths=(damper.chamber_1_length, damper.chamber_2_length),
             max_amplitude=self.max_amplitude,
             max_force=self.max_force,
+            nominal=NominalTest(
+                frequency=rig.frequency,
+                amplitude=rig.amplitude,
+                temperature=rig.temperature,
+                temperature_tolerance=rig.temperature_tolerance,
+            ),
         )
 
 
@@ -216,9 +227,11 @@ class _SimulationSection(_Section):
 class _OutputSection(_Section):
     folder: Annotated[str, Field(min_length=1)]
     max_mse_percent: Annotated[float, _NotNegative]
+    checks: list[str]
 
     def build(self) -> OutputOptions:
-        return OutputOptions(Path(self.folder), self.max_mse_percent)
+        names = (name.strip() for name in self.checks)
+        return OutputOptions(Path(self.folder), self.max_mse_percent, expand_checks(names))
 
 
 class _Document(_Section):

@@ -41,6 +41,8 @@ class RigOptions:
         Settings that ought to be among the logs; empty: whatever is there.
     temperature, temperature_tolerance : float
         What the test should be held at, degrees Celsius; a log outside is warned about.
+    is_strict : bool
+        A log with a warning is refused.
     """
 
     amplitude: float
@@ -48,6 +50,7 @@ class RigOptions:
     settings: tuple[int, ...]
     temperature: float
     temperature_tolerance: float
+    is_strict: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,10 +85,13 @@ class OutputOptions:
         Folder of the results of `identify`.
     max_mse_percent : float
         Gate: a setting above it makes the command end with code 4; 0 is no gate.
+    checks : tuple of str
+        Gates: names of `damperfit.checklist.CHECKS` that must be passed.
     """
 
     folder: Path
     max_mse_percent: float
+    checks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.conditioning import ConditionOptions, GasFacts
+from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
 from damperfit.config import load_settings, settings_toml
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.errors import ConfigurationError
@@ -33,13 +33,18 @@ def test_the_defaults_are_those_of_the_libraries_below() -> None:
     assert settings.identification == FitOptions()
     assert settings.simulation.solver == SolverOptions()
     lengths = (PURDY_DAMPER.chamber_1_length, PURDY_DAMPER.chamber_2_length)
+    nominal = NominalTest(
+        frequency=1.5, amplitude=0.032, temperature=26.0, temperature_tolerance=1.0
+    )
     gas = GasFacts(
         rod_area=PURDY_DAMPER.rod_area,
         pressure=PURDY_DAMPER.gas_pressure,
         volume=PURDY_DAMPER.gas_volume,
         exponent=PURDY_DAMPER.gas_exponent,
     )
-    assert settings.conditioning == ConditionOptions(chamber_lengths=lengths, gas=gas)
+    assert settings.conditioning == ConditionOptions(
+        chamber_lengths=lengths, nominal=nominal, gas=gas
+    )
 
 
 def test_every_key_of_the_defaults_is_commented() -> None:

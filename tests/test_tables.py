@@ -58,7 +58,7 @@ def test_columns_and_their_order_are_those_of_the_contract() -> None:
 
 def test_every_number_column_says_its_unit_and_every_column_its_meaning() -> None:
     tables = make_tables(campaign(fit(1)))
-    for field in (*tables.parameters.schema, *tables.mse.schema):
+    for field in (*tables.parameters.schema, *tables.mse.schema, *tables.adjustment.schema):
         assert field.metadata[b"description"], field.name
         assert field.metadata[b"unit"] or str(field.type) == "string", field.name
     units = {f.name: f.metadata[b"unit"].decode() for f in tables.parameters.schema}
@@ -69,7 +69,7 @@ def test_every_number_column_says_its_unit_and_every_column_its_meaning() -> Non
 def test_the_schema_of_run_json_is_the_schema_of_the_files() -> None:
     tables = make_tables(campaign(fit(1)))
     described = describe_tables()
-    assert set(described) == {"parameters", "mse", "responses"}
+    assert set(described) == {"parameters", "mse", "adjustment", "responses"}
     assert [c["name"] for c in described["parameters"]] == tables.parameters.column_names
     assert [c["type"] for c in described["mse"]] == [str(f.type) for f in tables.mse.schema]
 

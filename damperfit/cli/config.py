@@ -25,11 +25,12 @@ def config(
 
     Example: damperfit config > my_damper.toml
     """
+    from damperfit.account import json_values
     from damperfit.config import load_settings, settings_toml
 
     settings = load_settings(config)
     if json:
-        print_json(settings.document)
+        print_json(json_values(settings.document))
     else:
         print_lines(settings_toml(settings).splitlines())
     return 0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from damperfit.cli.console import print_json, print_renderable, say
+from damperfit.cli.console import one_line, print_json, print_lines, print_renderable, say
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -20,9 +20,11 @@ from damperfit.cli.options import (
     RigOption,
     SettingOption,
     SkewOption,
+    StrictOption,
     TruncatedOption,
     VersionOption,
     assignments,
+    names_of,
     overlay,
     rig_entries,
 )
@@ -58,7 +60,15 @@ def identify(
     max_mse: Annotated[
         float | None, typer.Option(metavar="PCT", help="End with code 4 above this MSE.")
     ] = None,
+    check: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME,NAME",
+            help="End with code 4 unless these checks are passed; purdy2000 is a list of them.",
+        ),
+    ] = None,
     setting: SettingOption = None,
+    strict: StrictOption = False,
     skew: SkewOption = None,
     profile: ProfileOption = None,
     rig: RigOption = None,
@@ -92,7 +102,12 @@ def identify(
     from damperfit.cli.progress import progress
     from damperfit.config import load_settings
     from damperfit.pipeline import Watch, run
-    from damperfit.report import markdown_report, parameter_sheet, terminal_table
+    from damperfit.report import (
+        check_lines,
+        markdown_report,
+        parameter_sheet,
+        terminal_table,
+    )
 
     check_kind("--plots", plots)
     summary = _summary_file() if github_summary else None
@@ -103,11 +118,13 @@ def identify(
             ("identification", "fix", assignments(fix or [], option="--fix") or None),
             ("identification", "procedure", procedure),
             ("identification", "share", share.split(",") if share is not None else None),
+            ("rig", "strict", strict or None),
             *rig_entries(rig),
             ("rig", "skew", skew),
             ("rig", "profile", profile),
             ("rig", "allow_truncated", allow_truncated or None),
             ("output", "max_mse_percent", max_mse),
+            ("output", "checks", names_of(check) if check else None),
             ("output", "folder", str(out) if out is not None else None),
         ),
     )
@@ -125,6 +142,7 @@ def identify(
     elif result.campaign.fits:
         sheet = parameter_sheet(result.tables.parameters, digits=4, has_errors=False)
         print_renderable(terminal_table(sheet))
+        print_lines(["", *map(one_line, check_lines(result.facts.checks))])
     return result.ending.value
 
 

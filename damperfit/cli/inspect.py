@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from damperfit.cli.console import print_json, print_lines, print_renderable, say
+from damperfit.cli.console import one_line, print_json, print_lines, print_renderable, say
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -16,6 +16,7 @@ from damperfit.cli.options import (
     RigOption,
     SettingOption,
     SkewOption,
+    StrictOption,
     TruncatedOption,
     VersionOption,
     overlay,
@@ -31,6 +32,7 @@ __all__ = ["inspect"]
 def inspect(
     logs: LogsArgument,
     setting: SettingOption = None,
+    strict: StrictOption = False,
     skew: SkewOption = None,
     profile: ProfileOption = None,
     rig: RigOption = None,
@@ -42,7 +44,7 @@ def inspect(
     debug: DebugOption = False,
     version: VersionOption = False,
 ) -> int:
-    """Tell what is in the logs; fit nothing.
+    """Tell what is in the logs and what is wrong with them; fit nothing.
 
     Example: damperfit inspect runs/*.csv
     """
@@ -54,6 +56,7 @@ def inspect(
         config,
         overlay=overlay(
             *rig_entries(rig),
+            ("rig", "strict", strict or None),
             ("rig", "skew", skew),
             ("rig", "profile", profile),
             ("rig", "allow_truncated", allow_truncated or None),
@@ -70,18 +73,16 @@ def inspect(
     if json:
         print_json(log_documents(intake))
     else:
-        _show(intake)
+        _show(intake, has_notes=not quiet)
     return int(reading_ending(intake).value)
 
 
-def _show(intake: Intake) -> None:
-    from damperfit.cli.console import one_line
-    from damperfit.report import log_sheet, terminal_table
+def _show(intake: Intake, *, has_notes: bool) -> None:
+    from damperfit.report import VERDICT_COLOURS, finding_lines, log_sheet, terminal_table
 
-    if intake.n_good:
-        print_renderable(terminal_table(log_sheet([log.facts for log in intake.logs])))
-    notes = [
-        one_line(f"{log.log}: {note}") for log in intake.logs for note in log.facts.get("notes", ())
-    ]
-    if notes:
-        print_lines(["", *notes])
+    facts = [log.facts for log in intake.logs]
+    if not facts:
+        return
+    print_renderable(terminal_table(log_sheet(facts), colours=VERDICT_COLOURS))
+    lines = (one_line(line) for line in finding_lines(facts, has_notes=has_notes))
+    print_lines(["", *lines])

@@ -16,6 +16,7 @@ from damperfit.cli.inspect import inspect
 from damperfit.cli.options import DebugOption, VersionOption
 from damperfit.cli.report import report
 from damperfit.cli.samples import samples
+from damperfit.cli.settings import settings
 from damperfit.cli.simulate import simulate
 from damperfit.cli.sweep import sweep
 from damperfit.errors import DamperfitError
@@ -35,7 +36,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog="Example: damperfit identify sample_runs/*.csv",
 )
-for _command in (identify, report, simulate, sweep, inspect, samples, config):
+for _command in (identify, report, settings, simulate, sweep, inspect, samples, config):
     app.command()(_command)
 
 

@@ -25,9 +25,11 @@ __all__ = [
     "RigOption",
     "SettingOption",
     "SkewOption",
+    "StrictOption",
     "TruncatedOption",
     "VersionOption",
     "assignments",
+    "names_of",
     "overlay",
     "rig_entries",
 ]
@@ -71,6 +73,9 @@ JobsOption = Annotated[
 SettingOption = Annotated[
     int | None,
     typer.Option("--setting", metavar="N", help="Setting of the logs that do not say theirs."),
+]
+StrictOption = Annotated[
+    bool, typer.Option("--strict", help="Refuse logs that have a warning; ends with code 4.")
 ]
 SkewOption = Annotated[
     str | None,
@@ -140,6 +145,17 @@ def assignments(texts: Iterable[str], *, option: str) -> dict[str, str]:
             raise ConfigurationError(f"{option} {text}: {name} is given twice")
         values[name] = value
     return values
+
+
+def names_of(texts: Iterable[str]) -> list[str]:
+    """Return the names in options that may be given several times and may hold lists.
+
+    Examples
+    --------
+    >>> names_of(["a,b", "c"])
+    ['a', 'b', 'c']
+    """
+    return [name.strip() for text in texts for name in text.split(",")]
 
 
 def overlay(*entries: tuple[str, str, Any]) -> dict[str, dict[str, Any]]:

@@ -9,15 +9,18 @@ from __future__ import annotations
 from damperfit.conditioning.chain import condition
 from damperfit.conditioning.derivatives import differentiate
 from damperfit.conditioning.filters import apply_filter, design_filter
-from damperfit.conditioning.options import ConditionOptions, GasFacts
+from damperfit.conditioning.options import ConditionOptions, GasFacts, NominalTest
+from damperfit.conditioning.quality import examine_raw
 from damperfit.conditioning.scatter import noise_floor
 
 __all__ = [
     "ConditionOptions",
     "GasFacts",
+    "NominalTest",
     "apply_filter",
     "condition",
     "design_filter",
     "differentiate",
+    "examine_raw",
     "noise_floor",
 ]

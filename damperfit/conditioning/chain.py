@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -38,11 +38,10 @@ from damperfit.conditioning.filters import (
     complete_causal,
     completed,
     design_filter,
-    gain_at,
     settling_samples,
 )
 from damperfit.conditioning.options import ConditionOptions
-from damperfit.conditioning.quality import examine
+from damperfit.conditioning.quality import bridge_spikes, examine
 from damperfit.conditioning.refusals import (
     MIN_CYCLES,
     oversize,
@@ -87,22 +86,26 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         implausible stroke or force, stroke beyond the chambers, a sign that must be declared.
     """
     options = options or ConditionOptions()
+    if options.spikes == "bridge":
+        options = replace(options, spikes="keep")
+        recording = bridge_spikes(recording, condition(recording, options))
     refuse_dead(recording)
     delay = options.skew if isinstance(options.skew, float | int) else 0.0
     too_large = oversize(recording, options)
     try:
-        trace, log = _trace(recording, options, delay)
+        traced = _trace(recording, options, delay)
     except ConditioningError as error:
         raise ConditioningError(too_large or str(error)) from None
-    refuse_swapped(trace)
+    refuse_swapped(traced.trace)
     if too_large:
         raise ConditioningError(too_large)
-    righted, findings = put_right(trace, recording, options)
+    righted, findings = put_right(traced.trace, recording, options)
     if righted is not recording:
-        trace, log = _trace(righted, options, delay)
-    skew, skew_findings = find_skew(log, trace, options)
+        traced = _trace(righted, options, delay)
+    skew, skew_findings = find_skew(traced.log, traced.trace, options)
     if skew != 0.0:
-        trace, _ = _trace(righted, options, skew)
+        traced = _trace(righted, options, skew)
+    trace = traced.trace
     refuse_stroke(trace, options)
     told = (
         describe_middle(trace, options),
@@ -110,12 +113,20 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         *skew_findings,
         *check_velocity(trace, righted),
     )
-    return replace(trace, findings=(*trace.findings, *findings, *told))
+    seen = examine(righted, traced.logged, trace, traced.cycles, options)
+    return replace(trace, findings=(*seen, *findings, *told))
 
 
-def _trace(
-    recording: Recording, options: ConditionOptions, delay: float
-) -> tuple[Trace, UniformLog]:
+class _Traced(NamedTuple):
+    """A trace, and what it was made from: the log with and without a skew taken back."""
+
+    trace: Trace
+    log: UniformLog
+    logged: UniformLog
+    cycles: Cycles
+
+
+def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Traced:
     """Return the trace of a recording with its signs, the force moved ahead by ``delay``."""
     logged = make_uniform(recording)
     log = take_back(logged, delay) if delay else logged
@@ -152,9 +163,9 @@ def _trace(
         n_cycles_found=cycles.n_found,
         model_filter=model_filter,
         temperature=_mean_temperature(recording, log, starts + keep.start),
+        notes=_notes(options),
     )
-    notes = (*log.notes, *_notes(trace, cycles, options))
-    return replace(trace, notes=notes, findings=examine(logged, options)), log
+    return _Traced(trace, log, logged, cycles)
 
 
 def _filtered(
@@ -235,28 +246,12 @@ def _mean_temperature(recording: Recording, log: UniformLog, starts: FloatArray)
     return float(np.mean(recording.temperature[inside]))
 
 
-def _notes(trace: Trace, cycles: Cycles, options: ConditionOptions) -> tuple[str, ...]:
-    used = f"{trace.n_cycles} of {trace.n_cycles_found} whole cycles evaluated"
-    notes = [f"{used} (left out: run-in, filter edges, unsteady cycles)"]
+def _notes(options: ConditionOptions) -> tuple[str, ...]:
+    notes = []
     if options.rig_filter != "none":
         notes.append(
             f"filtered in the rig as declared ({options.rig_filter}, "
             f"{options.rig_filter_corner:g} Hz, order {options.rig_filter_order}); "
             "no filter of our own"
-        )
-    step = 2.0 * math.pi / cycles.period
-    if step**4 / 180.0 > 1e-3:
-        notes.append(
-            f"only {cycles.period:.1f} samples a cycle: velocity is {step**4 / 1.8:.2g} % low"
-        )
-    lost = 1.0 - gain_at(trace.model_filter, trace.frequency, sample_rate=1.0 / trace.interval)
-    if lost > 1e-3:
-        notes.append(
-            f"the filter takes {100.0 * lost:.2g} % off the motion at {trace.frequency:.3g} Hz: "
-            "parameters will be off by about as much; raise its corner"
-        )
-    if cycles.amplitude < 2e-4:
-        notes.append(
-            f"the amplitude is only {1e3 * cycles.amplitude:.3g} mm; check the displacement's unit"
         )
     return tuple(notes)

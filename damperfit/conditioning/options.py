@@ -7,10 +7,31 @@ from dataclasses import dataclass
 
 from damperfit.errors import ConfigurationError, did_you_mean
 
-__all__ = ["FILTER_KINDS", "ConditionOptions", "GasFacts"]
+__all__ = ["FILTER_KINDS", "ConditionOptions", "GasFacts", "NominalTest"]
 
 FILTER_KINDS = ("zero_phase", "causal", "none")
+SPIKES = ("keep", "bridge")
 MAX_SKEW = 0.1  # s; more is no skew between channels but two clocks
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NominalTest:
+    """What the test was meant to be; findings compare with it, no number depends on it.
+
+    Attributes
+    ----------
+    frequency, amplitude : float or None
+        Hz, m. None: not said.
+    temperature : float or None
+        Degrees Celsius. None: not said.
+    temperature_tolerance : float
+        Degrees either way; infinite: no temperature is asked for.
+    """
+
+    frequency: float | None = None
+    amplitude: float | None = None
+    temperature: float | None = None
+    temperature_tolerance: float = math.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +93,10 @@ class ConditionOptions:
         l_1 and l_2 of the damper, m. With them a stroke beyond the chambers is refused.
     max_amplitude, max_force : float
         What no log may exceed, m and N: a unit was misread.
+    nominal : NominalTest
+        What the test was meant to be, for findings.
+    spikes : str
+        "keep", or "bridge": replace single samples that stand out by a straight line.
     """
 
     filter: str = "zero_phase"
@@ -88,6 +113,8 @@ class ConditionOptions:
     chamber_lengths: tuple[float, float] | None = None
     max_amplitude: float = 1.0
     max_force: float = 1e5
+    nominal: NominalTest = NominalTest()
+    spikes: str = "keep"
 
     def __post_init__(self) -> None:
         """Refuse options that mean nothing."""
@@ -106,6 +133,10 @@ class ConditionOptions:
                 raise ConfigurationError(
                     f"{name}: found {getattr(self, name):g} Hz, expected more than 0"
                 )
+        if self.spikes not in SPIKES:
+            raise ConfigurationError(
+                f"spikes: found {self.spikes!r}, expected {' or '.join(SPIKES)}"
+            )
         if not 0.0 < self.steadiness < 0.5:
             raise ConfigurationError(
                 f"steadiness: found {self.steadiness:g}, expected more than 0 and less than 0.5"

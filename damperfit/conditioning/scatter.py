@@ -13,16 +13,18 @@ filter. A perfect model has this error or a little more: displacement noise is n
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.conditioning.filters import apply_filter, settling_samples
+from damperfit.recording import FilterDesign
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from damperfit.recording import FilterDesign, Trace
+    from damperfit.recording import Trace
 
     FloatArray = NDArray[np.float64]
 
@@ -32,7 +34,7 @@ __all__ = ["noise_floor"]
 def noise_floor(trace: Trace) -> float:
     """Return the scatter of the force between cycles, percent of its variance, eq. (22).
 
-    NaN for a single cycle.
+    NaN for a single cycle, and where the force does not vary.
     """
     if trace.n_cycles < 2:
         return math.nan
@@ -43,13 +45,15 @@ def noise_floor(trace: Trace) -> float:
     weights, index = _cubic(positions, len(trace.force))
     folded = np.sum([w * trace.force[index + k] for k, w in enumerate(weights)], axis=0)
     scatter = float(np.mean(np.var(folded, axis=0, ddof=1)))
-    correlation = _autocorrelation(trace.model_filter)
+    design = trace.model_filter
+    correlation = _autocorrelation(design.sections.tobytes(), design.is_zero_phase)
     kept = sum(
         float(np.mean(weights[i] * weights[j])) * correlation[abs(i - j)]
         for i in range(4)
         for j in range(4)
     )
-    return float(100.0 * scatter / kept / np.var(trace.force[trace.window]))
+    variance = float(np.var(trace.force[trace.window]))
+    return 100.0 * scatter / kept / variance if variance > 0.0 else math.nan
 
 
 def _cubic(positions: FloatArray, n: int) -> tuple[list[FloatArray], NDArray[np.int64]]:
@@ -64,8 +68,10 @@ def _cubic(positions: FloatArray, n: int) -> tuple[list[FloatArray], NDArray[np.
     ], index
 
 
-def _autocorrelation(design: FilterDesign) -> FloatArray:
+@lru_cache(maxsize=64)
+def _autocorrelation(sections: bytes, is_zero_phase: bool) -> FloatArray:  # noqa: FBT001
     """Return the correlation of white noise behind a filter at lags 0 to 3."""
+    design = FilterDesign(np.frombuffer(sections).reshape(-1, 6).copy(), is_zero_phase, "")
     reach = settling_samples(design) + 4
     impulse = np.zeros(2 * reach + 1)
     impulse[reach] = 1.0

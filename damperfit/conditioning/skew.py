@@ -207,5 +207,5 @@ def take_back(log: UniformLog, delay: float) -> UniformLog:
         interval=log.interval,
         displacement=log.displacement[is_there],
         force=np.ascontiguousarray(CubicSpline(samples, log.force)(wanted[is_there])),
-        notes=log.notes,
+        findings=log.findings,
     )

@@ -66,6 +66,7 @@ def make_recordings(
             temperature=part.temperature,
             notes=(*notes, *part.notes, *declared),
             metadata=part.metadata,
+            findings=part.findings,
             velocity=part.velocity,
             reverse_displacement=part.reverse_displacement,
             reverse_force=part.reverse_force,
@@ -96,7 +97,9 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
             channels[channel] = -channels[channel]
             sign_notes.append(f"{channel}: sign reversed, as declared")
     titles = (f"part: {table.part}",) if table.part else ()
-    notes = (*titles, *table.notes, *samples.notes, *notes, *_scale_notes(choices, options))
+    findings = (*table.findings, *samples.findings)
+    said = (*table.notes, *samples.notes, *(finding.sentence for finding in findings))
+    notes = (*titles, *said, *notes, *_scale_notes(choices, options))
     notes = (*notes, *sign_notes, *temperature_notes, *velocity_notes)
     parts = []
     for start, stop in cuts:
@@ -117,6 +120,7 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
                 temperature=None if temperature is None else temperature[part],
                 notes=(*notes, *time_notes, *setting_notes),
                 metadata=table.metadata,
+                findings=findings,
                 velocity=None if velocity is None else velocity[part],
                 reverse_displacement=signs["displacement"],
                 reverse_force=signs["force"],

@@ -12,6 +12,7 @@ from damperfit.readers.dialect import Dialect, fields_of, find_dialect, metadata
 from damperfit.readers.encoding import to_utf8
 from damperfit.readers.rows import TextRows, load_rows
 from damperfit.readers.table import Column, Table
+from damperfit.recording import Finding
 
 if TYPE_CHECKING:
     from damperfit.readers.files import Source
@@ -106,7 +107,7 @@ def _read_block(block: _Block, notes: tuple[str, ...], options: ReadOptions) -> 
     if block.decimal and not options.decimal and block.decimal != dialect.decimal:
         dialect = replace(dialect, decimal=block.decimal)
     start = dialect.data_offset
-    rows, cut_notes = _without_cut_row(block.data, start, name)
+    rows, cut = _without_cut_row(block.data, start, name)
     is_open = dialect.separator != "," and not options.decimal and not block.decimal
     if is_open and rows.find(b".", start) < 0 <= rows.find(b",", start):
         # The first rows may hold whole numbers only, as of a machine at rest.
@@ -119,7 +120,7 @@ def _read_block(block: _Block, notes: tuple[str, ...], options: ReadOptions) -> 
         rows, start = _with_events(rows[start:], dialect), 0
     first = _FIRST_LINE.match(rows, start)
     fields = fields_of(first[0].decode("utf-8", "replace") if first else "", dialect.separator)
-    names, n_fields, width_notes = _width(fields, dialect, name)
+    names, n_fields, extra = _width(fields, dialect, name)
     clocks = frozenset(i for i, field in enumerate(fields[: len(names)]) if is_stamp(field))
     text = TextRows(name, rows, start, dialect, len(names), n_fields, clocks, options)
     if not text.drops_bad_rows:
@@ -128,12 +129,13 @@ def _read_block(block: _Block, notes: tuple[str, ...], options: ReadOptions) -> 
         columns=_columns(names, dialect, clocks),
         load=lambda wanted: load_rows(text, wanted),
         metadata=metadata_of([*block.preamble, *dialect.preamble]),
-        notes=(*notes, *width_notes, *cut_notes),
+        notes=notes,
         part=block.title,
+        findings=(*extra, *cut),
     )
 
 
-def _without_cut_row(text: bytes, start: int, name: str) -> tuple[bytes, tuple[str, ...]]:
+def _without_cut_row(text: bytes, start: int, name: str) -> tuple[bytes, tuple[Finding, ...]]:
     """Drop a last row without line end: -12 may be what was written of -1234."""
     if text.endswith((b"\n", b"\r")):
         return text, ()
@@ -142,7 +144,8 @@ def _without_cut_row(text: bytes, start: int, name: str) -> tuple[bytes, tuple[s
         return text[:end], ()
     if end == start:
         raise LogError(f"{name}: no data rows; the only one has no line end and may be cut")
-    return text[:end], ("no final newline; the last row may be cut and was dropped",)
+    words = "no final newline; the last row may be cut and was dropped"
+    return text[:end], (Finding("cut_row", "warning", words, 1.0),)
 
 
 def _with_tabs(rows: bytes) -> bytes:
@@ -168,8 +171,8 @@ def _with_events(rows: bytes, dialect: Dialect) -> bytes:
 
 def _width(
     fields: list[str], dialect: Dialect, name: str
-) -> tuple[tuple[str, ...], int, tuple[str, ...]]:
-    """Return names, number of fields in a row, and notes; a trailing separator may add one."""
+) -> tuple[tuple[str, ...], int, tuple[Finding, ...]]:
+    """Return names, number of fields in a row, and findings; a trailing separator may add one."""
     names = dialect.names or ("",) * len(fields)
     if dialect.units and len(dialect.units) != len(names):
         raise LogError(
@@ -178,7 +181,7 @@ def _width(
         )
     if len(fields) == len(names) + 1 and not fields[-1]:
         note = "every row ends in a separator; the empty last column was left out"
-        return names, len(names) + 1, (note,)
+        return names, len(names) + 1, (Finding("extra_separator", "warning", note),)
     return names, len(names), ()
 
 

@@ -18,6 +18,7 @@ from damperfit.readers.clock import clock_seconds, is_stamp
 from damperfit.readers.dialect import fields_of
 from damperfit.readers.options import EXTRAS
 from damperfit.readers.table import Samples
+from damperfit.recording import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -151,8 +152,9 @@ def _load_in_pieces(text: TextRows, wanted: Mapping[str, int]) -> Samples:
     columns = {
         channel: np.concatenate([piece.columns[channel] for piece in pieces]) for channel in wanted
     }
-    notes = (f"{n_bad} rows that cannot be read were dropped; {first_bad}",) if n_bad else ()
-    return Samples(columns, place, notes)
+    text_of_bad = f"{n_bad} rows that cannot be read were dropped; {first_bad}"
+    found = (Finding("rows_dropped", "warning", text_of_bad, float(n_bad)),) if n_bad else ()
+    return Samples(columns, place, findings=found)
 
 
 def _cut(text: TextRows) -> Iterator[TextRows]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from damperfit.recording import Finding
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
@@ -48,11 +50,14 @@ class Samples:
         Index of a sample -> where it stands, as in "line 17".
     notes : tuple of str
         What was left out.
+    findings : tuple of Finding
+        What was left out and makes the log doubtful.
     """
 
     channels: dict[str, FloatArray]
     place: Callable[[int], str]
     notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +76,8 @@ class Table:
         What the format's reader assumed.
     part : str
         Title of the test in the file (block, sheet, group); may be empty.
+    findings : tuple of Finding
+        What was left out and makes the log doubtful.
     """
 
     columns: tuple[Column, ...]
@@ -78,3 +85,4 @@ class Table:
     metadata: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     part: str = ""
+    findings: tuple[Finding, ...] = ()

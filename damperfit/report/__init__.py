@@ -8,8 +8,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from damperfit.report.facts import Failure, ReportFacts
+from damperfit.report.inspection import VERDICT_COLOURS, finding_lines, log_sheet
+from damperfit.report.ladder import check_lines, ladder_sheet, stroke_sheet
 from damperfit.report.markdown import markdown_report
-from damperfit.report.rows import Sheet, log_sheet, parameter_sheet
+from damperfit.report.rows import Sheet, parameter_sheet
 from damperfit.report.terminal import terminal_table
 
 if TYPE_CHECKING:
@@ -26,23 +28,28 @@ if TYPE_CHECKING:
     from damperfit.report.plots import Plot
 
 __all__ = [
+    "VERDICT_COLOURS",
     "Failure",
     "Kin",
     "Plot",
     "Portfolio",
     "ReportFacts",
     "Sheet",
+    "check_lines",
     "draw_plot",
     "family_plot",
     "family_records",
     "family_sentence",
     "family_sheet",
+    "finding_lines",
     "html_report",
     "kin_pressures",
+    "ladder_sheet",
     "log_sheet",
     "markdown_report",
     "parameter_sheet",
     "portfolio",
+    "stroke_sheet",
     "terminal_table",
 ]
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from damperfit.checklist import Check
+
 __all__ = ["Failure", "ReportFacts"]
 
 
@@ -32,9 +34,14 @@ class Failure:
     message: str
 
     @property
+    def place(self) -> str:
+        """The log, else the setting, that has no result."""
+        return self.log or (f"setting {self.setting}" if self.setting is not None else "")
+
+    @property
     def line(self) -> str:
         """The failure as one line, its place first."""
-        place = self.log or (f"setting {self.setting}" if self.setting is not None else "")
+        place = self.place
         has_place = not place or place in self.message
         return self.message if has_place else f"{place}: {self.message}"
 
@@ -61,6 +68,10 @@ class ReportFacts:
         Each outcome other than success that occurred, and what to do about it.
     trust : tuple of str
         What the residuals say of noise and lack of fit, one sentence each.
+    across : tuple of str
+        What shows only across the settings, one sentence each.
+    checks : tuple of Check
+        Every check, with reason.
     is_interrupted : bool
         The run was stopped before all settings were done.
     """
@@ -73,4 +84,6 @@ class ReportFacts:
     gates: tuple[str, ...] = ()
     advice: tuple[tuple[str, str], ...] = ()
     trust: tuple[str, ...] = ()
+    across: tuple[str, ...] = ()
+    checks: tuple[Check, ...] = ()
     is_interrupted: bool = False

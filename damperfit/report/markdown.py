@@ -6,6 +6,7 @@ import re
 from statistics import median
 from typing import TYPE_CHECKING
 
+from damperfit.report.ladder import check_sheet, check_summary, ladder_sheet
 from damperfit.report.rows import Sheet, mse_sheet, parameter_sheet, percent
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
         _section("Not done", _list(_missing(facts))),
         _section("Gates not met", _list(facts.gates)),
         _section("What to do", _list(f"{word}: {advice}" for word, advice in facts.advice)),
+        _section("Checks", _checks(facts)),
+        _section("Across the settings", (*_list(facts.across), *_clicks(tables))),
         _section("Warnings", _list(facts.warnings)),
         _section("Noise and lack of fit", _list(facts.trust)),
         _section("How it was done", _list((*facts.procedure, f"damperfit {facts.version}"))),
@@ -76,6 +79,18 @@ def _summary(tables: Tables, facts: ReportFacts) -> Iterator[str]:
     grades = [row["grade"] for row in rows]
     counts = [f"{grades.count(g)} {g}" for g in ("excellent", "good", "poor") if g in grades]
     yield f"Grades: {', '.join(counts)} (excellent below 1 %, good below 5 %)."
+
+
+def _checks(facts: ReportFacts) -> list[str]:
+    if not facts.checks:
+        return []
+    return [check_summary(facts.checks), "", *_table(check_sheet(facts.checks))]
+
+
+def _clicks(tables: Tables) -> list[str]:
+    """The force at the fastest named speed by setting, below the sentences."""
+    table = _table(ladder_sheet(tables.adjustment.to_pylist()))
+    return ["", *table] if table else []
 
 
 def _missing(facts: ReportFacts) -> Iterator[str]:

@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING, Any
 from damperfit.damper.parameters import PARAMETER_NAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     import pyarrow as pa
 
 __all__ = [
     "Sheet",
     "flags",
-    "log_sheet",
     "mse_sheet",
     "number",
     "parameter_sheet",
@@ -203,32 +202,6 @@ def mse_sheet(mse: pa.Table, parameters: pa.Table) -> Sheet:
         units=("", "", "%", "%", "", "", "", ""),
         rows=tuple(rows),
         is_number=(True, False, True, True, False, True, False, False),
-    )
-
-
-def log_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
-    """Return one row per log: what was found in it. Facts are those of `Trace.describe`."""
-    rows = []
-    for log in logs:
-        amplitude = log.get("amplitude_m")
-        used, found = log.get("cycles_used"), log.get("cycles_found")
-        rows.append(
-            (
-                str(log["name"]),
-                NOTHING if log.get("setting") is None else str(log["setting"]),
-                NOTHING if used is None else str(log["n_samples_read"]),
-                number(log.get("sample_rate_Hz"), digits=4),
-                NOTHING if used is None else f"{used} of {found}",
-                number(log.get("frequency_Hz"), digits=4),
-                number(None if amplitude is None else 1e3 * amplitude, digits=4),
-                number(log.get("temperature_degC"), digits=3),
-            )
-        )
-    return Sheet(
-        headings=("log", "set", "samples", "rate", "cycles", "freq.", "ampl.", "temp."),
-        units=("", "", "", "Hz", "used", "Hz", "mm", "degC"),
-        rows=tuple(rows),
-        is_number=(False, *(True,) * 7),
     )
 
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rich.console import RenderableType
 
     from damperfit.report.rows import Sheet
@@ -19,8 +21,8 @@ _COLUMNS = 80
 _COLOURS = {"excellent": "green", "good": "yellow", "poor": "red"}
 
 
-def terminal_table(sheet: Sheet) -> RenderableType:
-    """Return a rich table: headings, units, rows, notes below."""
+def terminal_table(sheet: Sheet, *, colours: Mapping[str, str] = _COLOURS) -> RenderableType:
+    """Return a rich table: headings, units, rows, notes below; cells coloured by their word."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
@@ -34,7 +36,7 @@ def terminal_table(sheet: Sheet) -> RenderableType:
             overflow="fold",
         )
     for row in sheet.rows:
-        table.add_row(*(Text(_printable(cell), style=_COLOURS.get(cell, "")) for cell in row))
+        table.add_row(*(Text(_printable(cell), style=colours.get(cell, "")) for cell in row))
     return Group(table, *(Text(_printable(note), style="dim") for note in sheet.notes))
 
 

@@ -8,7 +8,14 @@ responses out, `files` writes and reads. Tables are Arrow tables; ``Tables.frame
 from damperfit.tables.columns import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables, table_schema
 from damperfit.tables.files import read_parameters, safe_cell, write_responses, write_table
 from damperfit.tables.reading import LogSignals, Results, read_results
-from damperfit.tables.results import MISSING, Tables, grade, make_tables, time_series_table
+from damperfit.tables.results import (
+    MISSING,
+    Tables,
+    adjustment_rows,
+    grade,
+    make_tables,
+    time_series_table,
+)
 
 __all__ = [
     "MISSING",
@@ -17,6 +24,7 @@ __all__ = [
     "LogSignals",
     "Results",
     "Tables",
+    "adjustment_rows",
     "describe_tables",
     "grade",
     "make_tables",

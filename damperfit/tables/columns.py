@@ -119,9 +119,25 @@ _RESPONSES: tuple[_Column, ...] = (
     _Column("force_N", _FLOAT, "N", "force of the model as compared, filtered alike"),
     *_PRESSURES,
 )
+_ADJUSTMENT: tuple[_Column, ...] = (
+    _SETTING,
+    _Column("speed_m_per_s", _FLOAT, "m/s", "named test speed that the test's motion reaches"),
+    _Column("stroke", _TEXT, "", "rebound or bump"),
+    _Column("force_N", _FLOAT, "N", "force there, mean of opening and closing branch"),
+    _Column("force_se_N", _FLOAT, "N", "standard error of force_N"),
+    _Column("force_ci_low_N", _FLOAT, "N", "95 % interval of force_N"),
+    _Column("force_ci_high_N", _FLOAT, "N", "95 % interval of force_N"),
+    _Column("change_N", _FLOAT, "N", "force_N less that of the fitted setting before"),
+    _Column("change_ci_low_N", _FLOAT, "N", "95 % interval of change_N"),
+    _Column("change_ci_high_N", _FLOAT, "N", "95 % interval of change_N"),
+    _Column("change_percent", _FLOAT, "%", "the same of the damping, which is without gas force"),
+    _Column("change_percent_ci_low", _FLOAT, "%", "95 % interval of change_percent"),
+    _Column("change_percent_ci_high", _FLOAT, "%", "95 % interval of change_percent"),
+)
 _TABLES: dict[str, tuple[_Column, ...]] = {
     "parameters": _PARAMETERS,
     "mse": _MSE_TABLE,
+    "adjustment": _ADJUSTMENT,
     "responses": _RESPONSES,
     "time_series": _TIME_SERIES,
 }
@@ -133,7 +149,7 @@ def table_schema(name: str, facts: Mapping[str, Any]) -> pa.Schema:
     Parameters
     ----------
     name : str
-        "parameters", "mse", "responses" or "time_series".
+        "parameters", "mse", "adjustment", "responses" or "time_series".
     facts : mapping
         JSON values for the schema's ``damperfit`` entry, beside version and name of the table.
     """

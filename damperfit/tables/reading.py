@@ -20,7 +20,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.tables.columns import SCHEMA_VERSION, column_kinds
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -91,13 +91,17 @@ class Results:
     remarks: tuple[str, ...]
 
 
-def read_results(folder: Path) -> Results:
+def read_results(
+    folder: Path, *, parts: Sequence[str] = ("parameters", "mse", "responses")
+) -> Results:
     """Read what `identify` wrote.
 
     Parameters
     ----------
     folder : pathlib.Path
         Results folder.
+    parts : sequence of str
+        Tables to read; the others are neither looked at nor remarked on. run.json always is.
 
     Raises
     ------
@@ -111,10 +115,11 @@ def read_results(folder: Path) -> Results:
     remarks: list[str] = []
     record = _record(folder / "run.json", remarks)
     _check_version(record, remarks)
-    _check_files(folder, record, remarks)
-    parameters = _rows(folder, "parameters", remarks)
-    mse = _rows(folder, "mse", remarks)
-    logs = tuple(sorted(_logs(folder, remarks), key=lambda log: (log.setting, log.log)))
+    _check_files(folder, record, remarks, parts)
+    parameters = _rows(folder, "parameters", remarks) if "parameters" in parts else ()
+    mse = _rows(folder, "mse", remarks) if "mse" in parts else ()
+    signals = _logs(folder, remarks) if "responses" in parts else ()
+    logs = tuple(sorted(signals, key=lambda log: (log.setting, log.log)))
     if not parameters and not logs:
         raise ConfigurationError(
             f"{folder}: nothing to show, {'; '.join(remarks) or 'its tables are empty'}; "
@@ -146,11 +151,15 @@ def _check_version(record: dict[str, Any], remarks: list[str]) -> None:
         )
 
 
-def _check_files(folder: Path, record: dict[str, Any], remarks: list[str]) -> None:
+def _check_files(
+    folder: Path, record: dict[str, Any], remarks: list[str], parts: Sequence[str]
+) -> None:
     """Remark on files that are not those the run wrote."""
     files = record.get("files")
     for name, expected in files.items() if isinstance(files, dict) else ():
         path = folder / str(name)
+        if path.stem not in parts:
+            continue
         if path.parent != folder or path.suffix != ".parquet" or not path.is_file():
             continue
         with path.open("rb") as file:

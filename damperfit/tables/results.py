@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
+from damperfit.adjustment import Adjustment
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.tables.arrays import column, float_array
 from damperfit.tables.columns import table_schema
@@ -18,13 +19,31 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
+    from damperfit.adjustment import Click, Level
     from damperfit.identification import Campaign, Fit
     from damperfit.simulation import Response
     from damperfit.uncertainty import Interval
 
-__all__ = ["MISSING", "Tables", "grade", "make_tables", "time_series_table"]
+__all__ = [
+    "MISSING",
+    "Tables",
+    "adjustment_rows",
+    "grade",
+    "make_tables",
+    "time_series_table",
+]
 
 MISSING = "missing"  # outcome of a setting that the configuration expects but that has no fit
+
+
+_CHANGES = (
+    "change_N",
+    "change_ci_low_N",
+    "change_ci_high_N",
+    "change_percent",
+    "change_percent_ci_low",
+    "change_percent_ci_high",
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,14 +56,18 @@ class Tables:
         One row per setting.
     mse : pyarrow.Table
         One row per setting (``log`` empty) and one per log.
+    adjustment : pyarrow.Table
+        Force and its change by click: one row per setting, named speed and stroke.
     """
 
     parameters: pa.Table
     mse: pa.Table
+    adjustment: pa.Table
 
     def frame(self, name: str) -> pd.DataFrame:
-        """Return the table ``name`` ("parameters" or "mse") as a pandas data frame."""
-        table: pa.Table = {"parameters": self.parameters, "mse": self.mse}[name]
+        """Return the table ``name`` (as the attributes) as a pandas data frame."""
+        tables = {"parameters": self.parameters, "mse": self.mse, "adjustment": self.adjustment}
+        table: pa.Table = tables[name]
         frame: pd.DataFrame = table.to_pandas()
         return frame
 
@@ -66,6 +89,7 @@ def make_tables(
     campaign: Campaign,
     *,
     assessment: Assessment = Assessment(),
+    adjustment: Adjustment = Adjustment(),
     expected: Iterable[int] = (),
     provenance: Mapping[str, Any] | None = None,
 ) -> Tables:
@@ -77,6 +101,8 @@ def make_tables(
         Result of `damperfit.identification.identify`.
     assessment : Assessment
         Errors and intervals; cells without one stay empty.
+    adjustment : Adjustment
+        Forces by setting; without them that table has no rows.
     expected : iterable of int
         Settings that ought to be there; those without a fit get a row of nulls.
     provenance : mapping, optional
@@ -94,6 +120,9 @@ def make_tables(
     return Tables(
         parameters=_table("parameters", [rows[setting] for setting in sorted(rows)], facts),
         mse=_table("mse", [row for fit in campaign.fits for row in _mse_rows(fit)], facts),
+        adjustment=_table(
+            "adjustment", adjustment_rows(adjustment.levels, adjustment.clicks), facts
+        ),
     )
 
 
@@ -135,6 +164,47 @@ def _mse_rows(fit: Fit) -> Iterator[dict[str, Any]]:
     for log in fit.logs:
         n_samples = log.trace.stop - log.trace.first
         yield row(log.trace.name, log.mse_percent, log.noise_floor_percent, n_samples)
+
+
+def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[dict[str, Any]]:
+    """Return the rows of the table "adjustment".
+
+    Parameters
+    ----------
+    levels : sequence of Level
+        Forces by setting, speed and stroke.
+    clicks : sequence of Click
+        Their changes; the rows of the lowest setting have none.
+    """
+    changes = {(click.second, click.speed, click.stroke): click for click in clicks}
+    rows = []
+    for level in levels:
+        row: dict[str, Any] = {
+            "setting": level.setting,
+            "speed_m_per_s": level.speed,
+            "stroke": level.stroke,
+            "force_N": _finite(level.force),
+            "force_se_N": _finite(level.error),
+            "force_ci_low_N": _finite(level.low),
+            "force_ci_high_N": _finite(level.high),
+        }
+        click = changes.get((level.setting, level.speed, level.stroke))
+        rows.append(row | _change(click))
+    return rows
+
+
+def _change(click: Click | None) -> dict[str, Any]:
+    if click is None:
+        return dict.fromkeys(_CHANGES)
+    values = (
+        click.change,
+        click.low,
+        click.high,
+        click.percent,
+        click.percent_low,
+        click.percent_high,
+    )
+    return {name: _finite(value) for name, value in zip(_CHANGES, values, strict=True)}
 
 
 def _finite(value: float | None) -> float | None:

@@ -16,7 +16,7 @@ from damperfit.cli.main import app
 from damperfit.config import load_settings
 
 ROOT = Path(__file__).parents[2]
-COMMANDS = ("identify", "simulate", "sweep", "inspect", "report", "samples", "config")
+COMMANDS = ("identify", "settings", "simulate", "sweep", "inspect", "report", "samples", "config")
 HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pydantic")
 
 
@@ -104,7 +104,8 @@ def test_inspect_tells_what_is_in_the_logs_and_fits_nothing(run, logs, tmp_path)
     row = next(row for row in rows if row and row[0] == "setting_02.csv")
     assert row[:4] == ["setting_02.csv", "2", "2333", "500.0"]
     assert row[5:7] == ["of", "7"]
-    assert row[7:] == ["1.500", "32.00", row[-1]]
+    assert row[7:] == ["1.500", "32.00", row[-2], "good"]
+    assert max(len(line) for line in ended.out.splitlines()) <= 80
     assert list(tmp_path.iterdir()) == []
 
 

@@ -22,6 +22,8 @@ FILES = {
     "parameters.csv",
     "mse.parquet",
     "mse.csv",
+    "adjustment.parquet",
+    "adjustment.csv",
     "responses.parquet",
     "report.md",
     "run.json",

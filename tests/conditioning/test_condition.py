@@ -137,7 +137,9 @@ def test_slow_short_and_fast_tests(frequency, rate, cycles, expected):
 
 def test_the_notes_say_how_many_cycles_of_how_many():
     trace = condition(sine_log())
-    assert trace.notes[0].startswith(f"{trace.n_cycles} of 15 whole cycles evaluated")
+    (one,) = (one for one in trace.findings if one.name == "cycles")
+    assert one.sentence.startswith(f"{trace.n_cycles} of 15 whole cycles evaluated")
+    assert one.value == trace.n_cycles
 
 
 def with_rest():
@@ -236,7 +238,7 @@ def test_arrays_are_contiguous_doubles_of_one_length():
 
 def test_the_filters_loss_at_a_fast_test_is_said():
     trace = condition(sine_log(frequency=20.0, cycles=60.0, amplitude=0.002))
-    assert any("filter takes 1.6 % off" in note for note in trace.notes)
+    assert any("filter takes 1.6 % off" in warning for warning in trace.warnings)
 
 
 LOG = sine_log()

@@ -50,14 +50,14 @@ def test_exact_stamps_are_taken_as_they_are():
     log = make_uniform(source)
     assert log.displacement is source.displacement
     assert log.interval == pytest.approx(1.0 / 300.0, rel=1e-14)
-    assert log.notes == ()
+    assert log.findings == ()
 
 
 @pytest.mark.parametrize("digits", [None, 3])
 def test_a_few_missing_samples_are_put_in_and_counted(digits):
     t = np.delete(np.arange(3000), [500, 1200, 1201]) / 300.0
     log = make_uniform(logged(t, t if digits is None else np.round(t, digits)))
-    assert "3 missing samples" in log.notes[0]
+    assert "3 missing samples" in log.findings[0].sentence
     assert len(log.force) == 3000
     assert log.interval == pytest.approx(1.0 / 300.0, rel=1e-6)
     true = channels(np.arange(3000) / 300.0)
@@ -72,7 +72,7 @@ def test_jitter_is_resampled_and_said(seed, spread, is_walk):
     moved = random.uniform(-spread, spread, 3000)
     t = (np.cumsum(1.0 + moved) if is_walk else np.arange(3000) + moved) / 300.0
     log = make_uniform(logged(t, t))
-    assert "time steps vary" in log.notes[0]
+    assert "time steps vary" in log.findings[0].sentence
     assert log.interval == pytest.approx(1.0 / 300.0, rel=0.02)
     assert error(log) < 1e-5
 
@@ -81,7 +81,7 @@ def test_jitter_is_resampled_and_said(seed, spread, is_walk):
 def test_rows_lost_at_the_resolution_of_the_stamps_are_noticed(lost):
     t = np.delete(np.arange(3000), lost) / 1000.0
     log = make_uniform(logged(t, np.round(t, 3)))
-    assert f"{len(lost)} missing" in log.notes[0]
+    assert f"{len(lost)} missing" in log.findings[0].sentence
     assert log.interval == pytest.approx(1e-3, rel=1e-9)
     assert error(log) < 1e-8  # the spline over two lost samples
 
@@ -90,7 +90,9 @@ def test_a_rate_just_below_the_resolution_is_no_lost_row():
     t = np.arange(9000) / 952.0
     log = make_uniform(logged(t, np.round(t, 3)))
     assert len(log.force) == 9000
-    assert log.notes == ("time stamps are rounded to 0.001 s; sampled at 952 Hz",)
+    (one,) = log.findings
+    assert (one.name, one.severity) == ("rounded_time", "note")
+    assert one.sentence == "time stamps are rounded to 0.001 s; sampled at 952 Hz"
 
 
 def test_a_gap_is_refused_with_row_and_size():
@@ -99,7 +101,7 @@ def test_a_gap_is_refused_with_row_and_size():
         make_uniform(logged(t, t))
     # one sample less is still put in when 4 may be missing
     t = np.delete(np.arange(3000), np.arange(500, 504)) / 300.0
-    assert "4 missing" in make_uniform(logged(t, t)).notes[0]
+    assert "4 missing" in make_uniform(logged(t, t)).findings[0].sentence
 
 
 def test_a_pause_between_two_tests_is_refused():

@@ -1,0 +1,332 @@
+"""A results folder read back as an adjuster: forces by setting, and the setting for a force."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from damperfit.adjustment import (
+    STROKES,
+    Click,
+    Level,
+    Sine,
+    Stage,
+    Wanted,
+    clicks,
+    levels,
+    named_speeds,
+    which_setting,
+)
+from damperfit.config import load_settings
+from damperfit.damper.parameters import PARAMETER_NAMES, Damper, Parameters
+from damperfit.errors import ConfigurationError
+from damperfit.quantities import parse_quantity
+from damperfit.tables import read_results
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from damperfit.settings import Settings
+    from damperfit.simulation import SolverOptions
+
+__all__ = ["Adjuster", "Ladder", "Question", "climb", "parse_question", "read_adjuster"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Adjuster:
+    """The settings of a results folder, and the motion at which they are compared.
+
+    Attributes
+    ----------
+    stages : tuple of Stage
+        By rising setting.
+    damper : Damper
+        Geometry, oil and gas of the run.
+    sine : Sine
+        The test's own motion, or the one asked for.
+    source : str
+        Where the motion comes from, for people.
+    solver : SolverOptions
+        How exactly to integrate.
+    remarks : tuple of str
+        What was missing or damaged in the folder.
+    """
+
+    stages: tuple[Stage, ...]
+    damper: Damper
+    sine: Sine
+    source: str
+    solver: SolverOptions
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What is asked of an adjuster.
+
+    Attributes
+    ----------
+    speed : float or None
+        m/s, positive; None: the named test speeds.
+    force : float or None
+        Wanted force, N, positive in rebound; None: nothing is asked, forces are shown.
+    stroke : str or None
+        "rebound" or "bump"; None: both.
+    """
+
+    speed: float | None = None
+    force: float | None = None
+    stroke: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Ladder:
+    """Forces by setting, their changes by click, and the answer.
+
+    Attributes
+    ----------
+    levels : tuple of Level
+        By setting, speed and stroke.
+    clicks : tuple of Click
+        Between neighbouring settings.
+    wanted : Wanted or None
+        The answer, where a force was asked for.
+    remarks : tuple of str
+        Settings that could not be simulated.
+    """
+
+    levels: tuple[Level, ...]
+    clicks: tuple[Click, ...]
+    wanted: Wanted | None
+    remarks: tuple[str, ...]
+
+
+def parse_question(
+    *, force: str | None = None, velocity: str | None = None, stroke: str | None = None
+) -> Question:
+    """Return the question that the texts of a command line ask.
+
+    Rebound is positive and bump negative. A minus before force or velocity asks for bump, where
+    the size of both counts. With ``stroke`` the signs of the velocity and, in bump, of the force
+    do not matter; in rebound a negative force is one: at low speed the gas still pushes.
+
+    Raises
+    ------
+    ConfigurationError
+        A quantity cannot be understood, the speed is zero, or a force comes without a speed.
+
+    Examples
+    --------
+    >>> parse_question(force="900N", velocity="0.2m/s")
+    Question(speed=0.2, force=900.0, stroke='rebound')
+    >>> parse_question(force="900N", velocity="200mm/s", stroke="bump")
+    Question(speed=0.2, force=-900.0, stroke='bump')
+    >>> parse_question(force="-900N", velocity="0.2m/s").stroke
+    'bump'
+    """
+    if stroke is not None and stroke not in STROKES:
+        raise ConfigurationError(f"--stroke {stroke}: expected {' or '.join(STROKES)}")
+    if force is not None and velocity is None:
+        raise ConfigurationError(
+            f"--force {force}: at which speed? Give --velocity too, as in --velocity 0.2m/s"
+        )
+    if velocity is None:
+        return Question(stroke=stroke)
+    speed = parse_quantity(velocity, "velocity")
+    if speed == 0.0:
+        raise ConfigurationError(f"--velocity {velocity}: expected a speed other than zero")
+    if force is None:
+        side = "bump" if speed < 0.0 and stroke is None else stroke
+        return Question(abs(speed), None, side)
+    wanted = parse_quantity(force, "force")
+    if stroke is None:
+        stroke = "bump" if speed < 0.0 or wanted < 0.0 else "rebound"
+    return Question(abs(speed), -abs(wanted) if stroke == "bump" else wanted, stroke)
+
+
+def read_adjuster(
+    folder: Path,
+    *,
+    config: Path | None = None,
+    amplitude: str | None = None,
+    frequency: str | None = None,
+) -> Adjuster:
+    """Read the settings, damper and motion of a results folder.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        What `identify` wrote.
+    config : pathlib.Path, optional
+        Configuration to take the damper from instead of the run's own.
+    amplitude, frequency : str, optional
+        Motion instead of the test's own.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such folder, no setting in it has parameters, or the motion is none.
+    """
+    results = read_results(folder, parts=("parameters",))
+    remarks = list(results.remarks)
+    settings = _settings(config, results.record, remarks)
+    stages = tuple(_stages(results.parameters, results.record, remarks))
+    if not stages:
+        raise ConfigurationError(
+            f"{folder}: no setting has all parameters; run damperfit identify LOGS first"
+        )
+    own = _tested(results.record, {stage.setting for stage in stages})
+    if own is None and not (amplitude and frequency):
+        own = Sine(settings.rig.amplitude, settings.rig.frequency)
+        remarks.append("the motion of the test is not known: the nominal one is taken")
+    sine, source = _motion(own, amplitude, frequency)
+    _check_stroke(sine, settings.damper)
+    return Adjuster(
+        stages, settings.damper, sine, source, settings.simulation.solver, tuple(remarks)
+    )
+
+
+def climb(adjuster: Adjuster, question: Question, *, jobs: int = 1) -> Ladder:
+    """Return forces and clicks of an adjuster, and where a wanted force is found.
+
+    Raises
+    ------
+    ConfigurationError
+        The motion does not reach the speed, or there are not two settings to look between.
+    """
+    sine = adjuster.sine
+    speeds = named_speeds(sine) if question.speed is None else (question.speed,)
+    if not speeds or max(speeds) >= sine.peak_speed:
+        at = f"{question.speed:g} m/s" if question.speed else "the named test speeds"
+        raise ConfigurationError(
+            f"{at}: not reached by {adjuster.source}, which peaks at {sine.peak_speed:.3g} m/s; "
+            "give a lower --velocity, or a larger --amplitude or --frequency"
+        )
+    found = levels(
+        adjuster.stages,
+        adjuster.damper,
+        sine,
+        speeds=speeds,
+        solver=adjuster.solver,
+        jobs=jobs,
+    )
+    done = {level.setting for level in found}
+    remarks = tuple(
+        f"setting {stage.setting} cannot be simulated at {adjuster.source}"
+        for stage in adjuster.stages
+        if stage.setting not in done
+    )
+    wanted = None
+    if question.force is not None:
+        if len(done) < 2:
+            raise ConfigurationError("one setting does not tell which gives a force; fit more logs")
+        wanted = which_setting([x for x in found if x.stroke == question.stroke], question.force)
+    return Ladder(found, clicks(found, adjuster.damper), wanted, remarks)
+
+
+def _settings(config: Path | None, record: Mapping[str, Any], remarks: list[str]) -> Settings:
+    """Return the configuration that has the run's damper, whatever else is in its document."""
+    if config is not None:
+        return load_settings(config)
+    document = record.get("configuration")
+    damper = document.get("damper") if isinstance(document, dict) else None
+    if not isinstance(damper, dict):
+        remarks.append("the damper of the run is not known: the paper's is taken; give --config")
+        return load_settings()
+    try:
+        return load_settings(overlay={"damper": damper})
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f"the damper in run.json cannot be used ({error}); give --config"
+        ) from error
+
+
+def _stages(
+    rows: Sequence[Mapping[str, Any]], record: Mapping[str, Any], remarks: list[str]
+) -> Iterator[Stage]:
+    entries = record.get("uncertainty")
+    known = {
+        entry["setting"]: entry
+        for entry in (entries if isinstance(entries, list) else ())
+        if isinstance(entry, dict) and "setting" in entry
+    }
+    without = []
+    for row in sorted(rows, key=lambda row: int(row["setting"])):
+        values = {name: row[name] for name in PARAMETER_NAMES if row[name] is not None}
+        if set(PARAMETER_NAMES) - {"f_0"} - set(values):
+            continue
+        setting, parameters = int(row["setting"]), Parameters(**values)
+        try:
+            yield _stage(setting, parameters, row, known[setting])
+        except (KeyError, TypeError, ValueError):
+            without.append(setting)
+            yield Stage(setting, parameters)
+    if without:
+        count = "all settings" if len(without) == len(rows) else f"{len(without)} settings"
+        remarks.append(
+            f"errors and correlations of {count} are missing (an older version, or a damaged "
+            "run.json): forces without intervals"
+        )
+
+
+def _stage(
+    setting: int, parameters: Parameters, row: Mapping[str, Any], entry: Mapping[str, Any]
+) -> Stage:
+    """Return a stage with the covariance of ln y from standard errors and correlations."""
+    names = tuple(str(name) for name in entry["parameters"])
+    shared = tuple(name for name in names if row[f"{name}_status"] == "shared")
+    own = tuple(name for name in names if name not in shared)
+    scales = np.array([1.0 if name == "f_0" else getattr(parameters, name) for name in names])
+    errors = np.array([float(row[f"{name}_se"]) for name in names]) / scales
+    correlation = np.array(entry["correlation"], dtype=np.float64).reshape(len(names), len(names))
+    order = [names.index(name) for name in (*own, *shared)]
+    covariance = (correlation * np.outer(errors, errors))[np.ix_(order, order)]
+    if not np.all(np.isfinite(covariance)):
+        raise ValueError("a correlation or an error is missing")
+    return Stage(setting, parameters, own, shared, covariance)
+
+
+def _tested(record: Mapping[str, Any], settings: set[int]) -> Sine | None:
+    """Return the median motion of the logs that were fitted, as far as run.json tells."""
+    inputs = record.get("inputs")
+    logs = [
+        (float(log["amplitude_m"]), float(log["frequency_Hz"]))
+        for log in (inputs if isinstance(inputs, list) else ())
+        if isinstance(log, dict)
+        and log.get("setting") in settings
+        and all(_is_size(log.get(key)) for key in ("amplitude_m", "frequency_Hz"))
+    ]
+    if not logs:
+        return None
+    return Sine(median(amplitude for amplitude, _ in logs), median(rate for _, rate in logs))
+
+
+def _is_size(value: object) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value) and value > 0.0
+
+
+def _motion(own: Sine | None, amplitude: str | None, frequency: str | None) -> tuple[Sine, str]:
+    """Return the motion asked for, else the test's own."""
+    size = parse_quantity(amplitude, "length") if amplitude else None
+    rate = parse_quantity(frequency, "frequency") if frequency else None
+    for option, value in (("--amplitude", size), ("--frequency", rate)):
+        if value is not None and value <= 0.0:
+            raise ConfigurationError(f"{option} {value:g}: expected more than 0")
+    a = size if size is not None else own.amplitude if own else math.nan
+    f = rate if rate is not None else own.frequency if own else math.nan
+    whose = "the test's sine" if size is None and rate is None else "a sine"
+    return Sine(a, f), f"{whose} of {1e3 * a:.4g} mm at {f:.4g} Hz"
+
+
+def _check_stroke(sine: Sine, damper: Damper) -> None:
+    room = min(damper.chamber_1_length, damper.chamber_2_length)
+    if sine.amplitude >= room:
+        raise ConfigurationError(
+            f"amplitude {1e3 * sine.amplitude:g} mm is beyond the damper's travel; expected less "
+            f"than the shorter chamber, {1e3 * room:g} mm"
+        )

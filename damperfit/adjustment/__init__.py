@@ -1,0 +1,39 @@
+"""What shows only across settings: trends, settings off them, clicks, the setting for a force."""
+
+from damperfit.adjustment.comparison import Adjustment, compare_settings
+from damperfit.adjustment.forces import (
+    STROKES,
+    Click,
+    Level,
+    Sine,
+    Stage,
+    clicks,
+    levels,
+    named_speeds,
+    sine_of,
+    stage_of,
+)
+from damperfit.adjustment.trends import Outlier, Trend, TrendPoint, find_trends
+from damperfit.adjustment.wanted import Answer, Wanted, which_setting
+
+__all__ = [
+    "STROKES",
+    "Adjustment",
+    "Answer",
+    "Click",
+    "Level",
+    "Outlier",
+    "Sine",
+    "Stage",
+    "Trend",
+    "TrendPoint",
+    "Wanted",
+    "clicks",
+    "compare_settings",
+    "find_trends",
+    "levels",
+    "named_speeds",
+    "sine_of",
+    "stage_of",
+    "which_setting",
+]

@@ -1,0 +1,96 @@
+"""The settings of a campaign beside each other: trends of the parameters, forces, clicks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from damperfit.adjustment.forces import (
+    Click,
+    Level,
+    Sine,
+    clicks,
+    levels,
+    named_speeds,
+    sine_of,
+    stage_of,
+)
+from damperfit.adjustment.trends import Trend, find_trends
+from damperfit.simulation import SolverOptions
+
+if TYPE_CHECKING:
+    from damperfit.damper.parameters import Damper
+    from damperfit.identification import Campaign
+    from damperfit.uncertainty import Assessment
+
+__all__ = ["Adjustment", "compare_settings"]
+
+
+@dataclass(frozen=True, slots=True)
+class Adjustment:
+    """What shows only across settings.
+
+    Attributes
+    ----------
+    trends : tuple of Trend
+        One for each parameter that was fitted setting by setting.
+    sine : Sine or None
+        Motion of the forces; None without a fit.
+    levels : tuple of Level
+        Force by setting, named speed and stroke.
+    clicks : tuple of Click
+        Its change between neighbouring settings.
+    """
+
+    trends: tuple[Trend, ...] = ()
+    sine: Sine | None = None
+    levels: tuple[Level, ...] = ()
+    clicks: tuple[Click, ...] = ()
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What there is to say of the trends, one sentence a parameter."""
+        return tuple(trend.sentence for trend in self.trends)
+
+
+def compare_settings(
+    campaign: Campaign,
+    assessment: Assessment,
+    damper: Damper,
+    *,
+    solver: SolverOptions = SolverOptions(tolerance=1e-2),
+    jobs: int = 1,
+) -> Adjustment:
+    """Lay the settings of a campaign beside each other; two simulated cycles a setting.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Result of `damperfit.identification.identify`.
+    assessment : Assessment
+        The same campaign judged.
+    damper : Damper
+        Geometry, oil and gas.
+    solver : SolverOptions
+        How exactly to integrate.
+    jobs : int
+        Threads.
+    """
+    if not campaign.fits:
+        return Adjustment()
+    known = {one.setting: one for one in assessment.uncertainties}
+    sine = sine_of([log.trace for fit in campaign.fits for log in fit.logs])
+    found = levels(
+        [stage_of(fit, known.get(fit.setting)) for fit in campaign.fits],
+        damper,
+        sine,
+        speeds=named_speeds(sine),
+        solver=solver,
+        jobs=jobs,
+    )
+    return Adjustment(
+        trends=find_trends(campaign.fits, known),
+        sine=sine,
+        levels=found,
+        clicks=clicks(found, damper),
+    )

@@ -1,0 +1,331 @@
+"""Force at speeds by setting, with errors, and what one click changes.
+
+The motion is one sine for all settings. At given speeds the force is a function of the parameters
+alone; its errors come from their covariance C of (own, shared) through the sensitivities
+g = df/du, u = ln y. For the difference of two settings the shared parameters are one and the same
+error. With theta the shared ones and K = C_own,theta C_theta^-1, the own errors split into
+K dtheta and a rest that is the setting's alone (up to 1/n for n settings in a mean)::
+
+    f  = ... + G dtheta + rest,  G = g_theta + g_own K
+    var(f_b - f_a) = rest_a + rest_b + (G_b - G_a) C_theta (G_b - G_a)'
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from statistics import median
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.characteristics import NAMED_SPEEDS, signals_at_speeds
+from damperfit.damper.parameters import Damper, Parameters
+from damperfit.errors import SimulationError
+from damperfit.simulation import Response, SolverOptions, simulate, sine_motion
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.identification import Fit
+    from damperfit.recording import Trace
+    from damperfit.uncertainty import Uncertainty
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = [
+    "STROKES",
+    "Click",
+    "Level",
+    "Sine",
+    "Stage",
+    "clicks",
+    "levels",
+    "named_speeds",
+    "sine_of",
+    "stage_of",
+]
+
+STROKES = ("rebound", "bump")
+_95_PERCENT = 1.959964
+_SAMPLES_PER_CYCLE = 1000  # forces at a speed move by less than 0.01 N from there to 4000
+_CYCLES = 2  # the steady cycle is reached within one
+
+
+@dataclass(frozen=True, slots=True)
+class Sine:
+    """The motion at which forces of all settings are compared.
+
+    Attributes
+    ----------
+    amplitude, frequency : float
+        m, Hz.
+    """
+
+    amplitude: float
+    frequency: float
+
+    @property
+    def peak_speed(self) -> float:
+        """Largest speed, m/s."""
+        return 2.0 * math.pi * self.frequency * self.amplitude
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stage:
+    """One setting of the adjuster: its parameters and what is known of their errors.
+
+    Attributes
+    ----------
+    setting : int
+        Which.
+    parameters : Parameters
+        SI.
+    own, shared : tuple of str
+        Parameters with an error: the setting's own, and those in common to all settings.
+    covariance : numpy.ndarray or None
+        Of ln y (f_0: of f_0, N), own before shared, shape (k, k). None: nothing is known.
+    """
+
+    setting: int
+    parameters: Parameters
+    own: tuple[str, ...] = ()
+    shared: tuple[str, ...] = ()
+    covariance: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Level:
+    """Force of one setting at one speed, mean of the opening and the closing branch.
+
+    Attributes
+    ----------
+    setting : int
+        Which.
+    speed : float
+        m/s, positive.
+    stroke : str
+        "rebound" or "bump".
+    force : float
+        N, positive in rebound; the gas force is in it.
+    error : float
+        Standard error, N; NaN where it is not known.
+    rest : float
+        The part of it that is the setting's alone, N.
+    carried : numpy.ndarray
+        Shape (number of shared parameters,): what independent unit errors of the shared parameters
+        do to the force, N; in the same order for all settings.
+    """
+
+    setting: int
+    speed: float
+    stroke: str
+    force: float
+    error: float
+    rest: float
+    carried: FloatArray
+
+    @property
+    def low(self) -> float:
+        """Lower end of the 95 % interval, N."""
+        return self.force - _95_PERCENT * self.error
+
+    @property
+    def high(self) -> float:
+        """Upper end of the 95 % interval, N."""
+        return self.force + _95_PERCENT * self.error
+
+
+@dataclass(frozen=True, slots=True)
+class Click:
+    """Change of force from one setting to the next one that was fitted.
+
+    Attributes
+    ----------
+    first, second : int
+        The two settings; more than one click apart where settings in between have no fit.
+    speed : float
+        m/s, positive.
+    stroke : str
+        "rebound" or "bump".
+    change, low, high : float
+        Force of the second less that of the first with its 95 % interval, N. Negative in bump
+        means a harder bump.
+    percent, percent_low, percent_high : float
+        How much harder, in per cent of the first one's damping: of the force less the gas force
+        at mid-stroke. NaN where that is nothing.
+    """
+
+    first: int
+    second: int
+    speed: float
+    stroke: str
+    change: float
+    low: float
+    high: float
+    percent: float
+    percent_low: float
+    percent_high: float
+
+
+def sine_of(traces: Sequence[Trace]) -> Sine:
+    """Return the sine that stands for the tests: their median amplitude and frequency."""
+    return Sine(
+        median(trace.amplitude for trace in traces), median(trace.frequency for trace in traces)
+    )
+
+
+def stage_of(fit: Fit, known: Uncertainty | None) -> Stage:
+    """Return a fit and its uncertainty as one stage of the adjuster."""
+    if known is None:
+        return Stage(fit.setting, fit.parameters)
+    shared = tuple(name for name in known.names if fit.status[name] == "shared")
+    own = tuple(name for name in known.names if name not in shared)
+    return Stage(fit.setting, fit.parameters, own, shared, known.covariance)
+
+
+def named_speeds(sine: Sine) -> tuple[float, ...]:
+    """Return the named test speeds that a sine reaches."""
+    return tuple(speed for speed in NAMED_SPEEDS if speed < sine.peak_speed)
+
+
+def levels(
+    stages: Sequence[Stage],
+    damper: Damper,
+    sine: Sine,
+    *,
+    speeds: Sequence[float],
+    solver: SolverOptions = SolverOptions(),
+    jobs: int = 1,
+) -> tuple[Level, ...]:
+    """Return the forces of all settings at speeds, in both strokes; one simulation a setting.
+
+    Parameters
+    ----------
+    stages : sequence of Stage
+        Settings.
+    damper : Damper
+        Geometry, oil and gas.
+    sine : Sine
+        The motion.
+    speeds : sequence of float
+        Below the sine's peak speed, m/s.
+    solver : SolverOptions
+        How exactly to integrate.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    tuple of Level
+        By setting, speed and stroke. A setting that cannot be simulated is left out.
+    """
+    motion = sine_motion(
+        sine.amplitude,
+        sine.frequency,
+        cycles=_CYCLES,
+        sample_rate=_SAMPLES_PER_CYCLE * sine.frequency,
+    )
+
+    def one(stage: Stage) -> list[Level]:
+        try:
+            response = simulate(
+                stage.parameters,
+                damper,
+                motion,
+                sensitivities=(*stage.own, *stage.shared),
+                options=solver,
+            )
+        except SimulationError:
+            return []
+        return _levels_of(stage, response, sine.frequency, speeds)
+
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        return tuple(level for found in pool.map(one, stages) for level in found)
+
+
+def _levels_of(
+    stage: Stage, response: Response, frequency: float, speeds: Sequence[float]
+) -> list[Level]:
+    names = (*stage.own, *stage.shared)
+    signals = np.stack([response.force, *(response.sensitivities[name] for name in names)])
+    values = signals_at_speeds(response, frequency, signals, speeds=speeds)
+    # u = ln y, but for f_0, which is in N.
+    scales = [1.0 if n == "f_0" else getattr(stage.parameters, n) for n in names]
+    slopes = values[1:] * np.array(scales).reshape(-1, 1, 1)
+    found = []
+    for j, speed in enumerate(speeds):
+        for k, stroke in enumerate(STROKES):
+            rest, carried = _split(stage, slopes[:, j, k])
+            error = math.sqrt(rest**2 + float(carried @ carried))
+            force = float(values[0, j, k])
+            found.append(Level(stage.setting, speed, stroke, force, error, rest, carried))
+    return found
+
+
+def _split(stage: Stage, slopes: FloatArray) -> tuple[float, FloatArray]:
+    """Return the standard error that is the setting's alone, and what the shared ones carry."""
+    n = len(stage.own)
+    if stage.covariance is None:
+        return math.nan, np.zeros(len(stage.shared))
+    own, cross, theta = (
+        stage.covariance[:n, :n],
+        stage.covariance[:n, n:],
+        stage.covariance[n:, n:],
+    )
+    follow = cross @ np.linalg.pinv(theta, hermitian=True)
+    rest = own - follow @ cross.T
+    values, directions = np.linalg.eigh(theta)
+    root = directions * np.sqrt(np.maximum(values, 0.0))
+    carried = (slopes[n:] + slopes[:n] @ follow) @ root
+    return math.sqrt(max(float(slopes[:n] @ rest @ slopes[:n]), 0.0)), np.asarray(carried)
+
+
+def clicks(found: Sequence[Level], damper: Damper) -> tuple[Click, ...]:
+    """Return the change of force between neighbouring settings, by speed and stroke.
+
+    Parameters
+    ----------
+    found : sequence of Level
+        As `levels` returns them.
+    damper : Damper
+        For the gas force.
+    """
+    settings = sorted({level.setting for level in found})
+    table = {(level.setting, level.speed, level.stroke): level for level in found}
+    speeds = sorted({level.speed for level in found})
+    return tuple(
+        _click(table[a, speed, stroke], table[b, speed, stroke], damper)
+        for a, b in itertools.pairwise(settings)
+        for speed in speeds
+        for stroke in STROKES
+    )
+
+
+def _click(first: Level, second: Level, damper: Damper) -> Click:
+    change = second.force - first.force
+    between = second.carried - first.carried
+    reach = _95_PERCENT * math.sqrt(first.rest**2 + second.rest**2 + float(between @ between))
+    damping = first.force + damper.rod_area * damper.gas_pressure
+    ratio = 1.0 + change / damping if damping else math.nan
+    # The first force is the denominator too: its error counts 1 + share times.
+    apart = second.carried - ratio * first.carried
+    spread = math.sqrt(second.rest**2 + (ratio * first.rest) ** 2 + float(apart @ apart))
+    percent = 100.0 * (ratio - 1.0)
+    share = 100.0 * _95_PERCENT * spread / abs(damping) if damping else math.nan
+    return Click(
+        first=first.setting,
+        second=second.setting,
+        speed=first.speed,
+        stroke=first.stroke,
+        change=change,
+        low=change - reach,
+        high=change + reach,
+        percent=percent,
+        percent_low=percent - share,
+        percent_high=percent + share,
+    )

@@ -1,0 +1,293 @@
+"""The trend of each parameter over the settings: band, direction, settings off it, a sentence."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.adjustment.curves import Curve, Points
+from damperfit.adjustment.selection import LEAST_FOR_OUTLIERS, LEAST_FOR_TREND, choose
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.identification import Fit
+    from damperfit.uncertainty import Uncertainty
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["Outlier", "Trend", "TrendPoint", "find_trends"]
+
+# f_0 belongs to the rig, not to the adjuster.
+_FOLLOWED = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
+_SYMBOLS = {"r_m1": "R_m1", "r_m2": "R_m2", "r_m3": "R_m3", "k_e": "K_e", "f_f": "f_f"}
+_DEGREES = ("constant", "straight line", "quadratic", "cubic", "quartic")
+_ERRATIC = 3.0  # scatter between settings over the errors of the values
+_REMARKABLE = 0.02  # scatter below this share is no news
+_95_PERCENT = 0.05
+_WIDEST_RANGE = 200.0  # of settings; beyond it they are no clicks, and gaps are not filled
+_QUADRATIC_FROM = 6  # settings: three coefficients, three degrees of freedom
+
+
+@dataclass(frozen=True, slots=True)
+class TrendPoint:
+    """The trend at one setting, and the value found there.
+
+    Attributes
+    ----------
+    setting : int
+        Every whole number from the lowest to the highest setting, fitted or not (the fitted ones
+        alone where they span more than 200).
+    value, low, high : float
+        The trend and its pointwise 95 % band, SI. The band is that of the curve; values scatter
+        about it.
+    found : float or None
+        The fitted value, None where there is none.
+    """
+
+    setting: int
+    value: float
+    low: float
+    high: float
+    found: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Outlier:
+    """A setting off the trend of the others.
+
+    Attributes
+    ----------
+    setting : int
+        Which.
+    value, expected : float
+        What was fitted, and the trend there, SI.
+    deviation : float
+        value/expected - 1.
+    """
+
+    setting: int
+    value: float
+    expected: float
+    deviation: float
+
+
+@dataclass(frozen=True, slots=True)
+class Trend:
+    """How one parameter goes over the settings.
+
+    Attributes
+    ----------
+    parameter : str
+        Name.
+    scale : str or None
+        On which scale the trend is a polynomial: "linear", "log", "reciprocal", or "from_first",
+        "from_last" (powers of the clicks from an end). None where settings are too few for one.
+    degree : int or None
+        Of the polynomial.
+    scatter : float
+        Relative scatter of the values about the trend, beyond their own errors; NaN without one.
+    is_erratic : bool
+        Whether they scatter far beyond their errors.
+    direction : str or None
+        "rising", "falling" or "flat" with the setting, "mixed" when it turns, None without trend.
+    monotone : bool or None
+        Neither the trend nor a value turns back by more than errors and scatter allow.
+    reversals : tuple of (int, int)
+        Neighbouring settings between which the value goes against the direction.
+    outliers : tuple of Outlier
+        Settings off the trend.
+    outliers_judged : bool
+        False where there are too few settings to tell.
+    points : tuple of TrendPoint
+        The curve and its band.
+    sentence : str
+        For people.
+    """
+
+    parameter: str
+    scale: str | None
+    degree: int | None
+    scatter: float
+    is_erratic: bool
+    direction: str | None
+    monotone: bool | None
+    reversals: tuple[tuple[int, int], ...]
+    outliers: tuple[Outlier, ...]
+    outliers_judged: bool
+    points: tuple[TrendPoint, ...]
+    sentence: str
+
+
+def find_trends(fits: Sequence[Fit], uncertainties: Mapping[int, Uncertainty]) -> tuple[Trend, ...]:
+    """Return the trend of every parameter that was fitted setting by setting.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        By rising setting.
+    uncertainties : mapping of int to Uncertainty
+        By setting; a value without an interval does not count.
+    """
+    own = {"fitted", "at_bound", "not_identifiable"}
+    names = [name for name in _FOLLOWED if any(fit.status[name] in own for fit in fits)]
+    return tuple(_trend(name, _points(name, fits, uncertainties)) for name in names)
+
+
+def _points(name: str, fits: Sequence[Fit], known: Mapping[int, Uncertainty]) -> Points:
+    rows = []
+    for fit in fits:
+        uncertainty = known.get(fit.setting)
+        interval = None if uncertainty is None else uncertainty.intervals.get(name)
+        value = getattr(fit.parameters, name)
+        if fit.status[name] != "fitted" or interval is None or not value > 0.0:
+            continue
+        if math.isfinite(interval.error):
+            rows.append((float(fit.setting), math.log(value), interval.error / value))
+    settings, logs, errors = np.array(rows, dtype=np.float64).reshape(-1, 3).T
+    ends = (settings[0], settings[-1]) if len(settings) else (0.0, 0.0)
+    return Points(settings, logs, errors, *ends)
+
+
+def _trend(name: str, points: Points) -> Trend:
+    if len(points) < LEAST_FOR_TREND:
+        n = len(points)
+        count = f"{n} setting{'' if n == 1 else 's'} with a sound value"
+        sentence = f"{_SYMBOLS[name]}: {count}, too few for a trend ({LEAST_FOR_TREND} are needed)"
+        nan = math.nan
+        return Trend(name, None, None, nan, False, None, None, (), (), False, (), sentence)
+    families = None
+    if name == "k_e":  # the paper's least-squares quadratic
+        families = [("linear", 2 if len(points) >= _QUADRATIC_FROM else 1)]
+    choice = choose(points, families)
+    curve = choice.curve
+    outliers = tuple(_outlier(points, curve, place) for place in choice.outliers)
+    inside = points.settings[[k for k in range(len(points)) if k not in choice.outliers]]
+    direction = _direction(curve, inside)
+    reversals = _reversals(points, curve, direction)
+    own = float(np.median(points.errors))
+    is_erratic = curve.scatter > max(_ERRATIC * own, _REMARKABLE)
+    trend = Trend(
+        parameter=name,
+        scale=curve.scale,
+        degree=curve.degree,
+        scatter=curve.scatter,
+        is_erratic=is_erratic,
+        direction=direction,
+        monotone=direction != "mixed" and not reversals,
+        reversals=reversals,
+        outliers=outliers,
+        outliers_judged=len(points) >= LEAST_FOR_OUTLIERS,
+        points=_curve_points(points, curve),
+        sentence="",
+    )
+    return _with_sentence(trend, own=own)
+
+
+def _outlier(points: Points, curve: Curve, place: int) -> Outlier:
+    at = points.settings[place]
+    value = math.exp(points.logs[place])
+    expected = float(_exp(curve.logs(np.array([at])))[0])
+    return Outlier(int(at), value, expected, value / expected - 1.0)
+
+
+def _direction(curve: Curve, settings: FloatArray) -> str:
+    """Which way the curve goes, by those of its steps that are beyond their errors."""
+    if curve.degree == 0:
+        return "flat"
+    logs, slopes = curve.logs(settings), curve.slopes(settings)
+    rows = np.vstack([np.diff(slopes, axis=0), slopes[-1] - slopes[0]])
+    steps = np.append(np.diff(logs), logs[-1] - logs[0])
+    errors = np.sqrt(np.einsum("ij,jk,ik->i", rows, curve.covariance, rows))
+    sure = np.abs(steps) > _quantile(curve, len(steps)) * errors
+    rises, falls = bool(np.any(steps[sure] > 0.0)), bool(np.any(steps[sure] < 0.0))
+    if rises and falls:
+        return "mixed"
+    return "rising" if rises else "falling" if falls else "flat"
+
+
+def _reversals(points: Points, curve: Curve, direction: str) -> tuple[tuple[int, int], ...]:
+    """Neighbours between which the value goes back by more than errors and scatter allow."""
+    sign = {"rising": 1.0, "falling": -1.0}.get(direction)
+    if sign is None:
+        return ()
+    variances = points.errors**2 + curve.scatter**2
+    spread = np.sqrt(variances[1:] + variances[:-1])
+    steps = sign * np.diff(points.logs)
+    back = np.flatnonzero(steps < -_quantile(curve, len(steps)) * spread)
+    return tuple((int(points.settings[k]), int(points.settings[k + 1])) for k in back)
+
+
+def _quantile(curve: Curve, n: int) -> float:
+    """Student's t that none of n steps exceeds by chance in 95 of 100 cases."""
+    from scipy.stats import t as student
+
+    return float(student.ppf(1.0 - 0.5 * _95_PERCENT / n, max(curve.freedom, 1)))
+
+
+def _curve_points(points: Points, curve: Curve) -> tuple[TrendPoint, ...]:
+    found = {int(s): math.exp(y) for s, y in zip(points.settings, points.logs, strict=True)}
+    settings = points.settings
+    if np.ptp(settings) <= _WIDEST_RANGE:
+        settings = np.arange(settings[0], settings[-1] + 1.0)
+    logs = curve.logs(settings)
+    reach = _quantile(curve, 1) * curve.errors(settings)
+    value, low, high = _exp(logs), _exp(logs - reach), _exp(logs + reach)
+    return tuple(
+        TrendPoint(int(s), float(y), float(a), float(b), found.get(int(s)))
+        for s, y, a, b in zip(settings, value, low, high, strict=True)
+    )
+
+
+def _exp(logs: FloatArray) -> FloatArray:
+    with np.errstate(over="ignore"):
+        return np.asarray(np.exp(logs))
+
+
+def _with_sentence(trend: Trend, *, own: float) -> Trend:
+    return replace(trend, sentence=_sentence(trend, own))
+
+
+def _sentence(trend: Trend, own: float) -> str:
+    """Direction and range, scatter, outliers, reversals."""
+    assert trend.degree is not None
+    first, last = trend.points[0], trend.points[-1]
+    words = {
+        "rising": "rises with the setting",
+        "falling": "falls with the setting",
+        "flat": "does not change with the setting",
+        "mixed": "turns: it neither rises nor falls throughout",
+    }[trend.direction or "mixed"]
+    on = {
+        "linear": "",
+        "log": " in its logarithm",
+        "reciprocal": " in its reciprocal",
+        "from_first": " of logarithms, counted from the first setting",
+        "from_last": " of logarithms, counted from the last setting",
+    }
+    kind = f"{_DEGREES[trend.degree]}{on[trend.scale or 'linear'] if trend.degree else ''}"
+    said = (
+        f"{_SYMBOLS[trend.parameter]} {words}, {first.value:.4g} at setting {first.setting}, "
+        f"{last.value:.4g} at {last.setting} ({kind})"
+    )
+    scatter = f"{100.0 * trend.scatter:.2g} %"
+    if trend.is_erratic:
+        said += (
+            f"; it is erratic: it scatters by {scatter} from setting to setting, "
+            f"{trend.scatter / own:.0f} times its own error"
+        )
+    else:
+        said += f", within {scatter}"
+    for one in trend.outliers:
+        said += f"; setting {one.setting} is off the trend by {100.0 * one.deviation:+.1f} %"
+    if trend.reversals:
+        pairs = ", ".join(f"{a} to {b}" for a, b in trend.reversals)
+        said += f"; against the trend from setting {pairs}"
+    if not trend.outliers_judged:
+        said += f"; too few settings to tell one off the trend ({LEAST_FOR_OUTLIERS} are needed)"
+    return said

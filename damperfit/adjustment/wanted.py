@@ -1,0 +1,211 @@
+"""Which setting gives a wanted force: the forces by setting, read the other way round.
+
+Between fitted settings the force follows a monotone cubic (PCHIP), which never leaves the forces of
+the two neighbours. The interval of an answer is where the wanted force lies within the force's
+95 % interval; between settings that are more than one click apart half of that interval is widened
+by the distance of the cubic from the straight line, for nothing was measured there.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+    from scipy.interpolate import PchipInterpolator
+
+    from damperfit.adjustment.forces import Level
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["Answer", "Wanted", "which_setting"]
+
+
+_NARROW = 0.1  # settings; an interval below it is shown with three decimals
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """One place of the adjuster that gives the wanted force.
+
+    Attributes
+    ----------
+    position : float
+        In settings; a whole number where a setting gives it exactly.
+    low, high : float
+        95 % interval of the position, NaN where no errors are known; it ends at the first and the
+        last setting.
+    nearest : int
+        The fitted setting beside it whose force is nearest.
+    below, above : int
+        The fitted settings on both sides, the same where `position` is one.
+    force_below, force_above : float
+        Their forces, N.
+    """
+
+    position: float
+    low: float
+    high: float
+    nearest: int
+    below: int
+    above: int
+    force_below: float
+    force_above: float
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Where a force is found.
+
+    Attributes
+    ----------
+    force : float
+        The wanted force, N, positive in rebound.
+    speed : float
+        m/s.
+    stroke : str
+        "rebound" or "bump".
+    answers : tuple of Answer
+        By rising position; none when the force is out of reach, several when the force does not
+        rise or fall throughout.
+    weakest, hardest : (int, float)
+        Setting and force of the least and of the greatest force that the settings reach, N; in
+        bump the hardest is the most negative one.
+    """
+
+    force: float
+    speed: float
+    stroke: str
+    answers: tuple[Answer, ...]
+    weakest: tuple[int, float]
+    hardest: tuple[int, float]
+
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        asked = f"{self.force:.5g} N in {self.stroke} at {self.speed:g} m/s"
+        if not self.answers:
+            harder = abs(self.force - self.hardest[1]) < abs(self.force - self.weakest[1])
+            setting, force = self.hardest if harder else self.weakest
+            side = "more than the hardest" if harder else "less than the weakest"
+            return (
+                f"{asked}: no setting gives it; it is {side}, setting {setting} with {force:.5g} N"
+            )
+        said = "; or ".join(_words(answer, self.force) for answer in self.answers)
+        several = len(self.answers)
+        return f"{asked}: {f'{several} answers, ' if several > 1 else ''}{said}"
+
+
+def _words(answer: Answer, wanted: float) -> str:
+    digits = 2 if not answer.high - answer.low < _NARROW else 3
+    interval = ""
+    if math.isfinite(answer.low):
+        interval = f" (95 % from {answer.low:.{digits}f} to {answer.high:.{digits}f})"
+    if answer.below == answer.above:
+        return f"setting {answer.below}{interval}, which gives {answer.force_below:.5g} N"
+    said = (
+        f"setting {answer.position:.{digits}f}{interval}, between {answer.below} with "
+        f"{answer.force_below:.5g} N and {answer.above} with {answer.force_above:.5g} N"
+    )
+    if answer.above - answer.below > 1:
+        said += ", interpolated over settings without a fit"
+    force = answer.force_below if answer.nearest == answer.below else answer.force_above
+    return f"{said}; nearest is {answer.nearest} ({force - wanted:+.3g} N)"
+
+
+def which_setting(found: Sequence[Level], force: float) -> Wanted:
+    """Return the settings at which a force is reached.
+
+    Parameters
+    ----------
+    found : sequence of Level
+        One speed and stroke, two settings or more.
+    force : float
+        N, positive in rebound.
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    ordered = sorted(found, key=lambda level: level.setting)
+    settings = np.array([level.setting for level in ordered], dtype=np.float64)
+    forces = np.array([level.force for level in ordered])
+    curve = PchipInterpolator(settings, forces)
+    sign = -1.0 if ordered[0].stroke == "bump" else 1.0
+    weakest, hardest = int(np.argmin(sign * forces)), int(np.argmax(sign * forces))
+    return Wanted(
+        force=force,
+        speed=ordered[0].speed,
+        stroke=ordered[0].stroke,
+        answers=tuple(
+            _answer(ordered, curve, position, force)
+            for position in _positions(ordered, curve, force)
+        ),
+        weakest=(ordered[weakest].setting, ordered[weakest].force),
+        hardest=(ordered[hardest].setting, ordered[hardest].force),
+    )
+
+
+def _positions(ordered: Sequence[Level], curve: PchipInterpolator, force: float) -> list[float]:
+    """Where the curve has the force, and an end that has it within its interval."""
+    found = [float(level.setting) for level in ordered if level.force == force]
+    for a, b in itertools.pairwise(ordered):
+        if (a.force - force) * (b.force - force) < 0.0:
+            found.append(_root(curve, float(a.setting), float(b.setting), force))
+    if not found:
+        ends = (level for level in ordered if abs(level.force - force) <= level.high - level.force)
+        found = [float(level.setting) for level in ends]
+    return sorted(found)
+
+
+def _root(curve: PchipInterpolator, low: float, high: float, force: float) -> float:
+    from scipy.optimize import brentq
+
+    return float(brentq(lambda s: float(curve(s)) - force, low, high, xtol=1e-9))
+
+
+def _answer(
+    ordered: Sequence[Level], curve: PchipInterpolator, position: float, force: float
+) -> Answer:
+    below = max((level for level in ordered if level.setting <= position), key=_setting)
+    above = min((level for level in ordered if level.setting >= position), key=_setting)
+    nearest = min(below, above, key=lambda level: abs(level.force - force))
+    share = (position - below.setting) / max(above.setting - below.setting, 1)
+    reach = (1.0 - share) * (below.high - below.force) + share * (above.high - above.force)
+    if above.setting - below.setting > 1:
+        straight = (1.0 - share) * below.force + share * above.force
+        reach += abs(float(curve(position)) - straight)
+    ends = _crossings(ordered, curve, (force - reach, force + reach))
+    first, last = float(ordered[0].setting), float(ordered[-1].setting)
+    known = math.isfinite(reach)
+    return Answer(
+        position=position,
+        low=max((s for s in ends if s < position), default=first) if known else math.nan,
+        high=min((s for s in ends if s > position), default=last) if known else math.nan,
+        nearest=nearest.setting,
+        below=below.setting,
+        above=above.setting,
+        force_below=below.force,
+        force_above=above.force,
+    )
+
+
+def _crossings(
+    ordered: Sequence[Level], curve: PchipInterpolator, forces: Iterable[float]
+) -> list[float]:
+    """Every place where the curve passes one of the forces."""
+    return [
+        _root(curve, float(a.setting), float(b.setting), force)
+        for force in forces
+        for a, b in itertools.pairwise(ordered)
+        if (a.force - force) * (b.force - force) < 0.0
+    ]
+
+
+def _setting(level: Level) -> int:
+    return level.setting

@@ -1,0 +1,390 @@
+"""Named checks of a run, each passed, failed or not looked at, with the reason.
+
+A check that cannot be looked at has passed None and says why. As a gate it counts as not met: what
+nobody looked at must not be let through. A reason names the settings it speaks of.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from damperfit.adjustment import Adjustment
+from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.identification import Outcome
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from damperfit.identification import Campaign, Fit
+    from damperfit.recording import Trace
+    from damperfit.uncertainty import Assessment, Diagnosis
+
+__all__ = [
+    "CHECKS",
+    "CHECK_LISTS",
+    "Check",
+    "Subject",
+    "expand_checks",
+    "missed_gates",
+    "run_checks",
+]
+
+_EXCELLENT = 1.0  # per cent, the paper's bar
+_EXPLAINED = 0.5  # share of the MSE
+_UNFINISHED = (Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE)
+_Verdict = tuple[bool | None, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One check's result.
+
+    Attributes
+    ----------
+    name : str
+        A name of `CHECKS`.
+    passed : bool or None
+        None: not looked at.
+    reason : str
+        One sentence, with the settings it is about.
+    """
+
+    name: str
+    passed: bool | None
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Subject:
+    """What the checks look at.
+
+    Attributes
+    ----------
+    campaign : Campaign
+        The fits.
+    assessment : Assessment
+        What their residuals say.
+    adjustment : Adjustment
+        What shows across settings.
+    missing : tuple of str
+        Logs and settings without a result, by name.
+    temperature, temperature_tolerance : float
+        What the test should be held at, degrees Celsius.
+    """
+
+    campaign: Campaign
+    assessment: Assessment
+    adjustment: Adjustment
+    missing: tuple[str, ...] = ()
+    temperature: float = 26.0
+    temperature_tolerance: float = 1.0
+
+    @property
+    def fits(self) -> tuple[Fit, ...]:
+        """The fits, by setting."""
+        return self.campaign.fits
+
+    @property
+    def traces(self) -> tuple[Trace, ...]:
+        """The logs fitted."""
+        return tuple(log.trace for fit in self.fits for log in fit.logs)
+
+
+def run_checks(subject: Subject) -> tuple[Check, ...]:
+    """Return the result of every check, in the order of `CHECKS`."""
+    if not subject.fits:
+        return tuple(_without_fits(name, subject) for name in CHECKS)
+    return tuple(Check(name, *check(subject)) for name, check in CHECKS.items())
+
+
+def _without_fits(name: str, subject: Subject) -> Check:
+    if name == "every_setting_fitted":
+        return Check(name, *_every_setting_fitted(subject))
+    return Check(name, None, "no setting could be fitted")
+
+
+def expand_checks(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of checks that names of checks and of lists stand for, each once.
+
+    Raises
+    ------
+    ConfigurationError
+        No check and no list has that name.
+
+    Examples
+    --------
+    >>> expand_checks(["no_cavitation", "no_cavitation"])
+    ('no_cavitation',)
+    """
+    found: list[str] = []
+    for name in names:
+        if name not in CHECKS and name not in CHECK_LISTS:
+            known = (*CHECKS, *CHECK_LISTS)
+            raise ConfigurationError(
+                f"no check {name!r}; there are {', '.join(CHECKS)} and the lists "
+                f"{', '.join(CHECK_LISTS)}.{did_you_mean(name, known)}"
+            )
+        found.extend(CHECK_LISTS.get(name, (name,)))
+    return tuple(dict.fromkeys(found))
+
+
+def missed_gates(checks: Sequence[Check], gates: Iterable[str]) -> tuple[str, ...]:
+    """Return one sentence for each gate that is not met, or that could not be looked at."""
+    results = {check.name: check for check in checks}
+    said = []
+    for name in gates:
+        check = results[name]
+        if not check.passed:
+            how = "check" if check.passed is False else "check not looked at:"
+            said.append(f"{how} {name}: {check.reason}")
+    return tuple(said)
+
+
+def _mse_below_1_percent(subject: Subject) -> _Verdict:
+    above = [fit for fit in subject.fits if not fit.mse_percent < _EXCELLENT]
+    worst = max(above or subject.fits, key=lambda fit: _or_infinite(fit.mse_percent))
+    where = f"{worst.mse_percent:.3g} % at setting {worst.setting}"
+    if above:
+        return False, f"MSE is 1 % or more at {_settings(above)}, worst {where}"
+    return True, f"worst MSE {where}"
+
+
+def _no_parameter_at_bound(subject: Subject) -> _Verdict:
+    bad = _with_status(subject, "at_bound", "lies at the edge of its plausible range")
+    return (False, bad) if bad else (True, "every parameter lies inside its plausible range")
+
+
+def _all_parameters_identifiable(subject: Subject) -> _Verdict:
+    bad = _with_status(subject, "not_identifiable", "is not told by the logs")
+    return (False, bad) if bad else (True, "the logs tell every parameter that was fitted")
+
+
+def _with_status(subject: Subject, status: str, words: str) -> str:
+    found = {
+        name: [fit for fit in subject.fits if fit.status[name] == status]
+        for name in PARAMETER_NAMES
+    }
+    return "; ".join(f"{name} {words} at {_settings(fits)}" for name, fits in found.items() if fits)
+
+
+def _no_cavitation(subject: Subject) -> _Verdict:
+    empty = [fit for fit in subject.fits if fit.cavitation_fraction > 0.0]
+    if empty:
+        worst = max(empty, key=lambda fit: fit.cavitation_fraction)
+        share = f"{100.0 * worst.cavitation_fraction:.1f} % of the cycle at setting"
+        return False, f"a chamber cavitates at {_settings(empty)}, most for {share} {worst.setting}"
+    known = [fit for fit in subject.fits if math.isfinite(fit.r_m3_cavitation_margin)]
+    if not known:
+        return True, "no chamber reaches zero pressure"
+    nearest = min(known, key=lambda fit: fit.r_m3_cavitation_margin)
+    margin = f"{100.0 * nearest.r_m3_cavitation_margin:.0f} % at setting {nearest.setting}"
+    return True, f"no chamber reaches zero pressure; R_m3 may rise by {margin}, elsewhere by more"
+
+
+def _trend_monotone(subject: Subject) -> _Verdict:
+    trends = subject.adjustment.trends
+    judged = [trend for trend in trends if trend.monotone is not None]
+    if not judged:
+        return None, _no_trend(subject)
+    bad = [trend.sentence for trend in judged if not trend.monotone]
+    if bad:
+        return False, "; ".join(bad)
+    said = ", ".join(f"{trend.parameter} {_DIRECTIONS[trend.direction or '']}" for trend in judged)
+    return True, f"with the setting {said}, within errors and scatter"
+
+
+_DIRECTIONS = {"rising": "rises", "falling": "falls", "flat": "stays"}
+
+
+def _no_outlier_setting(subject: Subject) -> _Verdict:
+    judged = [trend for trend in subject.adjustment.trends if trend.outliers_judged]
+    if not judged:
+        return None, _no_trend(subject)
+    off: dict[int, list[str]] = defaultdict(list)
+    for trend in judged:
+        for one in trend.outliers:
+            off[one.setting].append(f"{trend.parameter} {100.0 * one.deviation:+.1f} %")
+    if off:
+        said = (f"setting {setting} ({', '.join(off[setting])})" for setting in sorted(off))
+        return False, f"off the trend of the others: {', '.join(said)}"
+    return True, f"no setting is off the trend of {', '.join(t.parameter for t in judged)}"
+
+
+def _no_trend(subject: Subject) -> str:
+    said = [trend.sentence for trend in subject.adjustment.trends]
+    return "; ".join(said) or "no parameter was fitted setting by setting"
+
+
+def _every_click_counts(subject: Subject) -> _Verdict:
+    clicks = subject.adjustment.clicks
+    if not clicks:
+        return None, "there are no two settings to compare"
+    if any(math.isnan(click.low) for click in clicks):
+        return None, "the errors of the forces are not known"
+    fastest = max(click.speed for click in clicks)
+    felt: dict[tuple[int, int], bool] = defaultdict(bool)
+    for click in clicks:
+        if click.speed == fastest:
+            felt[click.first, click.second] |= not click.low <= 0.0 <= click.high
+    dead = [f"{a} to {b}" for (a, b), is_felt in felt.items() if not is_felt]
+    if dead:
+        said = f"the force at {fastest:g} m/s does not change from setting {', '.join(dead)}"
+        return False, f"{said} by more than its error"
+    return True, f"every click changes the force at {fastest:g} m/s by more than its error"
+
+
+def _residuals_white(subject: Subject) -> _Verdict:
+    known, single = _diagnoses(subject)
+    structured = [one for one in known if one.is_structured]
+    if structured:
+        worst = max(structured, key=lambda one: one.mse_percent)
+        where = _listed(one.setting for one in structured)
+        return False, f"the misfit repeats from cycle to cycle at {where}: {worst.sentence}"
+    if single or not known:
+        return None, _unknown_noise(single)
+    return True, "nothing repeats from cycle to cycle that the model lacks"
+
+
+def _noise_floor_explained(subject: Subject) -> _Verdict:
+    known, single = _diagnoses(subject)
+    short = [
+        one
+        for one in known
+        if one.is_structured and one.noise_percent < _EXPLAINED * one.mse_percent
+    ]
+    if short:
+        worst = min(short, key=lambda one: one.noise_percent / one.mse_percent)
+        where = _listed(one.setting for one in short)
+        share = 100.0 * worst.noise_percent / worst.mse_percent
+        return False, (
+            f"noise explains less than half of the MSE at {where}, least at setting "
+            f"{worst.setting}: {share:.2g} % of {worst.mse_percent:.3g} %"
+        )
+    if single or not known:
+        return None, _unknown_noise(single)
+    return True, "noise explains half of the MSE or more, or nothing repeats, at every setting"
+
+
+def _diagnoses(subject: Subject) -> tuple[list[Diagnosis], list[Diagnosis]]:
+    """Return those with several cycles, and those with a single one."""
+    single = [one for one in subject.assessment.diagnoses if math.isnan(one.noise_percent)]
+    return [one for one in subject.assessment.diagnoses if one not in single], single
+
+
+def _unknown_noise(single: Sequence[Diagnosis]) -> str:
+    if not single:
+        return "the residuals were not looked at"
+    where = _listed(one.setting for one in single)
+    return f"a single cycle does not tell noise from lack of fit, at {where}"
+
+
+def _temperature_in_window(subject: Subject) -> _Verdict:
+    centre, reach = subject.temperature, subject.temperature_tolerance
+    window = f"{centre:g} +- {reach:g} degC"
+    outside, unknown = [], []
+    for trace in subject.traces:
+        if trace.temperature is None:
+            unknown.append(trace.name)
+        elif not abs(trace.temperature - centre) <= reach:
+            outside.append(f"setting {trace.setting} ({trace.name}, {trace.temperature:.1f} degC)")
+    if outside:
+        return False, f"outside {window}: {', '.join(outside)}"
+    if unknown:
+        count = f"{len(unknown)} of {len(subject.traces)} logs"
+        return None, f"no temperature in {count} ({unknown[0]}); the test asks for {window}"
+    return True, f"all logs within {window}"
+
+
+def _every_setting_fitted(subject: Subject) -> _Verdict:
+    done = [fit.setting for fit in subject.fits]
+    said = [f"{name} failed" for name in subject.missing]
+    steps = sorted(b - a for a, b in itertools.pairwise(done))
+    # Where every other click or none but 1, 5, 10 was tested, those between are no gaps.
+    is_every_click = bool(steps) and steps[len(steps) // 2] == 1
+    gaps = set(range(min(done), max(done))) - set(done) if is_every_click else set()
+    if gaps:
+        said.append(f"no result for {_listed(gaps)}")
+    if said:
+        return False, "; ".join(said)
+    return (True, f"{_listed(done)} fitted") if done else (False, "no setting could be fitted")
+
+
+def _fits_converged(subject: Subject) -> _Verdict:
+    bad = [fit for fit in subject.fits if fit.outcome in _UNFINISHED]
+    if bad:
+        said = (f"setting {fit.setting} ({fit.outcome.value})" for fit in bad)
+        return False, f"no minimum was reached at {', '.join(said)}"
+    return True, "every fit ended at a minimum"
+
+
+def _no_log_warnings(subject: Subject) -> _Verdict:
+    said: dict[str, list[Trace]] = defaultdict(list)
+    for trace in subject.traces:
+        for finding in trace.findings:
+            if finding.severity == "warning":
+                said[finding.name].append(trace)
+    if said:
+        parts = (f"{name} at {_listed(_known(traces))}" for name, traces in said.items())
+        return False, f"the logs carry warnings: {', '.join(parts)}"
+    return True, "no log carries a warning"
+
+
+def _known(traces: Iterable[Trace]) -> list[int]:
+    return sorted({trace.setting for trace in traces if trace.setting is not None})
+
+
+def _or_infinite(value: float) -> float:
+    return value if math.isfinite(value) else math.inf
+
+
+def _settings(fits: Iterable[Fit]) -> str:
+    return _listed(fit.setting for fit in fits)
+
+
+def _listed(settings: Iterable[int]) -> str:
+    """As in "setting 4" or "settings 1, 5-9"."""
+    runs: list[list[int]] = []
+    for setting in sorted(settings):
+        if runs and setting == runs[-1][-1] + 1:
+            runs[-1].append(setting)
+        else:
+            runs.append([setting])
+    parts = [f"{r[0]}-{r[-1]}" if len(r) > 2 else ", ".join(map(str, r)) for r in runs]
+    is_one = len(runs) == 1 and len(runs[0]) == 1
+    return f"setting{'' if is_one else 's'} {', '.join(parts)}"
+
+
+CHECKS: dict[str, Callable[[Subject], _Verdict]] = {
+    "every_setting_fitted": _every_setting_fitted,
+    "fits_converged": _fits_converged,
+    "mse_below_1_percent": _mse_below_1_percent,
+    "no_parameter_at_bound": _no_parameter_at_bound,
+    "all_parameters_identifiable": _all_parameters_identifiable,
+    "no_cavitation": _no_cavitation,
+    "residuals_white": _residuals_white,
+    "noise_floor_explained": _noise_floor_explained,
+    "trend_monotone": _trend_monotone,
+    "no_outlier_setting": _no_outlier_setting,
+    "every_click_counts": _every_click_counts,
+    "temperature_in_window": _temperature_in_window,
+    "no_log_warnings": _no_log_warnings,
+}
+
+# What the paper looked at by hand: the MSE at every setting (its section 6), cavitation (6.2), the
+# run of the parameters over the settings (Figs 14 to 16), and the temperature of the test.
+CHECK_LISTS: dict[str, tuple[str, ...]] = {
+    "purdy2000": (
+        "every_setting_fitted",
+        "mse_below_1_percent",
+        "no_parameter_at_bound",
+        "no_cavitation",
+        "trend_monotone",
+        "no_outlier_setting",
+        "temperature_in_window",
+    ),
+}

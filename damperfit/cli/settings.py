@@ -1,0 +1,113 @@
+"""``damperfit settings``: force by setting and click, and the setting that gives a force."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from damperfit.cli.console import print_json, print_lines, print_renderable, say
+from damperfit.cli.options import (
+    ConfigOption,
+    DebugOption,
+    JobsOption,
+    JsonOption,
+    QuietOption,
+    VersionOption,
+)
+
+if TYPE_CHECKING:
+    from damperfit.adjuster import Adjuster, Ladder, Question
+
+__all__ = ["settings"]
+
+
+def settings(
+    results: Annotated[
+        Path, typer.Argument(metavar="RESULTS", help="Folder that identify wrote.")
+    ] = Path("results"),
+    force: Annotated[
+        str | None,
+        typer.Option(metavar="FORCE", help="Which setting gives it? As in 900N; minus: bump."),
+    ] = None,
+    velocity: Annotated[
+        str | None,
+        typer.Option(metavar="SPEED", help="At this speed, as in 0.2m/s; minus: bump."),
+    ] = None,
+    stroke: Annotated[
+        str | None, typer.Option(metavar="NAME", help="rebound or bump, instead of a sign.")
+    ] = None,
+    amplitude: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help="Of the sine.  [the test's own]")
+    ] = None,
+    frequency: Annotated[
+        str | None, typer.Option(metavar="FREQ", help="Of the sine.  [the test's own]")
+    ] = None,
+    jobs: JobsOption = None,
+    config: ConfigOption = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+    version: VersionOption = False,
+) -> int:
+    """Show force by setting and what a click changes; find the setting for a force.
+
+    Example: damperfit settings --force 900N --velocity 0.2m/s
+    """
+    from damperfit.adjuster import climb, parse_question, read_adjuster
+    from damperfit.intake import available_cores
+
+    question = parse_question(force=force, velocity=velocity, stroke=stroke)
+    adjuster = read_adjuster(results, config=config, amplitude=amplitude, frequency=frequency)
+    ladder = climb(adjuster, question, jobs=jobs or available_cores())
+    remarks = (*adjuster.remarks, *ladder.remarks)
+    for remark in remarks:
+        say(f"damperfit: {results}: {remark}")
+    if json:
+        print_json(_document(adjuster, question, ladder, remarks))
+    else:
+        _show(adjuster, question, ladder, is_quiet=quiet)
+    return 1 if remarks else 0
+
+
+def _show(adjuster: Adjuster, question: Question, ladder: Ladder, *, is_quiet: bool) -> None:
+    from damperfit.report import ladder_sheet, stroke_sheet, terminal_table
+    from damperfit.tables import adjustment_rows
+
+    if ladder.wanted is not None:
+        print_lines([ladder.wanted.sentence])
+        if is_quiet:
+            return
+        print_lines([""])
+    rows = adjustment_rows(ladder.levels, ladder.clicks)
+    print_lines([f"force by setting, {adjuster.source}", ""])
+    if question.speed is not None:
+        print_renderable(terminal_table(ladder_sheet(rows)))
+        return
+    for stroke in (question.stroke,) if question.stroke else ("rebound", "bump"):
+        print_renderable(terminal_table(stroke_sheet(rows, stroke)))
+        print_lines([""])
+
+
+def _document(
+    adjuster: Adjuster, question: Question, ladder: Ladder, remarks: tuple[str, ...]
+) -> dict[str, Any]:
+    from damperfit.account import json_values
+    from damperfit.tables import adjustment_rows
+
+    wanted = ladder.wanted
+    sine = adjuster.sine
+    document: dict[str, Any] = json_values(
+        {
+            "motion": {"amplitude_m": sine.amplitude, "frequency_Hz": sine.frequency},
+            "source": adjuster.source,
+            "question": None if wanted is None else asdict(question),
+            "sentence": None if wanted is None else wanted.sentence,
+            "answers": [] if wanted is None else [asdict(answer) for answer in wanted.answers],
+            "forces": adjustment_rows(ladder.levels, ladder.clicks),
+            "remarks": list(remarks),
+        }
+    )
+    return document

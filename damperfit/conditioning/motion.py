@@ -1,0 +1,311 @@
+"""What the steady cycles of a log show: rate, motion, drift and scatter of the test.
+
+Limits and where they come from:
+
+- A good rig repeats its peak forces within 1 % from cycle to cycle; more is a warning.
+- Measured without noise at settings 1, 10, 20 of the reference set: a force offset that drifts by
+  1 % of the peak force costs up to 1.3 % of K_e, by 3 % up to 4 %; a mid-stroke or amplitude that
+  drifts by 5 % of the amplitude costs half a per cent.
+- Noise of the displacement acts through the velocity and bends K_e: at 500 Hz and 1.5 Hz, +-32 mm
+  behind 30 Hz, 37 um cost 2 % at setting 1, 67 um 6 %. The bar is the noise of the velocity behind
+  the filter over its peak, 0.35 %, where K_e is 1 % off at the softest setting.
+- Rates down to 66 Hz (44 samples a cycle, half the rate just above the filter's corner) cost at
+  most 0.05 %; what a low rate does cost is the spline's velocity, w^4/180 with w = 2 pi / samples
+  in a cycle.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.conditioning.channels import noise_of
+from damperfit.conditioning.filters import gain_at
+from damperfit.conditioning.scatter import noise_floor
+from damperfit.quantities import parse_quantity
+from damperfit.recording import Finding
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from numpy.typing import NDArray
+
+    from damperfit.conditioning.cycles import Cycles
+    from damperfit.conditioning.options import ConditionOptions
+    from damperfit.conditioning.timebase import UniformLog
+    from damperfit.recording import Trace
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["examine_motion"]
+
+_SCATTER = 1.0  # %
+_FORCE_DRIFT = 1.0  # % of the peak force
+_STROKE_DRIFT = 5.0  # % of the amplitude
+_VELOCITY_NOISE = 0.35  # % of the peak velocity
+_TELLING = 20.0  # samples in a cycle, from which on noise can be told from motion
+_SURE = 4.0  # standard errors
+_ENOUGH = 4  # cycles, to tell a trend from scatter
+_DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
+_NEAR = 0.2  # of the nominal test: further off another test was meant
+_FREQUENCY_KEYS = ("frequency", "test frequency", "frequency_hz", "frequency (hz)")
+_AMPLITUDE_KEYS = ("amplitude", "test amplitude", "amplitude_mm", "amplitude (mm)")
+
+
+def examine_motion(
+    log: UniformLog,
+    trace: Trace,
+    cycles: Cycles,
+    options: ConditionOptions,
+    *,
+    metadata: Mapping[str, str],
+) -> Iterator[Finding]:
+    """Yield what is remarkable in the steady cycles of a log."""
+    yield _sample_rate(trace, options)
+    yield from _filter_loss(trace)
+    yield from _displacement_noise(log, trace, options)
+    yield _cycles(trace)
+    yield from _unsteady(trace, cycles)
+    yield _trimmed(log, trace)
+    yield _frequency(metadata, trace, options)
+    yield _amplitude(metadata, trace, options)
+    yield _harmonics(trace)
+    if trace.n_cycles >= 2 and math.isfinite(floor := noise_floor(trace)):
+        yield _scatter(trace)
+        text = f"the force differs from cycle to cycle by {floor:.2g} % of its variance"
+        yield Finding("noise_floor", "note", f"{text}: no fit has a smaller MSE", floor, "%")
+    if trace.n_cycles >= _ENOUGH:
+        if float(np.ptp(trace.force[trace.window])) > 0.0:
+            yield _force_drift(trace)
+        yield _stroke_drift(trace)
+
+
+def _sample_rate(trace: Trace, options: ConditionOptions) -> Finding:
+    rate = 1.0 / trace.interval
+    period = rate / trace.frequency
+    text = f"sampled at {rate:.4g} Hz, {period:.4g} samples a cycle"
+    corner = options.filter_corner if options.rig_filter == "none" else options.rig_filter_corner
+    if options.rig_filter != "none" or options.filter != "none":
+        text += f", {rate / corner:.3g} times the filter's corner"
+    lost = (2.0 * math.pi / period) ** 4 / 180.0
+    if lost <= 1e-3:
+        return Finding("sample_rate", "note", text, rate, "Hz")
+    text += f": velocity is {100.0 * lost:.2g} % low; log faster"
+    return Finding("sample_rate", "warning" if lost > 1e-2 else "note", text, rate, "Hz")
+
+
+def _filter_loss(trace: Trace) -> Iterator[Finding]:
+    lost = 1.0 - gain_at(trace.model_filter, trace.frequency, sample_rate=1.0 / trace.interval)
+    if lost > 1e-3:
+        text = (
+            f"the filter takes {100.0 * lost:.2g} % off the motion at {trace.frequency:.3g} Hz: "
+            "parameters will be off by about as much; raise its corner"
+        )
+        severity = "warning" if lost > 1e-2 else "note"
+        yield Finding("filter_loss", severity, text, 100.0 * lost, "%")
+
+
+def _displacement_noise(
+    log: UniformLog, trace: Trace, options: ConditionOptions
+) -> Iterator[Finding]:
+    if options.rig_filter != "none" or 1.0 / (trace.frequency * trace.interval) < _TELLING:
+        return  # the rig's filter has taken most of it; at few samples a cycle motion looks alike
+    first = round((trace.start_time - log.start_time) / log.interval) + trace.first
+    noise = noise_of(log.displacement[first : first + trace.stop - trace.first])
+    rate = 1.0 / trace.interval
+    corner = options.filter_corner if options.filter != "none" else 0.5 * rate
+    passed = noise * math.sqrt(2.0 * corner / rate) * corner / math.sqrt(3.0)
+    share = 100.0 * passed / (trace.frequency * trace.amplitude)
+    text = (
+        f"noise of the displacement {1e6 * noise:.3g} um, {share:.2g} % of the peak velocity "
+        "behind the filter"
+    )
+    if share <= _VELOCITY_NOISE:
+        yield Finding("displacement_noise", "note", text, 1e6 * noise, "um")
+        return
+    text += "; K_e comes out too low by more than 1 % at soft settings; use a quieter sensor"
+    yield Finding("displacement_noise", "warning", text, 1e6 * noise, "um")
+
+
+def _cycles(trace: Trace) -> Finding:
+    text = (
+        f"{trace.n_cycles} of {trace.n_cycles_found} whole cycles evaluated (left out: run-in, "
+        "filter edges, unsteady cycles)"
+    )
+    if trace.n_cycles > 1:
+        return Finding("cycles", "note", text, float(trace.n_cycles))
+    text += "; one cycle cannot tell how well the test repeats; log longer"
+    return Finding("cycles", "warning", text, float(trace.n_cycles))
+
+
+def _unsteady(trace: Trace, cycles: Cycles) -> Iterator[Finding]:
+    steady, found = len(cycles.rising), cycles.n_found
+    if steady >= 0.5 * found:
+        return
+    text = (
+        f"only {steady} of {found} cycles in a row are steady, from time "
+        f"{trace.start_time + trace.cycle_starts[0] * trace.interval:.6g} s; amplitude or period "
+        "wander in the others; hold the test steady, or log one test a file"
+    )
+    yield Finding("unsteady_cycles", "warning", text, 100.0 * (1.0 - steady / found), "%")
+
+
+def _trimmed(log: UniformLog, trace: Trace) -> Finding:
+    ends = trace.start_time - log.start_time + trace.interval * trace.cycle_starts[[0, -1]]
+    ahead = max(0.0, float(ends[0]))
+    behind = max(0.0, len(log.force) * log.interval - float(ends[1]))
+    text = (
+        f"{ahead:.3g} s at the beginning and {behind:.3g} s at the end are not evaluated (rest, "
+        "run-up, coast-down, run-in, filter edges)"
+    )
+    return Finding("trimmed", "note", text, ahead + behind, "s")
+
+
+def _frequency(metadata: Mapping[str, str], trace: Trace, options: ConditionOptions) -> Finding:
+    found = trace.frequency
+    text = f"{found:.5g} Hz found"
+    said = _said(metadata, _FREQUENCY_KEYS, "frequency")
+    if said is not None and abs(found / said - 1.0) > _DECLARED:
+        text += f", but the log's preamble says {said:.5g} Hz; check clock and sample rate"
+        return Finding("frequency", "warning", text, found, "Hz")
+    text += _beside_nominal(found, options.nominal.frequency, "Hz")
+    return Finding("frequency", "note", text, found, "Hz")
+
+
+def _amplitude(metadata: Mapping[str, str], trace: Trace, options: ConditionOptions) -> Finding:
+    found = 1e3 * trace.amplitude
+    text = f"amplitude {found:.5g} mm found"
+    said = _said(metadata, _AMPLITUDE_KEYS, "length")
+    if said is not None and abs(trace.amplitude / said - 1.0) > _DECLARED:
+        text += f", but the log's preamble says {1e3 * said:.5g} mm; check the displacement's unit"
+        return Finding("amplitude", "warning", text, found, "mm")
+    if found < 0.2:
+        text += "; that is small for a damper; check the displacement's unit"
+        return Finding("amplitude", "warning", text, found, "mm")
+    nominal = options.nominal.amplitude
+    text += _beside_nominal(found, None if nominal is None else 1e3 * nominal, "mm")
+    return Finding("amplitude", "note", text, found, "mm")
+
+
+def _beside_nominal(found: float, nominal: float | None, unit: str) -> str:
+    if nominal is None or abs(found / nominal - 1.0) <= 0.005:
+        return ""
+    off = 100.0 * (found / nominal - 1.0)
+    if abs(off) > 100.0 * _NEAR:
+        return f", another test than the {nominal:.5g} {unit} of the configuration"
+    side = "above" if off > 0.0 else "below"
+    return f", {abs(off):.2g} % {side} the {nominal:.5g} {unit} of the configuration"
+
+
+def _said(metadata: Mapping[str, str], keys: tuple[str, ...], dimension: str) -> float | None:
+    """Return what the log's preamble declares, SI; None where it does not, or not clearly."""
+    for key in keys:
+        text = metadata.get(key, "").strip()
+        if text[-1:].isdigit():
+            if dimension == "length" and "mm" not in key:
+                continue  # a bare number of an unknown unit
+            text += "mm" if dimension == "length" else "Hz"
+        try:
+            value = parse_quantity(text, dimension)
+        except ValueError:
+            continue
+        if value > 0.0:
+            return value
+    return None
+
+
+def _harmonics(trace: Trace) -> Finding:
+    starts = trace.cycle_starts
+    turns = (np.arange(trace.first, trace.stop) - starts[0]) * (trace.n_cycles / np.ptp(starts))
+    wave = np.exp(-2j * np.pi * turns)
+    x = trace.displacement[trace.window] - np.mean(trace.displacement[trace.window])
+    first = abs(wave @ x)
+    second, third = (100.0 * abs(wave**k @ x) / first for k in (2, 3))
+    shape = ""
+    if second < 2.0 and 9.0 < third < 13.0:
+        shape = ", as of a triangle wave"
+    elif second > 1.0 and third < 0.5 * second:
+        shape = ", as of a crank"
+    text = (
+        f"2nd harmonic of the displacement {second:.2g} %, 3rd {third:.2g} %{shape}; the model is "
+        "driven by the measured displacement"
+    )
+    return Finding("harmonics", "note", text, max(second, third), "%")
+
+
+def _scatter(trace: Trace) -> Finding:
+    tops, bottoms = _extremes(trace.force, trace)
+    rebound, bump = (
+        100.0 * float(np.std(peaks, ddof=1)) / max(abs(float(np.mean(peaks))), 1e-300)
+        for peaks in (tops, bottoms)
+    )
+    # A peak much smaller than the other one scatters more in per cent without being worse.
+    size = max(abs(float(np.mean(tops))), abs(float(np.mean(bottoms))))
+    worst = 100.0 * max(float(np.std(tops, ddof=1)), float(np.std(bottoms, ddof=1))) / size
+    text = (
+        f"peak force scatters by {rebound:.2g} % (rebound) and {bump:.2g} % (bump) over the cycles"
+    )
+    # The standard deviation of n cycles is itself uncertain by 1/sqrt(2(n-1)).
+    sure = _SCATTER * (1.0 + 2.0 / math.sqrt(2.0 * (trace.n_cycles - 1)))
+    if worst <= sure:
+        return Finding("cycle_scatter", "note", text, worst, "%")
+    text += f"; a good rig has {_SCATTER:g} % or less: check play, temperature, air in the oil"
+    return Finding("cycle_scatter", "warning", text, worst, "%")
+
+
+def _force_drift(trace: Trace) -> Finding:
+    tops, bottoms = _extremes(trace.force, trace)
+    half = 0.5 * float(np.mean(tops) - np.mean(bottoms))
+    drift, error = _trend(_cycle_means(trace.force, trace.cycle_starts))
+    share = 100.0 * drift / half
+    text = (
+        f"the mean force drifts by {drift:+.3g} N over the cycles, {abs(share):.2g} % of the peak"
+    )
+    if abs(share) <= _FORCE_DRIFT or abs(drift) <= _SURE * error:
+        return Finding("force_drift", "note", text, share, "%")
+    text += "; K_e is off by about as much; check amplifier and temperature"
+    return Finding("force_drift", "warning", text, share, "%")
+
+
+def _stroke_drift(trace: Trace) -> Finding:
+    tops, bottoms = _extremes(trace.displacement, trace)
+    middle, middle_error = _trend(0.5 * (tops + bottoms))
+    swing, swing_error = _trend(0.5 * (tops - bottoms))
+    text = (
+        f"mid-stroke drifts by {1e3 * middle:+.2g} mm and the amplitude by {1e3 * swing:+.2g} mm "
+        "over the cycles"
+    )
+    drift, error = max((middle, middle_error), (swing, swing_error), key=lambda pair: abs(pair[0]))
+    share = 100.0 * drift / trace.amplitude
+    if abs(share) <= _STROKE_DRIFT or abs(drift) <= _SURE * error:
+        return Finding("stroke_drift", "note", text, share, "%")
+    text += f", {abs(share):.2g} % of the amplitude; check the sensor's fixing"
+    return Finding("stroke_drift", "warning", text, share, "%")
+
+
+def _extremes(values: FloatArray, trace: Trace) -> tuple[FloatArray, FloatArray]:
+    """Return the highest and the lowest value of each cycle."""
+    edges = np.rint(trace.cycle_starts).astype(np.int64)
+    inside = values[: edges[-1]]
+    return np.maximum.reduceat(inside, edges[:-1]), np.minimum.reduceat(inside, edges[:-1])
+
+
+def _cycle_means(values: FloatArray, starts: FloatArray) -> FloatArray:
+    """Return the mean of each cycle between its fractional boundaries."""
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]))])
+    at = np.clip(np.floor(starts).astype(np.int64), 0, len(values) - 2)
+    u = starts - at
+    reached = total[at] + u * values[at] + 0.5 * u**2 * (values[at + 1] - values[at])
+    return np.asarray(np.diff(reached) / np.diff(starts))
+
+
+def _trend(values: FloatArray) -> tuple[float, float]:
+    """Return how far the straight line through the values goes over all, and its error."""
+    n = len(values)
+    place = np.arange(n) - 0.5 * (n - 1)
+    slope = float(place @ values) / float(place @ place)
+    rest = values - np.mean(values) - slope * place
+    error = math.sqrt(float(rest @ rest) / max(n - 2, 1) / float(place @ place))
+    return slope * (n - 1), error * (n - 1)

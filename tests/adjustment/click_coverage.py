@@ -1,0 +1,55 @@
+"""How often the intervals of forces and clicks cover the true ones.
+
+    python -m tests.adjustment.click_coverage --fits 200
+
+Every trial is a campaign by the paper's procedure over three settings with 4 N of noise behind the
+30 Hz filter; R_m3 comes from the first of them and the friction from all.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from damperfit.adjustment import Stage, clicks, compare_settings, levels, named_speeds
+from damperfit.conditioning import condition
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.reference import reference_parameters
+from damperfit.identification import identify
+from damperfit.uncertainty import assess
+from tests.uncertainty.coverage import SETTINGS, Trial, clean_logs, noisy
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--fits", type=int, default=50)
+    n = parser.parse_args().fits
+    trial = Trial()
+    logs = clean_logs(trial)
+    clean = [condition(log) for log in logs]
+    rng = np.random.default_rng(4)
+    force_hits, click_hits = [], []
+    truth = [Stage(setting, reference_parameters(setting)) for setting in SETTINGS]
+    for _ in range(n):
+        campaign = identify(noisy(trial, logs, clean, rng), PURDY_DAMPER)
+        found = compare_settings(campaign, assess(campaign, PURDY_DAMPER), PURDY_DAMPER)
+        assert found.sine is not None
+        true = levels(truth, PURDY_DAMPER, found.sine, speeds=named_speeds(found.sine))
+        force_hits.append(
+            [a.low <= b.force <= a.high for a, b in zip(found.levels, true, strict=True)]
+        )
+        click_hits.append(
+            [
+                a.low <= b.change <= a.high
+                for a, b in zip(found.clicks, clicks(true, PURDY_DAMPER), strict=True)
+            ]
+        )
+    print(f"forces: covered {100.0 * np.mean(force_hits):.1f} %, by place", end=" ")
+    print(*np.round(100.0 * np.mean(force_hits, axis=0)).astype(int))
+    print(f"clicks: covered {100.0 * np.mean(click_hits):.1f} %, by place", end=" ")
+    print(*np.round(100.0 * np.mean(click_hits, axis=0)).astype(int))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,123 @@
+"""Force by setting and click: the right force, the right error, shared errors that cancel."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.adjustment import Sine, Stage, clicks, levels, named_speeds
+from damperfit.characteristics import characterise, signals_at_speeds
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.reference import reference_parameters
+from damperfit.simulation import SolverOptions, simulate, sine_motion
+
+SINE = Sine(0.032, 1.5)
+TIGHT = SolverOptions(tolerance=1e-4)
+OWN, SHARED = ("r_m1", "r_m2", "k_e"), ("r_m3", "f_f")
+
+
+def stage(setting, covariance=None):
+    return Stage(setting, reference_parameters(setting), OWN, SHARED, covariance)
+
+
+def covariance(seed, *, own=2e-3, shared=4e-3):
+    random = np.random.default_rng(seed)
+    root = random.standard_normal((5, 5)) * np.array([own] * 3 + [shared] * 2)[:, None]
+    return root @ root.T
+
+
+def force_at(parameters, speed):
+    """By `characterise`, the twin of `signals_at_speeds`, on a motion of its own."""
+    motion = sine_motion(0.032, 1.5, cycles=3, sample_rate=3000.0)
+    response = simulate(parameters, PURDY_DAMPER, motion, options=TIGHT)
+    (found,) = characterise(response, 1.5, speeds=(speed,)).speed_forces
+    return {"rebound": found.rebound, "bump": found.bump}
+
+
+def test_forces_are_those_of_the_characteristics() -> None:
+    found = levels([stage(10)], PURDY_DAMPER, SINE, speeds=(0.1, 0.26), solver=TIGHT)
+    assert [(level.speed, level.stroke) for level in found] == [
+        (0.1, "rebound"),
+        (0.1, "bump"),
+        (0.26, "rebound"),
+        (0.26, "bump"),
+    ]
+    for level in found:
+        true = force_at(reference_parameters(10), level.speed)[level.stroke]
+        assert level.force == pytest.approx(true, abs=0.05)
+        assert np.isnan(level.error)
+
+
+def test_a_speed_that_is_not_reached_has_no_signal() -> None:
+    motion = sine_motion(0.032, 1.5, cycles=2, sample_rate=1000.0)
+    response = simulate(reference_parameters(5), PURDY_DAMPER, motion)
+    values = signals_at_speeds(response, 1.5, response.force[None, :], speeds=(0.1, 0.4))
+    assert values.shape == (1, 2, 2)
+    assert np.isfinite(values[0, 0]).all()
+    assert np.isnan(values[0, 1]).all()
+    assert named_speeds(SINE) == (0.05, 0.1, 0.13, 0.26, 0.3)
+
+
+@pytest.mark.parametrize("setting", [2, 18])
+def test_the_error_is_that_of_draws_from_the_covariance(setting) -> None:
+    """Slopes by differences of another simulation, covariance as a whole."""
+    cov = covariance(setting)
+    found = levels([stage(setting, cov)], PURDY_DAMPER, SINE, speeds=(0.2,), solver=TIGHT)
+    truth = reference_parameters(setting)
+    for level in found:
+        slopes = []
+        for name in (*OWN, *SHARED):
+            up, down = (
+                force_at(replace(truth, **{name: getattr(truth, name) * (1.0 + h)}), 0.2)
+                for h in (1e-3, -1e-3)
+            )
+            slopes.append((up[level.stroke] - down[level.stroke]) / 2e-3)
+        assert level.error == pytest.approx(np.sqrt(slopes @ cov @ slopes), rel=5e-3)
+
+
+def test_errors_of_shared_parameters_cancel_between_neighbours() -> None:
+    shared_only = np.zeros((5, 5))
+    shared_only[3:, 3:] = np.diag([1e-2, 1e-1]) ** 2
+    found = levels(
+        [stage(9, shared_only), stage(10, shared_only)], PURDY_DAMPER, SINE, speeds=(0.1,)
+    )
+    for level in found:
+        assert level.rest == 0.0
+        assert level.error > 2.0
+    for click in clicks(found, PURDY_DAMPER):
+        assert click.high - click.change < 0.1 * 1.96 * found[0].error
+
+
+def test_errors_of_the_settings_own_parameters_add_up() -> None:
+    own_only = np.zeros((5, 5))
+    own_only[:3, :3] = np.diag([1e-3, 1e-3, 1e-2]) ** 2
+    first, second = (stage(n, own_only) for n in (9, 10))
+    found = levels([first, second], PURDY_DAMPER, SINE, speeds=(0.26,))
+    by_place = {(level.setting, level.stroke): level for level in found}
+    for click in clicks(found, PURDY_DAMPER):
+        a, b = by_place[9, click.stroke], by_place[10, click.stroke]
+        assert click.change == b.force - a.force
+        reach = 1.96 * np.hypot(a.error, b.error)
+        assert click.high - click.change == pytest.approx(reach, rel=1e-4)
+
+
+def test_percent_is_of_the_damping_without_the_gas_force() -> None:
+    found = levels([stage(1), stage(2)], PURDY_DAMPER, SINE, speeds=(0.05,))
+    gas = PURDY_DAMPER.rod_area * PURDY_DAMPER.gas_pressure
+    for click in clicks(found, PURDY_DAMPER):
+        first = next(x for x in found if x.setting == 1 and x.stroke == click.stroke)
+        assert click.percent == pytest.approx(100.0 * click.change / (first.force + gas))
+        assert click.percent > 0.0  # harder, in rebound and in bump alike
+
+
+def test_clicks_join_neighbours_over_gaps() -> None:
+    found = levels([stage(n) for n in (1, 5, 6)], PURDY_DAMPER, SINE, speeds=(0.2,))
+    assert [(c.first, c.second, c.stroke) for c in clicks(found, PURDY_DAMPER)] == [
+        (1, 5, "rebound"),
+        (1, 5, "bump"),
+        (5, 6, "rebound"),
+        (5, 6, "bump"),
+    ]
+    assert clicks(found[:2], PURDY_DAMPER) == ()

@@ -1,0 +1,160 @@
+"""Trends over the settings: the paper's outlier is found, and nothing that is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.adjustment.ladders import CLICKS, SMOOTH, SUBSETS, reference_trends, trend_of
+
+ALL = SUBSETS["all 20"]
+EXPONENTIAL = SMOOTH["exponential"]
+
+
+def off(trend) -> list[int]:
+    return [one.setting for one in trend.outliers]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_setting_20_of_the_reference_set_is_off_and_no_other(seed) -> None:
+    trends = reference_trends(ALL, seed=seed)
+    assert off(trends["r_m1"]) == off(trends["r_m2"]) == [20]
+    assert off(trends["k_e"]) == []
+    assert trends["r_m1"].outliers[0].deviation == pytest.approx(0.125, abs=0.01)
+    assert trends["r_m2"].outliers[0].deviation == pytest.approx(0.271, abs=0.01)
+    assert "setting 20 is off the trend by +12." in trends["r_m1"].sentence
+    for trend in trends.values():
+        assert (trend.direction, trend.monotone) == ("rising", True)
+
+
+@pytest.mark.parametrize("subset", SUBSETS)
+def test_setting_20_is_found_in_subsets_of_the_settings(subset) -> None:
+    trends = reference_trends(SUBSETS[subset], seed=3)
+    assert off(trends["r_m2"]) == [20]
+    # Five settings leave too little to tell a jump of 12 % in R_m1 from a bend.
+    assert off(trends["r_m1"]) == ([] if subset == "5 spread" else [20])
+    assert off(trends["k_e"]) == []
+
+
+def test_without_it_nothing_is_off() -> None:
+    assert [off(trend) for trend in reference_trends(ALL[:-1], seed=1).values()] == [[], [], []]
+
+
+def test_k_e_is_erratic_about_the_quadratic_of_the_paper() -> None:
+    trend = reference_trends(ALL, seed=0)["k_e"]
+    assert (trend.scale, trend.degree) == ("linear", 2)
+    assert trend.is_erratic
+    assert 0.07 < trend.scatter < 0.13
+    assert "it is erratic" in trend.sentence
+    assert not reference_trends(ALL, seed=0)["r_m1"].is_erratic
+
+
+@pytest.mark.parametrize("shape", SMOOTH)
+def test_smooth_shapes_have_no_outlier(shape) -> None:
+    for seed, scatter in enumerate((0.0, 0.01, 0.05)):
+        up = trend_of(SMOOTH[shape], ALL, scatter=scatter, seed=seed)
+        down = trend_of(SMOOTH[shape][::-1], ALL, scatter=scatter, seed=seed)
+        assert off(up) == off(down) == []
+
+
+@pytest.mark.parametrize("places", [(0,), (9,), (19,), (5, 6), (9, 15), (18, 19), (0, 19)])
+@pytest.mark.parametrize("shape", ["quadratic", "exponential", "port", "constant"])
+def test_one_and_two_outliers_are_found_wherever_they_are(shape, places) -> None:
+    values = SMOOTH[shape].copy()
+    values[list(places)] *= 1.25
+    found = trend_of(values, ALL, scatter=3e-3, seed=5)
+    mirrored = trend_of(values[::-1], ALL, scatter=3e-3, seed=6)
+    assert off(found) == [place + 1 for place in places]
+    assert sorted(off(mirrored)) == sorted(20 - place for place in places)
+    for one in found.outliers:
+        assert one.deviation == pytest.approx(0.25, abs=0.05)
+
+
+def test_a_low_outlier_breaks_the_monotone_run() -> None:
+    values = EXPONENTIAL.copy()
+    values[9] *= 0.7
+    trend = trend_of(values, ALL)
+    assert off(trend) == [10]
+    assert trend.direction == "rising"
+    assert trend.monotone is False
+    assert trend.reversals == ((9, 10),)
+    assert "against the trend from setting 9 to 10" in trend.sentence
+
+
+def test_settings_that_get_softer_fall() -> None:
+    trend = trend_of(EXPONENTIAL[::-1], ALL)
+    assert (trend.direction, trend.monotone) == ("falling", True)
+
+
+def test_a_hill_is_not_monotone() -> None:
+    trend = trend_of(1e4 * (2.0 - ((CLICKS - 9.5) / 12.0) ** 2), ALL)
+    assert (trend.direction, trend.monotone) == ("mixed", False)
+    assert "turns" in trend.sentence
+
+
+def test_a_constant_is_flat_and_monotone() -> None:
+    trends = [trend_of(SMOOTH["constant"], ALL, scatter=0.02, seed=seed) for seed in range(20)]
+    # One in twenty is taken for a slope: the price of choosing among five scales.
+    assert sum((t.direction, t.monotone) == ("flat", True) for t in trends) >= 18
+    assert trend_of(SMOOTH["constant"], ALL).degree == 0
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_too_few_settings_get_no_verdict(n) -> None:
+    trend = trend_of(EXPONENTIAL[:n], ALL[:n])
+    assert (trend.monotone, trend.direction, trend.degree) == (None, None, None)
+    assert not trend.outliers_judged
+    assert "too few for a trend" in trend.sentence
+
+
+def test_four_settings_have_a_trend_and_no_outliers() -> None:
+    trend = trend_of([1.0, 2.0, 3.0, 40.0], (1, 2, 3, 4))
+    assert trend.degree == 1
+    assert trend.outliers == ()
+    assert not trend.outliers_judged
+    assert "too few settings to tell one off the trend" in trend.sentence
+
+
+def test_a_parameter_without_a_sound_value_is_left_out() -> None:
+    from dataclasses import replace
+
+    from damperfit.adjustment import find_trends
+    from tests.adjustment import ladders
+
+    pairs = [ladders._fitted(s, {"r_m1": EXPONENTIAL[s - 1]}, {"r_m1": 1e-3}) for s in ALL]
+    fits = [fit for fit, _ in pairs]
+    fits[4] = replace(fits[4], status={**fits[4].status, "r_m1": "at_bound"})
+    (trend, *_) = find_trends(fits, {u.setting: u for _, u in pairs})
+    points = {point.setting: point for point in trend.points}
+    assert points[5].found is None
+    assert points[5].value == pytest.approx(EXPONENTIAL[4], rel=5e-3)
+
+
+def test_gaps_are_bridged_and_huge_labels_are_not() -> None:
+    trend = trend_of(EXPONENTIAL[[0, 1, 2, 8, 9]], (1, 2, 3, 9, 10))
+    assert [point.setting for point in trend.points] == list(range(1, 11))
+    assert trend.points[4].value == pytest.approx(EXPONENTIAL[4], rel=0.02)
+    far = trend_of(EXPONENTIAL[[0, 1, 2, 8, 9]], (1, 2, 3, 9, 10**6))
+    assert len(far.points) == 5
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e12])
+def test_the_unit_does_not_matter(scale) -> None:
+    values = SMOOTH["quadratic"].copy()
+    values[-1] *= 1.2
+    trend = trend_of(scale * values, ALL)
+    assert off(trend) == [20]
+    assert trend.points[3].value == pytest.approx(scale * values[3], rel=5e-3)
+
+
+def test_the_band_covers_the_true_curve() -> None:
+    truth = 5e8 + 1.2e7 * np.arange(20.0) + 8e5 * np.arange(20.0) ** 2
+    inside = [
+        [p.low <= y <= p.high for p, y in zip(trend.points, truth, strict=True)]
+        for trend in (
+            trend_of(truth, ALL, name="k_e", error=5e-3, scatter=0.1, seed=seed)
+            for seed in range(100)
+        )
+    ]
+    # 100 draws: two standard deviations of the mean are 4 %, as points of one band go together.
+    assert 0.90 < np.mean(inside) < 0.99

@@ -1,0 +1,90 @@
+"""Which setting gives a force: between clicks, exactly, twice, never."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from damperfit.adjustment import Level, which_setting
+
+
+def ladder(forces, *, settings=None, error=0.5, stroke="rebound"):
+    settings = settings or range(1, len(forces) + 1)
+    return [
+        Level(setting, 0.2, stroke, float(force), error, error, np.zeros(0))
+        for setting, force in zip(settings, forces, strict=True)
+    ]
+
+
+def test_between_two_clicks_with_the_interval_of_the_force() -> None:
+    (answer,) = which_setting(ladder([100, 200, 300, 400], error=2.0), 250.0).answers
+    assert answer.position == pytest.approx(2.5)
+    assert answer.high - 2.5 == pytest.approx(1.96 * 2.0 / 100.0, rel=1e-3)
+    assert 2.5 - answer.low == pytest.approx(1.96 * 2.0 / 100.0, rel=1e-3)
+    assert (answer.below, answer.above, answer.force_below, answer.force_above) == (2, 3, 200, 300)
+
+
+def test_a_setting_that_gives_it_exactly_is_one_answer() -> None:
+    wanted = which_setting(ladder([100, 200, 300]), 200.0)
+    (answer,) = wanted.answers
+    assert (answer.position, answer.below, answer.above) == (2.0, 2, 2)
+    assert "setting 2 (95 % from 1.990 to 2.010), which gives 200 N" in wanted.sentence
+
+
+@pytest.mark.parametrize(
+    ("force", "words"),
+    [(500.0, "more than the hardest, setting 3 with 300 N"), (50.0, "less than the weakest")],
+)
+def test_out_of_reach_says_which_end(force, words) -> None:
+    wanted = which_setting(ladder([100, 200, 300]), force)
+    assert wanted.answers == ()
+    assert words in wanted.sentence
+
+
+def test_bump_is_harder_the_more_negative_it_is() -> None:
+    forces = ladder([-100, -200, -300], stroke="bump")
+    assert which_setting(forces, -150.0).answers[0].position == pytest.approx(1.5, abs=0.05)
+    assert "more than the hardest, setting 3" in which_setting(forces, -400.0).sentence
+    assert "less than the weakest, setting 1" in which_setting(forces, -10.0).sentence
+
+
+def test_settings_that_get_softer_are_read_alike() -> None:
+    (answer,) = which_setting(ladder([400, 300, 200, 100]), 250.0).answers
+    assert answer.position == pytest.approx(2.5)
+    assert answer.low < 2.5 < answer.high
+
+
+def test_forces_that_turn_give_several_answers() -> None:
+    wanted = which_setting(ladder([100, 300, 150, 400]), 200.0)
+    assert [(a.below, a.above) for a in wanted.answers] == [(1, 2), (2, 3), (3, 4)]
+    assert "3 answers" in wanted.sentence
+
+
+def test_just_beyond_the_last_setting_but_within_its_interval() -> None:
+    (answer,) = which_setting(ladder([100, 200, 300], error=2.0), 302.0).answers
+    assert answer.position == 3.0
+    assert answer.low < 3.0
+    assert answer.high == 3.0
+
+
+def test_a_gap_widens_the_interval_and_is_named() -> None:
+    curved = [100.0, 110.0, 400.0]
+    near = which_setting(ladder(curved, settings=(1, 2, 3)), 250.0).answers[0]
+    far = which_setting(ladder(curved, settings=(1, 2, 12)), 250.0)
+    assert far.answers[0].high - far.answers[0].low > 10.0 * (near.high - near.low)
+    assert "interpolated over settings without a fit" in far.sentence
+
+
+def test_without_errors_there_is_no_interval() -> None:
+    wanted = which_setting(ladder([100, 200], error=math.nan), 150.0)
+    assert math.isnan(wanted.answers[0].low)
+    assert "95 %" not in wanted.sentence
+
+
+@pytest.mark.parametrize("force", np.linspace(101.0, 399.0, 7))
+def test_the_curve_never_leaves_its_neighbours(force) -> None:
+    forces = [100.0, 101.0, 390.0, 400.0]
+    (answer,) = which_setting(ladder(forces), force).answers
+    assert forces[answer.below - 1] <= force <= forces[answer.above - 1]

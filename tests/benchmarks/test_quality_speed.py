@@ -1,0 +1,21 @@
+"""What the findings add to the conditioning of a log of 10 000 rows.
+
+Run with ``pytest tests/benchmarks/test_quality_speed.py --benchmark-enable -n 0``.
+"""
+
+from __future__ import annotations
+
+from damperfit.conditioning import ConditionOptions, chain, condition
+from tests.conditioning.test_quality import OPTIONS, made
+
+
+def test_findings_of_a_log_of_10_000_rows(benchmark, monkeypatch) -> None:
+    log = made(rate=1000.0)
+    asked: list[tuple] = []
+    examine = chain.examine
+    monkeypatch.setattr(chain, "examine", lambda *given: asked.append(given) or examine(*given))
+    assert isinstance(OPTIONS, ConditionOptions)
+    condition(log, OPTIONS)
+    found = benchmark(examine, *asked[0])
+    assert len(log.time) == 10_000
+    assert {one.severity for one in found} == {"note"}

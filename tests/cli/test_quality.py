@@ -1,0 +1,247 @@
+"""Faults of signals through the commands: verdict, findings, exit code, strict (F38-F52)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+HEAD = ["time_s,displacement_mm,force_N,temperature_degC"]
+
+
+@pytest.fixture
+def rows(logs) -> list[list[str]]:
+    """Rows of a good log of setting 2."""
+    lines = (logs / "setting_02.csv").read_text().splitlines()
+    return [line.split(",") for line in lines if line[:1].isdigit()]
+
+
+def write(path: Path, rows, *, end="\n", head=HEAD) -> Path:
+    path.write_text("\n".join([*head, *(",".join(row) for row in rows)]) + end)
+    return path
+
+
+def column(rows, i, change):
+    """The same rows with one column changed."""
+    return [
+        [change(n, cell) if k == i else cell for k, cell in enumerate(row)]
+        for n, row in enumerate(rows)
+    ]
+
+
+def number(change):
+    return lambda n, cell: f"{change(n, float(cell)):.4f}"
+
+
+TOP = 380.0
+# What becomes of the rows; then verdict and a finding with these words in it.
+ROWS = {
+    "F38 infinite": (
+        lambda r: column(r, 2, lambda n, c: "1e400" if n == 99 else c),
+        ("refused", "unreadable", "force is blank, NaN or infinite, in 1 of"),
+    ),
+    "F38 blank": (
+        lambda r: column(r, 1, lambda n, c: "" if n in {7, 8} else c),
+        ("refused", "unreadable", "displacement is blank, NaN or infinite, in 2 of"),
+    ),
+    "F39 repeated": (
+        lambda r: [*r[:500], r[499], *r[500:]],
+        ("refused", "unreadable", "time repeats"),
+    ),
+    "F39 restarted": (
+        lambda r: [*r[:1200], *r[:1200]],
+        ("refused", "unreadable", "declare rig.restarts"),
+    ),
+    "F40 missing": (
+        lambda r: [*r[:700], *r[701:1300], *r[1302:]],
+        ("good", "missing_samples", "3 missing samples"),
+    ),
+    "F40 gap": (lambda r: [*r[:700], *r[720:]], ("refused", "unusable", "gap of")),
+    "F41 slow": (lambda r: r[::10], ("refused", "unusable", "30 Hz .* half the sample rate")),
+    "F42 short": (lambda r: r[:700], ("refused", "unusable", "expected at least 3")),
+    "F45 clipped": (
+        lambda r: column(r, 2, number(lambda _, f: min(f, TOP))),
+        ("warnings", "force_clipping", "clipped at 380 N"),
+    ),
+    "F45 coarse": (
+        lambda r: column(r, 1, number(lambda _, x: round(x / 0.5) * 0.5)),
+        ("warnings", "displacement_steps", "steps of 0.5 mm"),
+    ),
+    "F46 drift": (
+        lambda r: column(r, 2, number(lambda n, f: f + 0.02 * n)),
+        ("warnings", "force_drift", "mean force drifts"),
+    ),
+    "F46 off zero": (
+        lambda r: column(r, 1, number(lambda _, x: x + 41.7)),
+        ("good", "", r"mid-stroke.*\(41\.[67]"),
+    ),
+    "F47 constant": (
+        lambda r: column(r, 2, lambda *_: "5.0"),
+        ("refused", "unusable", "force is constant"),
+    ),
+    "F48 beyond": (
+        lambda r: column(r, 1, number(lambda _, x: 4.5 * x)),
+        ("refused", "unusable", "beyond the chamber"),
+    ),
+    "F49 spikes": (
+        lambda r: column(r, 2, number(lambda n, f: f + 900.0 * (n in {900, 1400}))),
+        ("warnings", "force_spikes", "2 spikes in the force, in rows 901, 1401"),
+    ),
+    "F50 hot": (
+        lambda r: column(r, 3, lambda *_: "29.0"),
+        ("warnings", "temperature", "29.0 degC on average, outside 26"),
+    ),
+    "F50 missing": (
+        lambda r: column(r, 3, lambda *_: ""),
+        ("warnings", "temperature_missing", "no temperature"),
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", ROWS)
+def test_each_fault_of_a_signal_is_told(run, tmp_path, rows, fault) -> None:
+    import re
+
+    change, (verdict, name, says) = ROWS[fault]
+    write(tmp_path / "log_s2.csv", change(rows))
+    ended = run("inspect", "log_s2.csv", "--json")
+    (log,) = json.loads(ended.out)["logs"]
+    assert log["verdict"] == verdict
+    assert ended.code == (3 if verdict == "refused" else 0)
+    told = [one for one in log["findings"] if re.search(says, one["sentence"])]
+    assert told or (not name and any(re.search(says, note) for note in log["notes"]))
+    if name:
+        expected = {"refused": "refusal", "warnings": "warning", "good": "note"}[verdict]
+        assert (told[0]["name"], told[0]["severity"]) == (name, expected)
+
+
+def test_the_good_log_is_good(run, tmp_path, rows) -> None:
+    write(tmp_path / "log_s2.csv", rows)
+    (log,) = json.loads(run("inspect", "log_s2.csv", "--json", "--strict").out)["logs"]
+    assert log["verdict"] == "good"
+    assert {one["severity"] for one in log["findings"]} == {"note"}
+
+
+def test_people_see_verdict_and_findings_in_80_columns(run, logs, tmp_path, rows) -> None:
+    write(tmp_path / "clipped_s3.csv", ROWS["F45 clipped"][0](rows))
+    write(tmp_path / "gap_s4.csv", ROWS["F40 gap"][0](rows))
+    ended = run("inspect", "*.csv", logs / "setting_01.csv")
+    lines = ended.out.splitlines()
+    assert ended.code == 1
+    assert max(map(len, lines)) <= 80
+    verdicts = {line.split()[0]: line.split()[-1] for line in lines[2:5]}
+    assert verdicts == {
+        "clipped_s3.csv": "warnings",
+        "gap_s4.csv": "refused",
+        "setting_01.csv": "good",
+    }
+    assert "3 logs: 1 good, 1 usable with warnings, 1 refused" in lines
+    assert lines.index("Refused") < lines.index("Warnings: usable, but read them")
+    assert "  clipped_s3.csv: force_clipping: the force is clipped at 380 N:" in ended.out
+    assert "Notes" in lines
+    assert "Notes" not in run("inspect", "*.csv", "--quiet").out.splitlines()
+
+
+def test_strict_quality_leaves_a_log_out_and_ends_with_4(run, logs, tmp_path, rows) -> None:
+    write(tmp_path / "clipped_s3.csv", ROWS["F45 clipped"][0](rows))
+    good = logs / "setting_01.csv"
+    assert run("identify", good, "clipped_s3.csv", "--out", "plain").code == 0
+    ended = run("identify", good, "clipped_s3.csv", "--strict", "--out", "strict")
+    assert ended.code == 4
+    record = json.loads((tmp_path / "strict" / "run.json").read_text())
+    (failure,) = record["failures"]
+    assert (failure["log"], failure["kind"]) == ("clipped_s3.csv", "QualityError")
+    assert "force is clipped" in failure["message"]
+    assert record["gates_missed"] == ["strict quality: clipped_s3.csv left out for warnings"]
+    assert [row["verdict"] for row in record["inputs"]] == ["refused", "good"]
+    assert json.loads((tmp_path / "plain" / "run.json").read_text())["exit_code"] == 0
+    # A real failure counts before the gate.
+    write(tmp_path / "gap_s4.csv", ROWS["F40 gap"][0](rows))
+    assert run("identify", good, "*.csv", "--strict", "--out", "strict").code == 1
+
+
+@pytest.mark.parametrize("command", ["inspect", "identify"])
+def test_a_cut_last_line_fails_strict_quality(run, tmp_path, rows, command) -> None:
+    write(tmp_path / "cut_s2.csv", rows, end="\n4.666,-12")
+    assert run(command, "cut_s2.csv").code == 0
+    ended = run(command, "cut_s2.csv", "--strict")
+    assert ended.code == 4
+    assert "the last row may be cut" in ended.err
+    (tmp_path / "strict.toml").write_text("[rig]\nstrict = true\n")
+    assert run(command, "cut_s2.csv", "--config", "strict.toml").code == 4
+
+
+def test_warnings_of_one_kind_are_one_line(run, tmp_path, rows) -> None:
+    for setting in (2, 3, 4):
+        hot = column(rows, 3, lambda _, __, s=setting: f"{27 + s}.0")
+        write(tmp_path / f"hot_s{setting}.csv", hot)
+    told = [line for line in run("identify", "*.csv").err.splitlines() if "outside 26" in line]
+    assert len(told) == 1
+    assert told[0].startswith("warning: hot_s2.csv and 2 other logs: 29.0 degC")
+
+
+def test_bad_rows_dropped_as_declared_are_a_warning(run, tmp_path, rows) -> None:
+    broken = column(rows, 2, lambda n, c: "OVR" if n == 1000 else c)
+    write(tmp_path / "log_s2.csv", broken)
+    (tmp_path / "drop.toml").write_text('[rig]\nbad_rows = "drop"\n')
+    ended = run("inspect", "log_s2.csv", "--config", "drop.toml", "--json")
+    (log,) = json.loads(ended.out)["logs"]
+    names = {one["name"]: one["severity"] for one in log["findings"]}
+    assert (names["rows_dropped"], names["missing_samples"]) == ("warning", "note")
+
+
+def test_settings_in_one_file_are_parts_and_twice_one_setting_is_one_fit(
+    run, tmp_path, rows
+) -> None:
+    head = [*HEAD[0].split(","), "setting"]
+    length = float(rows[-1][0]) + 0.002
+    two = [[*row, "2"] for row in rows]
+    two += [[f"{float(row[0]) + length:.3f}", *row[1:], "5"] for row in rows]
+    write(tmp_path / "both.csv", two, head=[",".join(head)])
+    logs = json.loads(run("inspect", "both.csv", "--json").out)["logs"]
+    assert [(log["log"], log["setting"]) for log in logs] == [
+        ("both.csv part 1", 2),
+        ("both.csv part 2", 5),
+    ]
+    write(tmp_path / "a_s2.csv", rows)
+    write(tmp_path / "b_s2.csv", rows[1:])
+    document = json.loads(run("identify", "a_s2.csv", "b_s2.csv", "--json").out)
+    (row,) = document["parameters"]
+    assert (row["setting"], row["n_logs"]) == (2, 2)
+
+
+@pytest.mark.parametrize("setting", ["2.5", "-3", "soft"])
+def test_a_setting_that_is_no_whole_number_is_refused(run, tmp_path, rows, setting) -> None:
+    write(tmp_path / "log.csv", rows, head=[f"# setting: {setting}", *HEAD])
+    ended = run("inspect", "log.csv", "--json")
+    assert ended.code == 3
+    (log,) = json.loads(ended.out)["logs"]
+    assert log["findings"][0]["name"] == "unreadable"
+    assert setting in log["findings"][0]["sentence"]
+
+
+def test_settings_that_are_missing_are_gaps_with_code_1(run, logs, tmp_path) -> None:
+    (tmp_path / "all.toml").write_text("[rig]\nsettings = [1, 2, 3]\n")
+    names = (logs / "setting_01.csv", logs / "setting_03.csv")
+    ended = run("identify", *names, "--config", "all.toml", "--json")
+    assert ended.code == 1
+    table = json.loads(ended.out)["parameters"]
+    assert [(row["setting"], row["r_m1"] is None) for row in table] == [
+        (1, False),
+        (2, True),
+        (3, False),
+    ]
+
+
+def test_one_kind_of_warning_in_many_logs_is_told_once() -> None:
+    from damperfit.report import finding_lines
+
+    def log(n: int) -> dict:
+        found = {"name": "tare", "severity": "warning", "sentence": f"{n} N off", "value": n}
+        return {"name": f"log_{n}.csv", "verdict": "warnings", "findings": [{**found, "unit": "N"}]}
+
+    few = "\n".join(finding_lines([log(n) for n in range(3)]))
+    assert "log_2.csv: tare: 2 N off" in few
+    many = list(finding_lines([log(n) for n in range(5)]))
+    assert many[-2].startswith("  log_0.csv: tare: 0 N off. With other numbers in log_1.csv,")

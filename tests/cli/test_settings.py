@@ -1,0 +1,267 @@
+"""damperfit settings, and the checks and trends that identify tells."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from damperfit.cli import main
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def results(logs, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("three") / "results"
+    assert main(["identify", str(logs / "setting_*.csv"), "--out", str(folder), "--quiet"]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def samples(tmp_path_factory) -> Path:
+    """Results of the twenty sample runs."""
+    folder = tmp_path_factory.mktemp("samples") / "results"
+    logs = str(ROOT / "sample_runs" / "setting_*.csv")
+    assert main(["identify", logs, "--out", str(folder), "--quiet"]) == 0
+    return folder
+
+
+@pytest.fixture
+def folder(results, tmp_path) -> Path:
+    """A copy to be spoilt."""
+    return Path(shutil.copytree(results, tmp_path / "results"))
+
+
+def record(folder: Path) -> dict:
+    return json.loads((folder / "run.json").read_text())
+
+
+def rewrite(folder: Path, **changes) -> None:
+    document = {k: v for k, v in (record(folder) | changes).items() if v is not None}
+    (folder / "run.json").write_text(json.dumps(document))
+
+
+def asked(run, folder: Path, *question) -> dict:
+    ended = run("settings", folder, *question, "--json")
+    assert ended.code == 0, ended.err
+    return json.loads(ended.out)
+
+
+def test_the_sample_runs_get_what_the_paper_found_by_hand(samples) -> None:
+    checks = {check["name"]: check for check in record(samples)["checks"]}
+    assert {name for name, check in checks.items() if not check["passed"]} == {"no_outlier_setting"}
+    assert "setting 20 (r_m1 +12." in checks["no_outlier_setting"]["reason"]
+    trends = {trend["parameter"]: trend for trend in record(samples)["trends"]}
+    assert [o["setting"] for o in trends["r_m1"]["outliers"]] == [20]
+    assert [o["setting"] for o in trends["r_m2"]["outliers"]] == [20]
+    assert trends["k_e"]["outliers"] == []
+    assert trends["k_e"]["is_erratic"]
+    assert all(trend["monotone"] and trend["direction"] == "rising" for trend in trends.values())
+    assert {p["setting"] for p in trends["k_e"]["points"]} == set(range(1, 21))
+    report = (samples / "report.md").read_text(encoding="utf-8")
+    assert "12 of 13 checks passed" in report
+    assert "## Across the settings" in report
+
+
+@pytest.mark.slow  # by the clock, which other tests disturb
+def test_judging_costs_less_than_fitting(samples) -> None:
+    timings = record(samples)["timings"]
+    assert timings["judge_s"] < timings["fit_s"]
+
+
+def test_the_table_of_forces_is_that_of_run_json(samples) -> None:
+    rows = pq.read_table(samples / "adjustment.parquet").to_pylist()
+    assert len(rows) == 20 * 5 * 2
+    table = {(r["setting"], r["speed_m_per_s"], r["stroke"]): r for r in rows}
+    for click in record(samples)["clicks"]:
+        place = (click["speed_m_per_s"], click["stroke"])
+        a, b = table[click["from"], *place], table[click["to"], *place]
+        assert click["change_N"] == b["change_N"] == pytest.approx(b["force_N"] - a["force_N"])
+        assert click["low_N"] < click["change_N"] < click["high_N"]
+        assert b["force_ci_low_N"] < b["force_N"] < b["force_ci_high_N"]
+    assert table[1, 0.3, "bump"]["change_N"] is None
+
+
+@pytest.mark.parametrize(
+    ("question", "stroke", "wanted", "neighbours"),
+    [
+        (("--force", "900N", "--velocity", "0.2m/s"), "rebound", 900.0, (12, 13)),
+        (("--force", "-900N", "--velocity", "0.2m/s"), "bump", -900.0, (11, 12)),
+        (("--force", "0.9kN", "--velocity", "-200mm/s"), "bump", -900.0, (11, 12)),
+        (("--force=900", "--velocity=0.2", "--stroke", "bump"), "bump", -900.0, (11, 12)),
+    ],
+)
+def test_which_setting_gives_a_force(run, samples, question, stroke, wanted, neighbours) -> None:
+    document = asked(run, samples, *question)
+    assert document["question"] == {"speed": 0.2, "force": wanted, "stroke": stroke}
+    (answer,) = document["answers"]
+    assert (answer["below"], answer["above"]) == neighbours
+    assert answer["below"] < answer["low"] < answer["position"] < answer["high"] < answer["above"]
+    forces = {r["setting"]: r["force_N"] for r in document["forces"] if r["stroke"] == stroke}
+    between = sorted(forces[setting] for setting in neighbours)
+    assert between[0] < wanted < between[1]
+
+
+def test_simulate_gives_the_force_of_the_setting_found(run, results) -> None:
+    document = asked(run, results, "--velocity", "0.26")
+    table = results / "parameters.csv"
+    simulated = run("simulate", "--setting", 2, "--parameters", table, "--json")
+    (wanted,) = (
+        f["rebound"]
+        for f in json.loads(simulated.out)["characteristics"]["speed_forces"]
+        if f["speed"] == 0.26
+    )
+    (found,) = (
+        r["force_N"] for r in document["forces"] if r["setting"] == 2 and r["stroke"] == "rebound"
+    )
+    assert found == pytest.approx(wanted, abs=0.2)
+
+
+def test_people_get_the_answer_first_and_the_table(run, results) -> None:
+    ended = run("settings", results, "--force", "500N", "--velocity", "0.26m/s")
+    assert ended.code == 0
+    first, *rest = ended.out.splitlines()
+    assert first.startswith("500 N in rebound at 0.26 m/s: setting 1.")
+    assert any(line.startswith("set") for line in rest)
+    assert max(map(len, rest)) <= 80
+    quiet = run("settings", results, "--force", "500N", "--velocity", "0.26m/s", "--quiet")
+    assert quiet.out.splitlines() == [first]
+
+
+def test_without_a_question_both_strokes_are_shown(run, results, monkeypatch) -> None:
+    monkeypatch.chdir(results.parent)
+    assert main(["settings"]) == 0
+    ended = run("settings", results)
+    assert "rebound: force in N" in ended.out
+    assert "bump: force in N" in ended.out
+    only = run("settings", results, "--stroke", "bump").out
+    assert "rebound: force" not in only
+
+
+def test_out_of_reach_is_an_answer_too(run, results) -> None:
+    ended = run("settings", results, "--force", "9kN", "--velocity", "0.2m/s", "--quiet")
+    assert ended.code == 0
+    assert "no setting gives it; it is more than the hardest, setting 3" in ended.out
+
+
+@pytest.mark.parametrize(
+    ("question", "words"),
+    [
+        (("--force", "900N"), "Give --velocity too"),
+        (("--velocity", "0"), "other than zero"),
+        (("--velocity", "0.5m/s"), "which peaks at 0.302 m/s"),
+        (("--velocity", "0.2", "--stroke", "jounce"), "expected rebound or bump"),
+        (("--force", "900kg", "--velocity", "0.2"), "no unit of force"),
+        (("--amplitude", "200mm"), "beyond the damper's travel"),
+        (("--amplitude=-1mm",), "expected more than 0"),
+    ],
+)
+def test_wrong_questions_are_code_2(run, results, question, words) -> None:
+    ended = run("settings", results, *question)
+    assert ended.code == 2
+    assert words in ended.err
+    assert len(ended.err.splitlines()) == 1
+    assert ended.out == ""
+
+
+def test_another_motion_reaches_other_speeds(run, results) -> None:
+    document = asked(run, results, "--velocity", "0.5m/s", "--amplitude", "60mm")
+    assert document["motion"]["amplitude_m"] == 0.06
+    assert document["source"].startswith("a sine of 60 mm at 1.5 Hz")
+
+
+def test_a_missing_folder_is_code_2(run, tmp_path) -> None:
+    ended = run("settings", tmp_path / "nowhere")
+    assert ended.code == 2
+    assert "no such folder" in ended.err
+
+
+def test_a_folder_of_an_older_version_has_forces_without_intervals(run, folder) -> None:
+    rewrite(folder, uncertainty=None, trends=None, clicks=None)
+    (folder / "adjustment.parquet").unlink()
+    ended = run("settings", folder, "--force", "500N", "--velocity", "0.26", "--json")
+    assert ended.code == 1
+    assert "errors and correlations of all settings are missing" in ended.err
+    document = json.loads(ended.out)
+    assert document["answers"][0]["low"] is None
+    assert document["forces"][0]["force_se_N"] is None
+
+
+@pytest.mark.parametrize("damage", ["missing", "cut", "no object"])
+def test_a_damaged_run_json_is_said(run, folder, damage) -> None:
+    path = folder / "run.json"
+    if damage == "missing":
+        path.unlink()
+    else:
+        path.write_text("[1]" if damage == "no object" else path.read_text()[:500])
+    ended = run("settings", folder, "--velocity", "0.2")
+    assert ended.code == 1
+    assert "the damper of the run is not known" in ended.err
+    assert "the motion of the test is not known" in ended.err
+    assert "Traceback" not in ended.err
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"setting": 2, "parameters": ["r_m1"], "correlation": [[1.0, 0.0]]},
+        {"setting": 2, "parameters": ["r_m9"], "correlation": [[1.0]]},
+        {"setting": 2, "parameters": ["r_m1"], "correlation": [[None]]},
+        {"setting": 2},
+        "nonsense",
+    ],
+)
+def test_nonsense_in_run_json_costs_the_intervals_alone(run, folder, entry) -> None:
+    rewrite(folder, uncertainty=[entry])
+    ended = run("settings", folder, "--velocity", "0.2", "--json")
+    assert ended.code == 1
+    assert len(json.loads(ended.out)["forces"]) == 6
+
+
+def test_no_parameters_at_all_is_code_2(run, folder) -> None:
+    (folder / "parameters.parquet").unlink()
+    (folder / "parameters.csv").write_text("setting,r_m1\n1,\n")
+    ended = run("settings", folder)
+    assert ended.code == 2
+    assert "no setting has all parameters" in ended.err
+
+
+def test_checks_are_told_and_change_nothing(run, logs) -> None:
+    ended = run("identify", logs / "setting_*.csv", "--out", "r")
+    assert ended.code == 0
+    assert "11 of 13 checks passed, 2 not looked at" in ended.out
+
+
+@pytest.mark.parametrize(
+    ("gates", "code"),
+    [
+        (("--check", "no_cavitation,mse_below_1_percent"), 0),
+        (("--check", "no_cavitation", "--check", "fits_converged"), 0),
+        (("--check", "purdy2000"), 4),
+        (("--check", "trend_monotone"), 4),
+    ],
+)
+def test_a_check_asked_for_is_a_gate(run, logs, gates, code) -> None:
+    ended = run("identify", logs / "setting_*.csv", "--out", "r", *gates)
+    assert ended.code == code, ended.err
+    assert ("check not looked at: trend_monotone: R_m1: 3 settings" in ended.err) is (code == 4)
+    assert bool(record(Path("r"))["gates_missed"]) is (code == 4)
+
+
+def test_an_unknown_check_touches_nothing(run, logs) -> None:
+    ended = run("identify", logs / "setting_*.csv", "--out", "r", "--check", "no_cavitatoin")
+    assert ended.code == 2
+    assert "Did you mean 'no_cavitation'?" in ended.err
+    assert not Path("r").exists()
+
+
+def test_gates_stand_in_the_configuration_too(run, logs, tmp_path) -> None:
+    (tmp_path / "c.toml").write_text('[output]\nchecks = ["no_outlier_setting"]\n')
+    ended = run("identify", logs / "setting_*.csv", "--out", "r", "--config", "c.toml")
+    assert ended.code == 4
+    (tmp_path / "c.toml").write_text('[output]\nchecks = ["nothing"]\n')
+    assert run("identify", logs / "setting_*.csv", "--config", "c.toml").code == 2

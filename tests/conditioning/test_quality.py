@@ -1,0 +1,329 @@
+"""Findings: each is found in a log made faulty and not in its clean twin (F38 to F50)."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.conditioning import ConditionOptions, NominalTest, condition, examine_raw
+from damperfit.damper.closed_forms import incompressible_force
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.reference import reference_parameters
+from damperfit.errors import ConditioningError
+from damperfit.recording import Finding, Recording
+
+TEST = NominalTest(frequency=1.5, amplitude=0.032, temperature=26.0, temperature_tolerance=1.0)
+OPTIONS = ConditionOptions(nominal=TEST)
+
+
+def moved(wave, t, *, frequency=1.5, amplitude=0.032, phase=1.1):
+    """Displacement and velocity of a test."""
+    w = 2 * np.pi * frequency
+    a = w * t + phase
+    if wave == "triangle":
+        x = amplitude * 2 / np.pi * np.arcsin(np.sin(a))
+        return x, amplitude * 2 / np.pi * w * np.sign(np.cos(a))
+    crank = 0.03 if wave == "crank" else 0.0
+    x = amplitude * (np.sin(a) + crank * np.cos(2 * a))
+    return x, amplitude * w * (np.cos(a) - 2 * crank * np.sin(2 * a))
+
+
+def made(
+    wave="sine", *, setting=10, rate=500.0, noise=(4.0, 8e-6), bits=0, seed=1, cycles=15, **test
+):
+    """A log of the incompressible damper, with noise and a converter."""
+    random = np.random.default_rng(seed)
+    t = np.arange(round(cycles / test.get("frequency", 1.5) * rate)) / rate
+    x, v = moved(wave, t, phase=random.uniform(0.0, 6.0), **test)
+    f = incompressible_force(reference_parameters(setting), PURDY_DAMPER, x, v)
+    f = f + noise[0] * random.normal(size=len(t))
+    x = x + noise[1] * random.normal(size=len(t))
+    if bits:
+        x, f = (np.rint(s / q) * q for s, q in ((x, 0.1 / 2**bits), (f, 1.5 * np.ptp(f) / 2**bits)))
+    return Recording("log.csv", "log.csv", "", setting, t, x, f, np.full(len(t), 26.0))
+
+
+def warned(recording, options=OPTIONS) -> dict[str, Finding]:
+    return {one.name: one for one in condition(recording, options).findings if _warns(one)}
+
+
+def _warns(one: Finding) -> bool:
+    # A delay is estimated, not looked up: tests/conditioning/test_skew.py holds its rates.
+    return one.severity == "warning" and one.name != "skew"
+
+
+def with_(recording, channel, values):
+    return replace(recording, **{channel: values})
+
+
+def clipped(recording, channel, share):
+    values = getattr(recording, channel)
+    return with_(recording, channel, np.minimum(values, share * values.max()))
+
+
+def standing(recording, channel, first, n):
+    values = getattr(recording, channel).copy()
+    values[first : first + n] = values[first]
+    return with_(recording, channel, values)
+
+
+def held(recording, channel, n):
+    values = getattr(recording, channel)
+    return with_(recording, channel, values[np.arange(len(values)) // n * n])
+
+
+def rounded(recording, channel, n_steps):
+    values = getattr(recording, channel)
+    step = np.ptp(values) / n_steps
+    return with_(recording, channel, np.rint(values / step) * step)
+
+
+def spiked(recording, channel, rows, size):
+    values = getattr(recording, channel).copy()
+    values[rows] += size * np.ptp(values)
+    return with_(recording, channel, values)
+
+
+def drifting(recording, channel, share):
+    values = getattr(recording, channel)
+    u = np.linspace(-0.5, 0.5, len(values))
+    return with_(recording, channel, values + share * 0.5 * np.ptp(values) * u)
+
+
+def scattered(recording, share):
+    """Each cycle has its own size of force."""
+    cycle = (recording.time * 1.5).astype(int)
+    sizes = 1.0 + share * np.random.default_rng(5).normal(size=cycle.max() + 1)
+    return replace(recording, force=recording.force * sizes[cycle])
+
+
+def wrongly_stamped(recording, share):
+    random = np.random.default_rng(3)
+    moved_by = random.uniform(-share, share, len(recording.time)) * 0.002
+    return replace(recording, time=recording.time + moved_by)
+
+
+def at(recording, temperature):
+    return replace(recording, temperature=temperature)
+
+
+LOG = made()
+RAMP = np.linspace(-1.5, 1.5, len(LOG.time))
+FAULTS = {
+    "clipped force": (clipped(LOG, "force", 0.95), "force_clipping", "clipped at"),
+    "clipped displacement": (clipped(LOG, "displacement", 0.97), "displacement_clipping", "row"),
+    "force at 12 bits clipped": (
+        clipped(made(bits=12, noise=(0.0, 0.0)), "force", 0.95),
+        "force_clipping",
+        "% of the samples",
+    ),
+    "stuck force": (standing(LOG, "force", 2000, 40), "force_stuck", "from row 2001 .* 40 rows"),
+    "stuck displacement": (
+        standing(LOG, "displacement", 2030, 20),
+        "displacement_stuck",
+        "check sensor",
+    ),
+    "slow displacement": (held(LOG, "displacement", 10), "displacement_stuck", "every 10 rows"),
+    "coarse displacement": (
+        rounded(LOG, "displacement", 200),
+        "displacement_steps",
+        r"20\d over its range",
+    ),
+    "coarse force": (rounded(made(noise=(0.0, 0.0)), "force", 60), "force_steps", "finer"),
+    "spikes in force": (
+        spiked(LOG, "force", [1500, 2222, 3000], 0.5),
+        "force_spikes",
+        "3 spikes in the force, in rows 1501, 2223, 3001 of the data",
+    ),
+    "spike in displacement": (
+        spiked(LOG, "displacement", [2500], -0.4),
+        "displacement_spikes",
+        "1 spike in the displacement, in row 2501",
+    ),
+    "force that drifts": (drifting(LOG, "force", 0.04), "force_drift", "drifts by"),
+    "stroke that drifts": (drifting(LOG, "displacement", 0.1), "stroke_drift", "mid-stroke"),
+    "force that scatters": (scattered(LOG, 0.04), "cycle_scatter", "1 % or less"),
+    "noisy displacement": (made(noise=(4.0, 6e-5)), "displacement_noise", "K_e"),
+    "stamps of the computer": (wrongly_stamped(LOG, 0.2), "jitter", "smoother without"),
+    "hot": (at(LOG, LOG.temperature + 2.3), "temperature", r"28\.3 degC .* outside 26 \+- 1"),
+    "warming": (at(LOG, 26.0 + RAMP), "temperature_drift", "within the run"),
+    "no temperature": (at(LOG, None), "temperature_missing", "no temperature"),
+    "another frequency than said": (
+        replace(LOG, metadata={"test frequency": "1.6 Hz"}),
+        "frequency",
+        "preamble says 1.6 Hz",
+    ),
+    "another amplitude than said": (
+        replace(LOG, metadata={"amplitude_mm": "25"}),
+        "amplitude",
+        "preamble says 25 mm",
+    ),
+    "tiny": (
+        made(amplitude=1.5e-4, noise=(0.0, 0.0)),
+        "amplitude",
+        "check the displacement's unit",
+    ),
+    "fast": (
+        made(frequency=20.0, cycles=60, amplitude=0.004, noise=(4.0, 0.0)),
+        "filter_loss",
+        "raise its corner",
+    ),
+    "few samples a cycle": (
+        made(rate=100.0, frequency=20.0, cycles=90, amplitude=0.004, noise=(0.0, 0.0)),
+        "sample_rate",
+        "% low",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_found_with_number_and_place(fault):
+    recording, name, says = FAULTS[fault]
+    found = warned(recording)
+    assert name in found
+    assert re.search(says, found[name].sentence), found[name].sentence
+    if name != "temperature_missing":
+        assert found[name].value is not None
+
+
+@pytest.mark.parametrize("fault", sorted(FAULTS))
+def test_a_fault_raises_no_other_alarm(fault):
+    recording, name, _ = FAULTS[fault]
+    # What one fault does to another number is no false alarm.
+    shadows = {
+        "tiny": {"displacement_noise"},
+        "few samples a cycle": {"filter_loss"},
+        "coarse displacement": {"displacement_noise"},
+        "stamps of the computer": {"displacement_noise"},
+        "spikes in force": {"cycle_scatter"},
+        "slow displacement": {"displacement_noise", "displacement_steps"},
+    }
+    assert set(warned(recording)) <= {name} | shadows.get(fault, set())
+
+
+CLEAN = [
+    (rate, wave, noise, bits)
+    for rate, wave, noise, bits in itertools.product(
+        (300.0, 1000.0, 5000.0),
+        ("sine", "triangle", "crank"),
+        ((0.0, 0.0), (4.0, 8e-6)),
+        (0, 12, 16),
+    )
+]
+
+
+@pytest.mark.parametrize(("rate", "wave", "noise", "bits"), CLEAN)
+def test_a_clean_log_gives_no_warning(rate, wave, noise, bits):
+    setting = 1 if bits else 20
+    recording = made(wave, setting=setting, rate=rate, noise=noise, bits=bits, cycles=7)
+    assert warned(recording) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("setting", range(1, 21))
+def test_clean_logs_of_every_setting_rate_and_seed(setting):
+    for seed, (rate, wave, noise, bits) in enumerate(CLEAN):
+        recording = made(wave, setting=setting, rate=rate, noise=noise, bits=bits, seed=seed)
+        assert warned(recording) == {}, (rate, wave, noise, bits)
+
+
+def test_notes_carry_the_numbers():
+    found = {one.name: one for one in condition(made("crank"), OPTIONS).findings}
+    assert found["harmonics"].value == pytest.approx(3.0, abs=0.05)
+    assert "as of a crank" in found["harmonics"].sentence
+    assert found["frequency"].value == pytest.approx(1.5, rel=1e-4)
+    assert found["amplitude"].value == pytest.approx(32.0, abs=0.05)
+    assert found["displacement_noise"].value == pytest.approx(8.0, rel=0.1)
+    assert found["sample_rate"].value == pytest.approx(500.0)
+    assert found["cycles"].value >= 12
+    assert 0.7 < found["trimmed"].value < 3.0
+    assert found["cycle_scatter"].value < 0.5
+    assert found["temperature"].value == 26.0
+    assert all(one.severity == "note" for one in found.values())
+
+
+def test_a_triangle_is_known_by_its_harmonics():
+    (one,) = (f for f in condition(made("triangle")).findings if f.name == "harmonics")
+    assert one.value == pytest.approx(11.1, abs=0.2)
+    assert "triangle" in one.sentence
+
+
+def test_another_test_than_the_nominal_one_is_a_note():
+    found = {one.name: one for one in condition(made(frequency=0.5), OPTIONS).findings}
+    assert (found["frequency"].severity, found["amplitude"].severity) == ("note", "note")
+    assert "another test than the 1.5 Hz" in found["frequency"].sentence
+    near = {one.name: one for one in condition(made(frequency=1.53), OPTIONS).findings}
+    assert "2 % above the 1.5 Hz" in near["frequency"].sentence
+
+
+def test_stamps_that_are_right_are_a_note_however_uneven():
+    t = LOG.time + np.random.default_rng(4).uniform(-0.3, 0.3, len(LOG.time)) * 0.002
+    x, v = moved("sine", t)
+    f = incompressible_force(reference_parameters(10), PURDY_DAMPER, x, v)
+    recording = replace(LOG, time=t, displacement=x, force=f)
+    (one,) = (o for o in condition(recording, OPTIONS).findings if o.name == "jitter")
+    assert one.severity == "note"
+    assert "jitter" not in warned(recording)
+
+
+def test_spikes_are_bridged_only_when_declared():
+    recording, _, _ = FAULTS["spikes in force"]
+    clean, kept = condition(LOG, OPTIONS), condition(recording, OPTIONS)
+    bridged = condition(recording, replace(OPTIONS, spikes="bridge"))
+    (one,) = (o for o in bridged.findings if o.name == "force_spikes_bridged")
+    assert (one.severity, one.value) == ("note", 3.0)
+    assert bridged.warnings == ()
+
+    def off(trace):
+        return np.abs(trace.force - clean.force).max()
+
+    assert off(bridged) < 3.0
+    assert off(kept) > 60.0
+
+
+def test_a_feature_of_every_cycle_is_no_spike():
+    phase = np.mod(LOG.time * 1.5, 1.0)
+    knock = LOG.force + 600.0 * (np.abs(phase - 0.3) < 0.0015)
+    assert "force_spikes" not in warned(replace(LOG, force=knock))
+
+
+def test_rest_at_the_end_of_the_stroke_is_no_clipping_and_no_stand():
+    t = np.arange(9000) / 500.0
+    x, v = moved("sine", t - 4.0, phase=-0.5 * np.pi)
+    is_rest = t < 4.0
+    x, v = np.where(is_rest, -0.032, x), np.where(is_rest, 0.0, v)
+    f = incompressible_force(reference_parameters(10), PURDY_DAMPER, x, v)
+    recording = Recording("log.csv", "log.csv", "", 1, t, x, f, np.full(9000, 26.0))
+    assert warned(recording) == {}
+    assert not [one for one in examine_raw(recording) if _warns(one)]
+    (one,) = (o for o in condition(recording, OPTIONS).findings if o.name == "trimmed")
+    assert one.value > 4.0
+
+
+def test_a_refused_log_still_shows_its_channels():
+    recording = spiked(made(cycles=2), "force", [500], 0.8)
+    with pytest.raises(ConditioningError):
+        condition(recording, OPTIONS)
+    assert "force_spikes" in {one.name for one in examine_raw(recording) if _warns(one)}
+
+
+def test_no_window_of_temperature_asks_for_none():
+    options = replace(OPTIONS, nominal=replace(TEST, temperature_tolerance=np.inf))
+    assert warned(at(LOG, None), options) == {}
+    assert warned(at(LOG, LOG.temperature + 30.0), options) == {}
+
+
+def test_unsteady_cycles_are_told():
+    t = np.arange(15_000) / 500.0
+    size = np.where((t > 10) & (t < 16), 1.0, 1.0 + 0.3 * np.sin(2 * np.pi * 0.37 * t))
+    recording = Recording(
+        "log.csv", "log.csv", "", 1, t, 0.03 * size * np.sin(3 * np.pi * t), np.cos(3 * np.pi * t)
+    )
+    assert (
+        "cycles in a row are steady"
+        in warned(recording, ConditionOptions())["unsteady_cycles"].sentence
+    )

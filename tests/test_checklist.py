@@ -1,0 +1,197 @@
+"""The checklist: each check passes, fails with the settings named, or says why nobody looked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.adjustment import Adjustment, Click, Outlier, Trend
+from damperfit.checklist import (
+    CHECK_LISTS,
+    CHECKS,
+    Check,
+    Subject,
+    expand_checks,
+    missed_gates,
+    run_checks,
+)
+from damperfit.errors import ConfigurationError
+from damperfit.identification import LogFit, Outcome
+from damperfit.recording import Finding
+from damperfit.uncertainty import Assessment, Diagnosis
+from tests.fakes import campaign, fit, trace
+
+
+def diagnosis(setting=1, *, mse=0.01, noise=0.0098, is_structured=False):
+    return Diagnosis(setting, mse, noise, is_structured, 0.0, 1.0, (), f"sentence of {setting}")
+
+
+def trend(**more):
+    plain = Trend("r_m1", "log", 1, 0.003, False, "rising", True, (), (), True, (), "R_m1 rises")
+    return replace(plain, **more)
+
+
+def click(change=50.0, reach=1.0, **more):
+    plain = Click(1, 2, 0.3, "rebound", change, change - reach, change + reach, 5.0, 4.9, 5.1)
+    return replace(plain, **more)
+
+
+def subject(*fits, diagnoses=None, trends=None, clicks=None, **more):
+    trends = (trend(),) if trends is None else trends
+    clicks = (click(),) if clicks is None else clicks
+    fits = fits or (fit(1), fit(2))
+    assessed = [diagnosis(one.setting) for one in fits] if diagnoses is None else diagnoses
+    return Subject(
+        campaign(*fits),
+        Assessment(diagnoses=tuple(assessed)),
+        Adjustment(trends=tuple(trends), clicks=tuple(clicks)),
+        **more,
+    )
+
+
+def result(name, seen) -> Check:
+    return {check.name: check for check in run_checks(seen)}[name]
+
+
+def with_trace(setting, **changes):
+    one = fit(setting)
+    return replace(one, logs=(LogFit(replace(trace(setting), **changes), 0.01, 0.01),))
+
+
+FINDING = Finding("clipping", "warning", "the force is clipped")
+NOTE = Finding("tare", "note", "the force is not tared")
+OFF = trend(outliers=(Outlier(20, 4.9e4, 4.355e4, 0.125),))
+
+FAILING = {
+    "every_setting_fitted": (subject(missing=("setting_07.csv",)), "setting_07.csv failed"),
+    "fits_converged": (
+        subject(fit(1), fit(4, outcome=Outcome.NO_DESCENT)),
+        "at setting 4 (no_descent)",
+    ),
+    "mse_below_1_percent": (
+        subject(fit(1, mse=1.0), fit(2), fit(3, mse=6.0)),
+        "at settings 1, 3, worst 6 % at setting 3",
+    ),
+    "no_parameter_at_bound": (
+        subject(fit(1), fit(2, status={"k_e": "at_bound"})),
+        "k_e lies at the edge of its plausible range at setting 2",
+    ),
+    "all_parameters_identifiable": (
+        subject(*(fit(n, status={"k_e": "not_identifiable"}) for n in (1, 2, 3, 7))),
+        "k_e is not told by the logs at settings 1-3, 7",
+    ),
+    "no_cavitation": (
+        subject(fit(19), fit(20, outcome=Outcome.CAVITATING)),
+        "at setting 20, most for 5.0 % of the cycle at setting 20",
+    ),
+    "residuals_white": (
+        subject(diagnoses=[diagnosis(1), diagnosis(2, is_structured=True)]),
+        "repeats from cycle to cycle at setting 2: sentence of 2",
+    ),
+    "noise_floor_explained": (
+        subject(diagnoses=[diagnosis(2, mse=0.62, noise=0.04, is_structured=True)]),
+        "at setting 2, least at setting 2: 6.5 % of 0.62 %",
+    ),
+    "trend_monotone": (
+        subject(trends=[trend(monotone=False, sentence="R_m1 turns")]),
+        "R_m1 turns",
+    ),
+    "no_outlier_setting": (subject(trends=[OFF]), "setting 20 (r_m1 +12.5 %)"),
+    "every_click_counts": (
+        subject(clicks=[click(0.5), click(-0.2, stroke="bump"), click(90.0, speed=0.1)]),
+        "at 0.3 m/s does not change from setting 1 to 2",
+    ),
+    "temperature_in_window": (
+        subject(with_trace(3, temperature=28.3)),
+        "outside 26 +- 1 degC: setting 3 (setting_03.csv, 28.3 degC)",
+    ),
+    "no_log_warnings": (subject(with_trace(3, findings=(FINDING, NOTE))), "clipping at setting 3"),
+}
+UNSEEN = {
+    "residuals_white": (subject(diagnoses=[diagnosis(1, noise=np.nan)]), "at setting 1"),
+    "noise_floor_explained": (subject(diagnoses=[diagnosis(1, noise=np.nan)]), "at setting 1"),
+    "trend_monotone": (
+        subject(trends=[trend(monotone=None, outliers_judged=False, sentence="too few")]),
+        "too few",
+    ),
+    "no_outlier_setting": (subject(trends=[]), "no parameter was fitted setting by setting"),
+    "every_click_counts": (subject(clicks=[]), "no two settings"),
+    "temperature_in_window": (
+        subject(fit(1), with_trace(2, temperature=None)),
+        "no temperature in 1 of 2 logs (setting_02.csv)",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_a_good_run_passes_every_check(name) -> None:
+    check = result(name, subject())
+    assert check.passed is True, check.reason
+    assert check.reason
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_every_check_can_fail_and_says_where(name) -> None:
+    seen, words = FAILING[name]
+    check = result(name, seen)
+    assert check.passed is False
+    assert words in check.reason
+
+
+@pytest.mark.parametrize("name", UNSEEN)
+def test_what_cannot_be_looked_at_says_why(name) -> None:
+    seen, words = UNSEEN[name]
+    check = result(name, seen)
+    assert check.passed is None
+    assert words in check.reason
+
+
+def test_a_fault_counts_before_a_log_that_tells_nothing() -> None:
+    seen = subject(with_trace(1, temperature=None), with_trace(2, temperature=30.0))
+    assert result("temperature_in_window", seen).passed is False
+
+
+def test_a_small_misfit_that_noise_covers_is_explained() -> None:
+    seen = subject(diagnoses=[diagnosis(1, mse=0.01, noise=0.007, is_structured=True)])
+    assert result("residuals_white", seen).passed is False
+    assert result("noise_floor_explained", seen).passed is True
+
+
+@pytest.mark.parametrize(
+    ("settings", "passed"),
+    [((1, 2, 3, 5), False), ((2, 4, 6, 8), True), ((1, 5, 10, 15, 20), True), ((7,), True)],
+)
+def test_gaps_are_settings_left_out_of_a_run_of_clicks(settings, passed) -> None:
+    check = result("every_setting_fitted", subject(*(fit(setting) for setting in settings)))
+    assert check.passed is passed
+    assert passed or "no result for setting 4" in check.reason
+
+
+def test_without_fits_nothing_is_looked_at() -> None:
+    checks = run_checks(Subject(campaign(), Assessment(), Adjustment(), missing=("a.csv",)))
+    by_name = {check.name: check for check in checks}
+    assert by_name.pop("every_setting_fitted").passed is False
+    assert {check.passed for check in by_name.values()} == {None}
+
+
+def test_lists_and_names_are_expanded_once_each() -> None:
+    wanted = expand_checks(["no_log_warnings", "purdy2000", "no_cavitation"])
+    assert wanted == ("no_log_warnings", *CHECK_LISTS["purdy2000"])
+    assert set(CHECK_LISTS["purdy2000"]) <= set(CHECKS)
+
+
+def test_an_unknown_name_is_refused_with_the_nearest() -> None:
+    with pytest.raises(ConfigurationError, match="Did you mean 'no_cavitation'"):
+        expand_checks(["no_cavitations"])
+    with pytest.raises(ConfigurationError, match="Did you mean 'purdy2000'"):
+        expand_checks(["purdy200"])
+
+
+def test_a_gate_that_nobody_looked_at_is_not_met() -> None:
+    checks = (Check("a", True, "fine"), Check("b", False, "bad"), Check("c", None, "no data"))
+    assert missed_gates(checks, ("a", "b", "c")) == (
+        "check b: bad",
+        "check not looked at: c: no data",
+    )
