@@ -18,16 +18,17 @@ from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Outcome
 from damperfit.report import Failure, ReportFacts
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
-from damperfit.uncertainty import METHOD, Assessment, verdicts
+from damperfit.uncertainty import METHOD, Assessment, prediction_warnings, verdicts
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from damperfit.adjustment import Click
     from damperfit.identification import Campaign
     from damperfit.intake import Intake, LogFacts
     from damperfit.recording import Finding
     from damperfit.settings import Settings
+    from damperfit.uncertainty import Prediction
 
 __all__ = [
     "Ending",
@@ -73,11 +74,14 @@ class Judgement:
         What shows across settings.
     checks : tuple of Check
         The checklist.
+    predictions : tuple of Prediction
+        How well what was held out is predicted.
     """
 
     assessment: Assessment = Assessment()
     adjustment: Adjustment = Adjustment()
     checks: tuple[Check, ...] = ()
+    predictions: tuple[Prediction, ...] = ()
 
 
 def failures_of(settings: Settings, intake: Intake, campaign: Campaign) -> tuple[Failure, ...]:
@@ -99,9 +103,13 @@ def report_facts(
     outcomes = {fit.outcome for fit in campaign.fits if fit.outcome is not Outcome.CONVERGED}
     return ReportFacts(
         version=__version__,
-        procedure=(*_procedure(settings, campaign), *((METHOD,) if campaign.fits else ())),
+        procedure=(*_procedure(settings, campaign), *_method(campaign, assessment)),
         failures=failures_of(settings, intake, campaign),
-        warnings=(*_warnings(intake, campaign), *assessment.warnings),
+        warnings=(
+            *_warnings(intake, campaign),
+            *assessment.warnings,
+            *prediction_warnings(judgement.predictions),
+        ),
         trust=assessment.sentences,
         across=judgement.adjustment.sentences,
         checks=judgement.checks,
@@ -111,8 +119,15 @@ def report_facts(
             *missed_gates(judgement.checks, settings.output.checks),
         ),
         advice=tuple(sorted((outcome.value, outcome.advice) for outcome in outcomes)),
+        held_out=judgement.predictions,
         is_interrupted=is_interrupted,
     )
+
+
+def _method(campaign: Campaign, assessment: Assessment) -> tuple[str, ...]:
+    """How the errors were found, and how they were checked."""
+    said = (METHOD, assessment.cycle_check) if campaign.fits else ()
+    return tuple(sentence for sentence in said if sentence)
 
 
 def ending_of(campaign: Campaign, facts: ReportFacts) -> Ending:
@@ -130,9 +145,15 @@ def ending_of(campaign: Campaign, facts: ReportFacts) -> Ending:
     return Ending.GATE_MISSED if facts.gates else Ending.COMPLETE
 
 
-def provenance(settings: Settings, intake: Intake, campaign: Campaign) -> dict[str, Any]:
+def provenance(
+    settings: Settings,
+    intake: Intake,
+    campaign: Campaign,
+    predictions: Sequence[Prediction] = (),
+) -> dict[str, Any]:
     """Return what the tables were made from; nothing in it depends on place, time or failures."""
     used = {log.trace.name for fit in campaign.fits for log in fit.logs}
+    used |= {one.trace.name for one in predictions}
     document = {key: value for key, value in settings.document.items() if key != "output"}
     return {
         "version": __version__,
@@ -167,6 +188,7 @@ def record(
         "procedure": list(facts.procedure),
         "checks": [asdict(check) for check in judgement.checks],
         "uncertainty": list(_trust(campaign, judgement.assessment)),
+        "held_out": [one.describe() for one in judgement.predictions],
         **_across(judgement.adjustment),
         "schema": describe_tables(),
     }

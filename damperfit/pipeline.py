@@ -13,6 +13,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from damperfit.account import (
@@ -28,11 +29,12 @@ from damperfit.adjustment import compare_settings
 from damperfit.atomic import check_writable, file_set
 from damperfit.checklist import Subject, run_checks
 from damperfit.errors import ConfigurationError
+from damperfit.holdout import Parted, named_files, note_unpredicted, part
 from damperfit.identification import Campaign, compare, identify
 from damperfit.intake import available_cores, expand, take_in
 from damperfit.report import markdown_report
 from damperfit.tables import make_tables, write_responses, write_table
-from damperfit.uncertainty import assess
+from damperfit.uncertainty import assess, predict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -137,18 +139,24 @@ def run(
     clock = _Clock()
     folder = settings.output.folder
     paths = expand(logs)
+    named = named_files(settings.hold_out.patterns, paths)
+    paths = tuple(dict.fromkeys((*paths, *chain.from_iterable(named.values()))))
     check_writable(folder)
     workers = jobs or available_cores()
     with clock.lap("read_s"):
         intake = take_in(paths, settings, jobs=workers, setting=setting, cancelled=watch.cancelled)
     if not intake.logs and not watch.cancelled():
         raise ConfigurationError("no logs among the files given: they are all parameter tables")
+    parted = Parted(intake) if watch.cancelled() else part(intake, settings.hold_out, named)
+    intake = parted.intake
     watch.on_start(len({trace.setting for trace in intake.traces}))
     with clock.lap("fit_s"):
         campaign = _identify(settings, intake.traces, jobs=workers, watch=watch)
     with clock.lap("judge_s"):
-        judgement = _judge(settings, intake, campaign, jobs=workers)
-    origin = provenance(settings, intake, campaign)
+        judgement = _judge(settings, intake, campaign, held_out=parted.held_out, jobs=workers)
+    if not watch.cancelled():
+        intake = note_unpredicted(parted, campaign, judgement.predictions)
+    origin = provenance(settings, intake, campaign, judgement.predictions)
     facts = report_facts(settings, intake, campaign, judgement, is_interrupted=watch.cancelled())
     ending = ending_of(campaign, facts)
     result = RunResult(
@@ -157,6 +165,7 @@ def run(
         tables=make_tables(
             campaign,
             assessment=judgement.assessment,
+            predictions=judgement.predictions,
             adjustment=judgement.adjustment,
             expected=settings.rig.settings,
             provenance=origin,
@@ -201,7 +210,14 @@ def _identify(settings: Settings, traces: Sequence[Trace], *, jobs: int, watch: 
     )
 
 
-def _judge(settings: Settings, intake: Intake, campaign: Campaign, *, jobs: int) -> Judgement:
+def _judge(
+    settings: Settings,
+    intake: Intake,
+    campaign: Campaign,
+    *,
+    held_out: Sequence[Trace],
+    jobs: int,
+) -> Judgement:
     solver = settings.identification.solver
     assessment = assess(campaign, settings.damper, solver=solver, jobs=jobs)
     adjustment = compare_settings(campaign, assessment, settings.damper, solver=solver, jobs=jobs)
@@ -213,7 +229,10 @@ def _judge(settings: Settings, intake: Intake, campaign: Campaign, *, jobs: int)
         temperature=settings.rig.temperature,
         temperature_tolerance=settings.rig.temperature_tolerance,
     )
-    return Judgement(assessment, adjustment, run_checks(subject))
+    predictions = predict(
+        campaign, assessment, held_out, damper=settings.damper, solver=solver, jobs=jobs
+    )
+    return Judgement(assessment, adjustment, run_checks(subject), predictions)
 
 
 def _comparisons(settings: Settings, campaign: Campaign, *, jobs: int) -> Iterator[Comparison]:

@@ -10,7 +10,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
 from damperfit.checklist import expand_checks
 from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
@@ -27,6 +27,7 @@ from damperfit.settings import (
     parameter_value,
 )
 from damperfit.simulation import SolverOptions
+from damperfit.uncertainty import HoldOutOptions
 
 __all__ = ["build_settings"]
 
@@ -192,11 +193,23 @@ class _IdentificationSection(_Section):
     free: list[str]
     fix: dict[str, float | str]
     share: list[str]
+    hold_out: list[str]
+    hold_out_cycles: Annotated[float, _NotNegative]
     max_evaluations: Annotated[int, Field(ge=1)]
     tolerance: _Force
     dead_band: _Speed
     fallback_r_m3: Annotated[float, _Positive]
     fallback_f_f: Annotated[float, _quantity("force"), _NotNegative]
+
+    @field_validator("hold_out_cycles")
+    @classmethod
+    def _share_or_number(cls, cycles: float) -> float:
+        if cycles >= 1.0 and cycles != round(cycles):
+            raise ValueError("expected a share below 1 or a whole number of cycles")
+        return cycles
+
+    def build_hold_out(self) -> HoldOutOptions:
+        return HoldOutOptions(tuple(self.hold_out), self.hold_out_cycles)
 
     def build(self) -> FitOptions:
         options = FitOptions(
@@ -261,6 +274,7 @@ def build_settings(document: dict[str, Any]) -> Settings:
         reading=checked.rig.build_reading(),
         conditioning=checked.conditioning.build(checked.rig, damper, checked.identification),
         identification=checked.identification.build(),
+        hold_out=checked.identification.build_hold_out(),
         simulation=checked.simulation.build(checked.identification.dead_band),
         output=checked.output.build(),
         document=document,

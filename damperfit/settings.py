@@ -13,6 +13,7 @@ from damperfit.identification import FitOptions
 from damperfit.quantities import parse_quantity
 from damperfit.readers import ReadOptions
 from damperfit.simulation import SolverOptions
+from damperfit.uncertainty import HoldOutOptions
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -110,6 +111,8 @@ class Settings:
         How signals become traces.
     identification : FitOptions
         What is fitted, and how.
+    hold_out : HoldOutOptions
+        What is not fitted but predicted.
     simulation : SimulationOptions
         Defaults of `simulate`.
     output : OutputOptions
@@ -123,6 +126,7 @@ class Settings:
     reading: ReadOptions
     conditioning: ConditionOptions
     identification: FitOptions
+    hold_out: HoldOutOptions
     simulation: SimulationOptions
     output: OutputOptions
     document: dict[str, Any] = field(compare=False, repr=False)

@@ -53,7 +53,7 @@ def _compared(done):
 def test_columns_and_their_order_are_those_of_the_contract() -> None:
     tables = make_tables(campaign(fit(1)))
     assert tables.parameters.column_names == CONTRACT_PARAMETERS
-    assert tables.mse.column_names == CONTRACT_MSE
+    assert tables.mse.column_names == [*CONTRACT_MSE, "role"]
 
 
 def test_every_number_column_says_its_unit_and_every_column_its_meaning() -> None:

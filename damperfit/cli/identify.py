@@ -57,6 +57,19 @@ def identify(
         str | None,
         typer.Option(metavar="NAME,NAME", help="In common to all settings of a joint fit."),
     ] = None,
+    hold_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATTERN",
+            help="Do not fit these logs, predict them; may be given several times.",
+        ),
+    ] = None,
+    hold_out_cycles: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N", help="Likewise the last N cycles of each log; below 1: that share of them."
+        ),
+    ] = None,
     max_mse: Annotated[
         float | None, typer.Option(metavar="PCT", help="End with code 4 above this MSE.")
     ] = None,
@@ -104,6 +117,7 @@ def identify(
     from damperfit.pipeline import Watch, run
     from damperfit.report import (
         check_lines,
+        held_out_sheet,
         markdown_report,
         parameter_sheet,
         terminal_table,
@@ -118,6 +132,8 @@ def identify(
             ("identification", "fix", assignments(fix or [], option="--fix") or None),
             ("identification", "procedure", procedure),
             ("identification", "share", share.split(",") if share is not None else None),
+            ("identification", "hold_out", hold_out or None),
+            ("identification", "hold_out_cycles", hold_out_cycles),
             ("rig", "strict", strict or None),
             *rig_entries(rig),
             ("rig", "skew", skew),
@@ -142,6 +158,9 @@ def identify(
     elif result.campaign.fits:
         sheet = parameter_sheet(result.tables.parameters, digits=4, has_errors=False)
         print_renderable(terminal_table(sheet))
+        if result.facts.held_out:
+            held_out = held_out_sheet(result.facts.held_out, is_narrow=True)
+            print_renderable(terminal_table(held_out))
         print_lines(["", *map(one_line, check_lines(result.facts.checks))])
     return result.ending.value
 

@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt over the logs of one setting, on log parameters with the exact Jacobian.
+"""The misfit of the logs of one setting and its descent, on log parameters, exact Jacobian.
 
 The variables are u = ln y for the positive parameters and u = f_0/scale for the offset, so that a
 step is a relative change and no parameter can change sign. The residual is
@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning import apply_filter
-from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
-from damperfit.errors import DamperfitError, SimulationError
+from damperfit.errors import DamperfitError
 from damperfit.identification.comparison import motion_of
+from damperfit.identification.minimiser import Stopping, Transformation, minimise
 from damperfit.simulation import SolverOptions, simulate
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.parameters import Damper, Parameters
     from damperfit.recording import Trace
 
     FloatArray = NDArray[np.float64]
@@ -35,10 +35,6 @@ __all__ = ["FitCancelledError", "Misfit", "Solution", "approach", "descend", "li
 # start for another descent needs no more than a per cent.
 _COST_TOLERANCE = 1e-8
 _ROUGH_COST_TOLERANCE = 1e-2
-# A relative change of a logarithm near 15; 1e-9 resolves a parameter to 1e-8.
-_STEP_TOLERANCE = 1e-9
-# A point the model cannot be integrated at counts as this many times the force's variance.
-_WALL = 1e3
 # Below this misfit (times the solver's tolerance, N) the solver's own error is what is left.
 _POLISH_BELOW = 100.0
 _POLISH_FACTOR = 0.003
@@ -177,78 +173,56 @@ def linearise(misfit: Misfit, parameters: Parameters) -> tuple[FloatArray, Float
     """
     if misfit.cancelled():
         raise FitCancelledError("stopped while a fit was running.")
-    point = _evaluate(misfit, _pack(misfit, parameters), parameters, 1.0)
-    return point.residuals, point.jacobian * _common_scale(misfit)
+    residuals, slopes, _ = _evaluate(misfit, parameters, 1.0)
+    return residuals, slopes * _common(misfit).slopes(_values(misfit, parameters))
 
 
 def stepped(misfit: Misfit, parameters: Parameters, step: FloatArray) -> Parameters:
     """Return the parameters after a step in the variables of `linearise`."""
-    return _unpack(_pack(misfit, parameters) + _common_scale(misfit) * step, misfit, parameters)
+    common = _common(misfit)
+    variables = common.pack(_values(misfit, parameters)) + step
+    return _with(misfit, parameters, common.unpack(variables))
 
 
-def _common_scale(misfit: Misfit) -> FloatArray:
-    return np.array([_OFFSET / misfit.deviation if n == "f_0" else 1.0 for n in misfit.free])
+def _common(misfit: Misfit) -> Transformation:
+    """The variables of a fit over several settings, which must not depend on one's forces."""
+    return replace(_transformation(misfit), scales=np.full(len(misfit.free), _OFFSET))
 
 
 def _minimise(misfit: Misfit, start: Parameters, cost_tolerance: float) -> Solution:
-    from scipy.optimize import least_squares
-
     scale = 1.0 / (misfit.deviation * math.sqrt(misfit.n_samples))
-    known: dict[str, _Point] = {}
-    count = {"evaluations": 0, "failed": 0}
 
-    def point(u: FloatArray) -> _Point:
-        key = u.tobytes()
-        for earlier in known.values():
-            if earlier.key == key:
-                return earlier
+    def model(values: FloatArray) -> tuple[FloatArray, FloatArray, _Seen]:
         if misfit.cancelled():
             raise FitCancelledError("stopped while a fit was running.")
-        count["evaluations"] += 1
-        known["last"] = _evaluate(misfit, u, _unpack(u, misfit, start), scale)
-        if "best" not in known or known["last"].cost < known["best"].cost:
-            known["best"] = known["last"]
-        return known["last"]
+        return _evaluate(misfit, _with(misfit, start, values), scale)
 
-    def residuals(u: FloatArray) -> FloatArray:
-        try:
-            return point(u).residuals
-        except SimulationError:
-            count["failed"] += 1
-            if "best" not in known:
-                raise
-            return np.full(misfit.n_samples, math.sqrt(_WALL / misfit.n_samples))
-
-    def jacobian(u: FloatArray) -> FloatArray:
-        return point(u).jacobian
-
-    if not misfit.free:
-        return _solution(point(np.empty(0)), count, status=1)
-    ended = least_squares(
-        residuals,
-        _pack(misfit, start),
-        jac=jacobian,
-        method="lm",
-        ftol=cost_tolerance,
-        xtol=_STEP_TOLERANCE,
-        gtol=1e-12,
-        max_nfev=misfit.max_evaluations,
+    stopping = Stopping(cost_tolerance, max_evaluations=misfit.max_evaluations)
+    ended = minimise(model, _values(misfit, start), _transformation(misfit), stopping)
+    point = ended.point
+    return Solution(
+        parameters=point.extra.parameters,
+        mse_percent=100.0 * point.cost,
+        jacobian=point.jacobian,
+        evaluations=ended.evaluations,
+        failed_trials=ended.failed_trials,
+        status=ended.status,
+        gradient_cosine=ended.gradient_cosine,
+        n_independent=max(2.0 * np.count_nonzero(np.diff(np.signbit(point.residuals))), 1.0),
+        is_cavitating=point.extra.is_cavitating,
     )
-    return _solution(known["best"], count, status=int(ended.status))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Point:
-    key: bytes
+@dataclass(frozen=True, slots=True)
+class _Seen:
     parameters: Parameters
-    residuals: FloatArray
-    jacobian: FloatArray
-    cost: float
     is_cavitating: bool
 
 
-def _evaluate(misfit: Misfit, u: FloatArray, parameters: Parameters, scale: float) -> _Point:
-    factors = np.array([1.0, *(_slope(name, parameters, misfit) for name in misfit.free)]) * scale
+def _evaluate(
+    misfit: Misfit, parameters: Parameters, scale: float
+) -> tuple[FloatArray, FloatArray, _Seen]:
+    """Return residuals (n,) and their derivative by the free parameters (n, k), both scaled."""
     parts = []
     is_cavitating = False
     for trace in misfit.traces:
@@ -262,57 +236,23 @@ def _evaluate(misfit: Misfit, u: FloatArray, parameters: Parameters, scale: floa
         rows = np.stack([response.force, *response.sensitivities.values()])
         rows = apply_filter(trace.model_filter, rows)[:, trace.window]
         rows[0] -= trace.force[trace.window]
-        parts.append(rows * factors[:, None])
+        parts.append(rows * scale)
         is_cavitating |= bool((response.pressures[:2, trace.window] <= 0.0).any())
     whole = parts[0] if len(parts) == 1 else np.hstack(parts)
-    residuals = whole[0]
-    return _Point(
-        key=u.tobytes(),
-        parameters=parameters,
-        residuals=residuals,
-        jacobian=whole[1:].T,
-        cost=float(residuals @ residuals),
-        is_cavitating=is_cavitating,
+    return whole[0], whole[1:].T, _Seen(parameters, is_cavitating)
+
+
+def _transformation(misfit: Misfit) -> Transformation:
+    """Logarithms of the positive parameters; the offset in units of the force's deviation."""
+    return Transformation(
+        np.array([name != "f_0" for name in misfit.free], dtype=bool),
+        np.full(len(misfit.free), misfit.deviation),
     )
 
 
-def _slope(name: str, parameters: Parameters, misfit: Misfit) -> float:
-    """Return dy/du."""
-    return misfit.deviation if name == "f_0" else float(getattr(parameters, name))
+def _values(misfit: Misfit, parameters: Parameters) -> FloatArray:
+    return np.array([getattr(parameters, name) for name in misfit.free])
 
 
-def _pack(misfit: Misfit, parameters: Parameters) -> FloatArray:
-    values = [
-        parameters.f_0 / misfit.deviation if name == "f_0" else math.log(getattr(parameters, name))
-        for name in misfit.free
-    ]
-    return np.array(values)
-
-
-def _unpack(u: FloatArray, misfit: Misfit, start: Parameters) -> Parameters:
-    values = {name: getattr(start, name) for name in PARAMETER_NAMES}
-    for name, value in zip(misfit.free, u, strict=True):
-        # e^600 overflows nothing yet and is refused by the core as a failed trial.
-        values[name] = (
-            float(value) * misfit.deviation
-            if name == "f_0"
-            else math.exp(min(max(value, -600), 600))
-        )
-    return Parameters(**values)
-
-
-def _solution(point: _Point, count: dict[str, int], status: int) -> Solution:
-    lengths = np.sqrt(np.sum(point.jacobian**2, axis=0)) * math.sqrt(point.cost)
-    slopes = np.abs(point.jacobian.T @ point.residuals)
-    cosine = float(np.max(slopes / np.maximum(lengths, 1e-300), initial=0.0))
-    return Solution(
-        parameters=point.parameters,
-        mse_percent=100.0 * point.cost,
-        jacobian=point.jacobian,
-        evaluations=count["evaluations"],
-        failed_trials=count["failed"],
-        status=status,
-        gradient_cosine=cosine,
-        n_independent=max(2.0 * np.count_nonzero(np.diff(np.signbit(point.residuals))), 1.0),
-        is_cavitating=point.is_cavitating,
-    )
+def _with(misfit: Misfit, parameters: Parameters, values: FloatArray) -> Parameters:
+    return replace(parameters, **dict(zip(misfit.free, values.tolist(), strict=True)))

@@ -12,6 +12,7 @@ from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.identification.cavitation import cavitation_margin
 from damperfit.identification.comparison import compare, normalised_mse
 from damperfit.identification.descent import Misfit, Solution, approach, descend
+from damperfit.identification.minimiser import inverse_information
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.starting import cavitation_limit
 
@@ -203,16 +204,9 @@ def relative_errors(solution: Solution) -> NDArray[np.float64]:
     jacobian = solution.jacobian
     if jacobian.shape[1] == 0:
         return np.empty(0)
-    lengths = np.sqrt(np.sum(jacobian * jacobian, axis=0))
-    if not np.all(lengths > 0.0):
-        return np.where(lengths > 0.0, 0.0, np.inf)
-    _, values, directions = np.linalg.svd(
-        jacobian.T @ jacobian / np.outer(lengths, lengths), hermitian=True
-    )
-    inverse = np.sum(directions.T**2 / np.maximum(values, 1e-15), axis=1) / lengths**2
     # In units of u: the sum of squares is MSE/100 over n_independent samples.
     variance = solution.mse_percent / 100.0 / solution.n_independent
-    return np.asarray(np.sqrt(inverse * variance))
+    return np.asarray(np.sqrt(np.diag(inverse_information(jacobian)) * variance))
 
 
 def _statuses(misfit: Misfit, solution: Solution) -> dict[str, str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from damperfit.report.facts import Failure, ReportFacts
+from damperfit.report.held_out import held_out_sheet
 from damperfit.report.inspection import VERDICT_COLOURS, finding_lines, log_sheet
 from damperfit.report.ladder import check_lines, ladder_sheet, stroke_sheet
 from damperfit.report.markdown import markdown_report
@@ -42,6 +43,7 @@ __all__ = [
     "family_sentence",
     "family_sheet",
     "finding_lines",
+    "held_out_sheet",
     "html_report",
     "kin_pressures",
     "ladder_sheet",

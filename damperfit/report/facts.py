@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from damperfit.uncertainty import Prediction
 
 from damperfit.checklist import Check
 
@@ -68,6 +72,8 @@ class ReportFacts:
         Each outcome other than success that occurred, and what to do about it.
     trust : tuple of str
         What the residuals say of noise and lack of fit, one sentence each.
+    held_out : tuple of Prediction
+        What was not fitted but predicted.
     across : tuple of str
         What shows only across the settings, one sentence each.
     checks : tuple of Check
@@ -84,6 +90,7 @@ class ReportFacts:
     gates: tuple[str, ...] = ()
     advice: tuple[tuple[str, str], ...] = ()
     trust: tuple[str, ...] = ()
+    held_out: tuple[Prediction, ...] = ()
     across: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()
     is_interrupted: bool = False

@@ -6,6 +6,7 @@ import re
 from statistics import median
 from typing import TYPE_CHECKING
 
+from damperfit.report.held_out import held_out_sheet
 from damperfit.report.ladder import check_sheet, check_summary, ladder_sheet
 from damperfit.report.rows import Sheet, mse_sheet, parameter_sheet, percent
 
@@ -49,6 +50,7 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
         ["# MSE report", "", *_summary(tables, facts)],
         _section("Parameters", _table(parameters)),
         _section("MSE by setting and log", _table(mse_sheet(tables.mse, tables.parameters))),
+        _section("Held out: predicted, not fitted", _table(held_out_sheet(facts.held_out))),
         _section("Not done", _list(_missing(facts))),
         _section("Gates not met", _list(facts.gates)),
         _section("What to do", _list(f"{word}: {advice}" for word, advice in facts.advice)),

@@ -194,7 +194,7 @@ def mse_sheet(mse: pa.Table, parameters: pa.Table) -> Sheet:
                 row["grade"],
                 str(row["n_samples"]),
                 _words(setting["outcome"]) if is_whole else "",
-                flags(setting) if is_whole else "",
+                flags(setting) if is_whole else _role(row),
             )
         )
     return Sheet(
@@ -203,6 +203,10 @@ def mse_sheet(mse: pa.Table, parameters: pa.Table) -> Sheet:
         rows=tuple(rows),
         is_number=(True, False, True, True, False, True, False, False),
     )
+
+
+def _role(row: Mapping[str, Any]) -> str:
+    return "held out: predicted, not fitted" if row.get("role") == "held_out" else ""
 
 
 def _parameter_cell(row: Mapping[str, Any], name: str, *, digits: int, has_errors: bool) -> str:

@@ -96,6 +96,7 @@ _MSE_TABLE: tuple[_Column, ...] = (
     _Column("noise_floor_percent", _FLOAT, "%", "MSE that the scatter between cycles explains"),
     _GRADE,
     _SAMPLES,
+    _Column("role", _TEXT, "", "fitted, or held_out: predicted with what the other logs gave"),
 )
 _MOTION: tuple[_Column, ...] = (
     _Column("time_s", _FLOAT, "s", "time stamp"),

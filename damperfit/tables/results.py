@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from damperfit.adjustment import Click, Level
-    from damperfit.identification import Campaign, Fit
+    from damperfit.identification import Campaign, Fit, LogFit
     from damperfit.simulation import Response
-    from damperfit.uncertainty import Interval
+    from damperfit.uncertainty import Interval, Prediction
 
 __all__ = [
     "MISSING",
@@ -89,6 +89,7 @@ def make_tables(
     campaign: Campaign,
     *,
     assessment: Assessment = Assessment(),
+    predictions: Sequence[Prediction] = (),
     adjustment: Adjustment = Adjustment(),
     expected: Iterable[int] = (),
     provenance: Mapping[str, Any] | None = None,
@@ -101,6 +102,8 @@ def make_tables(
         Result of `damperfit.identification.identify`.
     assessment : Assessment
         Errors and intervals; cells without one stay empty.
+    predictions : sequence of Prediction
+        What was held out; their rows follow those of the setting in table ``mse``.
     adjustment : Adjustment
         Forces by setting; without them that table has no rows.
     expected : iterable of int
@@ -119,7 +122,7 @@ def make_tables(
     facts = dict(provenance or {})
     return Tables(
         parameters=_table("parameters", [rows[setting] for setting in sorted(rows)], facts),
-        mse=_table("mse", [row for fit in campaign.fits for row in _mse_rows(fit)], facts),
+        mse=_table("mse", list(_mse_rows(campaign, predictions)), facts),
         adjustment=_table(
             "adjustment", adjustment_rows(adjustment.levels, adjustment.clicks), facts
         ),
@@ -149,21 +152,35 @@ def _parameter_row(fit: Fit, intervals: Mapping[str, Interval]) -> dict[str, Any
     }
 
 
-def _mse_rows(fit: Fit) -> Iterator[dict[str, Any]]:
-    def row(log: str, mse: float, noise_floor: float | None, n_samples: int) -> dict[str, Any]:
-        return {
-            "setting": fit.setting,
-            "log": log,
-            "mse_percent": _finite(mse),
-            "noise_floor_percent": _finite(noise_floor),
-            "grade": grade(mse),
-            "n_samples": n_samples,
-        }
+def _mse_rows(campaign: Campaign, predictions: Sequence[Prediction]) -> Iterator[dict[str, Any]]:
+    """Yield for each setting the row of the whole, of each log fitted, of each held out."""
+    for fit in campaign.fits:
+        whole = ("", fit.mse_percent, fit.noise_floor_percent, fit.n_samples)
+        yield _mse_row(fit.setting, "fitted", *whole)
+        for seen in fit.logs:
+            yield _mse_row(fit.setting, "fitted", *_of_log(seen))
+        for held_out in predictions:
+            if held_out.setting == fit.setting:
+                yield _mse_row(fit.setting, "held_out", *_of_log(held_out))
 
-    yield row("", fit.mse_percent, fit.noise_floor_percent, fit.n_samples)
-    for log in fit.logs:
-        n_samples = log.trace.stop - log.trace.first
-        yield row(log.trace.name, log.mse_percent, log.noise_floor_percent, n_samples)
+
+def _of_log(seen: LogFit | Prediction) -> tuple[str, float, float, int]:
+    trace = seen.trace
+    return trace.name, seen.mse_percent, seen.noise_floor_percent, trace.stop - trace.first
+
+
+def _mse_row(
+    setting: int, role: str, log: str, mse: float, noise_floor: float, n_samples: int
+) -> dict[str, Any]:
+    return {
+        "setting": setting,
+        "log": log,
+        "mse_percent": _finite(mse),
+        "noise_floor_percent": _finite(noise_floor),
+        "grade": grade(mse),
+        "n_samples": n_samples,
+        "role": role,
+    }
 
 
 def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[dict[str, Any]]:

@@ -8,6 +8,13 @@ from damperfit.uncertainty.intervals import (
     collect_evidence,
     uncertainties,
 )
+from damperfit.uncertainty.prediction import (
+    HoldOutOptions,
+    Prediction,
+    predict,
+    prediction_warnings,
+    split_cycles,
+)
 from damperfit.uncertainty.residuals import Diagnosis, Hint, diagnose
 from damperfit.uncertainty.verdicts import verdicts
 
@@ -17,13 +24,18 @@ __all__ = [
     "Diagnosis",
     "Evidence",
     "Hint",
+    "HoldOutOptions",
     "Interval",
     "LogEvidence",
+    "Prediction",
     "Uncertainty",
     "assess",
     "collect_evidence",
     "diagnose",
     "gather",
+    "predict",
+    "prediction_warnings",
+    "split_cycles",
     "uncertainties",
     "verdicts",
 ]

@@ -59,7 +59,9 @@ class Interval:
         The error from the scatter between whole cycles (linearised jackknife, the setting's own
         logs only) over the same from the residuals' autocorrelation. 1 within about
         1/sqrt(2 (cycles - 1)) when both are right; far below 1 where the residuals repeat with
-        the cycle. NaN for a shared parameter and for a single cycle.
+        the cycle; now and then far above 1 where noise of the displacement, which enters as its
+        derivative, leaves hardly more than their ends in the cycles' sums (Monte Carlo: the
+        errors given are right there). NaN for a shared parameter and for a single cycle.
     """
 
     error: float

@@ -11,7 +11,7 @@ import pytest
 from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.uncertainty import assess, collect_evidence, uncertainties, verdicts
+from damperfit.uncertainty import Assessment, assess, collect_evidence, uncertainties, verdicts
 from damperfit.uncertainty.spectrum import (
     autocorrelation,
     correlation_length,
@@ -115,6 +115,21 @@ def test_intervals_are_positive_and_named_for_what_the_logs_gave() -> None:
         assert np.linalg.eigvalsh(found.covariance).min() > -1e-18
     first, second = (found.intervals for found in assess(campaign, PURDY_DAMPER).uncertainties)
     assert first["r_m3"].error == second["r_m3"].error
+
+
+def test_the_jackknife_over_cycles_is_told_beside_the_errors_printed() -> None:
+    sound = assess(identify(traces([1, 10], noise=4.0), PURDY_DAMPER), PURDY_DAMPER)
+    ratios = [i.cycle_ratio for u in sound.uncertainties for i in u.intervals.values()]
+    known = [ratio for ratio in ratios if math.isfinite(ratio)]
+    assert len(known) == 6  # shared parameters have no cycles of their own
+    assert all(0.5 < ratio < 1.6 for ratio in known)
+    assert f"gives {np.median(known):.2g} times as much" in sound.cycle_check
+    low, high = np.quantile(known, (0.05, 0.95))
+    assert sound.cycle_check.endswith(f"from {low:.2g} to {high:.2g}).")
+    gas = replace(PURDY_DAMPER, gas_pressure=1.3 * PURDY_DAMPER.gas_pressure)
+    bent = assess(identify(traces([1, 10], noise=4.0, damper=gas), PURDY_DAMPER), PURDY_DAMPER)
+    assert "sees no misfit that repeats" in bent.cycle_check
+    assert Assessment().cycle_check == ""
 
 
 def test_one_setting_alone_has_the_errors_of_the_fit_with_everything_free() -> None:

@@ -11,26 +11,14 @@ from damperfit.conditioning import condition
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.recording import Recording, Trace
-from damperfit.uncertainty import Assessment, assess
+from damperfit.uncertainty import assess
 from tests.identification.rig import recording, trace, traces
+from tests.uncertainty.flaws import FLAWS, Flaw, judged, outcomes, speed
 
 SETTINGS = (1, 10, 20)
 
 
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
-
-
-def judged(logs: list[Trace], options: FitOptions = FitOptions()) -> Assessment:
-    return assess(identify(logs, PURDY_DAMPER, options), PURDY_DAMPER)
-
-
-def speed(log: Recording) -> np.ndarray:
-    """Velocity without noise, by the sine that the log holds."""
-    angle = 2 * np.pi * 1.5 * log.time
-    columns = np.stack([np.sin(angle), np.cos(angle)], axis=1)
-    a, b = np.linalg.lstsq(columns, log.displacement, rcond=None)[0]
-    return 2 * np.pi * 1.5 * (a * np.cos(angle) - b * np.sin(angle))
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -134,3 +122,10 @@ def test_the_split_of_the_mse_adds_up() -> None:
     assert one.noise_percent == pytest.approx(quiet.noise_percent, rel=0.1)
     assert one.mse_percent > 5 * one.noise_percent
     assert f"of which {one.noise_percent:.2g} % is noise: the model is missing" in one.sentence
+
+
+@pytest.mark.parametrize("flaw", FLAWS, ids=lambda flaw: flaw.name)
+def test_flaws_are_named_at_other_settings_too(flaw: Flaw) -> None:
+    # Many seeds by hand: python -m tests.uncertainty.flaws.
+    for names in outcomes(flaw, (4, 12, 18), seed=7):
+        assert flaw.expected in names if flaw.expected else names == ()

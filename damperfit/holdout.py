@@ -1,0 +1,144 @@
+"""Which logs and cycles are kept from the fit: patterns to traces.
+
+A pattern picks among the logs by name or path. One that picks none names further files, which are
+read for prediction only.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING
+
+from damperfit.errors import ConfigurationError, LogError
+from damperfit.intake import Intake, expand
+from damperfit.report.facts import Failure
+from damperfit.uncertainty import split_cycles
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
+
+    from damperfit.identification import Campaign
+    from damperfit.recording import Trace
+    from damperfit.uncertainty import HoldOutOptions, Prediction
+
+__all__ = ["Parted", "named_files", "note_unpredicted", "part"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Parted:
+    """Logs in two parts.
+
+    Attributes
+    ----------
+    intake : Intake
+        All logs; its traces are those to fit, its failures hold the logs that could not be parted.
+    held_out : tuple of Trace
+        To be predicted.
+    names : frozenset of str
+        Logs that are held out as a whole.
+    """
+
+    intake: Intake
+    held_out: tuple[Trace, ...] = ()
+    names: frozenset[str] = frozenset()
+
+
+def named_files(patterns: Iterable[str], paths: Sequence[Path]) -> dict[str, tuple[Path, ...]]:
+    """Return the files that each pattern names: among the logs, else beside them.
+
+    A pattern that names neither is not refused here: it may fit one test of a file of several.
+
+    Parameters
+    ----------
+    patterns : iterable of str
+        What to hold out.
+    paths : sequence of pathlib.Path
+        The logs.
+    """
+    return {pattern: _named(pattern, paths) for pattern in patterns}
+
+
+def _named(pattern: str, paths: Sequence[Path]) -> tuple[Path, ...]:
+    among = tuple(path for path in paths if _fits(pattern, path.name, str(path)))
+    if among:
+        return among
+    known = {os.path.realpath(path): path for path in paths}
+    try:
+        return tuple(known.get(os.path.realpath(path), path) for path in expand([pattern]))
+    except ConfigurationError:
+        return ()
+
+
+def part(intake: Intake, options: HoldOutOptions, named: Mapping[str, Sequence[Path]]) -> Parted:
+    """Part what was read into what is fitted and what is predicted.
+
+    Parameters
+    ----------
+    intake : Intake
+        Everything that was read.
+    options : HoldOutOptions
+        What to hold out.
+    named : mapping of str to sequence of pathlib.Path
+        What `named_files` found for the patterns; all of it was read.
+
+    Raises
+    ------
+    ConfigurationError
+        A pattern fits nothing, or no log is left to fit.
+    """
+    names: set[str] = set()
+    for pattern in options.patterns:
+        files = {str(path) for path in named.get(pattern, ())}
+        hits = {log.log for log in intake.logs if log.path in files or _fits(pattern, log.log)}
+        if not hits:
+            raise ConfigurationError(
+                f"hold-out {pattern}: fits no log and names no other; quote a pattern, as in "
+                "--hold-out '*_16mm.csv', and leave the held-out logs among LOGS or out of them"
+            )
+        names |= hits
+    if names and names == {log.log for log in intake.logs}:
+        raise ConfigurationError("hold-out: every log is held out; there is none to fit")
+    held_out = [trace for trace in intake.traces if trace.name in names]
+    fitted: list[Trace] = []
+    failures: list[Failure] = []
+    for trace in (trace for trace in intake.traces if trace.name not in names):
+        try:
+            rest, last = split_cycles(trace, options.cycles) if options.cycles else (trace, None)
+        except LogError as error:
+            failures.append(_failure(intake, trace, str(error)))
+            continue
+        fitted.append(rest)
+        held_out.extend([last] if last is not None else [])
+    left = replace(intake, traces=tuple(fitted), failures=(*intake.failures, *failures))
+    return Parted(left, tuple(held_out), frozenset(names))
+
+
+def note_unpredicted(
+    parted: Parted, campaign: Campaign, predictions: Sequence[Prediction]
+) -> Intake:
+    """Return the intake with the held-out logs that could not be predicted among its failures."""
+    done = {id(prediction.trace) for prediction in predictions}
+    fitted = {fit.setting for fit in campaign.fits}
+    lost = tuple(
+        _failure(
+            parted.intake,
+            trace,
+            f"{trace.name}: held out, but cannot be predicted: setting {trace.setting} "
+            + ("cannot be simulated on it" if trace.setting in fitted else "has no fit"),
+        )
+        for trace in parted.held_out
+        if id(trace) not in done
+    )
+    return replace(parted.intake, failures=(*parted.intake.failures, *lost))
+
+
+def _failure(intake: Intake, trace: Trace, message: str) -> Failure:
+    path = next((log.path for log in intake.logs if log.log == trace.name), "")
+    return Failure(trace.name, path, trace.setting, "LogError", message)
+
+
+def _fits(pattern: str, *names: str) -> bool:
+    return any(name == pattern or fnmatchcase(name, pattern) for name in names)

@@ -1,0 +1,240 @@
+"""Logs and cycles that were not fitted, predicted with the parameters of their setting.
+
+A low MSE is no proof of a model: at one amplitude and frequency a wrong one bends its parameters
+until it fits. It shows where nothing was bent: at another amplitude or frequency.
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from damperfit.conditioning import noise_floor
+from damperfit.errors import LogError, SimulationError
+from damperfit.identification import compare, normalised_mse
+from damperfit.simulation import SolverOptions
+from damperfit.uncertainty.residuals import scatter_between_cycles
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from damperfit.damper.parameters import Damper
+    from damperfit.identification import Campaign, Comparison, Fit
+    from damperfit.recording import Trace
+    from damperfit.uncertainty.assessment import Assessment
+
+__all__ = ["HoldOutOptions", "Prediction", "predict", "prediction_warnings", "split_cycles"]
+
+# Twice the expected square is beyond the scatter of an MSE over a cycle or more; ten times is a
+# misfit three times as large as where the model was fitted.
+_WORSE = 2.0
+_NOT_PREDICTED = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class HoldOutOptions:
+    """What is kept from the fit and predicted instead.
+
+    Attributes
+    ----------
+    patterns : tuple of str
+        Which logs, by name or path.
+    cycles : float
+        How many of the last steady cycles of every fitted log; below 1 a share of them.
+    """
+
+    patterns: tuple[str, ...] = ()
+    cycles: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction:
+    """How the parameters of a setting meet what was not fitted.
+
+    Attributes
+    ----------
+    setting : int
+        Adjuster setting.
+    trace : Trace
+        What was predicted; its window holds the held-out cycles only.
+    is_part : bool
+        Whether the other cycles of the same log were fitted.
+    mse_percent, noise_floor_percent : float
+        Eq. (22) over the window, and the part that is scatter between its cycles; NaN for a
+        single cycle.
+    fitted_mse_percent : float
+        Eq. (22) over the logs that were fitted.
+    expected_mse_percent : float
+        What the MSE would be with the lack of fit of the fitted logs and the noise, of both
+        channels, of this one.
+    """
+
+    setting: int
+    trace: Trace
+    is_part: bool
+    mse_percent: float
+    noise_floor_percent: float
+    fitted_mse_percent: float
+    expected_mse_percent: float
+
+    @property
+    def ratio(self) -> float:
+        """MSE over the one expected; about 1 for a model that carries over."""
+        return self.mse_percent / max(self.expected_mse_percent, 1e-300)
+
+    @property
+    def is_failed(self) -> bool:
+        """Whether it is met clearly worse than what was fitted."""
+        return self.ratio >= _WORSE
+
+    @property
+    def cycles(self) -> str:
+        """Which of the log's steady cycles, in words."""
+        return f"last {self.trace.n_cycles}" if self.is_part else "all"
+
+    @property
+    def verdict(self) -> str:
+        """The ratio in words."""
+        if not self.is_failed:
+            return "predicted as well as fitted"
+        degree = "worse than fitted" if self.ratio < _NOT_PREDICTED else "not predicted"
+        return f"{degree}: {self.ratio:.2g} times the MSE to expect"
+
+    def describe(self) -> dict[str, Any]:
+        """Return the prediction for run.json."""
+        return {
+            "setting": self.setting,
+            "log": self.trace.name,
+            "cycles": self.cycles,
+            "amplitude_m": self.trace.amplitude,
+            "frequency_Hz": self.trace.frequency,
+            "mse_percent": self.mse_percent,
+            "noise_floor_percent": self.noise_floor_percent,
+            "fitted_mse_percent": self.fitted_mse_percent,
+            "expected_mse_percent": self.expected_mse_percent,
+            "verdict": self.verdict,
+        }
+
+
+def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[str, ...]:
+    """Return one sentence for all predictions that fail, led by the worst; none where none does."""
+    failed = [one for one in predictions if one.is_failed]
+    if not failed:
+        return ()
+    worst = max(failed, key=lambda one: one.ratio)
+    said = (
+        f"{len(failed)} of {len(predictions)} held-out logs are not met as the fitted ones are, "
+        f"most {worst.trace.name}: {worst.verdict}; the parameters hold for the tests that were "
+        "fitted, not for the damper"
+    )
+    return (said,)
+
+
+def split_cycles(trace: Trace, cycles: float) -> tuple[Trace, Trace]:
+    """Return a log without its last steady cycles, and with these alone.
+
+    The last ones, in one piece: where a log drifts, from warming or gas, it shows there, and the
+    filter's memory joins the two parts at one place only.
+
+    Parameters
+    ----------
+    trace : Trace
+        A log.
+    cycles : float
+        Whole number of cycles, or below 1 a share of them (one at least).
+
+    Raises
+    ------
+    LogError
+        No cycle would be left to fit.
+
+    Examples
+    --------
+    15 cycles with ``cycles=0.2`` or 3: twelve are fitted, three predicted.
+    """
+    n = trace.n_cycles
+    held = max(1, round(cycles * n)) if cycles < 1.0 else round(cycles)
+    if held >= n:
+        raise LogError(
+            f"{trace.name}: {n} steady cycle{'s' if n > 1 else ''}, of which {held} are to be held "
+            "out: none is left to fit; hold out fewer, or give a longer log"
+        )
+    edge = round(float(trace.cycle_starts[n - held]))
+    return (
+        replace(trace, stop=edge, cycle_starts=trace.cycle_starts[: n - held + 1]),
+        replace(trace, first=edge, cycle_starts=trace.cycle_starts[n - held :]),
+    )
+
+
+def predict(
+    campaign: Campaign,
+    assessment: Assessment,
+    traces: Sequence[Trace],
+    *,
+    damper: Damper,
+    solver: SolverOptions = SolverOptions(tolerance=1e-2),
+    jobs: int = 1,
+) -> tuple[Prediction, ...]:
+    """Predict logs with the parameters found for their settings; costs one simulation each.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Result of `identify`, made without these logs or cycles.
+    assessment : Assessment
+        What `assess` says of it; without it all misfit of the fitted logs counts as lack of fit.
+    traces : sequence of Trace
+        What was held out. Those of a setting without a fit, or that cannot be simulated, are left
+        out of the result.
+    damper : Damper
+        Geometry, oil and gas.
+    solver : SolverOptions
+        How exactly to integrate.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    tuple of Prediction
+        By setting, then in the order given.
+    """
+    fits = {fit.setting: fit for fit in campaign.fits}
+    noise = {one.setting: _known(one.noise_percent) for one in assessment.diagnoses}
+
+    def one(trace: Trace) -> Prediction | None:
+        fit = fits.get(trace.setting) if trace.setting is not None else None
+        if fit is None:
+            return None
+        try:
+            seen = compare(fit.parameters, trace, damper, solver=solver)
+        except SimulationError:
+            return None
+        return _prediction(fit, trace, seen, noise.get(fit.setting, 0.0))
+
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        found = [one for one in pool.map(one, traces) if one is not None]
+    return tuple(sorted(found, key=lambda prediction: prediction.setting))
+
+
+def _prediction(fit: Fit, trace: Trace, seen: Comparison, fitted_noise: float) -> Prediction:
+    measured, simulated = trace.force[trace.window], seen.force[trace.window]
+    scatter = scatter_between_cycles(measured - simulated, trace)
+    noise = 100.0 * scatter / float(np.var(measured))
+    return Prediction(
+        setting=fit.setting,
+        trace=trace,
+        is_part=any(log.trace.name == trace.name for log in fit.logs),
+        mse_percent=normalised_mse(measured, simulated),
+        noise_floor_percent=noise_floor(trace),
+        fitted_mse_percent=fit.mse_percent,
+        expected_mse_percent=max(fit.mse_percent - fitted_noise, 0.0) + _known(noise),
+    )
+
+
+def _known(percent: float) -> float:
+    """Nothing is known of the scatter of a single cycle: then all of the misfit is lack of fit."""
+    return 0.0 if math.isnan(percent) else percent

@@ -1,0 +1,141 @@
+"""identify --hold-out: what is not fitted is predicted, and told everywhere."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from damperfit.samples import SampleOptions, make_samples
+
+FORCE = {"force_noise": 1.0, "displacement_noise": 2e-6, "cycles": 7.0}
+
+
+@pytest.fixture(scope="module")
+def two_amplitudes(tmp_path_factory) -> Path:
+    """Settings 1 and 2 at 32 mm and at 16 mm."""
+    folder = tmp_path_factory.mktemp("two_amplitudes")
+    for amplitude in (32, 16):
+        made = folder / str(amplitude)
+        options = SampleOptions(settings=(1, 2), amplitude=1e-3 * amplitude, **FORCE)
+        make_samples(made, options)
+        for setting in (1, 2):
+            name = f"setting_{setting:02d}_{amplitude}mm.csv"
+            shutil.move(made / f"setting_{setting:02d}.csv", folder / name)
+    return folder
+
+
+def rows(name: str) -> list[dict[str, str]]:
+    with Path("results", name).open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_held_out_logs_are_predicted_and_told_everywhere(run, two_amplitudes):
+    ended = run("identify", f"{two_amplitudes}/*.csv", "--hold-out", "*_16mm.csv")
+    assert ended.code == 0
+    assert "setting_01_16mm.csv" in ended.out
+    assert "predicted as well as fitted" in ended.out
+    mse = rows("mse.csv")
+    assert [(row["setting"], row["log"], row["role"]) for row in mse] == [
+        ("1", "", "fitted"),
+        ("1", "setting_01_32mm.csv", "fitted"),
+        ("1", "setting_01_16mm.csv", "held_out"),
+        ("2", "", "fitted"),
+        ("2", "setting_02_32mm.csv", "fitted"),
+        ("2", "setting_02_16mm.csv", "held_out"),
+    ]
+    report = Path("results/report.md").read_text(encoding="utf-8")
+    assert "## Held out: predicted, not fitted" in report
+    assert r"| 1 | setting\_01\_16mm.csv | all | 16.0 | 1.50 |" in report
+    record = json.loads(Path("results/run.json").read_text(encoding="utf-8"))
+    first = record["held_out"][0]
+    assert (first["setting"], first["log"], first["cycles"]) == (1, "setting_01_16mm.csv", "all")
+    assert first["amplitude_m"] == pytest.approx(0.016, rel=1e-3)
+    assert first["mse_percent"] == pytest.approx(float(mse[2]["mse_percent"]))
+    assert first["verdict"] == "predicted as well as fitted"
+    assert len(record["inputs"]) == 4
+    # The parameters are those of the other logs alone.
+    with_them = rows("parameters.csv")
+    assert run("identify", f"{two_amplitudes}/*_32mm.csv").code == 0
+    assert rows("parameters.csv") == with_them
+    assert json.loads(Path("results/run.json").read_text(encoding="utf-8"))["held_out"] == []
+
+
+def test_a_pattern_may_name_further_files(run, two_amplitudes):
+    others = two_amplitudes / "setting_01_16mm.csv"
+    ended = run("identify", f"{two_amplitudes}/*_32mm.csv", "--hold-out", others, "--json")
+    assert ended.code == 0
+    document = json.loads(ended.out)
+    assert [one["log"] for one in document["held_out"]] == ["setting_01_16mm.csv"]
+    assert [row["role"] for row in document["mse"]].count("held_out") == 1
+
+
+def test_cycles_are_held_out_and_counted(run, logs):
+    ended = run("identify", f"{logs}/*.csv", "--hold-out-cycles", "2")
+    assert ended.code == 0
+    assert "last 2" in ended.out
+    held, whole = rows("mse.csv"), rows("parameters.csv")
+    assert [row["role"] for row in held] == ["fitted", "fitted", "held_out"] * 3
+    assert run("identify", f"{logs}/*.csv").code == 0
+    for before, after in zip(rows("parameters.csv"), whole, strict=True):
+        assert int(after["n_cycles"]) == int(before["n_cycles"]) - 2
+        assert after["r_m1"] != before["r_m1"]
+
+
+def test_the_page_and_its_tables_know_what_was_held_out(run, two_amplitudes):
+    run("identify", f"{two_amplitudes}/*.csv", "--hold-out", "*_16mm.csv")
+    assert run("report", "results").code == 0
+    assert "held out: predicted, not fitted" in Path("results/report.html").read_text("utf-8")
+
+
+def test_the_configuration_holds_out_too(run, two_amplitudes):
+    text = '[identification]\nhold_out = ["*_16mm.csv"]\nhold_out_cycles = 2\n'
+    Path("hold.toml").write_text(text, encoding="utf-8")
+    ended = run("identify", f"{two_amplitudes}/*.csv", "--config", "hold.toml", "--json")
+    found = [(one["log"], one["cycles"]) for one in json.loads(ended.out)["held_out"]]
+    assert found == [
+        ("setting_01_16mm.csv", "all"),
+        ("setting_01_32mm.csv", "last 2"),
+        ("setting_02_16mm.csv", "all"),
+        ("setting_02_32mm.csv", "last 2"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "said"),
+    [
+        ("*_99mm.csv", "fits no log and names no other"),
+        ("*", "every log is held out"),
+    ],
+)
+def test_a_pattern_that_leaves_nothing_is_refused(run, two_amplitudes, pattern, said):
+    ended = run("identify", f"{two_amplitudes}/*.csv", "--hold-out", pattern)
+    assert ended.code == 2
+    assert said in ended.err
+    assert "Traceback" not in ended.err
+    assert not Path("results").exists()
+
+
+@pytest.mark.parametrize("cycles", ["2.5", "-1"])
+def test_cycles_are_a_share_or_a_whole_number(run, logs, cycles):
+    ended = run("identify", f"{logs}/*.csv", "--hold-out-cycles", cycles)
+    assert ended.code == 2
+    assert "hold_out_cycles" in ended.err
+
+
+def test_a_setting_that_is_only_held_out_is_a_failure_of_that_log(run, two_amplitudes):
+    ended = run("identify", f"{two_amplitudes}/*.csv", "--hold-out", "setting_01*.csv")
+    assert ended.code == 1
+    assert (
+        "setting_01_16mm.csv: held out, but cannot be predicted: setting 1 has no fit" in ended.err
+    )
+    assert [row["setting"] for row in rows("parameters.csv")] == ["2"]
+
+
+def test_too_few_cycles_to_hold_out_cost_that_log_alone(run, two_amplitudes):
+    ended = run("identify", f"{two_amplitudes}/*_32mm.csv", "--hold-out-cycles", "50")
+    assert ended.code == 3
+    assert "none is left to fit" in ended.err

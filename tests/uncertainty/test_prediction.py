@@ -1,0 +1,121 @@
+"""What was not fitted tells a right model from one that was bent until it fitted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.conditioning import condition
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.reference import reference_parameters
+from damperfit.errors import LogError
+from damperfit.identification import identify
+from damperfit.recording import Trace
+from damperfit.uncertainty import Assessment, Prediction, assess, predict, split_cycles
+from tests.identification.rig import recording
+
+SETTINGS = (1, 10, 20)
+WRONG_GAS = replace(PURDY_DAMPER, gas_pressure=1.4 * PURDY_DAMPER.gas_pressure)
+
+
+def log(setting: int, **options: object) -> Trace:
+    trace = condition(recording(setting, noise=4.0, duration=6.0, **options))
+    return replace(trace, name=f"{trace.name} {options}")
+
+
+def predicted(fitted: list[Trace], held_out: list[Trace]) -> tuple[Prediction, ...]:
+    campaign = identify(fitted, PURDY_DAMPER)
+    assessment = assess(campaign, PURDY_DAMPER)
+    return predict(campaign, assessment, held_out, damper=PURDY_DAMPER)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_right_model_predicts_another_amplitude(seed: int) -> None:
+    fitted = [log(setting, seed=seed) for setting in SETTINGS]
+    others = [
+        log(setting, seed=seed + 50, amplitude=amplitude)
+        for setting in SETTINGS
+        for amplitude in (0.016, 0.04)
+    ]
+    found = predicted(fitted, others)
+    assert len(found) == 6
+    for one in found:
+        assert 0.5 < one.ratio < 1.8
+        assert one.verdict == "predicted as well as fitted"
+
+
+def test_a_wrong_gas_fits_one_amplitude_and_predicts_no_other() -> None:
+    fitted = [log(setting, damper=WRONG_GAS) for setting in SETTINGS]
+    others = [log(setting, damper=WRONG_GAS, amplitude=0.016) for setting in SETTINGS]
+    found = predicted(fitted, others)
+    assert [one.setting for one in found] == list(SETTINGS)
+    for one in found:
+        assert one.fitted_mse_percent < 0.5  # "excellent"
+        assert one.mse_percent > 8 * one.fitted_mse_percent
+        assert one.is_failed
+    assert found[0].mse_percent > 3.0  # the README's figure
+    assert found[-1].verdict.startswith("not predicted: ")
+    # Cycles of the same test are no judge of that.
+    same = [split_cycles(trace, 0.3) for trace in fitted]
+    for one in predicted([rest for rest, _ in same], [last for _, last in same]):
+        assert one.is_part
+        assert not one.is_failed
+
+
+def test_a_log_that_drifts_shows_in_its_last_cycles() -> None:
+    logs = []
+    for setting in SETTINGS:
+        steady = recording(setting, noise=4.0, duration=8.0)
+        late = np.clip((steady.time - 4.0) / 4.0, 0.0, None)  # the rig's tare creeps by 20 N
+        logs.append(condition(replace(steady, force=steady.force + 20.0 * late)))
+    parts = [split_cycles(trace, 4) for trace in logs]
+    found = predicted([rest for rest, _ in parts], [last for _, last in parts])
+    assert all(one.is_failed for one in found)
+    assert {one.cycles for one in found} == {"last 4"}
+
+
+def test_the_expected_mse_is_lack_of_fit_and_noise() -> None:
+    fitted, other = log(10), log(10, amplitude=0.02, seed=9)
+    campaign = identify([fitted], PURDY_DAMPER)
+    known = predict(campaign, assess(campaign, PURDY_DAMPER), [other], damper=PURDY_DAMPER)[0]
+    assert known.fitted_mse_percent == campaign.fits[0].mse_percent
+    assert known.expected_mse_percent == pytest.approx(known.mse_percent, rel=0.3)
+    assert known.expected_mse_percent > known.noise_floor_percent  # of the force alone
+    # Without a diagnosis all of the fitted misfit counts as lack of fit.
+    blind = predict(campaign, Assessment(), [other], damper=PURDY_DAMPER)[0]
+    assert blind.expected_mse_percent - known.expected_mse_percent == pytest.approx(
+        assess(campaign, PURDY_DAMPER).diagnoses[0].noise_percent, rel=0.2
+    )
+    assert predict(campaign, Assessment(), [log(11)], damper=PURDY_DAMPER) == ()
+
+
+@pytest.mark.parametrize(("cycles", "held"), [(1, 1), (3, 3), (0.3, 2), (0.01, 1), (0.5, 3)])
+def test_the_last_cycles_are_held_out_and_nothing_is_lost(cycles: float, held: int) -> None:
+    trace = log(10)
+    assert trace.n_cycles == 6
+    rest, last = split_cycles(trace, cycles)
+    assert (rest.n_cycles, last.n_cycles) == (6 - held, held)
+    assert (rest.first, rest.stop, last.stop) == (trace.first, last.first, trace.stop)
+    assert rest.cycle_starts[-1] == last.cycle_starts[0] == trace.cycle_starts[6 - held]
+    assert np.concatenate([rest.cycle_starts, last.cycle_starts[1:]]) == pytest.approx(
+        trace.cycle_starts
+    )
+    assert rest.stop == pytest.approx(rest.cycle_starts[-1], abs=0.5)
+
+
+def test_a_cycle_must_be_left_to_fit() -> None:
+    trace = log(10)
+    with pytest.raises(LogError, match="6 steady cycles, of which 6 are to be held out"):
+        split_cycles(trace, 6)
+
+
+def test_the_fit_does_not_see_what_is_held_out() -> None:
+    trace = condition(recording(10, noise=4.0, duration=6.0))
+    rest, last = split_cycles(trace, 3)
+    spoilt = trace.force.copy()
+    spoilt[last.window] += 500.0
+    for part in (rest, replace(rest, force=spoilt)):
+        found = identify([part], PURDY_DAMPER).fits[0].parameters
+        assert found.r_m1 == pytest.approx(reference_parameters(10).r_m1, rel=0.02)
