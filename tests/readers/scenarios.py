@@ -148,8 +148,9 @@ def _mts(scenario: Scenario) -> bytes:
 def _quoted_commas(scenario: Scenario) -> bytes:
     """Decimal commas between commas, every number quoted."""
     lines = [f"# setting: {scenario.setting}", HEADER]
-    for row in scenario.rows():
-        lines.append(",".join(f'"{value!r}"'.replace(".", ",") for value in row))
+    lines += [
+        ",".join(f'"{value!r}"'.replace(".", ",") for value in row) for row in scenario.rows()
+    ]
     return ("\n".join(lines) + "\n").encode()
 
 
