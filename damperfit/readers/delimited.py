@@ -1,14 +1,14 @@
 """Delimited text of every dialect, in one block or in several (MTS).
 
-Text logs have no format. Names stand above the rows of numbers, units in them, in a row of their own
-or nowhere; above that may stand prose, entries ``key: value`` and rows that look like data. MTS 793
-heads each test with a line "Data Acquisition", and the file with a line that names language and
+Text logs have no format. Names stand above the rows of numbers, units in them, in a row of their
+own or nowhere; above that may stand prose, entries ``key: value`` and rows that look like data. MTS
+793 heads each test with a line "Data Acquisition", and the file with a line that names language and
 decimal mark; Instron's entries have a value and a unit.
 
 Traps. A rig that is still writing leaves a last line without an end, and -12 of -1234 is a number
-too. Every row may end in a separator, which shifts the columns of a careless reader by one. A column
-of events may be there in the rows with an event only. Whole numbers of a machine at rest say nothing
-of the decimal mark. One dropped byte joins two rows.
+too. Every row may end in a separator, which shifts the columns of a careless reader by one. A
+column of events may be there in the rows with an event only. Whole numbers of a machine at rest say
+nothing of the decimal mark. One dropped byte joins two rows.
 """
 
 from __future__ import annotations
