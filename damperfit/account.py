@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 from damperfit import __version__
 from damperfit.adjustment import Adjustment
 from damperfit.checklist import Check, missed_gates
+from damperfit.confidence import confidence_record
 from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.identification import Outcome
+from damperfit.identification import Outcome, describe_cavitation, describe_searches
 from damperfit.report import Failure, ReportFacts
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
-from damperfit.uncertainty import METHOD, Assessment, prediction_warnings, verdicts
+from damperfit.uncertainty import METHOD, Assessment, prediction_warnings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -103,7 +104,11 @@ def report_facts(
     outcomes = {fit.outcome for fit in campaign.fits if fit.outcome is not Outcome.CONVERGED}
     return ReportFacts(
         version=__version__,
-        procedure=(*_procedure(settings, campaign), *_method(campaign, assessment)),
+        procedure=(
+            *_procedure(settings, campaign),
+            *((assessment.gas.sentence,) if assessment.gas is not None else ()),
+            *_method(campaign, assessment),
+        ),
         failures=failures_of(settings, intake, campaign),
         warnings=(
             *_warnings(intake, campaign),
@@ -111,6 +116,9 @@ def report_facts(
             *prediction_warnings(judgement.predictions),
         ),
         trust=assessment.sentences,
+        identifiability=assessment.doubts(campaign),
+        searches=describe_searches(campaign.searches),
+        cavitation=describe_cavitation({fit.setting: fit.cavitation for fit in campaign.fits}),
         across=judgement.adjustment.sentences,
         checks=judgement.checks,
         gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
@@ -187,29 +195,13 @@ def record(
         "gates_missed": list(facts.gates),
         "procedure": list(facts.procedure),
         "checks": [asdict(check) for check in judgement.checks],
-        "uncertainty": list(_trust(campaign, judgement.assessment)),
+        **confidence_record(campaign, judgement.assessment),
         "held_out": [one.describe() for one in judgement.predictions],
         **_across(judgement.adjustment),
         "schema": describe_tables(),
     }
     cleaned: dict[str, Any] = json_values(document)
     return cleaned
-
-
-def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any]]:
-    """Yield, by setting, what stands behind the intervals, and what the residuals say."""
-    fits = {fit.setting: fit for fit in campaign.fits}
-    for known, seen in zip(assessment.uncertainties, assessment.diagnoses, strict=True):
-        yield {
-            "setting": known.setting,
-            "verdicts": verdicts(fits[known.setting], known),
-            "parameters": list(known.names),
-            "correlation": known.correlation.tolist(),
-            "jackknife_over_sandwich": {
-                name: interval.cycle_ratio for name, interval in known.intervals.items()
-            },
-            "residuals": asdict(seen),
-        }
 
 
 def _across(adjustment: Adjustment) -> dict[str, Any]:

@@ -32,6 +32,7 @@ class FileSet:
 
     folder: Path
     names: list[str] = field(default_factory=list)
+    gone: list[str] = field(default_factory=list)
 
     def path(self, name: str) -> Path:
         """Return the temporary path to write ``name`` to; it becomes part of the set.
@@ -52,6 +53,17 @@ class FileSet:
             self.names.append(name)
         return self._temporary(name, "new")
 
+    def without(self, name: str) -> None:
+        """Make a file of an earlier set go when this one appears, if it is there.
+
+        Parameters
+        ----------
+        name : str
+            File name inside the folder, without any folder part.
+        """
+        if name not in self.names and os.path.lexists(self.folder / name):
+            self.gone.append(name)
+
     def _temporary(self, name: str, kind: str) -> Path:
         return self.folder / f".{name}.{os.getpid()}.damperfit-{kind}"
 
@@ -62,12 +74,15 @@ class FileSet:
             target = self.folder / name
             if target.exists() and not target.is_file():  # a folder, a device, a pipe
                 raise OutputError(f"cannot write {target}: it exists and is not a regular file")
-        for name in self.names:
+        for name in (*self.names, *self.gone):
             _keep_copy(self.folder / name, self._temporary(name, "old"))
         done: list[str] = []
         try:
             for name in self.names:
                 os.replace(self._temporary(name, "new"), self.folder / name)
+                done.append(name)
+            for name in self.gone:
+                (self.folder / name).unlink(missing_ok=True)
                 done.append(name)
         except BaseException:
             for name in done:
@@ -84,7 +99,7 @@ class FileSet:
 
     def discard(self) -> None:
         """Remove what is left of temporary files; `file_set` calls it."""
-        for name in self.names:
+        for name in (*self.names, *self.gone):
             for kind in ("new", "old"):
                 with suppress(OSError):
                     self._temporary(name, kind).unlink(missing_ok=True)

@@ -33,22 +33,26 @@ from damperfit.holdout import Parted, named_files, note_unpredicted, part
 from damperfit.identification import Campaign, compare, identify
 from damperfit.intake import available_cores, expand, take_in
 from damperfit.report import markdown_report
-from damperfit.tables import make_tables, write_responses, write_table
-from damperfit.uncertainty import assess, predict
+from damperfit.tables import make_tables, profiles_table, write_responses, write_table
+from damperfit.uncertainty import Bench, assess, predict, profile_campaign, reconsider
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
+    import pyarrow as pa
+
     from damperfit.damper.parameters import Parameters
     from damperfit.identification import Comparison, Fit
-    from damperfit.intake import Intake
     from damperfit.recording import Trace
     from damperfit.report import ReportFacts
     from damperfit.settings import Settings
     from damperfit.tables import Tables
 
 __all__ = ["RunResult", "Watch", "run"]
+
+# Tables that are written only when they were asked for.
+_ON_REQUEST = {"profiles"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +90,8 @@ class RunResult:
         Failures, warnings, procedure.
     record : dict
         What stands in run.json.
+    profiles : pyarrow.Table or None
+        Points of the profiles that were asked for.
     """
 
     ending: Ending
@@ -93,6 +99,17 @@ class RunResult:
     tables: Tables
     facts: ReportFacts
     record: dict[str, Any]
+    profiles: pa.Table | None = None
+
+    @property
+    def written(self) -> dict[str, pa.Table]:
+        """Tables by the name of their files."""
+        always = {
+            "parameters": self.tables.parameters,
+            "mse": self.tables.mse,
+            "adjustment": self.tables.adjustment,
+        }
+        return always if self.profiles is None else always | {"profiles": self.profiles}
 
     def document(self) -> dict[str, Any]:
         """Return run.json and the rows of both tables as one JSON document."""
@@ -152,8 +169,7 @@ def run(
     watch.on_start(len({trace.setting for trace in intake.traces}))
     with clock.lap("fit_s"):
         campaign = _identify(settings, intake.traces, jobs=workers, watch=watch)
-    with clock.lap("judge_s"):
-        judgement = _judge(settings, intake, campaign, held_out=parted.held_out, jobs=workers)
+    campaign, judgement = _judge(settings, parted, campaign, clock=clock, jobs=workers, watch=watch)
     if not watch.cancelled():
         intake = note_unpredicted(parted, campaign, judgement.predictions)
     origin = provenance(settings, intake, campaign, judgement.predictions)
@@ -172,6 +188,7 @@ def run(
         ),
         facts=facts,
         record=record(settings, intake, facts, campaign, judgement, ending=ending),
+        profiles=_profiles(settings, judgement, origin),
     )
     if campaign.fits or not facts.is_interrupted:
         _write(settings, result, origin, clock=clock, jobs=workers)
@@ -212,27 +229,50 @@ def _identify(settings: Settings, traces: Sequence[Trace], *, jobs: int, watch: 
 
 def _judge(
     settings: Settings,
-    intake: Intake,
+    parted: Parted,
     campaign: Campaign,
     *,
-    held_out: Sequence[Trace],
+    clock: _Clock,
     jobs: int,
-) -> Judgement:
+    watch: Watch,
+) -> tuple[Campaign, Judgement]:
+    """Intervals, verdicts, trends and checks of a campaign; profiles where they were asked for."""
     solver = settings.identification.solver
-    assessment = assess(campaign, settings.damper, solver=solver, jobs=jobs)
-    adjustment = compare_settings(campaign, assessment, settings.damper, solver=solver, jobs=jobs)
-    subject = Subject(
-        campaign,
-        assessment,
-        adjustment,
-        missing=tuple(one.place for one in failures_of(settings, intake, campaign)),
-        temperature=settings.rig.temperature,
-        temperature_tolerance=settings.rig.temperature_tolerance,
-    )
-    predictions = predict(
-        campaign, assessment, held_out, damper=settings.damper, solver=solver, jobs=jobs
-    )
-    return Judgement(assessment, adjustment, run_checks(subject), predictions)
+    with clock.lap("judge_s"):
+        assessment = assess(
+            campaign, settings.damper, solver=solver, jobs=jobs, cancelled=watch.cancelled
+        )
+        campaign = reconsider(campaign, assessment)
+        adjustment = compare_settings(
+            campaign, assessment, settings.damper, solver=solver, jobs=jobs
+        )
+        subject = Subject(
+            campaign,
+            assessment,
+            adjustment,
+            missing=tuple(one.place for one in failures_of(settings, parted.intake, campaign)),
+            temperature=settings.rig.temperature,
+            temperature_tolerance=settings.rig.temperature_tolerance,
+        )
+        checks = run_checks(subject)
+        predictions = predict(
+            campaign, assessment, parted.held_out, damper=settings.damper, solver=solver, jobs=jobs
+        )
+    if settings.profile and campaign.fits and not watch.cancelled():
+        bench = Bench(settings.damper, solver, watch.cancelled, jobs)
+        with clock.lap("profile_s"):
+            assessment = profile_campaign(campaign, assessment, bench, names=settings.profile)
+    return campaign, Judgement(assessment, adjustment, checks, predictions)
+
+
+def _profiles(
+    settings: Settings, judgement: Judgement, origin: Mapping[str, Any]
+) -> pa.Table | None:
+    """The table of the profiles that were asked for."""
+    if not settings.profile:
+        return None
+    wanted = (p for p in judgement.assessment.profiles if p.name in settings.profile)
+    return profiles_table(wanted, provenance=origin)
 
 
 def _comparisons(settings: Settings, campaign: Campaign, *, jobs: int) -> Iterator[Comparison]:
@@ -259,13 +299,12 @@ def _write(
     """Write all files as a set, run.json last."""
     with file_set(settings.output.folder) as files:
         with clock.lap("write_s"):
-            for name, table in (
-                ("parameters", result.tables.parameters),
-                ("mse", result.tables.mse),
-                ("adjustment", result.tables.adjustment),
-            ):
+            for name, table in result.written.items():
                 for suffix in (".parquet", ".csv"):
                     write_table(files.path(name + suffix), table, suffix=suffix)
+            for name in _ON_REQUEST - result.written.keys():
+                for suffix in (".parquet", ".csv"):
+                    files.without(name + suffix)
             write_responses(
                 files.path("responses.parquet"),
                 result.campaign,

@@ -27,7 +27,7 @@ from damperfit.settings import (
     parameter_value,
 )
 from damperfit.simulation import SolverOptions
-from damperfit.uncertainty import HoldOutOptions
+from damperfit.uncertainty import HoldOutOptions, check_profile_names
 
 __all__ = ["build_settings"]
 
@@ -193,6 +193,9 @@ class _IdentificationSection(_Section):
     free: list[str]
     fix: dict[str, float | str]
     share: list[str]
+    bulk_modulus: str
+    starts: Annotated[int, Field(ge=1, le=10_000)]
+    profile: list[str]
     hold_out: list[str]
     hold_out_cycles: Annotated[float, _NotNegative]
     max_evaluations: Annotated[int, Field(ge=1)]
@@ -219,11 +222,18 @@ class _IdentificationSection(_Section):
             share=tuple(name.strip() for name in self.share),
             solver=SolverOptions(tolerance=self.tolerance, dead_band=self.dead_band),
             max_evaluations=self.max_evaluations,
+            bulk_modulus=self.bulk_modulus,
+            starts=self.starts,
             fallback_r_m3=self.fallback_r_m3,
             fallback_f_f=self.fallback_f_f,
         )
         check_options(options)
         return options
+
+    def build_profile(self) -> tuple[str, ...]:
+        names = tuple(name.strip() for name in self.profile)
+        check_profile_names(names, fixed=self.fix)
+        return names
 
 
 class _SimulationSection(_Section):
@@ -275,6 +285,7 @@ def build_settings(document: dict[str, Any]) -> Settings:
         conditioning=checked.conditioning.build(checked.rig, damper, checked.identification),
         identification=checked.identification.build(),
         hold_out=checked.identification.build_hold_out(),
+        profile=checked.identification.build_profile(),
         simulation=checked.simulation.build(checked.identification.dead_band),
         output=checked.output.build(),
         document=document,

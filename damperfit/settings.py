@@ -113,6 +113,8 @@ class Settings:
         What is fitted, and how.
     hold_out : HoldOutOptions
         What is not fitted but predicted.
+    profile : tuple of str
+        Parameters whose misfit is followed away from the best value.
     simulation : SimulationOptions
         Defaults of `simulate`.
     output : OutputOptions
@@ -127,6 +129,7 @@ class Settings:
     conditioning: ConditionOptions
     identification: FitOptions
     hold_out: HoldOutOptions
+    profile: tuple[str, ...]
     simulation: SimulationOptions
     output: OutputOptions
     document: dict[str, Any] = field(compare=False, repr=False)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
-from damperfit.identification import Campaign, Fit, LogFit, Outcome
+from damperfit.identification import Campaign, Cavitation, Fit, LogFit, Outcome
 from damperfit.recording import FilterDesign, Trace
 
 __all__ = ["campaign", "fit", "trace"]
@@ -70,8 +68,9 @@ def fit(
         n_samples=333 * len(names),
         n_cycles=len(names),
         evaluations=12,
-        cavitation_fraction=0.05 if outcome is Outcome.CAVITATING else 0.0,
-        r_m3_cavitation_margin=math.nan if outcome is Outcome.CAVITATING else 0.176,
+        cavitation=Cavitation(fraction=0.05, lowest_pressure=0.0, chamber=2)
+        if outcome is Outcome.CAVITATING
+        else Cavitation(0.0, 7e4, 2, 0.001, 0.3, 0.176, 3.9e5),
         logs=tuple(LogFit(trace(setting, name), mse, 0.01) for name in names),
     )
 

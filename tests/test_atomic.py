@@ -73,6 +73,41 @@ def test_a_rename_that_fails_takes_the_earlier_ones_back(
     }
 
 
+def test_what_the_new_set_lacks_goes_with_the_old_one(tmp_path: Path) -> None:
+    for name in ("a", "extra"):
+        (tmp_path / name).write_text(f"old {name}")
+    with file_set(tmp_path) as files:
+        files.path("a").write_text("new a")
+        files.without("extra")
+        files.without("never there")
+        assert (tmp_path / "extra").exists()
+    assert _names(tmp_path) == ["a"]
+
+
+def test_what_was_to_go_is_back_when_the_set_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("a", "extra", "more"):
+        (tmp_path / name).write_text(f"old {name}")
+    unlink = Path.unlink
+
+    def refuse_more(path: Path, *, missing_ok: bool = False) -> None:
+        if path.name == "more":
+            raise PermissionError(13, "Permission denied")
+        unlink(path, missing_ok=missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", refuse_more)
+    with pytest.raises(OutputError, match="Permission denied"), file_set(tmp_path) as files:
+        files.path("a").write_text("new a")
+        files.without("extra")
+        files.without("more")
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {
+        "a": "old a",
+        "extra": "old extra",
+        "more": "old more",
+    }
+
+
 def test_a_symbolic_link_is_replaced_and_its_target_kept(tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere.txt"
     elsewhere.write_text("precious")

@@ -38,6 +38,8 @@ CONTRACT_PARAMETERS = [
     ),
     *("mse_percent", "grade", "outcome", "n_logs", "n_samples", "n_cycles", "evaluations"),
     *("cavitation_fraction", "r_m3_cavitation_margin"),
+    *("lowest_pressure", "lowest_pressure_chamber"),
+    *("lowest_pressure_displacement", "lowest_pressure_velocity", "safe_gas_pressure"),
 ]
 CONTRACT_MSE = ["setting", "log", "mse_percent", "noise_floor_percent", "grade", "n_samples"]
 CONTRACT_SERIES = [
@@ -69,7 +71,7 @@ def test_every_number_column_says_its_unit_and_every_column_its_meaning() -> Non
 def test_the_schema_of_run_json_is_the_schema_of_the_files() -> None:
     tables = make_tables(campaign(fit(1)))
     described = describe_tables()
-    assert set(described) == {"parameters", "mse", "adjustment", "responses"}
+    assert set(described) == {"parameters", "mse", "adjustment", "responses", "profiles"}
     assert [c["name"] for c in described["parameters"]] == tables.parameters.column_names
     assert [c["type"] for c in described["mse"]] == [str(f.type) for f in tables.mse.schema]
 

@@ -15,9 +15,9 @@ from damperfit.cli.options import (
     JobsOption,
     JsonOption,
     LogsArgument,
-    ProfileOption,
     QuietOption,
     RigOption,
+    RigProfileOption,
     SettingOption,
     SkewOption,
     StrictOption,
@@ -70,6 +70,19 @@ def identify(
             metavar="N", help="Likewise the last N cycles of each log; below 1: that share of them."
         ),
     ] = None,
+    bulk_modulus: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="K_e: free, or appendix1, from one gas content."),
+    ] = None,
+    starts: Annotated[
+        int | None, typer.Option(metavar="N", help="Fit each setting from N starts.  [1]")
+    ] = None,
+    profile: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME,NAME", help="Follow the misfit of a parameter, into profiles.csv."
+        ),
+    ] = None,
     max_mse: Annotated[
         float | None, typer.Option(metavar="PCT", help="End with code 4 above this MSE.")
     ] = None,
@@ -83,7 +96,7 @@ def identify(
     setting: SettingOption = None,
     strict: StrictOption = False,
     skew: SkewOption = None,
-    profile: ProfileOption = None,
+    rig_profile: RigProfileOption = None,
     rig: RigOption = None,
     allow_truncated: TruncatedOption = False,
     out: Annotated[
@@ -132,12 +145,15 @@ def identify(
             ("identification", "fix", assignments(fix or [], option="--fix") or None),
             ("identification", "procedure", procedure),
             ("identification", "share", share.split(",") if share is not None else None),
+            ("identification", "bulk_modulus", bulk_modulus),
+            ("identification", "starts", starts),
+            ("identification", "profile", ",".join(profile).split(",") if profile else None),
             ("identification", "hold_out", hold_out or None),
             ("identification", "hold_out_cycles", hold_out_cycles),
             ("rig", "strict", strict or None),
             *rig_entries(rig),
             ("rig", "skew", skew),
-            ("rig", "profile", profile),
+            ("rig", "profile", rig_profile),
             ("rig", "allow_truncated", allow_truncated or None),
             ("output", "max_mse_percent", max_mse),
             ("output", "checks", names_of(check) if check else None),

@@ -20,9 +20,9 @@ __all__ = [
     "JobsOption",
     "JsonOption",
     "LogsArgument",
-    "ProfileOption",
     "QuietOption",
     "RigOption",
+    "RigProfileOption",
     "SettingOption",
     "SkewOption",
     "StrictOption",
@@ -87,11 +87,7 @@ TruncatedOption = Annotated[
     bool,
     typer.Option("--allow-truncated", help="Of a TDMS log that was cut, keep what is common."),
 ]
-ProfileOption = Annotated[
-    str | None,
-    typer.Option("--profile", metavar="NAME", help="Profile of the rig for every log."),
-]
-RigOption = Annotated[
+RigRigOption = Annotated[
     list[str] | None,
     typer.Option(
         "--rig",

@@ -1,7 +1,9 @@
 """From traces to parameters: residuals, starting values, one setting's fit, the campaign."""
 
 from damperfit.identification.campaign import PROCEDURES, Campaign, identify
+from damperfit.identification.cavitation import Cavitation, describe_cavitation
 from damperfit.identification.comparison import Comparison, compare, normalised_mse
+from damperfit.identification.multistart import Minimum, Search, describe_searches
 from damperfit.identification.options import FitOptions, check_options
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.setting import Fit, LogFit
@@ -10,14 +12,19 @@ from damperfit.identification.sharing import Sharing
 __all__ = [
     "PROCEDURES",
     "Campaign",
+    "Cavitation",
     "Comparison",
     "Fit",
     "FitOptions",
     "LogFit",
+    "Minimum",
     "Outcome",
+    "Search",
     "Sharing",
     "check_options",
     "compare",
+    "describe_cavitation",
+    "describe_searches",
     "identify",
     "normalised_mse",
 ]

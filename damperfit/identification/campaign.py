@@ -12,25 +12,18 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, SimulationError
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.first_pass import first_pass
-from damperfit.identification.joint import fit_jointly
+from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.options import FitOptions, check_options
-from damperfit.identification.outcome import Outcome
-from damperfit.identification.setting import (
-    Fit,
-    Judged,
-    describe_fit,
-    fit_setting,
-)
+from damperfit.identification.setting import Fit, Judged, describe_fit
 from damperfit.identification.sharing import Sharing
 from damperfit.identification.task import Task, closed_form_start, ordered
+from damperfit.identification.together import fit_together
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from damperfit.damper.parameters import Damper
     from damperfit.recording import Trace
@@ -42,9 +35,6 @@ _PAPER_FREE = ("r_m1", "r_m2", "k_e")
 _NOT_JOINT = (
     "the joint fit needs two settings at a sound minimum and a shared parameter: these are the "
     "results of procedure paper."
-)
-_NO_JOINT_MINIMUM = (
-    "the joint fit stopped before its minimum: the shared values are the best found."
 )
 
 
@@ -66,6 +56,8 @@ class Campaign:
         False when the caller asked to stop before every setting was done.
     sharing : Sharing
         How the shared parameters were estimated.
+    searches : tuple of Search
+        What fits from many starts found, where they were asked for.
     """
 
     procedure: str
@@ -74,6 +66,7 @@ class Campaign:
     warnings: tuple[str, ...] = ()
     is_complete: bool = True
     sharing: Sharing = Sharing()
+    searches: tuple[Search, ...] = ()
 
 
 def identify(
@@ -131,7 +124,9 @@ def identify(
     # BLAS threads spin between the small products of a fit and take the core that the next
     # setting's thread needs: 200 logs on two cores took 4.9 s with them and 2.8 s without.
     with threadpool_limits(limits=1, user_api="blas"):
-        return PROCEDURES[options.procedure](task)
+        campaign = PROCEDURES[options.procedure](task)
+    said = [f"setting {one.setting}: {one.warning}" for one in campaign.searches if one.warning]
+    return replace(campaign, warnings=(*campaign.warnings, *said))
 
 
 def _plain(task: Task) -> Campaign:
@@ -150,9 +145,10 @@ def _plain(task: Task) -> Campaign:
                 f"add it to --free or give --fix {name}=VALUE."
             )
 
-    def fit(setting: int) -> Fit:
+    def fit(setting: int) -> tuple[Fit, Search | None]:
         misfit = task.misfit(setting, ordered(free))
-        return describe_fit(setting, fit_setting(misfit, closed_form_start(misfit, fixed)), misfit)
+        judged, found = fit_from(task, setting, misfit, closed_form_start(misfit, fixed))
+        return describe_fit(setting, judged, misfit), found
 
     return _collect(task, fit, ())
 
@@ -171,14 +167,17 @@ def _paper(task: Task) -> Campaign:
         return Campaign("paper", (), is_complete=False)
     held = {**{k: v for k, v in fixed.items() if k not in free}, **first.shared}
 
-    def fit(setting: int) -> Fit:
+    def fit(setting: int) -> tuple[Fit, Search | None]:
         misfit = task.misfit(setting, ordered(free))
-        start = first.start(setting) or closed_form_start(misfit, held)
-        spent = first.evaluations(setting)
-        judged = fit_setting(misfit, replace(start, **held), spent=spent)
-        return describe_fit(setting, _named_shared(judged, first.sharing.found), misfit)
+        start = replace(first.start(setting) or closed_form_start(misfit, held), **held)
+        judged, found = fit_from(task, setting, misfit, start, spent=first.evaluations(setting))
+        named = dict.fromkeys(first.sharing.found, "shared") | dict(first.status)
+        return describe_fit(setting, _named(judged, named), misfit), found
 
-    return replace(_collect(task, fit, warnings), sharing=first.sharing)
+    collected = _collect(task, fit, warnings)
+    return replace(
+        collected, sharing=first.sharing, searches=(*first.searches, *collected.searches)
+    )
 
 
 def _joint(task: Task) -> Campaign:
@@ -188,45 +187,28 @@ def _joint(task: Task) -> Campaign:
         name for name in _PAPER_FREE if name not in {*task.options.fixed, *shared}
     )
     varying = tuple(name for name in shared if name not in {"r_m3", "f_f"})
-    options = replace(task.options, free=(*own, *varying))
+    options = replace(task.options, free=(*own, *varying), starts=1)
     before = _paper(replace(task, options=options, on_fit=lambda _fit: None))
-    starts = {
-        fit.setting: fit.parameters for fit in before.fits if fit.outcome is Outcome.CONVERGED
-    }
-    if not before.is_complete or len(starts) < 2 or not shared:
-        said = () if not before.is_complete else (_NOT_JOINT,)
-        return replace(before, procedure="joint", warnings=(*before.warnings, *said))
-    common = {
-        name: float(np.mean([getattr(start, name) for start in starts.values()])) for name in shared
-    }
-    free = ordered((*own, *shared))
     try:
-        found = fit_jointly(
-            {setting: task.misfit(setting, free) for setting in starts},
-            {setting: replace(start, **common) for setting, start in starts.items()},
-            shared,
-            jobs=task.jobs,
-        )
+        together = fit_together(task, before.fits, ordered(own), shared)
     except FitCancelledError:
         return Campaign("joint", (), is_complete=False)
-    agreed = next(iter(found.parameters.values()))
-    held = {name: getattr(agreed, name) for name in shared}
+    if not before.is_complete or together is None:
+        said = () if not before.is_complete else (_NOT_JOINT,)
+        return replace(before, procedure="joint", warnings=(*before.warnings, *said))
     fits = {fit.setting: fit for fit in before.fits}
 
-    def fit(setting: int) -> Fit:
+    def fit(setting: int) -> tuple[Fit, Search | None]:
         if setting not in fits:
             raise SimulationError(dict(before.failures)[setting])
-        misfit = task.misfit(setting, ordered(own))
-        start = found.parameters.get(setting, replace(fits[setting].parameters, **held))
-        spent = fits[setting].evaluations + found.evaluations
-        judged = fit_setting(misfit, start, spent=spent)
-        return describe_fit(setting, _named_shared(judged, shared), misfit)
+        misfit = task.misfit(setting, together.own)
+        start = together.start(fits[setting], misfit)
+        spent = fits[setting].evaluations + together.evaluations
+        judged, found = fit_from(task, setting, misfit, start, spent=spent)
+        return describe_fit(setting, _named(judged, together.status), misfit), found
 
-    warnings = before.warnings if found.is_converged else (*before.warnings, _NO_JOINT_MINIMUM)
-    return replace(
-        _collect(task, fit, warnings),
-        sharing=Sharing(free, jointly=shared, settings=tuple(sorted(starts))),
-    )
+    collected = _collect(task, fit, (*before.warnings, *together.warnings))
+    return replace(collected, sharing=together.sharing)
 
 
 PROCEDURES: dict[str, Callable[[Task], Campaign]] = {
@@ -236,21 +218,26 @@ PROCEDURES: dict[str, Callable[[Task], Campaign]] = {
 }
 
 
-def _named_shared(judged: Judged, shared: Iterable[str]) -> Judged:
-    """The values that the logs gave once for all settings are shared, not fixed."""
-    return replace(judged, status={**judged.status, **dict.fromkeys(shared, "shared")})
+def _named(judged: Judged, status: Mapping[str, str]) -> Judged:
+    """Values that were found once for all settings are not fixed but shared, or cannot be told."""
+    return replace(judged, status={**judged.status, **status})
 
 
-def _collect(task: Task, fit: Callable[[int], Fit], warnings: Iterable[str]) -> Campaign:
+def _collect(
+    task: Task, fit: Callable[[int], tuple[Fit, Search | None]], warnings: Iterable[str]
+) -> Campaign:
     """Run the fit at every setting, in threads; one setting's failure leaves the others."""
+    searches: dict[int, Search] = {}
 
     def one(setting: int) -> Fit | str | None:
         try:
-            result = fit(setting)
+            result, found = fit(setting)
         except FitCancelledError:
             return None
         except DamperfitError as error:
             return str(error)
+        if found is not None:
+            searches[setting] = found
         task.on_fit(result)
         return result
 
@@ -260,6 +247,7 @@ def _collect(task: Task, fit: Callable[[int], Fit], warnings: Iterable[str]) -> 
     return Campaign(
         procedure=task.options.procedure,
         fits=tuple(result for _, result in results if isinstance(result, Fit)),
+        searches=tuple(searches[setting] for setting in sorted(searches)),
         failures=tuple((setting, text) for setting, text in results if isinstance(text, str)),
         warnings=tuple(warnings),
         is_complete=all(result is not None for _, result in results),

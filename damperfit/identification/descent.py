@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning import apply_filter
-from damperfit.errors import DamperfitError
+from damperfit.errors import DamperfitError, SimulationError
 from damperfit.identification.comparison import motion_of
 from damperfit.identification.minimiser import Stopping, Transformation, minimise
 from damperfit.simulation import SolverOptions, simulate
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.parameters import Damper, Parameters
     from damperfit.recording import Trace
+    from damperfit.simulation import Response
 
     FloatArray = NDArray[np.float64]
 
@@ -38,6 +39,8 @@ _ROUGH_COST_TOLERANCE = 1e-2
 # Below this misfit (times the solver's tolerance, N) the solver's own error is what is left.
 _POLISH_BELOW = 100.0
 _POLISH_FACTOR = 0.003
+# A force or a sensitivity, SI; a cylinder of the size of a car stays far below.
+_WILD = 1e100
 # A force offset is about as much, N: the rod's gas force.
 _OFFSET = 100.0
 
@@ -159,6 +162,13 @@ def descend(misfit: Misfit, start: Parameters) -> Solution:
     )
 
 
+def _refuse_wild(response: Response) -> None:
+    """A force whose square is no number is a failed trial: far starts get there."""
+    rows = (response.force, *response.sensitivities.values())
+    if not max(float(np.max(np.abs(row))) for row in rows) < _WILD:
+        raise SimulationError("simulation failed: the force is beyond any that could be fitted.")
+
+
 def linearise(misfit: Misfit, parameters: Parameters) -> tuple[FloatArray, FloatArray]:
     """Return the residuals (n,), model minus measured, N, and their derivative (n, k).
 
@@ -233,6 +243,7 @@ def _evaluate(
             sensitivities=misfit.free,
             options=misfit.solver,
         )
+        _refuse_wild(response)
         rows = np.stack([response.force, *response.sensitivities.values()])
         rows = apply_filter(trace.model_filter, rows)[:, trace.window]
         rows[0] -= trace.force[trace.window]

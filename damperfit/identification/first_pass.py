@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.errors import DamperfitError
-from damperfit.identification.descent import FitCancelledError, Misfit
-from damperfit.identification.setting import Judged, fit_guided, fit_setting, is_sound
+from damperfit.identification.descent import FitCancelledError, Misfit, descend
+from damperfit.identification.multistart import Search, fit_from
+from damperfit.identification.outcome import Outcome
+from damperfit.identification.setting import (
+    PLAUSIBLE,
+    Judged,
+    fit_guided,
+    fit_setting,
+    is_sound,
+)
 from damperfit.identification.sharing import Sharing
-from damperfit.identification.starting import starting_values
+from damperfit.identification.starting import cavitation_limit, starting_values
 from damperfit.identification.task import Task, closed_form_start
 
 if TYPE_CHECKING:
@@ -23,6 +31,9 @@ if TYPE_CHECKING:
 
 __all__ = ["FirstPass", "first_pass"]
 
+_NO_MINIMUM = (Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE)
+# 95 % of chi-squared with one degree of freedom.
+_CONTRADICTED = 3.84
 # A first-pass friction is used when its setting's R_m3 agrees this well with the lowest setting's.
 _SAME_R_M3 = 0.25
 
@@ -39,11 +50,17 @@ class FirstPass:
         R_m3 and f_f, SI, as far as they are wanted; from the logs or the fallback.
     sharing : Sharing
         Where they came from.
+    status : mapping of str to str
+        Of a shared value that the logs do not tell: not_identifiable, or fixed at the fallback.
+    searches : tuple of Search
+        What many starts found at the lowest setting, where they were asked for.
     """
 
     judged: Mapping[int, Judged]
     shared: Mapping[str, float]
     sharing: Sharing = Sharing()
+    status: Mapping[str, str] = field(default_factory=dict)
+    searches: tuple[Search, ...] = ()
 
     def start(self, setting: int) -> Parameters | None:
         """Where the second pass starts, if the first ended where a fit should end."""
@@ -67,39 +84,139 @@ def first_pass(
     if lowest != 1 and "r_m3" in wanted:
         warnings.append(f"there is no log of setting 1: R_m3 is taken from setting {lowest}.")
     misfit = task.misfit(lowest, names)
-    judged = {lowest: fit_setting(misfit, closed_form_start(misfit, fixed))}
-    shared: dict[str, float] = {}
+    one, looked = fit_from(task, lowest, misfit, closed_form_start(misfit, fixed))
+    judged = {lowest: one}
+    searches = () if looked is None else (looked,)
     anchor = judged[lowest].solution.parameters
-    r_m3_from, is_refined = None, False
-    f_f_from: tuple[int, ...] = ()
-    if "r_m3" in wanted:
-        shared["r_m3"], said = _shared_r_m3(judged[lowest], lowest, task.options)
-        r_m3_from = None if said else lowest
-        warnings.extend(said)
-    anchor = replace(anchor, **shared)
+    if "r_m3" in wanted and not _tells_r_m3(judged[lowest]):
+        anchor = replace(anchor, r_m3=task.options.fallback_r_m3)
     judged.update(_free_everywhere(task, names, fixed, anchor))
+    shared: dict[str, float] = {}
+    source = _source(judged, lowest) if "r_m3" in wanted else None
+    f_f_from: tuple[int, ...] = ()
     if "f_f" in wanted:
-        shared["f_f"], f_f_from, said = _shared_friction(judged, shared, task.options)
+        known = None if source is None else judged[source].solution.parameters.r_m3
+        shared["f_f"], f_f_from, said = _shared_friction(judged, known, task.options)
         warnings.extend(said)
-    if set(wanted) == {"r_m3", "f_f"} and is_sound(judged[lowest]) and len(judged) > 1:
-        again = _with_mean_friction(misfit, judged[lowest], shared["f_f"])
-        is_refined = again is not judged[lowest]
-        judged[lowest] = again
-        shared["r_m3"] = again.solution.parameters.r_m3
-    sharing = Sharing(names, r_m3_from=r_m3_from, f_f_from=f_f_from, is_refined=is_refined)
-    return FirstPass(judged, shared, sharing), tuple(warnings)
+    if "r_m3" not in wanted:
+        sharing = Sharing(names, f_f_from=f_f_from)
+        return FirstPass(judged, shared, sharing, searches=searches), tuple(warnings)
+    found = _shared_r_m3(task, judged, names, source or lowest, shared.get("f_f"))
+    if source is not None and source != lowest:
+        warnings.append(
+            f"the logs of setting {lowest} do not fix R_m3: it is taken from setting {source}."
+        )
+    if found.said:
+        warnings.append(found.said)
+    judged[source or lowest] = found.judged
+    sharing = Sharing(
+        names, r_m3_from=found.setting, f_f_from=f_f_from, is_refined=found.is_refined
+    )
+    return (
+        FirstPass(
+            judged, {**shared, "r_m3": found.value}, sharing, {"r_m3": found.status}, searches
+        ),
+        tuple(warnings),
+    )
 
 
-def _with_mean_friction(misfit: Misfit, judged: Judged, f_f: float) -> Judged:
-    """The lowest setting once more with the mean friction, which halves the error of its R_m3.
+def _tells_r_m3(judged: Judged) -> bool:
+    return is_sound(judged) or judged.status["r_m3"] == "fitted"
+
+
+def _source(judged: Mapping[int, Judged], lowest: int) -> int | None:
+    """The setting that gives R_m3: the lowest, or where its logs do not tell it the next one."""
+    if _tells_r_m3(judged[lowest]):
+        return lowest
+    return min((setting for setting, one in judged.items() if is_sound(one)), default=None)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _SharedR_m3:  # noqa: N801 - the paper's symbol
+    value: float
+    status: str
+    judged: Judged
+    setting: int | None
+    is_refined: bool
+    said: str = ""
+
+
+def _shared_r_m3(
+    task: Task,
+    judged: Mapping[int, Judged],
+    names: tuple[str, ...],
+    setting: int,
+    f_f: float | None,
+) -> _SharedR_m3:
+    """R_m3 from the logs of one setting, and how far they tell it."""
+    misfit, first = task.misfit(setting, names), judged[setting]
+    again = first
+    if f_f is not None and (len(judged) > 1 or not is_sound(first)):
+        again = _with_mean_friction(misfit, first, f_f, task.options.fallback_r_m3)
+    is_refined = again is not first
+    value = again.solution.parameters.r_m3
+    if _tells_r_m3(again):
+        return _SharedR_m3(value, "shared", again, setting, is_refined)
+    fallback = task.options.fallback_r_m3
+    if again.outcome in _NO_MINIMUM:
+        said = (
+            f"the logs of setting {setting} do not fix R_m3 ({again.outcome.value}): "
+            f"{fallback:.4g} (identification.fallback_r_m3) is used; give --fix r_m3=VALUE if "
+            "yours is known."
+        )
+        return _SharedR_m3(fallback, "fixed", first, None, is_refined=False, said=said)
+    held = f_f if is_refined else None
+    if _is_contradicted(misfit, again, fallback, held):
+        value = max(value, PLAUSIBLE["r_m3"][0])
+        said = (
+            f"the logs of setting {setting} do not fix R_m3, but {fallback:.4g} "
+            f"(identification.fallback_r_m3) does not fit them: {value:.4g} is used, which does; "
+            "give --fix r_m3=VALUE if yours is known."
+        )
+    else:
+        value = fallback
+        said = (
+            f"the logs of setting {setting} do not fix R_m3: {fallback:.4g} "
+            "(identification.fallback_r_m3) fits them as well as any and is used; give "
+            "--fix r_m3=VALUE if yours is known."
+        )
+    return _SharedR_m3(value, "not_identifiable", again, setting, is_refined, said)
+
+
+def _is_contradicted(misfit: Misfit, best: Judged, r_m3: float, f_f: float | None) -> bool:
+    """Whether the misfit with R_m3 held at a value is more than noise above the best."""
+    start = replace(best.solution.parameters, r_m3=r_m3)
+    free = tuple(n for n in misfit.free if n != "r_m3" and (f_f is None or n != "f_f"))
+    try:
+        other = descend(replace(misfit, free=free), start)
+    except FitCancelledError:
+        raise
+    except DamperfitError:
+        return True
+    rise = other.mse_percent / best.solution.mse_percent - 1.0
+    return rise * best.solution.n_independent > _CONTRADICTED
+
+
+def _with_mean_friction(misfit: Misfit, judged: Judged, f_f: float, r_m3: float) -> Judged:
+    """The setting of R_m3 once more with the mean friction, which halves the error of its R_m3.
 
     R_m3 and f_f are strongly correlated within one setting; the mean over the settings knows f_f
-    better than any one of them. An unsound result changes nothing.
+    better than any one of them. An R_m3 that the setting did not tell starts from a value that
+    can be seen. An unsound result of a sound setting changes nothing.
     """
     free = tuple(name for name in misfit.free if name != "f_f")
     start = replace(judged.solution.parameters, f_f=f_f)
-    again = fit_setting(replace(misfit, free=free), start, spent=judged.solution.evaluations)
-    return again if is_sound(again) else judged
+    if not _tells_r_m3(judged):
+        start = replace(start, r_m3=min(r_m3, cavitation_limit(misfit.traces, misfit.damper)))
+    try:
+        again = fit_setting(replace(misfit, free=free), start, spent=judged.solution.evaluations)
+    except FitCancelledError:
+        raise
+    except DamperfitError:
+        return judged
+    if is_sound(judged):
+        return again if is_sound(again) else judged
+    return judged if again.outcome in _NO_MINIMUM else again
 
 
 def _free_everywhere(
@@ -124,26 +241,22 @@ def _free_everywhere(
     return {setting: judged for setting, judged in found.items() if judged is not None}
 
 
-def _shared_r_m3(judged: Judged, lowest: int, options: FitOptions) -> tuple[float, list[str]]:
-    if is_sound(judged) or judged.status["r_m3"] == "fitted":
-        return judged.solution.parameters.r_m3, []
-    said = (
-        f"the logs of setting {lowest} do not fix R_m3 ({judged.outcome.value}): the paper's "
-        f"{options.fallback_r_m3:.4g} is used; give --fix r_m3=VALUE if yours is known."
-    )
-    return options.fallback_r_m3, [said]
-
-
 def _shared_friction(
-    judged: Mapping[int, Judged], shared: Mapping[str, float], options: FitOptions
+    judged: Mapping[int, Judged], r_m3: float | None, options: FitOptions
 ) -> tuple[float, tuple[int, ...], list[str]]:
-    """The mean friction over the settings whose first pass is sound, and these settings."""
+    """The mean friction over the settings whose first pass is sound, and these settings.
+
+    Where no setting tells R_m3, those count whose fit is a minimum that tells the friction.
+    """
     sound = {
         setting: one.solution.parameters
         for setting, one in judged.items()
         if is_sound(one)
-        and abs(one.solution.parameters.r_m3 / shared.get("r_m3", one.solution.parameters.r_m3) - 1)
-        < _SAME_R_M3
+        and (r_m3 is None or abs(one.solution.parameters.r_m3 / r_m3 - 1.0) < _SAME_R_M3)
+    } or {
+        setting: one.solution.parameters
+        for setting, one in judged.items()
+        if one.outcome not in (*_NO_MINIMUM, Outcome.CAVITATING) and one.status["f_f"] == "fitted"
     }
     if not sound:
         said = (

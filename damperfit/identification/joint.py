@@ -8,20 +8,25 @@ and the gradients g the step splits (Schur)::
                                                              - H_theta,u H_uu^-1 H_u,theta]
     du_i = H_uu^-1 (g_u - H_u,theta dtheta)
 
+With a gas content (`gas_content`), K_e of a setting is no variable: V_r and K_B/C are shared in its
+place, and the columns of J follow by the chain rule.
+
 Twenty settings with sixty own parameters cost one simulation of each log per step and a few 5 x 5
 solves. The separate fits are the start, so a handful of steps is enough.
 """
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import linearise, stepped
+from damperfit.identification.gas_content import GAS_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -30,10 +35,11 @@ if TYPE_CHECKING:
 
     from damperfit.damper.parameters import Parameters
     from damperfit.identification.descent import Misfit
+    from damperfit.identification.gas_content import GasLaw
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["JointSolution", "fit_jointly"]
+__all__ = ["JointProblem", "JointSolution", "fit_jointly"]
 
 # A step that promises less than this share of the cost moves no parameter by 1 % of its error.
 _COST_TOLERANCE = 1e-8
@@ -55,11 +61,76 @@ class JointSolution:
         Simulations of each setting.
     is_converged : bool
         Whether no further step promised anything.
+    cost : float
+        Sum of squares, each setting's times its weight.
+    weights : mapping of int to float
+        One over the mean square of each setting's residuals at the start, 1/N^2.
+    mean_squares : mapping of int to float
+        Mean square of each setting's residuals at the end, N^2.
+    n_independent : mapping of int to float
+        Independent samples among them, twice their sign changes.
+    errors : mapping of str to float
+        Rough relative standard errors of the shared variables, as `relative_errors` of one fit.
+    gas : GasLaw or None
+        The law that K_e follows, where one was given.
     """
 
     parameters: Mapping[int, Parameters]
     evaluations: int
     is_converged: bool
+    cost: float
+    weights: Mapping[int, float]
+    mean_squares: Mapping[int, float]
+    n_independent: Mapping[int, float]
+    errors: Mapping[str, float]
+    gas: GasLaw | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointProblem:
+    """What is fitted together.
+
+    Attributes
+    ----------
+    misfits : mapping of int to Misfit
+        By setting; ``free`` names own and shared parameters, the same for all.
+    shared : tuple of str
+        Parameters that all settings have in common.
+    gas : GasLaw or None
+        Where K_e starts from, if it is to follow a gas content; K_e must then be free.
+    weights : mapping of int to float or None
+        Weights of the settings' squares; None takes those of the start.
+    jobs : int
+        Threads.
+    """
+
+    misfits: Mapping[int, Misfit]
+    shared: tuple[str, ...]
+    gas: GasLaw | None = None
+    weights: Mapping[int, float] | None = None
+    jobs: int = 1
+
+    @property
+    def settings(self) -> tuple[int, ...]:
+        """By rising number."""
+        return tuple(sorted(self.misfits))
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Parameters of a setting that move."""
+        return self.misfits[self.settings[0]].free
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """What a setting's columns are by: its parameters, but for K_e those of its law."""
+        if self.gas is None:
+            return self.free
+        return (*(name for name in self.free if name != "k_e"), *GAS_NAMES)
+
+    @property
+    def is_shared(self) -> NDArray[np.bool_]:
+        """Which of the variables are shared."""
+        return np.array([name in {*self.shared, *GAS_NAMES} for name in self.variables])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,27 +140,28 @@ class _Normal:
     information: FloatArray
     slope: FloatArray
     cost: float
+    weight: float
+    n: int
+    n_independent: float
 
 
-def fit_jointly(
-    misfits: Mapping[int, Misfit],
-    starts: Mapping[int, Parameters],
-    shared: Sequence[str],
-    *,
-    jobs: int = 1,
-) -> JointSolution:
+@dataclass(frozen=True, slots=True, eq=False)
+class _At:
+    """A point of the joint fit."""
+
+    parameters: Mapping[int, Parameters]
+    gas: GasLaw | None
+
+
+def fit_jointly(problem: JointProblem, starts: Mapping[int, Parameters]) -> JointSolution:
     """Minimise the misfit of all settings together.
 
     Parameters
     ----------
-    misfits : mapping of int to Misfit
-        By setting; ``free`` names own and shared parameters.
+    problem : JointProblem
+        Logs, what is free, what is shared.
     starts : mapping of int to Parameters
         Separate fits, with the shared parameters already equal.
-    shared : sequence of str
-        Parameters that all settings have in common.
-    jobs : int
-        Threads.
 
     Raises
     ------
@@ -98,45 +170,23 @@ def fit_jointly(
     FitCancelledError
         When the caller asked to stop.
     """
-    settings = sorted(misfits)
-    is_shared = np.array([name in shared for name in misfits[settings[0]].free])
-    weights: dict[int, float] = {}
-
-    with ThreadPoolExecutor(max(1, jobs)) as pool:
-
-        def normals(at: Mapping[int, Parameters]) -> list[_Normal]:
-            def one(setting: int) -> _Normal:
-                residuals, jacobian = linearise(misfits[setting], at[setting])
-                cost = float(residuals @ residuals)
-                weight = weights.setdefault(setting, len(residuals) / max(cost, 1e-300))
-                return _Normal(
-                    weight * (jacobian.T @ jacobian),
-                    -weight * (jacobian.T @ residuals),
-                    weight * cost,
-                )
-
-            return list(pool.map(one, settings))
-
-        def moved(at: Mapping[int, Parameters], steps: FloatArray) -> dict[int, Parameters]:
-            return {
-                setting: stepped(misfits[setting], at[setting], step)
-                for setting, step in zip(settings, steps, strict=True)
-            }
-
-        best = dict(starts)
-        known = normals(best)
-        evaluations = 1
+    best = _followed(problem, _At(dict(starts), problem.gas))
+    with ThreadPoolExecutor(max(1, problem.jobs)) as pool:
+        known = _normals(pool, problem, best, problem.weights)
+        weights = {s: one.weight for s, one in zip(problem.settings, known, strict=True)}
+        evaluations, is_converged = 1, False
         for _ in range(_MAX_STEPS):
             cost = sum(one.cost for one in known)
-            steps, gain = _step(known, is_shared)
-            if gain < _COST_TOLERANCE * cost:
-                return JointSolution(best, evaluations, is_converged=True)
+            steps, gain = _step(known, problem.is_shared)
+            is_converged = gain < _COST_TOLERANCE * cost
+            if is_converged:
+                break
             steps *= min(1.0, _LONGEST_STEP / float(np.max(np.abs(steps))))
             for _ in range(_MAX_HALVINGS):
-                trial = moved(best, steps)
+                trial = _moved(problem, best, steps)
                 evaluations += 1
                 try:
-                    found = normals(trial)
+                    found = _normals(pool, problem, trial, weights)
                 except SimulationError:
                     found = []
                 if found and sum(one.cost for one in found) < cost:
@@ -144,8 +194,100 @@ def fit_jointly(
                     break
                 steps = 0.5 * steps
             else:
-                return JointSolution(best, evaluations, is_converged=False)
-    return JointSolution(best, evaluations, is_converged=False)
+                break
+    return JointSolution(
+        parameters=best.parameters,
+        evaluations=evaluations,
+        is_converged=is_converged,
+        cost=sum(one.cost for one in known),
+        weights=weights,
+        mean_squares={
+            setting: one.cost / one.weight / one.n
+            for setting, one in zip(problem.settings, known, strict=True)
+        },
+        n_independent={
+            setting: one.n_independent for setting, one in zip(problem.settings, known, strict=True)
+        },
+        errors=_errors(problem, known),
+        gas=best.gas,
+    )
+
+
+def _normals(
+    pool: ThreadPoolExecutor,
+    problem: JointProblem,
+    at: _At,
+    weights: Mapping[int, float] | None,
+) -> list[_Normal]:
+    def one(setting: int) -> _Normal:
+        residuals, jacobian = linearise(problem.misfits[setting], at.parameters[setting])
+        jacobian = jacobian @ _chain(problem, at.gas, setting)
+        cost = float(residuals @ residuals)
+        weight = len(residuals) / max(cost, 1e-300) if weights is None else weights[setting]
+        changes = np.count_nonzero(np.diff(np.signbit(residuals)))
+        return _Normal(
+            weight * (jacobian.T @ jacobian),
+            -weight * (jacobian.T @ residuals),
+            weight * cost,
+            weight,
+            len(residuals),
+            max(2.0 * changes, 1.0),
+        )
+
+    return list(pool.map(one, problem.settings))
+
+
+def _chain(problem: JointProblem, gas: GasLaw | None, setting: int) -> FloatArray:
+    """Derivative of a setting's free parameters by its variables, logarithms both."""
+    if gas is None:
+        return np.eye(len(problem.free))
+    share = gas.share(setting)
+    of_k_e = dict(zip(GAS_NAMES, (-share, 1.0 - share), strict=True))
+    return np.array(
+        [
+            [of_k_e.get(v, 0.0) if name == "k_e" else float(name == v) for v in problem.variables]
+            for name in problem.free
+        ]
+    )
+
+
+def _moved(problem: JointProblem, at: _At, steps: FloatArray) -> _At:
+    gas = at.gas
+    if gas is not None:
+        by = dict(zip(problem.variables, steps[0], strict=True))
+        gas = replace(
+            gas, **{name: getattr(gas, name) * math.exp(float(by[name])) for name in GAS_NAMES}
+        )
+    parameters = {
+        setting: stepped(
+            problem.misfits[setting],
+            at.parameters[setting],
+            _chain(problem, at.gas, setting) @ step,
+        )
+        for setting, step in zip(problem.settings, steps, strict=True)
+    }
+    return _followed(problem, _At(parameters, gas))
+
+
+def _followed(problem: JointProblem, at: _At) -> _At:
+    """K_e of every setting exactly on its law."""
+    if at.gas is None:
+        return at
+    moduli = {setting: at.gas.modulus(setting) for setting in problem.settings}
+    return _At({s: replace(at.parameters[s], k_e=k_e) for s, k_e in moduli.items()}, at.gas)
+
+
+def _errors(problem: JointProblem, known: Sequence[_Normal]) -> dict[str, float]:
+    theta, own = np.flatnonzero(problem.is_shared), np.flatnonzero(~problem.is_shared)
+    complement = np.zeros((len(theta),) * 2)
+    for one in known:
+        complement += one.information[np.ix_(theta, theta)] - _eliminate(one, own, theta)[:, :-1]
+    variances = np.diag(_solve(complement, np.eye(len(theta))))
+    inflation = float(np.mean([one.n / one.n_independent for one in known]))
+    return {
+        problem.variables[place]: math.sqrt(max(float(variance), 0.0) * inflation)
+        for place, variance in zip(theta, variances, strict=True)
+    }
 
 
 def _step(known: Sequence[_Normal], is_shared: NDArray[np.bool_]) -> tuple[FloatArray, float]:
@@ -177,6 +319,8 @@ def _eliminate(one: _Normal, own: NDArray[np.intp], theta: NDArray[np.intp]) -> 
 
 def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
     """Solve with unit diagonal; the least-squares solution where the matrix is singular."""
+    if not len(matrix):
+        return np.zeros(right.shape)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * np.outer(scale, scale)
     solution = np.linalg.lstsq(scaled, scale[:, None] * right, rcond=1e-12)[0]

@@ -12,9 +12,10 @@ from damperfit.simulation import SolverOptions
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["PROCEDURE_NAMES", "FitOptions", "check_options"]
+__all__ = ["BULK_MODULUS_NAMES", "PROCEDURE_NAMES", "FitOptions", "check_options"]
 
 PROCEDURE_NAMES = ("paper", "joint", "plain")
+BULK_MODULUS_NAMES = ("free", "appendix1")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +39,14 @@ class FitOptions:
     share : tuple of str
         Parameters that all settings have in common in procedure `joint`.
     fallback_r_m3, fallback_f_f : float
-        The paper's published values, used with a warning only where the logs of a single setting
-        cannot fix these parameters.
+        The paper's published values, used with a warning only where no log fixes these
+        parameters; R_m3 only where it also fits the logs as well as any other value.
+    bulk_modulus : str
+        A name of `BULK_MODULUS_NAMES`: ``free`` fits K_e at each setting, ``appendix1`` (procedure
+        `joint` only) lets K_e of all settings follow from one gas content.
+    starts : int
+        Starts of each setting's fit, spread at random over a factor of ten to both sides; 1 takes
+        the procedure's own start alone.
     """
 
     procedure: str = "paper"
@@ -50,6 +57,8 @@ class FitOptions:
     share: tuple[str, ...] = ("r_m3", "f_f")
     fallback_r_m3: float = 2.597e6
     fallback_f_f: float = 50.0
+    bulk_modulus: str = "free"
+    starts: int = 1
 
 
 def check_options(options: FitOptions) -> None:
@@ -75,6 +84,28 @@ def check_options(options: FitOptions) -> None:
     for name in options.share if options.procedure == "joint" else ():
         if name in options.fixed or name in (options.free or ()):
             raise ConfigurationError(f"{name} is shared and also free or fixed; choose one.")
+    _check_bulk_modulus(options)
     for name, value in options.fixed.items():
         if name != "f_0" and not value > 0.0 and not (name == "f_f" and value == 0.0):
             raise ConfigurationError(f"{name} = {value:g} is fixed; it must be above zero.")
+
+
+def _check_bulk_modulus(options: FitOptions) -> None:
+    if options.bulk_modulus not in BULK_MODULUS_NAMES:
+        hint = did_you_mean(options.bulk_modulus, BULK_MODULUS_NAMES)
+        known = ", ".join(BULK_MODULUS_NAMES)
+        raise ConfigurationError(
+            f"no bulk modulus {options.bulk_modulus!r}; there are {known}.{hint}"
+        )
+    if options.bulk_modulus == "free":
+        return
+    if options.procedure != "joint":
+        raise ConfigurationError(
+            f"bulk modulus {options.bulk_modulus}: one gas content for all settings needs one fit "
+            f"of all settings; expected procedure joint, found {options.procedure}."
+        )
+    if "k_e" in options.fixed or "k_e" in (options.free or ()) or "k_e" in options.share:
+        raise ConfigurationError(
+            f"bulk modulus {options.bulk_modulus}: K_e follows from the gas content; it cannot be "
+            "free, fixed or shared too."
+        )

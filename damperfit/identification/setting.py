@@ -9,7 +9,7 @@ import numpy as np
 
 from damperfit.conditioning import noise_floor
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
-from damperfit.identification.cavitation import cavitation_margin
+from damperfit.identification.cavitation import Cavitation, examine_cavitation
 from damperfit.identification.comparison import compare, normalised_mse
 from damperfit.identification.descent import Misfit, Solution, approach, descend
 from damperfit.identification.minimiser import inverse_information
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
 
 __all__ = [
+    "NOT_FOUND",
+    "PLAUSIBLE",
     "Fit",
     "Judged",
     "LogFit",
@@ -35,7 +37,7 @@ __all__ = [
 ]
 
 # Plausible ranges in SI, a factor of a hundred or more beyond any car damper on both sides.
-_PLAUSIBLE = {
+PLAUSIBLE = {
     "r_m1": (1e1, 1e7),
     "r_m2": (1e3, 1e10),
     "r_m3": (1e3, 1e10),
@@ -43,7 +45,7 @@ _PLAUSIBLE = {
     "f_f": (1e-3, 1e4),
 }
 # A number with a standard error above this share of itself is not found by the fit.
-_NOT_FOUND = 0.5
+NOT_FOUND = 0.5
 # Friction below this share of the force's deviation that the logs do not fix has run to zero.
 _NO_FRICTION = 1e-2
 # A fit that meets none of MINPACK's tests has still descended when the residual is this close to
@@ -90,11 +92,8 @@ class Fit:
         Eq. (22) over all logs of the setting, and the share that is scatter between cycles.
     n_samples, n_cycles, evaluations : int
         Samples and cycles compared; simulations spent.
-    cavitation_fraction : float
-        Share of the compared time with a chamber at zero pressure.
-    r_m3_cavitation_margin : float
-        Fraction by which R_m3 may rise before chamber 2 cavitates on this motion; negative when
-        it must fall, NaN where no R_m3 in the plausible range is at the edge.
+    cavitation : Cavitation
+        Share of the time, lowest pressure, margins to the onset.
     logs : tuple of LogFit
         The logs fitted together.
     warnings : tuple of str
@@ -110,10 +109,19 @@ class Fit:
     n_samples: int
     n_cycles: int
     evaluations: int
-    cavitation_fraction: float
-    r_m3_cavitation_margin: float
+    cavitation: Cavitation
     logs: tuple[LogFit, ...]
     warnings: tuple[str, ...] = ()
+
+    @property
+    def cavitation_fraction(self) -> float:
+        """Share of the compared time with a chamber at zero pressure."""
+        return self.cavitation.fraction
+
+    @property
+    def r_m3_cavitation_margin(self) -> float:
+        """Fraction by which R_m3 may rise before a chamber cavitates on this motion."""
+        return self.cavitation.r_m3_margin
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -217,12 +225,12 @@ def _statuses(misfit: Misfit, solution: Solution) -> dict[str, str]:
         status[name] = "fitted"
         if name == "f_0":
             continue
-        low, high = _PLAUSIBLE[name]
+        low, high = PLAUSIBLE[name]
         if name == "f_f":
-            low = max(low, _NO_FRICTION * misfit.deviation if error > _NOT_FOUND else low)
+            low = max(low, _NO_FRICTION * misfit.deviation if error > NOT_FOUND else low)
         if not low < value < high:
             status[name] = "at_bound"
-        elif error > _NOT_FOUND:
+        elif error > NOT_FOUND:
             status[name] = "not_identifiable"
     return status
 
@@ -243,17 +251,15 @@ def _outcome(solution: Solution, status: Mapping[str, str]) -> Outcome:
 
 
 def describe_fit(setting: int, judged: Judged, misfit: Misfit) -> Fit:
-    """Return the `Fit` of a judged solution: figures per log, cavitation, margin."""
+    """Return the `Fit` of a judged solution: figures per log, cavitation."""
     parameters = judged.solution.parameters
-    logs, empty, misses, floors = [], 0, [], []
+    logs, seen, misses, floors = [], [], [], []
     for trace in misfit.traces:
         comparison = compare(parameters, trace, misfit.damper, solver=misfit.solver)
         window = trace.window
         measured, simulated = trace.force[window], comparison.force[window]
         logs.append(LogFit(trace, normalised_mse(measured, simulated), noise_floor(trace)))
-        empty += int(
-            np.count_nonzero((comparison.response.pressures[:, window] <= 0.0).any(axis=0))
-        )
+        seen.append((trace, comparison.response))
         misses.append(simulated - measured)
         floors.append(logs[-1].noise_floor_percent / 100.0 * np.var(measured) * len(measured))
     all_misses = np.concatenate(misses)
@@ -268,10 +274,7 @@ def describe_fit(setting: int, judged: Judged, misfit: Misfit) -> Fit:
         n_samples=len(all_misses),
         n_cycles=sum(trace.n_cycles for trace in misfit.traces),
         evaluations=judged.solution.evaluations,
-        cavitation_fraction=empty / len(all_misses),
-        r_m3_cavitation_margin=cavitation_margin(
-            parameters, misfit.traces[0], misfit.damper, solver=misfit.solver
-        ),
+        cavitation=examine_cavitation(parameters, seen, misfit.damper, solver=misfit.solver),
         logs=tuple(logs),
         warnings=_warnings(judged.solution),
     )

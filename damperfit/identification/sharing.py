@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-__all__ = ["Sharing"]
+from damperfit.identification.gas_content import GAS_NAMES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from damperfit.identification.gas_content import GasLaw
+
+__all__ = ["Sharing", "listed_settings"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +33,11 @@ class Sharing:
         Settings whose mean is the friction.
     is_refined : bool
         R_m3 was found with the mean friction held, not beside the setting's own.
+    gas : GasLaw or None
+        The law that K_e follows over the settings, where it was asked for.
+    gas_rises : mapping of int to float
+        By how much a setting's misfit is above that with a K_e of its own, in units of the noise:
+        chi-squared with one degree of freedom where the law holds.
     """
 
     free: tuple[str, ...] = ()
@@ -33,11 +46,39 @@ class Sharing:
     r_m3_from: int | None = None
     f_f_from: tuple[int, ...] = ()
     is_refined: bool = False
+    gas: GasLaw | None = None
+    gas_rises: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def found(self) -> tuple[str, ...]:
-        """Names of the shared parameters that the logs gave."""
+        """Names of the parameters that the logs gave once for all settings."""
         if self.jointly:
-            return self.jointly
+            return self.jointly if self.gas is None else (*self.jointly, "k_e")
         known = {"r_m3": self.r_m3_from is not None, "f_f": bool(self.f_f_from)}
         return tuple(name for name, is_found in known.items() if is_found)
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of the variables behind them: themselves, but for K_e those of its law."""
+        if self.gas is None:
+            return self.found
+        return (*self.jointly, *GAS_NAMES)
+
+
+def listed_settings(settings: Iterable[int]) -> str:
+    """Return whole numbers with runs of three and more drawn together.
+
+    Examples
+    --------
+    >>> listed_settings([1, 2, 5, 6, 7])
+    '1, 2, 5-7'
+    """
+    runs: list[list[int]] = []
+    for setting in sorted(settings):
+        if runs and setting == runs[-1][-1] + 1:
+            runs[-1].append(setting)
+        else:
+            runs.append([setting])
+    return ", ".join(
+        f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs
+    )

@@ -74,6 +74,12 @@ class ReportFacts:
         What the residuals say of noise and lack of fit, one sentence each.
     held_out : tuple of Prediction
         What was not fitted but predicted.
+    identifiability : tuple of str
+        Parameters that the logs do not tell, and those that are tied, one sentence each.
+    searches : tuple of str
+        What fits from many starts found, one sentence each.
+    cavitation : tuple of str
+        How near the chambers are to zero pressure, one sentence each.
     across : tuple of str
         What shows only across the settings, one sentence each.
     checks : tuple of Check
@@ -91,6 +97,9 @@ class ReportFacts:
     advice: tuple[tuple[str, str], ...] = ()
     trust: tuple[str, ...] = ()
     held_out: tuple[Prediction, ...] = ()
+    identifiability: tuple[str, ...] = ()
+    searches: tuple[str, ...] = ()
+    cavitation: tuple[str, ...] = ()
     across: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()
     is_interrupted: bool = False

@@ -58,6 +58,9 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
         _section("Across the settings", (*_list(facts.across), *_clicks(tables))),
         _section("Warnings", _list(facts.warnings)),
         _section("Noise and lack of fit", _list(facts.trust)),
+        _section("Identifiability", _list(facts.identifiability)),
+        _section("Many starts", _list(facts.searches)),
+        _section("Cavitation", _list(facts.cavitation)),
         _section("How it was done", _list((*facts.procedure, f"damperfit {facts.version}"))),
     ]
     return "\n".join(line for part in parts for line in part) + "\n"

@@ -14,6 +14,7 @@ from damperfit.tables.results import (
     adjustment_rows,
     grade,
     make_tables,
+    profiles_table,
     time_series_table,
 )
 
@@ -28,6 +29,7 @@ __all__ = [
     "describe_tables",
     "grade",
     "make_tables",
+    "profiles_table",
     "read_parameters",
     "read_results",
     "safe_cell",

@@ -88,6 +88,16 @@ _PARAMETERS: tuple[_Column, ...] = (
     _Column(
         "r_m3_cavitation_margin", _FLOAT, "1", "rise of r_m3 at which chamber 2 starts to cavitate"
     ),
+    _Column("lowest_pressure", _FLOAT, "Pa", "lowest absolute pressure of any chamber"),
+    _Column("lowest_pressure_chamber", _INT, "1", "chamber of the lowest pressure"),
+    _Column("lowest_pressure_displacement", _FLOAT, "m", "x at the lowest pressure"),
+    _Column("lowest_pressure_velocity", _FLOAT, "m/s", "v at the lowest pressure"),
+    _Column(
+        "safe_gas_pressure",
+        _FLOAT,
+        "Pa",
+        "absolute gas pressure at rest at which a chamber just reaches zero on this motion",
+    ),
 )
 _MSE_TABLE: tuple[_Column, ...] = (
     _SETTING,
@@ -120,6 +130,21 @@ _RESPONSES: tuple[_Column, ...] = (
     _Column("force_N", _FLOAT, "N", "force of the model as compared, filtered alike"),
     *_PRESSURES,
 )
+_PROFILES: tuple[_Column, ...] = (
+    _SETTING,
+    _Column("parameter", _TEXT, "", "name of the parameter that is followed"),
+    _Column("value", _FLOAT, "", "its value, in the unit of its column in parameters"),
+    _Column(
+        "misfit_rise",
+        _FLOAT,
+        "1",
+        "rise of the misfit above its minimum; 3.84 is the 95 % limit",
+    ),
+    *(
+        _Column(name, _FLOAT, PARAMETER_UNITS[name], f"{_PARAMETER_MEANINGS[name]}, refitted")
+        for name in PARAMETER_NAMES
+    ),
+)
 _ADJUSTMENT: tuple[_Column, ...] = (
     _SETTING,
     _Column("speed_m_per_s", _FLOAT, "m/s", "named test speed that the test's motion reaches"),
@@ -140,6 +165,7 @@ _TABLES: dict[str, tuple[_Column, ...]] = {
     "mse": _MSE_TABLE,
     "adjustment": _ADJUSTMENT,
     "responses": _RESPONSES,
+    "profiles": _PROFILES,
     "time_series": _TIME_SERIES,
 }
 
@@ -150,7 +176,7 @@ def table_schema(name: str, facts: Mapping[str, Any]) -> pa.Schema:
     Parameters
     ----------
     name : str
-        "parameters", "mse", "adjustment", "responses" or "time_series".
+        "parameters", "mse", "adjustment", "responses", "profiles" or "time_series".
     facts : mapping
         JSON values for the schema's ``damperfit`` entry, beside version and name of the table.
     """

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from damperfit.adjustment import Click, Level
     from damperfit.identification import Campaign, Fit, LogFit
     from damperfit.simulation import Response
-    from damperfit.uncertainty import Interval, Prediction
+    from damperfit.uncertainty import MisfitProfile, Prediction
 
 __all__ = [
     "MISSING",
@@ -30,6 +30,7 @@ __all__ = [
     "adjustment_rows",
     "grade",
     "make_tables",
+    "profiles_table",
     "time_series_table",
 ]
 
@@ -115,8 +116,7 @@ def make_tables(
     -------
     Tables
     """
-    known = {one.setting: one.intervals for one in assessment.uncertainties}
-    rows = {fit.setting: _parameter_row(fit, known.get(fit.setting, {})) for fit in campaign.fits}
+    rows = {fit.setting: _parameter_row(fit, assessment) for fit in campaign.fits}
     for setting in set(expected) - rows.keys():
         rows[setting] = {"setting": setting, "outcome": MISSING}
     facts = dict(provenance or {})
@@ -129,15 +129,16 @@ def make_tables(
     )
 
 
-def _parameter_row(fit: Fit, intervals: Mapping[str, Interval]) -> dict[str, Any]:
+def _parameter_row(fit: Fit, assessment: Assessment) -> dict[str, Any]:
     row: dict[str, Any] = {"setting": fit.setting}
+    known = {one.setting: one.intervals for one in assessment.uncertainties}
     for name in PARAMETER_NAMES:
         row[name] = _finite(getattr(fit.parameters, name))
-        interval = intervals.get(name)
+        interval = known.get(fit.setting, {}).get(name)
         if interval is not None:
             row[f"{name}_se"] = _finite(interval.error)
-            row[f"{name}_ci_low"] = _finite(interval.low)
-            row[f"{name}_ci_high"] = _finite(interval.high)
+        low, high = assessment.limits(fit.setting, name)
+        row[f"{name}_ci_low"], row[f"{name}_ci_high"] = _finite(low), _finite(high)
         row[f"{name}_status"] = fit.status[name]
     return row | {
         "mse_percent": _finite(fit.mse_percent),
@@ -147,8 +148,13 @@ def _parameter_row(fit: Fit, intervals: Mapping[str, Interval]) -> dict[str, Any
         "n_samples": fit.n_samples,
         "n_cycles": fit.n_cycles,
         "evaluations": fit.evaluations,
-        "cavitation_fraction": _finite(fit.cavitation_fraction),
-        "r_m3_cavitation_margin": _finite(fit.r_m3_cavitation_margin),
+        "cavitation_fraction": _finite(fit.cavitation.fraction),
+        "r_m3_cavitation_margin": _finite(fit.cavitation.r_m3_margin),
+        "lowest_pressure": _finite(fit.cavitation.lowest_pressure),
+        "lowest_pressure_chamber": fit.cavitation.chamber or None,
+        "lowest_pressure_displacement": _finite(fit.cavitation.displacement),
+        "lowest_pressure_velocity": _finite(fit.cavitation.velocity),
+        "safe_gas_pressure": _finite(fit.cavitation.safe_gas_pressure),
     }
 
 
@@ -181,6 +187,32 @@ def _mse_row(
         "n_samples": n_samples,
         "role": role,
     }
+
+
+def profiles_table(
+    profiles: Iterable[MisfitProfile], *, provenance: Mapping[str, Any] | None = None
+) -> pa.Table:
+    """Lay profiles out as a table with one row per point.
+
+    Parameters
+    ----------
+    profiles : iterable of MisfitProfile
+        As in `damperfit.uncertainty.Assessment`.
+    provenance : mapping, optional
+        Facts for the schema's ``damperfit`` entry, as JSON values.
+    """
+    rows = [
+        {
+            "setting": profile.setting,
+            "parameter": profile.name,
+            "value": _finite(point.value),
+            "misfit_rise": _finite(point.rise),
+        }
+        | {name: _finite(getattr(point.parameters, name)) for name in PARAMETER_NAMES}
+        for profile in profiles
+        for point in profile.points
+    ]
+    return _table("profiles", rows, dict(provenance or {}))
 
 
 def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[dict[str, Any]]:

@@ -1,13 +1,15 @@
 """How far each number may be trusted: covariance, intervals, what the residuals say."""
 
-from damperfit.uncertainty.assessment import METHOD, Assessment, assess
+from damperfit.uncertainty.assessment import METHOD, Assessment, assess, reconsider
 from damperfit.uncertainty.evidence import Evidence, LogEvidence, gather
+from damperfit.uncertainty.gas import GasContent
 from damperfit.uncertainty.intervals import (
     Interval,
     Uncertainty,
     collect_evidence,
     uncertainties,
 )
+from damperfit.uncertainty.lines import Bench
 from damperfit.uncertainty.prediction import (
     HoldOutOptions,
     Prediction,
@@ -15,27 +17,35 @@ from damperfit.uncertainty.prediction import (
     prediction_warnings,
     split_cycles,
 )
+from damperfit.uncertainty.profiles import MisfitProfile, ProfilePoint, Stride
+from damperfit.uncertainty.requested import check_profile_names, profile_campaign
 from damperfit.uncertainty.residuals import Diagnosis, Hint, diagnose
-from damperfit.uncertainty.verdicts import verdicts
 
 __all__ = [
     "METHOD",
     "Assessment",
+    "Bench",
     "Diagnosis",
     "Evidence",
+    "GasContent",
     "Hint",
     "HoldOutOptions",
     "Interval",
     "LogEvidence",
+    "MisfitProfile",
     "Prediction",
+    "ProfilePoint",
+    "Stride",
     "Uncertainty",
     "assess",
+    "check_profile_names",
     "collect_evidence",
     "diagnose",
     "gather",
     "predict",
     "prediction_warnings",
+    "profile_campaign",
+    "reconsider",
     "split_cycles",
     "uncertainties",
-    "verdicts",
 ]

@@ -4,23 +4,32 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.errors import SimulationError
+from damperfit.identification.descent import FitCancelledError
+from damperfit.identification.outcome import Outcome
+from damperfit.identification.sharing import listed_settings
 from damperfit.simulation import SolverOptions
+from damperfit.uncertainty.gas import GasContent, gas_content
 from damperfit.uncertainty.intervals import Uncertainty, collect_evidence, uncertainties
+from damperfit.uncertainty.lines import Bench, doubtful_profiles
+from damperfit.uncertainty.profiles import MisfitProfile
 from damperfit.uncertainty.residuals import Diagnosis, diagnose
+from damperfit.uncertainty.verdicts import doubts, verdicts
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable
 
     from damperfit.damper.parameters import Damper
     from damperfit.identification import Campaign
     from damperfit.uncertainty.evidence import Evidence
 
-__all__ = ["METHOD", "Assessment", "assess"]
+__all__ = ["METHOD", "Assessment", "assess", "reconsider"]
 
 # A jackknife over 15 cycles scatters by a fifth; below this it misses something.
 _BLIND = 0.4
@@ -41,10 +50,60 @@ class Assessment:
         Errors, intervals, correlations.
     diagnoses : tuple of Diagnosis
         What the residuals say.
+    profiles : tuple of MisfitProfile
+        Of the parameters that were in doubt, and of those asked for (see `profile_campaign`).
+    gas : GasContent or None
+        The gas content that K_e follows from, in a joint fit that asked for it.
     """
 
     uncertainties: tuple[Uncertainty, ...] = ()
     diagnoses: tuple[Diagnosis, ...] = ()
+    profiles: tuple[MisfitProfile, ...] = ()
+    gas: GasContent | None = None
+
+    def profile(self, setting: int, name: str) -> MisfitProfile | None:
+        """Return the closest profile of a parameter at a setting, if there is one."""
+        mine = [p for p in self.profiles if (p.setting, p.name) == (setting, name)]
+        return max(mine, key=lambda profile: len(profile.points), default=None)
+
+    def limits(self, setting: int, name: str) -> tuple[float | None, float | None]:
+        """Return the 95 % limits to print, SI; None where the logs set none.
+
+        Those of the sandwich covariance, or of the profile where the quadratic approximation was
+        in doubt.
+        """
+        profile = self.telling(setting).get(name)
+        if profile is not None and profile.is_complete and profile.is_doubtful:
+            return profile.low, profile.high
+        for known in self.uncertainties:
+            if known.setting == setting and name in known.intervals:
+                return known.intervals[name].low, known.intervals[name].high
+        return None, None
+
+    def verdicts(self, campaign: Campaign) -> dict[int, dict[str, str]]:
+        """Return a sentence on each parameter, by setting."""
+        fits = {fit.setting: fit for fit in campaign.fits}
+        return {
+            one.setting: verdicts(
+                fits[one.setting], one, campaign.sharing, self.telling(one.setting)
+            )
+            for one in self.uncertainties
+        }
+
+    def doubts(self, campaign: Campaign) -> tuple[str, ...]:
+        """Return what a reader must know of the parameters before using them."""
+        known = {one.setting: one for one in self.uncertainties}
+        telling = {setting: self.telling(setting) for setting in known}
+        return doubts(campaign.fits, known, campaign.sharing, telling)
+
+    def telling(self, setting: int) -> dict[str, MisfitProfile]:
+        """Return the profiles that speak of a setting: its own, and R_m3's from its source."""
+        found = {p.name: p for p in self.profiles if p.name == "r_m3" and p.is_shared}
+        for name in {p.name for p in self.profiles}:
+            own = self.profile(setting, name)
+            if own is not None and not own.is_partial:
+                found[name] = own
+        return found
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -85,7 +144,7 @@ class Assessment:
         quiet = [d for d in self.diagnoses if not d.is_structured and d not in single]
         if quiet:
             least = min(100.0 * d.noise_percent / max(d.mse_percent, 1e-300) for d in quiet)
-            listed = _listed(d.setting for d in quiet)
+            listed = listed_settings(d.setting for d in quiet)
             said.append(
                 f"setting{'s' if len(quiet) > 1 else ''} {listed}: nothing repeats from cycle to "
                 f"cycle that the model lacks; noise makes {least:.0f} % of the MSE or more"
@@ -100,8 +159,12 @@ def assess(
     *,
     solver: SolverOptions = SolverOptions(tolerance=1e-2),
     jobs: int = 1,
+    cancelled: Callable[[], bool] = lambda: False,
 ) -> Assessment:
-    """Judge every setting of a campaign; costs one simulation for each log.
+    """Judge every setting of a campaign.
+
+    Costs one simulation for each log, and 0.7 of what its fit has cost at most where a
+    parameter's error is so large that the quadratic approximation is in doubt.
 
     Parameters
     ----------
@@ -113,7 +176,11 @@ def assess(
         How exactly to integrate.
     jobs : int
         Threads.
+    cancelled : callable, optional
+        Asked before each simulation of a profile; when it returns True no more are traced.
     """
+    from threadpoolctl import threadpool_limits
+
     evidence: list[Evidence] = []
     diagnoses: list[Diagnosis] = []
     n_at_once = max(1, jobs)
@@ -122,9 +189,23 @@ def assess(
         seen = collect_evidence(few, damper, solver=solver, jobs=jobs)
         diagnoses.extend(diagnose(one) for one in seen)
         evidence.extend(_without_curves(one) for one in seen)
+    known = uncertainties(evidence, campaign.sharing)
+    bench = Bench(damper, solver, cancelled, jobs)
+
+    def doubtful(pair: tuple[Evidence, Uncertainty]) -> tuple[MisfitProfile, ...]:
+        try:
+            return doubtful_profiles(*pair, campaign.sharing, bench)
+        except (SimulationError, FitCancelledError):
+            return ()
+
+    with ThreadPoolExecutor(max(1, jobs)) as pool, threadpool_limits(limits=1, user_api="blas"):
+        pairs = zip(evidence, known, strict=True)
+        profiles = tuple(p for several in pool.map(doubtful, pairs) for p in several)
     return Assessment(
-        uncertainties=uncertainties(evidence, campaign.sharing),
+        uncertainties=known,
         diagnoses=tuple(diagnoses),
+        profiles=profiles,
+        gas=gas_content(evidence, campaign.sharing),
     )
 
 
@@ -135,23 +216,31 @@ def _without_curves(evidence: Evidence) -> Evidence:
     return replace(evidence, logs=tuple(logs))
 
 
+def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
+    """Return the campaign with the status of parameters whose misfit proved flat on a side.
+
+    The fit itself judges by rough errors; a profile that sets no limit has the last word.
+    """
+    fits = []
+    for fit in campaign.fits:
+        flat = {
+            name
+            for name, profile in assessment.telling(fit.setting).items()
+            if profile.shape.startswith("flat") and fit.status[name] in {"fitted", "shared"}
+        }
+        own = {name for name in flat if fit.status[name] == "fitted"}
+        outcome = fit.outcome
+        if own and outcome is Outcome.CONVERGED:
+            outcome = Outcome.NOT_IDENTIFIABLE
+        status = {**fit.status, **dict.fromkeys(flat, "not_identifiable")}
+        fits.append(replace(fit, status=status, outcome=outcome))
+    return replace(campaign, fits=tuple(fits))
+
+
 def _warning(group: list[Diagnosis]) -> str:
     """The sentence of the setting with the largest misfit, for all settings of its kind."""
     worst = max(group, key=lambda one: one.mse_percent)
     if len(group) == 1:
         return f"setting {worst.setting}: {worst.sentence}."
-    listed = _listed(one.setting for one in group)
+    listed = listed_settings(one.setting for one in group)
     return f"settings {listed}, most at {worst.setting}: {worst.sentence}."
-
-
-def _listed(settings: Iterable[int]) -> str:
-    """Whole numbers with runs of three and more drawn together: 1, 2, 5-9."""
-    runs: list[list[int]] = []
-    for setting in sorted(settings):
-        if runs and setting == runs[-1][-1] + 1:
-            runs[-1].append(setting)
-        else:
-            runs.append([setting])
-    return ", ".join(
-        f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs
-    )

@@ -11,6 +11,9 @@ settings of fits with everything free; R_m3 comes from the lowest setting with t
 Procedure `joint`: T = S^-1 (E_theta - H_theta,f H_ff^-1 E_f) with the Schur complement S. So the
 error of a shared parameter is inside the intervals of the setting's own. They are built on the
 scale of ln y and can never be negative.
+
+Where K_e follows from a gas content, theta holds V_r and K_B/C in its place, and A = du/dtheta of
+a setting (`shared_slopes`) carries their errors to its K_e and on to its own parameters.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ import numpy as np
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import SimulationError
 from damperfit.identification import Outcome
+from damperfit.identification.gas_content import GAS_NAMES
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.evidence import Evidence, gather
 
@@ -38,7 +42,18 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Interval", "Uncertainty", "collect_evidence", "uncertainties"]
+__all__ = [
+    "Interval",
+    "Uncertainty",
+    "collect_evidence",
+    "make_interval",
+    "own_names",
+    "shared_covariance",
+    "shared_curvature",
+    "shared_slopes",
+    "solved",
+    "uncertainties",
+]
 
 _95_PERCENT = 1.959964
 _NO_MINIMUM = (Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE)
@@ -131,30 +146,63 @@ def uncertainties(evidence: Sequence[Evidence], sharing: Sharing) -> tuple[Uncer
     sharing : Sharing
         How the shared parameters were found.
     """
-    shared = sharing.found
     rows = _shared_rows(evidence, sharing)
     parts = [row @ one.scores @ row.T for row, one in zip(rows, evidence, strict=True)]
     # Summed without the setting's own: a difference of sums could turn negative by rounding.
-    others = [
-        np.sum([np.zeros((len(shared),) * 2), *parts[:k], *parts[k + 1 :]], axis=0)
-        for k in range(len(parts))
-    ]
+    nothing = np.zeros((len(sharing.variables),) * 2)
+    others = [np.sum([nothing, *parts[:k], *parts[k + 1 :]], axis=0) for k in range(len(parts))]
     return tuple(
-        _of_setting(one, shared, row, rest)
+        _of_setting(one, sharing, row, rest)
         for one, row, rest in zip(evidence, rows, others, strict=True)
     )
 
 
+def shared_covariance(evidence: Sequence[Evidence], sharing: Sharing) -> FloatArray:
+    """Return the covariance of the logarithms of ``sharing.variables``, shape (k, k)."""
+    rows = _shared_rows(evidence, sharing)
+    parts = [row @ one.scores @ row.T for row, one in zip(rows, evidence, strict=True)]
+    return np.asarray(np.sum([np.zeros((len(sharing.variables),) * 2), *parts], axis=0))
+
+
+def shared_curvature(evidence: Sequence[Evidence], sharing: Sharing) -> FloatArray:
+    """Return the diagonal of S^-1 of a joint fit, shape (k,), by the logarithms of its variables.
+
+    The variances that white noise would give.
+    """
+    return np.asarray(np.diag(_joint_rows(evidence, sharing)[0]))
+
+
+def shared_slopes(setting: int, sharing: Sharing) -> FloatArray:
+    """Return A = du/dtheta of a setting, shape (6, k): what its u move with the shared variables.
+
+    Parameters
+    ----------
+    setting : int
+        Adjuster setting.
+    sharing : Sharing
+        What is shared, and the law of K_e if there is one.
+    """
+    slopes = np.zeros((len(PARAMETER_NAMES), len(sharing.variables)))
+    for k, name in enumerate(sharing.variables):
+        if name in _INDEX:
+            slopes[_INDEX[name], k] = 1.0
+    if sharing.gas is not None and setting in sharing.gas.pressures:
+        share = sharing.gas.share(setting)
+        slopes[_INDEX["k_e"], -len(GAS_NAMES) :] = (-share, 1.0 - share)
+    return slopes
+
+
 def _of_setting(
-    evidence: Evidence, shared: tuple[str, ...], row: FloatArray, others: FloatArray
+    evidence: Evidence, sharing: Sharing, row: FloatArray, others: FloatArray
 ) -> Uncertainty:
     """One setting: its own scores (through own fit and shared rows), then the other settings'."""
-    own = _own(evidence)
-    f, theta = _places(own), _places(shared)
-    direct = _solve(evidence.information, f)
-    carried = -direct @ evidence.information[:, theta]
-    from_own = np.vstack([direct + carried @ row, row])
-    from_others = np.vstack([carried, np.eye(len(shared))])
+    own, shared = own_names(evidence.fit, sharing), sharing.found
+    slopes = shared_slopes(evidence.fit.setting, sharing)
+    direct = solved(evidence.information, own)
+    carried = -direct @ evidence.information @ slopes
+    told = slopes[_places(shared)]
+    from_own = np.vstack([direct + carried @ row, told @ row])
+    from_others = np.vstack([carried, told])
     covariance = from_own @ evidence.scores @ from_own.T + from_others @ others @ from_others.T
     names = (*own, *shared)
     residual_part = np.diag(direct @ evidence.scores @ direct.T)
@@ -165,21 +213,28 @@ def _of_setting(
     errors = np.sqrt(np.diag(covariance))
     values = [float(getattr(evidence.fit.parameters, name)) for name in names]
     intervals = {
-        name: _interval(name, value, float(error), float(ratio))
+        name: make_interval(name, value, float(error), float(ratio))
         for name, value, error, ratio in zip(names, values, errors, ratios, strict=True)
     }
     return Uncertainty(evidence.fit.setting, intervals, names, covariance)
 
 
-def _own(evidence: Evidence) -> tuple[str, ...]:
-    """Parameters of the setting's own fit; none where it is no minimum, for nothing holds there."""
-    fit = evidence.fit
+def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
+    """Return the parameters that a setting's own fit found or sought, but for those at a bound.
+
+    None where that fit is no minimum, for nothing holds there.
+    """
     if fit.outcome in _NO_MINIMUM:
         return ()
-    return tuple(n for n in PARAMETER_NAMES if fit.status[n] in {"fitted", "not_identifiable"})
+    return tuple(
+        name
+        for name in PARAMETER_NAMES
+        if fit.status[name] in {"fitted", "not_identifiable"} and name not in sharing.found
+    )
 
 
-def _interval(name: str, value: float, error: float, ratio: float) -> Interval:
+def make_interval(name: str, value: float, error: float, ratio: float = math.nan) -> Interval:
+    """Return the 95 % interval of a value whose u has a standard error."""
     reach = _95_PERCENT * error
     if name == "f_0":
         return Interval(error, value - reach, value + reach, ratio)
@@ -191,7 +246,8 @@ def _interval(name: str, value: float, error: float, ratio: float) -> Interval:
 def _shared_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatArray]:
     """T for every setting, shape (number shared, 6)."""
     if sharing.jointly:
-        return _joint_rows(evidence, sharing)
+        inverse, rows = _joint_rows(evidence, sharing)
+        return [np.asarray(inverse @ row) for row in rows]
     by_setting = {one.fit.setting: one for one in evidence}
     used = [setting for setting in sharing.f_f_from if setting in by_setting]
     friction = {
@@ -220,20 +276,28 @@ def _shared_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatAr
     ]
 
 
-def _joint_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatArray]:
-    """T of a joint fit, in which each setting has the weight of its own residual."""
-    theta = _places(sharing.jointly)
-    unit = np.eye(len(PARAMETER_NAMES))
+def _joint_rows(
+    evidence: Sequence[Evidence], sharing: Sharing
+) -> tuple[FloatArray, list[FloatArray]]:
+    """S^-1 of a joint fit and S T, in which each setting has the weight of its own residual."""
+    slopes = [shared_slopes(one.fit.setting, sharing) for one in evidence]
     rows = []
-    for one in evidence:
-        places = _places(_own(one))
-        carried = one.information[np.ix_(theta, places)] @ _solve(one.information, places)
+    for one, slope in zip(evidence, slopes, strict=True):
+        own = own_names(one.fit, sharing)
+        carried = one.information[:, _places(own)] @ solved(one.information, own)
         is_in = one.fit.setting in sharing.settings
-        rows.append((unit[theta] - carried) * (_weight(one) if is_in else 0.0))
+        weight = _weight(one) if is_in else 0.0
+        rows.append(slope.T @ (np.eye(len(PARAMETER_NAMES)) - carried) * weight)
     complement = np.sum(
-        [row @ one.information[:, theta] for row, one in zip(rows, evidence, strict=True)], axis=0
+        [
+            row @ one.information @ slope
+            for row, one, slope in zip(rows, evidence, slopes, strict=True)
+        ],
+        axis=0,
     )
-    return [np.asarray(np.linalg.pinv(complement, rcond=1e-14) @ row) for row in rows]
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(complement), 1e-300))
+    inverse = np.linalg.pinv(complement * np.outer(scale, scale), rcond=1e-14)
+    return np.asarray(inverse * np.outer(scale, scale)), rows
 
 
 def _weight(evidence: Evidence) -> float:
@@ -243,16 +307,25 @@ def _weight(evidence: Evidence) -> float:
 
 
 def _row(information: FloatArray, free: tuple[str, ...], name: str) -> FloatArray:
-    return np.asarray(_solve(information, _places(free))[free.index(name)])
+    return np.asarray(solved(information, free)[free.index(name)])
 
 
-def _solve(information: FloatArray, places: NDArray[np.intp]) -> FloatArray:
-    """H_ff^-1 E_f, shape (k, 6), by a scaled pseudo-inverse where H_ff is singular."""
+def solved(information: FloatArray, names: Sequence[str]) -> FloatArray:
+    """Return H_ff^-1 E_f of some parameters, shape (k, 6); a pseudo-inverse where H is singular.
+
+    Parameters
+    ----------
+    information : numpy.ndarray
+        H, shape (6, 6).
+    names : sequence of str
+        The parameters f.
+    """
+    places = _places(names)
     block = information[np.ix_(places, places)]
-    scale = np.sqrt(np.maximum(np.diag(block), 1e-300))
-    inverse = np.linalg.pinv(block / np.outer(scale, scale), rcond=1e-14, hermitian=True)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(block), 1e-300))
+    inverse = np.linalg.pinv(block * np.outer(scale, scale), rcond=1e-14, hermitian=True)
     result = np.zeros((len(places), len(PARAMETER_NAMES)))
-    result[:, places] = inverse / np.outer(scale, scale)
+    result[:, places] = inverse * np.outer(scale, scale)
     return result
 
 

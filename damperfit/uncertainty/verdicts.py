@@ -1,24 +1,31 @@
-"""A verdict on each parameter of a setting, in words."""
+"""A verdict on each parameter of a setting, in words an engineer acts on."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.identification.sharing import listed_settings
 
 if TYPE_CHECKING:
-    from damperfit.identification import Fit
-    from damperfit.uncertainty.intervals import Uncertainty
+    from collections.abc import Iterable, Mapping
 
-__all__ = ["verdicts"]
+    from damperfit.identification import Fit, Sharing
+    from damperfit.uncertainty.intervals import Uncertainty
+    from damperfit.uncertainty.profiles import MisfitProfile
+
+__all__ = ["doubts", "verdicts"]
 
 # At this correlation knowing the one would shrink the error of the other to a third.
 _CORRELATED = 0.95
 
 
-def verdicts(fit: Fit, known: Uncertainty) -> dict[str, str]:
+def verdicts(
+    fit: Fit, known: Uncertainty, sharing: Sharing, profiles: Mapping[str, MisfitProfile]
+) -> dict[str, str]:
     """Return one sentence for each parameter: how it was found, how well, tied to which other.
 
     Parameters
@@ -27,25 +34,118 @@ def verdicts(fit: Fit, known: Uncertainty) -> dict[str, str]:
         The setting's fit.
     known : Uncertainty
         The same setting's intervals.
+    sharing : Sharing
+        How the shared parameters were found.
+    profiles : mapping of str to MisfitProfile
+        By parameter, where the misfit was followed; of shared ones too.
     """
-    return {name: _verdict(name, fit, known) for name in PARAMETER_NAMES}
+    return {
+        name: _verdict(name, fit, known, profiles.get(name), sharing, is_tied=True)
+        for name in PARAMETER_NAMES
+    }
 
 
-def _verdict(name: str, fit: Fit, known: Uncertainty) -> str:
+def doubts(
+    campaign_fits: Iterable[Fit],
+    known: Mapping[int, Uncertainty],
+    sharing: Sharing,
+    profiles: Mapping[int, Mapping[str, MisfitProfile]],
+) -> tuple[str, ...]:
+    """Return what a reader must know before using the numbers: doubtful parameters and ties.
+
+    Parameters
+    ----------
+    campaign_fits : iterable of Fit
+        All settings.
+    known : mapping of int to Uncertainty
+        By setting.
+    sharing : Sharing
+        How the shared parameters were found.
+    profiles : mapping of int to mapping of str to MisfitProfile
+        By setting and parameter.
+    """
+    said: dict[tuple[str, str], list[int]] = defaultdict(list)
+    ties: dict[tuple[str, str], list[tuple[int, float]]] = defaultdict(list)
+    for fit in campaign_fits:
+        if fit.setting not in known:
+            continue
+        mine = profiles.get(fit.setting, {})
+        for name in PARAMETER_NAMES:
+            if fit.status[name] in {"at_bound", "not_identifiable"}:
+                words = _verdict(name, fit, known[fit.setting], mine.get(name), sharing)
+                said[name, words].append(fit.setting)
+        for one, other, value in _ties(known[fit.setting]):
+            ties[one, other].append((fit.setting, value))
+    sentences = [
+        f"{name} at setting {listed_settings(settings)}: {words}"
+        for (name, words), settings in said.items()
+    ]
+    for (one, other), where in ties.items():
+        values = [value for _, value in where]
+        spread = f"{min(values):+.2f}" + (
+            f" to {max(values):+.2f}" if max(values) - min(values) > 0.005 else ""
+        )
+        sentences.append(
+            f"{one} and {other} are tied at setting {listed_settings(s for s, _ in where)} "
+            f"(correlation {spread}): an error of the one is an error of the other"
+        )
+    return tuple(sentences)
+
+
+def _verdict(
+    name: str,
+    fit: Fit,
+    known: Uncertainty,
+    profile: MisfitProfile | None,
+    sharing: Sharing,
+    *,
+    is_tied: bool = False,
+) -> str:
     status = fit.status[name]
     if status == "fixed":
         return "held at the value given"
     if status == "at_bound":
-        return "ran to the edge of its plausible range; fix it, or check units and signs"
+        seen = f": {_seen(profile)}" if profile is not None else ""
+        return f"ran to the edge of its plausible range{seen}; fix it, or check units and signs"
     interval = known.intervals.get(name)
     if interval is None:
         return "no interval: the fit did not end at a minimum"
-    where = f"95 % from {interval.low:.4g} to {interval.high:.4g}"
-    tied = _tied(name, known)
+    tied = _tied(name, known) if is_tied else ""
+    where = (
+        f"95 % from {interval.low:.4g} to {interval.high:.4g}"
+        if profile is None or not profile.is_complete
+        else _seen(profile)
+    )
+    if profile is not None and profile.better is not None:
+        where += f", a better minimum lies near {profile.better.value:.4g}: give --starts 20"
     if status == "not_identifiable":
-        return f"these logs do not tell it ({where}{tied}); fix it, or fit more logs"
+        value = f"{getattr(fit.parameters, name):.4g}"
+        used = f"; {value} is used for all settings" if name in sharing.found else ""
+        return f"these logs do not tell it ({where}{tied}){used}; fix it, or fit more logs"
     found = "shared by all settings" if status == "shared" else "fitted"
     return f"{found}, {where}{tied}"
+
+
+def _seen(profile: MisfitProfile) -> str:
+    """What the misfit along the parameter says."""
+    low, high = profile.low, profile.high
+    if not profile.is_complete:
+        return "its profile was not finished, give --profile"
+    if low is not None and high is not None:
+        return f"95 % from {low:.4g} to {high:.4g} by its profile"
+    if high is not None:
+        return f"flat downward, only an upper limit: 95 % below {high:.4g}"
+    if low is not None:
+        return f"flat upward, only a lower limit: 95 % above {low:.4g}"
+    return "flat upward and downward: no limit at all"
+
+
+def _ties(known: Uncertainty) -> Iterable[tuple[str, str, float]]:
+    matrix = known.correlation
+    for i, one in enumerate(known.names):
+        for j in range(i + 1, len(known.names)):
+            if abs(matrix[i, j]) > _CORRELATED:
+                yield one, known.names[j], float(matrix[i, j])
 
 
 def _tied(name: str, known: Uncertainty) -> str:

@@ -66,9 +66,9 @@ def test_paper_procedure_recovers_all_twenty_settings_from_noisy_logs() -> None:
         assert abs(found["f_f"]) < 2e-2
         assert fit.mse_percent < 0.01
         assert fit.noise_floor_percent < 1.5 * fit.mse_percent
-        assert fit.cavitation_fraction == 0.0
+        assert fit.cavitation.fraction == 0.0
         # Onset lies at 2.597e6/0.85: the paper's "about 15 %".
-        assert fit.r_m3_cavitation_margin == pytest.approx(1 / 0.85 - 1, abs=0.025)
+        assert fit.cavitation.r_m3_margin == pytest.approx(1 / 0.85 - 1, abs=0.025)
 
 
 @pytest.mark.parametrize("kind", ["causal", "zero_phase"])

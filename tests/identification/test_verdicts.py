@@ -52,8 +52,8 @@ def test_a_setting_that_really_cavitates_says_so() -> None:
     options = FitOptions("plain", FREE, {"r_m3": 4.2e6, "f_f": 50.0})
     fit = identify([trace(6, truth)], PURDY_DAMPER, options).fits[0]
     assert fit.outcome is Outcome.CAVITATING
-    assert fit.cavitation_fraction > 0.02
-    assert fit.r_m3_cavitation_margin < 0.0
+    assert fit.cavitation.fraction > 0.02
+    assert fit.cavitation.r_m3_margin < 0.0
     assert "cavitates" in fit.outcome.advice
 
 

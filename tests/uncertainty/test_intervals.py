@@ -11,7 +11,7 @@ import pytest
 from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.uncertainty import Assessment, assess, collect_evidence, uncertainties, verdicts
+from damperfit.uncertainty import Assessment, assess, collect_evidence, uncertainties
 from damperfit.uncertainty.spectrum import (
     autocorrelation,
     correlation_length,
@@ -155,12 +155,12 @@ def test_verdicts_say_what_cannot_be_told_and_what_is_tied() -> None:
     truth = replace(reference_parameters(12), r_m3=2.6e3)
     campaign = identify([trace(12, truth, noise=4.0)], PURDY_DAMPER, FitOptions("plain"))
     fit = campaign.fits[0]
-    said = verdicts(fit, assess(campaign, PURDY_DAMPER).uncertainties[0])
+    said = assess(campaign, PURDY_DAMPER).verdicts(campaign)[12]
     assert fit.status["r_m3"] in {"not_identifiable", "at_bound"}
     assert "do not tell it" in said["r_m3"] or "edge of its plausible range" in said["r_m3"]
     assert said["r_m1"].startswith("fitted, 95 % from ")
     paper = identify(traces([1, 10], noise=4.0), PURDY_DAMPER)
-    said = verdicts(paper.fits[1], assess(paper, PURDY_DAMPER).uncertainties[1])
+    said = assess(paper, PURDY_DAMPER).verdicts(paper)[10]
     assert "correlated with r_m3 (-0.9" in said["r_m1"]
     assert said["f_0"] == "held at the value given"
 

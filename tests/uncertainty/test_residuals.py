@@ -89,14 +89,18 @@ def test_friction_that_depends_on_velocity_is_named(fall: float) -> None:
 
 def test_r_m3_that_cannot_be_seen_is_named() -> None:
     # With a thousandth of the rebound resistance valve 3 makes a tenth of a newton. The paper's
-    # value stands in for it, and the residuals say that it should not.
+    # value used to stand in for it, and the residuals said that it should not.
     logs = [
         trace(setting, replace(reference_parameters(setting), r_m3=2.6e3), noise=4.0)
         for setting in SETTINGS
     ]
     campaign = identify(logs, PURDY_DAMPER)
     assert any("do not fix R_m3" in text for text in campaign.warnings)
-    for one in assess(campaign, PURDY_DAMPER).diagnoses:
+    judged = assess(campaign, PURDY_DAMPER)
+    assert judged.doubts(campaign)[0].startswith("r_m3 at setting 1, 10, 20: these logs do not")
+    assert not any(one.is_structured for one in judged.diagnoses)
+    held = FitOptions(fixed={"r_m3": 2.597e6})
+    for one in assess(identify(logs, PURDY_DAMPER, held), PURDY_DAMPER).diagnoses:
         assert one.hints[0].name == "r_m3"
         assert "held at a wrong value, too high" in one.sentence
 

@@ -1,0 +1,116 @@
+r"""The bulk modulus of every setting from one gas content: Appendix 1 of the paper, eq. (28).
+
+    1/K_e = V_r/(gamma P) + C/K_B
+
+V_r (trapped gas over oil) and K_B/C (oil and tube without gas) are common to all settings; P is the
+setting's mean working pressure: the mean over the compared time of the absolute pressure in
+chambers 1 and 2, which K_e is of, weighted by their volumes. With s = K_e V_r/(gamma P), the share
+of the compliance that the gas has::
+
+    d ln K_e = -s d ln V_r + (1 - s) d ln(K_B/C)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.damper.bulk_modulus import modulus_at_pressure
+from damperfit.identification.comparison import compare
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from damperfit.damper.parameters import Parameters
+    from damperfit.identification.descent import Misfit
+
+__all__ = ["GAS_NAMES", "GasLaw", "first_law", "working_pressure"]
+
+# In the order of the joint fit's shared variables.
+GAS_NAMES = ("volume_ratio", "stiffness")
+# Neither share of the compliance starts at less than this: a logarithm must leave its end.
+_LEAST_SHARE = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class GasLaw:
+    """K_e of every setting from the gas in the oil.
+
+    Attributes
+    ----------
+    volume_ratio : float
+        V_r, trapped gas over oil, dimensionless.
+    stiffness : float
+        K_B/C, bulk modulus of oil and tube without gas, Pa.
+    gas_exponent : float
+        gamma.
+    pressures : mapping of int to float
+        Mean working pressure P by setting, absolute, Pa.
+    """
+
+    volume_ratio: float
+    stiffness: float
+    gas_exponent: float
+    pressures: Mapping[int, float]
+
+    def modulus(self, setting: int) -> float:
+        """K_e of a setting, Pa."""
+        # Eq. (28) with K_B/C in place of K_B and V_r/C in place of V_r has C = 1.
+        return float(
+            modulus_at_pressure(
+                self.pressures[setting],
+                volume_ratio=self.volume_ratio,
+                liquid=self.stiffness,
+                compliance=1.0,
+                gas_exponent=self.gas_exponent,
+            )
+        )
+
+    def share(self, setting: int) -> float:
+        """Share of a setting's compliance that the gas has, 0 to 1."""
+        gas = self.gas_exponent * self.pressures[setting]
+        return self.modulus(setting) * self.volume_ratio / gas
+
+
+def working_pressure(misfit: Misfit, parameters: Parameters) -> float:
+    """Return the mean pressure in chambers 1 and 2 over the compared time, by volume, Pa.
+
+    Raises
+    ------
+    SimulationError
+        When the model cannot be integrated.
+    """
+    damper = misfit.damper
+    work, volume = 0.0, 0.0
+    for trace in misfit.traces:
+        seen = compare(parameters, trace, damper, solver=misfit.solver).response
+        x = trace.displacement[trace.window]
+        volumes = np.stack(
+            [
+                damper.chamber_1_volume - x * damper.annulus_area,
+                damper.chamber_2_volume + x * damper.piston_area,
+            ]
+        )
+        work += float(np.sum(seen.pressures[:2, trace.window] * volumes))
+        volume += float(np.sum(volumes))
+    return work / volume
+
+
+def first_law(
+    moduli: Mapping[int, float], pressures: Mapping[int, float], gas_exponent: float
+) -> GasLaw:
+    """Return the law that is nearest to known K_e: a straight line of 1/K_e over 1/(gamma P).
+
+    Relative errors count: each equation is multiplied by its K_e.
+    """
+    settings = sorted(moduli)
+    k_e = np.array([moduli[setting] for setting in settings])
+    softness = 1.0 / (gas_exponent * np.array([pressures[setting] for setting in settings]))
+    columns = np.column_stack([softness * k_e, k_e])
+    scale = np.sqrt(np.mean(columns * columns, axis=0))
+    gas, oil = np.linalg.lstsq(columns / scale, np.ones(len(k_e)), rcond=None)[0] / scale
+    least = _LEAST_SHARE / np.mean(columns, axis=0)
+    gas, oil = max(float(gas), float(least[0])), max(float(oil), float(least[1]))
+    return GasLaw(gas, 1.0 / oil, gas_exponent, dict(pressures))

@@ -1,0 +1,198 @@
+"""The joint fit of a campaign: who takes part, from where, and what came out for each setting."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
+from damperfit.identification.gas_content import first_law, working_pressure
+from damperfit.identification.joint import JointProblem, JointSolution, fit_jointly
+from damperfit.identification.outcome import Outcome
+from damperfit.identification.setting import NOT_FOUND, PLAUSIBLE
+from damperfit.identification.sharing import Sharing
+from damperfit.identification.task import Task, ordered
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from damperfit.identification.descent import Misfit
+    from damperfit.identification.setting import Fit
+
+__all__ = ["Together", "fit_together"]
+
+_NO_MINIMUM = "the joint fit stopped before its minimum: the shared values are the best found."
+# The working pressure hardly depends on K_e: it moves by less than this in the second round.
+_SAME_PRESSURE = 1e-4
+_MAX_ROUNDS = 5
+# Two unknowns of the law; a third setting is the first that can contradict it.
+_LAW_UNKNOWNS = 2
+# A misfit that chance makes so large once in a thousand sets; the noise is known roughly only.
+_CHANCE = 0.001
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Together:
+    """What a joint fit gave.
+
+    Attributes
+    ----------
+    solution : JointSolution
+        Where it ended.
+    own : tuple of str
+        What is left to each setting's own fit.
+    status : mapping of str to str
+        Of the shared parameters.
+    sharing : Sharing
+        For their errors.
+    evaluations : int
+        Simulations of each setting.
+    warnings : tuple of str
+        One plain sentence each.
+    """
+
+    solution: JointSolution
+    own: tuple[str, ...]
+    status: Mapping[str, str]
+    sharing: Sharing
+    evaluations: int
+    warnings: tuple[str, ...]
+
+    def start(self, fit: Fit, misfit: Misfit) -> Parameters:
+        """Where a setting's own fit starts: the joint result, or its own with what is shared."""
+        known = self.solution.parameters.get(fit.setting)
+        if known is not None:
+            return known
+        agreed = next(iter(self.solution.parameters.values()))
+        held = {n: getattr(agreed, n) for n in self.sharing.jointly}
+        parameters = replace(fit.parameters, **held)
+        if self.solution.gas is None:
+            return parameters
+        pressure = working_pressure(misfit, parameters)
+        law = replace(self.solution.gas, pressures={fit.setting: pressure})
+        return replace(parameters, k_e=law.modulus(fit.setting))
+
+
+def fit_together(
+    task: Task, before: Sequence[Fit], own: tuple[str, ...], shared: tuple[str, ...]
+) -> Together | None:
+    """Fit the settings that have a sound minimum together; None where there are not two.
+
+    Raises
+    ------
+    SimulationError
+        When the model cannot be integrated at a start.
+    FitCancelledError
+        When the caller asked to stop.
+    """
+    sound = {fit.setting: fit for fit in before if fit.outcome is Outcome.CONVERGED}
+    is_gas = task.options.bulk_modulus == "appendix1"
+    if len(sound) < 2 or not (shared or is_gas):
+        return None
+    common = {name: _common(name, task, list(sound.values())) for name in shared}
+    starts = {setting: replace(fit.parameters, **common) for setting, fit in sound.items()}
+    moving = {*own, *shared, *(("k_e",) if is_gas else ())}
+    misfits = {setting: task.misfit(setting, ordered(moving)) for setting in sound}
+    problem = JointProblem(misfits, shared, jobs=task.jobs)
+    solution = fit_jointly(problem, starts)
+    spent, rises = solution.evaluations, {}
+    warnings = [] if solution.is_converged else [_NO_MINIMUM]
+    if is_gas:
+        alone = solution
+        solution, more = _with_gas(task, problem, alone.parameters)
+        spent += more
+        rises = _rises(alone, solution)
+        warnings = [*([] if solution.is_converged else [_NO_MINIMUM]), *_judged_law(rises)]
+    sharing = Sharing(
+        ordered(moving),
+        jointly=shared,
+        settings=tuple(sorted(sound)),
+        gas=solution.gas,
+        gas_rises=rises,
+    )
+    return Together(
+        solution=solution,
+        own=tuple(name for name in own if not (is_gas and name == "k_e")),
+        status=_statuses(solution, shared, is_gas=is_gas),
+        sharing=sharing,
+        evaluations=spent,
+        warnings=tuple(warnings),
+    )
+
+
+def _common(name: str, task: Task, fits: Sequence[Fit]) -> float:
+    """Where a shared parameter starts: the mean, or the fallback where R_m3 was not told.
+
+    From a value without effect a logarithm would not come back.
+    """
+    if name == "r_m3" and any(fit.status[name] == "not_identifiable" for fit in fits):
+        return task.options.fallback_r_m3
+    return float(np.mean([getattr(fit.parameters, name) for fit in fits]))
+
+
+def _with_gas(
+    task: Task, problem: JointProblem, starts: Mapping[int, Parameters]
+) -> tuple[JointSolution, int]:
+    """Fit with K_e from a gas content; the working pressures are those of the fit itself."""
+    moduli = {setting: start.k_e for setting, start in starts.items()}
+    pressures = _pressures(problem, starts)
+    gas = first_law(moduli, pressures, task.damper.gas_exponent)
+    solution = fit_jointly(replace(problem, gas=gas), starts)
+    spent = solution.evaluations + 1
+    for _ in range(_MAX_ROUNDS):
+        assert solution.gas is not None
+        again = _pressures(problem, solution.parameters)
+        moved = max(abs(again[s] / solution.gas.pressures[s] - 1.0) for s in again)
+        # Once more in any case: the weights of the first round are those of a rough law.
+        gas = replace(solution.gas, pressures=again)
+        solution = fit_jointly(replace(problem, gas=gas), solution.parameters)
+        spent += solution.evaluations + 1
+        if moved < _SAME_PRESSURE:
+            break
+    return solution, spent
+
+
+def _pressures(problem: JointProblem, at: Mapping[int, Parameters]) -> dict[int, float]:
+    return {s: working_pressure(problem.misfits[s], at[s]) for s in problem.settings}
+
+
+def _rises(alone: JointSolution, law: JointSolution) -> dict[int, float]:
+    """Rise of each setting's misfit above that with its own K_e, in units of the noise."""
+    return {
+        setting: alone.n_independent[setting] * (law.mean_squares[setting] / least - 1.0)
+        for setting, least in alone.mean_squares.items()
+    }
+
+
+def _judged_law(rises: Mapping[int, float]) -> list[str]:
+    """Say so when a K_e of each setting fits better than noise explains."""
+    from scipy.special import chdtri
+
+    spare = len(rises) - _LAW_UNKNOWNS
+    if spare < 1:
+        return [
+            "the gas content is drawn through two settings: only a third can tell whether it holds."
+        ]
+    if sum(rises.values()) <= chdtri(spare, _CHANCE):
+        return []
+    worse = {setting: rise for setting, rise in rises.items() if rise > chdtri(1, _CHANCE)}
+    worst = max(rises, key=lambda setting: rises[setting])
+    said = (
+        "K_e does not follow Appendix 1 with one gas content: a K_e for each setting fits better "
+        f"than noise explains at {len(worse)} of {len(rises)} settings, most at setting {worst}; "
+        "take the gas content as a rough mean, its interval does not hold."
+    )
+    return [said]
+
+
+def _statuses(solution: JointSolution, shared: tuple[str, ...], *, is_gas: bool) -> dict[str, str]:
+    agreed = next(iter(solution.parameters.values()))
+    status = {}
+    for name in shared:
+        low, high = PLAUSIBLE.get(name, (-np.inf, np.inf))
+        status[name] = "shared" if low < getattr(agreed, name) < high else "at_bound"
+        if name in PARAMETER_NAMES[:-1] and solution.errors[name] > NOT_FOUND:
+            status[name] = "not_identifiable"
+    return status | ({"k_e": "shared"} if is_gas else {})

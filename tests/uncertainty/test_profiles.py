@@ -1,0 +1,203 @@
+"""Profiles: least at the fit, parabolas where the logs tell a parameter, open where they do not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.reference import reference_parameters
+from damperfit.errors import ConfigurationError
+from damperfit.identification import Campaign, FitOptions, Outcome, identify
+from damperfit.identification.descent import Misfit, descend
+from damperfit.recording import Trace
+from damperfit.simulation import SolverOptions
+from damperfit.uncertainty import (
+    Assessment,
+    Bench,
+    MisfitProfile,
+    Stride,
+    assess,
+    check_profile_names,
+    profile_campaign,
+    reconsider,
+)
+from tests.identification.rig import trace, traces
+
+FREE = ("r_m1", "r_m2", "k_e")
+KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
+
+
+def profiled(
+    logs: list[Trace], *names: str, options: FitOptions = FitOptions()
+) -> tuple[Campaign, Assessment]:
+    campaign = identify(logs, PURDY_DAMPER, options)
+    judged = assess(campaign, PURDY_DAMPER)
+    return campaign, profile_campaign(campaign, judged, Bench(PURDY_DAMPER), names=names)
+
+
+def sandwich(judged: Assessment, profile: MisfitProfile) -> tuple[float, float]:
+    known = next(one for one in judged.uncertainties if one.setting == profile.setting)
+    interval = known.intervals[profile.name]
+    return interval.low, interval.high
+
+
+def test_of_a_parameter_well_told_it_is_the_parabola_of_the_printed_interval() -> None:
+    campaign, judged = profiled(traces([1, 10], noise=4.0), "r_m1", "k_e", "r_m3")
+    assert [(p.name, p.setting) for p in judged.profiles] == [
+        ("r_m1", 1), ("r_m1", 10), ("k_e", 1), ("k_e", 10), ("r_m3", 1),
+    ]  # fmt: skip
+    fits = {fit.setting: fit.parameters for fit in campaign.fits}
+    for profile in judged.profiles:
+        assert profile.shape == "closed"
+        best = min(profile.points, key=lambda point: point.rise)
+        assert best.rise == 0.0
+        assert best.value == pytest.approx(getattr(fits[profile.setting], profile.name), rel=1e-5)
+        low, high = sandwich(judged, profile)
+        reach = math.log(high / low) / 2.0
+        assert math.log(best.value / profile.low) == pytest.approx(reach, rel=0.02)
+        assert math.log(profile.high / best.value) == pytest.approx(reach, rel=0.02)
+        # Out to three standard errors, on both sides, in steps of about half of one.
+        assert profile.points[0].rise > 9.0 < profile.points[-1].rise
+        for point in profile.points:
+            along = 1.959964 * math.log(point.value / best.value) / reach
+            assert point.rise == pytest.approx(along**2, rel=0.05, abs=0.01)
+
+
+def test_a_point_is_the_minimum_that_a_descent_finds_with_the_parameter_held() -> None:
+    log = trace(6, noise=60.0, duration=5.0)
+    options = FitOptions("plain", FREE, KNOWN)
+    campaign, judged = profiled([log], "k_e", options=options)
+    solver = SolverOptions(tolerance=1e-2)
+    everything = Misfit((log,), PURDY_DAMPER, FREE, solver, 100, lambda: False)
+    least = descend(everything, campaign.fits[0].parameters).mse_percent
+    points = judged.profiles[-1].points
+    rises, found = [], []
+    for point in points[:: len(points) - 1]:
+        start = replace(campaign.fits[0].parameters, k_e=point.value)
+        held = descend(replace(everything, free=("r_m1", "r_m2")), start)
+        found.append(held.mse_percent - least)
+        rises.append(point.rise)
+        assert point.parameters.r_m1 == pytest.approx(held.parameters.r_m1, rel=2e-4)
+        assert point.parameters.r_m2 == pytest.approx(held.parameters.r_m2, rel=2e-3)
+    # The scale is that of the intervals: several times less than white noise would make of it.
+    assert rises[0] / rises[1] == pytest.approx(found[0] / found[1], rel=0.01)
+    white = campaign.fits[0].n_samples / least
+    assert rises[0] < 0.3 * white * found[0]
+
+
+def test_a_joint_fit_is_profiled_over_all_settings_at_once() -> None:
+    options = FitOptions("joint")
+    campaign, judged = profiled(traces([2, 14], noise=4.0, duration=5.0), "f_f", options=options)
+    first, second = judged.profiles
+    assert (first.setting, second.setting) == (2, 14)
+    assert (first.low, first.high) == (second.low, second.high)
+    assert [p.rise for p in first.points] == [p.rise for p in second.points]
+    assert first.points[0].parameters.r_m1 != second.points[0].parameters.r_m1
+    assert first.points[0].parameters.r_m3 == second.points[0].parameters.r_m3
+    assert first.points[0].parameters.r_m3 != campaign.fits[0].parameters.r_m3
+    low, high = sandwich(judged, first)
+    assert first.low == pytest.approx(low, rel=0.02 * (high / low - 1.0))
+    assert first.high == pytest.approx(high, rel=0.02 * (high / low - 1.0))
+
+
+def test_the_mean_friction_is_followed_at_each_setting_that_it_is_a_mean_of() -> None:
+    campaign, judged = profiled(traces([1, 10], noise=4.0, duration=5.0), "f_f")
+    assert all(p.is_partial for p in judged.profiles)
+    best = [min(p.points, key=lambda point: point.rise).value for p in judged.profiles]
+    assert np.mean(best) == pytest.approx(campaign.fits[0].parameters.f_f, abs=0.02)
+    assert "profile" not in judged.verdicts(campaign)[1]["f_f"]
+
+
+def test_an_offset_may_be_followed_through_zero() -> None:
+    options = FitOptions("plain", (*FREE, "f_0"), KNOWN)
+    _, judged = profiled([trace(5, noise=4.0, duration=5.0)], "f_0", options=options)
+    profile = judged.profiles[-1]
+    low, high = sandwich(judged, profile)
+    assert profile.low < 0.0 < profile.high
+    assert profile.high - profile.low == pytest.approx(high - low, rel=0.02)
+
+
+def test_little_rebound_resistance_is_flat_downward_with_an_upper_limit() -> None:
+    # With a thousandth of the rebound resistance valve 3 makes a tenth of a newton of 300.
+    logs = [
+        trace(setting, replace(reference_parameters(setting), r_m3=2.6e3), noise=4.0)
+        for setting in (1, 10)
+    ]
+    campaign = identify(logs, PURDY_DAMPER)
+    judged = assess(campaign, PURDY_DAMPER)
+    profile = judged.profile(1, "r_m3")
+    assert profile is not None
+    assert profile.shape == "flat downward"
+    assert 2.6e3 < profile.high < 1e5
+    said = judged.verdicts(campaign)
+    for fit in campaign.fits:
+        assert fit.status["r_m3"] == "not_identifiable"
+        assert judged.limits(fit.setting, "r_m3") == (None, profile.high)
+        assert "flat downward, only an upper limit: 95 % below" in said[fit.setting]["r_m3"]
+        assert f"{fit.parameters.r_m3:.4g} is used for all settings" in said[fit.setting]["r_m3"]
+        # The others are told all the same, and their intervals know of the doubt.
+        truth = reference_parameters(fit.setting)
+        for name in FREE:
+            low, high = judged.limits(fit.setting, name)
+            slack = 0.5 * (high - low)
+            assert low - slack < getattr(truth, name) < high + slack
+    assert any(text.startswith("r_m3 at setting 1, 10: ") for text in judged.doubts(campaign))
+
+
+def test_a_short_slow_stroke_leaves_the_bulk_modulus_flat_upward() -> None:
+    # 2 mm at 1.5 Hz: the oil gives way by less than the noise, so that it may as well be rigid.
+    truth = reference_parameters(10)
+    log = trace(10, noise=4.0, amplitude=0.002)
+    campaign = identify([log], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN))
+    judged = assess(campaign, PURDY_DAMPER)
+    profile = judged.profile(10, "k_e")
+    assert profile is not None
+    assert profile.shape == "flat upward"
+    assert 1e8 < profile.low < truth.k_e
+    again = reconsider(campaign, judged).fits[0]
+    assert again.status["k_e"] == "not_identifiable"
+    assert again.outcome is Outcome.NOT_IDENTIFIABLE
+    assert "flat upward, only a lower limit: 95 % above" in judged.verdicts(campaign)[10]["k_e"]
+
+
+def test_no_friction_has_an_upper_limit() -> None:
+    truth = replace(reference_parameters(4), f_f=1e-6)
+    campaign = identify([trace(4, truth, noise=4.0)], PURDY_DAMPER, FitOptions("plain"))
+    judged = assess(campaign, PURDY_DAMPER)
+    assert campaign.fits[0].status["f_f"] == "at_bound"
+    low, high = judged.limits(4, "f_f")
+    assert low is None
+    assert 0.01 < high < 2.0
+    assert "flat downward" in judged.verdicts(campaign)[4]["f_f"]
+
+
+def test_what_is_well_told_costs_nothing_more() -> None:
+    campaign = identify(traces([1, 10], noise=4.0, duration=5.0), PURDY_DAMPER)
+    judged = assess(campaign, PURDY_DAMPER)
+    assert judged.profiles == ()
+    assert reconsider(campaign, judged).fits[0].status == campaign.fits[0].status
+
+
+def test_a_budget_that_is_spent_leaves_no_verdict() -> None:
+    log = trace(6, noise=4.0, duration=5.0)
+    campaign = identify([log], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN))
+    judged = assess(campaign, PURDY_DAMPER)
+    bench = Bench(PURDY_DAMPER)
+    short = profile_campaign(campaign, judged, bench, names=["k_e"], stride=Stride(budget=4))
+    profile = short.profiles[-1]
+    assert profile.shape == "not finished"
+    assert profile.evaluations <= 5
+    assert short.limits(6, "k_e") == judged.limits(6, "k_e")
+    stopped = Bench(PURDY_DAMPER, cancelled=lambda: True)
+    assert profile_campaign(campaign, judged, stopped, names=["k_e"]).profiles == ()
+
+
+def test_names_that_cannot_be_profiled() -> None:
+    with pytest.raises(ConfigurationError, match=r"no parameter 'k_f' to profile.*Did you mean"):
+        check_profile_names(["k_f"])
+    with pytest.raises(ConfigurationError, match="f_f is both fixed and to be profiled"):
+        check_profile_names(["f_f"], fixed={"f_f": 50.0})
