@@ -87,7 +87,11 @@ TruncatedOption = Annotated[
     bool,
     typer.Option("--allow-truncated", help="Of a TDMS log that was cut, keep what is common."),
 ]
-RigRigOption = Annotated[
+RigProfileOption = Annotated[
+    str | None,
+    typer.Option("--rig-profile", metavar="NAME", help="Profile of the rig for every log."),
+]
+RigOption = Annotated[
     list[str] | None,
     typer.Option(
         "--rig",

@@ -207,7 +207,7 @@ def test_the_readme_documents_every_command_and_option(run) -> None:
         (("--rig", "a b=1"), "'a b' is no key"),
         (("--rig", "decimal"), "expected NAME=VALUE"),
         (("--rig", "decimal=,", "--rig", "decimal=."), "given twice"),
-        (("--rig", "profile=mine"), "no profile 'mine'; there are none"),
+        (("--rig-profile", "mine"), "no profile 'mine'; there are none"),
     ],
 )
 def test_a_wrong_declaration_is_code_2_and_one_line(run, logs, arguments, says) -> None:
