@@ -16,7 +16,16 @@ import pytest
 from rich.console import Console
 
 from damperfit.identification import Outcome
-from damperfit.report import Failure, ReportFacts, markdown_report, parameter_sheet, terminal_table
+from damperfit.report import (
+    ASCII_LEVELS,
+    Failure,
+    ReportFacts,
+    closing_sheet,
+    markdown_report,
+    parameter_sheet,
+    sparkline,
+    terminal_table,
+)
 from damperfit.report.markdown import escape
 from damperfit.report.rows import number, percent, with_error
 from damperfit.tables import make_tables
@@ -97,7 +106,7 @@ def test_the_report_of_each_state_is_as_agreed(state: str) -> None:
 @pytest.mark.parametrize("state", STATES)
 def test_the_terminal_table_of_each_state_is_as_agreed(state: str) -> None:
     done, _, expected = STATES[state]
-    sheet = parameter_sheet(make_tables(done, expected=expected).parameters, digits=4)
+    sheet = closing_sheet(make_tables(done, expected=expected).parameters)
     text = _terminal(terminal_table(sheet))
     assert max(len(line) for line in text.splitlines()) <= 80
     assert "\x1b" not in text  # no colour without a terminal
@@ -185,3 +194,50 @@ def test_intervals_are_shown_once_the_table_has_them() -> None:
     with_se = table.set_column(place, table.schema.field(place), pa.array([3.21e6]))
     row = parameter_sheet(with_se).rows[0]
     assert row[4] == "510.0 ± 3.2"
+
+
+def _with_errors(done, share: float):
+    """Return the parameters of a campaign with standard errors of a share of each value."""
+    import pyarrow as pa
+
+    table = make_tables(done).parameters
+    for name in ("r_m1", "r_m2", "r_m3", "k_e", "f_f"):
+        place = table.schema.get_field_index(f"{name}_se")
+        values = [share * value for value in table.column(name).to_pylist()]
+        table = table.set_column(place, table.schema.field(place), pa.array(values))
+    return table
+
+
+def test_the_closing_table_rounds_by_the_errors_and_shows_the_settings_at_a_glance() -> None:
+    table = _with_errors(campaign(*(fit(n) for n in range(1, 21))), 0.00123)
+    text = _terminal(terminal_table(closing_sheet(table)))
+    assert "R_m3 = 2.5970(32)e6 N s/(m2 kg), shared by all settings" in text
+    _compare("terminal_errors.txt", text)
+
+
+@pytest.mark.parametrize("n_free", [3, 5, 6])
+def test_the_closing_table_fits_80_columns_however_many_are_free(n_free: int) -> None:
+    free = dict.fromkeys(("r_m1", "r_m2", "k_e", "r_m3", "f_f", "f_0")[:n_free], "fitted")
+    many = (fit(n, status=free, f_0=-12.5 if n_free == 6 else 0.0) for n in (1, 12, 20))
+    table = _with_errors(campaign(*many), 2.5e-5)
+    text = _terminal(terminal_table(closing_sheet(table)), width=200)
+    assert max(len(line) for line in text.splitlines()) <= 80
+    assert ("(" in text.splitlines()[2]) == (n_free == 3)  # the errors go before the digits
+
+
+def test_the_closing_table_is_ascii_where_that_is_asked() -> None:
+    table = _with_errors(campaign(*(fit(n) for n in range(1, 5))), 0.001)
+    assert _terminal(terminal_table(closing_sheet(table, levels=ASCII_LEVELS))).isascii()
+
+
+def test_a_sparkline_leaves_out_what_is_not_known() -> None:
+    assert sparkline([0.0, None, float("nan"), 7.0]) == "▁  █"
+    assert sparkline([]) == ""
+    assert sparkline([None]) == " "
+
+
+def test_a_setting_of_one_log_has_one_row_of_mse() -> None:
+    text = markdown_report(make_tables(campaign(fit(1), fit(3, logs=("a.csv", "b.csv")))), FACTS)
+    rows = text[text.index("## MSE by") :].splitlines()
+    cells = [line.split(" | ")[:2] for line in rows if line.startswith("| ") and "csv" in line]
+    assert cells == [["| 1", "setting\\_01.csv"], ["| ", "a.csv"], ["| ", "b.csv"]]

@@ -154,6 +154,6 @@ def test_it_prints_without_cutting_a_plot(browser):
     printed = browser.execute_script("return window.printed")
     assert len(printed) == len(browser.execute_script("return damperfit.plots"))
     # A4 less its margins is 703 CSS pixels wide: two of these and the gap fit.
-    assert {(width, height) for _, width, height in printed} == {(340, 245)}
+    assert {(width, height) for _, width, height in printed} == {(340, 235)}
     assert "break-inside: avoid" in browser.execute_script("return document.head.innerHTML")
     assert browser.execute_script("return document.querySelector('.plot').layout.width") != 340

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from dataclasses import replace
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
@@ -14,7 +16,9 @@ from hypothesis import strategies as st
 
 from damperfit.errors import ConfigurationError
 from damperfit.report import draw_plot, html_report, portfolio
-from damperfit.report.plots import setting_colours, thin
+from damperfit.report.page_sheets import cavitation_sheet
+from damperfit.report.plots import setting_axis, setting_colours, thin
+from damperfit.report.setting_plots import setting_plots
 from damperfit.report.views import log_views
 from damperfit.tables import read_results
 from tests.report_folder import EVIL, damage_row_group, make_results
@@ -57,14 +61,16 @@ def test_every_text_is_escaped(page):
     assert "<img" not in page[: page.index('id="data"')]
     assert "<b>my run" not in page
     assert "&lt;/script&gt;&lt;img src=x onerror=alert(1)&gt;$x_1$.csv" in page
-    labels = [
-        line["label"]
-        for plot in document(page)["plots"]
-        for p in plot["panels"]
-        for line in p["lines"]
-    ]
-    assert any("&lt;img" in label for label in labels)  # plotly reads labels as HTML
-    assert not any("<" in label for label in labels)
+
+
+def test_labels_of_plots_are_escaped(shown):
+    """Plotly reads them as HTML."""
+    plot = shown.overall[0]
+    (panel,) = plot.panels
+    evil = replace(panel, lines=(replace(panel.lines[0], label=EVIL),))
+    page = html_report(replace(shown, overall=(replace(plot, panels=(evil,)),)), title="x")
+    (label,) = (line["label"] for line in document(page)["plots"][0]["panels"][0]["lines"])
+    assert label == "&lt;/script&gt;&lt;img src=x onerror=alert(1)&gt;$x_1$.csv"
 
 
 def test_the_page_asks_for_nothing_from_outside(page):
@@ -114,9 +120,10 @@ def test_cavitation_is_marked(shown):
 
 def test_the_summary_says_what_is_poor_and_missing(page):
     assert "worst 12.0 % at setting 2" in page
-    assert "setting 2: poor fit, MSE 12.0 %" in page
+    assert "setting 2: poor, MSE 12.0 %" in page
     assert "no result for setting 4" in page
-    assert "k_e not identifiable" in page
+    assert "K_e not identifiable" in page
+    assert "setting 3: excellent, MSE 0.0123 %; cavitates for 5.0 % of the cycle" in page
 
 
 def test_frequency_and_figures_come_from_the_signals(folder):
@@ -175,12 +182,120 @@ def test_svg_shows_the_axes_with_units(shown, tmp_path):
     assert "force, N" in text
 
 
+def test_what_the_run_told_is_shown(copy):
+    record = json.loads((copy / "run.json").read_text(encoding="utf-8"))
+    record |= {
+        "checks": [
+            {"name": "mse_excellent", "passed": True, "reason": "all below 1 %"},
+            {"name": "smooth_trends", "passed": False, "reason": "setting 3 is off"},
+            {"name": "hold_out", "passed": None, "reason": "one log a setting"},
+        ],
+        "trends": [
+            {
+                "parameter": "k_e",
+                "sentence": "K_e rises by 10 MPa a setting.",
+                "outliers": [{"setting": 3, "deviation": 0.2}],
+                "points": [
+                    {"setting": n, "value": 5e8 + 1e7 * n, "low": 4.9e8, "high": 5.9e8}
+                    for n in range(1, 6)
+                ],
+            }
+        ],
+        "clicks": [
+            {"from": 1, "to": 2, "speed_m_per_s": 0.3, "stroke": stroke, "change_N": change,
+             "low_N": change - 2.0, "high_N": change + 2.0}
+            for stroke, change in (("rebound", 41.25), ("bump", -17.5))
+        ],
+    }  # fmt: skip
+    record["inputs"][0]["findings"] = [
+        {"name": "skew", "severity": "note", "sentence": "channels are 0.1 ms apart"},
+        {"name": "clipping", "severity": "warning", "sentence": f"force is clipped {EVIL}"},
+    ]
+    (copy / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    shown = portfolio(read_results(copy))
+    page = html_report(shown, title="x")
+    assert "Checks: 1 passed, 1 failed, 1 not looked at" in page
+    assert page.index("setting 3 is off") < page.index("all below 1 %")  # what failed comes first
+    assert "K_e rises by 10 MPa a setting." in page
+    assert "<td>1 to 2</td><td class=n>+41.25</td><td class=n>39.2 to 43.2</td>" in page
+    assert "warning: force is clipped &lt;/script&gt;" in page
+    assert page.count("channels are 0.1 ms apart") == 1  # a note stands with its log alone
+    (plot,) = (plot for plot in shown.overall if plot.name == "parameter_k_e")
+    trend, ring = plot.panels[0].lines[:2]
+    assert (trend.label, trend.low[0], trend.high[-1]) == ("trend, 95 %", 490.0, 590.0)
+    assert (ring.style, ring.x.tolist()) == ("rings", [3.0])
+    assert not any("quadratic" in line.label for line in plot.panels[0].lines)
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        {"checks": 3, "trends": "a", "clicks": None, "inputs": [None, {"findings": [1, {}]}]},
+        {"checks": [{}, 1, {"name": "a", "passed": "yes"}], "trends": [{"points": [{}]}]},
+        {"trends": [{"parameter": "k_e", "points": [{"setting": 1, "value": 5e8}]}]},
+        {"clicks": [{"from": "a"}, {"from": 1, "to": 2}], "gaps": ["x", None, 3.5]},
+        {"configuration": 5, "procedure": [None, 3], "warnings": [{}], "failures": [1, {}]},
+    ],
+)
+def test_what_is_told_strangely_breaks_nothing(copy, record):
+    (copy / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    page = html_report(portfolio(read_results(copy)), title="x")
+    assert "Setting 1" in page
+
+
+def test_a_value_at_a_bound_does_not_flatten_the_others(copy):
+    table = pq.read_table(copy / "parameters.parquet").to_pylist()
+    table[1] |= {"k_e": 3e15, "k_e_status": "at_bound"}
+    schema = pq.read_schema(copy / "parameters.parquet")
+    pq.write_table(pa.Table.from_pylist(table, schema=schema), copy / "parameters.parquet")
+    shown = portfolio(read_results(copy))
+    (plot,) = (plot for plot in shown.overall if plot.name == "parameter_k_e")
+    low, high = plot.panels[0].y_range
+    assert 480.0 < low < 490.0
+    assert 530.0 < high < 550.0
+    (far,) = (line for line in plot.panels[0].lines if line.style == "above")
+    assert low < far.y[0] < high
+    assert far.label == "setting 2, off the scale at 3e+09"
+    assert "off the scale" in plot.caption
+
+
+def test_settings_are_numbered_where_they_are_and_do_not_touch():
+    assert setting_axis(range(1, 21))[0] == tuple(range(1, 21))
+    assert setting_axis([0, 25, 50, 75, 100]) == ((0.0, 25.0, 50.0, 75.0, 100.0), (-4.0, 104.0))
+    assert len(setting_axis(range(1000))[0]) <= 21
+    assert setting_axis([]) == ((), None)
+
+
+def test_the_mean_residual_is_that_of_all_samples(folder):
+    view = log_views(read_results(folder))[0]
+    signals = replace(view.signals, force=view.signals.force_measured - 7.0)
+    plot = setting_plots(replace(view, signals=signals), name="a", colour="#000000")[3]
+    cloud, *means = plot.panels[0].lines
+    assert [line.label for line in means] == ["mean, opening branch", "mean, closing branch"]
+    for line in (cloud, *means):
+        assert line.y == pytest.approx(7.0)
+
+
+def test_cavitation_is_told_by_setting():
+    rows = [
+        {"setting": 1, "r_m3_cavitation_margin": 0.18, "cavitation_fraction": 0.0},
+        {"setting": 2, "lowest_pressure": 0.0, "lowest_pressure_chamber": 2,
+         "cavitation_fraction": 0.25, "safe_gas_pressure": 5.2e5},
+        {"setting": 3},
+    ]  # fmt: skip
+    assert cavitation_sheet(rows).rows == (
+        ("1", "-", "-", "0", "18.0", "-"),
+        ("2", "0", "2", "25.0", "-", "5.20"),
+    )
+
+
 def test_a_damaged_log_costs_that_log_alone(copy):
     damage_row_group(copy / "responses.parquet", 1)
     results = read_results(copy)
     assert [log.setting for log in results.logs] == [1, 3, 5]
-    assert len(results.remarks) == 1
-    assert "log 2 is damaged" in results.remarks[0]
+    damage, consequence = results.remarks
+    assert "log 2 is damaged" in damage
+    assert consequence == "setting 2: parameters but no signals, so no loops"
     assert "log 2 is damaged" in html_report(portfolio(results), title="x")
 
 
@@ -228,6 +343,64 @@ def test_an_older_schema_is_named_and_what_it_has_is_shown(copy):
     assert "schema version 0 (damperfit 0.0.1)" in results.remarks[0]
     assert "k_e_ci_low" in results.remarks[1]
     assert "parameter_k_e" in html_report(portfolio(results), title="x")
+
+
+def _change(path, change):
+    """Write a Parquet table anew with changed rows, its schema kept."""
+    table = pq.read_table(path)
+    rows = table.to_pylist()
+    pq.write_table(pa.Table.from_pylist(change(rows) or rows, schema=table.schema), path)
+
+
+def test_a_setting_that_is_in_one_table_alone_is_named_and_shown(copy):
+    _change(copy / "parameters.parquet", lambda rows: [r for r in rows if r["setting"] != 2])
+    results = read_results(copy)
+    assert results.remarks == ("setting 2: signals but no parameters",)
+    page = html_report(portfolio(results), title="x")
+    assert "Setting 2: setting_02.csv" in page
+    table = pq.read_table(copy / "responses.parquet")
+    kept = pa.array([setting != 3 for setting in table.column("setting").to_pylist()])
+    pq.write_table(table.filter(kept), copy / "responses.parquet")
+    remarks = read_results(copy).remarks
+    assert "setting 3: parameters but no signals, so no loops" in remarks
+
+
+def test_a_setting_told_twice_is_shown_once(copy):
+    _change(copy / "parameters.parquet", lambda rows: rows * 2)
+    results = read_results(copy)
+    assert [row["setting"] for row in results.parameters] == [1, 2, 3, 4, 5]
+    assert "more than once" in results.remarks[0]
+
+
+def test_a_table_of_another_kind_is_named_in_short(copy):
+    shutil.copy(copy / "mse.parquet", copy / "parameters.parquet")
+    (remark, *_) = read_results(copy).remarks
+    assert "parameters.parquet has no column r_m1, r_m2" in remark
+    assert "more" in remark
+    assert len(remark) < 120
+
+
+def test_numbers_that_cannot_be_drawn_are_left_out(copy, tmp_path):
+    """An interval beside its value used to end in an internal error."""
+
+    def spoil(rows):
+        rows[0] |= {"k_e_ci_low": 9e9, "k_e_ci_high": float("nan"), "mse_percent": 0.0}
+        rows[1]["mse_percent"] = float("inf")
+
+    def spoil_errors(rows):
+        rows[0]["mse_percent"] = 0.0
+        rows[2] |= {"mse_percent": float("inf"), "noise_floor_percent": float("nan")}
+
+    _change(copy / "parameters.parquet", spoil)
+    _change(copy / "mse.parquet", spoil_errors)
+    shown = portfolio(read_results(copy))
+    html_report(shown, title="x")
+    for plot in shown.overall[:7]:
+        draw_plot(tmp_path / "a.png", plot, kind="png", dpi=40)
+    (errors,) = (plot for plot in shown.overall if plot.name == "mse")
+    values = np.concatenate([line.y for line in errors.panels[0].lines])
+    assert (values > 0.0).all()
+    assert np.isfinite(values).all()
 
 
 def test_a_file_of_another_run_is_named(copy):

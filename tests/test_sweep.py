@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+import io
+import os
+from pathlib import Path
+
 import pytest
+from rich.console import Console
 
 from damperfit.config import load_settings
 from damperfit.errors import ConfigurationError
-from damperfit.report import Kin, family_plot, family_sentence, family_sheet, kin_pressures
+from damperfit.report import (
+    Kin,
+    family_plot,
+    family_sentence,
+    family_sheet,
+    kin_pressures,
+    terminal_table,
+)
 from damperfit.sweep import PAPER_SWEEPS, SWEPT_UNITS, parse_variation, run_sweep
 from damperfit.trial import choose_parameters
 
@@ -106,6 +118,21 @@ def test_table_and_plot_have_each_member(family):
     assert len({line.colour for line in lines}) == 3
     for line, one in zip(lines, kin, strict=True):
         assert line.y.max() == pytest.approx(one.figures.peak_force_rebound)
+
+
+def test_the_rows_and_sentences_are_as_agreed(family):
+    """Golden file; after a wanted change: DAMPERFIT_WRITE_GOLDEN=1 pytest tests/test_sweep.py."""
+    out = io.StringIO()
+    console = Console(file=out, width=80, highlight=False, markup=False)
+    for text in ("r_m1=0.8,1,1.2", "r_m3=0.5,1,1.5", "f_f=0,1,2", "amplitude=0.5,1", "p_0=1"):
+        name = text.partition("=")[0]
+        members = family(text)
+        console.print(terminal_table(family_sheet(name, SWEPT_UNITS[name], members)))
+        console.print(family_sentence(name, members) + "\n")
+    path = Path(__file__).parent / "golden" / "sweep.txt"
+    if os.environ.get("DAMPERFIT_WRITE_GOLDEN"):
+        path.write_text(out.getvalue(), encoding="utf-8")
+    assert out.getvalue() == path.read_text(encoding="utf-8")
 
 
 def test_the_papers_families_are_those_of_its_figures():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +19,10 @@ __all__ = [
     "print_lines",
     "print_renderable",
     "say",
+    "screen_columns",
     "shield_streams",
     "silence_broken_pipe",
+    "spark_levels",
 ]
 
 _PIPE_WIDTH = 80
@@ -67,6 +70,24 @@ def print_renderable(renderable: RenderableType) -> None:
         sys.stdout.flush()
     except BrokenPipeError:
         silence_broken_pipe()
+
+
+def screen_columns() -> int:
+    """Return the width of the terminal; 80 in a pipe or a file."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else _PIPE_WIDTH
+
+
+def spark_levels() -> str:
+    """Return the characters of a sparkline that whoever reads stdout can show."""
+    from damperfit.report import ASCII_LEVELS, BLOCK_LEVELS
+
+    # A pipe is given UTF-8 by `shield_streams`, so what was asked for is looked at first.
+    asked = os.environ.get("PYTHONIOENCODING", "").partition(":")[0]
+    try:
+        BLOCK_LEVELS.encode(asked or sys.stdout.encoding or "ascii")
+    except (LookupError, UnicodeEncodeError):
+        return ASCII_LEVELS
+    return BLOCK_LEVELS
 
 
 def shield_streams() -> None:

@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from damperfit.cli.console import one_line, print_json, print_lines, print_renderable, say
+from damperfit.cli.console import (
+    one_line,
+    print_json,
+    print_lines,
+    print_renderable,
+    say,
+    screen_columns,
+    spark_levels,
+)
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -130,9 +139,9 @@ def identify(
     from damperfit.pipeline import Watch, run
     from damperfit.report import (
         check_lines,
+        closing_sheet,
         held_out_sheet,
         markdown_report,
-        parameter_sheet,
         terminal_table,
     )
 
@@ -172,12 +181,15 @@ def identify(
     if json:
         print_json(result.document())
     elif result.campaign.fits:
-        sheet = parameter_sheet(result.tables.parameters, digits=4, has_errors=False)
+        sheet = closing_sheet(
+            result.tables.parameters, columns=screen_columns(), levels=spark_levels()
+        )
         print_renderable(terminal_table(sheet))
         if result.facts.held_out:
             held_out = held_out_sheet(result.facts.held_out, is_narrow=True)
             print_renderable(terminal_table(held_out))
-        print_lines(["", *map(one_line, check_lines(result.facts.checks))])
+        lines = map(one_line, check_lines(result.facts.checks))
+        print_lines(["", *(part for line in lines for part in wrap(line, screen_columns()))])
     return result.ending.value
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from damperfit.cli.console import print_json, print_lines, print_renderable, say
+from damperfit.cli.console import print_json, print_lines, print_renderable, say, spark_levels
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -129,13 +129,15 @@ def _write(trial: Trial, *, out: Path | None, plot: Path | None) -> None:
 
 def _show(trial: Trial) -> None:
     from damperfit.report import terminal_table
-    from damperfit.report.loops import force_sheet, pressure_sheet
+    from damperfit.report.loops import cycle_lines, force_sheet, pressure_sheet
 
     title = "" if trial.choice.setting is None else f"setting {trial.choice.setting}: "
     print_lines([title + trial.motion, ""])
     print_renderable(terminal_table(force_sheet(trial.characteristics)))
     print_lines([""])
     print_renderable(terminal_table(pressure_sheet(trial.characteristics)))
+    cycle = cycle_lines(trial.response, trial.frequency, levels=spark_levels())
+    print_lines(["", "last cycle", *cycle])
 
 
 def _document(trial: Trial) -> dict[str, Any]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from damperfit.cli.console import print_json, print_lines, print_renderable, say
+from damperfit.cli.console import print_json, print_lines, print_renderable, say, screen_columns
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -169,4 +170,4 @@ def _show(variation: Variation, family: Sequence[Kin]) -> None:
 
     sheet = family_sheet(variation.name, SWEPT_UNITS[variation.name], family)
     print_renderable(terminal_table(sheet))
-    print_lines([_sentence(variation, family), ""])
+    print_lines([*wrap(_sentence(variation, family), screen_columns()), ""])

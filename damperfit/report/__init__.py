@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from damperfit.report.closing import closing_sheet
 from damperfit.report.facts import Failure, ReportFacts
 from damperfit.report.held_out import held_out_sheet
 from damperfit.report.inspection import VERDICT_COLOURS, finding_lines, log_sheet
 from damperfit.report.ladder import check_lines, ladder_sheet, stroke_sheet
 from damperfit.report.markdown import markdown_report
 from damperfit.report.rows import Sheet, parameter_sheet
+from damperfit.report.spark import ASCII_LEVELS, BLOCK_LEVELS, sparkline
 from damperfit.report.terminal import terminal_table
 
 if TYPE_CHECKING:
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
     from damperfit.report.plots import Plot
 
 __all__ = [
+    "ASCII_LEVELS",
+    "BLOCK_LEVELS",
     "VERDICT_COLOURS",
     "Failure",
     "Kin",
@@ -37,6 +41,7 @@ __all__ = [
     "ReportFacts",
     "Sheet",
     "check_lines",
+    "closing_sheet",
     "draw_plot",
     "family_plot",
     "family_records",
@@ -51,6 +56,7 @@ __all__ = [
     "markdown_report",
     "parameter_sheet",
     "portfolio",
+    "sparkline",
     "stroke_sheet",
     "terminal_table",
 ]

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.report.plots import CHAMBER_COLOURS, Line, Panel, Plot, setting_colours, thin
+from damperfit.report.plots import Line, Panel, Plot, setting_colours, thin
 from damperfit.report.rows import Sheet, number
-from damperfit.report.setting_plots import cavitation_bands
+from damperfit.report.setting_plots import pressure_panel
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -31,7 +31,6 @@ __all__ = [
 ]
 
 _BUCKETS = 300  # a cycle at 1000 Hz stays whole
-_BAR = 1e5  # Pa
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,17 +156,8 @@ def kin_pressures(kin: Kin, *, file_name: str, title: str) -> Plot:
     """Return the chamber pressures of one member, cavitation shaded."""
     cycle = _last_cycle(kin)
     time = kin.response.time[cycle] - kin.response.time[cycle.start]
-    pressures = kin.response.pressures[:, cycle]
-    kept = thin(_BUCKETS, *pressures)
-    lines = tuple(
-        Line(time[kept], pressure[kept] / _BAR, f"chamber {i}", colour)
-        for i, (pressure, colour) in enumerate(
-            zip(pressures, CHAMBER_COLOURS, strict=True), start=1
-        )
-    )
-    bands = cavitation_bands(time, pressures)
-    panel = Panel("time", "s", "absolute pressure", "bar", lines, bands=bands)
-    return Plot(file_name, title, (panel,), "Shaded: cavitation." if bands else "")
+    panel = pressure_panel(time, kin.response.pressures[:, cycle])
+    return Plot(file_name, title, (panel,), "Shaded: cavitation." if panel.bands else "")
 
 
 def _last_cycle(kin: Kin) -> slice:

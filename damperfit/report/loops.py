@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from damperfit.errors import InstallationError
+from damperfit.report.figures import FIXED_METADATA, fixed_style
 from damperfit.report.rows import Sheet, number
+from damperfit.report.spark import BLOCK_LEVELS, sparkline
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -13,9 +17,10 @@ if TYPE_CHECKING:
     from damperfit.characteristics import Characteristics
     from damperfit.simulation import Response
 
-__all__ = ["draw_loops", "force_sheet", "pressure_sheet"]
+__all__ = ["cycle_lines", "draw_loops", "force_sheet", "pressure_sheet"]
 
 _BAR = 1e5  # Pa
+_CELLS = 44  # characters of one cycle
 
 
 def force_sheet(figures: Characteristics) -> Sheet:
@@ -66,6 +71,40 @@ def pressure_sheet(figures: Characteristics) -> Sheet:
     )
 
 
+def cycle_lines(
+    response: Response, frequency: float, *, levels: str = BLOCK_LEVELS
+) -> tuple[str, ...]:
+    """Return the last cycle as sparklines: displacement, force and the three pressures.
+
+    Parameters
+    ----------
+    response : Response
+        Signals, at least one cycle.
+    frequency : float
+        Hz.
+    levels : str
+        Characters from low to high.
+    """
+    at = response.time[-1] - (1.0 - np.arange(_CELLS) / (_CELLS - 1.0)) / frequency
+    rows = (
+        ("displacement", "mm", 1e3 * response.displacement),
+        ("force", "N", response.force),
+        *(
+            (f"pressure {i}", "bar", pressure / _BAR)
+            for i, pressure in enumerate(response.pressures, start=1)
+        ),
+    )
+    is_inside = response.time >= at[0]
+    lines = []
+    for name, unit, signal in rows:
+        marks = sparkline(np.interp(at, response.time, signal).tolist(), levels=levels)
+        low, high = (
+            number(end, digits=4) for end in (np.min(signal[is_inside]), np.max(signal[is_inside]))
+        )
+        lines.append(f"{name:<12} {marks} {low} to {high} {unit}")
+    return tuple(lines)
+
+
 def draw_loops(path: Path, response: Response, *, kind: str) -> None:
     """Draw force against displacement and against velocity.
 
@@ -90,14 +129,15 @@ def draw_loops(path: Path, response: Response, *, kind: str) -> None:
         raise InstallationError(
             "--plot needs matplotlib; install it with: pip install matplotlib"
         ) from error
-    figure = Figure(figsize=(10.0, 4.5), layout="constrained")
-    FigureCanvasAgg(figure)
-    left, right = figure.subplots(1, 2, sharey=True)
-    left.plot(1e3 * response.displacement, response.force)
-    left.set_xlabel("displacement, mm (positive: rebound)")
-    left.set_ylabel("force, N (positive: rebound)")
-    right.plot(response.velocity, response.force)
-    right.set_xlabel("velocity, m/s (positive: rebound)")
-    for axes in (left, right):
-        axes.grid(visible=True, alpha=0.3)
-    figure.savefig(path, format=kind)
+    with fixed_style():
+        figure = Figure(figsize=(10.0, 4.5), layout="constrained")
+        FigureCanvasAgg(figure)
+        left, right = figure.subplots(1, 2, sharey=True)
+        left.plot(1e3 * response.displacement, response.force)
+        left.set_xlabel("displacement, mm (positive: rebound)")
+        left.set_ylabel("force, N (positive: rebound)")
+        right.plot(response.velocity, response.force)
+        right.set_xlabel("velocity, m/s (positive: rebound)")
+        for axes in (left, right):
+            axes.grid(visible=True, alpha=0.3)
+        figure.savefig(path, format=kind, metadata=FIXED_METADATA[kind])

@@ -4,8 +4,10 @@
   const off = new Set();
   const drawn = new Set();
   const dark = matchMedia("(prefers-color-scheme: dark)");
-  const WIDTHS = { solid: 2, wide: 4, thin: 1, dashed: 1.5, dotted: 1.5 };
-  const DASHES = { dashed: "dash", dotted: "dot" };
+  const WIDTHS = { solid: 2, wide: 4, thin: 1, dashed: 1.5, dotted: 1.5, dot_line: 1, triangle_line: 1 };
+  const DASHES = { dashed: "dash", dotted: "dot", triangle_line: "dash" };
+  const SYMBOLS = { points: "circle", triangles: "triangle-up-open", rings: "circle-open", above: "triangle-up", below: "triangle-down", dot_line: "circle", triangle_line: "triangle-up-open" };
+  const JOINED = new Set(["dot_line", "triangle_line"]);
   let printing = false;
 
   const decoded = new Map();
@@ -35,35 +37,54 @@
     return [x, y];
   }
 
-  function trace(line, panel, row, look) {
+  const marked = (line) => line.style in SYMBOLS;
+
+  function trace(line, panel, row, look, keyed) {
     const colour = look[line.colour] || line.colour;
-    const marks = line.style === "points" || line.style === "triangles";
     const few = array(line.x).length <= 60;
     const [x, y] = points(line, panel);
     const one = {
       type: "scatter", x, y, name: line.label,
-      mode: marks ? "markers" : "lines",
+      mode: marked(line) ? (JOINED.has(line.style) ? "lines+markers" : "markers") : "lines",
       xaxis: "x", yaxis: row ? `y${row + 1}` : "y",
-      showlegend: line.legend,
+      showlegend: line.legend && !keyed,
       meta: line.setting,
       hovertemplate: `${line.label}<br>${panel.x[0]} %{x:.4~g} ${panel.x[1]}<br>${panel.y[0]} %{y:.5~g} ${panel.y[1]}<extra></extra>`,
     };
-    if (marks) one.marker = { color: colour, size: few ? 8 : 3, symbol: line.style === "points" ? "circle" : "triangle-up-open", line: { width: 2, color: colour } };
-    if (marks && !few) one.marker.line.width = 0;
-    if (!marks) one.line = { color: colour, width: WIDTHS[line.style], dash: DASHES[line.style] || "solid" };
-    if (line.up !== null) one.error_y = { type: "data", symmetric: false, array: [...array(line.up)], arrayminus: [...array(line.down)], color: colour, thickness: 1.5, width: 4 };
+    if (marked(line)) {
+      const size = line.style === "rings" ? 16 : JOINED.has(line.style) ? 6 : few ? 8 : 3;
+      one.marker = { color: colour, size, symbol: SYMBOLS[line.style], line: { width: few ? 1.5 : 0, color: colour } };
+    }
+    if (!marked(line) || JOINED.has(line.style)) one.line = { color: colour, width: WIDTHS[line.style], dash: DASHES[line.style] || "solid" };
+    if (line.up !== null && marked(line)) one.error_y = { type: "data", symmetric: false, array: [...array(line.up)], arrayminus: [...array(line.down)], color: colour, thickness: 1.5, width: 4 };
     return one;
   }
+
+  // A line with an interval: the band first, under the line.
+  function band(line, row, look) {
+    const x = [...array(line.x)], y = array(line.y), up = array(line.up), down = array(line.down);
+    const high = x.map((_, i) => y[i] + up[i]), low = x.map((_, i) => y[i] - down[i]);
+    return {
+      type: "scatter", x: [...x, ...x.slice().reverse()], y: [...high, ...low.reverse()], mode: "lines",
+      line: { width: 0, color: look[line.colour] || line.colour }, fill: "toself", opacity: 0.25, hoverinfo: "skip", showlegend: false,
+      xaxis: "x", yaxis: row ? `y${row + 1}` : "y", meta: line.setting, name: line.label,
+    };
+  }
+
+  const traces = (line, panel, row, look, keyed) =>
+    [...(line.up !== null && !marked(line) ? [band(line, row, look)] : []), trace(line, panel, row, look, keyed)];
 
   function axes(plot, look) {
     const n = plot.panels.length;
     const common = { gridcolor: look.grid, zerolinecolor: look.muted, linecolor: look.muted, automargin: true };
     const layout = { xaxis: { ...common, title: { text: label(plot.panels[n - 1].x) }, anchor: n > 1 ? `y${n}` : "y" } };
-    if (plot.panels[0].x[0] === "setting" && Object.keys(colours).length <= 8) layout.xaxis.dtick = 1;
+    const first = plot.panels[0];
+    if (first.ticks.length) Object.assign(layout.xaxis, { tickvals: first.ticks, tickangle: 0, zeroline: false, ...(printing ? { tickfont: { size: 8 } } : {}) });
+    if (first.xrange) layout.xaxis.range = first.xrange;
     plot.panels.forEach((panel, row) => {
       // The upper panel takes the larger part.
       const domain = n === 1 ? [0, 1] : row === 0 ? [0.42, 1] : [0, 0.34];
-      layout[row ? `yaxis${row + 1}` : "yaxis"] = { ...common, title: { text: label(panel.y) }, domain, type: panel.log ? "log" : "linear", exponentformat: "power", ...(panel.log ? { dtick: 1 } : {}) };
+      layout[row ? `yaxis${row + 1}` : "yaxis"] = { ...common, title: { text: label(panel.y) }, domain, type: panel.log ? "log" : "linear", exponentformat: "power", ...(panel.log ? { dtick: 1 } : {}), ...(panel.yrange ? { range: panel.yrange } : {}) };
     });
     return layout;
   }
@@ -86,19 +107,19 @@
   function draw(place) {
     const plot = plots[place], div = document.getElementById(`plot-${place}`), look = theme();
     const data = plot.panels.flatMap((panel, row) =>
-      panel.lines.filter((line) => !off.has(line.setting)).map((line) => trace(line, panel, row, look)));
+      panel.lines.filter((line) => !off.has(line.setting)).flatMap((line) => traces(line, panel, row, look, plot.keyed)));
     const shown = data.filter((one) => one.showlegend).length;
     const layout = {
       ...axes(plot, look), ...marks(plot, look),
       paper_bgcolor: look.paper, plot_bgcolor: look.paper,
       font: { color: look.ink, size: printing ? 10 : 12 },
-      margin: { l: 60, r: 12, t: printing ? 24 : 50, b: 44 },
+      margin: { l: 60, r: 12, t: printing ? 24 : shown > 1 && shown <= 6 ? 50 : 30, b: printing ? 36 : 44 },
       showlegend: shown > 1,
       legend: shown > 6 && !printing ? { font: { size: 10 } } : { orientation: "h", y: 1.02, yanchor: "bottom", font: { size: printing ? 7 : 11 } },
       hovermode: "closest",
       uirevision: plot.name,  // a zoom survives switching
     };
-    if (printing) Object.assign(layout, { width: 340, height: 245, showlegend: shown > 1 && shown <= 6 });
+    if (printing) Object.assign(layout, { width: 340, height: 235, showlegend: shown > 1 && shown <= 6 });
     drawn.add(place);
     return Plotly.react(div, data, layout, { responsive: true, displaylogo: false, displayModeBar: "hover", modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]], toImageButtonOptions: { format: "svg", filename: plot.name } });
   }
@@ -153,7 +174,26 @@
   document.getElementById("none").addEventListener("click", () => { boxes.forEach((box) => set(box, false)); switched(); });
 
   dark.addEventListener("change", redraw);
-  addEventListener("beforeprint", () => { printing = true; redraw(); drawAll(); });
-  addEventListener("afterprint", () => { printing = false; redraw(); });
+  const details = [...document.querySelectorAll("details")];
+  let opened = [];
+  addEventListener("beforeprint", () => {
+    opened = details.filter((one) => !one.open);
+    opened.forEach((one) => { one.open = true; });
+    printing = true; 
+    redraw();
+    drawAll();
+  });
+  addEventListener("afterprint", () => {
+    opened.forEach((one) => { one.open = false; });
+    printing = false;
+    redraw();
+  });
+  const jump = document.getElementById("jump");
+  jump.addEventListener("change", () => {
+    const place = document.querySelector(`section.log[data-setting="${CSS.escape(jump.value)}"]`);
+    if (place && place.hidden) boxes.filter((box) => box.dataset.setting === place.dataset.setting).forEach((box) => { set(box, true); switched(); });
+    if (place) place.scrollIntoView();
+    jump.value = "";
+  });
   window.damperfit = { plots, colours, drawAll };
 })();

@@ -1,8 +1,8 @@
 """The report as one HTML file: text and tables by us, plots by plotly.js, everything inlined.
 
 Everything that may have come from a log or a configuration is escaped where it enters the page:
-`escape` in HTML, and in plot descriptions, which plotly reads as a small HTML of its own. The page
-forbids itself every network request (Content-Security-Policy).
+`page_text` in HTML, and in plot descriptions, which plotly reads as a small HTML of its own.
+The page forbids itself every network request (Content-Security-Policy).
 """
 
 from __future__ import annotations
@@ -10,11 +10,9 @@ from __future__ import annotations
 import base64
 import json
 from dataclasses import dataclass, field
-from html import escape as html_escape
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,17 +20,18 @@ import numpy as np
 from damperfit import __version__
 from damperfit.errors import InstallationError
 from damperfit.report.campaign_plots import campaign_plots
-from damperfit.report.page_tables import log_table, table_html, words_html
+from damperfit.report.page_sheets import result_tables
+from damperfit.report.page_summary import setting_verdict, summary_html
+from damperfit.report.page_tables import details_html, log_table, page_text, words_html
 from damperfit.report.plots import setting_colours
-from damperfit.report.rows import flags, mse_sheet, parameter_sheet, percent
+from damperfit.report.rows import parameter_line
+from damperfit.report.run_record import told_trends
 from damperfit.report.setting_plots import setting_plots
 from damperfit.report.views import log_views
-from damperfit.tables import table_schema
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
-    import pyarrow as pa
     from numpy.typing import NDArray
 
     from damperfit.report.plots import Line, Panel, Plot
@@ -79,7 +78,11 @@ def portfolio(results: Results) -> Portfolio:
             *(view.signals.setting for view in views),
         ]
     )
-    overall = campaign_plots(results.parameters, results.mse, views, colours=colours)
+    overall = campaign_plots(
+        *(results.parameters, results.mse, views),
+        colours=colours,
+        trends=told_trends(results.record),
+    )
     by_log = []
     counts: dict[int, int] = {}
     for view in views:
@@ -108,18 +111,24 @@ def html_report(shown: Portfolio, *, title: str) -> str:
     """
     store = _Store()
     overall = "".join(_figure(plot, store) for plot in shown.overall)
-    logs = "".join(_log_section(view, plots, store) for view, plots in shown.by_log)
+    rows = {row["setting"]: row for row in shown.results.parameters}
+    logs = "".join(
+        _log_section(view, plots, store, rows.get(view.signals.setting))
+        for view, plots in shown.by_log
+    )
     document = {
         "arrays": store.arrays,
         "plots": store.plots,
         "colours": {str(setting): colour for setting, colour in shown.colours.items()},
     }
     parts = {
-        "title": html_escape(title),
-        "version": html_escape(__version__),
+        "title": page_text(title),
+        "version": page_text(__version__),
         "style": _asset("page.css"),
-        "summary": _summary(shown.results),
+        "summary": summary_html(shown.results, [view for view, _ in shown.by_log]),
+        "tables": result_tables(shown.results) or "<p>No table could be read.</p>",
         "chips": _chips(shown.colours),
+        "places": _places(shown),
         "overall": overall or "<p>No table of settings could be read.</p>",
         "logs": logs or "<p>No signals could be read.</p>",
         "data": _json(document),
@@ -171,12 +180,19 @@ class _Store:
 def _figure(plot: Plot, store: _Store) -> str:
     place = len(store.plots)
     panels = [_panel(panel, store) for panel in plot.panels]
-    store.plots.append({"name": plot.name, "title": html_escape(plot.title), "panels": panels})
-    caption = f"<figcaption>{html_escape(plot.caption)}</figcaption>" if plot.caption else ""
+    store.plots.append(
+        {
+            "name": plot.name,
+            "title": page_text(plot.title),
+            "panels": panels,
+            "keyed": bool(plot.key),
+        }
+    )
+    caption = f"<figcaption>{page_text(plot.caption)}</figcaption>" if plot.caption else ""
     tall = " tall" if len(plot.panels) > 1 else ""
     return (
-        f'<figure><h3>{html_escape(plot.title)}</h3><div class="plot{tall}" id="plot-{place}" '
-        f'data-name="{html_escape(plot.name)}"></div>{caption}</figure>\n'
+        f'<figure><h3>{page_text(plot.title)}</h3><div class="plot{tall}" id="plot-{place}" '
+        f'data-name="{page_text(plot.name)}"></div>{caption}</figure>\n'
     )
 
 
@@ -187,6 +203,9 @@ def _panel(panel: Panel, store: _Store) -> dict[str, Any]:
         "rules": panel.rules,
         "bands": panel.bands,
         "log": panel.is_log,
+        "ticks": panel.ticks,
+        "xrange": panel.x_range,
+        "yrange": panel.y_range,
         "lines": [_line(line, store) for line in panel.lines],
     }
 
@@ -195,7 +214,7 @@ def _line(line: Line, store: _Store) -> dict[str, Any]:
     return {
         "x": store.add(line.x),
         "y": store.add(line.y),
-        "label": html_escape(line.label),
+        "label": page_text(line.label),
         "colour": line.colour,
         "setting": line.setting,
         "style": line.style,
@@ -219,110 +238,29 @@ def _chips(colours: Mapping[int, str]) -> str:
     )
 
 
-def _log_section(view: LogView, plots: Sequence[Plot], store: _Store) -> str:
+def _places(shown: Portfolio) -> str:
+    settings = dict.fromkeys(view.signals.setting for view, _ in shown.by_log)
+    return "".join(f'<option value="{setting}">{setting}</option>' for setting in settings)
+
+
+def _log_section(
+    view: LogView, plots: Sequence[Plot], store: _Store, row: Mapping[str, Any] | None
+) -> str:
     signals = view.signals
     figures = "".join(_figure(plot, store) for plot in plots)
-    temperature = "" if view.temperature is None else f", {view.temperature:.1f} degC"
+    temperature = (
+        "temperature not logged" if view.temperature is None else f"{view.temperature:.1f} degC"
+    )
     frequency = f"{view.frequency:.3g} Hz" if np.isfinite(view.frequency) else "frequency unknown"
-    facts = f"{frequency}{temperature}, {len(signals.time)} samples"
+    amplitude = f"amplitude {1e3 * view.amplitude:.3g} mm"
+    facts = f"{frequency}, {amplitude}, {temperature}, {len(signals.time)} samples evaluated."
+    verdict = f"Fit of the setting: {setting_verdict(row)}. {parameter_line(row)}" if row else ""
     return (
         f'<section class="log" data-setting="{signals.setting}">'
-        f"<h2>Setting {signals.setting}: {html_escape(signals.log)}</h2>"
-        f"<p>{html_escape(facts)}</p>{words_html('Findings', view.notes)}{log_table(view)}"
-        f'<div class="grid">{figures}</div></section>\n'
+        f"<h2>Setting {signals.setting}: {page_text(signals.log)}</h2>"
+        f'<p class="lead">{page_text(verdict)}</p><p>{page_text(facts)}</p>'
+        f"{words_html('Findings', [f'{f.severity}: {f.sentence}' for f in view.findings])}"
+        f"{details_html('How the log was read', view.notes)}"
+        f'<div class="grid">{figures}<figure><h3>Setting {signals.setting}: forces</h3>'
+        f"{log_table(view)}</figure></div></section>\n"
     )
-
-
-def _summary(results: Results) -> str:
-    record = results.record
-    failures = [f for f in _listed(record, "failures") if isinstance(f, dict)]
-    advice = [
-        f"setting {row['setting']}: {words}"
-        for row in results.parameters
-        if (words := _verdict(row))
-    ]
-    gaps = _listed(record, "gaps")
-    missing = [f"no result for setting {', '.join(str(gap) for gap in gaps)}"] if gaps else []
-    return "".join(
-        (
-            f"<p>{html_escape(' '.join(_headline(results)))}</p>",
-            words_html("These results are not whole", results.remarks, kind="alarm"),
-            words_html(
-                "Not done",
-                [*(str(f.get("message", "")) for f in failures), *missing],
-                kind="alarm",
-            ),
-            words_html("Gates not met", _listed(record, "gates_missed"), kind="alarm"),
-            words_html("Verdicts", advice),
-            words_html("Warnings", _listed(record, "warnings")),
-            words_html("How it was done", [*_listed(record, "procedure"), *_rig(record)]),
-            _tables(results),
-        )
-    )
-
-
-def _listed(record: Mapping[str, Any], key: str) -> list[Any]:
-    value = record.get(key)
-    return value if isinstance(value, list) else []
-
-
-def _headline(results: Results) -> Iterator[str]:
-    known = {
-        row["setting"]: row["mse_percent"]
-        for row in results.parameters
-        if row["mse_percent"] is not None
-    }
-    if not known:
-        yield "No MSE stands in the tables."
-        return
-    best, worst = min(known, key=known.__getitem__), max(known, key=known.__getitem__)
-    yield f"{len(known)} setting{'s' if len(known) > 1 else ''} fitted."
-    yield f"MSE: median {percent(median(known.values()))} %,"
-    yield f"best {percent(known[best])} % at setting {best},"
-    yield f"worst {percent(known[worst])} % at setting {worst}."
-    grades = [row["grade"] for row in results.parameters]
-    counts = [f"{grades.count(g)} {g}" for g in ("excellent", "good", "poor") if g in grades]
-    yield f"Grades: {', '.join(counts)} (excellent below 1 %, good below 5 %)."
-
-
-def _verdict(row: Mapping[str, Any]) -> str:
-    outcome = str(row["outcome"] or "outcome unknown").replace("_", " ")
-    words = [] if outcome == "converged" else [outcome]
-    if found := flags(row):
-        words.append(found)
-    if row["grade"] == "poor":
-        words.append(f"poor fit, MSE {percent(row['mse_percent'])} %")
-    return "; ".join(words)
-
-
-def _rig(record: Mapping[str, Any]) -> Iterator[str]:
-    configuration = record.get("configuration")
-    rig = configuration.get("rig") if isinstance(configuration, dict) else None
-    if isinstance(rig, dict):
-        turned = [key for key in ("displacement", "force") if rig.get(f"reverse_{key}") is True]
-        yield (
-            f"Rig: filter {rig.get('filter', 'unknown')}, x = 0 at {rig.get('centre', 'unknown')}, "
-            f"signs turned: {' and '.join(turned) or 'none'}."
-        )
-
-
-def _tables(results: Results) -> str:
-    settings = {row["setting"] for row in results.parameters}
-    rows = [row | {"outcome": row["outcome"] or "unknown"} for row in results.parameters]
-    errors = [
-        row | {"grade": row["grade"] or "-", "log": row["log"] or ""}
-        for row in results.mse
-        if row["setting"] in settings
-    ]
-    parameters = _arrow("parameters", rows)
-    parts = ["<h3>Parameters</h3>", table_html(parameter_sheet(parameters))] if rows else []
-    if errors:
-        sheet = mse_sheet(_arrow("mse", errors), parameters)
-        parts += ["<h3>MSE by setting and log</h3>", table_html(sheet)]
-    return "".join(parts)
-
-
-def _arrow(name: str, rows: Iterable[Mapping[str, Any]]) -> pa.Table:
-    import pyarrow as pa
-
-    return pa.Table.from_pylist([dict(row) for row in rows], schema=table_schema(name, {}))

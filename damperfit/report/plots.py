@@ -3,9 +3,11 @@
 A `Plot` has one or more `Panel` under one another, a panel has `Line`. The web page and the static
 figures draw the same descriptions, so a number cannot differ between them.
 
-Colours: every adjuster setting has one colour everywhere, on a ramp from blue to orange that
-readers with any colour deficiency can tell apart and that shows on white and on black. "ink" and
-"muted" stand for the text colour and a grey of the theme.
+Colours: every adjuster setting has one colour everywhere, on a ramp from blue (lowest) over purple
+to red (highest). The ramp was laid by equal steps of the smallest difference that readers with full
+sight and the three kinds of dichromats see, gets darker all the way, and stands out 3 to 1 on white
+and on the dark page; `tests/test_colours.py` computes this. "ink" and "muted" stand for the text
+colour and a grey of the theme.
 """
 
 from __future__ import annotations
@@ -23,11 +25,32 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["CHAMBER_COLOURS", "Line", "Panel", "Plot", "setting_colours", "thin"]
+__all__ = [
+    "CHAMBER_COLOURS",
+    "CHAMBER_STYLES",
+    "Line",
+    "Panel",
+    "Plot",
+    "setting_axis",
+    "setting_colours",
+    "thin",
+]
 
 CHAMBER_COLOURS = ("#0072b2", "#d55e00", "#009e73")  # Okabe and Ito (2008)
-# Blue, sky, green-grey, amber, vermilion: hue and lightness both change along the ramp.
-_RAMP = ((58, 84, 196), (60, 140, 205), (98, 165, 150), (214, 158, 46), (213, 94, 0))
+# Blue and green come close for a reader without blue cones: the gas chamber is dashed as well.
+CHAMBER_STYLES = ("solid", "solid", "dashed")
+_RAMP = (
+    (104, 113, 251),
+    (119, 110, 218),
+    (132, 108, 189),
+    (145, 105, 161),
+    (157, 97, 132),
+    (169, 89, 104),
+    (180, 80, 77),
+    (188, 67, 48),
+    (199, 51, 14),
+)
+_MOST_TICKS = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,11 +68,12 @@ class Line:
     setting : int or None
         Adjuster setting whose trace it is; None belongs to all.
     style : str
-        "solid", "wide", "thin", "dashed", "dotted", "points" or "triangles".
+        "solid", "wide", "thin", "dashed", "dotted"; "points", "triangles", "rings" and, off the
+        scale, "above" and "below"; "dot_line" and "triangle_line" join their marks.
     in_legend : bool
         The legend names it.
     low, high : numpy.ndarray or None
-        Interval around y, same shape.
+        Interval around y, same shape: bars at marks, a band along a line.
     """
 
     x: FloatArray
@@ -79,6 +103,10 @@ class Panel:
         Ranges of x that are shaded.
     is_log : bool
         The y axis is logarithmic.
+    ticks : tuple of float
+        Where x is numbered; left to the renderer when empty.
+    x_range, y_range : (float, float) or None
+        What is shown; everything when None.
     """
 
     x_label: str
@@ -89,6 +117,9 @@ class Panel:
     rules: tuple[tuple[float, str], ...] = ()
     bands: tuple[tuple[float, float], ...] = ()
     is_log: bool = False
+    ticks: tuple[float, ...] = ()
+    x_range: tuple[float, float] | None = None
+    y_range: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,12 +136,17 @@ class Plot:
         From top to bottom, sharing x.
     caption : str
         What to see in it; may be empty.
+    key : tuple of (str, str)
+        Words and styles of a plot whose colours are the settings; the page has a key of the
+        settings at its top, a static figure gets one of its own. Then `Line.in_legend` is not
+        heeded.
     """
 
     name: str
     title: str
     panels: tuple[Panel, ...]
     caption: str = ""
+    key: tuple[tuple[str, str], ...] = ()
 
 
 def setting_colours(settings: Iterable[int]) -> Mapping[int, str]:
@@ -119,7 +155,7 @@ def setting_colours(settings: Iterable[int]) -> Mapping[int, str]:
     Examples
     --------
     >>> setting_colours([1, 20])
-    {1: '#3a54c4', 20: '#d55e00'}
+    {1: '#6871fb', 20: '#c7330e'}
     """
     known = sorted(set(settings))
     ramp = np.array(_RAMP, dtype=float)
@@ -129,6 +165,32 @@ def setting_colours(settings: Iterable[int]) -> Mapping[int, str]:
         setting: "#" + "".join(f"{round(float(channel[k])):02x}" for channel in channels)
         for k, setting in enumerate(known)
     }
+
+
+def setting_axis(
+    settings: Iterable[int],
+) -> tuple[tuple[float, ...], tuple[float, float] | None]:
+    """Return where an axis of settings is numbered, and what it shows.
+
+    Numbers stand at settings only, not at all where they would touch.
+
+    Examples
+    --------
+    >>> setting_axis([3, 1, 2])
+    ((1.0, 2.0, 3.0), (0.4, 3.6))
+    >>> setting_axis([0, 25, 26, 100])[0]
+    (0.0, 25.0, 100.0)
+    """
+    known = sorted(set(settings))
+    if not known:
+        return (), None
+    span = known[-1] - known[0]
+    ticks = known[:1]
+    for setting in known[1:]:
+        if setting - ticks[-1] >= span / _MOST_TICKS:
+            ticks.append(setting)
+    edge = max(0.6, 0.04 * span)
+    return tuple(float(tick) for tick in ticks), (known[0] - edge, known[-1] + edge)
 
 
 def thin(n_buckets: int, *signals: FloatArray) -> NDArray[np.intp]:

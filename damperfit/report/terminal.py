@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from damperfit.report.rows import Sheet, sheet_width
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from rich.console import RenderableType
-
-    from damperfit.report.rows import Sheet
 
 __all__ = ["terminal_table"]
 
@@ -27,7 +27,7 @@ def terminal_table(sheet: Sheet, *, colours: Mapping[str, str] = _COLOURS) -> Re
     from rich.table import Table
     from rich.text import Text
 
-    gap = 2 if _width(sheet, gap=2) <= _COLUMNS else 1
+    gap = 2 if sheet_width(sheet, gap=2) <= _COLUMNS else 1
     table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), header_style="bold")
     for heading, unit, is_number in zip(sheet.headings, sheet.units, sheet.is_number, strict=True):
         table.add_column(
@@ -42,9 +42,3 @@ def terminal_table(sheet: Sheet, *, colours: Mapping[str, str] = _COLOURS) -> Re
 
 def _printable(cell: str) -> str:
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in cell)
-
-
-def _width(sheet: Sheet, *, gap: int) -> int:
-    columns = zip(sheet.headings, sheet.units, *sheet.rows, strict=True)
-    widths = [max(len(cell) for cell in column) for column in columns]
-    return sum(widths) + gap * (len(widths) - 1)

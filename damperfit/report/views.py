@@ -9,6 +9,7 @@ import numpy as np
 
 from damperfit.characteristics import Characteristics, characterise
 from damperfit.errors import SimulationError
+from damperfit.report.run_record import ToldFinding, told_findings
 from damperfit.simulation import Response
 
 if TYPE_CHECKING:
@@ -35,10 +36,14 @@ class LogView:
         The last whole cycle, all samples when the frequency cannot be told.
     measured, simulated : Characteristics or None
         Figures of the last cycle; None when there is no whole cycle.
+    amplitude : float
+        Half the stroke, m; NaN when it cannot be told.
     temperature : float or None
         degC.
     notes : tuple of str
-        What was found in the log.
+        How the log was read.
+    findings : tuple of ToldFinding
+        What its data show.
     """
 
     signals: LogSignals
@@ -46,8 +51,10 @@ class LogView:
     cycle: slice
     measured: Characteristics | None
     simulated: Characteristics | None
+    amplitude: float
     temperature: float | None
     notes: tuple[str, ...]
+    findings: tuple[ToldFinding, ...]
 
 
 def log_views(results: Results) -> tuple[LogView, ...]:
@@ -74,8 +81,10 @@ def _view(signals: LogSignals, facts: dict[str, Any]) -> LogView:
         cycle=cycle,
         measured=_figures(signals, signals.force_measured, frequency),
         simulated=_figures(signals, signals.force, frequency),
+        amplitude=0.5 * float(np.ptp(signals.displacement)) if len(signals.time) else np.nan,
         temperature=_number(facts.get("temperature_degC")),
         notes=tuple(str(note) for note in notes) if isinstance(notes, list) else (),
+        findings=told_findings(facts),
     )
 
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["LogSignals", "Results", "read_results"]
 
 _BROKEN = (OSError, ValueError, TypeError, KeyError, csv.Error, pa.ArrowException)
+_MANY = 6  # columns that are named when they are missing
 _SIGNALS = (
     "time_s",
     "displacement_m",
@@ -125,6 +126,8 @@ def read_results(
             f"{folder}: nothing to show, {'; '.join(remarks) or 'its tables are empty'}; "
             "run damperfit identify LOGS --out FOLDER first"
         )
+    parameters = _once(parameters, remarks)
+    _check_settings(parameters, logs, remarks)
     return Results(parameters, mse, logs, record, tuple(dict.fromkeys(remarks)))
 
 
@@ -167,6 +170,31 @@ def _check_files(
                 remarks.append(f"{name} is not the file that the run wrote (see run.json)")
 
 
+def _once(rows: tuple[dict[str, Any], ...], remarks: list[str]) -> tuple[dict[str, Any], ...]:
+    """Return the first row of each setting."""
+    first: dict[int, dict[str, Any]] = {}
+    for row in rows:
+        first.setdefault(row["setting"], row)
+    if len(first) < len(rows):
+        remarks.append("parameters tell a setting more than once: its first row is shown")
+    return tuple(first.values())
+
+
+def _check_settings(
+    parameters: tuple[dict[str, Any], ...], logs: tuple[LogSignals, ...], remarks: list[str]
+) -> None:
+    """Remark on settings that stand in one table alone; where one is empty, that was said."""
+    fitted = {row["setting"] for row in parameters if row["mse_percent"] is not None}
+    drawn = {log.setting for log in logs}
+    known = {row["setting"] for row in parameters}
+    if fitted and drawn and fitted - drawn:
+        names = ", ".join(map(str, sorted(fitted - drawn)))
+        remarks.append(f"setting {names}: parameters but no signals, so no loops")
+    if known and drawn - known:
+        names = ", ".join(map(str, sorted(drawn - known)))
+        remarks.append(f"setting {names}: signals but no parameters")
+
+
 def _rows(folder: Path, table: str, remarks: list[str]) -> tuple[dict[str, Any], ...]:
     """Return the rows of a table, from Parquet, else from CSV."""
     kinds = column_kinds(table)
@@ -181,7 +209,8 @@ def _rows(folder: Path, table: str, remarks: list[str]) -> tuple[dict[str, Any],
         else:
             missing = [name for name in kinds if not rows or name not in rows[0]]
             if rows and missing:
-                remarks.append(f"{path.name} has no column {', '.join(missing)}")
+                more = f" and {len(missing) - _MANY} more" if len(missing) > _MANY else ""
+                remarks.append(f"{path.name} has no column {', '.join(missing[:_MANY])}{more}")
             whole = [{name: row.get(name) for name in kinds} for row in rows]
             return tuple(row for row in whole if row["setting"] is not None)
     return ()

@@ -52,10 +52,18 @@ def test_the_table_is_read_at_a_glance(run) -> None:
         "lowest pressure bar",
         "highest pressure bar",
         "cavitation % of cycle 0.0 0.0 0.0",
+        "displacement ▄▅▆",
+        "-1349 to 1556 N",
     ):
         assert words in text
     assert max(len(line) for line in ended.out.splitlines()) <= 80
     assert "reference set shipped with damperfit (made up, not measured)" in ended.err
+
+
+def test_an_output_of_ascii_gets_ascii(run, monkeypatch) -> None:
+    monkeypatch.setenv("PYTHONIOENCODING", "ascii")
+    assert run("simulate", "--setting", "10").out.isascii()
+    assert run("simulate", "--setting", "10", "--set", "r_m3=5e6").out.isascii()
 
 
 def test_the_figures_of_json_are_si_and_signed(run) -> None:

@@ -21,7 +21,7 @@ from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording, Trace
-from damperfit.uncertainty import Assessment, assess
+from damperfit.uncertainty import Assessment, assess, reconsider
 from tests.identification.rig import recording
 
 Maker = Callable[..., Recording]
@@ -101,12 +101,20 @@ def judged(logs: list[Trace], options: FitOptions = FitOptions()) -> Assessment:
 
 
 def outcomes(flaw: Flaw, settings: tuple[int, ...], seed: int) -> list[tuple[str, ...]]:
-    """Return the names that each setting's misfit is given; ("?",) for one without a name."""
+    """Return the names of each setting: what explains the misfit, what the logs do not tell.
+
+    ("?",) for a misfit without a name.
+    """
     logs = [condition(flaw.make(s, noise=4.0, seed=seed)) for s in settings]
-    return [
-        tuple(hint.name for hint in one.hints) or (("?",) if one.is_structured else ())
-        for one in judged(logs).diagnoses
-    ]
+    campaign = identify(logs, PURDY_DAMPER)
+    assessment = assess(campaign, PURDY_DAMPER)
+    names = []
+    fits = reconsider(campaign, assessment).fits
+    for fit, one in zip(fits, assessment.diagnoses, strict=True):
+        misfit = tuple(hint.name for hint in one.hints) or (("?",) if one.is_structured else ())
+        untold = (name for name, status in fit.status.items() if status == "not_identifiable")
+        names.append((*misfit, *untold))
+    return names
 
 
 def main() -> int:

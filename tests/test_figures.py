@@ -1,0 +1,186 @@
+"""The static figures against golden images and texts, and that a wrong curve would be seen.
+
+After a wanted change, write them anew with:
+    DAMPERFIT_WRITE_GOLDEN=1 pytest tests/test_figures.py
+and look at them before committing.
+
+The images hold everything but the letters, on axes of a fixed place: letters differ by a pixel
+from one build of FreeType to the next, and move the axes. What they say stands in a text file.
+Images are compared by matplotlib's own measure, the root mean square of 0 to 255, after an
+average over squares of 3 pixels, so that edges weigh little and a curve elsewhere weighs much.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.legend import Legend
+from matplotlib.testing.compare import calculate_rms
+from matplotlib.text import Text
+from PIL import Image
+
+from damperfit.report import portfolio
+from damperfit.report.figures import compose, fixed_style
+from damperfit.report.plots import CHAMBER_COLOURS, Line, Panel, Plot, setting_axis, setting_colours
+from damperfit.tables import read_results
+from tests.report_folder import make_results
+
+GOLDEN = Path(__file__).parent / "golden" / "figures"
+DPI = 60
+# Other hinting of letters gives 0, no simplification of paths 0.3, a loop 3 % off 9.
+TOLERANCE = 1.0
+IS_WRITING = bool(os.environ.get("DAMPERFIT_WRITE_GOLDEN"))
+NAMES = (
+    "parameter_k_e",
+    "mse",
+    "fan",
+    "absolute_velocity",
+    "peak_force",
+    "named_speeds",
+    "setting_02_force_velocity",
+    "setting_02_force_displacement",
+    "setting_02_force_time",
+    "setting_02_residual",
+    "setting_03_pressures",
+)
+
+
+@pytest.fixture(scope="module")
+def plots(tmp_path_factory):
+    folder = make_results(tmp_path_factory.mktemp("results"))
+    return {plot.name: plot for plot in portfolio(read_results(folder)).plots}
+
+
+def pixels(path: Path) -> np.ndarray:
+    """Return the image averaged over squares of 3 pixels, shape (h, w, 3)."""
+    with Image.open(path) as image:
+        return np.asarray(image.convert("RGB").reduce(3), dtype=float)
+
+
+def curves(plot: Plot, path: Path) -> None:
+    """Draw a plot without its letters."""
+    with fixed_style():
+        figure = compose(plot, dpi=DPI)
+        figure.set_layout_engine("none")
+        for axes in figure.axes:
+            axes.set_title("", loc="left")
+            axes.tick_params(labelbottom=False, labelleft=False, which="both")
+            axes.set(xlabel="", ylabel="")
+            for text in [*axes.texts, *axes.findobj(Legend)]:
+                text.remove()
+        figure.savefig(path, format="png", dpi=DPI, metadata={"Software": None})
+
+
+def letters(plot: Plot) -> list[str]:
+    """Return everything that a plot says, from top to bottom of its parts."""
+    with fixed_style():
+        figure = compose(plot, dpi=DPI)
+        figure.draw_without_rendering()
+        found = [text.get_text() for text in figure.findobj(Text) if text.get_visible()]
+    return [text for text in found if text]
+
+
+def difference(plot: Plot, golden: Path, folder: Path) -> float:
+    path = folder / golden.name
+    curves(plot, path)
+    if IS_WRITING:
+        golden.parent.mkdir(exist_ok=True)
+        golden.write_bytes(path.read_bytes())
+    return float(calculate_rms(pixels(golden), pixels(path)))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_figure_is_as_agreed(plots, name, tmp_path):
+    assert difference(plots[name], GOLDEN / f"{name}.png", tmp_path) < TOLERANCE
+
+
+def test_the_words_of_the_figures_are_as_agreed(plots):
+    text = "".join(
+        f"{name}\n{''.join(f'    {words}{chr(10)}' for words in letters(plots[name]))}"
+        for name in NAMES
+    )
+    path = GOLDEN / "words.txt"
+    if IS_WRITING:
+        path.write_text(text, encoding="utf-8")
+    assert text == path.read_text(encoding="utf-8")
+
+
+def _scaled(line: Line, factor: float) -> Line:
+    return replace(line, y=factor * line.y)
+
+
+@pytest.mark.skipif(IS_WRITING, reason="it would write them")
+@pytest.mark.parametrize(
+    "name",
+    ["setting_02_force_velocity", "setting_02_force_displacement", "setting_03_pressures"],
+)
+def test_a_curve_that_is_a_little_off_is_seen(plots, name, tmp_path):
+    plot = plots[name]
+    (panel,) = plot.panels
+    wrong = replace(panel, lines=(_scaled(panel.lines[0], 0.97), *panel.lines[1:]))
+    changed = replace(plot, panels=(wrong,))
+    assert difference(changed, GOLDEN / f"{name}.png", tmp_path) > 2.0 * TOLERANCE
+
+
+@pytest.mark.skipif(IS_WRITING, reason="it would write them")
+@pytest.mark.parametrize("name", ["mse", "parameter_k_e", "fan", "named_speeds"])
+def test_a_trace_that_is_missing_is_seen(plots, name, tmp_path):
+    plot = plots[name]
+    (panel,) = plot.panels
+    changed = replace(plot, panels=(replace(panel, lines=panel.lines[:-1]),))
+    assert difference(changed, GOLDEN / f"{name}.png", tmp_path) > TOLERANCE
+
+
+def test_every_style_is_drawn_as_agreed(tmp_path):
+    """What the folder of the tests lacks: a trend with a band, rings, values off the scale."""
+    x = np.arange(1.0, 7.0)
+    colours = setting_colours(range(1, 7))
+    ticks, x_range = setting_axis(range(1, 7))
+    band = Line(x, x**2, "trend", "muted", style="dashed", low=0.8 * x**2, high=1.2 * x**2)
+    styles = ("points", "triangles", "above", "below", "rings", "points")
+    points = tuple(
+        Line(x[k : k + 1], x[k : k + 1] ** 2, style, colours[k + 1], k + 1, style, False)
+        for k, style in enumerate(styles)
+    )
+    panel = Panel("setting", "", "R", "N", (band, *points), ticks=ticks, x_range=x_range)
+    chambers = tuple(
+        Line(x, x + i, f"chamber {i}", colour, style="solid")
+        for i, colour in enumerate(CHAMBER_COLOURS)
+    )
+    for name, lines in (("styles", panel.lines), ("bands", chambers)):
+        one = replace(panel, lines=lines, bands=((2.0, 3.0),) if name == "bands" else ())
+        plot = Plot(name, name, (one,))
+        assert difference(plot, GOLDEN / f"{name}.png", tmp_path) < TOLERANCE
+
+
+_DRAW = """
+import sys
+from pathlib import Path
+from damperfit.report import draw_plot, portfolio
+from damperfit.tables import read_results
+plots = {p.name: p for p in portfolio(read_results(Path(sys.argv[1]))).plots}
+for kind in ("png", "svg", "pdf"):
+    for name in ("fan", "parameter_k_e", "setting_03_pressures"):
+        draw_plot(Path(sys.argv[2]) / f"{name}.{kind}", plots[name], kind=kind)
+"""
+
+
+def test_another_process_draws_the_same_bytes(tmp_path):
+    folder = make_results(tmp_path / "results")
+    drawn = []
+    for seed, zone in (("1", "UTC"), ("2", "Asia/Tokyo")):
+        place = tmp_path / seed
+        place.mkdir()
+        how = {**os.environ, "PYTHONHASHSEED": seed, "TZ": zone}
+        root = str(Path(__file__).parents[1])
+        command = [sys.executable, "-c", _DRAW, str(folder), str(place)]
+        subprocess.run(command, check=True, cwd=root, env=how | {"PYTHONPATH": root}, timeout=120)
+        drawn.append({path.name: path.read_bytes() for path in sorted(place.iterdir())})
+    assert drawn[0] == drawn[1]
+    assert len(drawn[0]) == 9
