@@ -13,6 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from markdown_it import MarkdownIt
 from rich.console import Console
 
 from damperfit.identification import Outcome
@@ -240,4 +243,28 @@ def test_a_setting_of_one_log_has_one_row_of_mse() -> None:
     text = markdown_report(make_tables(campaign(fit(1), fit(3, logs=("a.csv", "b.csv")))), FACTS)
     rows = text[text.index("## MSE by") :].splitlines()
     cells = [line.split(" | ")[:2] for line in rows if line.startswith("| ") and "csv" in line]
-    assert cells == [["| 1", "setting\\_01.csv"], ["| ", "a.csv"], ["| ", "b.csv"]]
+    assert cells == [["| 1", "setting_01.csv"], ["| ", "a.csv"], ["| ", "b.csv"]]
+
+
+_MARKS = st.text(alphabet="ab1_*`~<>[]()|#+-.!&;$@\\= \x1b:/", max_size=12)
+
+
+@given(_MARKS)
+def test_markdown_shows_any_text_as_it_is(text: str) -> None:
+    # In a list, as failures and warnings stand, and in a cell, as names of logs do.
+    shown = " ".join(text.split()).replace("\x1b", "\\x1b")
+    reader = MarkdownIt("commonmark").enable(["table", "strikethrough"])
+    for source in (f"- {escape(text)} end", f"| a |\n| --- |\n| {escape(text)} end |"):
+        inline = [token for token in reader.parse(source) if token.type == "inline"]
+        assert {child.type for token in inline for child in token.children} <= {"text"}
+        assert inline[-1].content
+        assert "".join(c.content for c in inline[-1].children) == f"{shown} end".strip()
+
+
+def test_the_markdown_reads_well_as_it_stands() -> None:
+    assert escape("setting_01.csv (+1.2 %, r_m1), 26 +- 1") == (
+        "setting_01.csv (+1.2 %, r_m1), 26 +- 1"
+    )
+    assert [escape(text) for text in ("_a_", "- a", "12. a", "+", "-605.1", "1.5 N")] == [
+        "\\_a\\_", "\\- a", "12\\. a", "\\+", "-605.1", "1.5 N",
+    ]  # fmt: skip

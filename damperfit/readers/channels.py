@@ -26,15 +26,24 @@ __all__ = [
     "words_of",
 ]
 
+# English, German, French, Italian, Spanish.
 _WORDS = {
-    "time": ("time", "t", "elapsed", "seconds", "timestamp", "datetime", "zeit", "uhrzeit"),
+    "time": (
+        "time", "t", "elapsed", "seconds", "timestamp", "datetime", "zeit", "uhrzeit", "temps",
+        "tempo", "tiempo",
+    ),
     "displacement": (
         "displacement", "disp", "position", "pos", "stroke", "travel", "extension", "x",
-        "distance", "dist", "weg",
+        "distance", "dist", "lvdt", "weg", "hub", "déplacement", "deplacement", "course",
+        "spostamento", "corsa", "desplazamiento", "carrera",
     ),
-    "force": ("force", "load", "f", "forc", "kraft"),
-    "temperature": ("temperature", "temp", "temperatur"),
-    "velocity": ("velocity", "vel", "speed", "geschwindigkeit", "v"),
+    "force": ("force", "load", "f", "forc", "kraft", "effort", "forza", "fuerza"),
+    "temperature": (
+        "temperature", "temp", "temperatur", "température", "temperatura",
+    ),
+    "velocity": (
+        "velocity", "vel", "speed", "v", "geschwindigkeit", "vitesse", "velocità", "velocidad",
+    ),
     "setting": ("setting",),
 }  # fmt: skip
 _OPTIONAL = (*EXTRAS, "setting")

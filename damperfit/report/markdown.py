@@ -18,8 +18,10 @@ if TYPE_CHECKING:
 
 __all__ = ["escape", "markdown_report"]
 
-# Everything Markdown or the HTML inside it could read as markup.
-_SPECIAL = re.compile(r"([\\`*_{}\[\]<>()#+!|~&$@])")
+# Everything Markdown or the HTML inside it could read as markup, and no more: the report is read as
+# it stands too. An underscore between letters is none; signs and numbers are lists at a start only.
+_SPECIAL = re.compile(r"([\\`*\[\]<>#|~&$@]|(?<![^\W_])_|_(?![^\W_]))")
+_LIST = re.compile(r"^(\d*)([-+.)])(?=\s|$|\2)")
 
 
 def escape(text: str) -> str:
@@ -27,12 +29,12 @@ def escape(text: str) -> str:
 
     Examples
     --------
-    >>> print(escape("<b>|run_1\x1b[0m"))
-    \<b\>\|run\_1\\x1b\[0m
+    >>> print(escape("<b>|run_1 _2_\x1b[0m (+1 %)"))
+    \<b\>\|run_1 \_2\_\\x1b\[0m (+1 %)
     """
-    joined = " ".join(text.splitlines())
+    joined = " ".join(text.split())
     shown = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in joined)
-    return _SPECIAL.sub(r"\\\1", shown)
+    return _LIST.sub(r"\1\\\2", _SPECIAL.sub(r"\\\1", shown))
 
 
 def markdown_report(tables: Tables, facts: ReportFacts) -> str:

@@ -49,7 +49,7 @@ def test_held_out_logs_are_predicted_and_told_everywhere(run, two_amplitudes):
     ]
     report = Path("results/report.md").read_text(encoding="utf-8")
     assert "## Held out: predicted, not fitted" in report
-    assert r"| 1 | setting\_01\_16mm.csv | all | 16.0 | 1.50 |" in report
+    assert r"| 1 | setting_01_16mm.csv | all | 16.0 | 1.50 |" in report
     record = json.loads(Path("results/run.json").read_text(encoding="utf-8"))
     first = record["held_out"][0]
     assert (first["setting"], first["log"], first["cycles"]) == (1, "setting_01_16mm.csv", "all")

@@ -89,7 +89,7 @@ def test_the_gas_content_stands_in_the_report(run, logs, tmp_path) -> None:
     assert rows[0]["k_e"] < rows[1]["k_e"] < rows[2]["k_e"]
     assert all(row["k_e_ci_low"] < row["k_e"] < row["k_e_ci_high"] for row in rows)
     report = (tmp_path / "results" / "report.md").read_text(encoding="utf-8")
-    assert "gas content: V\\_r = " in report
+    assert "gas content: V_r = " in report
 
 
 def test_r_m3_that_cannot_be_seen_is_called_by_name(run, tmp_path) -> None:
@@ -100,7 +100,7 @@ def test_r_m3_that_cannot_be_seen_is_called_by_name(run, tmp_path) -> None:
     assert "do not fix R_m3, but 2.597e+06" in ended.err
     report = (tmp_path / "results" / "report.md").read_text(encoding="utf-8")
     assert "## Identifiability" in report
-    assert "r\\_m3 at setting 1, 2: these logs do not tell it \\(flat downward" in report
+    assert "r_m3 at setting 1, 2: these logs do not tell it (flat downward" in report
     rows = pq.read_table(tmp_path / "results" / "parameters.parquet").to_pylist()
     for row in rows:
         assert row["r_m3_status"] == "not_identifiable"

@@ -551,3 +551,23 @@ def test_times_of_day_need_no_name(put) -> None:
     recording = read_log(put(log))
     np.testing.assert_array_equal(recording.time, [0.0, 0.5, 1.0])
     assert "time: wall clock in column 'when'" in recording.notes
+
+
+@pytest.mark.parametrize(
+    ("header", "decimal"),
+    [
+        ("Zeit [s];Weg [mm];Kraft [N]", ","),
+        ("Temps (s);Déplacement (mm);Effort (N)", ","),
+        ("Tempo (s);Corsa (mm);Forza (N)", ","),
+        ("Tiempo (s);Desplazamiento (mm);Fuerza (N)", ","),
+        ("t/s;LVDT/mm;Load/N", "."),
+    ],
+)
+def test_names_in_the_languages_of_rigs(put, header, decimal) -> None:
+    # Used to find no column for time in a French export.
+    rows = ["0.000;1.25;-56.7", "0.002;-31.50;812.5", "0.004;0.00;0.0", "0.006;4.00;-3.0"]
+    content = "\n".join([header, *(row.replace(".", decimal) for row in rows)]) + "\n"
+    log = read_log(put(content.encode("latin-1"), "setting_3.csv"))
+    np.testing.assert_allclose(log.time, [0.0, 0.002, 0.004, 0.006])
+    np.testing.assert_allclose(log.displacement, [0.00125, -0.0315, 0.0, 0.004])
+    np.testing.assert_allclose(log.force, [-56.7, 812.5, 0.0, -3.0])
