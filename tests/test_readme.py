@@ -22,6 +22,7 @@ from matplotlib.testing.compare import calculate_rms
 from PIL import Image
 
 from damperfit.config import load_settings
+from damperfit.readers import read_log
 from damperfit.report import draw_plot, portfolio
 from damperfit.tables import read_results
 
@@ -36,8 +37,12 @@ _FREETYPE = "2.14.3"  # that the pictures were made with; matplotlib's wheels br
 
 
 def _block(kind: str) -> str:
-    (found,) = re.findall(rf"```{kind}\n(.*?)```", TEXT, flags=re.DOTALL)
-    return found
+    """Return the first block of a kind."""
+    return _blocks(kind)[0]
+
+
+def _blocks(kind: str) -> list[str]:
+    return re.findall(rf"```{kind}\n(.*?)```", TEXT, flags=re.DOTALL)
 
 
 @pytest.fixture
@@ -166,3 +171,15 @@ def test_every_configuration_section_is_in_the_defaults() -> None:
 def test_links_to_files_are_alive() -> None:
     for name in re.findall(r"`((?:configs|sample_runs)/[\w./]*)`", TEXT):
         assert (ROOT / name).exists(), name
+
+
+def test_the_profile_reads_the_log_beside_it(tmp_path) -> None:
+    log, config = tmp_path / "bench_07_s3.csv", tmp_path / "bench.toml"
+    log.write_text(_block("csv"), encoding="utf-8")
+    config.write_text(_blocks("toml")[1], encoding="utf-8")
+    recording = read_log(log, load_settings(config).reading)
+    assert recording.setting == 3
+    np.testing.assert_allclose(recording.time, [0.0, 0.005, 0.01], atol=1e-12)
+    np.testing.assert_allclose(recording.force, [147.295883, 146.903617, 144.255822], rtol=1e-8)
+    # -2.993 V are -29.93 mm, 11.77 mm with the offset, counted as positive in bump.
+    np.testing.assert_allclose(recording.displacement, [-0.01177, -0.01179, -0.01184], rtol=1e-12)

@@ -78,7 +78,7 @@ def make_recordings(
 def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Recording]:
     """Return the tests in one table; their names are still the file's."""
     name = source.name
-    rate, rate_notes = _sample_rate(table, options, name)
+    rate, rate_notes = _sample_rate(table, options)
     choices, notes = choose_channels(table.columns, options, where=name, needs_time=rate == 0.0)
     samples = table.load({channel: choice.index for channel, choice in choices.items()})
     n = len(samples.channels["force"])
@@ -129,7 +129,7 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
     return parts
 
 
-def _sample_rate(table: Table, options: ReadOptions, name: str) -> tuple[float, tuple[str, ...]]:
+def _sample_rate(table: Table, options: ReadOptions) -> tuple[float, tuple[str, ...]]:
     """Return the declared rate, or the preamble's, or 0; Hz."""
     if options.sample_rate > 0.0:
         return options.sample_rate, (f"time: {options.sample_rate:g} Hz, as declared",)
@@ -142,7 +142,6 @@ def _sample_rate(table: Table, options: ReadOptions, name: str) -> tuple[float, 
                 continue
             if 0.0 < rate < 1e9:
                 return rate, (f"time: {rate:g} Hz, from the preamble",)
-    del name
     return 0.0, ()
 
 

@@ -1,4 +1,15 @@
-"""Delimited text of every dialect, in one block or in several (MTS)."""
+"""Delimited text of every dialect, in one block or in several (MTS).
+
+Text logs have no format. Names stand above the rows of numbers, units in them, in a row of their
+own or nowhere; above that may stand prose, entries ``key: value`` and rows that look like data. MTS
+793 heads each test with a line "Data Acquisition", and the file with a line that names language and
+decimal mark; Instron's entries have a value and a unit.
+
+Traps. A rig that is still writing leaves a last line without an end, and -12 of -1234 is a number
+too. Every row may end in a separator, which shifts the columns of a careless reader by one. A
+column of events may be there in the rows with an event only. Whole numbers of a machine at rest say
+nothing of the decimal mark. One dropped byte joins two rows.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +34,9 @@ __all__ = ["read_delimited"]
 # A line that begins a block of MTS text. What stands above the first one is the file's preamble.
 _BLOCK = re.compile(rb'(?m)^"?Data Acquisition\b[^\r\n]*(?:\r\n|\n|\r|\Z)')
 # "MTS793|MPT|ENU|1|2|.|/|:|...": language, ..., decimal mark, marks of date and time.
-_MTS793 = re.compile(rb"MTS793\|[^|\r\n]*\|[^|\r\n]*\|[^|\r\n]*\|[^|\r\n]*\|(?P<decimal>[.,])\|")
+_MTS793 = re.compile(
+    rb"MTS793\|[^|\r\n]*\|(?P<language>[A-Z]{0,8})\|[^|\r\n]*\|[^|\r\n]*\|(?P<decimal>[.,])\|"
+)
 _EVENTS = re.compile(r"events?|markers?|comments?|remarks?|notes?", re.IGNORECASE)
 _MAX_PREAMBLE = 100_000  # bytes; what is longer is no preamble
 _FIRST_LINE = re.compile(rb"[^\r\n]*")
@@ -57,6 +70,8 @@ def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     data, skipped = _without_lines(data, options.skip_lines, source.name)
     if skipped:
         notes = (*notes, f"{skipped} lines skipped, as declared")
+    if header := _MTS793.match(data):
+        notes = (*notes, f"MTS 793 export, language {header['language'].decode()}")
     return tuple(
         _read_block(block, notes, options) for block in _blocks(data, skipped + 1, source.name)
     )

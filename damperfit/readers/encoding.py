@@ -1,4 +1,9 @@
-"""Bytes of a text log to UTF-8, or the reason why they are no text."""
+"""Bytes of a text log to UTF-8, or the reason why they are no text.
+
+Traps. Any bytes are valid Latin-1, so it is taken last, and said. UTF-16 is known by its mark only;
+without it every second byte is NUL, and so are bytes that a serial line dropped. Whole files are
+looked at for NUL, their beginning for other control characters; ESC occurs in terminals' captures.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,12 @@
 """Excel workbooks, through python-calamine: the values as last saved, sheet by sheet.
 
-Nothing is ever computed: formulas give the value they had, macros and links are not looked at.
-Each sheet is written out as text and then read like any text log, so names, units rows and
-wall-clock times are understood alike; a line number in a message is the row of the sheet.
+The format: a ZIP archive of XML (ECMA-376), or before 2007 a compound file.
+
+Traps. A kilobyte of the archive may unpack to gigabytes: what its directory says is checked first.
+A formula that was never computed has no value, so formulas are counted and noted. Nothing is ever
+computed: formulas give the value they had, macros and links are not looked at. Each sheet is
+written out as text and then read like any text log, so names, units rows and wall-clock times are
+understood alike; a line number in a message is the row of the sheet.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Bytes of a log: read once, within a limit, and hashed."""
+"""Bytes of a log: read once, within a limit, and hashed.
+
+Traps. Opening a pipe waits for ever; a device never ends; a file may grow or be written over while
+it is read; one that says it is empty may not be. The hash of a large file costs a fifth of parsing
+it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""Text logs packed by gzip: unpacked in memory, up to a limit."""
+"""Logs packed by gzip: unpacked in memory, up to a limit.
+
+The format: RFC 1952. A file is one member or several behind each other, each with a checksum.
+
+Traps. 1.7 MB may hold 1.2 GB, and the length that a member states is its length modulo 2^32: so it
+is counted while it is unpacked. Members may be packed again. Tapes and disks fill up the end with
+zeros.
+"""
 
 from __future__ import annotations
 

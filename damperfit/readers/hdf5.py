@@ -1,6 +1,13 @@
 """MATLAB files of version 7.3, which are HDF5, through h5py.
 
-Only data sets of real numbers are looked at; no references are followed and no objects made.
+The format: 512 bytes of MATLAB's header, then HDF5 (https://support.hdfgroup.org/documentation/). A
+variable is a data set with the attribute MATLAB_class; MATLAB's columns are HDF5's rows.
+
+Traps. Text is an array of 16-bit numbers, told from numbers by that attribute alone. Cells,
+structures and function handles are references; a link may lead into another file, and so may the
+values of a data set. A data set may claim terabytes of which nothing is stored. On damaged bytes
+the library takes all memory there is: it runs in a process of its own. Only data sets of real
+numbers at the top are looked at; no references are followed and no objects made.
 """
 
 from __future__ import annotations

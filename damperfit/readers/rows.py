@@ -286,20 +286,17 @@ def _row(
             f"expected {text.n_names} fields"
         )
     return {
-        channel: _field(text, fields[index], channel, index in text.clocks, where)
+        channel: _stamp(fields[index], channel, where)
+        if index in text.clocks
+        else _number(text, fields[index], channel, where)
         for channel, index in wanted.items()
     }
 
 
-def _field(text: TextRows, field: str, channel: str, is_clock: bool, where: str) -> float | str:  # noqa: FBT001
-    if is_clock:
-        if not is_stamp(field):
-            raise LogError(f"{where}: {channel} is {visible(field)}, expected a time of day")
-        return field
-    value = _number(text, field, channel, where)
-    if text.drops_bad_rows and channel not in EXTRAS and not np.isfinite(value):
-        raise LogError(f"{where}: {channel} is {visible(field)}, expected a finite number")
-    return value
+def _stamp(field: str, channel: str, where: str) -> str:
+    if not is_stamp(field):
+        raise LogError(f"{where}: {channel} is {visible(field)}, expected a time of day")
+    return field
 
 
 def _number(text: TextRows, field: str, channel: str, where: str) -> float:
@@ -309,10 +306,11 @@ def _number(text: TextRows, field: str, channel: str, where: str) -> float:
         plain = plain.replace(text.declared.thousands, "")
     if text.dialect.decimal == ",":
         plain = "?" if "." in plain else plain.replace(",", ".")
-    if _NUMBER.fullmatch(plain):
-        return float(plain)
-    if not plain or plain.lower() in _NOT_FINITE:
-        return float(plain or "nan")
+    if _NUMBER.fullmatch(plain) or not plain or plain.lower() in _NOT_FINITE:
+        value = float(plain or "nan")
+        if text.drops_bad_rows and channel not in EXTRAS and not np.isfinite(value):
+            raise LogError(f"{where}: {channel} is {visible(field)}, expected a finite number")
+        return value
     hint = ""
     if is_grouped:
         hint = "; if it has a mark of thousands, declare rig.thousands"

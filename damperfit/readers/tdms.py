@@ -11,6 +11,7 @@ be anything up to 2^64.
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from damperfit.readers.channels import visible
 from damperfit.readers.foreign import check_size, load_library, refusing_damage
 from damperfit.readers.grouping import Group, GroupChannel, group_tables
 from damperfit.readers.tdms_segments import Extent, find_extent
+from damperfit.recording import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -69,8 +71,11 @@ def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
             f"{name}: truncated or damaged TDMS file: {extent.n_stored} bytes of values are "
             f"announced and {n_read} can be read; copy the log again"
         )
-    notes = (_NO_CHECKSUMS, *((f"truncated: {lost}",) if lost else ()))
-    return group_tables(groups, options, name=name, notes=notes)
+    tables = group_tables(groups, options, name=name, notes=(_NO_CHECKSUMS,))
+    if not lost:
+        return tables
+    cut = Finding("truncated", "warning", f"the end of the file is missing: {lost}")
+    return tuple(replace(table, findings=(cut,)) for table in tables)
 
 
 def _lengths(nptdms: Any, data: bytes) -> dict[tuple[str, str], int]:

@@ -1,10 +1,12 @@
 """How long reading takes beside pyarrow.csv alone on the same clean file.
 
-Run with ``pytest tests/benchmarks/test_reading_speed.py --benchmark-enable -n 0 -m ""``. The
+Run with ``pytest tests/benchmarks/test_reading_speed.py --benchmark-enable -n 0 -s -m ""``. The
 aim: at most twice pyarrow.csv at a million rows, and 3 ms for a log of 5000.
 """
 
 from __future__ import annotations
+
+import time
 
 import numpy as np
 import pytest
@@ -46,15 +48,22 @@ def test_a_log_of_5000_rows(benchmark, small) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.benchmark(group="a million rows")
-def test_a_million_rows(benchmark, large) -> None:
-    recording = benchmark(read_log, large)
-    assert (recording.setting, len(recording.time)) == (2, 1_000_000)
-    assert recording.time[-1] == 999.999
+def test_a_million_rows_cost_less_than_twice_pyarrow_alone(large) -> None:
+    """In pairs, one beside the other, as the machine may be busy; the medians of the ratios."""
+    pairs = []
+    for _ in range(21):
+        read, recording = _cost(read_log, large)
+        parsed, table = _cost(csv.read_csv, large)
+        pairs.append([ours / theirs for ours, theirs in zip(read, parsed, strict=True)])
+        assert (recording.setting, len(recording.time)) == (2, table.num_rows)
+        assert recording.time[-1] == 999.999
+    wall, processor = np.median(pairs[1:], axis=0)  # the first pair loads libraries
+    print(f"\nread_log / pyarrow.csv: {wall:.2f} by the clock, {processor:.2f} of the processor")
+    assert processor < 2.0
+    assert wall < 2.0
 
 
-@pytest.mark.slow
-@pytest.mark.benchmark(group="a million rows")
-def test_a_million_rows_by_pyarrow_alone(benchmark, large) -> None:
-    table = benchmark(csv.read_csv, large)
-    assert table.num_rows == 1_000_000
+def _cost(read, path):
+    wall, processor = time.perf_counter(), time.process_time()
+    result = read(path)
+    return (time.perf_counter() - wall, time.process_time() - processor), result

@@ -196,3 +196,36 @@ def test_the_readme_documents_every_command_and_option(run) -> None:
         options = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", run(command, "--help").out))
         for option in sorted(options - {"--help"}):
             assert f"`{option}" in text or f"{option} " in text, (command, option)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--rig", "unit.force=kN"), "Did you mean 'units'?"),
+        (("--rig", "units.forse=kN"), "no channel 'forse'"),
+        (("--rig", "skip_lines=a"), "rig.skip_lines"),
+        (("--rig", "a b=1"), "'a b' is no key"),
+        (("--rig", "decimal"), "expected NAME=VALUE"),
+        (("--rig", "decimal=,", "--rig", "decimal=."), "given twice"),
+        (("--rig-profile", "mine"), "no profile 'mine'; there are none"),
+    ],
+)
+def test_a_wrong_declaration_is_code_2_and_one_line(run, logs, arguments, says) -> None:
+    ended = run("inspect", logs / "setting_01.csv", *arguments)
+    assert ended.code == 2
+    assert says in ended.err
+    assert len(ended.err.splitlines()) == 1
+
+
+def test_declarations_on_the_command_line_read_the_log(run, logs, tmp_path) -> None:
+    text = (logs / "setting_01.csv").read_text()
+    text = text.replace("time_s,displacement_mm,force_N", "time_s;way;pull").replace(",", ";")
+    (tmp_path / "bench.csv").write_text(text)
+    ended = run(
+        *("inspect", "bench.csv", "--json", "--rig", "columns.displacement=way"),
+        *("--rig", "columns.force=3", "--rig", "units.displacement=mm", "--rig", "units.force=N"),
+        *("--rig", "separator=;", "--rig", "reverse_force=false"),
+    )
+    assert ended.code == 0, ended.err
+    (facts,) = json.loads(ended.out)["logs"]
+    assert facts["amplitude_m"] == pytest.approx(0.032, rel=1e-2)

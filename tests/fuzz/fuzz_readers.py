@@ -18,6 +18,7 @@ import resource
 import sys
 import tempfile
 import time
+import zlib
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -29,9 +30,14 @@ from damperfit.readers import ReadOptions, read_logs
 from tests.readers import binary_logs, scenarios
 
 SCENARIO = scenarios.Scenario()
-MAX_SECONDS = 5.0
+MAX_SECONDS = 5.0  # of the processor; children count
 MAX_GROWTH = 300_000_000  # bytes beyond what reading the undamaged log took
-OPTIONS = ReadOptions(max_bytes=20_000_000)
+OPTIONS = (
+    ReadOptions(max_bytes=20_000_000),
+    ReadOptions(
+        max_bytes=20_000_000, bad_rows="drop", restarts="split", allow_truncated=True, pause=1.0
+    ),
+)
 APART = ("MDF", "MATLAB 7.3")  # a process for each log: a hundredth of the runs
 TOKENS = (
     b"nan", b"inf", b"1e400", b"-", b",", b";", b"\t", b'"', b"\r", b"\n", b"\0", b"#", b"\xb5",
@@ -61,6 +67,11 @@ def memory() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
 
 
+def busy() -> float:
+    """Return the seconds that this process and its children have computed for."""
+    return sum(os.times()[:4])
+
+
 @dataclass
 class Tally:
     """What came of the runs."""
@@ -87,9 +98,10 @@ def attempt(data: bytes, path: Path, tally: Tally) -> None:
         See the class.
     """
     path.write_bytes(data)
-    begin = time.perf_counter()
+    options = OPTIONS[zlib.crc32(data) % len(OPTIONS)]
+    begin = busy()
     try:
-        recordings = read_logs(path, OPTIONS)
+        recordings = read_logs(path, options)
     except LogError as error:
         tally.refused += 1
         message = str(error)
@@ -105,7 +117,7 @@ def attempt(data: bytes, path: Path, tally: Tally) -> None:
                     raise PromiseBroken("a channel that is not finite, or of another length")
             if not np.all(np.diff(recording.time) > 0.0):
                 raise PromiseBroken("time that does not increase")
-    took = time.perf_counter() - begin
+    took = busy() - begin
     tally.slowest = max(tally.slowest, took)
     if took > MAX_SECONDS:
         raise PromiseBroken(f"took {took:.1f} s")

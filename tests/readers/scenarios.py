@@ -145,6 +145,44 @@ def _mts(scenario: Scenario) -> bytes:
     return ("\r\n".join(lines) + "\r\n").encode()
 
 
+def _quoted_commas(scenario: Scenario) -> bytes:
+    """Decimal commas between commas, every number quoted."""
+    lines = [f"# setting: {scenario.setting}", HEADER]
+    lines += [
+        ",".join(f'"{value!r}"'.replace(".", ",") for value in row) for row in scenario.rows()
+    ]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _logger(scenario: Scenario) -> bytes:
+    """Sample number and 12-hour clock, an event in some rows only."""
+    lines = ["Header Size:  3", f"Setting:  {scenario.setting}"]
+    lines.append("Sample, Date/Time, force (N), disp (mm), temperature (degC), Events")
+    for i, (t, d, f, temperature) in enumerate(scenario.rows()):
+        event = ", DAQ Resume" if i == 0 else ""
+        clock = f"04/29/2022 12:00:{t:06.3f} PM"
+        lines.append(f"{i + 1:10d},   {clock}, {f!r}, {d!r}, {temperature!r}{event}")
+    return ("\r\n".join(lines) + "\r\n").encode()
+
+
+def _instron(scenario: Scenario) -> bytes:
+    """Entries with a value and a unit, a blank line, names, units in brackets, all quoted."""
+    lines = ['Specimen : label,"D 7"', f'Setting : "{scenario.setting}"', ""]
+    lines += ["Time,Extension,Load,Temperature", "(s),(mm),(kgf),(degC)"]
+    for t, d, f, temperature in scenario.rows():
+        fields = (repr(t), repr(d), f"{f / 9.80665:.17g}", repr(temperature))
+        lines.append(",".join(f'"{field}"' for field in fields))
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _parquet_stamps(scenario: Scenario) -> bytes:
+    """Time as stamps in whole nanoseconds, under a name that says nothing."""
+    table = parquet_table(scenario)
+    ticks = [1_700_000_000_123_456_789 + round(1e9 * t) for t in scenario.time]
+    stamps = pa.array(ticks, pa.timestamp("ns", tz="UTC"))
+    return parquet_bytes(table.set_column(0, "logged at", stamps))
+
+
 WRITERS: dict[str, tuple[str, Callable[[Scenario], bytes]]] = {
     "plain": ("log.csv", _plain),
     "crlf and BOM": ("log.csv", _crlf_bom),
@@ -155,8 +193,12 @@ WRITERS: dict[str, tuple[str, Callable[[Scenario], bytes]]] = {
     "gzip": ("log.csv.gz", _gzip),
     "MTS block": ("specimen.dat", _mts),
     "shuffled": ("log.csv", _shuffled),
+    "decimal commas between commas": ("log.csv", _quoted_commas),
+    "logger": ("log.txt", _logger),
+    "Instron": ("log.csv", _instron),
     "Parquet": ("log.parquet", _parquet),
     "Parquet, units in fields": ("log.parquet", _parquet_units),
+    "Parquet, time stamps": ("log.parquet", _parquet_stamps),
     "Parquet called CSV": ("log.csv", _parquet),
     "CSV called Parquet": ("log.parquet", _plain),
     "odd suffix": ("log.001", _plain),

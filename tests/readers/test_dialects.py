@@ -515,3 +515,39 @@ def test_profiles_that_mean_nothing(values, message) -> None:
 def test_an_unknown_profile() -> None:
     with pytest.raises(ConfigurationError, match=r"no profile 'loger'.*Did you mean 'logger'"):
         ReadOptions(profile="loger", profiles=(LOGGER_PROFILE,))
+
+
+# Decimal commas between commas
+
+
+def _quoted(*rows: str) -> str:
+    lines = (",".join(f'"{field}"' for field in row.split()) for row in rows)
+    return "\n".join(["time_s,displacement_mm,force_N", *lines]) + "\n"
+
+
+def test_commas_that_cannot_part_thousands_are_decimal(put) -> None:
+    recording = read_log(put(_quoted("0,000 1,250 -1,500", "0,002 1,375 12,625", "0,004 2 3")))
+    assert "decimal mark: comma" in recording.notes
+    np.testing.assert_array_equal(recording.time, [0.0, 0.002, 0.004])
+    np.testing.assert_allclose(recording.displacement, [0.00125, 0.001375, 0.002], rtol=1e-15)
+    np.testing.assert_array_equal(recording.force, [-1.5, 12.625, 3.0])
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ("0 1,250 -1,500", "1 1,375 12,625", "2 2,000 3,000"),  # all may be thousands
+        ("0.5 1,250 -1,5", "1.5 1,375 12,625", "2.5 2,000 3,000"),  # points are there too
+        ("0 1,250 1,500", *(f"{i} 1,375 12,625" for i in range(1, 20)), "20 1,5 1,250"),  # one odd
+    ],
+)
+def test_commas_that_may_part_thousands_are_asked_for(put, rows) -> None:
+    with pytest.raises(LogError, match=r"line 2: displacement is '1,250'.*rig\.thousands.*decimal"):
+        read_log(put(_quoted(*rows)))
+
+
+def test_times_of_day_need_no_name(put) -> None:
+    log = "when,displacement_mm,force_N\n12:00:00.0,1,2\n12:00:00.5,2,3\n12:00:01.0,3,4\n"
+    recording = read_log(put(log))
+    np.testing.assert_array_equal(recording.time, [0.0, 0.5, 1.0])
+    assert "time: wall clock in column 'when'" in recording.notes

@@ -47,7 +47,16 @@ def test_logger_of_the_mts_machine(tmp_path, name, force_first) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "setting"), [("ensaio1.mat", 1), ("ensaio5.2.mat", 5), ("ensaio.B.10.mat", 10)]
+    ("name", "setting"),
+    [
+        ("ensaio1.mat", 0),
+        ("ensaio2.mat", 0),
+        ("ensaio10.1.mat", 0),
+        ("ensaio5.2.mat", 87),
+        ("ensaio5.2.2.mat", 87),
+        ("ensaio.B.10.mat", 198),
+        ("ensaio.A.2.mat", 321),
+    ],
 )
 def test_matlab_files_with_left_over_variables(tmp_path, name, setting) -> None:
     time = np.arange(30)[:, np.newaxis] * 0.01
