@@ -126,6 +126,11 @@ def _tells_r_m3(judged: Judged) -> bool:
     return judged.status["r_m3"] == "fitted" and judged.errors["r_m3"] < NOT_FIT_TO_SHARE
 
 
+def _lacks_r_m3_alone(judged: Judged) -> bool:
+    others = [judged.status[name] for name in judged.errors if name != "r_m3"]
+    return all(status == "fitted" for status in others)
+
+
 def _source(judged: Mapping[int, Judged], lowest: int) -> int | None:
     """The setting that gives R_m3: the lowest, or where its logs do not tell it the next one."""
     if _tells_r_m3(judged[lowest]):
@@ -153,7 +158,8 @@ def _shared_r_m3(
     """R_m3 from the logs of one setting, and how far they tell it."""
     misfit, first = task.misfit(setting, names), judged[setting]
     again = first
-    if f_f is not None and (len(judged) > 1 or not is_sound(first)):
+    # An unsound fit that tells R_m3 all the same is left alone: other friction may upset it.
+    if f_f is not None and (not _tells_r_m3(first) or (is_sound(first) and len(judged) > 1)):
         again = _with_mean_friction(misfit, first, f_f, task.options.fallback_r_m3)
     is_refined = again is not first
     value = again.solution.parameters.r_m3
@@ -248,7 +254,7 @@ def _shared_friction(
 ) -> tuple[float, tuple[int, ...], list[str]]:
     """The mean friction over the settings whose first pass is sound, and these settings.
 
-    Where no setting tells R_m3, those count whose fit is a minimum that tells the friction.
+    Where no setting tells R_m3, those count whose fit is a minimum that tells all the others.
     """
     sound = {
         setting: one.solution.parameters
@@ -258,7 +264,7 @@ def _shared_friction(
     } or {
         setting: one.solution.parameters
         for setting, one in judged.items()
-        if one.outcome not in (*_NO_MINIMUM, Outcome.CAVITATING) and one.status["f_f"] == "fitted"
+        if one.outcome not in (*_NO_MINIMUM, Outcome.CAVITATING) and _lacks_r_m3_alone(one)
     }
     if not sound:
         said = (
