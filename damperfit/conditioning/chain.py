@@ -32,7 +32,13 @@ import numpy as np
 
 from damperfit.conditioning.cycles import Cycles, find_cycles
 from damperfit.conditioning.derivatives import differentiate
-from damperfit.conditioning.detective import describe_level, describe_middle, find_skew, put_right
+from damperfit.conditioning.detective import (
+    describe_level,
+    describe_middle,
+    find_skew,
+    level_of,
+    put_right,
+)
 from damperfit.conditioning.filters import (
     apply_filter,
     complete_causal,
@@ -99,17 +105,20 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     refuse_swapped(traced.trace)
     if too_large:
         raise ConditioningError(too_large)
-    righted, findings = put_right(traced.trace, recording, options)
+    level = level_of(traced.trace, options)
+    righted, findings = put_right(traced.trace, recording, level)
     if righted is not recording:
         traced = _trace(righted, options, delay)
     skew, skew_findings = find_skew(traced.log, traced.trace, options)
     if skew != 0.0:
         traced = _trace(righted, options, skew)
+    if skew != 0.0 or righted is not recording:
+        level = level_of(traced.trace, options)
     trace = traced.trace
     refuse_stroke(trace, options)
     told = (
         describe_middle(trace, options),
-        *describe_level(trace, options),
+        *describe_level(level, options),
         *skew_findings,
         *check_velocity(trace, righted),
     )

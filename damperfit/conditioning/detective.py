@@ -20,15 +20,20 @@ if TYPE_CHECKING:
     from damperfit.conditioning.options import ConditionOptions
     from damperfit.conditioning.timebase import UniformLog
 
-__all__ = ["describe_level", "describe_middle", "find_skew", "put_right"]
+__all__ = ["describe_level", "describe_middle", "find_skew", "level_of", "put_right"]
 
 # A level this near to what the gas gives is no news: other gas and oil move it as much.
 _NEAR = 0.15
 _KNOWN = 0.35  # uncertainty over the gas force above which nothing is said of a tare
 
 
+def level_of(trace: Trace, options: ConditionOptions) -> ForceLevel | None:
+    """Return the level of the force at no speed; None where nothing is known of the gas."""
+    return None if options.gas is None else force_level(trace, options.gas)
+
+
 def put_right(
-    trace: Trace, recording: Recording, options: ConditionOptions
+    trace: Trace, recording: Recording, level: ForceLevel | None
 ) -> tuple[Recording, tuple[Finding, ...]]:
     """Return the recording with the signs of the project, and what was found.
 
@@ -39,7 +44,6 @@ def put_right(
     ConditioningError
         A sign is wrong and it is not certain which.
     """
-    level = None if options.gas is None else force_level(trace, options.gas)
     signs = find_signs(trace, recording, level)
     for channel in signs.reversed_channels:
         changes = {channel: -getattr(recording, channel), f"reverse_{channel}": True}
@@ -47,11 +51,10 @@ def put_right(
     return recording, signs.findings
 
 
-def describe_level(trace: Trace, options: ConditionOptions) -> tuple[Finding, ...]:
+def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple[Finding, ...]:
     """Return whether the gas force is in the log, was tared away, or is another one."""
-    if options.gas is None:
+    if level is None:
         return ()
-    level = force_level(trace, options.gas)
     missing = level.force - level.expected
     size = -level.expected
     severity = "note" if options.is_offset_known else "warning"

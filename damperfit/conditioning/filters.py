@@ -165,10 +165,15 @@ def settling_samples(design: FilterDesign) -> int:
 
 
 def _sections(order: int, corner: float, sample_rate: float) -> FloatArray:
+    return np.array(_designed(order, corner, sample_rate))
+
+
+@lru_cache(maxsize=64)
+def _designed(order: int, corner: float, sample_rate: float) -> tuple[tuple[float, ...], ...]:
+    """Logs of one rig have one rate, and a design costs half a millisecond."""
     from scipy.signal import butter
 
-    sections = butter(order, corner, fs=sample_rate, output="sos")
-    return np.ascontiguousarray(sections, dtype=np.float64)
+    return tuple(map(tuple, butter(order, corner, fs=sample_rate, output="sos").tolist()))
 
 
 @lru_cache(maxsize=64)

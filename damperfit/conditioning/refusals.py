@@ -85,12 +85,12 @@ def refuse_swapped(trace: Trace) -> None:
     of the displacement grow in the velocity, and valves and friction add theirs. Measured: 1e-9 to
     0.004 of the displacement's power is in harmonics, 0.15 of the force's share at most.
     """
-    shares = [_harmonic_share(trace, values) for values in (trace.displacement, trace.force)]
-    if shares[0] > _ANSWERS and shares[0] > _MORE * shares[1]:
+    driven = _harmonic_share(trace, trace.displacement)
+    if driven > _ANSWERS and driven > _MORE * (answers := _harmonic_share(trace, trace.force)):
         raise ConditioningError(
             f"{trace.name}: force and displacement look swapped: what is read as displacement has "
-            f"{100.0 * shares[0]:.2g} % of its power in harmonics, what is read as force "
-            f"{100.0 * shares[1]:.1g} %, but it is the displacement that a machine drives; "
+            f"{100.0 * driven:.2g} % of its power in harmonics, what is read as force "
+            f"{100.0 * answers:.1g} %, but it is the displacement that a machine drives; "
             "declare rig.columns = {displacement = ..., force = ...} and rig.units, for files "
             "that differ in a profile each"
         )

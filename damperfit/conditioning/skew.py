@@ -28,6 +28,8 @@ import numpy as np
 from damperfit.conditioning.timebase import UniformLog
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from damperfit.recording import Trace
@@ -75,6 +77,15 @@ class Skew:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Side:
+    """The samples beside the ends of rebound, or of bump: what the smooth part leaves of them."""
+
+    lag: FloatArray
+    basis: FloatArray
+    force: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Scan:
     """Sums of squares over the delays tried, and the jump at each end, N."""
 
@@ -94,13 +105,15 @@ def estimate_skew(log: UniformLog, trace: Trace) -> Skew:
     trace : Trace
         Of the same log; its velocity tells the ends of the stroke.
     """
-    sides = [_beside(log, ends) for ends in _ends(trace)]
-    if min(len(lag) for lag, _ in sides) < _FEWEST:
+    beside = [_beside(log, ends) for ends in _ends(trace)]
+    if min(len(lag) for lag, _ in beside) < _FEWEST:
         return Skew(None, reason="too few samples beside the ends of the stroke")
     delays = np.arange(-_FARTHEST, _FARTHEST + 0.5 * _STEP, _STEP)
-    kink = float(delays[np.argmin(_scan(sides, delays, width=0.0, kink=None).rest)])
+    smooth = [_without_smooth(*side, kink=None) for side in beside]
+    kink = float(delays[np.argmin(_scan(smooth, delays, width=0.0).rest)])
+    sides = [_without_smooth(*side, kink=kink) for side in beside]
     near = delays[np.abs(delays - kink) < 4.5 * _STEP]
-    scans = [_scan(sides, near, width=width, kink=kink) for width in _WIDTHS]
+    scans = [_scan(sides, near, width=width) for width in _WIDTHS]
     least = [float(scan.rest.min()) for scan in scans]
     best = int(np.argmin(least))
     scan, width = scans[best], _WIDTHS[best]
@@ -117,7 +130,7 @@ def estimate_skew(log: UniformLog, trace: Trace) -> Skew:
     if abs(near[at]) > _FARTHEST - 1.5 * _STEP:
         return Skew(None, reason=f"it would be more than {1e3 * _FARTHEST:.0f} ms")
     fine = near[at] + np.linspace(-2.0 * _STEP, 2.0 * _STEP, 81)
-    rest = np.concatenate([scan.rest, _scan(sides, fine, width=width, kink=kink).rest])
+    rest = np.concatenate([scan.rest, _scan(sides, fine, width=width).rest])
     like = np.concatenate([near, fine])[rest <= rest.min() + 9.0 * variance]
     middle, half = 0.5 * (like.min() + like.max()), 0.5 * (like.max() - like.min())
     return Skew(float(middle), float(half + _given(log.interval) + 0.5 * width))
@@ -159,36 +172,32 @@ def _beside(log: UniformLog, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
     return lag.ravel(), force.ravel()
 
 
-def _scan(
-    sides: list[tuple[FloatArray, FloatArray]],
-    delays: FloatArray,
-    *,
-    width: float,
-    kink: float | None,
-) -> _Scan:
-    """Return what is left of the force for each delay; the smooth part is projected out."""
-    rest, total, jumps, n = np.zeros(len(delays)), 0.0, [], 0
-    for sign, (lag, force) in zip((-1.0, 1.0), sides, strict=True):
-        basis = _smooth(lag / _REACH, None if kink is None else kink / _REACH)
-        f = force - basis @ (basis.T @ force)
-        since = lag[:, np.newaxis] - delays
-        step = np.sign(since) if width == 0.0 else np.tanh(since / width)
-        step -= basis @ (basis.T @ step)
-        size = np.maximum(np.einsum("ij,ij->j", step, step), 1e-9 * len(f))
-        share = f @ step
-        rest += float(f @ f) - share**2 / size
-        total += float(f @ f)
-        jumps.append(sign * share / size)
-        n += len(f)
-    return _Scan(np.maximum(rest, 1e-15 * total), total, np.stack(jumps), n)
-
-
-def _smooth(z: FloatArray, kink: float | None) -> FloatArray:
-    """Return an orthonormal basis of the hydraulic force beside an end, shape (n, 4 or 6)."""
+def _without_smooth(lag: FloatArray, force: FloatArray, *, kink: float | None) -> _Side:
+    """Project the hydraulic force beside an end out: 4 smooth columns, 6 with a kink."""
+    z = lag / _REACH
     columns = [np.ones_like(z), z, z**2, z**3]
     if kink is not None:
-        columns += [np.abs(z - kink), (z - kink) * np.abs(z - kink)]
-    return np.asarray(np.linalg.qr(np.stack(columns, axis=-1))[0])
+        bent = z - kink / _REACH
+        columns += [np.abs(bent), bent * np.abs(bent)]
+    basis = np.linalg.qr(np.stack(columns, axis=-1))[0]
+    return _Side(lag, basis, force - basis @ (basis.T @ force))
+
+
+def _scan(sides: Sequence[_Side], delays: FloatArray, *, width: float) -> _Scan:
+    """Return what is left of the force for each delay."""
+    rest, total, jumps, n = np.zeros(len(delays)), 0.0, [], 0
+    for sign, side in zip((-1.0, 1.0), sides, strict=True):
+        since = side.lag[:, np.newaxis] - delays
+        step = np.sign(since) if width == 0.0 else np.tanh(since / width)
+        step -= side.basis @ (side.basis.T @ step)
+        size = np.maximum(np.einsum("ij,ij->j", step, step), 1e-9 * len(side.force))
+        share = side.force @ step
+        power = float(side.force @ side.force)
+        rest += power - share**2 / size
+        total += power
+        jumps.append(sign * share / size)
+        n += len(side.force)
+    return _Scan(np.maximum(rest, 1e-15 * total), total, np.stack(jumps), n)
 
 
 def take_back(log: UniformLog, delay: float) -> UniformLog:
