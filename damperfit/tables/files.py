@@ -57,7 +57,11 @@ def write_responses(
     schema = table_schema("responses", provenance or {})
     logs = ((fit.setting, log.trace) for fit in campaign.fits for log in fit.logs)
     n_rows = 0
-    with pq.ParquetWriter(path, schema, write_page_checksum=True) as writer:
+    # A dictionary of numbers that never repeat costs twice the time and a sixth more space.
+    repeating = ["setting", "log"]
+    with pq.ParquetWriter(
+        path, schema, write_page_checksum=True, use_dictionary=repeating
+    ) as writer:
         for (setting, trace), seen in zip(logs, comparisons, strict=True):
             table = _response_table(schema, setting, trace, seen)
             writer.write_table(table, row_group_size=max(table.num_rows, 1))
