@@ -17,6 +17,7 @@ from damperfit.checklist import Check, missed_gates
 from damperfit.confidence import confidence_record
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Outcome, describe_cavitation, describe_searches
+from damperfit.quantities import engineering
 from damperfit.report import Failure, ReportFacts
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
 from damperfit.uncertainty import METHOD, Assessment, prediction_warnings
@@ -288,6 +289,12 @@ def _warnings(intake: Intake, campaign: Campaign) -> Iterator[str]:
     yield from _twin_warnings(intake)
     yield from _log_warnings(campaign)
     yield from campaign.warnings
+    if campaign.sharing.friction_varies and campaign.sharing.f_f_range is not None:
+        low, high = campaign.sharing.f_f_range
+        yield (
+            f"friction goes from {low:.3g} to {high:.3g} N over the settings: one value for all "
+            "does not hold; free it (--free r_m1,r_m2,k_e,f_f)"
+        )
     for fit in campaign.fits:
         yield from (f"setting {fit.setting}: {warning}" for warning in fit.warnings)
 
@@ -354,7 +361,17 @@ def _procedure(settings: Settings, campaign: Campaign) -> Iterator[str]:
     for name in PARAMETER_NAMES:
         value = getattr(fit.parameters, name)
         unit = PARAMETER_UNITS[name]
+        said = f"{name} = {engineering(value, digits=5)} {unit}"
         if fit.status[name] == "shared":
-            yield f"{name} = {value:.5g} {unit} is shared by all settings, found from the logs."
+            spread = _friction_spread(campaign) if name == "f_f" else ""
+            yield f"{said} is shared by all settings, found from the logs{spread}."
         elif fit.status[name] == "fixed" and (name != "f_0" or value != 0.0):
-            yield f"{name} = {value:.5g} {unit} is fixed."
+            yield f"{said} is fixed."
+
+
+def _friction_spread(campaign: Campaign) -> str:
+    if campaign.sharing.f_f_range is None:
+        return ""
+    low, high = campaign.sharing.f_f_range
+    word = "it varies" if campaign.sharing.friction_varies else "it hardly varies"
+    return f"; {word}: fitted by themselves the settings have {low:.3g} to {high:.3g} N"

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = [
     "QuantityError",
     "Unit",
+    "engineering",
     "find_unit",
     "is_unit",
     "parse_quantity",
@@ -239,3 +240,19 @@ def _converted(digits: str, name: str | None, dimension: str) -> float:
     from fractions import Fraction
 
     return float(Fraction(digits) * Fraction(repr(unit.factor)))
+
+
+def engineering(value: float, *, digits: int = 4) -> str:
+    """Return a number for a sentence, with a power of ten that is a multiple of three.
+
+    Examples
+    --------
+    >>> engineering(2.59617e6), engineering(43550.0), engineering(49.905), engineering(-999990.0)
+    ('2.596e6', '43.55e3', '49.91', '-1.000e6')
+    """
+    if value == 0.0 or not math.isfinite(value):
+        return f"{value:g}"
+    decade = int(f"{value:.{digits - 1}e}".partition("e")[2])  # of the rounded value
+    power = 3 * (decade // 3)
+    text = f"{value / 10.0**power:.{max(0, digits - 1 - decade + power)}f}"
+    return f"{text}e{power}" if power else text

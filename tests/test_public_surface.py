@@ -194,6 +194,7 @@ SURFACE = {
     "damperfit.quantities": [
         "QuantityError",
         "Unit",
+        "engineering",
         "find_unit",
         "is_unit",
         "parse_quantity",

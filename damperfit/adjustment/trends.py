@@ -10,6 +10,7 @@ import numpy as np
 
 from damperfit.adjustment.curves import Curve, Points
 from damperfit.adjustment.selection import LEAST_FOR_OUTLIERS, LEAST_FOR_TREND, choose
+from damperfit.quantities import engineering
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -272,8 +273,8 @@ def _sentence(trend: Trend, own: float) -> str:
     }
     kind = f"{_DEGREES[trend.degree]}{on[trend.scale or 'linear'] if trend.degree else ''}"
     said = (
-        f"{_SYMBOLS[trend.parameter]} {words}, {first.value:.4g} at setting {first.setting}, "
-        f"{last.value:.4g} at {last.setting} ({kind})"
+        f"{_SYMBOLS[trend.parameter]} {words}, {engineering(first.value)} at setting "
+        f"{first.setting}, {engineering(last.value)} at {last.setting} ({kind})"
     )
     scatter = f"{100.0 * trend.scatter:.2g} %"
     if trend.is_erratic:

@@ -95,12 +95,15 @@ def first_pass(
     shared: dict[str, float] = {}
     source = _source(judged, lowest) if "r_m3" in wanted else None
     f_f_from: tuple[int, ...] = ()
+    f_f_range = None
     if "f_f" in wanted:
         known = None if source is None else judged[source].solution.parameters.r_m3
         shared["f_f"], f_f_from, said = _shared_friction(judged, known, task.options)
         warnings.extend(said)
+        own = [judged[setting].solution.parameters.f_f for setting in f_f_from]
+        f_f_range = (min(own), max(own)) if len(own) > 1 else None
     if "r_m3" not in wanted:
-        sharing = Sharing(names, f_f_from=f_f_from)
+        sharing = Sharing(names, f_f_from=f_f_from, f_f_range=f_f_range)
         return FirstPass(judged, shared, sharing, searches=searches), tuple(warnings)
     found = _shared_r_m3(task, judged, names, source or lowest, shared.get("f_f"))
     if source is not None and source != lowest:
@@ -111,7 +114,11 @@ def first_pass(
         warnings.append(found.said)
     judged[source or lowest] = found.judged
     sharing = Sharing(
-        names, r_m3_from=found.setting, f_f_from=f_f_from, is_refined=found.is_refined
+        names,
+        r_m3_from=found.setting,
+        f_f_from=f_f_from,
+        f_f_range=f_f_range,
+        is_refined=found.is_refined,
     )
     return (
         FirstPass(

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Sharing", "listed_settings"]
 
+# Frictions further from their middle than this share are not one. Noise alone moves those of the
+# sample runs by 0.8 %.
+_ALIKE = 0.2
+
 
 @dataclass(frozen=True, slots=True)
 class Sharing:
@@ -31,6 +35,8 @@ class Sharing:
         Setting whose logs gave R_m3.
     f_f_from : tuple of int
         Settings whose mean is the friction.
+    f_f_range : tuple of float or None
+        Smallest and largest friction of these settings, each with its own, N.
     is_refined : bool
         R_m3 was found with the mean friction held, not beside the setting's own.
     gas : GasLaw or None
@@ -45,9 +51,18 @@ class Sharing:
     settings: tuple[int, ...] = ()
     r_m3_from: int | None = None
     f_f_from: tuple[int, ...] = ()
+    f_f_range: tuple[float, float] | None = None
     is_refined: bool = False
     gas: GasLaw | None = None
     gas_rises: Mapping[int, float] = field(default_factory=dict)
+
+    @property
+    def friction_varies(self) -> bool:
+        """Whether one friction for all settings does not hold."""
+        if self.f_f_range is None:
+            return False
+        low, high = self.f_f_range
+        return high - low > _ALIKE * (high + low)
 
     @property
     def found(self) -> tuple[str, ...]:

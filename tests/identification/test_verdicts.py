@@ -183,3 +183,16 @@ def test_values_found_once_for_all_settings_are_shared() -> None:
     assert fit.status["r_m3"] == "shared"
     assert fit.status["f_f"] == "fixed"
     assert fit.status["k_e"] == "fitted"
+
+
+@pytest.mark.parametrize(
+    ("frictions", "varies"), [((50.0, 51.0, 49.0), False), ((30.0, 50.0, 70.0), True)]
+)
+def test_whether_one_friction_holds_for_all_settings(frictions, varies) -> None:
+    logs = [
+        trace(setting, replace(reference_parameters(setting), f_f=f_f), noise=2.0)
+        for setting, f_f in zip((1, 5, 10), frictions, strict=True)
+    ]
+    sharing = identify(logs, PURDY_DAMPER).sharing
+    assert sharing.friction_varies is varies
+    assert sharing.f_f_range == pytest.approx((min(frictions), max(frictions)), rel=0.02)
