@@ -41,7 +41,7 @@ __all__ = ["Skew", "estimate_skew", "take_back"]
 _REACH = 0.020  # s beside an end of the stroke; the oil's part is smooth on this scale
 _FARTHEST = 0.010  # s
 _STEP = 5e-4  # s, of the scan
-_LEAST = 2.5e-4  # s; less moves K_e by no more than other doubts
+_LEAST = 5e-4  # s; behind 20 N of noise sound logs seem 0.25 to 0.5 ms late in 1 case of 100
 _WIDTHS = (0.0, 1e-3, 3e-3, 8e-3)  # s, of the rounded step
 _SHARP = 1e-3
 _CLEAR = 50.0  # gain of the step in squared deviations of the noise; 16 is chance at four sigma
@@ -132,12 +132,28 @@ def estimate_skew(log: UniformLog, trace: Trace) -> Skew:
     fine = near[at] + np.linspace(-2.0 * _STEP, 2.0 * _STEP, 81)
     rest = np.concatenate([scan.rest, _scan(sides, fine, width=width).rest])
     like = np.concatenate([near, fine])[rest <= rest.min() + 9.0 * variance]
-    middle, half = 0.5 * (like.min() + like.max()), 0.5 * (like.max() - like.min())
-    return Skew(float(middle), float(half + _given(log.interval) + 0.5 * width))
+    low, high = _between_samples(sides, float(like.min()), float(like.max()))
+    middle = 0.5 * float(like.min() + like.max())
+    half = max(high - middle, middle - low)
+    return Skew(middle, half + _given(log.interval) + 0.5 * width)
+
+
+def _between_samples(sides: Sequence[_Side], low: float, high: float) -> tuple[float, float]:
+    """Widen a range of delays to the samples beside it: between two of them all are alike.
+
+    Where the rate is a multiple of the frequency every cycle has its samples at the same places,
+    and the gap between them is a whole sample interval.
+    """
+    lags = np.sort(np.concatenate([side.lag for side in sides]))
+    below, above = lags[lags <= low], lags[lags >= high]
+    return (
+        float(below[-1]) if len(below) else low,
+        float(above[0]) if len(above) else high,
+    )
 
 
 def _given(interval: float) -> float:
-    """Return what is added for how the cycles fall between the samples, s."""
+    """Return what the smooth part may lean where few samples hold it, s."""
     return max(_SYSTEMATIC, 0.1 * interval)
 
 
