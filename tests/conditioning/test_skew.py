@@ -16,6 +16,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, simulate
+from tests.identification.rig import recording
 
 FIT = FitOptions("plain", ("r_m1", "r_m2", "k_e"), {"r_m3": 2.597e6, "f_f": 50.0})
 
