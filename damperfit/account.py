@@ -51,9 +51,6 @@ __all__ = [
 _UNFINISHED = (Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE)
 
 
-_STRICT = "QualityError"  # kind of the failures that only strict quality makes
-
-
 class Ending(Enum):
     """How a run ended; the value is the exit code of the command."""
 
@@ -146,7 +143,7 @@ def ending_of(campaign: Campaign, facts: ReportFacts) -> Ending:
     """
     if facts.is_interrupted:
         return Ending.INTERRUPTED
-    has_failed = any(failure.kind != _STRICT for failure in facts.failures)
+    has_failed = any(not failure.is_left_out for failure in facts.failures)
     if not campaign.fits and (has_failed or not facts.gates):
         return Ending.ALL_FAILED
     if has_failed:
@@ -249,7 +246,7 @@ def log_documents(intake: Intake) -> dict[str, Any]:
 
 def reading_ending(intake: Intake) -> Ending:
     """Return how reading alone ended."""
-    if any(failure.kind != _STRICT for failure in intake.failures):
+    if any(not failure.is_left_out for failure in intake.failures):
         return Ending.SOME_FAILED if intake.n_good else Ending.ALL_FAILED
     return Ending.GATE_MISSED if intake.failures else Ending.COMPLETE
 
@@ -333,7 +330,7 @@ def _by_kind(campaign: Campaign, is_meant: Callable[[Finding], bool]) -> Iterato
 
 
 def _missed_gates(settings: Settings, intake: Intake, campaign: Campaign) -> Iterator[str]:
-    refused = [failure.log for failure in intake.failures if failure.kind == _STRICT]
+    refused = [failure.log for failure in intake.failures if failure.is_left_out]
     if refused:
         others = f" and {len(refused) - 1} other logs" if len(refused) > 1 else ""
         yield f"strict quality: {refused[0]}{others} left out for warnings"

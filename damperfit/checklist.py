@@ -156,7 +156,11 @@ def _mse_below_1_percent(subject: Subject) -> _Verdict:
 
 def _no_parameter_at_bound(subject: Subject) -> _Verdict:
     bad = _with_status(subject, "at_bound", "lies at the edge of its plausible range")
-    return (False, bad) if bad else (True, "every parameter lies inside its plausible range")
+    return (
+        (False, bad)
+        if bad
+        else (True, "no fitted parameter ran to the edge of its plausible range")
+    )
 
 
 def _all_parameters_identifiable(subject: Subject) -> _Verdict:

@@ -250,7 +250,11 @@ def _judge(
             campaign,
             assessment,
             adjustment,
-            missing=tuple(one.place for one in failures_of(settings, parted.intake, campaign)),
+            missing=tuple(
+                one.place
+                for one in failures_of(settings, parted.intake, campaign)
+                if not one.is_left_out
+            ),
             temperature=settings.rig.temperature,
             temperature_tolerance=settings.rig.temperature_tolerance,
         )

@@ -68,7 +68,7 @@ def print_renderable(renderable: RenderableType) -> None:
     try:
         console.print(renderable)
         sys.stdout.flush()
-    except BrokenPipeError:
+    except (BrokenPipeError, SystemExit):  # rich leaves with 1 when the reader has gone
         silence_broken_pipe()
 
 

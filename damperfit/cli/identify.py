@@ -42,6 +42,7 @@ from damperfit.errors import ConfigurationError, OutputError
 
 if TYPE_CHECKING:
     from damperfit.pipeline import RunResult
+    from damperfit.settings import Settings
 
 __all__ = ["identify"]
 
@@ -172,7 +173,7 @@ def identify(
     with stop_on_signal() as cancelled, progress(is_wanted=not quiet) as bar:
         watch = Watch(on_start=bar.start, on_fit=bar.advance, cancelled=cancelled)
         result = run(settings, logs, jobs=jobs, setting=setting, watch=watch)
-    _tell_people(result, folder=settings.output.folder, is_quiet=quiet)
+    _tell_people(result, settings=settings, is_quiet=quiet)
     if result.campaign.fits and (report or plots):
         folder = settings.output.folder
         write_report(folder, folder, page=report, figures=plots)
@@ -213,7 +214,7 @@ def _append(path: Path, report: str) -> None:
         raise OutputError(f"--github-summary: cannot write {path}: {error.strerror}") from error
 
 
-def _tell_people(result: RunResult, *, folder: Path, is_quiet: bool) -> None:
+def _tell_people(result: RunResult, *, settings: Settings, is_quiet: bool) -> None:
     from damperfit.account import corrections
 
     for failure in result.facts.failures:
@@ -226,13 +227,16 @@ def _tell_people(result: RunResult, *, folder: Path, is_quiet: bool) -> None:
         say(f"note: {line}")
     for warning in result.facts.warnings:
         say(f"warning: {warning}")
-    say(f"damperfit: {_summary(result, folder)}")
+    profiles = ", the profiles in profiles.csv" if settings.profile else ""
+    say(f"damperfit: {_summary(result, settings.output.folder)}{profiles}")
 
 
 def _summary(result: RunResult, folder: Path) -> str:
-    n_fits, n_failed = len(result.campaign.fits), len(result.facts.failures)
+    n_fits, n_all = len(result.campaign.fits), len(result.facts.failures)
+    n_failed = sum(not failure.is_left_out for failure in result.facts.failures)
     done = f"{n_fits} setting{'' if n_fits == 1 else 's'} fitted"
     failed = f", {n_failed} failed" if n_failed else ""
+    failed += f", {n_all - n_failed} left out" if n_all > n_failed else ""
     if result.facts.is_interrupted and not n_fits:
         return "interrupted before a setting was finished; nothing was written"
     interrupted = "interrupted; " if result.facts.is_interrupted else ""

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from damperfit.cli.console import print_json, print_lines, print_renderable, say
+from damperfit.cli.console import (
+    print_json,
+    print_lines,
+    print_renderable,
+    say,
+    screen_columns,
+)
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -77,10 +84,10 @@ def _show(adjuster: Adjuster, question: Question, ladder: Ladder, *, is_quiet: b
     from damperfit.tables import adjustment_rows
 
     if ladder.wanted is not None:
-        print_lines([ladder.wanted.sentence])
         if is_quiet:
+            print_lines([ladder.wanted.sentence])
             return
-        print_lines([""])
+        print_lines([*wrap(ladder.wanted.sentence, screen_columns()), ""])
     rows = adjustment_rows(ladder.levels, ladder.clicks)
     print_lines([f"force by setting, {adjuster.source}", ""])
     if question.speed is not None:

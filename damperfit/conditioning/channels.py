@@ -181,7 +181,8 @@ def _clipping(channel: Channel, rails: list[_Runs]) -> Iterator[Finding]:
     first = min(int(runs.start[0]) for runs in hit)
     text = (
         f"the {channel.name} is clipped at {' and '.join(map(channel.shown, levels))}: "
-        f"{share:.2g} % of the samples stand there, the first in {channel.place(first)}; "
+        f"{share:.2g} % of the evaluated samples stand there, the first of them in "
+        f"{channel.place(first)}; "
         "choose a larger range of sensor or amplifier and log again"
     )
     yield Finding(f"{channel.name}_clipping", "warning", text, share, "%")

@@ -43,6 +43,11 @@ class Failure:
         return self.log or (f"setting {self.setting}" if self.setting is not None else "")
 
     @property
+    def is_left_out(self) -> bool:
+        """Whether only strict quality refused the log: a gate that was missed, no failure."""
+        return self.kind == "QualityError"
+
+    @property
     def line(self) -> str:
         """The failure as one line, its place first."""
         place = self.place

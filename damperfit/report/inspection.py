@@ -123,14 +123,20 @@ def _note_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         if len(sentences) == 1 or not values:
             text = found[0]["sentence"]
         else:
-            text = f"{_range(values)} {found[0]['unit']}".rstrip()
+            text = _range(values, found[0]["unit"])
         count = f" ({len(found)} of {len(logs)} logs)" if len(logs) > 1 else ""
         yield from _wrapped(f"{name}: {text}{count}")
 
 
-def _range(values: Sequence[float]) -> str:
-    low, high = f"{min(values):.4g}", f"{max(values):.4g}"
-    return low if low == high else f"{low} to {high}"
+def _range(values: Sequence[float], unit: str) -> str:
+    """Return the range of some numbers, lengths in mm and times in ms."""
+    unit, factor = {"m": ("mm", 1e3), "s": ("ms", 1e3)}.get(unit, (unit, 1.0))
+    low, high = (_short(factor * value) for value in (min(values), max(values)))
+    return f"{low if low == high else f'{low} to {high}'} {unit}".rstrip()
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
 
 
 def _reading_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -149,6 +150,7 @@ def test_strict_quality_leaves_a_log_out_and_ends_with_4(run, logs, tmp_path, ro
     assert run("identify", good, "clipped_s3.csv", "--out", "plain").code == 0
     ended = run("identify", good, "clipped_s3.csv", "--strict", "--out", "strict")
     assert ended.code == 4
+    assert "1 setting fitted, 1 left out" in ended.err
     record = json.loads((tmp_path / "strict" / "run.json").read_text())
     (failure,) = record["failures"]
     assert (failure["log"], failure["kind"]) == ("clipped_s3.csv", "QualityError")
@@ -245,3 +247,11 @@ def test_one_kind_of_warning_in_many_logs_is_told_once() -> None:
     assert "log_2.csv: tare: 2 N off" in few
     many = list(finding_lines([log(n) for n in range(5)]))
     assert many[-2].startswith("  log_0.csv: tare: 0 N off. With other numbers in log_1.csv,")
+
+
+def test_notes_of_many_logs_stand_in_the_units_of_the_field(run, rows, tmp_path) -> None:
+    for setting, shift in ((2, 5.0), (3, 7.5)):
+        moved = column(rows, 1, number(lambda _, value, shift=shift: value + shift))
+        write(tmp_path / f"log_s{setting}.csv", moved)
+    shown = run("inspect", "log_*.csv").out
+    assert re.search(r"mid_stroke: .*5.* to 7\.\d+ mm \(2 of 2 logs\)", shown), shown

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -124,12 +127,12 @@ def test_simulate_gives_the_force_of_the_setting_found(run, results) -> None:
 def test_people_get_the_answer_first_and_the_table(run, results) -> None:
     ended = run("settings", results, "--force", "500N", "--velocity", "0.26m/s")
     assert ended.code == 0
-    first, *rest = ended.out.splitlines()
-    assert first.startswith("500 N in rebound at 0.26 m/s: setting 1.")
-    assert any(line.startswith("set") for line in rest)
-    assert max(map(len, rest)) <= 80
+    answer, table = ended.out.split("\n\n", 1)
+    assert answer.startswith("500 N in rebound at 0.26 m/s: setting 1.")
+    assert any(line.startswith("set") for line in table.splitlines())
+    assert max(map(len, ended.out.splitlines())) <= 80
     quiet = run("settings", results, "--force", "500N", "--velocity", "0.26m/s", "--quiet")
-    assert quiet.out.splitlines() == [first]
+    assert quiet.out.splitlines() == [" ".join(answer.split())]
 
 
 def test_without_a_question_both_strokes_are_shown(run, results, monkeypatch) -> None:
@@ -265,3 +268,27 @@ def test_gates_stand_in_the_configuration_too(run, logs, tmp_path) -> None:
     assert ended.code == 4
     (tmp_path / "c.toml").write_text('[output]\nchecks = ["nothing"]\n')
     assert run("identify", logs / "setting_*.csv", "--config", "c.toml").code == 2
+
+
+def test_a_table_in_a_closed_pipe_ends_quietly(results) -> None:
+    program = "import sys; from damperfit.cli import main; sys.exit(main(sys.argv[1:]))"
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            "-c",
+            program,
+            "settings",
+            str(results),
+            "--force",
+            "300N",
+            "--velocity",
+            "0.2m/s",
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert process.stdout is not None
+    process.stdout.close()
+    _, told = process.communicate(timeout=60)
+    assert (process.returncode, told) == (0, b"")

@@ -119,7 +119,7 @@ FAULTS = {
     "force at 12 bits clipped": (
         clipped(made(bits=12, noise=(0.0, 0.0)), "force", 0.95),
         "force_clipping",
-        "% of the samples",
+        "% of the evaluated samples",
     ),
     "stuck force": (standing(LOG, "force", 2000, 40), "force_stuck", "from row 2001 .* 40 rows"),
     "stuck displacement": (
