@@ -13,6 +13,7 @@ from damperfit.identification.descent import FitCancelledError, Misfit, descend
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.setting import (
+    EXCELLENT,
     NOT_FIT_TO_SHARE,
     PLAUSIBLE,
     Judged,
@@ -145,6 +146,13 @@ def _source(judged: Mapping[int, Judged], lowest: int) -> int | None:
     return min((s for s, one in judged.items() if is_sound(one) and _tells_r_m3(one)), default=None)
 
 
+def _is_right_all_the_same(judged: Judged, r_m3: float | None) -> bool:
+    """Whether a cavitating fit lies in no wrong valley: excellent, and with the R_m3 of others."""
+    is_told = all(error < NOT_FIT_TO_SHARE for error in judged.errors.values())
+    is_same = r_m3 is not None and abs(judged.solution.parameters.r_m3 / r_m3 - 1.0) < _SAME_R_M3
+    return is_told and is_same and judged.solution.mse_percent < EXCELLENT
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _SharedR_m3:  # noqa: N801 - the paper's symbol
     value: float
@@ -261,7 +269,8 @@ def _shared_friction(
 ) -> tuple[float, tuple[int, ...], list[str]]:
     """The mean friction over the settings whose first pass is sound, and these settings.
 
-    Where no setting tells R_m3, those count whose fit is a minimum that tells all the others.
+    Where no setting tells R_m3, those count whose fit is a minimum that tells all the others; in
+    a damper that cavitates at every setting, the excellent fits that agree on R_m3.
     """
     sound = {
         setting: one.solution.parameters
@@ -272,6 +281,11 @@ def _shared_friction(
         setting: one.solution.parameters
         for setting, one in judged.items()
         if one.outcome not in (*_NO_MINIMUM, Outcome.CAVITATING) and _lacks_r_m3_alone(one)
+    }
+    sound = sound or {
+        setting: one.solution.parameters
+        for setting, one in judged.items()
+        if one.outcome is Outcome.CAVITATING and _is_right_all_the_same(one, r_m3)
     }
     if not sound:
         said = (

@@ -17,6 +17,7 @@ from damperfit.simulation import SolverOptions
 from tests.identification.rig import errors, recording, trace, traces
 
 FREE = ("r_m1", "r_m2", "k_e")
+EVERYTHING = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
 
 
@@ -104,6 +105,38 @@ def test_the_stiff_settings_come_back_from_the_cavitating_valley() -> None:
         found = errors(fit.parameters, reference_parameters(fit.setting))
         assert abs(found["r_m3"]) < 0.03
         assert abs(found["f_f"]) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("gas_pressure", "setting", "free"),
+    [
+        (0.8e5, 5, EVERYTHING),
+        (1.5e5, 15, EVERYTHING),
+        (1.2e5, 10, (*EVERYTHING, "f_0")),
+        (2.5e5, 20, (*EVERYTHING, "f_0")),
+    ],
+)
+def test_a_damper_that_cavitates_is_found_from_the_closed_form(gas_pressure, setting, free) -> None:
+    # The closed form knows no cavitation; the fits ended with R_m3 and f_f at nothing.
+    damper = replace(PURDY_DAMPER, gas_pressure=gas_pressure)
+    log = trace(setting, damper=damper, noise=4.0)
+    (fit,) = identify([log], damper, FitOptions("plain", free)).fits
+    assert fit.outcome is Outcome.CAVITATING
+    assert fit.cavitation.fraction > 0.3
+    found = errors(fit.parameters, reference_parameters(setting))
+    assert max(abs(found[name]) for name in ("r_m1", "r_m2", "r_m3")) < 5e-3
+    assert abs(found["f_f"]) < 0.02
+
+
+def test_friction_is_shared_in_a_damper_that_cavitates_at_every_setting() -> None:
+    damper = replace(PURDY_DAMPER, gas_pressure=1.5e5)
+    campaign = identify(traces([1, 15], damper=damper, noise=4.0), damper)
+    assert campaign.warnings == ()
+    for fit in campaign.fits:
+        assert fit.status["f_f"] == "shared"
+        found = errors(fit.parameters, reference_parameters(fit.setting))
+        assert abs(found["r_m3"]) < 3e-3
+        assert abs(found["f_f"]) < 0.01
 
 
 def test_another_damper_with_no_number_of_the_paper() -> None:
