@@ -208,7 +208,14 @@ def _joint(task: Task) -> Campaign:
         return describe_fit(setting, _named(judged, together.status), misfit), found
 
     collected = _collect(task, fit, (*before.warnings, *together.warnings))
-    return replace(collected, sharing=together.sharing)
+    sharing = together.sharing
+    if "f_f" in shared:
+        sharing = replace(
+            sharing,
+            f_f_range=before.sharing.f_f_range,
+            is_f_f_range_certain=before.sharing.is_f_f_range_certain,
+        )
+    return replace(collected, sharing=sharing)
 
 
 PROCEDURES: dict[str, Callable[[Task], Campaign]] = {

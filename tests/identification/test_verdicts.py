@@ -23,6 +23,7 @@ from damperfit.identification import (
 from damperfit.identification.descent import Misfit
 from damperfit.identification.setting import describe_fit, fit_setting
 from damperfit.simulation import SolverOptions, simulate
+from damperfit.uncertainty import assess
 from tests.identification.rig import trace, traces
 
 FREE = ("r_m1", "r_m2", "k_e")
@@ -196,3 +197,29 @@ def test_whether_one_friction_holds_for_all_settings(frictions, varies) -> None:
     sharing = identify(logs, PURDY_DAMPER).sharing
     assert sharing.friction_varies is varies
     assert sharing.f_f_range == pytest.approx((min(frictions), max(frictions)), rel=0.02)
+
+
+@pytest.mark.parametrize("procedure", ["paper", "joint"])
+def test_friction_that_varies_neither_bends_r_m3_nor_stays_unnamed(procedure) -> None:
+    # Held at the mean friction, R_m3 of the lowest setting came out 31 % low.
+    logs = [
+        trace(setting, replace(reference_parameters(setting), f_f=f_f), noise=4.0)
+        for setting, f_f in zip((1, 5, 10), (30.0, 50.0, 70.0), strict=True)
+    ]
+    campaign = identify(logs, PURDY_DAMPER, FitOptions(procedure))
+    assert campaign.sharing.friction_varies
+    assert campaign.fits[0].parameters.r_m3 == pytest.approx(2.597e6, rel=0.03)
+    first = assess(campaign, PURDY_DAMPER).diagnoses[0]
+    assert first.hints[0].name == "f_f"
+    assert "f_f in common to all settings, here too high" in first.sentence
+
+
+def test_small_frictions_that_noise_moves_are_not_called_different() -> None:
+    logs = [
+        trace(setting, replace(reference_parameters(setting), f_f=2.0), noise=20.0, seed=setting)
+        for setting in (1, 5, 10)
+    ]
+    sharing = identify(logs, PURDY_DAMPER).sharing
+    assert sharing.f_f_range is not None
+    assert sharing.f_f_range[1] > 1.5 * sharing.f_f_range[0]
+    assert not sharing.friction_varies
