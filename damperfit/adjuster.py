@@ -24,6 +24,7 @@ from damperfit.adjustment import (
 from damperfit.config import load_settings
 from damperfit.damper.parameters import PARAMETER_NAMES, Damper, Parameters
 from damperfit.errors import ConfigurationError
+from damperfit.identification.sharing import listed_settings
 from damperfit.quantities import parse_quantity
 from damperfit.tables import read_results
 
@@ -98,12 +99,15 @@ class Ladder:
         The answer, where a force was asked for.
     remarks : tuple of str
         Settings that could not be simulated.
+    notes : tuple of str
+        What a reader must know of the forces; nothing is missing.
     """
 
     levels: tuple[Level, ...]
     clicks: tuple[Click, ...]
     wanted: Wanted | None
     remarks: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def parse_question(
@@ -226,7 +230,18 @@ def climb(adjuster: Adjuster, question: Question, *, jobs: int = 1) -> Ladder:
         if len(done) < 2:
             raise ConfigurationError("one setting does not tell which gives a force; fit more logs")
         wanted = which_setting([x for x in found if x.stroke == question.stroke], question.force)
-    return Ladder(found, clicks(found, adjuster.damper), wanted, remarks)
+    changes = clicks(found, adjuster.damper)
+    return Ladder(found, changes, wanted, remarks, tuple(_cavitation_notes(adjuster, found)))
+
+
+def _cavitation_notes(adjuster: Adjuster, found: Sequence[Level]) -> Iterator[str]:
+    """Say at which settings the damper cavitates on the motion that was asked for."""
+    settings = {level.setting for level in found if level.is_cavitating}
+    if settings:
+        yield (
+            f"a chamber cavitates at {adjuster.source} at setting {listed_settings(settings)}: "
+            "the forces there are the model's with an empty chamber"
+        )
 
 
 def _settings(config: Path | None, record: Mapping[str, Any], remarks: list[str]) -> Settings:

@@ -119,6 +119,8 @@ class Level:
     carried : numpy.ndarray
         Shape (number of shared parameters,): what independent unit errors of the shared parameters
         do to the force, N; in the same order for all settings.
+    is_cavitating : bool
+        A chamber is empty of pressure somewhere on this motion.
     """
 
     setting: int
@@ -128,6 +130,7 @@ class Level:
     error: float
     rest: float
     carried: FloatArray
+    is_cavitating: bool = False
 
     @property
     def low(self) -> float:
@@ -257,13 +260,17 @@ def _levels_of(
     # u = ln y, but for f_0, which is in N.
     scales = [1.0 if n == "f_0" else getattr(stage.parameters, n) for n in names]
     slopes = values[1:] * np.array(scales).reshape(-1, 1, 1)
+    last = response.pressures[:, response.pressures.shape[1] // _CYCLES :]
+    is_cavitating = bool(last.min() <= 0.0)
     found = []
     for j, speed in enumerate(speeds):
         for k, stroke in enumerate(STROKES):
             rest, carried = _split(stage, slopes[:, j, k])
             error = math.sqrt(rest**2 + float(carried @ carried))
             force = float(values[0, j, k])
-            found.append(Level(stage.setting, speed, stroke, force, error, rest, carried))
+            found.append(
+                Level(stage.setting, speed, stroke, force, error, rest, carried, is_cavitating)
+            )
     return found
 
 

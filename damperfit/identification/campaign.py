@@ -108,11 +108,13 @@ def identify(
     ConfigurationError
         An unknown procedure or parameter, or one both free and fixed.
     LogError
-        A trace without a setting.
+        No trace, or one without a setting.
     """
     from threadpoolctl import threadpool_limits
 
     check_options(options)
+    if not traces:
+        raise LogError("identify: there is no log to fit; give one trace or more")
     task = Task(
         _by_setting(traces),
         damper,

@@ -45,6 +45,8 @@ _NAMED = 0.5
 # Signatures within this factor of the best cannot be told from it: an offset of the force explains
 # 0.94 of a wrong gas pressure, which in turn explains 1.1 times what the offset itself does.
 _TIE = 0.85
+# Warnings on a log that leave a misfit in every cycle.
+_FAULTS_OF_LOGS = ("clipping", "stuck", "skew", "steps", "tare", "velocity_channel", "rig_filter")
 # Speeds over which seal friction falls from its breakaway level, m/s.
 _STRIBECK_SPEEDS = (0.01, 0.03, 0.1)
 
@@ -134,8 +136,21 @@ def diagnose(evidence: Evidence, *, doubted: tuple[str, ...] = ()) -> Diagnosis:
         correlation=_correlation(evidence),
         runs_ratio=_runs_ratio(evidence),
         hints=hints,
-        sentence=_sentence(fit.mse_percent, noise_percent, hints, is_structured=is_structured),
+        sentence=_sentence(fit.mse_percent, noise_percent, hints, is_structured=is_structured)
+        + (_warned(evidence) if is_structured else ""),
     )
+
+
+def _warned(evidence: Evidence) -> str:
+    """Point to the warnings on these logs that may be the cause."""
+    found = [
+        f"{one.name} of {log.trace.name}"
+        for log in evidence.fit.logs
+        for one in log.trace.findings
+        if one.severity == "warning" and one.name.endswith(_FAULTS_OF_LOGS)
+    ]
+    more = f" and {len(found) - 1} more" if len(found) > 1 else ""
+    return f"; first look at the warning {found[0]}{more}" if found else ""
 
 
 def _sentence(mse: float, noise: float, hints: tuple[Hint, ...], *, is_structured: bool) -> str:

@@ -287,3 +287,11 @@ def test_a_table_in_a_closed_pipe_ends_quietly() -> None:
     process.stdout.close()
     _, told = process.communicate(timeout=60)
     assert (process.returncode, told) == (0, b"")
+
+
+def test_a_motion_that_cavitates_is_noted_and_changes_no_code(run, results) -> None:
+    quiet = asked(run, results)
+    assert quiet["notes"] == []
+    ended = run("settings", results, "--amplitude", "40mm", "--frequency", "3Hz")
+    assert ended.code == 0
+    assert "note: a chamber cavitates at a sine of 40 mm at 3 Hz at setting" in ended.err

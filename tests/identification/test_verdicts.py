@@ -223,3 +223,8 @@ def test_small_frictions_that_noise_moves_are_not_called_different() -> None:
     assert sharing.f_f_range is not None
     assert sharing.f_f_range[1] > 1.5 * sharing.f_f_range[0]
     assert not sharing.friction_varies
+
+
+def test_no_log_at_all_is_an_error_of_the_project() -> None:
+    with pytest.raises(LogError, match="there is no log to fit"):
+        identify([], PURDY_DAMPER)

@@ -133,3 +133,22 @@ def test_flaws_are_named_at_other_settings_too(flaw: Flaw) -> None:
     # Many seeds by hand: python -m tests.uncertainty.flaws.
     for names in outcomes(flaw, (4, 12, 18), seed=7):
         assert flaw.expected in names if flaw.expected else names == ()
+
+
+def test_a_misfit_points_to_the_warning_on_its_log() -> None:
+    log = recording(10, noise=4.0)
+    clipped = replace(log, force=np.clip(log.force, None, 0.85 * log.force.max()))
+    found = judged([condition(clipped)], FitOptions(fixed=KNOWN)).diagnoses[0]
+    assert found.is_structured
+    assert f"; first look at the warning force_clipping of {log.name}" in found.sentence
+
+
+def test_an_r_m3_at_its_lower_limit_is_said_to_stand_for_nothing() -> None:
+    logs = [
+        trace(setting, replace(reference_parameters(setting), r_m3=2.6e3), noise=4.0)
+        for setting in SETTINGS
+    ]
+    options = FitOptions(fallback_r_m3=2.597e6)
+    campaign = identify(logs, PURDY_DAMPER, options)
+    said = " ".join(judged(logs, options).doubts(campaign))
+    assert "is used for all settings, in place of nothing: any value below" in said
