@@ -97,7 +97,6 @@ def report_facts(
     is_interrupted: bool,
 ) -> ReportFacts:
     """Return what a report tells besides the tables."""
-    done = {fit.setting for fit in campaign.fits}
     assessment = judgement.assessment
     outcomes = {fit.outcome for fit in campaign.fits if fit.outcome is not Outcome.CONVERGED}
     return ReportFacts(
@@ -119,7 +118,7 @@ def report_facts(
         cavitation=describe_cavitation({fit.setting: fit.cavitation for fit in campaign.fits}),
         across=judgement.adjustment.sentences,
         checks=judgement.checks,
-        gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
+        gaps=campaign.gaps,
         gates=(
             *_missed_gates(settings, intake, campaign),
             *missed_gates(judgement.checks, settings.output.checks),

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, SimulationError
@@ -67,6 +68,18 @@ class Campaign:
     is_complete: bool = True
     sharing: Sharing = Sharing()
     searches: tuple[Search, ...] = ()
+
+    @property
+    def gaps(self) -> tuple[int, ...]:
+        """Settings without a fit within a run of clicks.
+
+        Where every other click or none but 1, 5, 10 was tested, those between are no gaps.
+        """
+        done = [fit.setting for fit in self.fits]
+        steps = sorted(later - earlier for earlier, later in pairwise(done))
+        if not steps or steps[len(steps) // 2] != 1:
+            return ()
+        return tuple(sorted(set(range(done[0], done[-1])) - set(done)))
 
 
 def identify(

@@ -67,7 +67,7 @@ def summary_html(results: Results, views: Sequence[LogView]) -> str:
             words_html("Verdicts", verdicts),
             words_html("Across the settings", trends),
             words_html("Warnings", _listed(record, "warnings")),
-            words_html("Findings of the logs", _log_findings(record)),
+            details_html("Warnings of each log", _log_findings(record)),
             details_html("How it was done", [*_listed(record, "procedure"), *_rig(record)]),
             details_html("What the words mean", _SYMBOLS),
         )
@@ -192,7 +192,7 @@ def _checks(record: Mapping[str, Any]) -> str:
 def _log_findings(record: Mapping[str, Any]) -> list[str]:
     """Return the findings that matter; mere notes stand with their log."""
     return [
-        f"{entry.get('log', 'log')}: {finding.severity}: {finding.sentence}"
+        f"{entry.get('log', 'log')}: {finding.sentence}"
         for entry in _listed(record, "inputs")
         if isinstance(entry, dict)
         for finding in told_findings(entry)
