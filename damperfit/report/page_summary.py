@@ -30,7 +30,7 @@ _SYMBOLS = (
     "f_f: friction of seals and guides",
     "f_0: constant force that the rig adds, as by a tare",
     "MSE: mean square of measured less simulated force, in % of the variance of the measured one",
-    "noise floor: the MSE that the scatter from cycle to cycle would give by itself",
+    "noise floor: the MSE that the scatter of the force between cycles gives by itself",
     "hysteresis: force on the opening branch (speed rising) less force on the closing branch",
     "ratio: rebound force over bump force, without signs",
     "interval: 95 % confidence, as far as noise goes; it says nothing of a wrong model",
