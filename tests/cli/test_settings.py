@@ -287,3 +287,9 @@ def test_a_table_in_a_closed_pipe_ends_quietly() -> None:
     process.stdout.close()
     _, told = process.communicate(timeout=60)
     assert (process.returncode, told) == (0, b"")
+
+
+def test_tables_have_no_trailing_blanks(run, results) -> None:
+    lines = run("settings", results).out.splitlines()
+    assert lines == [line.rstrip() for line in lines]
+    assert len(lines) > 8
