@@ -97,7 +97,6 @@ def report_facts(
     is_interrupted: bool,
 ) -> ReportFacts:
     """Return what a report tells besides the tables."""
-    done = {fit.setting for fit in campaign.fits}
     assessment = judgement.assessment
     outcomes = {fit.outcome for fit in campaign.fits if fit.outcome is not Outcome.CONVERGED}
     return ReportFacts(
@@ -119,7 +118,7 @@ def report_facts(
         cavitation=describe_cavitation({fit.setting: fit.cavitation for fit in campaign.fits}),
         across=judgement.adjustment.sentences,
         checks=judgement.checks,
-        gaps=tuple(sorted(set(range(min(done), max(done))) - done)) if done else (),
+        gaps=campaign.gaps,
         gates=(
             *_missed_gates(settings, intake, campaign),
             *missed_gates(judgement.checks, settings.output.checks),
@@ -288,9 +287,10 @@ def _warnings(intake: Intake, campaign: Campaign) -> Iterator[str]:
     yield from campaign.warnings
     if campaign.sharing.friction_varies and campaign.sharing.f_f_range is not None:
         low, high = campaign.sharing.f_f_range
+        how = "--share r_m3" if campaign.sharing.jointly else "--free r_m1,r_m2,k_e,f_f"
         yield (
             f"friction goes from {low:.3g} to {high:.3g} N over the settings: one value for all "
-            "does not hold; free it (--free r_m1,r_m2,k_e,f_f)"
+            f"does not hold; free it ({how})"
         )
     for fit in campaign.fits:
         yield from (f"setting {fit.setting}: {warning}" for warning in fit.warnings)

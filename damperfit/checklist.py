@@ -6,7 +6,6 @@ nobody looked at must not be let through. A reason names the settings it speaks 
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections import defaultdict
 from dataclasses import dataclass
@@ -289,6 +288,8 @@ def _unknown_noise(single: Sequence[Diagnosis]) -> str:
 
 def _temperature_in_window(subject: Subject) -> _Verdict:
     centre, reach = subject.temperature, subject.temperature_tolerance
+    if not math.isfinite(reach):
+        return None, "the configuration asks for no temperature (rig.temperature_tolerance = inf)"
     window = f"{centre:g} +- {reach:g} degC"
     outside, unknown = [], []
     for trace in subject.traces:
@@ -307,12 +308,8 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
 def _every_setting_fitted(subject: Subject) -> _Verdict:
     done = [fit.setting for fit in subject.fits]
     said = [f"{name} failed" for name in subject.missing]
-    steps = sorted(b - a for a, b in itertools.pairwise(done))
-    # Where every other click or none but 1, 5, 10 was tested, those between are no gaps.
-    is_every_click = bool(steps) and steps[len(steps) // 2] == 1
-    gaps = set(range(min(done), max(done))) - set(done) if is_every_click else set()
-    if gaps:
-        said.append(f"no result for {_listed(gaps)}")
+    if subject.campaign.gaps:
+        said.append(f"no result for {_listed(subject.campaign.gaps)}")
     if said:
         return False, "; ".join(said)
     return (True, f"{_listed(done)} fitted") if done else (False, "no setting could be fitted")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -167,6 +168,13 @@ def test_gaps_are_settings_left_out_of_a_run_of_clicks(settings, passed) -> None
     check = result("every_setting_fitted", subject(*(fit(setting) for setting in settings)))
     assert check.passed is passed
     assert passed or "no result for setting 4" in check.reason
+
+
+def test_a_temperature_that_nobody_asks_for_is_not_looked_at() -> None:
+    seen = replace(subject(with_trace(1, temperature=None)), temperature_tolerance=math.inf)
+    check = result("temperature_in_window", seen)
+    assert check.passed is None
+    assert "asks for no temperature" in check.reason
 
 
 def test_without_fits_nothing_is_looked_at() -> None:

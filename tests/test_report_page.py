@@ -204,7 +204,7 @@ def test_what_the_run_told_is_shown(copy):
         "clicks": [
             {"from": 1, "to": 2, "speed_m_per_s": 0.3, "stroke": stroke, "change_N": change,
              "low_N": change - 2.0, "high_N": change + 2.0}
-            for stroke, change in (("rebound", 41.25), ("bump", -17.5))
+            for stroke, change in (("rebound", 41.2), ("bump", -17.5))
         ],
     }  # fmt: skip
     record["inputs"][0]["findings"] = [
@@ -217,7 +217,7 @@ def test_what_the_run_told_is_shown(copy):
     assert "Checks: 1 passed, 1 failed, 1 not looked at" in page
     assert page.index("setting 3 is off") < page.index("all below 1 %")  # what failed comes first
     assert "K_e rises by 10 MPa a setting." in page
-    assert "<td>1 to 2</td><td class=n>+41.25</td><td class=n>39.2 to 43.2</td>" in page
+    assert "<td>1 to 2</td><td class=n>+41.2 ± 2.0</td><td class=n>-17.5 ± 2.0</td>" in page
     assert "warning: force is clipped &lt;/script&gt;" in page
     assert page.count("channels are 0.1 ms apart") == 1  # a note stands with its log alone
     (plot,) = (plot for plot in shown.overall if plot.name == "parameter_k_e")

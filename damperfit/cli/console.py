@@ -63,13 +63,15 @@ def print_renderable(renderable: RenderableType) -> None:
     """Write a rich table to stdout: coloured on a terminal, plain and 80 wide in a pipe."""
     from rich.console import Console
 
-    width = None if sys.stdout.isatty() else _PIPE_WIDTH
+    is_screen = sys.stdout.isatty()
+    width = None if is_screen else _PIPE_WIDTH
     console = Console(file=sys.stdout, width=width, highlight=False, markup=False, emoji=False)
-    try:
+    if is_screen:
         console.print(renderable)
-        sys.stdout.flush()
-    except (BrokenPipeError, SystemExit):  # rich leaves with 1 when the reader has gone
-        silence_broken_pipe()
+        return
+    with console.capture() as held:
+        console.print(renderable)
+    print_lines(line.rstrip() for line in held.get().splitlines())
 
 
 def screen_columns() -> int:

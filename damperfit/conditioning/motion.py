@@ -75,7 +75,9 @@ def examine_motion(
     if trace.n_cycles >= 2 and math.isfinite(floor := noise_floor(trace)):
         yield _scatter(trace)
         text = f"the force differs from cycle to cycle by {floor:.2g} % of its variance"
-        yield Finding("noise_floor", "note", f"{text}: no fit has a smaller MSE", floor, "%")
+        yield Finding(
+            "noise_floor", "note", f"{text}: a right model reaches about this MSE", floor, "%"
+        )
     if trace.n_cycles >= _ENOUGH:
         if float(np.ptp(trace.force[trace.window])) > 0.0:
             yield _force_drift(trace)

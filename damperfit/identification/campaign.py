@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, SimulationError
@@ -67,6 +68,18 @@ class Campaign:
     is_complete: bool = True
     sharing: Sharing = Sharing()
     searches: tuple[Search, ...] = ()
+
+    @property
+    def gaps(self) -> tuple[int, ...]:
+        """Settings without a fit within a run of clicks.
+
+        Where every other click or none but 1, 5, 10 was tested, those between are no gaps.
+        """
+        done = [fit.setting for fit in self.fits]
+        steps = sorted(later - earlier for earlier, later in pairwise(done))
+        if not steps or steps[len(steps) // 2] != 1:
+            return ()
+        return tuple(sorted(set(range(done[0], done[-1])) - set(done)))
 
 
 def identify(
@@ -185,8 +198,9 @@ def _paper(task: Task) -> Campaign:
 def _joint(task: Task) -> Campaign:
     """One fit over the settings, from the paper's procedure as start; unsound ones follow it."""
     shared = ordered(task.options.share)
+    # What is neither shared nor fixed is the settings' own: R_m3 or f_f too.
     own = task.options.free or tuple(
-        name for name in _PAPER_FREE if name not in {*task.options.fixed, *shared}
+        name for name in _MODEL_PARAMETERS if name not in {*task.options.fixed, *shared}
     )
     varying = tuple(name for name in shared if name not in {"r_m3", "f_f"})
     options = replace(task.options, free=(*own, *varying), starts=1)

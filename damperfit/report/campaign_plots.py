@@ -90,7 +90,7 @@ def _errors(rows: Sequence[Row], colours: Mapping[int, str]) -> Iterator[Plot]:
     )
     caption = (
         "Dots: MSE, 100 % would be no better than the mean force. Dashed: noise floor, the MSE "
-        "that the scatter between cycles explains; what is above it is the model's."
+        "that scatter of the force explains; above it: the model, or noise of the displacement."
     )
     yield Plot("mse", "MSE and noise floor against setting", (panel,), caption)
 

@@ -11,7 +11,14 @@ if TYPE_CHECKING:
 
     from damperfit.checklist import Check
 
-__all__ = ["check_lines", "check_sheet", "check_summary", "ladder_sheet", "stroke_sheet"]
+__all__ = [
+    "check_lines",
+    "check_sheet",
+    "check_summary",
+    "ladder_sheet",
+    "stroke_sheet",
+    "with_reach",
+]
 
 _WORDS = {True: "passed", False: "FAILED", None: "not looked at"}
 _GAS = "% of the damping: of the force less the gas force at mid-stroke"
@@ -96,14 +103,14 @@ def stroke_sheet(rows: Sequence[Mapping[str, Any]], stroke: str) -> Sheet:
 def _cells(row: Mapping[str, Any]) -> tuple[str, str, str]:
     """Force and change, each with half of its 95 % interval, and the change in per cent."""
     return (
-        _reached(row["force_N"], row["force_ci_high_N"]),
-        _reached(row["change_N"], row["change_ci_high_N"], plus="+"),
+        with_reach(row["force_N"], row["force_ci_high_N"]),
+        with_reach(row["change_N"], row["change_ci_high_N"], plus="+"),
         NOTHING if row["change_percent"] is None else f"{row['change_percent']:+.1f}",
     )
 
 
-def _reached(value: float | None, high: float | None, *, plus: str = "") -> str:
-    """As in "+51.1 ± 0.4", to a digit of half the interval; four digits without an interval."""
+def with_reach(value: float | None, high: float | None, *, plus: str = "") -> str:
+    """Return as in "+51.1 ± 0.4", to a digit of half the interval; four digits without one."""
     if value is None:
         return NOTHING
     if high is None:

@@ -255,11 +255,14 @@ def _log_section(
     amplitude = f"amplitude {1e3 * view.amplitude:.3g} mm"
     facts = f"{frequency}, {amplitude}, {temperature}, {len(signals.time)} samples evaluated."
     verdict = f"Fit of the setting: {setting_verdict(row)}. {parameter_line(row)}" if row else ""
+    grave = [f"{f.severity}: {f.sentence}" for f in view.findings if f.severity != "note"]
+    notes = [f.sentence for f in view.findings if f.severity == "note"]
     return (
         f'<section class="log" data-setting="{signals.setting}">'
         f"<h2>Setting {signals.setting}: {page_text(signals.log)}</h2>"
         f'<p class="lead">{page_text(verdict)}</p><p>{page_text(facts)}</p>'
-        f"{words_html('Findings', [f'{f.severity}: {f.sentence}' for f in view.findings])}"
+        f"{words_html('Findings', grave)}"
+        f"{details_html('Notes on the log', notes)}"
         f"{details_html('How the log was read', view.notes)}"
         f'<div class="grid">{figures}<figure><h3>Setting {signals.setting}: forces</h3>'
         f"{log_table(view)}</figure></div></section>\n"

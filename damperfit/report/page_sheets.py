@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from damperfit.report.ladder import with_reach
 from damperfit.report.page_tables import table_html
-from damperfit.report.rows import Sheet, mse_sheet, number, parameter_sheet
+from damperfit.report.rows import NOTHING, Sheet, mse_sheet, number, parameter_sheet
 from damperfit.report.run_record import told_clicks
 from damperfit.tables import table_schema
 
@@ -48,22 +49,18 @@ def click_sheet(clicks: Sequence[ToldClick]) -> Sheet:
     steps = sorted({(click.first, click.second) for click in shown})
     cells = {(click.first, click.second, click.stroke): click for click in shown}
 
-    def told(step: tuple[int, int], stroke: str) -> tuple[str, str]:
+    def told(step: tuple[int, int], stroke: str) -> str:
         click = cells.get((*step, stroke))
-        if click is None:
-            return "-", "-"
-        ends = f"{number(click.low, digits=3)} to {number(click.high, digits=3)}"
-        return f"{click.change:+.4g}", ends
+        return NOTHING if click is None else with_reach(click.change, click.high, plus="+")
 
     return Sheet(
-        headings=("click", "rebound", "95 %", "bump", "95 %"),
-        units=("", "N", "N", "N", "N"),
+        headings=("click", "rebound", "bump"),
+        units=("", "N", "N"),
         rows=tuple(
-            (f"{step[0]} to {step[1]}", *told(step, "rebound"), *told(step, "bump"))
-            for step in steps
+            (f"{step[0]} to {step[1]}", told(step, "rebound"), told(step, "bump")) for step in steps
         ),
-        is_number=(False, True, True, True, True),
-        notes=(f"At {fastest:g} m/s, simulated.",) if steps else (),
+        is_number=(False, True, True),
+        notes=(f"At {fastest:g} m/s, simulated, with 95 % intervals.",) if steps else (),
     )
 
 

@@ -30,7 +30,7 @@ _SYMBOLS = (
     "f_f: friction of seals and guides",
     "f_0: constant force that the rig adds, as by a tare",
     "MSE: mean square of measured less simulated force, in % of the variance of the measured one",
-    "noise floor: the MSE that the scatter from cycle to cycle would give by itself",
+    "noise floor: the MSE that the scatter of the force between cycles gives by itself",
     "hysteresis: force on the opening branch (speed rising) less force on the closing branch",
     "ratio: rebound force over bump force, without signs",
     "interval: 95 % confidence, as far as noise goes; it says nothing of a wrong model",
@@ -67,7 +67,7 @@ def summary_html(results: Results, views: Sequence[LogView]) -> str:
             words_html("Verdicts", verdicts),
             words_html("Across the settings", trends),
             words_html("Warnings", _listed(record, "warnings")),
-            words_html("Findings of the logs", _log_findings(record)),
+            details_html("Warnings of each log", _log_findings(record)),
             details_html("How it was done", [*_listed(record, "procedure"), *_rig(record)]),
             details_html("What the words mean", _SYMBOLS),
         )
@@ -192,7 +192,7 @@ def _checks(record: Mapping[str, Any]) -> str:
 def _log_findings(record: Mapping[str, Any]) -> list[str]:
     """Return the findings that matter; mere notes stand with their log."""
     return [
-        f"{entry.get('log', 'log')}: {finding.severity}: {finding.sentence}"
+        f"{entry.get('log', 'log')}: {finding.sentence}"
         for entry in _listed(record, "inputs")
         if isinstance(entry, dict)
         for finding in told_findings(entry)

@@ -295,3 +295,9 @@ def test_a_motion_that_cavitates_is_noted_and_changes_no_code(run, results) -> N
     ended = run("settings", results, "--amplitude", "40mm", "--frequency", "3Hz")
     assert ended.code == 0
     assert "note: a chamber cavitates at a sine of 40 mm at 3 Hz at setting" in ended.err
+
+
+def test_tables_have_no_trailing_blanks(run, results) -> None:
+    lines = run("settings", results).out.splitlines()
+    assert lines == [line.rstrip() for line in lines]
+    assert len(lines) > 8
