@@ -99,12 +99,15 @@ class Uncertainty:
         Order of `covariance`: the setting's own, then the shared ones.
     covariance : numpy.ndarray
         Of ln y (f_0: of f_0, N), shape (k, k).
+    shared : tuple of str
+        The last of `names`: one value for all settings, also where the logs do not tell it.
     """
 
     setting: int
     intervals: Mapping[str, Interval]
     names: tuple[str, ...]
     covariance: FloatArray
+    shared: tuple[str, ...] = ()
 
     @property
     def correlation(self) -> FloatArray:
@@ -216,7 +219,7 @@ def _of_setting(
         name: make_interval(name, value, float(error), float(ratio))
         for name, value, error, ratio in zip(names, values, errors, ratios, strict=True)
     }
-    return Uncertainty(evidence.fit.setting, intervals, names, covariance)
+    return Uncertainty(evidence.fit.setting, intervals, names, covariance, shared)
 
 
 def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
