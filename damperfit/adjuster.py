@@ -24,6 +24,7 @@ from damperfit.adjustment import (
 from damperfit.config import load_settings
 from damperfit.damper.parameters import PARAMETER_NAMES, Damper, Parameters
 from damperfit.errors import ConfigurationError
+from damperfit.identification.sharing import listed_settings
 from damperfit.quantities import parse_quantity
 from damperfit.tables import read_results
 
@@ -267,9 +268,11 @@ def _stages(
             without.append(setting)
             yield Stage(setting, parameters)
     if without:
-        count = "all settings" if len(without) == len(rows) else f"{len(without)} settings"
+        which = (
+            "all settings" if len(without) == len(rows) else f"setting {listed_settings(without)}"
+        )
         remarks.append(
-            f"errors and correlations of {count} are missing (an older version, or a damaged "
+            f"errors and correlations of {which} are missing (an older version, or a damaged "
             "run.json): forces without intervals"
         )
 

@@ -279,7 +279,7 @@ def _split(stage: Stage, slopes: FloatArray) -> tuple[float, FloatArray]:
     follow = cross @ np.linalg.pinv(theta, hermitian=True)
     rest = own - follow @ cross.T
     values, directions = np.linalg.eigh(theta)
-    # The symmetric root: the signs and, for like values, the directions themselves hang on rounding.
+    # The symmetric root is unique; signs of directions, and like ones themselves, hang on rounding.
     root = directions * np.sqrt(np.maximum(values, 0.0)) @ directions.T
     carried = (slopes[n:] + slopes[:n] @ follow) @ root
     return math.sqrt(max(float(slopes[:n] @ rest @ slopes[:n]), 0.0)), np.asarray(carried)

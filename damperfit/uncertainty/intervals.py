@@ -27,7 +27,6 @@ import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import SimulationError
-from damperfit.identification import Outcome
 from damperfit.identification.gas_content import GAS_NAMES
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.evidence import Evidence, gather
@@ -56,7 +55,6 @@ __all__ = [
 ]
 
 _95_PERCENT = 1.959964
-_NO_MINIMUM = (Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE)
 _INDEX = {name: j for j, name in enumerate(PARAMETER_NAMES)}
 
 
@@ -227,7 +225,7 @@ def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
 
     None where that fit is no minimum, for nothing holds there.
     """
-    if fit.outcome in _NO_MINIMUM:
+    if not fit.outcome.is_minimum:
         return ()
     return tuple(
         name

@@ -323,7 +323,8 @@ def test_unsteady_cycles_are_told():
     recording = Recording(
         "log.csv", "log.csv", "", 1, t, 0.03 * size * np.sin(3 * np.pi * t), np.cos(3 * np.pi * t)
     )
-    assert (
-        "cycles in a row are steady"
-        in warned(recording, ConditionOptions())["unsteady_cycles"].sentence
-    )
+    finding = warned(recording, ConditionOptions())["unsteady_cycles"]
+    (steady, found) = map(int, re.findall(r"only (\d+) of (\d+) cycles", finding.sentence)[0])
+    assert found == 45
+    assert 8 <= steady <= 9  # six seconds at 1.5 Hz; crossings used to be counted, one more
+    assert finding.value == pytest.approx(100.0 * (1.0 - steady / found))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import re
+
 import numpy as np
 import pytest
 
@@ -100,6 +102,15 @@ def test_what_was_done_is_told() -> None:
     rest = skew_of(late_log(5, 0.002), skew=0.002)
     assert abs(rest.value) < 6e-4
     assert rest.severity == "note"
+
+
+def test_what_is_left_beside_a_declared_skew_is_added_to_it() -> None:
+    """Used to advise the rest alone, which would have put the log off again by what was declared."""
+    left = skew_of(late_log(5, 0.005), skew=0.002)
+    assert left.severity == "warning"
+    assert left.value == pytest.approx(0.003, abs=6e-4)
+    (advised,) = re.findall(r"rig.skew = '([\d.]+)ms'", left.sentence)
+    assert float(advised) == pytest.approx(5.0, abs=0.6)
 
 
 def _soft_seals(log, sliding):
