@@ -104,7 +104,7 @@ def test_what_was_done_is_told() -> None:
 
 
 def test_what_is_left_beside_a_declared_skew_is_added_to_it() -> None:
-    """Used to advise the rest alone, which would have put the log off again by what was declared."""
+    """Used to advise the rest alone: off again by what was declared."""
     left = skew_of(late_log(5, 0.005), skew=0.002)
     assert left.severity == "warning"
     assert left.value == pytest.approx(0.003, abs=6e-4)
