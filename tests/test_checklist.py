@@ -158,6 +158,11 @@ def test_a_setting_whose_residuals_nobody_saw_is_not_let_through(name) -> None:
         assert check.reason == f"the residuals were not looked at, at {where}"
 
 
+def test_a_click_that_hardens_bump_counts() -> None:
+    seen = subject(clicks=[click(0.5), click(-50.0, stroke="bump")])
+    assert result("every_click_counts", seen).passed is True
+
+
 def test_a_fault_counts_before_a_log_that_tells_nothing() -> None:
     seen = subject(with_trace(1, temperature=None), with_trace(2, temperature=30.0))
     assert result("temperature_in_window", seen).passed is False

@@ -103,6 +103,10 @@ def test_errors_of_the_settings_own_parameters_add_up() -> None:
         assert click.change == b.force - a.force
         reach = 1.96 * np.hypot(a.error, b.error)
         assert click.high - click.change == pytest.approx(reach, rel=1e-4)
+        damping = a.force + PURDY_DAMPER.rod_area * PURDY_DAMPER.gas_pressure
+        ratio = 1.0 + click.change / damping
+        share = 196.0 * np.hypot(b.error, ratio * a.error) / abs(damping)
+        assert click.percent_high - click.percent == pytest.approx(share, rel=1e-4)
 
 
 def test_percent_is_of_the_damping_without_the_gas_force() -> None:

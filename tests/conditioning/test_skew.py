@@ -1,4 +1,4 @@
-"""A force late against the displacement: estimated from friction, taken back when asked (F43)."""
+"""A force late against the displacement: estimated from friction, taken back when asked."""
 
 from __future__ import annotations
 
