@@ -16,6 +16,7 @@ from damperfit.uncertainty import (
     Uncertainty,
     assess,
     collect_evidence,
+    reconsider,
     uncertainties,
 )
 from damperfit.uncertainty.intervals import make_interval
@@ -172,6 +173,16 @@ def test_verdicts_say_what_cannot_be_told_and_what_is_tied() -> None:
     said = assess(paper, PURDY_DAMPER).verdicts(paper)[10]
     assert "correlated with r_m3 (-0.9" in said["r_m1"]
     assert said["f_0"] == "held at the value given"
+
+
+@pytest.mark.parametrize(("error", "status"), [(0.3, "shared"), (0.4, "not_identifiable")])
+def test_what_all_settings_share_is_three_errors_from_nothing(error: float, status: str) -> None:
+    one = fakes.fit(1)
+    known = Uncertainty(1, {}, ("f_f",), np.array([[error**2]]), ("f_f",))
+    shared = replace(fakes.campaign(one), sharing=Sharing(f_f_from=(1,)))
+    (found,) = reconsider(shared, Assessment(uncertainties=(known,))).fits
+    assert found.status["f_f"] == status
+    assert found.outcome is one.outcome  # the setting's own fit is as it was
 
 
 @pytest.mark.parametrize(("correlation", "is_tie"), [(0.9, False), (0.96, True), (-0.96, True)])
