@@ -282,9 +282,11 @@ def _stages(
             without.append(setting)
             yield Stage(setting, parameters)
     if without:
-        count = "all settings" if len(without) == len(rows) else f"{len(without)} settings"
+        which = (
+            "all settings" if len(without) == len(rows) else f"setting {listed_settings(without)}"
+        )
         remarks.append(
-            f"errors and correlations of {count} are missing (an older version, or a damaged "
+            f"errors and correlations of {which} are missing (an older version, or a damaged "
             "run.json): forces without intervals"
         )
 
@@ -294,8 +296,10 @@ def _stage(
 ) -> Stage:
     """Return a stage with the covariance of ln y from standard errors and correlations."""
     names = tuple(str(name) for name in entry["parameters"])
-    shared = tuple(name for name in names if row[f"{name}_status"] == "shared")
-    own = tuple(name for name in names if name not in shared)
+    # Older versions left it to the status, which tells of a shared value only that it is unsound.
+    told = entry.get("shared", [name for name in names if row[f"{name}_status"] == "shared"])
+    shared = tuple(name for name in names if name in told)
+    own = tuple(name for name in names if name not in told)
     scales = np.array([1.0 if name == "f_0" else getattr(parameters, name) for name in names])
     errors = np.array([float(row[f"{name}_se"]) for name in names]) / scales
     correlation = np.array(entry["correlation"], dtype=np.float64).reshape(len(names), len(names))

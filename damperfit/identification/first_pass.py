@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 __all__ = ["FirstPass", "first_pass"]
 
-_NO_MINIMUM = (Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE)
 # 95 % of chi-squared with one degree of freedom.
 _CONTRADICTED = 3.84
 # Frictions that chance makes so different once in a thousand campaigns.
@@ -85,7 +84,7 @@ def first_pass(
         return FirstPass({}, {}), ()
     lowest = min(task.settings)
     warnings: list[str] = []
-    if lowest != 1 and "r_m3" in wanted:
+    if lowest > 1 and "r_m3" in wanted:
         warnings.append(f"there is no log of setting 1: R_m3 is taken from setting {lowest}.")
     misfit = task.misfit(lowest, names)
     one, looked = fit_from(task, lowest, misfit, closed_form_start(misfit, fixed))
@@ -195,7 +194,7 @@ def _shared_r_m3(
     if _tells_r_m3(again):
         return _SharedR_m3(value, "shared", again, setting, is_refined)
     fallback = task.options.fallback_r_m3
-    if again.outcome in _NO_MINIMUM:
+    if not again.outcome.is_minimum:
         said = (
             f"the logs of setting {setting} do not fix R_m3 ({again.outcome.value}): "
             f"{fallback:.4g} (identification.fallback_r_m3) is used; give --fix r_m3=VALUE if "
@@ -253,7 +252,7 @@ def _with_mean_friction(misfit: Misfit, judged: Judged, f_f: float, r_m3: float)
         return judged
     if is_sound(judged):
         return again if is_sound(again) else judged
-    return judged if again.outcome in _NO_MINIMUM else again
+    return again if again.outcome.is_minimum else judged
 
 
 def _free_everywhere(
@@ -294,7 +293,9 @@ def _shared_friction(
     } or {
         setting: one.solution.parameters
         for setting, one in judged.items()
-        if one.outcome not in (*_NO_MINIMUM, Outcome.CAVITATING) and _lacks_r_m3_alone(one)
+        if one.outcome.is_minimum
+        and one.outcome is not Outcome.CAVITATING
+        and _lacks_r_m3_alone(one)
     }
     sound = sound or {
         setting: one.solution.parameters
@@ -303,8 +304,8 @@ def _shared_friction(
     }
     if not sound:
         said = (
-            "no setting's logs fix the friction: the paper's "
-            f"{options.fallback_f_f:g} N is used; give --fix f_f=VALUE if yours is known."
+            f"no setting's logs fix the friction: {options.fallback_f_f:g} N "
+            "(identification.fallback_f_f) is used; give --fix f_f=VALUE if yours is known."
         )
         return options.fallback_f_f, (), [said]
     left_out = sorted(set(judged) - set(sound))

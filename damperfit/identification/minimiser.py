@@ -177,7 +177,6 @@ def minimise(
     SimulationError
         When the model cannot be evaluated at the start.
     """
-    course = _Course(model, transformation)
     from scipy.optimize import least_squares
 
     course = _Course(model, transformation)

@@ -73,6 +73,8 @@ def test_just_beyond_the_last_setting_but_within_its_interval() -> None:
 def test_a_gap_widens_the_interval_and_is_named() -> None:
     curved = [100.0, 110.0, 400.0]
     near = which_setting(ladder(curved, settings=(1, 2, 3)), 250.0).answers[0]
+    beside = which_setting(ladder(curved, settings=(1, 2, 4)), 250.0).answers[0]
+    assert beside.high - beside.low > 3.0 * (near.high - near.low)  # one setting in between
     far = which_setting(ladder(curved, settings=(1, 2, 12)), 250.0)
     assert far.answers[0].high - far.answers[0].low > 10.0 * (near.high - near.low)
     assert "interpolated over settings without a fit" in far.sentence

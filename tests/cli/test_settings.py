@@ -225,6 +225,19 @@ def test_nonsense_in_run_json_costs_the_intervals_alone(run, folder, entry) -> N
     assert len(json.loads(ended.out)["forces"]) == 6
 
 
+def test_one_setting_without_errors_costs_its_own_intervals_alone(run, folder) -> None:
+    """Used to end in a broadcasting error, as the shared errors of its neighbours are known."""
+    known = [entry for entry in record(folder)["uncertainty"] if entry["setting"] != 2]
+    assert all(entry["shared"] == ["r_m3", "f_f"] for entry in known)
+    rewrite(folder, uncertainty=known)
+    ended = run("settings", folder, "--velocity", "0.2", "--json")
+    assert ended.code == 1
+    assert "errors and correlations of setting 2 are missing" in ended.err
+    document = json.loads(ended.out)
+    missing = {row["setting"] for row in document["forces"] if row["force_se_N"] is None}
+    assert missing == {2}
+
+
 def test_no_parameters_at_all_is_code_2(run, folder) -> None:
     (folder / "parameters.parquet").unlink()
     (folder / "parameters.csv").write_text("setting,r_m1\n1,\n")

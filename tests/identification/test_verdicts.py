@@ -117,6 +117,14 @@ def test_a_missing_first_setting_is_said_aloud() -> None:
     assert "there is no log of setting 1: R_m3 is taken from setting 4." in campaign.warnings
 
 
+def test_an_adjuster_counted_from_0_lacks_no_setting() -> None:
+    """Used to be told that there is no log of setting 1."""
+    first, second = traces([1, 9], noise=4.0)
+    campaign = identify([replace(first, setting=0), second], PURDY_DAMPER)
+    assert campaign.sharing.r_m3_from == 0
+    assert campaign.warnings == ()
+
+
 def test_fixed_values_are_kept_and_reported() -> None:
     options = FitOptions(fixed={"r_m3": 2.5e6, "f_f": 60.0})
     fit = identify([trace(3, noise=4.0)], PURDY_DAMPER, options).fits[0]
