@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Diagnosis", "Hint", "diagnose", "scatter_between_cycles"]
 
-# The repeating power of pure noise is F-distributed about 1 with a relative deviation of
-# sqrt(2/independent samples per cycle); five deviations do not happen by chance.
-_DEVIATIONS = 5.0
+# The repeating power of pure noise over its scatter is F-distributed; beyond the bar once in as
+# many settings.
+_CHANCE = 1e-6
 # Below this share of the force's variance, 0.1 N of 300 N, the integrator's error repeats too.
 _NEGLIGIBLE = 1e-7
 # A signature that explains less of the repeating misfit than this names nothing.
@@ -46,7 +46,16 @@ _NAMED = 0.5
 # 0.94 of a wrong gas pressure, which in turn explains 1.1 times what the offset itself does.
 _TIE = 0.85
 # Warnings on a log that leave a misfit in every cycle.
-_FAULTS_OF_LOGS = ("clipping", "stuck", "skew", "steps", "tare", "velocity_channel", "rig_filter")
+_FAULTS_OF_LOGS = (
+    "clipping",
+    "stuck",
+    "skew",
+    "steps",
+    "displacement_noise",
+    "tare",
+    "velocity_channel",
+    "rig_filter",
+)
 # Speeds over which seal friction falls from its breakaway level, m/s.
 _STRIBECK_SPEEDS = (0.01, 0.03, 0.1)
 
@@ -171,7 +180,9 @@ def _sentence(mse: float, noise: float, hints: tuple[Hint, ...], *, is_structure
 
 def _split(evidence: Evidence) -> tuple[float, float, float, float]:
     """Return repeating and scattered mean squares, N^2, their test ratio and its bar."""
-    repeats, noise, expected, n_samples, phases = 0.0, 0.0, 0.0, 0, 0.0
+    from scipy.special import fdtri
+
+    repeats, noise, expected, n_samples, phases, others = 0.0, 0.0, 0.0, 0, 0.0, 0.0
     for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True):
         trace = log.trace
         n = len(seen.residuals)
@@ -184,10 +195,33 @@ def _split(evidence: Evidence) -> tuple[float, float, float, float]:
         repeats += n * (mean_power - scatter / trace.n_cycles)
         expected += n * scatter / trace.n_cycles
         noise += n * scatter
-        phases += 1.0 / (trace.frequency * max(2.0 * evidence.correlation_time, trace.interval))
-    bar = 1.0 + _DEVIATIONS * math.sqrt(2.0 / phases)
+        independent = _independent_phases(folded)
+        phases += independent
+        others += independent * (trace.n_cycles - 1)
+    bar = float(fdtri(phases, others, 1.0 - _CHANCE))
     ratio = 1.0 + repeats / max(expected, 1e-300)
     return repeats / n_samples, noise / n_samples, ratio, bar
+
+
+def _independent_phases(folded: FloatArray) -> float:
+    """Return how many independent squares the mean square of one cycle's noise is worth.
+
+    From the scatter about the mean cycle, in which nothing repeats: n over the sum of its squared
+    autocorrelation, and fewer where the noise is larger in part of the cycle (Satterthwaite).
+
+    Parameters
+    ----------
+    folded : numpy.ndarray
+        Residuals, shape (cycles, phases), at least two cycles.
+    """
+    n_cycles, n_phases = folded.shape
+    scatter = folded - folded.mean(axis=0)
+    rho = autocorrelation(scatter.ravel(), n_phases // 2)
+    power = np.sum(scatter**2, axis=0)
+    # A variance from few cycles is itself uneven, by 2/(n - 1).
+    uneven = n_phases * float(power @ power) / max(float(np.sum(power)) ** 2, 1e-300)
+    uneven = max(uneven / (1.0 + 2.0 / (n_cycles - 1)), 1.0)
+    return float(max(n_phases / (2.0 * float(rho @ rho) - 1.0) / uneven, 1.0))
 
 
 def scatter_between_cycles(residuals: FloatArray, trace: Trace) -> float:
@@ -247,7 +281,12 @@ class _Flaw:
 
 
 def _size(text: str, unit: str) -> Callable[[float], str]:
-    return lambda amount: text.format(f"{abs(amount):.2g} {unit}")
+    return lambda amount: text.format(f"{_rounded(amount)} {unit}")
+
+
+def _rounded(amount: float) -> str:
+    """Two digits, without sign or exponent: 750, not 7.5e+02."""
+    return f"{float(f'{abs(amount):.2g}'):g}"
 
 
 _FLAWS: Mapping[str, _Flaw] = {
@@ -258,7 +297,7 @@ _FLAWS: Mapping[str, _Flaw] = {
             "reversals",
             1e3,
             lambda a: (
-                f"a channel delay (the force is {abs(a):.2g} ms "
+                f"a channel delay (the force is {_rounded(a)} ms "
                 f"{'late' if a > 0.0 else 'early'} against the displacement)"
             ),
         ),
@@ -267,7 +306,7 @@ _FLAWS: Mapping[str, _Flaw] = {
             "position",
             100.0,
             lambda a: (
-                f"a wrong gas pressure ({abs(a):.2g} % {'more' if a > 0.0 else 'less'} "
+                f"a wrong gas pressure ({_rounded(a)} % {'more' if a > 0.0 else 'less'} "
                 "than configured)"
             ),
         ),
@@ -285,7 +324,10 @@ _FLAWS: Mapping[str, _Flaw] = {
             "friction_with_speed",
             "the sign of v",
             1.0,
-            _size("friction that depends on velocity ({} more at low speed)", "N"),
+            lambda a: (
+                f"friction that depends on velocity ({_rounded(a)} N "
+                f"{'more' if a > 0.0 else 'less'} at low speed)"
+            ),
         ),
         _Flaw(
             "compressibility",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -168,3 +169,38 @@ def test_an_r_m3_at_its_lower_limit_is_said_to_stand_for_nothing() -> None:
     campaign = identify(logs, PURDY_DAMPER, options)
     said = " ".join(judged(logs, options).doubts(campaign))
     assert "is used for all settings, in place of nothing: any value below" in said
+
+
+def test_a_weak_misfit_that_repeats_for_long_is_seen_below_white_noise() -> None:
+    # The bar took its independent samples from the residual, and rose with the misfit in it.
+    log = recording(10)
+    noise = 4.0 * np.random.default_rng(5).standard_normal(len(log.force))
+    third = 2.0 * np.sin(3.0 * 2.0 * np.pi * 1.5 * log.time)
+    options = FitOptions("plain", ("r_m1", "r_m2", "k_e"), KNOWN)
+    for added, is_seen in ((noise, False), (noise + third, True)):
+        (one,) = judged(
+            [condition(replace(log, force=log.force + added), UNFILTERED)], options
+        ).diagnoses
+        assert one.is_structured is is_seen
+
+
+def test_friction_that_rises_with_speed_is_less_at_low_speed() -> None:
+    logs = []
+    for setting in SETTINGS:
+        log = recording(setting, noise=2.0)
+        v = speed(log)
+        rising = 20.0 * np.sign(v) * np.sqrt(np.abs(v) / 0.3)
+        logs.append(condition(replace(log, force=log.force + rising)))
+    said = " ".join(judged(logs).warnings)
+    assert "friction that depends on velocity" in said
+    assert "N less at low speed" in said
+
+
+def test_a_large_misfit_is_told_without_an_exponent() -> None:
+    logs = []
+    for setting in (10, 20):
+        log = recording(setting, noise=4.0)
+        steep = 400.0 * np.tanh(speed(log) / 0.02)
+        logs.append(condition(replace(log, force=log.force + steep)))
+    said = " ".join(judged(logs).warnings)
+    assert re.search(r"\(\d{3} N less at low speed\)", said), said
