@@ -123,10 +123,11 @@ def _branches(x: FloatArray, v: FloatArray, f: FloatArray) -> tuple[float, float
 
 def _reversals(x: FloatArray, v: FloatArray, f: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return force and displacement at the ends of rebound and of bump, means, shape (2,)."""
-    before = np.flatnonzero(v[:-1] * v[1:] < 0.0)
+    is_out = v > 0.0  # a sample at rest, v = 0, belongs to what follows a rebound
+    before = np.flatnonzero(is_out[:-1] != is_out[1:])
     part = v[before] / (v[before] - v[before + 1])
     rows = []
     for channel in (f, x):
         at = channel[before] + part * (channel[before + 1] - channel[before])
-        rows.append([float(np.mean(at[is_end])) for is_end in (v[before] > 0.0, v[before] < 0.0)])
+        rows.append([float(np.mean(at[is_end])) for is_end in (is_out[before], ~is_out[before])])
     return np.array(rows[0]), np.array(rows[1])

@@ -160,11 +160,12 @@ def _given(interval: float) -> float:
 def _ends(trace: Trace) -> tuple[FloatArray, FloatArray]:
     """Return when rebound ends and when bump ends, s; on a straight line over the cycles."""
     v = trace.velocity
-    before = np.flatnonzero(v[:-1] * v[1:] < 0.0)
+    is_out = v > 0.0  # a sample at rest, v = 0, belongs to what follows a rebound
+    before = np.flatnonzero(is_out[:-1] != is_out[1:])
     before = before[(before >= trace.first) & (before < trace.stop - 1)]
     part = v[before] / (v[before] - v[before + 1])
     at = trace.start_time + (before + part) * trace.interval
-    return _straight(at[v[before] > 0.0], trace), _straight(at[v[before] < 0.0], trace)
+    return _straight(at[is_out[before]], trace), _straight(at[~is_out[before]], trace)
 
 
 def _straight(at: FloatArray, trace: Trace) -> FloatArray:

@@ -16,6 +16,7 @@ from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.reference import reference_parameters
 from damperfit.errors import ConditioningError
 from tests.conditioning.logs import recording, sine_log
+from tests.fakes import trace
 from tests.identification.rig import recording as rig_log
 
 SLIM = Damper(
@@ -319,3 +320,21 @@ def test_a_level_within_twice_its_uncertainty_reverses_nothing(uncertainty, is_c
     assert [one.severity for one in signs.findings] == (
         ["note", "note"] if is_certain else ["warning"]
     )
+
+
+def test_the_level_is_known_where_samples_fall_right_on_the_reversals() -> None:
+    # A product of neighbouring velocities is not negative where one is zero: no reversal was seen.
+    velocity = np.tile(np.concatenate([np.arange(10, -11, -1), np.arange(-9, 10)]) / 10.0, 6)
+    displacement = np.cumsum(velocity) / 500.0
+    n = len(velocity)
+    seen = replace(
+        trace(1),
+        displacement=displacement - displacement.mean(),
+        velocity=velocity,
+        force=-130.0 + 50.0 * np.sign(velocity) + 200.0 * velocity,
+        first=0,
+        stop=n,
+        cycle_starts=np.array([0.0, n - 1.0]),
+    )
+    level = force_level(seen, gas_of(PURDY_DAMPER))
+    assert level.reversals == pytest.approx(-130.0, abs=20.0)
