@@ -47,9 +47,6 @@ __all__ = [
     "report_facts",
 ]
 
-# Outcomes whose result is no minimum: the run is done, but not as it should be.
-_UNFINISHED = (Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE)
-
 
 class Ending(Enum):
     """How a run ended; the value is the exit code of the command."""
@@ -287,9 +284,10 @@ def _warnings(intake: Intake, campaign: Campaign) -> Iterator[str]:
     yield from campaign.warnings
     if campaign.sharing.friction_varies and campaign.sharing.f_f_range is not None:
         low, high = campaign.sharing.f_f_range
+        how = "--share r_m3" if campaign.sharing.jointly else "--free r_m1,r_m2,k_e,f_f"
         yield (
             f"friction goes from {low:.3g} to {high:.3g} N over the settings: one value for all "
-            "does not hold; free it (--free r_m1,r_m2,k_e,f_f)"
+            f"does not hold; free it ({how})"
         )
     for fit in campaign.fits:
         yield from (f"setting {fit.setting}: {warning}" for warning in fit.warnings)
@@ -304,7 +302,8 @@ def _twin_warnings(intake: Intake) -> Iterator[str]:
         if len(others) == 1:
             yield f"{others[0]}: holds the same bytes as {first}; both are used"
         elif others:
-            yield f"{others[0]} and {len(others) - 1} other logs: hold the same bytes as {first}"
+            n = len(others) - 1
+            yield f"{others[0]} and {n} other log{'s' * (n > 1)}: hold the same bytes as {first}"
 
 
 def _log_warnings(campaign: Campaign) -> Iterator[str]:
@@ -331,13 +330,14 @@ def _by_kind(campaign: Campaign, is_meant: Callable[[Finding], bool]) -> Iterato
 def _missed_gates(settings: Settings, intake: Intake, campaign: Campaign) -> Iterator[str]:
     refused = [failure.log for failure in intake.failures if failure.is_left_out]
     if refused:
-        others = f" and {len(refused) - 1} other logs" if len(refused) > 1 else ""
+        n = len(refused) - 1
+        others = f" and {n} other log{'s' * (n > 1)}" if n else ""
         yield f"strict quality: {refused[0]}{others} left out for warnings"
     limit = settings.output.max_mse_percent
     for fit in campaign.fits:
         if limit > 0.0 and not fit.mse_percent <= limit:  # "not <=" catches NaN too
             yield f"setting {fit.setting}: MSE {fit.mse_percent:.3g} % is above {limit:g} %"
-        if fit.outcome in _UNFINISHED:
+        if not fit.outcome.is_minimum:
             yield f"setting {fit.setting}: the fit did not converge ({fit.outcome.value})"
 
 

@@ -24,6 +24,7 @@ from damperfit.adjustment import (
 from damperfit.config import load_settings
 from damperfit.damper.parameters import PARAMETER_NAMES, Damper, Parameters
 from damperfit.errors import ConfigurationError
+from damperfit.identification.sharing import listed_settings
 from damperfit.quantities import parse_quantity
 from damperfit.tables import read_results
 
@@ -98,12 +99,15 @@ class Ladder:
         The answer, where a force was asked for.
     remarks : tuple of str
         Settings that could not be simulated.
+    notes : tuple of str
+        What a reader must know of the forces; nothing is missing.
     """
 
     levels: tuple[Level, ...]
     clicks: tuple[Click, ...]
     wanted: Wanted | None
     remarks: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def parse_question(
@@ -226,7 +230,18 @@ def climb(adjuster: Adjuster, question: Question, *, jobs: int = 1) -> Ladder:
         if len(done) < 2:
             raise ConfigurationError("one setting does not tell which gives a force; fit more logs")
         wanted = which_setting([x for x in found if x.stroke == question.stroke], question.force)
-    return Ladder(found, clicks(found, adjuster.damper), wanted, remarks)
+    changes = clicks(found, adjuster.damper)
+    return Ladder(found, changes, wanted, remarks, tuple(_cavitation_notes(adjuster, found)))
+
+
+def _cavitation_notes(adjuster: Adjuster, found: Sequence[Level]) -> Iterator[str]:
+    """Say at which settings the damper cavitates on the motion that was asked for."""
+    settings = {level.setting for level in found if level.is_cavitating}
+    if settings:
+        yield (
+            f"a chamber cavitates at {adjuster.source} at setting {listed_settings(settings)}: "
+            "the forces there are the model's with an empty chamber"
+        )
 
 
 def _settings(config: Path | None, record: Mapping[str, Any], remarks: list[str]) -> Settings:
@@ -267,9 +282,11 @@ def _stages(
             without.append(setting)
             yield Stage(setting, parameters)
     if without:
-        count = "all settings" if len(without) == len(rows) else f"{len(without)} settings"
+        which = (
+            "all settings" if len(without) == len(rows) else f"setting {listed_settings(without)}"
+        )
         remarks.append(
-            f"errors and correlations of {count} are missing (an older version, or a damaged "
+            f"errors and correlations of {which} are missing (an older version, or a damaged "
             "run.json): forces without intervals"
         )
 
@@ -279,8 +296,10 @@ def _stage(
 ) -> Stage:
     """Return a stage with the covariance of ln y from standard errors and correlations."""
     names = tuple(str(name) for name in entry["parameters"])
-    shared = tuple(name for name in names if row[f"{name}_status"] == "shared")
-    own = tuple(name for name in names if name not in shared)
+    # Older versions left it to the status, which tells of a shared value only that it is unsound.
+    told = entry.get("shared", [name for name in names if row[f"{name}_status"] == "shared"])
+    shared = tuple(name for name in names if name in told)
+    own = tuple(name for name in names if name not in told)
     scales = np.array([1.0 if name == "f_0" else getattr(parameters, name) for name in names])
     errors = np.array([float(row[f"{name}_se"]) for name in names]) / scales
     correlation = np.array(entry["correlation"], dtype=np.float64).reshape(len(names), len(names))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from damperfit.adjustment import Adjustment
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.identification import Outcome
+from damperfit.identification.sharing import listed_settings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -35,7 +35,6 @@ __all__ = [
 
 _EXCELLENT = 1.0  # per cent, the paper's bar
 _EXPLAINED = 0.5  # share of the MSE
-_UNFINISHED = (Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE)
 _Verdict = tuple[bool | None, str]
 
 
@@ -242,19 +241,19 @@ def _every_click_counts(subject: Subject) -> _Verdict:
 
 
 def _residuals_white(subject: Subject) -> _Verdict:
-    known, single = _diagnoses(subject)
+    known, unknown = _diagnoses(subject)
     structured = [one for one in known if one.is_structured]
     if structured:
         worst = max(structured, key=lambda one: one.mse_percent)
         where = _listed(one.setting for one in structured)
         return False, f"the misfit repeats from cycle to cycle at {where}: {worst.sentence}"
-    if single or not known:
-        return None, _unknown_noise(single)
+    if unknown:
+        return None, unknown
     return True, "nothing repeats from cycle to cycle that the model lacks"
 
 
 def _noise_floor_explained(subject: Subject) -> _Verdict:
-    known, single = _diagnoses(subject)
+    known, unknown = _diagnoses(subject)
     short = [
         one
         for one in known
@@ -268,22 +267,23 @@ def _noise_floor_explained(subject: Subject) -> _Verdict:
             f"noise explains less than half of the MSE at {where}, least at setting "
             f"{worst.setting}: {share:.2g} % of {worst.mse_percent:.3g} %"
         )
-    if single or not known:
-        return None, _unknown_noise(single)
+    if unknown:
+        return None, unknown
     return True, "noise explains half of the MSE or more, or nothing repeats, at every setting"
 
 
-def _diagnoses(subject: Subject) -> tuple[list[Diagnosis], list[Diagnosis]]:
-    """Return those with several cycles, and those with a single one."""
-    single = [one for one in subject.assessment.diagnoses if math.isnan(one.noise_percent)]
-    return [one for one in subject.assessment.diagnoses if one not in single], single
-
-
-def _unknown_noise(single: Sequence[Diagnosis]) -> str:
-    if not single:
-        return "the residuals were not looked at"
-    where = _listed(one.setting for one in single)
-    return f"a single cycle does not tell noise from lack of fit, at {where}"
+def _diagnoses(subject: Subject) -> tuple[list[Diagnosis], str]:
+    """Return what tells noise from lack of fit, and why the other settings do not."""
+    diagnoses = subject.assessment.diagnoses
+    single = [one.setting for one in diagnoses if math.isnan(one.noise_percent)]
+    unseen = {fit.setting for fit in subject.fits} - {one.setting for one in diagnoses}
+    reasons = []
+    if single:
+        where = _listed(single)
+        reasons.append(f"a single cycle does not tell noise from lack of fit, at {where}")
+    if unseen:
+        reasons.append(f"the residuals were not looked at, at {_listed(unseen)}")
+    return [one for one in diagnoses if one.setting not in single], "; ".join(reasons)
 
 
 def _temperature_in_window(subject: Subject) -> _Verdict:
@@ -316,7 +316,7 @@ def _every_setting_fitted(subject: Subject) -> _Verdict:
 
 
 def _fits_converged(subject: Subject) -> _Verdict:
-    bad = [fit for fit in subject.fits if fit.outcome in _UNFINISHED]
+    bad = [fit for fit in subject.fits if not fit.outcome.is_minimum]
     if bad:
         said = (f"setting {fit.setting} ({fit.outcome.value})" for fit in bad)
         return False, f"no minimum was reached at {', '.join(said)}"
@@ -349,15 +349,8 @@ def _settings(fits: Iterable[Fit]) -> str:
 
 def _listed(settings: Iterable[int]) -> str:
     """As in "setting 4" or "settings 1, 5-9"."""
-    runs: list[list[int]] = []
-    for setting in sorted(settings):
-        if runs and setting == runs[-1][-1] + 1:
-            runs[-1].append(setting)
-        else:
-            runs.append([setting])
-    parts = [f"{r[0]}-{r[-1]}" if len(r) > 2 else ", ".join(map(str, r)) for r in runs]
-    is_one = len(runs) == 1 and len(runs[0]) == 1
-    return f"setting{'' if is_one else 's'} {', '.join(parts)}"
+    numbers = list(settings)
+    return f"setting{'s' if len(numbers) > 1 else ''} {listed_settings(numbers)}"
 
 
 CHECKS: dict[str, Callable[[Subject], _Verdict]] = {

@@ -41,6 +41,7 @@ def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any
             "setting": known.setting,
             "verdicts": said[known.setting],
             "parameters": list(known.names),
+            "shared": list(known.shared),
             "correlation": known.correlation.tolist(),
             "jackknife_over_sandwich": {
                 name: interval.cycle_ratio for name, interval in known.intervals.items()

@@ -149,13 +149,27 @@ def test_what_cannot_be_looked_at_says_why(name) -> None:
     assert words in check.reason
 
 
+@pytest.mark.parametrize("name", ["residuals_white", "noise_floor_explained"])
+def test_a_setting_whose_residuals_nobody_saw_is_not_let_through(name) -> None:
+    """Used to pass on what the other settings said."""
+    for diagnoses, where in (([diagnosis(1)], "setting 2"), ([], "settings 1, 2")):
+        check = result(name, subject(diagnoses=diagnoses))
+        assert check.passed is None
+        assert check.reason == f"the residuals were not looked at, at {where}"
+
+
+def test_a_click_that_hardens_bump_counts() -> None:
+    seen = subject(clicks=[click(0.5), click(-50.0, stroke="bump")])
+    assert result("every_click_counts", seen).passed is True
+
+
 def test_a_fault_counts_before_a_log_that_tells_nothing() -> None:
     seen = subject(with_trace(1, temperature=None), with_trace(2, temperature=30.0))
     assert result("temperature_in_window", seen).passed is False
 
 
 def test_a_small_misfit_that_noise_covers_is_explained() -> None:
-    seen = subject(diagnoses=[diagnosis(1, mse=0.01, noise=0.007, is_structured=True)])
+    seen = subject(fit(1), diagnoses=[diagnosis(1, mse=0.01, noise=0.007, is_structured=True)])
     assert result("residuals_white", seen).passed is False
     assert result("noise_floor_explained", seen).passed is True
 

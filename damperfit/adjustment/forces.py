@@ -119,6 +119,8 @@ class Level:
     carried : numpy.ndarray
         Shape (number of shared parameters,): what independent unit errors of the shared parameters
         do to the force, N; in the same order for all settings.
+    is_cavitating : bool
+        A chamber is empty of pressure somewhere on this motion.
     """
 
     setting: int
@@ -128,6 +130,7 @@ class Level:
     error: float
     rest: float
     carried: FloatArray
+    is_cavitating: bool = False
 
     @property
     def low(self) -> float:
@@ -183,9 +186,8 @@ def stage_of(fit: Fit, known: Uncertainty | None) -> Stage:
     """Return a fit and its uncertainty as one stage of the adjuster."""
     if known is None:
         return Stage(fit.setting, fit.parameters)
-    shared = tuple(name for name in known.names if fit.status[name] == "shared")
-    own = tuple(name for name in known.names if name not in shared)
-    return Stage(fit.setting, fit.parameters, own, shared, known.covariance)
+    own = known.names[: len(known.names) - len(known.shared)]
+    return Stage(fit.setting, fit.parameters, own, known.shared, known.covariance)
 
 
 def named_speeds(sine: Sine) -> tuple[float, ...]:
@@ -257,13 +259,17 @@ def _levels_of(
     # u = ln y, but for f_0, which is in N.
     scales = [1.0 if n == "f_0" else getattr(stage.parameters, n) for n in names]
     slopes = values[1:] * np.array(scales).reshape(-1, 1, 1)
+    last = response.pressures[:, response.pressures.shape[1] // _CYCLES :]
+    is_cavitating = bool(last.min() <= 0.0)
     found = []
     for j, speed in enumerate(speeds):
         for k, stroke in enumerate(STROKES):
             rest, carried = _split(stage, slopes[:, j, k])
             error = math.sqrt(rest**2 + float(carried @ carried))
             force = float(values[0, j, k])
-            found.append(Level(stage.setting, speed, stroke, force, error, rest, carried))
+            found.append(
+                Level(stage.setting, speed, stroke, force, error, rest, carried, is_cavitating)
+            )
     return found
 
 
@@ -280,7 +286,8 @@ def _split(stage: Stage, slopes: FloatArray) -> tuple[float, FloatArray]:
     follow = cross @ np.linalg.pinv(theta, hermitian=True)
     rest = own - follow @ cross.T
     values, directions = np.linalg.eigh(theta)
-    root = directions * np.sqrt(np.maximum(values, 0.0))
+    # The symmetric root is unique; signs of directions, and like ones themselves, hang on rounding.
+    root = directions * np.sqrt(np.maximum(values, 0.0)) @ directions.T
     carried = (slopes[n:] + slopes[:n] @ follow) @ root
     return math.sqrt(max(float(slopes[:n] @ rest @ slopes[:n]), 0.0)), np.asarray(carried)
 
@@ -308,14 +315,12 @@ def clicks(found: Sequence[Level], damper: Damper) -> tuple[Click, ...]:
 
 def _click(first: Level, second: Level, damper: Damper) -> Click:
     change = second.force - first.force
-    between = second.carried - first.carried
-    reach = _95_PERCENT * math.sqrt(first.rest**2 + second.rest**2 + float(between @ between))
+    reach = _95_PERCENT * _spread(first, second)
     damping = first.force + damper.rod_area * damper.gas_pressure
     ratio = 1.0 + change / damping if damping else math.nan
-    # The first force is the denominator too: its error counts 1 + share times.
-    apart = second.carried - ratio * first.carried
-    spread = math.sqrt(second.rest**2 + (ratio * first.rest) ** 2 + float(apart @ apart))
     percent = 100.0 * (ratio - 1.0)
+    # The first force is the denominator too: its error counts 1 + share times.
+    spread = _spread(first, second, ratio=ratio)
     share = 100.0 * _95_PERCENT * spread / abs(damping) if damping else math.nan
     return Click(
         first=first.setting,
@@ -329,3 +334,11 @@ def _click(first: Level, second: Level, damper: Damper) -> Click:
         percent_low=percent - share,
         percent_high=percent + share,
     )
+
+
+def _spread(first: Level, second: Level, *, ratio: float = 1.0) -> float:
+    """Return the standard error of second - ratio first; NaN where one of both is not known."""
+    if first.carried.shape != second.carried.shape:
+        return math.nan
+    apart = second.carried - ratio * first.carried
+    return math.sqrt(second.rest**2 + (ratio * first.rest) ** 2 + float(apart @ apart))

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 __all__ = ["Answer", "Wanted", "which_setting"]
 
 
-_NARROW = 0.1  # settings; an interval below it is shown with three decimals
+# Between neighbouring clicks cubic and straight line are a hundredth of a click apart: no answer is
+# shown closer, however narrow its interval.
+_FINEST = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,14 +106,15 @@ class Wanted:
 
 
 def _words(answer: Answer, wanted: float) -> str:
-    digits = 2 if not answer.high - answer.low < _NARROW else 3
     interval = ""
     if math.isfinite(answer.low):
-        interval = f" (95 % from {answer.low:.{digits}f} to {answer.high:.{digits}f})"
+        interval = f" (95 % from {answer.low:.2f} to {answer.high:.2f})"
+        if max(answer.high - answer.position, answer.position - answer.low) < _FINEST:
+            interval = f" (95 % within {_FINEST:g})"
     if answer.below == answer.above:
         return f"setting {answer.below}{interval}, which gives {answer.force_below:.5g} N"
     said = (
-        f"setting {answer.position:.{digits}f}{interval}, between {answer.below} with "
+        f"setting {answer.position:.2f}{interval}, between {answer.below} with "
         f"{answer.force_below:.5g} N and {answer.above} with {answer.force_above:.5g} N"
     )
     if answer.above - answer.below > 1:

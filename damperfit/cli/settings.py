@@ -72,6 +72,8 @@ def settings(
     remarks = (*adjuster.remarks, *ladder.remarks)
     for remark in remarks:
         say(f"damperfit: {results}: {remark}")
+    for note in ladder.notes:
+        say(f"note: {note}")
     if json:
         print_json(_document(adjuster, question, ladder, remarks))
     else:
@@ -115,6 +117,7 @@ def _document(
             "answers": [] if wanted is None else [asdict(answer) for answer in wanted.answers],
             "forces": adjustment_rows(ladder.levels, ladder.clicks),
             "remarks": list(remarks),
+            "notes": list(ladder.notes),
         }
     )
     return document

@@ -141,7 +141,8 @@ def find_skew(
             "skew", "note", f"{text}; taken back", skew.delay, "s", is_correction=True
         )
         return skew.delay, (finding,)
-    said = f"rig.skew = '{1e3 * skew.delay:.1f}ms'"
+    whole = skew.delay + float(options.skew)  # what was declared is no longer in the log looked at
+    said = f"rig.skew = '{1e3 * whole:.1f}ms'"
     text += f"; that bends K_e most: say {said} if the rig is known to do so, or --skew auto"
     return 0.0, (*declared, Finding("skew", "warning", text, skew.delay, "s"))
 

@@ -118,7 +118,8 @@ def bridge_spikes(recording: Recording, trace: Trace) -> Recording:
         if len(rows):
             good = np.delete(np.arange(len(values)), rows)
             bridged[name] = np.interp(recording.time, recording.time[good], values[good])
-            text = f"{len(rows)} spikes in the {name} bridged as declared, the first in "
+            plural = "s" * (len(rows) > 1)
+            text = f"{len(rows)} spike{plural} in the {name} bridged as declared, the first in "
             text += channel.place(int(rows[0]))
             found.append(Finding(f"{name}_spikes_bridged", "note", text, float(len(rows))))
     return replace(recording, **bridged, findings=(*recording.findings, *found))

@@ -121,11 +121,13 @@ def identify(
     ConfigurationError
         An unknown procedure or parameter, or one both free and fixed.
     LogError
-        A trace without a setting.
+        No trace, or one without a setting.
     """
     from threadpoolctl import threadpool_limits
 
     check_options(options)
+    if not traces:
+        raise LogError("identify: there is no log to fit; give one trace or more")
     task = Task(
         _by_setting(traces),
         damper,
@@ -196,8 +198,9 @@ def _paper(task: Task) -> Campaign:
 def _joint(task: Task) -> Campaign:
     """One fit over the settings, from the paper's procedure as start; unsound ones follow it."""
     shared = ordered(task.options.share)
+    # What is neither shared nor fixed is the settings' own: R_m3 or f_f too.
     own = task.options.free or tuple(
-        name for name in _PAPER_FREE if name not in {*task.options.fixed, *shared}
+        name for name in _MODEL_PARAMETERS if name not in {*task.options.fixed, *shared}
     )
     varying = tuple(name for name in shared if name not in {"r_m3", "f_f"})
     options = replace(task.options, free=(*own, *varying), starts=1)
@@ -221,7 +224,14 @@ def _joint(task: Task) -> Campaign:
         return describe_fit(setting, _named(judged, together.status), misfit), found
 
     collected = _collect(task, fit, (*before.warnings, *together.warnings))
-    return replace(collected, sharing=together.sharing)
+    sharing = together.sharing
+    if "f_f" in shared:
+        sharing = replace(
+            sharing,
+            f_f_range=before.sharing.f_f_range,
+            is_f_f_range_certain=before.sharing.is_f_f_range_certain,
+        )
+    return replace(collected, sharing=sharing)
 
 
 PROCEDURES: dict[str, Callable[[Task], Campaign]] = {

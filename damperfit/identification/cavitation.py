@@ -201,7 +201,7 @@ def _nearness(parameters: Parameters, trace: Trace, response: Response, damper: 
 def _root(lowest: Callable[[float], float], guess: float) -> float:
     """Return the factor at which the lowest pressure is zero, near a guess; NaN when out of range.
 
-    The bracket opens from the guess until the sign changes; then regula falsi, Illinois' way.
+    The bracket opens from the guess until the sign changes; then Brent's method.
     """
     from scipy.optimize import brentq
 

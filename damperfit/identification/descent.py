@@ -127,7 +127,9 @@ class Solution:
 
 
 def approach(misfit: Misfit, start: Parameters) -> Solution:
-    """Minimise the misfit roughly, for the start of another descent.
+    """Minimise the misfit of one log roughly, for the start of a descent with all of them.
+
+    Of several logs the one with the strongest force is taken: it tells the valves best.
 
     Raises
     ------
@@ -136,7 +138,8 @@ def approach(misfit: Misfit, start: Parameters) -> Solution:
     FitCancelledError
         When the caller asked to stop.
     """
-    return _minimise(misfit, start, _ROUGH_COST_TOLERANCE)
+    strongest = max(misfit.traces, key=lambda trace: float(np.std(trace.force[trace.window])))
+    return _minimise(replace(misfit, traces=(strongest,)), start, _ROUGH_COST_TOLERANCE)
 
 
 def descend(misfit: Misfit, start: Parameters) -> Solution:

@@ -26,16 +26,17 @@ from damperfit.identification.starting import cavitation_limit, starting_values
 from damperfit.identification.task import Task, closed_form_start
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from damperfit.damper.parameters import Parameters
     from damperfit.identification.options import FitOptions
 
 __all__ = ["FirstPass", "first_pass"]
 
-_NO_MINIMUM = (Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE)
 # 95 % of chi-squared with one degree of freedom.
 _CONTRADICTED = 3.84
+# Frictions that chance makes so different once in a thousand campaigns.
+_CHANCE = 0.001
 # A first-pass friction is used when its setting's R_m3 agrees this well with the lowest setting's.
 _SAME_R_M3 = 0.25
 
@@ -83,7 +84,7 @@ def first_pass(
         return FirstPass({}, {}), ()
     lowest = min(task.settings)
     warnings: list[str] = []
-    if lowest != 1 and "r_m3" in wanted:
+    if lowest > 1 and "r_m3" in wanted:
         warnings.append(f"there is no log of setting 1: R_m3 is taken from setting {lowest}.")
     misfit = task.misfit(lowest, names)
     one, looked = fit_from(task, lowest, misfit, closed_form_start(misfit, fixed))
@@ -96,17 +97,21 @@ def first_pass(
     shared: dict[str, float] = {}
     source = _source(judged, lowest) if "r_m3" in wanted else None
     f_f_from: tuple[int, ...] = ()
-    f_f_range = None
+    f_f_range, is_certain = None, True
     if "f_f" in wanted:
         known = None if source is None else judged[source].solution.parameters.r_m3
         shared["f_f"], f_f_from, said = _shared_friction(judged, known, task.options)
         warnings.extend(said)
-        own = [judged[setting].solution.parameters.f_f for setting in f_f_from]
-        f_f_range = (min(own), max(own)) if len(own) > 1 else None
+        f_f_range, is_certain = _friction_range([judged[setting] for setting in f_f_from])
+    sharing = Sharing(
+        names, f_f_from=f_f_from, f_f_range=f_f_range, is_f_f_range_certain=is_certain
+    )
     if "r_m3" not in wanted:
-        sharing = Sharing(names, f_f_from=f_f_from, f_f_range=f_f_range)
         return FirstPass(judged, shared, sharing, searches=searches), tuple(warnings)
-    found = _shared_r_m3(task, judged, names, source or lowest, shared.get("f_f"))
+    # A mean that does not hold there would bend R_m3: it stays as found beside its own friction.
+    holds = source is None or not sharing.friction_varies
+    f_f = shared.get("f_f") if holds else None
+    found = _shared_r_m3(task, judged, names, source or lowest, f_f)
     if source is not None and source != lowest:
         warnings.append(
             f"the logs of setting {lowest} do not fix R_m3: it is taken from setting {source}."
@@ -114,13 +119,7 @@ def first_pass(
     if found.said:
         warnings.append(found.said)
     judged[source or lowest] = found.judged
-    sharing = Sharing(
-        names,
-        r_m3_from=found.setting,
-        f_f_from=f_f_from,
-        f_f_range=f_f_range,
-        is_refined=found.is_refined,
-    )
+    sharing = replace(sharing, r_m3_from=found.setting, is_refined=found.is_refined)
     return (
         FirstPass(
             judged, {**shared, "r_m3": found.value}, sharing, {"r_m3": found.status}, searches
@@ -132,6 +131,20 @@ def first_pass(
 def _tells_r_m3(judged: Judged) -> bool:
     """Whether a fit knows R_m3 well enough for all settings to use it."""
     return judged.status["r_m3"] == "fitted" and judged.errors["r_m3"] < NOT_FIT_TO_SHARE
+
+
+def _friction_range(judged: Sequence[Judged]) -> tuple[tuple[float, float] | None, bool]:
+    """Smallest and largest friction, and whether they differ by more than their errors."""
+    from scipy.special import chdtri
+
+    if len(judged) < 2:
+        return None, True
+    own = np.array([one.solution.parameters.f_f for one in judged])
+    errors = own * np.array([one.errors["f_f"] for one in judged])
+    weights = 1.0 / errors**2
+    misses = (own - np.sum(weights * own) / np.sum(weights)) / errors
+    is_certain = float(misses @ misses) > chdtri(len(own) - 1, _CHANCE)
+    return (float(own.min()), float(own.max())), bool(is_certain)
 
 
 def _lacks_r_m3_alone(judged: Judged) -> bool:
@@ -181,7 +194,7 @@ def _shared_r_m3(
     if _tells_r_m3(again):
         return _SharedR_m3(value, "shared", again, setting, is_refined)
     fallback = task.options.fallback_r_m3
-    if again.outcome in _NO_MINIMUM:
+    if not again.outcome.is_minimum:
         said = (
             f"the logs of setting {setting} do not fix R_m3 ({again.outcome.value}): "
             f"{fallback:.4g} (identification.fallback_r_m3) is used; give --fix r_m3=VALUE if "
@@ -239,7 +252,7 @@ def _with_mean_friction(misfit: Misfit, judged: Judged, f_f: float, r_m3: float)
         return judged
     if is_sound(judged):
         return again if is_sound(again) else judged
-    return judged if again.outcome in _NO_MINIMUM else again
+    return again if again.outcome.is_minimum else judged
 
 
 def _free_everywhere(
@@ -280,7 +293,9 @@ def _shared_friction(
     } or {
         setting: one.solution.parameters
         for setting, one in judged.items()
-        if one.outcome not in (*_NO_MINIMUM, Outcome.CAVITATING) and _lacks_r_m3_alone(one)
+        if one.outcome.is_minimum
+        and one.outcome is not Outcome.CAVITATING
+        and _lacks_r_m3_alone(one)
     }
     sound = sound or {
         setting: one.solution.parameters
@@ -289,8 +304,8 @@ def _shared_friction(
     }
     if not sound:
         said = (
-            "no setting's logs fix the friction: the paper's "
-            f"{options.fallback_f_f:g} N is used; give --fix f_f=VALUE if yours is known."
+            f"no setting's logs fix the friction: {options.fallback_f_f:g} N "
+            "(identification.fallback_f_f) is used; give --fix f_f=VALUE if yours is known."
         )
         return options.fallback_f_f, (), [said]
     left_out = sorted(set(judged) - set(sound))

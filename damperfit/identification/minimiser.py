@@ -37,6 +37,8 @@ __all__ = [
 _RIGHT_ANGLE = 1e-12
 # Of a singular value of a Jacobian with columns of length 1.
 _LAST_DIGIT = 1e-14
+# A column shorter than this has a variance beyond the largest number: as good as zeros.
+_NO_LENGTH = 1e-130
 # A point the model cannot be evaluated at counts as this many times the larger of 1 and the best:
 # finite, so that the trust region shrinks by MINPACK's rule and not at random.
 _WALL = 1e3
@@ -175,7 +177,6 @@ def minimise(
     SimulationError
         When the model cannot be evaluated at the start.
     """
-    course = _Course(model, transformation)
     from scipy.optimize import least_squares
 
     course = _Course(model, transformation)
@@ -209,7 +210,7 @@ def inverse_information(jacobian: FloatArray) -> FloatArray:
         Shape (n, k).
     """
     lengths = np.sqrt(np.sum(jacobian * jacobian, axis=0))
-    is_seen = lengths > 0.0
+    is_seen = lengths > _NO_LENGTH
     found = np.zeros((len(lengths), len(lengths)))
     found[~is_seen, ~is_seen] = math.inf
     triangle = np.linalg.qr(jacobian[:, is_seen] / lengths[is_seen], mode="r")

@@ -19,6 +19,11 @@ class Outcome(Enum):
     NOT_FINITE = "not_finite"
 
     @property
+    def is_minimum(self) -> bool:
+        """Whether the fit ended where it should: elsewhere no error can be given."""
+        return self not in {Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE}
+
+    @property
     def advice(self) -> str:
         """One plain sentence for people."""
         return _ADVICE[self]

@@ -37,6 +37,8 @@ class Sharing:
         Settings whose mean is the friction.
     f_f_range : tuple of float or None
         Smallest and largest friction of these settings, each with its own, N.
+    is_f_f_range_certain : bool
+        These frictions differ by more than their errors.
     is_refined : bool
         R_m3 was found with the mean friction held, not beside the setting's own.
     gas : GasLaw or None
@@ -52,6 +54,7 @@ class Sharing:
     r_m3_from: int | None = None
     f_f_from: tuple[int, ...] = ()
     f_f_range: tuple[float, float] | None = None
+    is_f_f_range_certain: bool = True
     is_refined: bool = False
     gas: GasLaw | None = None
     gas_rises: Mapping[int, float] = field(default_factory=dict)
@@ -59,7 +62,7 @@ class Sharing:
     @property
     def friction_varies(self) -> bool:
         """Whether one friction for all settings does not hold."""
-        if self.f_f_range is None:
+        if self.f_f_range is None or not self.is_f_f_range_certain:
             return False
         low, high = self.f_f_range
         return high - low > _ALIKE * (high + low)

@@ -191,8 +191,9 @@ def assess(
 
     evidence: list[Evidence] = []
     diagnoses: list[Diagnosis] = []
+    doubted = ("f_f",) if campaign.sharing.friction_varies else ()
     for seen in evidence_in_turns(campaign, damper, solver=solver, jobs=jobs):
-        diagnoses.extend(diagnose(one) for one in seen)
+        diagnoses.extend(diagnose(one, doubted=doubted) for one in seen)
         evidence.extend(without_curves(one) for one in seen)
     known = uncertainties(evidence, campaign.sharing)
     bench = Bench(damper, solver, cancelled, jobs)

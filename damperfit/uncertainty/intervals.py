@@ -27,7 +27,6 @@ import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import SimulationError
-from damperfit.identification import Outcome
 from damperfit.identification.gas_content import GAS_NAMES
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.evidence import Evidence, gather
@@ -56,7 +55,6 @@ __all__ = [
 ]
 
 _95_PERCENT = 1.959964
-_NO_MINIMUM = (Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE)
 _INDEX = {name: j for j, name in enumerate(PARAMETER_NAMES)}
 
 
@@ -99,12 +97,15 @@ class Uncertainty:
         Order of `covariance`: the setting's own, then the shared ones.
     covariance : numpy.ndarray
         Of ln y (f_0: of f_0, N), shape (k, k).
+    shared : tuple of str
+        The last of `names`: one value for all settings, also where the logs do not tell it.
     """
 
     setting: int
     intervals: Mapping[str, Interval]
     names: tuple[str, ...]
     covariance: FloatArray
+    shared: tuple[str, ...] = ()
 
     @property
     def correlation(self) -> FloatArray:
@@ -216,7 +217,7 @@ def _of_setting(
         name: make_interval(name, value, float(error), float(ratio))
         for name, value, error, ratio in zip(names, values, errors, ratios, strict=True)
     }
-    return Uncertainty(evidence.fit.setting, intervals, names, covariance)
+    return Uncertainty(evidence.fit.setting, intervals, names, covariance, shared)
 
 
 def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
@@ -224,7 +225,7 @@ def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
 
     None where that fit is no minimum, for nothing holds there.
     """
-    if fit.outcome in _NO_MINIMUM:
+    if not fit.outcome.is_minimum:
         return ()
     return tuple(
         name

@@ -45,6 +45,8 @@ _NAMED = 0.5
 # Signatures within this factor of the best cannot be told from it: an offset of the force explains
 # 0.94 of a wrong gas pressure, which in turn explains 1.1 times what the offset itself does.
 _TIE = 0.85
+# Warnings on a log that leave a misfit in every cycle.
+_FAULTS_OF_LOGS = ("clipping", "stuck", "skew", "steps", "tare", "velocity_channel", "rig_filter")
 # Speeds over which seal friction falls from its breakaway level, m/s.
 _STRIBECK_SPEEDS = (0.01, 0.03, 0.1)
 
@@ -110,13 +112,21 @@ class Diagnosis:
     sentence: str
 
 
-def diagnose(evidence: Evidence) -> Diagnosis:
-    """Return what the residuals of a setting say; uses the evidence alone, no simulation."""
+def diagnose(evidence: Evidence, *, doubted: tuple[str, ...] = ()) -> Diagnosis:
+    """Return what the residuals of a setting say; uses the evidence alone, no simulation.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Of the setting.
+    doubted : tuple of str
+        Shared parameters of which one value for all settings is known not to hold.
+    """
     fit = evidence.fit
     repeats, noise, ratio, bar = _split(evidence)
     variance = np.var(np.concatenate([log.trace.force[log.trace.window] for log in fit.logs]))
     is_structured = bool(ratio > bar and repeats > _NEGLIGIBLE * variance)
-    hints = _hints(evidence, repeats) if is_structured else ()
+    hints = _hints(evidence, repeats, doubted) if is_structured else ()
     noise_percent = float(min(100.0 * noise / variance, fit.mse_percent))
     return Diagnosis(
         setting=fit.setting,
@@ -126,8 +136,21 @@ def diagnose(evidence: Evidence) -> Diagnosis:
         correlation=_correlation(evidence),
         runs_ratio=_runs_ratio(evidence),
         hints=hints,
-        sentence=_sentence(fit.mse_percent, noise_percent, hints, is_structured=is_structured),
+        sentence=_sentence(fit.mse_percent, noise_percent, hints, is_structured=is_structured)
+        + (_warned(evidence) if is_structured else ""),
     )
+
+
+def _warned(evidence: Evidence) -> str:
+    """Point to the warnings on these logs that may be the cause."""
+    found = [
+        f"{one.name} of {log.trace.name}"
+        for log in evidence.fit.logs
+        for one in log.trace.findings
+        if one.severity == "warning" and one.name.endswith(_FAULTS_OF_LOGS)
+    ]
+    more = f" and {len(found) - 1} more" if len(found) > 1 else ""
+    return f"; first look at the warning {found[0]}{more}" if found else ""
 
 
 def _sentence(mse: float, noise: float, hints: tuple[Hint, ...], *, is_structured: bool) -> str:
@@ -307,9 +330,10 @@ def _signatures(trace: Trace, seen: LogEvidence) -> dict[str, list[FloatArray]]:
     }
 
 
-def _hints(evidence: Evidence, repeats: float) -> tuple[Hint, ...]:
+def _hints(evidence: Evidence, repeats: float, doubted: tuple[str, ...]) -> tuple[Hint, ...]:
     residuals = np.concatenate([seen.residuals for seen in evidence.logs])
-    absorbed = _absorbed(evidence)
+    doubted = tuple(name for name in doubted if evidence.fit.status[name] == "shared")
+    absorbed = _absorbed(evidence, {"fitted", "shared", "not_identifiable"})
     tables = [
         _signatures(log.trace, seen)
         for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True)
@@ -321,14 +345,17 @@ def _hints(evidence: Evidence, repeats: float) -> tuple[Hint, ...]:
         ]
         for name in tables[0]
     }
-    for name in _held(evidence):
+    for name in (*_held(evidence), *doubted):
         place = PARAMETER_NAMES.index(name)
         columns[name] = [np.concatenate([seen.jacobian[:, place] for seen in evidence.logs])]
     power = repeats * len(residuals)
+    # Values that the other settings hold back absorb nothing of what one setting lacks.
+    own = _absorbed(evidence, {"fitted", "not_identifiable"}) if doubted else absorbed
     found = []
     for name, candidates in columns.items():
-        share, amount = max(_gain(column, absorbed, residuals) for column in candidates)
-        flaw = _FLAWS.get(name) or _held_flaw(name)
+        basis = own if name in doubted else absorbed
+        share, amount = max(_gain(column, basis, residuals) for column in candidates)
+        flaw = _FLAWS.get(name) or _held_flaw(name, is_shared=name in doubted)
         size = amount * flaw.unit
         found.append(Hint(name, flaw.family, min(share / power, 1.0), size, flaw.words(size)))
     found.sort(key=lambda hint: -hint.share)
@@ -353,23 +380,20 @@ def _held(evidence: Evidence) -> tuple[str, ...]:
     return tuple(n for n in PARAMETER_NAMES if status[n] == "fixed" and n != "f_0")
 
 
-def _held_flaw(name: str) -> _Flaw:
+def _held_flaw(name: str, *, is_shared: bool) -> _Flaw:
+    held = "in common to all settings, here" if is_shared else "held at a wrong value,"
     return _Flaw(
         name,
-        "a held parameter",
+        "a shared parameter" if is_shared else "a held parameter",
         100.0,
-        lambda a: f"{name} held at a wrong value, too {'low' if a > 0.0 else 'high'}",
+        lambda a: f"{name} {held} too {'low' if a > 0.0 else 'high'}",
     )
 
 
-def _absorbed(evidence: Evidence) -> FloatArray:
-    """Orthonormal basis of what the fit, shared parameters included, could absorb."""
+def _absorbed(evidence: Evidence, statuses: set[str]) -> FloatArray:
+    """Orthonormal basis of what parameters of these statuses could absorb."""
     status = evidence.fit.status
-    places = [
-        j
-        for j, name in enumerate(PARAMETER_NAMES)
-        if status[name] in {"fitted", "shared", "not_identifiable"}
-    ]
+    places = [j for j, name in enumerate(PARAMETER_NAMES) if status[name] in statuses]
     whole = np.vstack([seen.jacobian[:, places] for seen in evidence.logs])
     lengths = np.sqrt(np.sum(whole * whole, axis=0))
     basis, _ = np.linalg.qr(whole[:, lengths > 0.0] / lengths[lengths > 0.0])

@@ -121,6 +121,8 @@ def _verdict(
     if status == "not_identifiable":
         value = f"{getattr(fit.parameters, name):.4g}"
         used = f"; {value} is used for all settings" if name in sharing.found else ""
+        if used and profile is not None and profile.shape == "flat downward":
+            used += ", in place of nothing: any value below the limit fits as well"
         return f"these logs do not tell it ({where}{tied}){used}; fix it, or fit more logs"
     found = "shared by all settings" if status == "shared" else "fitted"
     return f"{found}, {where}{tied}"

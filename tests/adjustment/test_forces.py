@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.adjustment import Sine, Stage, clicks, levels, named_speeds
+from damperfit.adjustment import Sine, Stage, clicks, levels, named_speeds, stage_of
 from damperfit.characteristics import characterise, signals_at_speeds
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
 from damperfit.simulation import SolverOptions, simulate, sine_motion
+from damperfit.uncertainty import Uncertainty
+from tests import fakes
 
 SINE = Sine(0.032, 1.5)
 TIGHT = SolverOptions(tolerance=1e-4)
@@ -101,6 +103,10 @@ def test_errors_of_the_settings_own_parameters_add_up() -> None:
         assert click.change == b.force - a.force
         reach = 1.96 * np.hypot(a.error, b.error)
         assert click.high - click.change == pytest.approx(reach, rel=1e-4)
+        damping = a.force + PURDY_DAMPER.rod_area * PURDY_DAMPER.gas_pressure
+        ratio = 1.0 + click.change / damping
+        share = 196.0 * np.hypot(b.error, ratio * a.error) / abs(damping)
+        assert click.percent_high - click.percent == pytest.approx(share, rel=1e-4)
 
 
 def test_percent_is_of_the_damping_without_the_gas_force() -> None:
@@ -121,3 +127,34 @@ def test_clicks_join_neighbours_over_gaps() -> None:
         (5, 6, "bump"),
     ]
     assert clicks(found[:2], PURDY_DAMPER) == ()
+
+
+def test_a_shared_value_that_no_log_tells_is_shared_all_the_same() -> None:
+    """Used to be taken for the setting's own, with the covariance of another parameter."""
+    cov = covariance(3)
+    known = Uncertainty(1, {}, (*OWN, *SHARED), cov, SHARED)
+    plain = fakes.fit(1)
+    for name in SHARED:
+        unsound = replace(plain, status={**plain.status, name: "not_identifiable"})
+        found = stage_of(unsound, known)
+        assert (found.own, found.shared) == (OWN, SHARED)
+        assert found.covariance is cov
+
+
+def test_a_setting_without_errors_beside_one_with_them() -> None:
+    """Used to end in a broadcasting error."""
+    stages = [stage(9, covariance(1)), Stage(10, reference_parameters(10))]
+    for click in clicks(levels(stages, PURDY_DAMPER, SINE, speeds=(0.2,)), PURDY_DAMPER):
+        assert np.isfinite(click.percent)
+        assert np.isnan([click.low, click.high, click.percent_low, click.percent_high]).all()
+
+
+def test_shared_errors_cancel_whatever_rounding_does_to_their_directions() -> None:
+    """Two shared parameters of like error have eigenvectors that hang on the last digit."""
+    found = []
+    for setting, sign in ((9, 1.0), (10, -1.0)):
+        cov = np.zeros((5, 5))
+        cov[3:, 3:] = 1e-2**2 * (np.eye(2) + sign * 1e-13 * np.array([[0.0, 1.0], [1.0, 0.0]]))
+        found += levels([stage(setting, cov)], PURDY_DAMPER, SINE, speeds=(0.1,))
+    for click in clicks(found, PURDY_DAMPER):
+        assert click.high - click.change < 0.1 * 1.96 * found[0].error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ def test_a_setting_that_gives_it_exactly_is_one_answer() -> None:
     wanted = which_setting(ladder([100, 200, 300]), 200.0)
     (answer,) = wanted.answers
     assert (answer.position, answer.below, answer.above) == (2.0, 2, 2)
-    assert "setting 2 (95 % from 1.990 to 2.010), which gives 200 N" in wanted.sentence
+    assert "setting 2 (95 % within 0.01), which gives 200 N" in wanted.sentence
 
 
 @pytest.mark.parametrize(
@@ -72,6 +73,8 @@ def test_just_beyond_the_last_setting_but_within_its_interval() -> None:
 def test_a_gap_widens_the_interval_and_is_named() -> None:
     curved = [100.0, 110.0, 400.0]
     near = which_setting(ladder(curved, settings=(1, 2, 3)), 250.0).answers[0]
+    beside = which_setting(ladder(curved, settings=(1, 2, 4)), 250.0).answers[0]
+    assert beside.high - beside.low > 3.0 * (near.high - near.low)  # one setting in between
     far = which_setting(ladder(curved, settings=(1, 2, 12)), 250.0)
     assert far.answers[0].high - far.answers[0].low > 10.0 * (near.high - near.low)
     assert "interpolated over settings without a fit" in far.sentence
@@ -88,3 +91,10 @@ def test_the_curve_never_leaves_its_neighbours(force) -> None:
     forces = [100.0, 101.0, 390.0, 400.0]
     (answer,) = which_setting(ladder(forces), force).answers
     assert forces[answer.below - 1] <= force <= forces[answer.above - 1]
+
+
+def test_no_place_is_told_closer_than_a_hundredth_of_a_click() -> None:
+    found = which_setting(ladder([100.0, 200.0, 330.0], error=0.01), 250.0)
+    assert "setting 2.4" in found.sentence
+    assert "(95 % within 0.01)" in found.sentence
+    assert re.search(r"\d\.\d{3}", found.sentence) is None

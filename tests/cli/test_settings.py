@@ -225,6 +225,19 @@ def test_nonsense_in_run_json_costs_the_intervals_alone(run, folder, entry) -> N
     assert len(json.loads(ended.out)["forces"]) == 6
 
 
+def test_one_setting_without_errors_costs_its_own_intervals_alone(run, folder) -> None:
+    """Used to end in a broadcasting error, as the shared errors of its neighbours are known."""
+    known = [entry for entry in record(folder)["uncertainty"] if entry["setting"] != 2]
+    assert all(entry["shared"] == ["r_m3", "f_f"] for entry in known)
+    rewrite(folder, uncertainty=known)
+    ended = run("settings", folder, "--velocity", "0.2", "--json")
+    assert ended.code == 1
+    assert "errors and correlations of setting 2 are missing" in ended.err
+    document = json.loads(ended.out)
+    missing = {row["setting"] for row in document["forces"] if row["force_se_N"] is None}
+    assert missing == {2}
+
+
 def test_no_parameters_at_all_is_code_2(run, folder) -> None:
     (folder / "parameters.parquet").unlink()
     (folder / "parameters.csv").write_text("setting,r_m1\n1,\n")
@@ -287,6 +300,14 @@ def test_a_table_in_a_closed_pipe_ends_quietly() -> None:
     process.stdout.close()
     _, told = process.communicate(timeout=60)
     assert (process.returncode, told) == (0, b"")
+
+
+def test_a_motion_that_cavitates_is_noted_and_changes_no_code(run, results) -> None:
+    quiet = asked(run, results)
+    assert quiet["notes"] == []
+    ended = run("settings", results, "--amplitude", "40mm", "--frequency", "3Hz")
+    assert ended.code == 0
+    assert "note: a chamber cavitates at a sine of 40 mm at 3 Hz at setting" in ended.err
 
 
 def test_tables_have_no_trailing_blanks(run, results) -> None:

@@ -1,4 +1,4 @@
-"""Recordings to traces: filters on both sides (N28), invariances (N18), cycles, bad input."""
+"""Recordings to traces: filters on both sides, invariances, cycles, bad input."""
 
 from __future__ import annotations
 

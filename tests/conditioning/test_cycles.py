@@ -53,3 +53,9 @@ def test_no_motion_has_no_cycles():
     assert found(np.random.default_rng(4).normal(size=5000)) is None
     assert found(np.linspace(0.0, 1.0, 500)) is None
     assert found(np.zeros(500)) is None
+
+
+@pytest.mark.parametrize("rest", [130, 200, 300])
+def test_rest_of_a_cycle_at_the_ends_is_no_cycle(rest):
+    motion = np.sin(2 * np.pi * np.arange(2001) / 200.0)
+    assert found(np.concatenate([np.zeros(rest), motion, np.zeros(rest)])).n_found in {9, 10}

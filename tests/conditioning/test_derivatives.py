@@ -1,4 +1,4 @@
-"""Differentiation (N27): exact on cubics, stated gain error on sines, stated noise gain."""
+"""Differentiation: exact on cubics, stated gain error on sines, stated noise gain."""
 
 from __future__ import annotations
 

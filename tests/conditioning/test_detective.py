@@ -1,4 +1,4 @@
-"""Signs, tare, swapped channels, mid-stroke and logged velocity: F44, F46, N22."""
+"""Signs, tare, swapped channels, mid-stroke and logged velocity."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, GasFacts, condition
-from damperfit.conditioning.gas_force import force_level
+from damperfit.conditioning.gas_force import ForceLevel, force_level
+from damperfit.conditioning.polarity import find_signs
 from damperfit.damper.closed_forms import gas_pressure
 from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.reference import reference_parameters
@@ -307,3 +308,14 @@ def test_strange_forces_are_told_or_refused_and_nothing_else(force, scale) -> No
             trace = condition(log, replace(PURDY, skew=skew))
             values = [one.value or 0.0 for one in trace.findings]
         assert np.isfinite(values).all()
+
+
+@pytest.mark.parametrize(("uncertainty", "is_certain"), [(60.0, True), (80.0, False)])
+def test_a_level_within_twice_its_uncertainty_reverses_nothing(uncertainty, is_certain):
+    log = log_of(10)
+    level = ForceLevel(130.0, 130.0, uncertainty, -130.0, -0.2, 0.1)
+    signs = find_signs(condition(log), log, level)
+    assert signs.reversed_channels == (("displacement", "force") if is_certain else ())
+    assert [one.severity for one in signs.findings] == (
+        ["note", "note"] if is_certain else ["warning"]
+    )

@@ -1,4 +1,4 @@
-"""Filters: gain, phase, delay, edges (N26), against difference equations and SciPy."""
+"""Filters: gain, phase, delay, edges, against difference equations and SciPy."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""A force late against the displacement: estimated from friction, taken back when asked (F43)."""
+"""A force late against the displacement: estimated from friction, taken back when asked."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -100,6 +101,15 @@ def test_what_was_done_is_told() -> None:
     rest = skew_of(late_log(5, 0.002), skew=0.002)
     assert abs(rest.value) < 6e-4
     assert rest.severity == "note"
+
+
+def test_what_is_left_beside_a_declared_skew_is_added_to_it() -> None:
+    """Used to advise the rest alone: off again by what was declared."""
+    left = skew_of(late_log(5, 0.005), skew=0.002)
+    assert left.severity == "warning"
+    assert left.value == pytest.approx(0.003, abs=6e-4)
+    (advised,) = re.findall(r"rig.skew = '([\d.]+)ms'", left.sentence)
+    assert float(advised) == pytest.approx(5.0, abs=0.6)
 
 
 def _soft_seals(log, sliding):

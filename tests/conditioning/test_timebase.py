@@ -1,4 +1,4 @@
-"""Stamps to uniform samples: rounding, jitter, missing samples, gaps (F40)."""
+"""Stamps to uniform samples: rounding, jitter, missing samples, gaps."""
 
 from __future__ import annotations
 
@@ -110,8 +110,9 @@ def test_a_pause_between_two_tests_is_refused():
         make_uniform(logged(t, t))
 
 
-def test_too_many_missing_samples_are_refused():
-    kept = np.flatnonzero(np.random.default_rng(1).uniform(size=3000) > 0.1)
+@pytest.mark.parametrize("share", [0.06, 0.1])
+def test_too_many_missing_samples_are_refused(share):
+    kept = np.flatnonzero(np.random.default_rng(1).uniform(size=3000) > share)
     t = kept / 300.0
     with pytest.raises(ConditioningError, match=r"of \d+ samples are missing, first after row"):
         make_uniform(logged(t, t))

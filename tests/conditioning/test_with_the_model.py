@@ -1,4 +1,4 @@
-"""Filtering data and model alike recovers the truth (N28): logs by Radau, fitted with the core."""
+"""Filtering data and model alike recovers the truth: logs by Radau, fitted with the core."""
 
 from __future__ import annotations
 

@@ -118,3 +118,17 @@ def test_jobs_give_the_same_bits() -> None:
     logs = traces([1, 8, 15], noise=4.0, duration=5.0)
     one, two = (identify(logs, PURDY_DAMPER, FitOptions("joint"), jobs=jobs) for jobs in (1, 2))
     assert [fit.parameters for fit in one.fits] == [fit.parameters for fit in two.fits]
+
+
+def test_what_is_not_shared_is_the_settings_own() -> None:
+    # Friction used to be held at the mean, "fixed", and R_m3 had half its error.
+    frictions = {1: 30.0, 8: 50.0, 14: 70.0}
+    logs = [
+        trace(setting, replace(reference_parameters(setting), f_f=f_f), noise=4.0)
+        for setting, f_f in frictions.items()
+    ]
+    campaign = identify(logs, PURDY_DAMPER, FitOptions("joint", share=("r_m3",)))
+    for fit in campaign.fits:
+        assert fit.status["r_m3"] == "shared"
+        assert fit.status["f_f"] == "fitted"
+        assert fit.parameters.f_f == pytest.approx(frictions[fit.setting], rel=0.02)

@@ -112,3 +112,7 @@ def test_the_inverse_keeps_the_digits_that_normal_equations_lose() -> None:
     with_zero = inverse_information(np.array([[2.0, 0.0], [0.0, 0.0]]))
     assert with_zero[0, 0] == pytest.approx(0.25)
     assert np.isinf(with_zero[1, 1])
+    with np.errstate(over="raise", invalid="raise"):
+        nearly = inverse_information(np.array([[2.0, 1e-150], [0.0, 1e-150]]))
+    assert nearly[0, 0] == pytest.approx(0.25)
+    assert np.isinf(nearly[1, 1])

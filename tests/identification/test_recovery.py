@@ -12,7 +12,7 @@ from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.reference import reference_parameters
 from damperfit.identification import FitOptions, Outcome, identify
-from damperfit.identification.descent import Misfit, descend
+from damperfit.identification.descent import Misfit, approach, descend
 from damperfit.simulation import SolverOptions
 from tests.identification.rig import errors, recording, trace, traces
 
@@ -95,6 +95,17 @@ def test_logs_that_the_rig_has_filtered(kind: str) -> None:
         assert abs(found["k_e"]) < 1e-2
         assert abs(found["r_m3"]) < 1e-2
         assert abs(found["f_f"]) < 2e-2
+
+
+def test_the_start_for_several_logs_costs_as_much_as_for_the_strongest() -> None:
+    weak, strong = trace(9, amplitude=0.016, noise=4.0), trace(9, noise=4.0)
+    start = replace(reference_parameters(9), r_m1=3e4, k_e=3e8)
+    many, one = (
+        approach(Misfit(logs, PURDY_DAMPER, FREE, SolverOptions(), 100, lambda: False), start)
+        for logs in ((weak, strong, weak), (strong,))
+    )
+    assert many.parameters == one.parameters
+    assert len(many.jacobian) == len(one.jacobian)
 
 
 def test_the_stiff_settings_come_back_from_the_cavitating_valley() -> None:

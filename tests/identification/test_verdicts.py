@@ -23,6 +23,7 @@ from damperfit.identification import (
 from damperfit.identification.descent import Misfit
 from damperfit.identification.setting import describe_fit, fit_setting
 from damperfit.simulation import SolverOptions, simulate
+from damperfit.uncertainty import assess
 from tests.identification.rig import trace, traces
 
 FREE = ("r_m1", "r_m2", "k_e")
@@ -116,6 +117,14 @@ def test_a_missing_first_setting_is_said_aloud() -> None:
     assert "there is no log of setting 1: R_m3 is taken from setting 4." in campaign.warnings
 
 
+def test_an_adjuster_counted_from_0_lacks_no_setting() -> None:
+    """Used to be told that there is no log of setting 1."""
+    first, second = traces([1, 9], noise=4.0)
+    campaign = identify([replace(first, setting=0), second], PURDY_DAMPER)
+    assert campaign.sharing.r_m3_from == 0
+    assert campaign.warnings == ()
+
+
 def test_fixed_values_are_kept_and_reported() -> None:
     options = FitOptions(fixed={"r_m3": 2.5e6, "f_f": 60.0})
     fit = identify([trace(3, noise=4.0)], PURDY_DAMPER, options).fits[0]
@@ -196,3 +205,34 @@ def test_whether_one_friction_holds_for_all_settings(frictions, varies) -> None:
     sharing = identify(logs, PURDY_DAMPER).sharing
     assert sharing.friction_varies is varies
     assert sharing.f_f_range == pytest.approx((min(frictions), max(frictions)), rel=0.02)
+
+
+@pytest.mark.parametrize("procedure", ["paper", "joint"])
+def test_friction_that_varies_neither_bends_r_m3_nor_stays_unnamed(procedure) -> None:
+    # Held at the mean friction, R_m3 of the lowest setting came out 31 % low.
+    logs = [
+        trace(setting, replace(reference_parameters(setting), f_f=f_f), noise=4.0)
+        for setting, f_f in zip((1, 5, 10), (30.0, 50.0, 70.0), strict=True)
+    ]
+    campaign = identify(logs, PURDY_DAMPER, FitOptions(procedure))
+    assert campaign.sharing.friction_varies
+    assert campaign.fits[0].parameters.r_m3 == pytest.approx(2.597e6, rel=0.03)
+    first = assess(campaign, PURDY_DAMPER).diagnoses[0]
+    assert first.hints[0].name == "f_f"
+    assert "f_f in common to all settings, here too high" in first.sentence
+
+
+def test_small_frictions_that_noise_moves_are_not_called_different() -> None:
+    logs = [
+        trace(setting, replace(reference_parameters(setting), f_f=2.0), noise=20.0, seed=setting)
+        for setting in (1, 5, 10)
+    ]
+    sharing = identify(logs, PURDY_DAMPER).sharing
+    assert sharing.f_f_range is not None
+    assert sharing.f_f_range[1] > 1.5 * sharing.f_f_range[0]
+    assert not sharing.friction_varies
+
+
+def test_no_log_at_all_is_an_error_of_the_project() -> None:
+    with pytest.raises(LogError, match="there is no log to fit"):
+        identify([], PURDY_DAMPER)

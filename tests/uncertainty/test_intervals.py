@@ -10,14 +10,24 @@ import pytest
 
 from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
-from damperfit.identification import FitOptions, identify
-from damperfit.uncertainty import Assessment, assess, collect_evidence, uncertainties
+from damperfit.identification import FitOptions, Sharing, identify
+from damperfit.uncertainty import (
+    Assessment,
+    Uncertainty,
+    assess,
+    collect_evidence,
+    reconsider,
+    uncertainties,
+)
+from damperfit.uncertainty.intervals import make_interval
 from damperfit.uncertainty.spectrum import (
     autocorrelation,
     correlation_length,
     cycle_covariance,
     score_covariance,
 )
+from damperfit.uncertainty.verdicts import doubts, verdicts
+from tests import fakes
 from tests.identification.rig import trace, traces
 from tests.uncertainty.coverage import Trial, run, summary
 
@@ -163,6 +173,30 @@ def test_verdicts_say_what_cannot_be_told_and_what_is_tied() -> None:
     said = assess(paper, PURDY_DAMPER).verdicts(paper)[10]
     assert "correlated with r_m3 (-0.9" in said["r_m1"]
     assert said["f_0"] == "held at the value given"
+
+
+@pytest.mark.parametrize(("error", "status"), [(0.3, "shared"), (0.4, "not_identifiable")])
+def test_what_all_settings_share_is_three_errors_from_nothing(error: float, status: str) -> None:
+    one = fakes.fit(1)
+    known = Uncertainty(1, {}, ("f_f",), np.array([[error**2]]), ("f_f",))
+    shared = replace(fakes.campaign(one), sharing=Sharing(f_f_from=(1,)))
+    (found,) = reconsider(shared, Assessment(uncertainties=(known,))).fits
+    assert found.status["f_f"] == status
+    assert found.outcome is one.outcome  # the setting's own fit is as it was
+
+
+@pytest.mark.parametrize(("correlation", "is_tie"), [(0.9, False), (0.96, True), (-0.96, True)])
+def test_a_tie_is_a_correlation_that_triples_an_error(correlation: float, *, is_tie: bool) -> None:
+    covariance = 1e-4 * np.array([[1.0, correlation], [correlation, 1.0]])
+    names = ("r_m1", "k_e")
+    one = fakes.fit(1)
+    known = Uncertainty(
+        1, {n: make_interval(n, getattr(one.parameters, n), 0.01) for n in names}, names, covariance
+    )
+    said = verdicts(one, known, Sharing(), {})
+    for name, other in (names, names[::-1]):
+        assert (f"correlated with {other} ({correlation:+.2f})" in said[name]) == is_tie
+    assert bool(doubts([one], {1: known}, Sharing(), {})) == is_tie
 
 
 @pytest.mark.parametrize(

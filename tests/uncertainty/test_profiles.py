@@ -19,6 +19,7 @@ from damperfit.uncertainty import (
     Assessment,
     Bench,
     MisfitProfile,
+    ProfilePoint,
     Stride,
     assess,
     check_profile_names,
@@ -57,6 +58,7 @@ def test_of_a_parameter_well_told_it_is_the_parabola_of_the_printed_interval() -
         assert best.rise == 0.0
         assert best.value == pytest.approx(getattr(fits[profile.setting], profile.name), rel=1e-5)
         low, high = sandwich(judged, profile)
+        assert judged.limits(profile.setting, profile.name) == (low, high)
         reach = math.log(high / low) / 2.0
         assert math.log(best.value / profile.low) == pytest.approx(reach, rel=0.02)
         assert math.log(profile.high / best.value) == pytest.approx(reach, rel=0.02)
@@ -194,6 +196,16 @@ def test_a_budget_that_is_spent_leaves_no_verdict() -> None:
     assert short.limits(6, "k_e") == judged.limits(6, "k_e")
     stopped = Bench(PURDY_DAMPER, cancelled=lambda: True)
     assert profile_campaign(campaign, judged, stopped, names=["k_e"]).profiles == ()
+
+
+@pytest.mark.parametrize(("rise", "is_better"), [(-0.4, False), (-0.6, True)])
+def test_a_better_minimum_is_clearly_below_the_fit(rise: float, *, is_better: bool) -> None:
+    points = tuple(
+        ProfilePoint(value, height, reference_parameters(1))
+        for value, height in ((1.0, rise), (2.0, 0.0), (3.0, 4.0))
+    )
+    profile = MisfitProfile(1, "k_e", points, None, 2.9, is_complete=True, evaluations=3)
+    assert profile.better == (points[0] if is_better else None)
 
 
 def test_names_that_cannot_be_profiled() -> None:
