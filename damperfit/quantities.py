@@ -71,24 +71,30 @@ class Unit:
 
 
 # Dimension -> spelling(s) divided by blanks -> factor (or factor and offset) to SI.
-# Case matters: MN and mN, or MPa and mPa, are a billion apart.
+# Case matters: MN and mN, or MPa and mPa, are a billion apart. Spellings in capitals are listed
+# only where they can mean nothing else.
 _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
     "length": {
         "m": 1.0,
-        "mm": 1e-3,
+        "mm MM millimeter millimeters millimetre millimetres": 1e-3,
         "cm": 1e-2,
-        "um µm μm": 1e-6,  # micro sign and Greek mu both occur
-        "in inch": _INCH,
+        "um µm μm micron microns": 1e-6,  # micro sign and Greek mu both occur
+        "in in. IN inch inches": _INCH,
     },
     "force": {
-        "N": 1.0,
+        "N newton newtons Newton Newtons": 1.0,
         "mN": 1e-3,
-        "kN": 1e3,
-        "lbf lb": _POUND * _GRAVITY,
-        "kgf kp": _GRAVITY,
+        "kN KN": 1e3,
+        "lbf lb Lbf LBF lbs Lbs LBS pound pounds": _POUND * _GRAVITY,
+        "kgf kp Kgf KGF": _GRAVITY,
         "gf": 1e-3 * _GRAVITY,
     },
-    "time": {"s sec Sec": 1.0, "ms msec": 1e-3, "us µs μs": 1e-6, "min": 60.0},
+    "time": {
+        "s sec Sec SEC secs second seconds Sek sek": 1.0,
+        "ms msec mSec millisecond milliseconds": 1e-3,
+        "us µs μs": 1e-6,
+        "min": 60.0,
+    },
     "pressure": {
         "Pa": 1.0,
         "kPa": 1e3,

@@ -230,9 +230,12 @@ def _pause(steps: FloatArray, options: ReadOptions) -> float:
 
 def _backwards(time: FloatArray, i: int, n_such: int, samples: Samples, name: str) -> str:
     what = "repeats" if time[i] == time[i - 1] else "runs backwards"
+    advice = "several tests in one file: declare rig.restarts"
+    if 2 * int(np.count_nonzero(np.diff(time) == 0.0)) > len(time):
+        advice = "the clock is coarser than the samples: declare rig.sample_rate"
     return (
         f"{name}, {samples.place(i)}: time {what}: {time[i]:.9g} s after {time[i - 1]:.9g} s; "
-        f"time must increase ({n_such} such rows); several tests in one file: declare rig.restarts"
+        f"time must increase ({n_such} such rows); {advice}"
     )
 
 

@@ -12,7 +12,7 @@ from damperfit.quantities import QuantityError, Unit, find_unit, is_unit, units_
 from damperfit.readers.options import CHANNELS, EXTRAS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
     from damperfit.readers.options import ReadOptions
     from damperfit.readers.table import Column
@@ -118,7 +118,12 @@ def words_of(base: str) -> list[str]:
 def mentions_channel(names: Iterable[str]) -> bool:
     """Say whether any of the names could be a channel's."""
     known = {word for words in _WORDS.values() for word in words}
-    return any(known.intersection(words_of(split_name(name)[0])) for name in names)
+    return any(_hits(words_of(split_name(name)[0]), known) for name in names)
+
+
+def _hits(words: Sequence[str], known: Collection[str]) -> list[str]:
+    """Return the words that are known; a letter only by itself, as degF is no force."""
+    return [word for word in words if word in known and (len(word) > 1 or len(words) == 1)]
 
 
 def choose_channels(
@@ -235,7 +240,7 @@ def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int
     for i, column in enumerate(columns):
         base, unit = split_name(column.name)
         words = words_of(base)
-        hits = [w for w in words if w in _WORDS[channel] and (len(w) > 1 or len(words) == 1)]
+        hits = _hits(words, _WORDS[channel])
         if hits:
             is_sure = column.is_clock or _is_unit_of(column.unit or unit, channel)
             found.append((not is_sure, len(words) - len(hits), i))
@@ -245,10 +250,12 @@ def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int
 
 
 def _is_unit_of(unit: str | None, channel: str) -> bool:
-    if unit is None or channel not in CHANNELS:
-        return False
+    return unit is not None and channel in CHANNELS and _is_in(unit, CHANNELS[channel])
+
+
+def _is_in(unit: str, dimension: str) -> bool:
     try:
-        find_unit(unit, CHANNELS[channel])
+        find_unit(unit, dimension)
     except QuantityError:
         return False
     return True
@@ -299,4 +306,6 @@ def _with_unit(
     except QuantityError as error:
         if channel == "velocity":  # a motor's, in revolutions per minute
             return ChannelChoice(index, name, None, f"velocity: left out; column {name}: {error}")
-        raise LogError(f"{where}: column {name}: {error}") from error
+        volts = _is_in(found, "voltage")
+        advice = f" For volts declare rig.scales and the unit in rig.units of the {channel}."
+        raise LogError(f"{where}: column {name}: {error}{advice * volts}") from error

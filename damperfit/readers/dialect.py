@@ -288,7 +288,10 @@ def _heading(rows: Sequence[_Row], start: int) -> tuple[int, int | None, int | N
     while above > 0 and start - above < 3 and _is_heading(rows[above - 1], n):
         above -= 1
     candidates = range(above, start)
-    names_at = next((i for i in reversed(candidates) if mentions_channel(rows[i].fields)), None)
+    named = [i for i in reversed(candidates) if mentions_channel(rows[i].fields)]
+    # "s;V;V" may be names, but stands below them where there are others.
+    named.sort(key=lambda i: _is_units_row(rows[i].fields))
+    names_at = next(iter(named), None)
     if names_at is None:
         names_at = start - 1 if candidates else None
         return start, names_at, None

@@ -111,7 +111,11 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     vectors = [vector for variable in variables for vector in _vectors(variable)]
     if not vectors:
         held = ", ".join(f"{visible(v.name)} ({v.kind})" for v in variables[:10]) or "nothing"
-        raise LogError(f"{name}: no vectors of numbers; the file holds {held}")
+        struct = next((visible(v.name) for v in variables if v.kind == "struct"), "")
+        advice = f"; save its fields as variables: save(file, '-struct', {struct})"
+        raise LogError(
+            f"{name}: no vectors of numbers; the file holds {held}{advice if struct else ''}"
+        )
     counts = Counter(vector.length for vector in vectors)
     length = max(counts, key=lambda n: (counts[n], n))
     used = [vector for vector in vectors if vector.length == length]

@@ -99,7 +99,8 @@ def _column(field: Any) -> Column:
 
     if pa.types.is_duration(field.type):
         return Column(field.name.strip(), "s")
-    unit = _texts(field.metadata).get("unit")
+    said = _texts(field.metadata)
+    unit = said.get("unit") or said.get("units")
     return Column(field.name.strip(), unit, is_clock=_is_clock(field.type))
 
 

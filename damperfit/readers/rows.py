@@ -268,6 +268,12 @@ def _stamps(column: list[float | str]) -> FloatArray:
     return clock_seconds(pa.array(column, pa.string()))
 
 
+def _advice(text: TextRows) -> str:
+    if text.drops_bad_rows:
+        return ""
+    return "; repair the row, or drop such rows by rig.bad_rows = 'drop'"
+
+
 def _row(
     text: TextRows, line: str, wanted: Mapping[str, int], where: str
 ) -> dict[str, float | str]:
@@ -277,8 +283,8 @@ def _row(
     if len(fields) != text.n_fields:
         line_above = text.dialect.names_line or text.dialect.data_line
         raise LogError(
-            f"{where}: found {len(fields)} fields, expected {text.n_names} fields as in "
-            f"line {line_above}"
+            f"{where}: found {len(fields)} field{'s' * (len(fields) != 1)}, expected "
+            f"{text.n_names} fields as in line {line_above}{_advice(text)}"
         )
     if text.n_fields > text.n_names and fields[-1]:
         raise LogError(
@@ -311,7 +317,7 @@ def _number(text: TextRows, field: str, channel: str, where: str) -> float:
         if text.drops_bad_rows and channel not in EXTRAS and not np.isfinite(value):
             raise LogError(f"{where}: {channel} is {visible(field)}, expected a finite number")
         return value
-    hint = ""
+    hint = _advice(text)
     if is_grouped:
         hint = "; if it has a mark of thousands, declare rig.thousands"
         if is_grouped["mark"] == "," != text.dialect.decimal:

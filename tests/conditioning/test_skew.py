@@ -16,7 +16,7 @@ from damperfit.damper.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording
-from damperfit.simulation import Motion, simulate
+from damperfit.simulation import Motion, simulate, sine_motion
 from tests.identification.rig import recording
 
 FIT = FitOptions("plain", ("r_m1", "r_m2", "k_e"), {"r_m3": 2.597e6, "f_f": 50.0})
@@ -83,6 +83,21 @@ def test_taken_back_by_estimate_k_e_is_near_the_truth_again(setting) -> None:
     assert errors[0.0] > 0.1  # 15 to 50 %
     assert errors["auto"] < 0.2 * errors[0.0]
     assert errors[0.002] < 0.02
+
+
+@pytest.mark.parametrize("delay", [-0.002, 0.0, 0.002, 0.006])
+@pytest.mark.parametrize("setting", [1, 20])
+def test_a_sample_right_on_the_jump_is_no_rounding(setting, delay) -> None:
+    # 500 Hz, 1.5 Hz, from mid-stroke: the friction's jump of every third cycle falls on a sample.
+    motion = sine_motion(0.032, 1.5, cycles=12, sample_rate=500.0)
+    force = simulate(reference_parameters(setting), PURDY_DAMPER, motion).force
+    late = np.roll(force, round(delay * 500.0))
+    noise = 2.0 * np.random.default_rng(1).standard_normal(len(late))
+    time = np.arange(len(late)) / 500.0
+    log = Recording("log.csv", "", "", setting, time, motion.displacement, late + noise)
+    finding = skew_of(log)
+    assert finding.value == pytest.approx(delay, abs=1e-4)
+    assert finding.severity == ("warning" if delay else "note")
 
 
 def test_auto_leaves_a_log_alone_that_is_not_late() -> None:

@@ -405,3 +405,24 @@ def test_a_flipped_bit_in_parquet_never_changes_a_number(tmp_path, stride) -> No
             expected = getattr(good, channel)
             np.testing.assert_array_equal(getattr(found, channel), expected, err_msg=f"{position}")
     assert n_refused > 4 * len(data) // stride
+
+
+@pytest.mark.parametrize("key", ["unit", "units", "Unit"])
+def test_units_of_parquet_fields_by_any_usual_key(tmp_path, key) -> None:
+    # Only "unit" used to be looked at.
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    units = {"time": "s", "displacement": "um", "force": "kN"}
+    fields = [pa.field(name, pa.float64(), metadata={key: units[name]}) for name in units]
+    columns = [pa.array(values) for values in ([0, 0.1, 0.2], [1e3, 2e3, 3e3], [0.1, 0.2, 0.3])]
+    path = tmp_path / "setting_3.parquet"
+    parquet.write_table(pa.table(columns, schema=pa.schema(fields)), path)
+    np.testing.assert_allclose(read_log(path).force, [100.0, 200.0, 300.0])
+
+
+def test_a_matlab_structure_says_how_to_save_it(tmp_path) -> None:
+    path = tmp_path / "setting_3.mat"
+    scipy_io.savemat(path, {"run": {"time_s": np.arange(5.0)}})
+    with pytest.raises(LogError, match=r"'run' \(struct\); save its fields.*'-struct', 'run'"):
+        read_log(path)

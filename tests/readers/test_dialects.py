@@ -571,3 +571,53 @@ def test_names_in_the_languages_of_rigs(put, header, decimal) -> None:
     np.testing.assert_allclose(log.time, [0.0, 0.002, 0.004, 0.006])
     np.testing.assert_allclose(log.displacement, [0.00125, -0.0315, 0.0, 0.004])
     np.testing.assert_allclose(log.force, [-56.7, 812.5, 0.0, -3.0])
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        "Time,Position,Load,Temp\ns,in,lbf,degF",  # degF ends in a letter that may mean force
+        "Time,Position,Load,Temp\nsec,inches,lbs,F",
+        "Time (seconds),Position (in.),Load (pounds),Temp (F)",
+        "TIME (SEC),POSITION (IN),LOAD (LBF),TEMP (F)",
+    ],
+)
+def test_inches_and_pounds_as_people_write_them(put, heading) -> None:
+    # Used to take the units row for the names: "no column for time; there are 's', 'in', ...".
+    rows = "0.0,1.5,200,78.8\n0.1,-1.5,-100,78.8\n0.2,0.5,50,78.8\n"
+    log = read_log(put(f"{heading}\n{rows}", "setting_3.csv"))
+    np.testing.assert_allclose(log.displacement, [0.0381, -0.0381, 0.0127])
+    np.testing.assert_allclose(log.force, np.array([200, -100, 50]) * 4.4482216152605)
+    np.testing.assert_allclose(log.temperature, 26.0)
+
+
+def test_a_units_row_in_volts_is_no_row_of_names(put) -> None:
+    # V alone may be a velocity; used to find columns named 's', 'V' and 'V'.
+    log = put("Time,Displacement,Force\ns,V,V\n0.0,1,2\n0.1,2,3\n0.2,3,4\n", "setting_3.csv")
+    with pytest.raises(LogError, match=r"'Displacement': no unit.*'V'.*For volts.*rig\.scales"):
+        read_log(log)
+    scaled = ReadOptions(
+        units={"displacement": "mm", "force": "N"}, scales={"displacement": 10, "force": 100}
+    )
+    np.testing.assert_allclose(read_log(log, scaled).force, [200.0, 300.0, 400.0])
+
+
+def test_a_german_mts_export_counts_in_sek(put) -> None:
+    head = "MTS793|MPT|DEU|1|2|,|.|:|1|0|0|A\n\nData Acquisition: zyklisch\nZeit\tWeg\tKraft\n"
+    log = put(head + "Sek\tmm\tkN\n0,0\t1,5\t0,2\n0,1\t-1,5\t0,3\n0,2\t2,5\t0,1\n", "setting_3.dat")
+    np.testing.assert_allclose(read_log(log).force, [200.0, 300.0, 100.0])
+
+
+def test_stamps_in_whole_seconds_ask_for_the_rate(put) -> None:
+    # Used to suggest that each repeated stamp began another test.
+    rows = "".join(f"10:00:0{i // 5},{i % 3},5\n" for i in range(20))
+    with pytest.raises(LogError, match=r"time repeats.*coarser.*rig\.sample_rate"):
+        read_log(put(f"Time,Displacement (mm),Force (N)\n{rows}", "setting_3.csv"))
+
+
+@pytest.mark.parametrize("bad", ["End of test", "0.3,OVR,3"])
+def test_a_bad_row_says_how_to_drop_it(put, bad) -> None:
+    rows = "0.0,1,2\n0.1,2,3\n0.2,3,4\n"
+    log = put(f"time_s,displacement_mm,force_N\n{rows}{bad}\n", "setting_3.csv")
+    with pytest.raises(LogError, match=r"line 5: .*rig\.bad_rows = 'drop'"):
+        read_log(log)
