@@ -152,6 +152,7 @@ class _ConditioningSection(_Section):
     filter_order: int
     steadiness: float
     spikes: str
+    min_amplitude: _Length
     max_amplitude: _Length
     max_force: _Force
 
@@ -177,6 +178,7 @@ class _ConditioningSection(_Section):
             ),
             is_offset_known="f_0" in fit.fix or "f_0" in fit.free,
             chamber_lengths=(damper.chamber_1_length, damper.chamber_2_length),
+            min_amplitude=self.min_amplitude,
             max_amplitude=self.max_amplitude,
             max_force=self.max_force,
             nominal=NominalTest(

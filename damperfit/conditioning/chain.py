@@ -53,6 +53,7 @@ from damperfit.conditioning.refusals import (
     oversize,
     refuse_dead,
     refuse_fast,
+    refuse_small,
     refuse_stroke,
     refuse_swapped,
 )
@@ -102,6 +103,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         traced = _trace(recording, options, delay)
     except ConditioningError as error:
         raise ConditioningError(too_large or str(error)) from None
+    refuse_small(traced.trace, options)
     refuse_swapped(traced.trace)
     if too_large:
         raise ConditioningError(too_large)

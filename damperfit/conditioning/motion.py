@@ -49,6 +49,7 @@ _TELLING = 20.0  # samples in a cycle, from which on noise can be told from moti
 _SURE = 4.0  # standard errors
 _ENOUGH = 4  # cycles, to tell a trend from scatter
 _DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
+_LITTLE = 10.0  # N; seal friction alone is more, and 10 kN in the wrong unit is as much
 _NEAR = 0.2  # of the nominal test: further off another test was meant
 _FREQUENCY_KEYS = ("frequency", "test frequency", "frequency_hz", "frequency (hz)")
 _AMPLITUDE_KEYS = ("amplitude", "test amplitude", "amplitude_mm", "amplitude (mm)")
@@ -71,6 +72,7 @@ def examine_motion(
     yield _trimmed(log, trace)
     yield _frequency(metadata, trace, options)
     yield _amplitude(metadata, trace, options)
+    yield from _force_range(trace)
     yield _harmonics(trace)
     if trace.n_cycles >= 2 and math.isfinite(floor := noise_floor(trace)):
         yield _scatter(trace)
@@ -183,12 +185,16 @@ def _amplitude(metadata: Mapping[str, str], trace: Trace, options: ConditionOpti
     if said is not None and abs(trace.amplitude / said - 1.0) > _DECLARED:
         text += f", but the log's preamble says {1e3 * said:.5g} mm; check the displacement's unit"
         return Finding("amplitude", "warning", text, found, "mm")
-    if found < 0.2:
-        text += "; that is small for a damper; check the displacement's unit"
-        return Finding("amplitude", "warning", text, found, "mm")
     nominal = options.nominal.amplitude
     text += _beside_nominal(found, None if nominal is None else 1e3 * nominal, "mm")
     return Finding("amplitude", "note", text, found, "mm")
+
+
+def _force_range(trace: Trace) -> Iterator[Finding]:
+    half = 0.5 * float(np.ptp(trace.force[trace.window]))
+    if half < _LITTLE:
+        text = f"the force swings by +-{half:.3g} N, little for a damper; was kN read as N?"
+        yield Finding("force_range", "warning", text, half, "N")
 
 
 def _beside_nominal(found: float, nominal: float | None, unit: str) -> str:

@@ -91,8 +91,8 @@ class ConditionOptions:
         A cycle is steady when amplitude and period are within this fraction of the medians.
     chamber_lengths : tuple of float or None
         l_1 and l_2 of the damper, m. With them a stroke beyond the chambers is refused.
-    max_amplitude, max_force : float
-        What no log may exceed, m and N: a unit was misread.
+    min_amplitude, max_amplitude, max_force : float
+        Outside these, m and N, a unit was misread.
     nominal : NominalTest
         What the test was meant to be, for findings.
     spikes : str
@@ -111,6 +111,7 @@ class ConditionOptions:
     is_offset_known: bool = False
     steadiness: float = 0.05
     chamber_lengths: tuple[float, float] | None = None
+    min_amplitude: float = 2e-4
     max_amplitude: float = 1.0
     max_force: float = 1e5
     nominal: NominalTest = NominalTest()
@@ -141,9 +142,7 @@ class ConditionOptions:
             raise ConfigurationError(
                 f"steadiness: found {self.steadiness:g}, expected more than 0 and less than 0.5"
             )
-        for name in ("max_amplitude", "max_force"):
-            if not getattr(self, name) > 0.0:
-                raise ConfigurationError(f"{name}: found {getattr(self, name)}, expected above 0")
+        _refuse_limits(self)
         if self.skew != "auto" and not (
             isinstance(self.skew, float | int) and abs(self.skew) <= MAX_SKEW
         ):
@@ -152,3 +151,14 @@ class ConditionOptions:
             )
         if self.centre is not None and not math.isfinite(self.centre):
             raise ConfigurationError(f"centre: found {self.centre}, expected a finite number, m")
+
+
+def _refuse_limits(options: ConditionOptions) -> None:
+    for name in ("max_amplitude", "max_force"):
+        if not getattr(options, name) > 0.0:
+            raise ConfigurationError(f"{name}: found {getattr(options, name)}, expected above 0")
+    if not 0.0 <= options.min_amplitude < options.max_amplitude:
+        raise ConfigurationError(
+            f"min_amplitude: found {options.min_amplitude:g} m, expected 0 or more and less than "
+            f"max_amplitude, {options.max_amplitude:g} m"
+        )

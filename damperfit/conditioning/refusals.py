@@ -23,6 +23,7 @@ __all__ = [
     "oversize",
     "refuse_dead",
     "refuse_fast",
+    "refuse_small",
     "refuse_stroke",
     "refuse_swapped",
 ]
@@ -76,6 +77,16 @@ def oversize(recording: Recording, options: ConditionOptions) -> str:
             f"{options.max_force:g} N; was N read as kN? Declare the unit or raise max_force"
         )
     return ""
+
+
+def refuse_small(trace: Trace, options: ConditionOptions) -> None:
+    """Refuse a motion that no rig makes: its unit was misread."""
+    if trace.amplitude < options.min_amplitude:
+        raise ConditioningError(
+            f"{trace.name}: displacement swings +-{1e3 * trace.amplitude:.4g} mm, expected at "
+            f"least +-{1e3 * options.min_amplitude:g} mm; was m read as mm? Declare the unit "
+            "(rig.units.displacement) or lower conditioning.min_amplitude"
+        )
 
 
 def refuse_swapped(trace: Trace) -> None:

@@ -238,6 +238,15 @@ def _metres(good: Good) -> bytes:
     return good.text(header=good.header.replace("displacement_mm", "displacement_m"))
 
 
+def _thousandths(good: Good) -> bytes:
+    """Values in m under a header that says mm."""
+    rows = []
+    for row in good.rows:
+        cells = row.split(",")
+        rows.append(",".join((cells[0], f"{float(cells[1]) / 1000:.7f}", *cells[2:])))
+    return good.text(rows=tuple(rows))
+
+
 FAULTS: dict[str, Fault] = {
     # Files and text
     "F03 empty": Fault(b"", "empty file (0 bytes)"),
@@ -296,6 +305,7 @@ FAULTS: dict[str, Fault] = {
         lambda g: g.text(header=g.header.replace("force_N", "force")), "column 'force' has no unit"
     ),
     "F19 mm called m": Fault(_metres, "displacement swings +-"),
+    "F19 m called mm": Fault(_thousandths, "was m read as mm? Declare the unit"),
     "F19 N called kN": Fault(
         lambda g: g.text(header=g.header.replace("force_N", "force_kN")), "was N read as kN?"
     ),

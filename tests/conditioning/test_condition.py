@@ -281,6 +281,14 @@ def test_bad_logs_are_refused_in_one_line(case):
     assert "\n" not in str(caught.value)
 
 
+def test_a_motion_too_small_for_any_rig_is_refused_unless_allowed() -> None:
+    log = sine_log()
+    small = replace(log, displacement=log.displacement / 1000.0)
+    with pytest.raises(ConditioningError, match="was m read as mm"):
+        condition(small)
+    assert condition(small, ConditionOptions(min_amplitude=0.0)).amplitude < 2e-4
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -292,6 +300,7 @@ def test_bad_logs_are_refused_in_one_line(case):
         ({"steadiness": 0.0}, "steadiness"),
         ({"centre": float("inf")}, "centre"),
         ({"max_force": 0.0}, "max_force"),
+        ({"min_amplitude": 2.0}, "min_amplitude: found 2 m"),
     ],
 )
 def test_options_without_meaning_are_refused(options, message):

@@ -122,6 +122,11 @@ LOG = made()
 RAMP = np.linspace(-1.5, 1.5, len(LOG.time))
 FAULTS = {
     "clipped force": (clipped(LOG, "force", 0.95), "force_clipping", "clipped at"),
+    "force in kN called N": (
+        replace(LOG, force=LOG.force / 1000.0),
+        "force_range",
+        "was kN read as N",
+    ),
     "clipped displacement": (clipped(LOG, "displacement", 0.97), "displacement_clipping", "row"),
     "force at 12 bits clipped": (
         clipped(made(bits=12, noise=(0.0, 0.0)), "force", 0.95),
@@ -169,11 +174,6 @@ FAULTS = {
         "amplitude",
         "preamble says 25 mm",
     ),
-    "tiny": (
-        made(amplitude=1.5e-4, noise=(0.0, 0.0)),
-        "amplitude",
-        "check the displacement's unit",
-    ),
     "fast": (
         made(frequency=20.0, cycles=60, amplitude=0.004, noise=(4.0, 0.0)),
         "filter_loss",
@@ -202,7 +202,6 @@ def test_a_fault_raises_no_other_alarm(fault):
     recording, name, _ = FAULTS[fault]
     # What one fault does to another number is no false alarm.
     shadows = {
-        "tiny": {"displacement_noise"},
         "few samples a cycle": {"filter_loss"},
         "coarse displacement": {"displacement_noise"},
         "stamps of the computer": {"displacement_noise"},
