@@ -291,6 +291,18 @@ def test_spikes_are_bridged_only_when_declared():
     assert off(kept) > 60.0
 
 
+def test_a_force_spike_beyond_the_limits_of_a_log_is_bridged_too():
+    force = LOG.force.copy()
+    force[2345] = 4e5
+    recording = replace(LOG, force=force)
+    with pytest.raises(ConditioningError, match="expected at most"):
+        condition(recording, OPTIONS)
+    clean = condition(LOG, OPTIONS)
+    bridged = condition(recording, replace(OPTIONS, spikes="bridge"))
+    assert bridged.force.shape == clean.force.shape
+    assert np.abs(bridged.force - clean.force).max() < 3.0
+
+
 def test_a_feature_of_every_cycle_is_no_spike():
     phase = np.mod(LOG.time * 1.5, 1.0)
     knock = LOG.force + 600.0 * (np.abs(phase - 0.3) < 0.0015)
