@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import sys
 import traceback
 from typing import TYPE_CHECKING, Any
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 __all__ = ["app", "main"]
 
 _INTERRUPTED = 130
+# Imports make many objects and little garbage; looking for it after every 700 costs time.
+_NEW_OBJECTS = 50_000
 _BUG = 70  # "internal software error" of sysexits.h; none of the documented codes
 
 app = typer.Typer(
@@ -61,6 +64,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     argv = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     shield_streams()
+    usual = gc.get_threshold()
+    gc.set_threshold(_NEW_OBJECTS, *usual[1:])
     try:
         code = app(argv, standalone_mode=False, prog_name="damperfit")
         sys.stdout.flush()
@@ -76,6 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         message, exit_code = _explain(error)
         say(f"damperfit: {message}")
         return exit_code
+    finally:
+        gc.set_threshold(*usual)
     return int(code or 0)
 
 
