@@ -99,7 +99,8 @@ def sweep(
         for variation, family, _ in families:
             _show(variation, family)
     if not quiet:
-        say(f"damperfit: sweep.csv and {len(plots)} figures written to {out}")
+        figures = f"{len(plots)} figure{'s' * (len(plots) > 1)}"
+        say(f"damperfit: sweep.csv and {figures} written to {out}")
     return 0
 
 

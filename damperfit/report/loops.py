@@ -51,6 +51,7 @@ def force_sheet(figures: Characteristics) -> Sheet:
         units=("", "", "", ""),
         rows=tuple(rows),
         is_number=(False, False, True, True),
+        notes=("force at a speed: mean of both branches; hysteresis: opening less closing branch",),
     )
 
 
