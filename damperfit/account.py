@@ -186,6 +186,12 @@ def record(
         "failures": [asdict(failure) for failure in facts.failures],
         "warnings": list(facts.warnings),
         "gaps": list(facts.gaps),
+        "sentences": {
+            "noise_and_lack_of_fit": list(facts.trust),
+            "identifiability": list(facts.identifiability),
+            "many_starts": list(facts.searches),
+            "cavitation": list(facts.cavitation),
+        },
         "gates_missed": list(facts.gates),
         "procedure": list(facts.procedure),
         "checks": [asdict(check) for check in judgement.checks],

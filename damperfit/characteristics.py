@@ -199,6 +199,9 @@ def _cycle_start(response: Response, frequency: float) -> tuple[float, int]:
     period = 1.0 / frequency
     slack = 1e-9 * period  # a whole cycle may come out a rounding error short
     begin = time[-1] - period
+    # Where a cycle is no whole number of samples, the only one ends up to a sample early.
+    if len(time) > 1 and time[0] - (time[1] - time[0]) < begin < time[0]:
+        begin = time[0]
     if begin < time[0] - slack:
         cycles = (time[-1] - time[0]) * frequency
         raise SimulationError(

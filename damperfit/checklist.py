@@ -70,7 +70,7 @@ class Subject:
     adjustment : Adjustment
         What shows across settings.
     missing : tuple of str
-        Logs and settings without a result, by name.
+        Logs and settings without a result, by name, and why: failed or left out.
     temperature, temperature_tolerance : float
         What the test should be held at, degrees Celsius.
     """
@@ -307,7 +307,9 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
 
 def _every_setting_fitted(subject: Subject) -> _Verdict:
     done = [fit.setting for fit in subject.fits]
-    said = [f"{name} failed" for name in subject.missing]
+    said = list(subject.missing)
+    if not subject.campaign.is_complete:
+        said.append("interrupted before every setting was done")
     if subject.campaign.gaps:
         said.append(f"no result for {_listed(subject.campaign.gaps)}")
     if said:

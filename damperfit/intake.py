@@ -99,17 +99,34 @@ def expand(patterns: Iterable[str]) -> tuple[Path, ...]:
 
 def _matches(pattern: str) -> list[Path]:
     path = Path(pattern)
-    if path.is_dir():
+    if _is_folder(path):
         raise ConfigurationError(f"{pattern}: is a folder; name the logs in it, as in {path}/*.csv")
-    if os.path.lexists(path):
+    if _may_exist(path):
         return [path]
     if any(c in pattern for c in "*?["):
         hits = [Path(hit) for hit in glob.glob(pattern, recursive=True)]
-        files = [hit for hit in hits if not hit.is_dir()]
+        files = [hit for hit in hits if not _is_folder(hit)]
         if not files:
             raise ConfigurationError(f"{pattern}: the pattern matches no file")
         return files
     raise ConfigurationError(f"{pattern}: no such file")
+
+
+def _is_folder(path: Path) -> bool:
+    with suppress(OSError, ValueError):
+        return path.is_dir()
+    return False
+
+
+def _may_exist(path: Path) -> bool:
+    """Whether there is a file, or nobody may look: then reading it says so."""
+    try:
+        path.lstat()
+    except PermissionError:
+        return True
+    except (OSError, ValueError):
+        return False
+    return True
 
 
 def _natural(name: str) -> list[tuple[int, int, str]]:

@@ -251,9 +251,8 @@ def _judge(
             assessment,
             adjustment,
             missing=tuple(
-                one.place
+                f"{one.place} {'left out' if one.is_left_out else 'failed'}"
                 for one in failures_of(settings, parted.intake, campaign)
-                if not one.is_left_out
             ),
             temperature=settings.rig.temperature,
             temperature_tolerance=settings.rig.temperature_tolerance,

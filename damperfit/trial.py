@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -72,6 +73,12 @@ class Trial:
     frequency: float
     response: Response
     characteristics: Characteristics
+
+    @property
+    def samples_a_cycle(self) -> float:
+        """How finely a cycle is sampled."""
+        interval = float(self.response.time[1] - self.response.time[0])
+        return 1.0 / (self.frequency * interval)
 
 
 def choose_parameters(
@@ -147,7 +154,13 @@ def run_trial(choice: Choice, settings: Settings, *, log: Path | None = None) ->
         response = simulate(choice.parameters, settings.damper, motion_of(trace), options=solver)
         frequency, steady = trace.frequency, _part(response, trace.window)
         words = f"displacement of {trace.name}, last of {trace.n_cycles} steady cycles"
-    return Trial(choice, words, frequency, response, characterise(steady, frequency))
+    figures = characterise(steady, frequency)
+    if log is None and settings.simulation.wave == "triangle":
+        # It holds one speed a stroke: what lies below is passed in the jump, between two samples.
+        figures = replace(
+            figures, speed_forces=(), hysteresis_rebound=math.nan, hysteresis_bump=math.nan
+        )
+    return Trial(choice, words, frequency, response, figures)
 
 
 def _wave(settings: Settings) -> tuple[Motion, str]:

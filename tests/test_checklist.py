@@ -66,7 +66,7 @@ NOTE = Finding("tare", "note", "the force is not tared")
 OFF = trend(outliers=(Outlier(20, 4.9e4, 4.355e4, 0.125),))
 
 FAILING = {
-    "every_setting_fitted": (subject(missing=("setting_07.csv",)), "setting_07.csv failed"),
+    "every_setting_fitted": (subject(missing=("setting_07.csv failed",)), "setting_07.csv failed"),
     "fits_converged": (
         subject(fit(1), fit(4, outcome=Outcome.NO_DESCENT)),
         "at setting 4 (no_descent)",
@@ -182,6 +182,14 @@ def test_gaps_are_settings_left_out_of_a_run_of_clicks(settings, passed) -> None
     check = result("every_setting_fitted", subject(*(fit(setting) for setting in settings)))
     assert check.passed is passed
     assert passed or "no result for setting 4" in check.reason
+
+
+def test_an_interrupted_run_has_not_fitted_every_setting() -> None:
+    whole = subject(fit(1), fit(2))
+    cut = replace(whole, campaign=replace(whole.campaign, is_complete=False))
+    check = result("every_setting_fitted", cut)
+    assert check.passed is False
+    assert "interrupted" in check.reason
 
 
 def test_a_temperature_that_nobody_asks_for_is_not_looked_at() -> None:

@@ -201,6 +201,9 @@ def test_what_the_run_told_is_shown(copy):
                 ],
             }
         ],
+        "sentences": {"identifiability": ["r_m1 and r_m3 are tied"], "cavitation": "no list"},
+        "held_out": [{"setting": 2, "log": "b.csv", "cycles": "last 3", "mse_percent": 0.5,
+                      "expected_mse_percent": 0.25, "verdict": "worse than fitted"}, 7],
         "clicks": [
             {"from": 1, "to": 2, "speed_m_per_s": 0.3, "stroke": stroke, "change_N": change,
              "low_N": change - 2.0, "high_N": change + 2.0}
@@ -217,6 +220,8 @@ def test_what_the_run_told_is_shown(copy):
     assert "Checks: 1 passed, 1 failed, 1 not looked at" in page
     assert page.index("setting 3 is off") < page.index("all below 1 %")  # what failed comes first
     assert "K_e rises by 10 MPa a setting." in page
+    assert "r_m1 and r_m3 are tied" in page
+    assert "setting 2, b.csv, last 3 cycles: MSE 0.5 % (0.25 % to expect), worse than" in page
     assert "<td>1 to 2</td><td class=n>+41.2 ± 2.0</td><td class=n>-17.5 ± 2.0</td>" in page
     assert "warning: force is clipped &lt;/script&gt;" in page
     assert page.count("channels are 0.1 ms apart") == 1  # a note stands with its log alone

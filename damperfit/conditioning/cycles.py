@@ -7,6 +7,7 @@ Positions are fractional samples, from the cubic Hermite piece of (x, v).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -39,6 +40,10 @@ class Cycles:
         Mid-stroke and half the stroke, medians over the steady cycles, m.
     n_found : int
         Whole cycles of motion in the log, steady or not.
+    n_elsewhere : int
+        Steady cycles outside of the longest run of them, beyond a break in the motion.
+    break_at : float
+        Where the run meets the nearest break, samples; NaN where nothing stands beyond.
     """
 
     rising: FloatArray
@@ -47,6 +52,8 @@ class Cycles:
     centre: float
     amplitude: float
     n_found: int
+    n_elsewhere: int = 0
+    break_at: float = math.nan
 
 
 def find_cycles(
@@ -86,6 +93,8 @@ def find_cycles(
         centre=float(level),
         amplitude=run.amplitude,
         n_found=_whole_cycles(np.sort(np.concatenate([rising, falling])), run.period, len(speed)),
+        n_elsewhere=run.n_elsewhere,
+        break_at=run.break_at,
     )
 
 
@@ -95,6 +104,8 @@ class _Run:
     period: float
     middle: float
     amplitude: float
+    n_elsewhere: int
+    break_at: float
 
 
 def _steady_run(
@@ -112,11 +123,15 @@ def _steady_run(
     if stop - start < max(1.0, _MIN_SHARE * len(periods)):
         return None
     steady = slice(start, stop)
+    before, behind = int(np.sum(is_steady[:start])), int(np.sum(is_steady[stop:]))
+    nearest = boundaries[stop] if behind >= before else boundaries[start]
     return _Run(
         boundaries=boundaries[start : stop + 1],
         period=float(np.median(periods[steady])),
         middle=float(np.median(0.5 * (tops + bottoms)[steady])),
         amplitude=float(np.median(amplitudes[steady])),
+        n_elsewhere=before + behind,
+        break_at=float(nearest) if before + behind else math.nan,
     )
 
 

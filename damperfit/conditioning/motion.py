@@ -49,6 +49,7 @@ _TELLING = 20.0  # samples in a cycle, from which on noise can be told from moti
 _SURE = 4.0  # standard errors
 _ENOUGH = 4  # cycles, to tell a trend from scatter
 _DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
+_MANY_ELSEWHERE = 2  # steady cycles beyond a break; one may be chance in a run-up
 _LITTLE = 10.0  # N; seal friction alone is more, and 10 kN in the wrong unit is as much
 _NEAR = 0.2  # of the nominal test: further off another test was meant
 _FREQUENCY_KEYS = ("frequency", "test frequency", "frequency_hz", "frequency (hz)")
@@ -68,7 +69,7 @@ def examine_motion(
     yield from _filter_loss(trace)
     yield from _displacement_noise(log, trace, options)
     yield _cycles(trace)
-    yield from _unsteady(trace, cycles)
+    yield from _unsteady(log, trace, cycles)
     yield _trimmed(log, trace)
     yield _frequency(metadata, trace, options)
     yield _amplitude(metadata, trace, options)
@@ -144,9 +145,17 @@ def _cycles(trace: Trace) -> Finding:
     return Finding("cycles", "warning", text, float(trace.n_cycles))
 
 
-def _unsteady(trace: Trace, cycles: Cycles) -> Iterator[Finding]:
+def _unsteady(log: UniformLog, trace: Trace, cycles: Cycles) -> Iterator[Finding]:
     steady, found = len(cycles.rising) - 1, cycles.n_found
     if steady + 1 >= 0.5 * found:  # one more: the cycles at the log's ends may be cut
+        if cycles.n_elsewhere >= _MANY_ELSEWHERE:
+            time = log.start_time + cycles.break_at * log.interval
+            text = (
+                f"{cycles.n_elsewhere} more steady cycles stand beyond a break at time "
+                f"{time:.4g} s and are not evaluated; look there for a spike, a pause or "
+                "another test"
+            )
+            yield Finding("unsteady_cycles", "warning", text, float(cycles.n_elsewhere))
         return
     text = (
         f"only {steady} of {found} cycles in a row are steady, from time "

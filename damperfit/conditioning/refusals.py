@@ -68,13 +68,14 @@ def oversize(recording: Recording, options: ConditionOptions) -> str:
         return (
             f"{recording.name}: displacement swings +-{half:.4g} m, expected at most "
             f"+-{options.max_amplitude:g} m{_chambers(options)}; was mm read as m? "
-            "Declare the unit or raise max_amplitude"
+            "Declare the unit or raise conditioning.max_amplitude"
         )
     peak = float(np.abs(recording.force).max())
     if peak > options.max_force:
         return (
             f"{recording.name}: force reaches {peak:.4g} N, expected at most "
-            f"{options.max_force:g} N; was N read as kN? Declare the unit or raise max_force"
+            f"{options.max_force:g} N; was N read as kN? Declare the unit or raise "
+            "conditioning.max_force"
         )
     return ""
 
@@ -149,7 +150,9 @@ def refuse_stroke(trace: Trace, options: ConditionOptions) -> None:
     if highest < l_1 and lowest > -l_2:
         return
     x, at = (highest, "below l_1") if highest >= l_1 else (lowest, "above -l_2")
-    hint = "give the right centre or unit" if abs(x) < 10.0 * max(l_1, l_2) else "mm read as m?"
+    hint = "mm read as m or inches?"
+    if abs(x) < 10.0 * max(l_1, l_2):
+        hint = "declare the right unit (rig.units.displacement) or centre (rig.centre)"
     raise ConditioningError(
         f"{trace.name}: stroke beyond the chamber: x reaches {x:.4g} m, expected {at} "
         f"(l_1 = {l_1:g} m, l_2 = {l_2:g} m; x = 0 at {trace.centre:.4g} m of the log); {hint}"

@@ -7,6 +7,7 @@ the friction over a first pass of all settings gives f_f; then R_m1, R_m2 and K_
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -18,13 +19,13 @@ from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.first_pass import first_pass
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.options import FitOptions, check_options
-from damperfit.identification.setting import Fit, Judged, describe_fit
+from damperfit.identification.setting import PLAUSIBLE, Fit, Judged, describe_fit
 from damperfit.identification.sharing import Sharing
 from damperfit.identification.task import Task, closed_form_start, ordered
 from damperfit.identification.together import fit_together
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from damperfit.damper.parameters import Damper
     from damperfit.recording import Trace
@@ -141,7 +142,18 @@ def identify(
     with threadpool_limits(limits=1, user_api="blas"):
         campaign = PROCEDURES[options.procedure](task)
     said = [f"setting {one.setting}: {one.warning}" for one in campaign.searches if one.warning]
+    said.extend(_implausible(options))
     return replace(campaign, warnings=(*campaign.warnings, *said))
+
+
+def _implausible(options: FitOptions) -> Iterator[str]:
+    for name, value in options.fixed.items():
+        low, high = PLAUSIBLE.get(name, (-math.inf, math.inf))
+        if not low < value < high and value != 0.0:
+            yield (
+                f"{name} is held at {value:.4g}, far from any car damper's ({low:g} to {high:g} in "
+                "SI): was a power of ten left out?"
+            )
 
 
 def _plain(task: Task) -> Campaign:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -262,8 +263,19 @@ def _setting(
     if options.setting is not None:
         return options.setting, ("setting: as declared",)
     if "setting" in metadata:
-        return whole_setting(metadata["setting"], f"{source.name}: metadata 'setting'"), ()
+        told = whole_setting(metadata["setting"], f"{source.name}: metadata 'setting'")
+        return told, _other_name(told, source.name, options.setting_pattern)
     if "setting" in samples.channels:
         value = f"{samples.channels['setting'][part.start]:.15g}"
         return whole_setting(value, f"{source.name}: column 'setting'"), ()
     return file_setting(source.name, options.setting_pattern)
+
+
+def _other_name(told: int, name: str, pattern: str) -> tuple[str, ...]:
+    """Say that the file's name names another setting than its preamble."""
+    named = None
+    with suppress(LogError):  # a name that says nothing whole is no contradiction
+        named, _ = file_setting(name, pattern)
+    if named is None or named == told:
+        return ()
+    return (f"setting: {told} of the preamble; the file name says {named}: look which is right",)

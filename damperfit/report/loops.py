@@ -106,17 +106,23 @@ def cycle_lines(
     return tuple(lines)
 
 
-def draw_loops(path: Path, response: Response, *, kind: str) -> None:
-    """Draw force against displacement and against velocity.
+def draw_loops(
+    path: Path, response: Response, frequency: float, *, kind: str, title: str = ""
+) -> None:
+    """Draw force against displacement and against velocity over the last cycle.
 
     Parameters
     ----------
     path : pathlib.Path
         Where to write.
     response : Response
-        Signals; all cycles are drawn.
+        Signals, at least one cycle.
+    frequency : float
+        Hz.
     kind : str
         "png", "svg" or "pdf".
+    title : str
+        Above both.
 
     Raises
     ------
@@ -134,10 +140,12 @@ def draw_loops(path: Path, response: Response, *, kind: str) -> None:
         figure = Figure(figsize=(10.0, 4.5), layout="constrained")
         FigureCanvasAgg(figure)
         left, right = figure.subplots(1, 2, sharey=True)
-        left.plot(1e3 * response.displacement, response.force)
+        last = response.time >= response.time[-1] - (1.0 + 1e-9) / frequency
+        figure.suptitle(title, parse_math=False)
+        left.plot(1e3 * response.displacement[last], response.force[last])
         left.set_xlabel("displacement, mm (positive: rebound)")
         left.set_ylabel("force, N (positive: rebound)")
-        right.plot(response.velocity, response.force)
+        right.plot(response.velocity[last], response.force[last])
         right.set_xlabel("velocity, m/s (positive: rebound)")
         for axes in (left, right):
             axes.grid(visible=True, alpha=0.3)

@@ -75,7 +75,7 @@ def cavitation_sheet(rows: Sequence[Mapping[str, Any]]) -> Sheet:
         if row.get("lowest_pressure") is not None or row.get("r_m3_cavitation_margin") is not None
     ]
     return Sheet(
-        headings=("setting", "lowest pressure", "in chamber", "cavitates", "R_m3 may rise", "gas"),
+        headings=("setting", "lowest pressure", "in chamber", "cavitates", "R_m3 margin", "gas"),
         units=("", "bar", "", "% of cycle", "%", "bar at least"),
         rows=tuple(
             (

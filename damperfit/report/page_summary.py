@@ -11,6 +11,8 @@ from damperfit.report.run_record import (
     span_words,
     told_checks,
     told_findings,
+    told_held_out,
+    told_sentences,
     told_trends,
 )
 
@@ -65,7 +67,17 @@ def summary_html(results: Results, views: Sequence[LogView]) -> str:
             words_html("Gates not met", _listed(record, "gates_missed"), kind="alarm"),
             _checks(record),
             words_html("Verdicts", verdicts),
+            words_html("Held out: predicted, not fitted", told_held_out(record)),
             words_html("Across the settings", trends),
+            *(
+                words_html(title, told_sentences(record, about))
+                for title, about in (
+                    ("Noise and lack of fit", "noise_and_lack_of_fit"),
+                    ("Identifiability", "identifiability"),
+                    ("Many starts", "many_starts"),
+                    ("Cavitation", "cavitation"),
+                )
+            ),
             words_html("Warnings", _listed(record, "warnings")),
             details_html("Warnings of each log", _log_findings(record)),
             details_html("How it was done", [*_listed(record, "procedure"), *_rig(record)]),

@@ -22,6 +22,8 @@ __all__ = [
     "told_checks",
     "told_clicks",
     "told_findings",
+    "told_held_out",
+    "told_sentences",
     "told_trends",
 ]
 
@@ -166,6 +168,24 @@ def told_clicks(record: Mapping[str, Any]) -> tuple[ToldClick, ...]:
             stroke = str(entry.get("stroke"))
             found.append(ToldClick(first, second, speed, stroke, change, low, high))
     return tuple(found)
+
+
+def told_sentences(record: Mapping[str, Any], about: str) -> list[str]:
+    """Return what the run said of a subject, such as "identifiability"; older runs said nothing."""
+    told = record.get("sentences")
+    said = told.get(about) if isinstance(told, dict) else None
+    return [str(one) for one in said] if isinstance(said, list) else []
+
+
+def told_held_out(record: Mapping[str, Any]) -> list[str]:
+    """Return one sentence for each log that was predicted and not fitted."""
+    return [
+        f"setting {entry.get('setting')}, {_text(entry.get('log'))}, "
+        f"{_text(entry.get('cycles'))} cycles: MSE {_number(entry.get('mse_percent')):.3g} % "
+        f"({_number(entry.get('expected_mse_percent')):.3g} % to expect), "
+        f"{_text(entry.get('verdict'))}"
+        for entry in _entries(record, "held_out")
+    ]
 
 
 def span_words(settings: Any) -> str:

@@ -101,8 +101,10 @@ class Prediction:
         """The ratio in words."""
         if not self.is_failed:
             return "predicted as well as fitted"
-        degree = "worse than fitted" if self.ratio < _NOT_PREDICTED else "not predicted"
-        return f"{degree}: {self.ratio:.2g} times the MSE to expect"
+        if self.ratio >= _NOT_PREDICTED:
+            return f"not predicted: {self.ratio:.2g} times the MSE to expect"
+        # 9.96 rounded up would say that the log is not predicted.
+        return f"worse than fitted: {min(self.ratio, 9.9):.2g} times the MSE to expect"
 
     def describe(self) -> dict[str, Any]:
         """Return the prediction for run.json."""

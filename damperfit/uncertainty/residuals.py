@@ -45,8 +45,10 @@ _NAMED = 0.5
 # Signatures within this factor of the best cannot be told from it: an offset of the force explains
 # 0.94 of a wrong gas pressure, which in turn explains 1.1 times what the offset itself does.
 _TIE = 0.85
-# Warnings on a log that leave a misfit in every cycle.
+# Warnings on a log that leave a misfit in every cycle, in the order to look at them: no tare can be
+# told before the signs are right.
 _FAULTS_OF_LOGS = (
+    "direction",
     "clipping",
     "stuck",
     "skew",
@@ -154,9 +156,10 @@ def _warned(evidence: Evidence) -> str:
     """Point to the warnings on these logs that may be the cause."""
     found = [
         f"{one.name} of {log.trace.name}"
+        for fault in _FAULTS_OF_LOGS
         for log in evidence.fit.logs
         for one in log.trace.findings
-        if one.severity == "warning" and one.name.endswith(_FAULTS_OF_LOGS)
+        if one.severity == "warning" and one.name.endswith(fault)
     ]
     more = f" and {len(found) - 1} more" if len(found) > 1 else ""
     return f"; first look at the warning {found[0]}{more}" if found else ""

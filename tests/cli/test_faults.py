@@ -240,3 +240,25 @@ def test_any_bad_files_leave_the_results_of_the_good_ones(
     assert (
         len(json.loads((tmp_path / "out" / "run.json").read_text())["failures"]) == len(paths) - 1
     )
+
+
+def _closed(real):
+    def refuse(path, *rest, **how):
+        if "no/setting_03" in os.fspath(path):
+            raise PermissionError(13, "Permission denied")
+        return real(path, *rest, **how)
+
+    return refuse
+
+
+def test_a_folder_that_may_not_be_entered_fails_alone(run, tmp_path, good, monkeypatch) -> None:
+    (tmp_path / "setting_01.csv").write_bytes(good.text())
+    locked = tmp_path / "no"
+    locked.mkdir()
+    (locked / "setting_03.csv").write_bytes(good.text())
+    # Who runs the tests may be root, whom no folder is closed to.
+    for owner, name in ((Path, "lstat"), (Path, "is_dir"), (Path, "is_file"), (os, "open")):
+        monkeypatch.setattr(owner, name, _closed(getattr(owner, name)))
+    ended = run("inspect", "setting_01.csv", "no/setting_03.csv")
+    assert ended.code == 1
+    assert "setting_03.csv: file unreadable: Permission denied" in ended.out + ended.err

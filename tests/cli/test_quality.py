@@ -156,6 +156,8 @@ def test_strict_quality_leaves_a_log_out_and_ends_with_4(run, logs, tmp_path, ro
     assert (failure["log"], failure["kind"]) == ("clipped_s3.csv", "QualityError")
     assert "force is clipped" in failure["message"]
     assert record["gates_missed"] == ["strict quality: clipped_s3.csv left out for warnings"]
+    checks = {check["name"]: check for check in record["checks"]}
+    assert checks["every_setting_fitted"]["reason"] == "clipped_s3.csv left out"
     assert [row["verdict"] for row in record["inputs"]] == ["refused", "good"]
     assert json.loads((tmp_path / "plain" / "run.json").read_text())["exit_code"] == 0
     # A real failure counts before the gate.
@@ -255,3 +257,20 @@ def test_notes_of_many_logs_stand_in_the_units_of_the_field(run, rows, tmp_path)
         write(tmp_path / f"log_s{setting}.csv", moved)
     shown = run("inspect", "log_*.csv").out
     assert re.search(r"mid_stroke: .*5.* to 7\.\d+ mm \(2 of 2 logs\)", shown), shown
+
+
+def test_a_spike_that_breaks_the_run_of_steady_cycles_is_warned_of(run, rows, tmp_path) -> None:
+    wild = column(rows, 1, lambda n, cell: "500.0" if n == len(rows) // 2 else cell)
+    write(tmp_path / "log_s2.csv", wild)
+    ended = run("inspect", "log_s2.csv", "--json")
+    (log,) = json.loads(ended.out)["logs"]
+    assert log["verdict"] in {"warnings", "refused"}
+    said = " ".join(f["sentence"] for f in log["findings"])
+    assert "beyond a break" in said or "steady" in said
+
+
+def test_a_name_that_contradicts_the_preamble_is_noted(run, rows, tmp_path) -> None:
+    write(tmp_path / "setting_06.csv", rows, head=["# setting: 2", *HEAD])
+    (log,) = json.loads(run("inspect", "setting_06.csv", "--json").out)["logs"]
+    assert log["setting"] == 2
+    assert any("the file name says 6" in note for note in log["notes"])

@@ -177,3 +177,20 @@ def test_an_existing_link_is_replaced(run, tmp_path) -> None:
     assert run("simulate", "--setting", "1", "--out", "o.csv", "--quiet").code == 0
     assert (tmp_path / "kept.csv").read_text() == "kept"
     assert shutil.which("true")
+
+
+def test_few_samples_a_cycle_are_warned_of(run) -> None:
+    assert "warning" not in run("simulate", "--setting", "10").err
+    assert "33.3 samples a cycle" in run("simulate", "--setting", "10", "--sample-rate", "50Hz").err
+
+
+def test_a_triangle_has_no_force_at_speeds_that_it_does_not_hold(run) -> None:
+    shown = run("simulate", "--setting", "10", "--wave", "triangle")
+    assert "force at 0." not in shown.out
+    told = json.loads(run("simulate", "--setting", "10", "--wave", "triangle", "--json").out)
+    assert told["characteristics"]["hysteresis_rebound"] is None
+    assert told["characteristics"]["speed_forces"] == []
+
+
+def test_one_cycle_can_be_simulated(run) -> None:
+    assert run("simulate", "--setting", "10", "--cycles", "1").code == 0

@@ -236,3 +236,11 @@ def test_small_frictions_that_noise_moves_are_not_called_different() -> None:
 def test_no_log_at_all_is_an_error_of_the_project() -> None:
     with pytest.raises(LogError, match="there is no log to fit"):
         identify([], PURDY_DAMPER)
+
+
+def test_a_held_value_with_a_lost_power_of_ten_is_asked_about() -> None:
+    known = {"r_m3": 2.597, "f_f": 50.0}
+    campaign = identify([trace(7)], PURDY_DAMPER, FitOptions("plain", FREE, known))
+    assert any("r_m3 is held at 2.597" in text for text in campaign.warnings)
+    sound = identify([trace(7)], PURDY_DAMPER, FitOptions("plain", FREE, {**known, "r_m3": 2.6e6}))
+    assert sound.warnings == ()

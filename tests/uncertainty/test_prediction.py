@@ -119,3 +119,12 @@ def test_the_fit_does_not_see_what_is_held_out() -> None:
     for part in (rest, replace(rest, force=spoilt)):
         found = identify([part], PURDY_DAMPER).fits[0].parameters
         assert found.r_m1 == pytest.approx(reference_parameters(10).r_m1, rel=0.02)
+
+
+def test_nearly_ten_times_is_not_said_to_be_ten() -> None:
+    fitted = log(10, seed=1)
+    (one,) = predicted([fitted], [log(10, seed=2)])
+    nearly = replace(one, mse_percent=9.96 * one.expected_mse_percent)
+    assert nearly.verdict == "worse than fitted: 9.9 times the MSE to expect"
+    beyond = replace(one, mse_percent=12.0 * one.expected_mse_percent)
+    assert beyond.verdict == "not predicted: 12 times the MSE to expect"
