@@ -270,7 +270,8 @@ def _missing(channel: str, columns: Sequence[Column], where: str) -> str:
     bases = {split_name(column.name)[0].lower(): column.name for column in columns}
     near = [m for word in _WORDS[channel] for m in get_close_matches(word, bases, 1, 0.7)]
     hint = f" Did you mean {visible(bases[near[0]])}?" if near else ""
-    return f"{where}: no column for {channel}; there are {_listed(columns)}.{hint}"
+    advice = f" Name it: rig.columns.{channel} = 'NAME'"
+    return f"{where}: no column for {channel}; there are {_listed(columns)}.{hint}{advice}"
 
 
 def _with_unit(

@@ -159,7 +159,7 @@ def _without_cut_row(text: bytes, start: int, name: str) -> tuple[bytes, tuple[F
         return text[:end], ()
     if end == start:
         raise LogError(f"{name}: no data rows; the only one has no line end and may be cut")
-    words = "no final newline; the last row may be cut and was dropped"
+    words = "no final newline; the last row may be cut and was dropped; is the log whole?"
     return text[:end], (Finding("cut_row", "warning", words, 1.0),)
 
 

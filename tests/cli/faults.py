@@ -299,7 +299,7 @@ FAULTS: dict[str, Fault] = {
     "F18 a channel missing": Fault(
         lambda g: g.text(header=g.header.replace("force_N", "forse_N")),
         "no column for force; there are 'time_s', 'displacement_mm', 'forse_N', "
-        "'temperature_degC'. Did you mean 'forse_N'?",
+        "'temperature_degC'. Did you mean 'forse_N'? Name it: rig.columns.force = 'NAME'",
     ),
     "F19 no unit": Fault(
         lambda g: g.text(header=g.header.replace("force_N", "force")), "column 'force' has no unit"
