@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from damperfit import __version__
 from damperfit.adjustment import Adjustment
 from damperfit.checklist import Check, missed_gates
-from damperfit.confidence import confidence_record
+from damperfit.confidence import confidence_record, unconfirmed_tares
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Outcome, describe_cavitation, describe_searches
 from damperfit.quantities import engineering
@@ -106,6 +106,7 @@ def report_facts(
         failures=failures_of(settings, intake, campaign),
         warnings=(
             *_warnings(intake, campaign),
+            *unconfirmed_tares(campaign, assessment),
             *assessment.warnings,
             *prediction_warnings(judgement.predictions),
         ),

@@ -1,17 +1,20 @@
-"""What run.json tells of how far the numbers may be trusted."""
+"""What a run tells of how far its numbers may be trusted, beside the tables."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
+
+from damperfit.identification.sharing import listed_settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from damperfit.identification import Campaign
+    from damperfit.identification import Campaign, Fit
     from damperfit.uncertainty import Assessment, MisfitProfile
 
-__all__ = ["confidence_record"]
+__all__ = ["confidence_record", "unconfirmed_tares"]
 
 
 def confidence_record(campaign: Campaign, assessment: Assessment) -> dict[str, Any]:
@@ -67,3 +70,28 @@ def _profile(profile: MisfitProfile, assessment: Assessment) -> dict[str, Any]:
         "points": len(profile.points),
         "evaluations": profile.evaluations,
     }
+
+
+def unconfirmed_tares(campaign: Campaign, assessment: Assessment) -> Iterator[str]:
+    """Say where a fit has no room for the tare that a log was warned of, as when it cavitates."""
+    sound = {
+        one.setting
+        for one in assessment.diagnoses
+        if not one.is_structured and not math.isnan(one.noise_percent)
+    }
+    doubted = [
+        fit.setting
+        for fit in campaign.fits
+        if fit.setting in sound and fit.status["f_0"] == "fixed" and _is_warned_of_tare(fit)
+    ]
+    if doubted:
+        where = f"setting{'s' if len(doubted) > 1 else ''} {listed_settings(doubted)}"
+        yield (
+            f"{where}: the warning tare is not confirmed: the fit meets the force to its noise "
+            "without an offset"
+        )
+
+
+def _is_warned_of_tare(fit: Fit) -> bool:
+    findings = (finding for log in fit.logs for finding in log.trace.findings)
+    return any(one.name == "tare" and one.severity == "warning" for one in findings)

@@ -100,6 +100,7 @@ SURFACE = {
     ],
     "damperfit.confidence": [
         "confidence_record",
+        "unconfirmed_tares",
     ],
     "damperfit.config": [
         "load_settings",

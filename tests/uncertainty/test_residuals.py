@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
+from damperfit.confidence import unconfirmed_tares
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
+from damperfit.recording import Finding
 from damperfit.uncertainty import assess
 from tests.identification.rig import recording, trace, traces
 from tests.uncertainty.flaws import FLAWS, Flaw, judged, outcomes, speed
@@ -204,3 +206,21 @@ def test_a_large_misfit_is_told_without_an_exponent() -> None:
         logs.append(condition(replace(log, force=log.force + steep)))
     said = " ".join(judged(logs).warnings)
     assert re.search(r"\(\d{3} N less at low speed\)", said), said
+
+
+def test_a_tare_that_the_fit_has_no_room_for_is_not_confirmed() -> None:
+    # Cavitation hides the gas force from the log; the fit, which knows it, sees no offset missing.
+    damper = replace(PURDY_DAMPER, gas_pressure=2.5e5)
+    told = Finding("tare", "warning", "gas force tared away")
+
+    def said(offset: float) -> list[str]:
+        log = recording(5, damper=damper, noise=4.0)
+        log = replace(log, force=log.force + offset)
+        seen = condition(log)
+        seen = replace(seen, findings=(*seen.findings, told))
+        campaign = identify([seen], damper)
+        return list(unconfirmed_tares(campaign, assess(campaign, damper)))
+
+    (one,) = said(0.0)
+    assert one.startswith("setting 5: the warning tare is not confirmed")
+    assert said(71.0) == []
