@@ -2,6 +2,7 @@
 
 from damperfit.uncertainty.assessment import METHOD, Assessment, assess, reconsider
 from damperfit.uncertainty.evidence import Evidence, LogEvidence, gather
+from damperfit.uncertainty.flaws import Hint
 from damperfit.uncertainty.gas import GasContent
 from damperfit.uncertainty.intervals import (
     Interval,
@@ -19,7 +20,7 @@ from damperfit.uncertainty.prediction import (
 )
 from damperfit.uncertainty.profiles import MisfitProfile, ProfilePoint, Stride
 from damperfit.uncertainty.requested import check_profile_names, profile_campaign
-from damperfit.uncertainty.residuals import Diagnosis, Hint, diagnose
+from damperfit.uncertainty.residuals import Diagnosis, diagnose
 
 __all__ = [
     "METHOD",

@@ -75,8 +75,6 @@ class Evidence:
         The same from the scatter between whole cycles; NaN for a single cycle.
     gradient : numpy.ndarray
         Shape (6,), sum of the scores.
-    correlation_time : float
-        Time after which residuals are independent, s.
     logs : tuple of LogEvidence
         Log by log.
     """
@@ -86,7 +84,6 @@ class Evidence:
     scores: FloatArray
     cycle_scores: FloatArray
     gradient: FloatArray
-    correlation_time: float
     logs: tuple[LogEvidence, ...]
 
 
@@ -100,7 +97,7 @@ def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions())
     """
     values = [getattr(fit.parameters, name) for name in PARAMETER_NAMES[:-1]]
     slopes = np.array([*values, 1.0, damper.gas_pressure, damper.gas_exponent])
-    logs, covariances, times = [], [], []
+    logs, covariances = [], []
     for trace in (log.trace for log in fit.logs):
         seen = compare(
             fit.parameters, trace, damper, sensitivities=SENSITIVITY_NAMES, solver=solver
@@ -119,7 +116,6 @@ def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions())
         period = 1.0 / (trace.frequency * trace.interval)
         longest = round(_LONGEST_CORRELATION * period)
         lag = correlation_length(logs[-1].residuals, longest=longest)
-        times.append(lag * trace.interval)
         covariances.append(score_covariance(_scores(logs[-1]), lag))
     scores = [_scores(log) for log in logs]
     edges = [log.trace.cycle_starts - log.trace.first for log in fit.logs]
@@ -129,7 +125,6 @@ def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions())
         scores=np.asarray(sum(covariances)),
         cycle_scores=cycle_covariance(scores, edges),
         gradient=np.asarray(sum(part.sum(axis=0) for part in scores)),
-        correlation_time=max(times),
         logs=tuple(logs),
     )
 

@@ -6,9 +6,7 @@ has the power s^2/C, which is taken off::
 
     repeating = mean over phases of (mean residual)^2 - s^2/C
 
-What the model lacks is then sought among signatures: the force that each flaw would add, behind the
-filter and with everything the fit could absorb projected out. The share of the repeating misfit
-that one signature explains is what a refit with that flaw in the model would gain.
+What the model lacks is then sought in `damperfit.uncertainty.flaws`.
 """
 
 from __future__ import annotations
@@ -19,32 +17,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.conditioning import apply_filter
-from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.uncertainty.flaws import Hint, seek_flaws
 from damperfit.uncertainty.spectrum import autocorrelation
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
     from numpy.typing import NDArray
 
     from damperfit.recording import Trace
-    from damperfit.uncertainty.evidence import Evidence, LogEvidence
+    from damperfit.uncertainty.evidence import Evidence
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Diagnosis", "Hint", "diagnose", "scatter_between_cycles"]
+__all__ = ["Diagnosis", "diagnose", "scatter_between_cycles"]
 
 # The repeating power of pure noise over its scatter is F-distributed; beyond the bar once in as
 # many settings.
 _CHANCE = 1e-6
 # Below this share of the force's variance, 0.1 N of 300 N, the integrator's error repeats too.
 _NEGLIGIBLE = 1e-7
-# A signature that explains less of the repeating misfit than this names nothing.
-_NAMED = 0.5
-# Signatures within this factor of the best cannot be told from it: an offset of the force explains
-# 0.94 of a wrong gas pressure, which in turn explains 1.1 times what the offset itself does.
-_TIE = 0.85
 # Warnings on a log that leave a misfit in every cycle, in the order to look at them: no tare can be
 # told before the signs are right.
 _FAULTS_OF_LOGS = (
@@ -58,33 +48,6 @@ _FAULTS_OF_LOGS = (
     "velocity_channel",
     "rig_filter",
 )
-# Speeds over which seal friction falls from its breakaway level, m/s.
-_STRIBECK_SPEEDS = (0.01, 0.03, 0.1)
-
-
-@dataclass(frozen=True, slots=True)
-class Hint:
-    """One flaw that would leave such residuals.
-
-    Attributes
-    ----------
-    name : str
-        Short name: delay, gas_pressure, ...
-    family : str
-        What the misfit is locked to: position, sign of v, reversals or v squared.
-    share : float
-        Part of the repeating misfit that it explains, 0 to 1.
-    amount : float
-        Its size in its own unit (ms, per cent or N), as a refit would find it to first order.
-    words : str
-        For people.
-    """
-
-    name: str
-    family: str
-    share: float
-    amount: float
-    words: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,7 +100,7 @@ def diagnose(evidence: Evidence, *, doubted: tuple[str, ...] = ()) -> Diagnosis:
     repeats, noise, ratio, bar = _split(evidence)
     variance = np.var(np.concatenate([log.trace.force[log.trace.window] for log in fit.logs]))
     is_structured = bool(ratio > bar and repeats > _NEGLIGIBLE * variance)
-    hints = _hints(evidence, repeats, doubted) if is_structured else ()
+    hints = seek_flaws(evidence, repeats, doubted=doubted) if is_structured else ()
     noise_percent = float(min(100.0 * noise / variance, fit.mse_percent))
     return Diagnosis(
         setting=fit.setting,
@@ -273,173 +236,3 @@ def _runs_ratio(evidence: Evidence) -> float:
         about = np.signbit(folded - folded.mean(axis=0))
         expected += int(np.count_nonzero(np.diff(about, axis=1)))
     return found / max(expected, 1)
-
-
-@dataclass(frozen=True, slots=True)
-class _Flaw:
-    name: str
-    family: str
-    unit: float
-    words: Callable[[float], str]
-
-
-def _size(text: str, unit: str) -> Callable[[float], str]:
-    return lambda amount: text.format(f"{_rounded(amount)} {unit}")
-
-
-def _rounded(amount: float) -> str:
-    """Two digits, without sign or exponent: 750, not 7.5e+02."""
-    return f"{float(f'{abs(amount):.2g}'):g}"
-
-
-_FLAWS: Mapping[str, _Flaw] = {
-    flaw.name: flaw
-    for flaw in (
-        _Flaw(
-            "delay",
-            "reversals",
-            1e3,
-            lambda a: (
-                f"a channel delay (the force is {_rounded(a)} ms "
-                f"{'late' if a > 0.0 else 'early'} against the displacement)"
-            ),
-        ),
-        _Flaw(
-            "gas_pressure",
-            "position",
-            100.0,
-            lambda a: (
-                f"a wrong gas pressure ({_rounded(a)} % {'more' if a > 0.0 else 'less'} "
-                "than configured)"
-            ),
-        ),
-        _Flaw("gas_exponent", "position", 100.0, _size("a wrong gas exponent (by {})", "%")),
-        _Flaw(
-            "gas_volume",
-            "position",
-            1.0,
-            _size("a wrong gas or rod volume ({} at full stroke)", "N"),
-        ),
-        _Flaw(
-            "offset", "position", 1.0, _size("a force offset that is not in the model ({})", "N")
-        ),
-        _Flaw(
-            "friction_with_speed",
-            "the sign of v",
-            1.0,
-            lambda a: (
-                f"friction that depends on velocity ({_rounded(a)} N "
-                f"{'more' if a > 0.0 else 'less'} at low speed)"
-            ),
-        ),
-        _Flaw(
-            "compressibility",
-            "reversals",
-            100.0,
-            _size("a bulk modulus that changes with pressure (by {} per 10 bar)", "%"),
-        ),
-        _Flaw(
-            "valve_law_rebound",
-            "v squared",
-            1.0,
-            _size("the valve law in rebound ({} at peak)", "N"),
-        ),
-        _Flaw("valve_law_bump", "v squared", 1.0, _size("the valve law in bump ({} at peak)", "N")),
-    )
-}
-
-
-def _signatures(trace: Trace, seen: LogEvidence) -> dict[str, list[FloatArray]]:
-    """Force that one unit of each flaw adds, behind the filter, over the window."""
-    x, v = trace.displacement, trace.velocity
-    peak = float(np.max(np.abs(v[trace.window])))
-    stroke = float(np.max(np.abs(x[trace.window])))
-
-    def passed(values: FloatArray) -> FloatArray:
-        return apply_filter(trace.model_filter, values)[trace.window]
-
-    rate = np.gradient(seen.force, trace.interval)
-    pressure = np.abs(seen.force - seen.force.mean())
-    return {
-        "delay": [-rate],
-        "gas_pressure": [seen.gas[:, 0]],
-        "gas_exponent": [seen.gas[:, 1]],
-        "gas_volume": [passed(x / stroke)],
-        "offset": [np.ones(len(seen.force))],
-        "friction_with_speed": [
-            passed(np.tanh(v / 1e-3) * np.exp(-np.abs(v) / speed)) for speed in _STRIBECK_SPEEDS
-        ],
-        "compressibility": [seen.jacobian[:, 3] * pressure / max(float(pressure.max()), 1e-300)],
-        "valve_law_rebound": [passed(np.maximum(v, 0.0) ** 2 / peak**2)],
-        "valve_law_bump": [passed(np.minimum(v, 0.0) ** 2 / peak**2)],
-    }
-
-
-def _hints(evidence: Evidence, repeats: float, doubted: tuple[str, ...]) -> tuple[Hint, ...]:
-    residuals = np.concatenate([seen.residuals for seen in evidence.logs])
-    doubted = tuple(name for name in doubted if evidence.fit.status[name] == "shared")
-    absorbed = _absorbed(evidence, {"fitted", "shared", "not_identifiable"})
-    tables = [
-        _signatures(log.trace, seen)
-        for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True)
-    ]
-    columns: dict[str, list[FloatArray]] = {
-        name: [
-            np.concatenate([table[name][k] for table in tables])
-            for k in range(len(tables[0][name]))
-        ]
-        for name in tables[0]
-    }
-    for name in (*_held(evidence), *doubted):
-        place = PARAMETER_NAMES.index(name)
-        columns[name] = [np.concatenate([seen.jacobian[:, place] for seen in evidence.logs])]
-    power = repeats * len(residuals)
-    # Values that the other settings hold back absorb nothing of what one setting lacks.
-    own = _absorbed(evidence, {"fitted", "not_identifiable"}) if doubted else absorbed
-    found = []
-    for name, candidates in columns.items():
-        basis = own if name in doubted else absorbed
-        share, amount = max(_gain(column, basis, residuals) for column in candidates)
-        flaw = _FLAWS.get(name) or _held_flaw(name, is_shared=name in doubted)
-        size = amount * flaw.unit
-        found.append(Hint(name, flaw.family, min(share / power, 1.0), size, flaw.words(size)))
-    found.sort(key=lambda hint: -hint.share)
-    if found[0].share < _NAMED:
-        return ()
-    return tuple(hint for hint in found if hint.share >= _TIE * found[0].share)
-
-
-def _gain(column: FloatArray, absorbed: FloatArray, residuals: FloatArray) -> tuple[float, float]:
-    """Return by how much a signature lowers the sum of squares, and its amount."""
-    left = column - absorbed @ (absorbed.T @ column)
-    power = float(left @ left)
-    if power < 1e-12 * float(column @ column):
-        return 0.0, 0.0  # the fit absorbs it whole
-    amount = float(left @ residuals) / power
-    return amount * amount * power, amount
-
-
-def _held(evidence: Evidence) -> tuple[str, ...]:
-    """Parameters that nothing in the logs has set; f_0 stands among the flaws already."""
-    status = evidence.fit.status
-    return tuple(n for n in PARAMETER_NAMES if status[n] == "fixed" and n != "f_0")
-
-
-def _held_flaw(name: str, *, is_shared: bool) -> _Flaw:
-    held = "in common to all settings, here" if is_shared else "held at a wrong value,"
-    return _Flaw(
-        name,
-        "a shared parameter" if is_shared else "a held parameter",
-        100.0,
-        lambda a: f"{name} {held} too {'low' if a > 0.0 else 'high'}",
-    )
-
-
-def _absorbed(evidence: Evidence, statuses: set[str]) -> FloatArray:
-    """Orthonormal basis of what parameters of these statuses could absorb."""
-    status = evidence.fit.status
-    places = [j for j, name in enumerate(PARAMETER_NAMES) if status[name] in statuses]
-    whole = np.vstack([seen.jacobian[:, places] for seen in evidence.logs])
-    lengths = np.sqrt(np.sum(whole * whole, axis=0))
-    basis, _ = np.linalg.qr(whole[:, lengths > 0.0] / lengths[lengths > 0.0])
-    return np.asarray(basis)
