@@ -26,6 +26,7 @@ from damperfit.damper.parameters import PARAMETER_NAMES, Damper, Parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification.sharing import listed_settings
 from damperfit.quantities import parse_quantity
+from damperfit.simulation import refuse_amplitude
 from damperfit.tables import read_results
 
 if TYPE_CHECKING:
@@ -189,7 +190,7 @@ def read_adjuster(
         own = Sine(settings.rig.amplitude, settings.rig.frequency)
         remarks.append("the motion of the test is not known: the nominal one is taken")
     sine, source = _motion(own, amplitude, frequency)
-    _check_stroke(sine, settings.damper)
+    refuse_amplitude(sine.amplitude, settings.damper)
     return Adjuster(
         stages, settings.damper, sine, source, settings.simulation.solver, tuple(remarks)
     )
@@ -340,12 +341,3 @@ def _motion(own: Sine | None, amplitude: str | None, frequency: str | None) -> t
     f = rate if rate is not None else own.frequency if own else math.nan
     whose = "the test's sine" if size is None and rate is None else "a sine"
     return Sine(a, f), f"{whose} of {1e3 * a:.4g} mm at {f:.4g} Hz"
-
-
-def _check_stroke(sine: Sine, damper: Damper) -> None:
-    room = min(damper.chamber_1_length, damper.chamber_2_length)
-    if sine.amplitude >= room:
-        raise ConfigurationError(
-            f"amplitude {1e3 * sine.amplitude:g} mm is beyond the damper's travel; expected less "
-            f"than the shorter chamber, {1e3 * room:g} mm"
-        )

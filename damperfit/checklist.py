@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from damperfit.adjustment import Adjustment
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.identification.setting import EXCELLENT
 from damperfit.identification.sharing import listed_settings
 
 if TYPE_CHECKING:
@@ -33,7 +34,6 @@ __all__ = [
     "run_checks",
 ]
 
-_EXCELLENT = 1.0  # per cent, the paper's bar
 _EXPLAINED = 0.5  # share of the MSE
 _Verdict = tuple[bool | None, str]
 
@@ -144,7 +144,7 @@ def missed_gates(checks: Sequence[Check], gates: Iterable[str]) -> tuple[str, ..
 
 
 def _mse_below_1_percent(subject: Subject) -> _Verdict:
-    above = [fit for fit in subject.fits if not fit.mse_percent < _EXCELLENT]
+    above = [fit for fit in subject.fits if not fit.mse_percent < EXCELLENT]
     worst = max(above or subject.fits, key=lambda fit: _or_infinite(fit.mse_percent))
     where = f"{worst.mse_percent:.3g} % at setting {worst.setting}"
     if above:

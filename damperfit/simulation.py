@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES, Damper, Parameters
-from damperfit.errors import InstallationError, SimulationError, did_you_mean
+from damperfit.errors import ConfigurationError, InstallationError, SimulationError, did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -38,6 +38,7 @@ __all__ = [
     "Response",
     "SolverOptions",
     "Work",
+    "refuse_amplitude",
     "simulate",
     "sine_motion",
     "triangle_motion",
@@ -134,6 +135,22 @@ class Response:
     masses: FloatArray
     sensitivities: dict[str, FloatArray] = field(default_factory=dict)
     work: Work = field(default_factory=lambda: Work(0, 0, 0))
+
+
+def refuse_amplitude(amplitude: float, damper: Damper) -> None:
+    """Refuse an amplitude, m, that leaves the shorter chamber no volume.
+
+    Raises
+    ------
+    ConfigurationError
+        It is the chamber's length or more.
+    """
+    room = min(damper.chamber_1_length, damper.chamber_2_length)
+    if amplitude >= room:
+        raise ConfigurationError(
+            f"amplitude {1e3 * amplitude:g} mm is beyond the damper's travel; expected less "
+            f"than the shorter chamber, {1e3 * room:g} mm"
+        )
 
 
 def sine_motion(amplitude: float, frequency: float, *, cycles: float, sample_rate: float) -> Motion:

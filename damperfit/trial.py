@@ -15,7 +15,13 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification.comparison import motion_of
 from damperfit.readers import read_log
 from damperfit.settings import parameter_value
-from damperfit.simulation import Response, simulate, sine_motion, triangle_motion
+from damperfit.simulation import (
+    Response,
+    refuse_amplitude,
+    simulate,
+    sine_motion,
+    triangle_motion,
+)
 from damperfit.tables import read_parameters
 
 if TYPE_CHECKING:
@@ -165,12 +171,7 @@ def run_trial(choice: Choice, settings: Settings, *, log: Path | None = None) ->
 
 def _wave(settings: Settings) -> tuple[Motion, str]:
     rig, options = settings.rig, settings.simulation
-    room = min(settings.damper.chamber_1_length, settings.damper.chamber_2_length)
-    if rig.amplitude >= room:
-        raise ConfigurationError(
-            f"amplitude {1e3 * rig.amplitude:g} mm is beyond the damper's travel; expected less "
-            f"than the shorter chamber, {1e3 * room:g} mm"
-        )
+    refuse_amplitude(rig.amplitude, settings.damper)
     motion = _WAVES[options.wave](
         rig.amplitude,
         rig.frequency,

@@ -267,6 +267,7 @@ SURFACE = {
         "SENSITIVITY_NAMES",
         "SolverOptions",
         "Work",
+        "refuse_amplitude",
         "simulate",
         "sine_motion",
         "triangle_motion",

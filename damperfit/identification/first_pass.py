@@ -13,6 +13,7 @@ from damperfit.identification.descent import FitCancelledError, Misfit, descend
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.setting import (
+    CHI_SQUARED_95,
     EXCELLENT,
     NOT_FIT_TO_SHARE,
     PLAUSIBLE,
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 
 __all__ = ["FirstPass", "first_pass"]
 
-# 95 % of chi-squared with one degree of freedom.
-_CONTRADICTED = 3.84
 # Frictions that chance makes so different once in a thousand campaigns.
 _CHANCE = 0.001
 # A first-pass friction is used when its setting's R_m3 agrees this well with the lowest setting's.
@@ -230,7 +229,7 @@ def _is_contradicted(misfit: Misfit, best: Judged, r_m3: float, f_f: float | Non
     except DamperfitError:
         return True
     rise = other.mse_percent / best.solution.mse_percent - 1.0
-    return rise * best.solution.n_independent > _CONTRADICTED
+    return rise * best.solution.n_independent > CHI_SQUARED_95
 
 
 def _with_mean_friction(misfit: Misfit, judged: Judged, f_f: float, r_m3: float) -> Judged:

@@ -15,6 +15,7 @@ import numpy as np
 from damperfit.errors import DamperfitError
 from damperfit.identification.descent import FitCancelledError, Misfit
 from damperfit.identification.setting import (
+    CHI_SQUARED_95,
     Judged,
     fit_setting,
     is_sound,
@@ -46,8 +47,6 @@ _SHOWN = 4
 # Two ends are one minimum when their parameters are this near, or this many standard errors.
 _SAME = 0.01
 _SAME_ERRORS = 1.0
-# 95 % of chi-squared with one degree of freedom: what noise may make of a minimum's depth.
-_EQUALLY_GOOD = 3.84
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,4 +255,4 @@ def _is_near(a: Parameters, b: Parameters, name: str, limit: float = _SAME) -> b
 def _is_level(best: Judged, other: Judged) -> bool:
     """Whether noise alone may make the difference of two misfits."""
     rise = other.solution.mse_percent / max(best.solution.mse_percent, 1e-300) - 1.0
-    return bool(rise * best.solution.n_independent < _EQUALLY_GOOD)
+    return bool(rise * best.solution.n_independent < CHI_SQUARED_95)

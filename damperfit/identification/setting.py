@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
 
 __all__ = [
+    "CHI_SQUARED_95",
     "EXCELLENT",
     "NOT_FIT_TO_SHARE",
     "NOT_FOUND",
@@ -58,6 +59,8 @@ _NO_FRICTION = 1e-2
 _RIGHT_ANGLE = 1e-3
 # A sound minimum is preferred to a cavitating one unless that one is better by this factor.
 _CLEARLY_BETTER = 1.5
+# Of one degree of freedom: what noise may make of the depth of a minimum.
+CHI_SQUARED_95 = 3.84
 # MSE in per cent that the paper calls excellent; the wrong valley's is about 2 %.
 EXCELLENT = 1.0
 # Starts for a damper that cavitates, in units of `cavitation_limit`: 1.5 and 5 times the onset.

@@ -6,9 +6,10 @@ import re
 from statistics import median
 from typing import TYPE_CHECKING
 
+from damperfit.identification.sharing import listed_settings
 from damperfit.report.held_out import held_out_sheet
 from damperfit.report.ladder import check_sheet, check_summary, ladder_sheet
-from damperfit.report.rows import Sheet, mse_sheet, parameter_sheet, percent
+from damperfit.report.rows import Sheet, grade_counts, mse_sheet, parameter_sheet, percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -83,9 +84,7 @@ def _summary(tables: Tables, facts: ReportFacts) -> Iterator[str]:
         f"{count}: MSE median {percent(median(values.values()))} %, "
         f"worst {percent(values[worst])} % at setting {worst}."
     )
-    grades = [row["grade"] for row in rows]
-    counts = [f"{grades.count(g)} {g}" for g in ("excellent", "good", "poor") if g in grades]
-    yield f"Grades: {', '.join(counts)} (excellent below 1 %, good below 5 %)."
+    yield grade_counts(rows)
 
 
 def _checks(facts: ReportFacts) -> list[str]:
@@ -103,8 +102,7 @@ def _clicks(tables: Tables) -> list[str]:
 def _missing(facts: ReportFacts) -> Iterator[str]:
     yield from (failure.line for failure in facts.failures)
     if facts.gaps:
-        names = ", ".join(str(setting) for setting in facts.gaps)
-        yield f"no result for setting {names}"
+        yield f"no result for setting {listed_settings(facts.gaps)}"
 
 
 def _section(title: str, lines: Iterable[str]) -> list[str]:

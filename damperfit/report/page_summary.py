@@ -5,10 +5,10 @@ from __future__ import annotations
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
+from damperfit.identification.sharing import listed_settings
 from damperfit.report.page_tables import details_html, page_text, table_html, words_html
-from damperfit.report.rows import Sheet, flags, number, percent
+from damperfit.report.rows import Sheet, flags, grade_counts, number, percent
 from damperfit.report.run_record import (
-    span_words,
     told_checks,
     told_findings,
     told_held_out,
@@ -44,8 +44,8 @@ def summary_html(results: Results, views: Sequence[LogView]) -> str:
     """Return headline, alarms, checks, verdicts, trends, warnings and how it was done."""
     record = results.record
     failures = [f for f in _listed(record, "failures") if isinstance(f, dict)]
-    gaps = _listed(record, "gaps")
-    missing = [f"no result for setting {span_words(gaps)}"] if gaps else []
+    gaps = [one for one in _listed(record, "gaps") if isinstance(one, int)]
+    missing = [f"no result for setting {listed_settings(gaps)}"] if gaps else []
     verdicts = [
         f"setting {row['setting']}: {words}"
         for row in results.parameters
@@ -122,9 +122,7 @@ def _headline(results: Results) -> Iterator[str]:
     yield f"MSE: median {percent(median(known.values()))} %,"
     yield f"best {percent(known[best])} % at setting {best},"
     yield f"worst {percent(known[worst])} % at setting {worst}."
-    grades = [row["grade"] for row in results.parameters]
-    counts = [f"{grades.count(g)} {g}" for g in ("excellent", "good", "poor") if g in grades]
-    yield f"Grades: {', '.join(counts)} (excellent below 1 %, good below 5 %)."
+    yield grade_counts(results.parameters)
 
 
 def _facts(results: Results, views: Sequence[LogView]) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
 from damperfit.damper.parameters import PARAMETER_NAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     import pyarrow as pa
 
@@ -24,6 +24,7 @@ __all__ = [
     "Scale",
     "Sheet",
     "flags",
+    "grade_counts",
     "has_offset",
     "legend",
     "mse_sheet",
@@ -219,6 +220,13 @@ def flags(row: Mapping[str, Any]) -> str:
     if row.get("cavitation_fraction"):
         found.append(f"cavitates for {100.0 * row['cavitation_fraction']:.1f} % of the cycle")
     return "; ".join(found)
+
+
+def grade_counts(rows: Iterable[Mapping[str, Any]]) -> str:
+    """Return how many rows of a table have each grade, as a sentence."""
+    grades = [row["grade"] for row in rows]
+    counts = [f"{grades.count(g)} {g}" for g in ("excellent", "good", "poor") if g in grades]
+    return f"Grades: {', '.join(counts)} (excellent below 1 %, good below 5 %)."
 
 
 def sheet_width(sheet: Sheet, *, gap: int) -> int:

@@ -18,7 +18,6 @@ __all__ = [
     "ToldClick",
     "ToldFinding",
     "ToldTrend",
-    "span_words",
     "told_checks",
     "told_clicks",
     "told_findings",
@@ -186,25 +185,6 @@ def told_held_out(record: Mapping[str, Any]) -> list[str]:
         f"{_text(entry.get('verdict'))}"
         for entry in _entries(record, "held_out")
     ]
-
-
-def span_words(settings: Any) -> str:
-    """Return whole numbers as spans.
-
-    Examples
-    --------
-    >>> span_words([1, 2, 3, 7, 9, 10])
-    '1 to 3, 7, 9, 10'
-    """
-    spans: list[list[int]] = []
-    for setting in sorted({int(one) for one in settings if isinstance(one, int)}):
-        if spans and setting == spans[-1][-1] + 1:
-            spans[-1].append(setting)
-        else:
-            spans.append([setting])
-    return ", ".join(
-        f"{span[0]} to {span[-1]}" if len(span) > 2 else ", ".join(map(str, span)) for span in spans
-    )
 
 
 def _entries(record: Mapping[str, Any], key: str) -> list[dict[str, Any]]:

@@ -10,6 +10,7 @@ import pyarrow as pa
 
 from damperfit.adjustment import Adjustment
 from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.identification.setting import EXCELLENT
 from damperfit.tables.arrays import column, float_array
 from damperfit.tables.columns import table_schema
 from damperfit.uncertainty import Assessment
@@ -81,7 +82,7 @@ def grade(mse_percent: float) -> str:
     >>> grade(0.3), grade(3.0), grade(float("nan"))
     ('excellent', 'good', 'poor')
     """
-    if mse_percent < 1.0:
+    if mse_percent < EXCELLENT:
         return "excellent"
     return "good" if mse_percent < 5.0 else "poor"
 
