@@ -24,6 +24,7 @@ import numpy as np
 from damperfit.characteristics import NAMED_SPEEDS, signals_at_speeds
 from damperfit.damper.parameters import Damper, Parameters
 from damperfit.errors import SimulationError
+from damperfit.identification.setting import NORMAL_95
 from damperfit.simulation import Response, SolverOptions, simulate, sine_motion
 
 if TYPE_CHECKING:
@@ -51,7 +52,6 @@ __all__ = [
 ]
 
 STROKES = ("rebound", "bump")
-_95_PERCENT = 1.959964
 _SAMPLES_PER_CYCLE = 1000  # forces at a speed move by less than 0.01 N from there to 4000
 _CYCLES = 2  # the steady cycle is reached within one
 
@@ -135,12 +135,12 @@ class Level:
     @property
     def low(self) -> float:
         """Lower end of the 95 % interval, N."""
-        return self.force - _95_PERCENT * self.error
+        return self.force - NORMAL_95 * self.error
 
     @property
     def high(self) -> float:
         """Upper end of the 95 % interval, N."""
-        return self.force + _95_PERCENT * self.error
+        return self.force + NORMAL_95 * self.error
 
 
 @dataclass(frozen=True, slots=True)
@@ -315,13 +315,13 @@ def clicks(found: Sequence[Level], damper: Damper) -> tuple[Click, ...]:
 
 def _click(first: Level, second: Level, damper: Damper) -> Click:
     change = second.force - first.force
-    reach = _95_PERCENT * _spread(first, second)
+    reach = NORMAL_95 * _spread(first, second)
     damping = first.force + damper.rod_area * damper.gas_pressure
     ratio = 1.0 + change / damping if damping else math.nan
     percent = 100.0 * (ratio - 1.0)
     # The first force is the denominator too: its error counts 1 + share times.
     spread = _spread(first, second, ratio=ratio)
-    share = 100.0 * _95_PERCENT * spread / abs(damping) if damping else math.nan
+    share = 100.0 * NORMAL_95 * spread / abs(damping) if damping else math.nan
     return Click(
         first=first.setting,
         second=second.setting,

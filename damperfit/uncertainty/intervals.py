@@ -28,6 +28,7 @@ import numpy as np
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import SimulationError
 from damperfit.identification.gas_content import GAS_NAMES
+from damperfit.identification.setting import NORMAL_95
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.evidence import Evidence, gather
 
@@ -54,7 +55,6 @@ __all__ = [
     "uncertainties",
 ]
 
-_95_PERCENT = 1.959964
 _INDEX = {name: j for j, name in enumerate(PARAMETER_NAMES)}
 
 
@@ -236,7 +236,7 @@ def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
 
 def make_interval(name: str, value: float, error: float, ratio: float = math.nan) -> Interval:
     """Return the 95 % interval of a value whose u has a standard error."""
-    reach = _95_PERCENT * error
+    reach = NORMAL_95 * error
     if name == "f_0":
         return Interval(error, value - reach, value + reach, ratio)
     # e^700 is the largest factor that is a number; such an interval says "anything".

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from damperfit.errors import SimulationError
-from damperfit.identification.setting import PLAUSIBLE
+from damperfit.identification.setting import NORMAL_95, PLAUSIBLE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "OFFSET_UNIT",
-    "ROOT_LIMIT",
     "MisfitProfile",
     "ProfilePoint",
     "Stride",
@@ -37,8 +36,6 @@ __all__ = [
     "walked",
 ]
 
-# 95 % of a normal distribution lie within so many standard errors.
-ROOT_LIMIT = 1.959964
 _MAX_LOOKS = 3
 # The first step on a line goes by a factor of two at most.
 _FIRST_STRIDE = 0.7
@@ -227,7 +224,7 @@ def _side(
                 return limit, limit is not None
             along = side * min(abs(along) + step, abs(edge))
             found = walker.refit(along)
-            if limit is None and found >= ROOT_LIMIT:
+            if limit is None and found >= NORMAL_95:
                 limit = _crossing(walker, side, stride)
             step, root = _next_step(stride, step, root, found), found
     except SimulationError:
@@ -260,11 +257,11 @@ def _interpolated(walker: Walker, side: float) -> tuple[float, bool]:
     steep, its root is straight in that; near the best value it makes no difference.
     """
     mine = sorted((p for p in walker.points if p[0] * side >= 0.0), key=lambda p: abs(p[0]))
-    after = next(k for k, p in enumerate(mine) if p[1] >= ROOT_LIMIT)
+    after = next(k for k, p in enumerate(mine) if p[1] >= NORMAL_95)
     (near, low, _), (far, high, _) = mine[after - 1], mine[after]
-    share = (ROOT_LIMIT - low) / max(high - low, 1e-12)
+    share = (NORMAL_95 - low) / max(high - low, 1e-12)
     grown = math.expm1(min(abs(far - near), 30.0)) * share
-    is_near = high - low < _NARROW or high - ROOT_LIMIT < _NEAR or ROOT_LIMIT - low < _NEAR / 2
+    is_near = high - low < _NARROW or high - NORMAL_95 < _NEAR or NORMAL_95 - low < _NEAR / 2
     return near + side * math.log1p(grown), is_near
 
 
