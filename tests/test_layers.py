@@ -36,7 +36,11 @@ def test_imports_go_one_way():
 @pytest.mark.parametrize(
     ("module", "line", "complaint"),
     [
-        ("recording.py", "from damperfit.config import load_settings", "Imports go one way BROKEN"),
+        (
+            "recording.py",
+            "from damperfit.configuration.loading import load_configuration",
+            "Imports go one way BROKEN",
+        ),
         ("damper/reference.py", "import pandas", "Numerics know no tables"),
         ("stray.py", "", "stray"),
     ],

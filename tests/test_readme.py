@@ -21,7 +21,7 @@ from matplotlib.ft2font import __freetype_version__
 from matplotlib.testing.compare import calculate_rms
 from PIL import Image
 
-from damperfit.config import load_settings
+from damperfit.configuration.loading import load_configuration
 from damperfit.readers import read_log
 from damperfit.report import draw_plot, portfolio
 from damperfit.tables import read_results
@@ -153,7 +153,7 @@ def test_the_python_works_as_it_stands(clone) -> None:
 def test_the_configuration_shown_is_a_configuration(tmp_path) -> None:
     path = tmp_path / "shown.toml"
     path.write_text(_block("toml"))
-    assert load_settings(path).damper.rod_diameter == 0.012
+    assert load_configuration(path).damper.rod_diameter == 0.012
 
 
 def test_every_exit_code_is_explained() -> None:
@@ -163,7 +163,9 @@ def test_every_exit_code_is_explained() -> None:
 
 
 def test_every_configuration_section_is_in_the_defaults() -> None:
-    known = tomllib.loads((ROOT / "damperfit" / "defaults.toml").read_text(encoding="utf-8"))
+    known = tomllib.loads(
+        (ROOT / "damperfit" / "configuration" / "defaults.toml").read_text(encoding="utf-8")
+    )
     for section, key in re.findall(r"`(\w+)\.(\w+) = ", TEXT):
         assert key in known[section]
 
@@ -177,7 +179,7 @@ def test_the_profile_reads_the_log_beside_it(tmp_path) -> None:
     log, config = tmp_path / "bench_07_s3.csv", tmp_path / "bench.toml"
     log.write_text(_block("csv"), encoding="utf-8")
     config.write_text(_blocks("toml")[1], encoding="utf-8")
-    recording = read_log(log, load_settings(config).reading)
+    recording = read_log(log, load_configuration(config).reading)
     assert recording.setting == 3
     np.testing.assert_allclose(recording.time, [0.0, 0.005, 0.01], atol=1e-12)
     np.testing.assert_allclose(recording.force, [147.295883, 146.903617, 144.255822], rtol=1e-8)

@@ -25,12 +25,12 @@ def config(
 
     Example: damperfit config > my_damper.toml
     """
-    from damperfit.account import json_values
-    from damperfit.config import load_settings, settings_toml
+    from damperfit.configuration.loading import configuration_toml, load_configuration
+    from damperfit.run.record import json_values
 
-    settings = load_settings(config)
+    configuration = load_configuration(config)
     if json:
-        print_json(json_values(settings.document))
+        print_json(json_values(configuration.document))
     else:
-        print_lines(settings_toml(settings).splitlines())
+        print_lines(configuration_toml(configuration).splitlines())
     return 0

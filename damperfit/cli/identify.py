@@ -41,8 +41,8 @@ from damperfit.cli.report import check_kind, write_report
 from damperfit.errors import ConfigurationError, OutputError
 
 if TYPE_CHECKING:
-    from damperfit.pipeline import RunResult
-    from damperfit.settings import Settings
+    from damperfit.configuration.options import Configuration
+    from damperfit.run.pipeline import RunResult
 
 __all__ = ["identify"]
 
@@ -136,8 +136,7 @@ def identify(
     """
     from damperfit.cli.interrupt import stop_on_signal
     from damperfit.cli.progress import progress
-    from damperfit.config import load_settings
-    from damperfit.pipeline import Watch, run
+    from damperfit.configuration.loading import load_configuration
     from damperfit.report import (
         check_lines,
         closing_sheet,
@@ -145,10 +144,11 @@ def identify(
         markdown_report,
         terminal_table,
     )
+    from damperfit.run.pipeline import Watch, run
 
     check_kind("--plots", plots)
     summary = _summary_file() if github_summary else None
-    settings = load_settings(
+    configuration = load_configuration(
         config,
         overlay=overlay(
             ("identification", "free", free.split(",") if free is not None else None),
@@ -172,10 +172,10 @@ def identify(
     )
     with stop_on_signal() as cancelled, progress(is_wanted=not quiet) as bar:
         watch = Watch(on_start=bar.start, on_fit=bar.advance, cancelled=cancelled)
-        result = run(settings, logs, jobs=jobs, setting=setting, watch=watch)
-    _tell_people(result, settings=settings, is_quiet=quiet)
+        result = run(configuration, logs, jobs=jobs, setting=setting, watch=watch)
+    _tell_people(result, configuration=configuration, is_quiet=quiet)
     if result.campaign.fits and (report or plots):
-        folder = settings.output.folder
+        folder = configuration.output.folder
         write_report(folder, folder, page=report, figures=plots)
     if summary is not None:
         _append(summary, markdown_report(result.tables, result.facts))
@@ -214,8 +214,8 @@ def _append(path: Path, report: str) -> None:
         raise OutputError(f"--github-summary: cannot write {path}: {error.strerror}") from error
 
 
-def _tell_people(result: RunResult, *, settings: Settings, is_quiet: bool) -> None:
-    from damperfit.account import corrections
+def _tell_people(result: RunResult, *, configuration: Configuration, is_quiet: bool) -> None:
+    from damperfit.run.record import corrections
 
     for failure in result.facts.failures:
         say(f"damperfit: {failure.line}")
@@ -227,8 +227,8 @@ def _tell_people(result: RunResult, *, settings: Settings, is_quiet: bool) -> No
         say(f"note: {line}")
     for warning in result.facts.warnings:
         say(f"warning: {warning}")
-    profiles = ", the profiles in profiles.csv" if settings.profile else ""
-    say(f"damperfit: {_summary(result, settings.output.folder)}{profiles}")
+    profiles = ", the profiles in profiles.csv" if configuration.profile else ""
+    say(f"damperfit: {_summary(result, configuration.output.folder)}{profiles}")
 
 
 def _summary(result: RunResult, folder: Path) -> str:

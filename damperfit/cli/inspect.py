@@ -24,7 +24,7 @@ from damperfit.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from damperfit.intake import Intake
+    from damperfit.run.logs import LogBatch
 
 __all__ = ["inspect"]
 
@@ -48,11 +48,11 @@ def inspect(
 
     Example: damperfit inspect runs/*.csv
     """
-    from damperfit.account import log_documents, reading_ending
-    from damperfit.config import load_settings
-    from damperfit.intake import available_cores, expand, take_in
+    from damperfit.configuration.loading import load_configuration
+    from damperfit.run.logs import available_cores, expand, read_batch
+    from damperfit.run.record import log_documents, reading_ending
 
-    settings = load_settings(
+    configuration = load_configuration(
         config,
         overlay=overlay(
             *rig_entries(rig),
@@ -64,23 +64,23 @@ def inspect(
     )
     paths = expand(logs)
     workers = jobs or available_cores()
-    intake = take_in(paths, settings, jobs=workers, setting=setting, keeps_traces=False)
-    for failure in intake.failures:
+    batch = read_batch(paths, configuration, jobs=workers, setting=setting, keeps_traces=False)
+    for failure in batch.failures:
         say(f"damperfit: {failure.line}")
     if not quiet:
-        for path in intake.skipped:
+        for path in batch.skipped:
             say(f"warning: {path}: a parameter table of damperfit, not a log; skipped")
     if json:
-        print_json(log_documents(intake))
+        print_json(log_documents(batch))
     else:
-        _show(intake, has_notes=not quiet)
-    return int(reading_ending(intake).value)
+        _show(batch, has_notes=not quiet)
+    return int(reading_ending(batch).value)
 
 
-def _show(intake: Intake, *, has_notes: bool) -> None:
+def _show(batch: LogBatch, *, has_notes: bool) -> None:
     from damperfit.report import VERDICT_COLOURS, finding_lines, log_sheet, terminal_table
 
-    facts = [log.facts for log in intake.logs]
+    facts = [log.facts for log in batch.logs]
     if not facts:
         return
     print_renderable(terminal_table(log_sheet(facts), colours=VERDICT_COLOURS))

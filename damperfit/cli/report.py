@@ -48,9 +48,9 @@ def report(
     """
     check_kind("--figures", figures)
     if config is not None:
-        from damperfit.config import load_settings
+        from damperfit.configuration.loading import load_configuration
 
-        load_settings(config)
+        load_configuration(config)
     folder = out or results
     remarks, files = write_report(results, folder, figures=figures)
     for remark in remarks:

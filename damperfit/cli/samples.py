@@ -57,11 +57,11 @@ def samples(
     Example: damperfit samples my_runs --settings 1-5
     """
     from damperfit.cli.progress import progress
-    from damperfit.config import load_settings
+    from damperfit.configuration.loading import load_configuration
     from damperfit.quantities import parse_quantity
     from damperfit.samples import SampleOptions, make_samples
 
-    loaded = load_settings(config)
+    loaded = load_configuration(config)
     options = SampleOptions(
         settings=_numbers(settings),
         cycles=cycles,

@@ -26,7 +26,7 @@ from damperfit.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from damperfit.adjuster import Adjuster, Ladder, Question
+    from damperfit.queries.force_by_setting import Adjuster, Ladder, Question
 
 __all__ = ["settings"]
 
@@ -63,8 +63,8 @@ def settings(
 
     Example: damperfit settings --force 900N --velocity 0.2m/s
     """
-    from damperfit.adjuster import climb, parse_question, read_adjuster
-    from damperfit.intake import available_cores
+    from damperfit.queries.force_by_setting import climb, parse_question, read_adjuster
+    from damperfit.run.logs import available_cores
 
     question = parse_question(force=force, velocity=velocity, stroke=stroke)
     adjuster = read_adjuster(results, config=config, amplitude=amplitude, frequency=frequency)
@@ -103,7 +103,7 @@ def _show(adjuster: Adjuster, question: Question, ladder: Ladder, *, is_quiet: b
 def _document(
     adjuster: Adjuster, question: Question, ladder: Ladder, remarks: tuple[str, ...]
 ) -> dict[str, Any]:
-    from damperfit.account import json_values
+    from damperfit.run.record import json_values
     from damperfit.tables import adjustment_rows
 
     wanted = ladder.wanted

@@ -21,7 +21,7 @@ from damperfit.cli.options import (
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from damperfit.trial import Trial
+    from damperfit.queries.one_simulation import SimulatedTest
 
 __all__ = ["simulate"]
 
@@ -77,10 +77,10 @@ def simulate(
 
     Example: damperfit simulate --setting 10 --amplitude 32mm --frequency 1.5Hz
     """
-    from damperfit.config import load_settings
-    from damperfit.trial import choose_parameters, run_trial
+    from damperfit.configuration.loading import load_configuration
+    from damperfit.queries.one_simulation import choose_parameters, simulate_test
 
-    settings = load_settings(
+    configuration = load_configuration(
         config,
         overlay=overlay(
             ("rig", "amplitude", amplitude),
@@ -96,7 +96,7 @@ def simulate(
     choice = choose_parameters(setting, table=parameters, replaced=replaced)
     if displacement is not None and not displacement.exists():
         raise ConfigurationError(f"--displacement {displacement}: no such file")
-    trial = run_trial(choice, settings, log=displacement)
+    trial = simulate_test(choice, configuration, log=displacement)
     if not quiet:
         say(f"damperfit: {choice.source}")
         if trial.samples_a_cycle < _FEW:
@@ -119,7 +119,7 @@ def _check_suffix(option: str, path: Path | None, known: tuple[str, ...]) -> Non
         )
 
 
-def _write(trial: Trial, *, out: Path | None, plot: Path | None) -> None:
+def _write(trial: SimulatedTest, *, out: Path | None, plot: Path | None) -> None:
     if out is not None:
         from damperfit.atomic import file_set
         from damperfit.tables import time_series_table, write_table
@@ -136,12 +136,12 @@ def _write(trial: Trial, *, out: Path | None, plot: Path | None) -> None:
             draw_loops(path, trial.response, trial.frequency, kind=kind, title=_title(trial))
 
 
-def _title(trial: Trial) -> str:
+def _title(trial: SimulatedTest) -> str:
     setting = "" if trial.choice.setting is None else f"setting {trial.choice.setting}: "
     return setting + trial.motion
 
 
-def _show(trial: Trial) -> None:
+def _show(trial: SimulatedTest) -> None:
     from damperfit.report import terminal_table
     from damperfit.report.loops import cycle_lines, force_sheet, pressure_sheet
 
@@ -153,8 +153,8 @@ def _show(trial: Trial) -> None:
     print_lines(["", "last cycle", *cycle])
 
 
-def _document(trial: Trial) -> Any:
-    from damperfit.account import json_values
+def _document(trial: SimulatedTest) -> Any:
+    from damperfit.run.record import json_values
 
     document = {
         "setting": trial.choice.setting,

@@ -24,10 +24,10 @@ from damperfit.errors import ConfigurationError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from damperfit.configuration.options import Configuration
+    from damperfit.queries.one_simulation import Choice
+    from damperfit.queries.sweep import Variation
     from damperfit.report import Kin, Plot
-    from damperfit.settings import Settings
-    from damperfit.sweep import Variation
-    from damperfit.trial import Choice
 
 __all__ = ["sweep"]
 
@@ -72,9 +72,9 @@ def sweep(
 
     Example: damperfit sweep --setting 10 --vary r_m1=0.8,1,1.2
     """
-    from damperfit.config import load_settings
-    from damperfit.sweep import PAPER_SWEEPS, parse_variation
-    from damperfit.trial import choose_parameters
+    from damperfit.configuration.loading import load_configuration
+    from damperfit.queries.one_simulation import choose_parameters
+    from damperfit.queries.sweep import PAPER_SWEEPS, parse_variation
 
     check_kind("--figures", figures)
     if not vary and not paper:
@@ -82,14 +82,14 @@ def sweep(
     variations = [parse_variation(text) for text in vary or []]
     if len({variation.name for variation in variations}) < len(variations):
         raise ConfigurationError("--vary: a name is given twice; put its factors into one list")
-    settings = load_settings(config, overlay=overlay())
+    configuration = load_configuration(config, overlay=overlay())
     replaced = assignments(set_ or [], option="--set")
     number = 10 if paper and setting is None else setting
     choice = choose_parameters(number, table=parameters, replaced=replaced)
     if not quiet:
         say(f"damperfit: {choice.source}")
     wanted = [(v, False) for v in variations] + [(v, True) for v in PAPER_SWEEPS if paper]
-    families = [(v, _family(choice, settings, v), is_paper) for v, is_paper in wanted]
+    families = [(v, _family(choice, configuration, v), is_paper) for v, is_paper in wanted]
     records, plots = _lay_out(families)
     _write(out, records, plots, kind=figures)
     if json:
@@ -104,9 +104,9 @@ def sweep(
     return 0
 
 
-def _family(choice: Choice, settings: Settings, variation: Variation) -> tuple[Kin, ...]:
+def _family(choice: Choice, configuration: Configuration, variation: Variation) -> tuple[Kin, ...]:
+    from damperfit.queries.sweep import run_sweep
     from damperfit.report import Kin
-    from damperfit.sweep import run_sweep
 
     return tuple(
         Kin(
@@ -116,7 +116,7 @@ def _family(choice: Choice, settings: Settings, variation: Variation) -> tuple[K
             member.trial.response,
             member.trial.characteristics,
         )
-        for member in run_sweep(choice, settings, variation=variation)
+        for member in run_sweep(choice, configuration, variation=variation)
     )
 
 
@@ -166,8 +166,8 @@ def _write(
 
 
 def _show(variation: Variation, family: Sequence[Kin]) -> None:
+    from damperfit.queries.sweep import SWEPT_UNITS
     from damperfit.report import family_sheet, terminal_table
-    from damperfit.sweep import SWEPT_UNITS
 
     sheet = family_sheet(variation.name, SWEPT_UNITS[variation.name], family)
     print_renderable(terminal_table(sheet))

@@ -6,9 +6,9 @@ become uniform samples, `cycles` which cycles count, `scatter` how much they dif
 
 from __future__ import annotations
 
-from damperfit.conditioning.chain import condition
 from damperfit.conditioning.derivatives import differentiate
 from damperfit.conditioning.filters import apply_filter, design_filter
+from damperfit.conditioning.log_to_trace import condition
 from damperfit.conditioning.options import ConditionOptions, GasFacts, NominalTest
 from damperfit.conditioning.quality import examine_raw
 from damperfit.conditioning.scatter import noise_floor

@@ -11,7 +11,7 @@ the oil. Two estimates that err in opposite ways are taken, both odd under a cha
 Their mean is the level. Its uncertainty is half their distance, a share of the hysteresis at the
 ends of the stroke, and a little of the gas force. Over the reference set (4 N of noise, 500 Hz) the
 level is -130.5 to -134.3 N for -130.4 N; oil so soft that the strokes run into each other spoils
-it, and so does cavitation. `python -m tests.conditioning.detective_grid` prints all cases.
+it, and so does cavitation. `python -m tests.conditioning.corrections_grid` prints all cases.
 
 ``rebound_curvature`` and ``bump_curvature`` are the part of the force that grows with v^2 at peak
 speed, over half the range of the force, positive when the stroke is progressive. The model's

@@ -12,7 +12,7 @@ sample_rate, filter_loss, cycles, unsteady_cycles,     `damperfit.conditioning.m
 trimmed, frequency, amplitude, harmonics,
 cycle_scatter, noise_floor, force_drift, stroke_drift
 temperature, temperature_drift, temperature_missing    here
-rig_filter                                             `damperfit.conditioning.spectrum`
+rig_filter                                             `damperfit.conditioning.rig_filter`
 =====================================================  ==========================================
 """
 
@@ -26,7 +26,7 @@ import numpy as np
 
 from damperfit.conditioning.channels import Channel, examine_channel, find_spikes, noise_of
 from damperfit.conditioning.motion import examine_motion
-from damperfit.conditioning.spectrum import looks_filtered
+from damperfit.conditioning.rig_filter import looks_filtered
 from damperfit.recording import Finding
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from damperfit.uncertainty import Prediction
 
-from damperfit.checklist import Check
+from damperfit.checks import Check
 
 __all__ = ["Failure", "ReportFacts"]
 

@@ -1,6 +1,6 @@
 """What is in the logs, for people: one row a log with its verdict, and the findings below.
 
-The facts are those of `damperfit.intake.LogFacts`: JSON values, also of logs that were refused.
+The facts are those of `damperfit.run.logs.LogFacts`: JSON values, also of logs that were refused.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from damperfit.report.rows import NOTHING, Sheet, number
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from damperfit.checklist import Check
+    from damperfit.checks import Check
 
 __all__ = [
     "check_lines",

@@ -13,7 +13,7 @@ import pytest
 
 from damperfit import __version__
 from damperfit.cli.main import app
-from damperfit.config import load_settings
+from damperfit.configuration.loading import load_configuration
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = ("identify", "settings", "simulate", "sweep", "inspect", "report", "samples", "config")
@@ -93,7 +93,7 @@ def test_config_prints_toml_that_loads_back(run, tmp_path) -> None:
     printed = run("config", "--config", "mine.toml").out
     assert tomllib.loads(printed)["damper"]["rod_diameter"] == "14mm"
     (tmp_path / "all.toml").write_text(printed)
-    assert load_settings(tmp_path / "all.toml") == load_settings(tmp_path / "mine.toml")
+    assert load_configuration(tmp_path / "all.toml") == load_configuration(tmp_path / "mine.toml")
     assert json.loads(run("config", "--json").out)["rig"]["frequency"] == "1.5Hz"
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.config import load_settings
+from damperfit.configuration.loading import load_configuration
 from damperfit.tables import read_parameters
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -34,11 +34,14 @@ def test_every_configuration_is_tried() -> None:
 
 
 def test_the_papers_configuration_is_the_default() -> None:
-    assert load_settings(CONFIGS / "purdy2000.toml") == load_settings()
+    assert load_configuration(CONFIGS / "purdy2000.toml") == load_configuration()
 
 
 def test_the_second_damper_is_another_one() -> None:
-    second, first = load_settings(CONFIGS / "slim_race.toml").damper, load_settings().damper
+    second, first = (
+        load_configuration(CONFIGS / "slim_race.toml").damper,
+        load_configuration().damper,
+    )
     assert second.rod_area < 0.5 * first.rod_area
     assert second.gas_pressure > 2.0 * first.gas_pressure
 

@@ -14,17 +14,17 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from damperfit.account import Ending
 from damperfit.cli.interrupt import stop_on_signal
-from damperfit.config import load_settings
-from damperfit.pipeline import Watch, run
+from damperfit.configuration.loading import load_configuration
+from damperfit.run.pipeline import Watch, run
+from damperfit.run.record import Ending
 
 ROOT = Path(__file__).parents[2]
 
 
 def test_finished_settings_are_written_when_the_user_stops(logs, tmp_path) -> None:
     stop = threading.Event()
-    settings = load_settings(overlay={"output": {"folder": str(tmp_path / "out")}})
+    settings = load_configuration(overlay={"output": {"folder": str(tmp_path / "out")}})
     watch = Watch(on_fit=lambda _fit: stop.set(), cancelled=stop.is_set)
     result = run(settings, [str(logs / "setting_*.csv")], jobs=1, watch=watch)
     assert result.ending is Ending.INTERRUPTED
@@ -38,7 +38,7 @@ def test_finished_settings_are_written_when_the_user_stops(logs, tmp_path) -> No
 def test_earlier_results_stay_when_nothing_was_finished(logs, tmp_path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "run.json").write_text("earlier")
-    settings = load_settings(overlay={"output": {"folder": str(tmp_path / "out")}})
+    settings = load_configuration(overlay={"output": {"folder": str(tmp_path / "out")}})
     watch = Watch(cancelled=lambda: True)
     result = run(settings, [str(logs / "setting_*.csv")], jobs=1, watch=watch)
     assert result.ending is Ending.INTERRUPTED

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from damperfit.config import load_settings
+from damperfit.configuration.loading import load_configuration
 from damperfit.readers import read_logs
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -38,7 +38,7 @@ def _logger(force_volts: str, displacement_volts: str, *, force_first: bool) -> 
 def test_logger_of_the_mts_machine(tmp_path, name, force_first) -> None:
     path = tmp_path / name
     path.write_bytes(_logger("0.0320", "-2.9931", force_first=force_first))
-    parts = read_logs(path, load_settings(CONFIGS / "mr_damper_mts.toml").reading)
+    parts = read_logs(path, load_configuration(CONFIGS / "mr_damper_mts.toml").reading)
     assert [part.setting for part in parts] == [0, 25, 50, 75, 100]
     for part in parts:
         np.testing.assert_allclose(part.time - part.time[0], [0.0, 0.005, 0.01], atol=1e-12)
@@ -72,7 +72,7 @@ def test_matlab_files_with_left_over_variables(tmp_path, name, setting) -> None:
     }
     savemat(tmp_path / name, variables)
     (recording,) = read_logs(
-        tmp_path / name, load_settings(CONFIGS / "mr_damper_table.toml").reading
+        tmp_path / name, load_configuration(CONFIGS / "mr_damper_table.toml").reading
     )
     assert recording.setting == setting
     np.testing.assert_array_equal(recording.time, time.ravel())

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.confidence import unconfirmed_tares
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Finding
+from damperfit.run.trust import unconfirmed_tares
 from damperfit.uncertainty import assess
 from tests.identification.rig import recording, trace, traces
 from tests.uncertainty.flaws import FLAWS, Flaw, judged, outcomes, speed

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from damperfit.account import _twin_warnings
-from damperfit.intake import Intake, LogFacts
+from damperfit.run.logs import LogBatch, LogFacts
+from damperfit.run.record import _twin_warnings
 
 
 def _warned(*logs: tuple[str, str, str]) -> list[str]:
     facts = tuple(LogFacts(log, path, sha256, {}) for log, path, sha256 in logs)
-    return list(_twin_warnings(Intake((), facts, (), (), len(facts))))
+    return list(_twin_warnings(LogBatch((), facts, (), (), len(facts))))
 
 
 def test_two_files_with_the_same_bytes_are_named() -> None:

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
 from damperfit.adjustment import Adjustment
-from damperfit.checklist import Check, missed_gates
-from damperfit.confidence import confidence_record, unconfirmed_tares
+from damperfit.checks import Check, missed_gates
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Outcome, describe_cavitation, describe_searches
 from damperfit.quantities import engineering
 from damperfit.report import Failure, ReportFacts
+from damperfit.run.trust import confidence_record, unconfirmed_tares
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
 from damperfit.uncertainty import METHOD, Assessment, prediction_warnings
 
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from damperfit.adjustment import Click
+    from damperfit.configuration.options import Configuration
     from damperfit.identification import Campaign
-    from damperfit.intake import Intake, LogFacts
     from damperfit.recording import Finding
-    from damperfit.settings import Settings
+    from damperfit.run.logs import LogBatch, LogFacts
     from damperfit.uncertainty import Prediction
 
 __all__ = [
@@ -80,14 +80,16 @@ class Judgement:
     predictions: tuple[Prediction, ...] = ()
 
 
-def failures_of(settings: Settings, intake: Intake, campaign: Campaign) -> tuple[Failure, ...]:
+def failures_of(
+    configuration: Configuration, batch: LogBatch, campaign: Campaign
+) -> tuple[Failure, ...]:
     """Return the logs and settings without a result."""
-    return (*intake.failures, *_setting_failures(campaign), *_missing(settings, intake))
+    return (*batch.failures, *_setting_failures(campaign), *_missing(configuration, batch))
 
 
 def report_facts(
-    settings: Settings,
-    intake: Intake,
+    configuration: Configuration,
+    batch: LogBatch,
     campaign: Campaign,
     judgement: Judgement,
     *,
@@ -99,13 +101,13 @@ def report_facts(
     return ReportFacts(
         version=__version__,
         procedure=(
-            *_procedure(settings, campaign),
+            *_procedure(configuration, campaign),
             *((assessment.gas.sentence,) if assessment.gas is not None else ()),
             *_method(campaign, assessment),
         ),
-        failures=failures_of(settings, intake, campaign),
+        failures=failures_of(configuration, batch, campaign),
         warnings=(
-            *_warnings(intake, campaign),
+            *_warnings(batch, campaign),
             *unconfirmed_tares(campaign, assessment),
             *assessment.warnings,
             *prediction_warnings(judgement.predictions),
@@ -118,8 +120,8 @@ def report_facts(
         checks=judgement.checks,
         gaps=campaign.gaps,
         gates=(
-            *_missed_gates(settings, intake, campaign),
-            *missed_gates(judgement.checks, settings.output.checks),
+            *_missed_gates(configuration, batch, campaign),
+            *missed_gates(judgement.checks, configuration.output.checks),
         ),
         advice=tuple(sorted((outcome.value, outcome.advice) for outcome in outcomes)),
         held_out=judgement.predictions,
@@ -149,26 +151,26 @@ def ending_of(campaign: Campaign, facts: ReportFacts) -> Ending:
 
 
 def provenance(
-    settings: Settings,
-    intake: Intake,
+    configuration: Configuration,
+    batch: LogBatch,
     campaign: Campaign,
     predictions: Sequence[Prediction] = (),
 ) -> dict[str, Any]:
     """Return what the tables were made from; nothing in it depends on place, time or failures."""
     used = {log.trace.name for fit in campaign.fits for log in fit.logs}
     used |= {one.trace.name for one in predictions}
-    document = {key: value for key, value in settings.document.items() if key != "output"}
+    document = {key: value for key, value in configuration.document.items() if key != "output"}
     return {
         "version": __version__,
         "procedure": campaign.procedure,
         "configuration": document,
-        "inputs": {log.log: log.sha256 for log in intake.logs if log.log in used},
+        "inputs": {log.log: log.sha256 for log in batch.logs if log.log in used},
     }
 
 
 def record(
-    settings: Settings,
-    intake: Intake,
+    configuration: Configuration,
+    batch: LogBatch,
     facts: ReportFacts,
     campaign: Campaign,
     judgement: Judgement,
@@ -181,9 +183,9 @@ def record(
         "schema_version": SCHEMA_VERSION,
         "ending": ending.name.lower(),
         "exit_code": ending.value,
-        "configuration": settings.document,
-        "inputs": [_input(log) for log in intake.logs],
-        "skipped": list(intake.skipped),
+        "configuration": configuration.document,
+        "inputs": [_input(log) for log in batch.logs],
+        "skipped": list(batch.skipped),
         "failures": [asdict(failure) for failure in facts.failures],
         "warnings": list(facts.warnings),
         "gaps": list(facts.gaps),
@@ -235,23 +237,23 @@ def click_document(click: Click) -> dict[str, Any]:
     }
 
 
-def log_documents(intake: Intake) -> dict[str, Any]:
+def log_documents(batch: LogBatch) -> dict[str, Any]:
     """Return what `inspect` tells, as JSON values."""
     document: dict[str, Any] = json_values(
         {
-            "logs": [_input(log) for log in intake.logs],
-            "skipped": list(intake.skipped),
-            "failures": [asdict(failure) for failure in intake.failures],
+            "logs": [_input(log) for log in batch.logs],
+            "skipped": list(batch.skipped),
+            "failures": [asdict(failure) for failure in batch.failures],
         }
     )
     return document
 
 
-def reading_ending(intake: Intake) -> Ending:
+def reading_ending(batch: LogBatch) -> Ending:
     """Return how reading alone ended."""
-    if any(not failure.is_left_out for failure in intake.failures):
-        return Ending.SOME_FAILED if intake.n_good else Ending.ALL_FAILED
-    return Ending.GATE_MISSED if intake.failures else Ending.COMPLETE
+    if any(not failure.is_left_out for failure in batch.failures):
+        return Ending.SOME_FAILED if batch.n_good else Ending.ALL_FAILED
+    return Ending.GATE_MISSED if batch.failures else Ending.COMPLETE
 
 
 def _input(log: LogFacts) -> dict[str, Any]:
@@ -275,18 +277,18 @@ def _setting_failures(campaign: Campaign) -> Iterator[Failure]:
         yield Failure("", "", setting, "SimulationError", message)
 
 
-def _missing(settings: Settings, intake: Intake) -> Iterator[Failure]:
+def _missing(configuration: Configuration, batch: LogBatch) -> Iterator[Failure]:
     """Yield the settings that the configuration expects and no log claims to be."""
-    present = {log.facts.get("setting") for log in intake.logs}
-    for setting in sorted(set(settings.rig.settings) - present):
+    present = {log.facts.get("setting") for log in batch.logs}
+    for setting in sorted(set(configuration.rig.settings) - present):
         message = f"setting {setting}: no log, but the configuration expects one in rig.settings"
         yield Failure("", "", setting, "LogError", message)
 
 
-def _warnings(intake: Intake, campaign: Campaign) -> Iterator[str]:
-    for path in intake.skipped:
+def _warnings(batch: LogBatch, campaign: Campaign) -> Iterator[str]:
+    for path in batch.skipped:
         yield f"{path}: a parameter table of damperfit, not a log; skipped"
-    yield from _twin_warnings(intake)
+    yield from _twin_warnings(batch)
     yield from _log_warnings(campaign)
     yield from campaign.warnings
     if campaign.sharing.friction_varies and campaign.sharing.f_f_range is not None:
@@ -300,10 +302,10 @@ def _warnings(intake: Intake, campaign: Campaign) -> Iterator[str]:
         yield from (f"setting {fit.setting}: {warning}" for warning in fit.warnings)
 
 
-def _twin_warnings(intake: Intake) -> Iterator[str]:
+def _twin_warnings(batch: LogBatch) -> Iterator[str]:
     """One line for each set of files with the same bytes; the tests in one file are no twins."""
     twins: dict[str, dict[str, str]] = {}
-    for log in intake.logs:
+    for log in batch.logs:
         twins.setdefault(log.sha256 or log.path, {}).setdefault(log.path, log.log)
     for first, *others in (list(names.values()) for names in twins.values()):
         if len(others) == 1:
@@ -334,13 +336,15 @@ def _by_kind(campaign: Campaign, is_meant: Callable[[Finding], bool]) -> Iterato
         yield f"{name}{also}: {sentence}"
 
 
-def _missed_gates(settings: Settings, intake: Intake, campaign: Campaign) -> Iterator[str]:
-    refused = [failure.log for failure in intake.failures if failure.is_left_out]
+def _missed_gates(
+    configuration: Configuration, batch: LogBatch, campaign: Campaign
+) -> Iterator[str]:
+    refused = [failure.log for failure in batch.failures if failure.is_left_out]
     if refused:
         n = len(refused) - 1
         others = f" and {n} other log{'s' * (n > 1)}" if n else ""
         yield f"strict quality: {refused[0]}{others} left out for warnings"
-    limit = settings.output.max_mse_percent
+    limit = configuration.output.max_mse_percent
     for fit in campaign.fits:
         if limit > 0.0 and not fit.mse_percent <= limit:  # "not <=" catches NaN too
             yield f"setting {fit.setting}: MSE {fit.mse_percent:.3g} % is above {limit:g} %"
@@ -348,9 +352,9 @@ def _missed_gates(settings: Settings, intake: Intake, campaign: Campaign) -> Ite
             yield f"setting {fit.setting}: the fit did not converge ({fit.outcome.value})"
 
 
-def _procedure(settings: Settings, campaign: Campaign) -> Iterator[str]:
+def _procedure(configuration: Configuration, campaign: Campaign) -> Iterator[str]:
     """Yield how the parameters were found, one sentence each."""
-    damper = settings.damper
+    damper = configuration.damper
     yield (
         f"Damper: rod {1e3 * damper.rod_diameter:g} mm, piston {1e3 * damper.piston_diameter:g} "
         f"mm, gas {damper.gas_pressure / 1e5:g} bar absolute, exponent {damper.gas_exponent:g}."
@@ -367,7 +371,7 @@ def _procedure(settings: Settings, campaign: Campaign) -> Iterator[str]:
         said = f"{name} = {engineering(value, digits=5)} {unit}"
         if fit.status[name] == "shared":
             spread = _friction_spread(campaign) if name == "f_f" else ""
-            yield f"{said} is shared by all settings, found from the logs{spread}."
+            yield f"{said} is shared by all configuration, found from the logs{spread}."
         elif fit.status[name] == "fixed" and (name != "f_0" or value != 0.0):
             yield f"{said} is fixed."
 

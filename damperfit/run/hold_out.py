@@ -12,8 +12,8 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, LogError
-from damperfit.intake import Intake, expand
 from damperfit.report.facts import Failure
+from damperfit.run.logs import LogBatch, expand
 from damperfit.uncertainty import split_cycles
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class Parted:
 
     Attributes
     ----------
-    intake : Intake
+    batch : LogBatch
         All logs; its traces are those to fit, its failures hold the logs that could not be parted.
     held_out : tuple of Trace
         To be predicted.
@@ -41,7 +41,7 @@ class Parted:
         Logs that are held out as a whole.
     """
 
-    intake: Intake
+    batch: LogBatch
     held_out: tuple[Trace, ...] = ()
     names: frozenset[str] = frozenset()
 
@@ -72,12 +72,12 @@ def _named(pattern: str, paths: Sequence[Path]) -> tuple[Path, ...]:
         return ()
 
 
-def part(intake: Intake, options: HoldOutOptions, named: Mapping[str, Sequence[Path]]) -> Parted:
+def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[Path]]) -> Parted:
     """Part what was read into what is fitted and what is predicted.
 
     Parameters
     ----------
-    intake : Intake
+    batch : LogBatch
         Everything that was read.
     options : HoldOutOptions
         What to hold out.
@@ -92,39 +92,39 @@ def part(intake: Intake, options: HoldOutOptions, named: Mapping[str, Sequence[P
     names: set[str] = set()
     for pattern in options.patterns:
         files = {str(path) for path in named.get(pattern, ())}
-        hits = {log.log for log in intake.logs if log.path in files or _fits(pattern, log.log)}
+        hits = {log.log for log in batch.logs if log.path in files or _fits(pattern, log.log)}
         if not hits:
             raise ConfigurationError(
                 f"hold-out {pattern}: fits no log and names no other; quote a pattern, as in "
                 "--hold-out '*_16mm.csv', and leave the held-out logs among LOGS or out of them"
             )
         names |= hits
-    if names and names == {log.log for log in intake.logs}:
+    if names and names == {log.log for log in batch.logs}:
         raise ConfigurationError("hold-out: every log is held out; there is none to fit")
-    held_out = [trace for trace in intake.traces if trace.name in names]
+    held_out = [trace for trace in batch.traces if trace.name in names]
     fitted: list[Trace] = []
     failures: list[Failure] = []
-    for trace in (trace for trace in intake.traces if trace.name not in names):
+    for trace in (trace for trace in batch.traces if trace.name not in names):
         try:
             rest, last = split_cycles(trace, options.cycles) if options.cycles else (trace, None)
         except LogError as error:
-            failures.append(_failure(intake, trace, str(error)))
+            failures.append(_failure(batch, trace, str(error)))
             continue
         fitted.append(rest)
         held_out.extend([last] if last is not None else [])
-    left = replace(intake, traces=tuple(fitted), failures=(*intake.failures, *failures))
+    left = replace(batch, traces=tuple(fitted), failures=(*batch.failures, *failures))
     return Parted(left, tuple(held_out), frozenset(names))
 
 
 def note_unpredicted(
     parted: Parted, campaign: Campaign, predictions: Sequence[Prediction]
-) -> Intake:
-    """Return the intake with the held-out logs that could not be predicted among its failures."""
+) -> LogBatch:
+    """Return the batch with the held-out logs that could not be predicted among its failures."""
     done = {id(prediction.trace) for prediction in predictions}
     fitted = {fit.setting for fit in campaign.fits}
     lost = tuple(
         _failure(
-            parted.intake,
+            parted.batch,
             trace,
             f"{trace.name}: held out, but cannot be predicted: setting {trace.setting} "
             + ("cannot be simulated on it" if trace.setting in fitted else "has no fit"),
@@ -132,11 +132,11 @@ def note_unpredicted(
         for trace in parted.held_out
         if id(trace) not in done
     )
-    return replace(parted.intake, failures=(*parted.intake.failures, *lost))
+    return replace(parted.batch, failures=(*parted.batch.failures, *lost))
 
 
-def _failure(intake: Intake, trace: Trace, message: str) -> Failure:
-    path = next((log.path for log in intake.logs if log.log == trace.name), "")
+def _failure(batch: LogBatch, trace: Trace, message: str) -> Failure:
+    path = next((log.path for log in batch.logs if log.log == trace.name), "")
     return Failure(trace.name, path, trace.setting, "LogError", message)
 
 

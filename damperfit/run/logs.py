@@ -25,13 +25,13 @@ from damperfit.report.facts import Failure
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
+    from damperfit.configuration.options import Configuration
     from damperfit.recording import Recording, Trace
-    from damperfit.settings import Settings
 
 _LARGE = 1_000_000  # bytes
 _READ_APART = {".mat", ".mdf", ".mf4", ".h5", ".hdf5"}
 
-__all__ = ["Intake", "LogFacts", "available_cores", "expand", "take_in"]
+__all__ = ["LogBatch", "LogFacts", "available_cores", "expand", "read_batch"]
 
 # First line of this project's own parameter tables (truth.csv, parameters.csv), which a pattern
 # such as sample_runs/*.csv catches beside the logs.
@@ -58,7 +58,7 @@ class LogFacts:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Intake:
+class LogBatch:
     """All logs of a run.
 
     Attributes
@@ -142,22 +142,22 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
-def take_in(
+def read_batch(
     paths: Sequence[Path],
-    settings: Settings,
+    configuration: Configuration,
     *,
     jobs: int,
     setting: int | None = None,
     keeps_traces: bool = True,
     cancelled: Callable[[], bool] = lambda: False,
-) -> Intake:
+) -> LogBatch:
     """Read and condition logs, several at a time.
 
     Parameters
     ----------
     paths : sequence of pathlib.Path
         Log files.
-    settings : Settings
+    configuration : Configuration
         How to read and condition them.
     jobs : int
         Workers.
@@ -174,14 +174,14 @@ def take_in(
     logs = [path for path in paths if not is_table[path]]
 
     def one(path: Path, name: str) -> list[_Taken]:
-        taken = [] if cancelled() else _take_file(path, name, settings, setting=setting)
+        taken = [] if cancelled() else _take_file(path, name, configuration, setting=setting)
         return taken if keeps_traces else [replace(part, trace=None) for part in taken]
 
     # BLAS threads spin between small products and take the core of the next log.
     workers = jobs if any(_gains_by_threads(path) for path in logs) else 1
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(workers) as pool:
         taken = [part for parts in pool.map(one, logs, _distinct_names(logs)) for part in parts]
-    return Intake(
+    return LogBatch(
         traces=tuple(part.trace for part in taken if part.trace is not None),
         logs=tuple(part.facts for part in taken),
         failures=tuple(part.failure for part in taken if part.failure is not None),
@@ -237,19 +237,21 @@ class _Taken:
     failure: Failure | None = None
 
 
-def _take_file(path: Path, name: str, settings: Settings, *, setting: int | None) -> list[_Taken]:
+def _take_file(
+    path: Path, name: str, configuration: Configuration, *, setting: int | None
+) -> list[_Taken]:
     """Read one file, which may hold several tests."""
     try:
-        recordings = read_logs(path, settings.reading)
+        recordings = read_logs(path, configuration.reading)
     except (LogError, MemoryError) as error:
         known = LogFacts(name, _shown(str(path)), _hash(path), {"name": name, "setting": setting})
         return [_failed(known, error)]
     parts = [replace(part, name=part.name.replace(path.name, name, 1)) for part in recordings]
-    return [_take_test(part, path, settings, setting=setting) for part in parts]
+    return [_take_test(part, path, configuration, setting=setting) for part in parts]
 
 
 def _take_test(
-    recording: Recording, path: Path, settings: Settings, *, setting: int | None
+    recording: Recording, path: Path, configuration: Configuration, *, setting: int | None
 ) -> _Taken:
     known = LogFacts(
         log=recording.name,
@@ -265,7 +267,7 @@ def _take_test(
     try:
         if recording.setting is None:
             recording = replace(recording, setting=_known(setting, recording.name))
-        trace = condition(recording, settings.conditioning)
+        trace = condition(recording, configuration.conditioning)
     except (LogError, MemoryError) as error:
         return _failed(known, error, examine_raw(recording))
     sentences = (one.sentence for one in trace.findings)
@@ -275,7 +277,7 @@ def _take_test(
         "verdict": "warnings" if trace.warnings else "good",
     }
     known = replace(known, facts=facts)
-    if settings.rig.is_strict and trace.warnings:
+    if configuration.rig.is_strict and trace.warnings:
         more = f" (and {len(trace.warnings) - 1} more)" if len(trace.warnings) > 1 else ""
         text = f"refused for a warning, as strict quality was asked for: {trace.warnings[0]}{more}"
         return _failed(known, QualityError(f"{recording.name}: {text}"), trace.findings)

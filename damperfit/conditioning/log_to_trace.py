@@ -30,15 +30,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.conditioning.cycles import Cycles, find_cycles
-from damperfit.conditioning.derivatives import differentiate
-from damperfit.conditioning.detective import (
+from damperfit.conditioning.corrections import (
     describe_level,
     describe_middle,
     find_skew,
     level_of,
     put_right,
 )
+from damperfit.conditioning.cycles import Cycles, find_cycles
+from damperfit.conditioning.derivatives import differentiate
 from damperfit.conditioning.filters import (
     apply_filter,
     complete_causal,

@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from damperfit.config import load_settings
+from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
+from damperfit.queries.one_simulation import choose_parameters
+from damperfit.queries.sweep import PAPER_SWEEPS, SWEPT_UNITS, parse_variation, run_sweep
 from damperfit.report import (
     Kin,
     family_plot,
@@ -19,13 +21,11 @@ from damperfit.report import (
     kin_pressures,
     terminal_table,
 )
-from damperfit.sweep import PAPER_SWEEPS, SWEPT_UNITS, parse_variation, run_sweep
-from damperfit.trial import choose_parameters
 
 
 @pytest.fixture(scope="module")
 def settings():
-    return load_settings()
+    return load_configuration()
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment import Adjustment, Click, Outlier, Trend
-from damperfit.checklist import (
+from damperfit.checks import (
     CHECK_LISTS,
     CHECKS,
     Check,

@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 
 from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
-from damperfit.config import load_settings, settings_toml
+from damperfit.configuration.loading import configuration_toml, load_configuration
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions
 from damperfit.readers import ReadOptions
 from damperfit.simulation import SolverOptions
 
-DEFAULTS = Path(__file__).parents[1] / "damperfit" / "defaults.toml"
+DEFAULTS = Path(__file__).parents[2] / "damperfit" / "configuration" / "defaults.toml"
 
 
 def _write(folder: Path, text: str) -> Path:
@@ -27,7 +27,7 @@ def _write(folder: Path, text: str) -> Path:
 
 
 def test_the_defaults_are_those_of_the_libraries_below() -> None:
-    settings = load_settings()
+    settings = load_configuration()
     assert settings.damper == PURDY_DAMPER
     assert settings.reading == ReadOptions()
     assert settings.identification == FitOptions()
@@ -66,7 +66,7 @@ def test_a_damper_that_the_configuration_cannot_describe_does_not_exist() -> Non
 
 def test_a_file_needs_only_what_differs_and_takes_units_or_si(tmp_path: Path) -> None:
     path = _write(tmp_path, '[damper]\nrod_diameter = "12mm"\ngas_pressure = 1.2e6\n')
-    damper = load_settings(path).damper
+    damper = load_configuration(path).damper
     assert damper.rod_diameter == 0.012
     assert damper.gas_pressure == 1.2e6
     assert damper.piston_diameter == PURDY_DAMPER.piston_diameter
@@ -74,20 +74,22 @@ def test_a_file_needs_only_what_differs_and_takes_units_or_si(tmp_path: Path) ->
 
 def test_the_command_line_comes_after_the_file(tmp_path: Path) -> None:
     path = _write(tmp_path, '[rig]\namplitude = "10mm"\nfrequency = "2Hz"\n')
-    rig = load_settings(path, overlay={"rig": {"amplitude": "20mm"}}).rig
+    rig = load_configuration(path, overlay={"rig": {"amplitude": "20mm"}}).rig
     assert (rig.amplitude, rig.frequency) == (0.02, 2.0)
 
 
 def test_fixed_parameters_of_file_and_command_line_add_up(tmp_path: Path) -> None:
     path = _write(tmp_path, '[identification]\nfix = {k_e = "500MPa", f_f = 40}\n')
-    fit = load_settings(path, overlay={"identification": {"fix": {"f_f": "45N"}}}).identification
+    fit = load_configuration(
+        path, overlay={"identification": {"fix": {"f_f": "45N"}}}
+    ).identification
     assert fit.fixed == {"k_e": 5e8, "f_f": 45.0}
 
 
 def test_loading_twice_leaves_no_trace_of_the_first(tmp_path: Path) -> None:
     path = _write(tmp_path, "[identification]\nfix = {f_f = 40}\n")
-    load_settings(path)
-    assert load_settings().identification.fixed == {}
+    load_configuration(path)
+    assert load_configuration().identification.fixed == {}
 
 
 FULL = """
@@ -118,24 +120,24 @@ max_mse_percent = 1
 
 @pytest.mark.parametrize("text", ["", FULL])
 def test_what_is_printed_loads_back_to_the_same(tmp_path: Path, text: str) -> None:
-    settings = load_settings(_write(tmp_path, text))
+    settings = load_configuration(_write(tmp_path, text))
     printed = tmp_path / "printed.toml"
-    printed.write_text(settings_toml(settings), encoding="utf-8")
-    again = load_settings(printed)
+    printed.write_text(configuration_toml(settings), encoding="utf-8")
+    again = load_configuration(printed)
     assert again == settings
     assert again.document == settings.document
-    assert settings_toml(again) == settings_toml(settings)
+    assert configuration_toml(again) == configuration_toml(settings)
 
 
 def test_what_is_printed_keeps_the_comments(tmp_path: Path) -> None:
-    printed = settings_toml(load_settings(_write(tmp_path, FULL)))
+    printed = configuration_toml(load_configuration(_write(tmp_path, FULL)))
     assert 'rod_diameter = "12mm"' in printed
     assert "# d_r" in printed
     assert len(printed.splitlines()) == len(DEFAULTS.read_text(encoding="utf-8").splitlines())
 
 
 def test_values_arrive_where_they_are_used(tmp_path: Path) -> None:
-    settings = load_settings(_write(tmp_path, FULL))
+    settings = load_configuration(_write(tmp_path, FULL))
     assert settings.rig.settings == (1, 2, 3)
     assert settings.conditioning.centre == 0.0125
     assert settings.conditioning.rig_filter == "causal"
@@ -200,28 +202,28 @@ def test_values_arrive_where_they_are_used(tmp_path: Path) -> None:
 )
 def test_a_mistake_is_told_with_its_place(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(ConfigurationError, match=says) as caught:
-        load_settings(_write(tmp_path, text))
+        load_configuration(_write(tmp_path, text))
     assert "\n" not in str(caught.value)
 
 
 def test_a_mistake_on_the_command_line_is_told_as_such() -> None:
     with pytest.raises(ConfigurationError, match=r"command line: rig\.amplitude: no unit"):
-        load_settings(overlay={"rig": {"amplitude": "3kg"}})
+        load_configuration(overlay={"rig": {"amplitude": "3kg"}})
 
 
 def test_files_that_are_no_configuration_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="No such file"):
-        load_settings(tmp_path / "none.toml")
+        load_configuration(tmp_path / "none.toml")
     with pytest.raises(ConfigurationError, match="cannot be read"):
-        load_settings(tmp_path)
+        load_configuration(tmp_path)
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ConfigurationError, match="UTF-8"):
-        load_settings(tmp_path / "binary")
+        load_configuration(tmp_path / "binary")
     (tmp_path / "big").write_text("# " + "x" * 1_100_000)
     with pytest.raises(ConfigurationError, match="larger than 1 MB"):
-        load_settings(tmp_path / "big")
+        load_configuration(tmp_path / "big")
 
 
 def test_a_byte_order_mark_is_no_mistake(tmp_path: Path) -> None:
     (tmp_path / "bom.toml").write_bytes(b"\xef\xbb\xbf[rig]\nfrequency = 2\n")
-    assert load_settings(tmp_path / "bom.toml").rig.frequency == 2.0
+    assert load_configuration(tmp_path / "bom.toml").rig.frequency == 2.0

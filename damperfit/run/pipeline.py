@@ -16,7 +16,15 @@ from dataclasses import dataclass, field
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
-from damperfit.account import (
+from damperfit.adjustment import compare_settings
+from damperfit.atomic import check_writable, file_set
+from damperfit.checks import Subject, run_checks
+from damperfit.errors import ConfigurationError
+from damperfit.identification import Campaign, compare, identify
+from damperfit.report import markdown_report
+from damperfit.run.hold_out import Parted, named_files, note_unpredicted, part
+from damperfit.run.logs import available_cores, expand, read_batch
+from damperfit.run.record import (
     Ending,
     Judgement,
     ending_of,
@@ -25,14 +33,6 @@ from damperfit.account import (
     record,
     report_facts,
 )
-from damperfit.adjustment import compare_settings
-from damperfit.atomic import check_writable, file_set
-from damperfit.checklist import Subject, run_checks
-from damperfit.errors import ConfigurationError
-from damperfit.holdout import Parted, named_files, note_unpredicted, part
-from damperfit.identification import Campaign, compare, identify
-from damperfit.intake import available_cores, expand, take_in
-from damperfit.report import markdown_report
 from damperfit.tables import make_tables, profiles_table, write_responses, write_table
 from damperfit.uncertainty import Bench, assess, predict, profile_campaign, reconsider
 
@@ -42,11 +42,11 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
+    from damperfit.configuration.options import Configuration
     from damperfit.damper.parameters import Parameters
     from damperfit.identification import Comparison, Fit
     from damperfit.recording import Trace
     from damperfit.report import ReportFacts
-    from damperfit.settings import Settings
     from damperfit.tables import Tables
 
 __all__ = ["RunResult", "Watch", "run"]
@@ -120,7 +120,7 @@ class RunResult:
 
 
 def run(
-    settings: Settings,
+    configuration: Configuration,
     logs: Sequence[str],
     *,
     jobs: int | None = None,
@@ -131,7 +131,7 @@ def run(
 
     Parameters
     ----------
-    settings : Settings
+    configuration : Configuration
         The complete configuration.
     logs : sequence of str
         Paths and patterns.
@@ -154,26 +154,32 @@ def run(
         The results cannot be written; earlier results are untouched.
     """
     clock = _Clock()
-    folder = settings.output.folder
+    folder = configuration.output.folder
     paths = expand(logs)
-    named = named_files(settings.hold_out.patterns, paths)
+    named = named_files(configuration.hold_out.patterns, paths)
     paths = tuple(dict.fromkeys((*paths, *chain.from_iterable(named.values()))))
     check_writable(folder)
     workers = jobs or available_cores()
     with clock.lap("read_s"):
-        intake = take_in(paths, settings, jobs=workers, setting=setting, cancelled=watch.cancelled)
-    if not intake.logs and not watch.cancelled():
+        batch = read_batch(
+            paths, configuration, jobs=workers, setting=setting, cancelled=watch.cancelled
+        )
+    if not batch.logs and not watch.cancelled():
         raise ConfigurationError("no logs among the files given: they are all parameter tables")
-    parted = Parted(intake) if watch.cancelled() else part(intake, settings.hold_out, named)
-    intake = parted.intake
-    watch.on_start(len({trace.setting for trace in intake.traces}))
+    parted = Parted(batch) if watch.cancelled() else part(batch, configuration.hold_out, named)
+    batch = parted.batch
+    watch.on_start(len({trace.setting for trace in batch.traces}))
     with clock.lap("fit_s"):
-        campaign = _identify(settings, intake.traces, jobs=workers, watch=watch)
-    campaign, judgement = _judge(settings, parted, campaign, clock=clock, jobs=workers, watch=watch)
+        campaign = _identify(configuration, batch.traces, jobs=workers, watch=watch)
+    campaign, judgement = _judge(
+        configuration, parted, campaign, clock=clock, jobs=workers, watch=watch
+    )
     if not watch.cancelled():
-        intake = note_unpredicted(parted, campaign, judgement.predictions)
-    origin = provenance(settings, intake, campaign, judgement.predictions)
-    facts = report_facts(settings, intake, campaign, judgement, is_interrupted=watch.cancelled())
+        batch = note_unpredicted(parted, campaign, judgement.predictions)
+    origin = provenance(configuration, batch, campaign, judgement.predictions)
+    facts = report_facts(
+        configuration, batch, campaign, judgement, is_interrupted=watch.cancelled()
+    )
     ending = ending_of(campaign, facts)
     result = RunResult(
         ending=ending,
@@ -183,15 +189,15 @@ def run(
             assessment=judgement.assessment,
             predictions=judgement.predictions,
             adjustment=judgement.adjustment,
-            expected=settings.rig.settings,
+            expected=configuration.rig.settings,
             provenance=origin,
         ),
         facts=facts,
-        record=record(settings, intake, facts, campaign, judgement, ending=ending),
-        profiles=_profiles(settings, judgement, origin),
+        record=record(configuration, batch, facts, campaign, judgement, ending=ending),
+        profiles=_profiles(configuration, judgement, origin),
     )
     if campaign.fits or not facts.is_interrupted:
-        _write(settings, result, origin, clock=clock, jobs=workers)
+        _write(configuration, result, origin, clock=clock, jobs=workers)
     return result
 
 
@@ -214,13 +220,15 @@ class _Clock:
         return self.laps | {"total_s": round(time.perf_counter() - self.started, 4)}
 
 
-def _identify(settings: Settings, traces: Sequence[Trace], *, jobs: int, watch: Watch) -> Campaign:
+def _identify(
+    configuration: Configuration, traces: Sequence[Trace], *, jobs: int, watch: Watch
+) -> Campaign:
     if not traces or watch.cancelled():
-        return Campaign(procedure=settings.identification.procedure, fits=())
+        return Campaign(procedure=configuration.identification.procedure, fits=())
     return identify(
         traces,
-        settings.damper,
-        settings.identification,
+        configuration.damper,
+        configuration.identification,
         jobs=jobs,
         on_fit=watch.on_fit,
         cancelled=watch.cancelled,
@@ -228,7 +236,7 @@ def _identify(settings: Settings, traces: Sequence[Trace], *, jobs: int, watch: 
 
 
 def _judge(
-    settings: Settings,
+    configuration: Configuration,
     parted: Parted,
     campaign: Campaign,
     *,
@@ -237,14 +245,14 @@ def _judge(
     watch: Watch,
 ) -> tuple[Campaign, Judgement]:
     """Intervals, verdicts, trends and checks of a campaign; profiles where they were asked for."""
-    solver = settings.identification.solver
+    solver = configuration.identification.solver
     with clock.lap("judge_s"):
         assessment = assess(
-            campaign, settings.damper, solver=solver, jobs=jobs, cancelled=watch.cancelled
+            campaign, configuration.damper, solver=solver, jobs=jobs, cancelled=watch.cancelled
         )
         campaign = reconsider(campaign, assessment)
         adjustment = compare_settings(
-            campaign, assessment, settings.damper, solver=solver, jobs=jobs
+            campaign, assessment, configuration.damper, solver=solver, jobs=jobs
         )
         subject = Subject(
             campaign,
@@ -252,38 +260,47 @@ def _judge(
             adjustment,
             missing=tuple(
                 f"{one.place} {'left out' if one.is_left_out else 'failed'}"
-                for one in failures_of(settings, parted.intake, campaign)
+                for one in failures_of(configuration, parted.batch, campaign)
             ),
-            temperature=settings.rig.temperature,
-            temperature_tolerance=settings.rig.temperature_tolerance,
+            temperature=configuration.rig.temperature,
+            temperature_tolerance=configuration.rig.temperature_tolerance,
         )
         checks = run_checks(subject)
         predictions = predict(
-            campaign, assessment, parted.held_out, damper=settings.damper, solver=solver, jobs=jobs
+            campaign,
+            assessment,
+            parted.held_out,
+            damper=configuration.damper,
+            solver=solver,
+            jobs=jobs,
         )
-    if settings.profile and campaign.fits and not watch.cancelled():
-        bench = Bench(settings.damper, solver, watch.cancelled, jobs)
+    if configuration.profile and campaign.fits and not watch.cancelled():
+        bench = Bench(configuration.damper, solver, watch.cancelled, jobs)
         with clock.lap("profile_s"):
-            assessment = profile_campaign(campaign, assessment, bench, names=settings.profile)
+            assessment = profile_campaign(campaign, assessment, bench, names=configuration.profile)
     return campaign, Judgement(assessment, adjustment, checks, predictions)
 
 
 def _profiles(
-    settings: Settings, judgement: Judgement, origin: Mapping[str, Any]
+    configuration: Configuration, judgement: Judgement, origin: Mapping[str, Any]
 ) -> pa.Table | None:
     """The table of the profiles that were asked for."""
-    if not settings.profile:
+    if not configuration.profile:
         return None
-    wanted = (p for p in judgement.assessment.profiles if p.name in settings.profile)
+    wanted = (p for p in judgement.assessment.profiles if p.name in configuration.profile)
     return profiles_table(wanted, provenance=origin)
 
 
-def _comparisons(settings: Settings, campaign: Campaign, *, jobs: int) -> Iterator[Comparison]:
+def _comparisons(
+    configuration: Configuration, campaign: Campaign, *, jobs: int
+) -> Iterator[Comparison]:
     """Simulate each log once more, a few at a time and no more: they are large."""
 
     def one(pair: tuple[Parameters, Trace]) -> Comparison:
         parameters, trace = pair
-        return compare(parameters, trace, settings.damper, solver=settings.identification.solver)
+        return compare(
+            parameters, trace, configuration.damper, solver=configuration.identification.solver
+        )
 
     pairs = [(fit.parameters, log.trace) for fit in campaign.fits for log in fit.logs]
     with ThreadPoolExecutor(max_workers=jobs) as pool:
@@ -292,7 +309,7 @@ def _comparisons(settings: Settings, campaign: Campaign, *, jobs: int) -> Iterat
 
 
 def _write(
-    settings: Settings,
+    configuration: Configuration,
     result: RunResult,
     origin: Mapping[str, Any],
     *,
@@ -300,7 +317,7 @@ def _write(
     jobs: int,
 ) -> None:
     """Write all files as a set, run.json last."""
-    with file_set(settings.output.folder) as files:
+    with file_set(configuration.output.folder) as files:
         with clock.lap("write_s"):
             for name, table in result.written.items():
                 for suffix in (".parquet", ".csv"):
@@ -311,7 +328,7 @@ def _write(
             write_responses(
                 files.path("responses.parquet"),
                 result.campaign,
-                _comparisons(settings, result.campaign, jobs=jobs),
+                _comparisons(configuration, result.campaign, jobs=jobs),
                 provenance=origin,
             )
             report = markdown_report(result.tables, result.facts)

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.queries.one_simulation import simulate_test
 from damperfit.tables import PARAMETER_UNITS
-from damperfit.trial import run_trial
 
 if TYPE_CHECKING:
-    from damperfit.settings import Settings
-    from damperfit.trial import Choice, Trial
+    from damperfit.configuration.options import Configuration
+    from damperfit.queries.one_simulation import Choice, SimulatedTest
 
 __all__ = ["PAPER_SWEEPS", "SWEPT_UNITS", "Member", "Variation", "parse_variation", "run_sweep"]
 
@@ -47,13 +47,13 @@ class Member:
         What the quantity was multiplied with.
     value : float
         The quantity then, SI.
-    trial : Trial
+    trial : SimulatedTest
         The simulated test.
     """
 
     factor: float
     value: float
-    trial: Trial
+    trial: SimulatedTest
 
 
 # Figures 4, 5, 6 (and 7: its pressures), 8 and 9 of the paper.
@@ -107,14 +107,16 @@ def _factor(text: str, whole: str) -> float:
     return value
 
 
-def run_sweep(choice: Choice, settings: Settings, *, variation: Variation) -> tuple[Member, ...]:
+def run_sweep(
+    choice: Choice, configuration: Configuration, *, variation: Variation
+) -> tuple[Member, ...]:
     """Simulate the nominal test once for each factor.
 
     Parameters
     ----------
     choice : Choice
         Whose parameters.
-    settings : Settings
+    configuration : Configuration
         Damper, nominal test, solver.
     variation : Variation
         What is scaled, by what.
@@ -131,32 +133,34 @@ def run_sweep(choice: Choice, settings: Settings, *, variation: Variation) -> tu
     SimulationError
         The model cannot be integrated.
     """
-    base = _value(choice, settings, variation.name)
+    base = _value(choice, configuration, variation.name)
     if base == 0.0:
         raise ConfigurationError(f"{variation.name} is 0 here: no factor changes it")
     members = []
     for factor in variation.factors:
-        changed = _changed(choice, settings, variation.name, value=base * factor)
-        members.append(Member(factor, base * factor, run_trial(*changed)))
+        changed = _changed(choice, configuration, variation.name, value=base * factor)
+        members.append(Member(factor, base * factor, simulate_test(*changed)))
     return tuple(members)
 
 
-def _value(choice: Choice, settings: Settings, name: str) -> float:
+def _value(choice: Choice, configuration: Configuration, name: str) -> float:
     others = {
-        "p_0": settings.damper.gas_pressure,
-        "gamma": settings.damper.gas_exponent,
-        "amplitude": settings.rig.amplitude,
-        "frequency": settings.rig.frequency,
+        "p_0": configuration.damper.gas_pressure,
+        "gamma": configuration.damper.gas_exponent,
+        "amplitude": configuration.rig.amplitude,
+        "frequency": configuration.rig.frequency,
     }
     return others[name] if name in others else float(getattr(choice.parameters, name))
 
 
 def _changed(
-    choice: Choice, settings: Settings, name: str, *, value: float
-) -> tuple[Choice, Settings]:
+    choice: Choice, configuration: Configuration, name: str, *, value: float
+) -> tuple[Choice, Configuration]:
     if name in PARAMETER_NAMES:
-        return replace(choice, parameters=replace(choice.parameters, **{name: value})), settings
-    rig, damper = settings.rig, settings.damper
+        return replace(
+            choice, parameters=replace(choice.parameters, **{name: value})
+        ), configuration
+    rig, damper = configuration.rig, configuration.damper
     if name == "amplitude":
         rig = replace(rig, amplitude=value)
     elif name == "frequency":
@@ -165,4 +169,4 @@ def _changed(
         damper = replace(damper, gas_pressure=value)
     else:
         damper = replace(damper, gas_exponent=value)
-    return choice, replace(settings, rig=rig, damper=damper)
+    return choice, replace(configuration, rig=rig, damper=damper)

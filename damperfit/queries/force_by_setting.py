@@ -21,7 +21,7 @@ from damperfit.adjustment import (
     named_speeds,
     which_setting,
 )
-from damperfit.config import load_settings
+from damperfit.configuration.loading import load_configuration
 from damperfit.damper.parameters import PARAMETER_NAMES, Damper, Parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification.sharing import listed_settings
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from damperfit.settings import Settings
+    from damperfit.configuration.options import Configuration
     from damperfit.simulation import SolverOptions
 
 __all__ = ["Adjuster", "Ladder", "Question", "climb", "parse_question", "read_adjuster"]
@@ -179,7 +179,7 @@ def read_adjuster(
     """
     results = read_results(folder, parts=("parameters",))
     remarks = list(results.remarks)
-    settings = _settings(config, results.record, remarks)
+    configuration = _configuration(config, results.record, remarks)
     stages = tuple(_stages(results.parameters, results.record, remarks))
     if not stages:
         raise ConfigurationError(
@@ -187,12 +187,12 @@ def read_adjuster(
         )
     own = _tested(results.record, {stage.setting for stage in stages})
     if own is None and not (amplitude and frequency):
-        own = Sine(settings.rig.amplitude, settings.rig.frequency)
+        own = Sine(configuration.rig.amplitude, configuration.rig.frequency)
         remarks.append("the motion of the test is not known: the nominal one is taken")
     sine, source = _motion(own, amplitude, frequency)
-    refuse_amplitude(sine.amplitude, settings.damper)
+    refuse_amplitude(sine.amplitude, configuration.damper)
     return Adjuster(
-        stages, settings.damper, sine, source, settings.simulation.solver, tuple(remarks)
+        stages, configuration.damper, sine, source, configuration.simulation.solver, tuple(remarks)
     )
 
 
@@ -245,17 +245,19 @@ def _cavitation_notes(adjuster: Adjuster, found: Sequence[Level]) -> Iterator[st
         )
 
 
-def _settings(config: Path | None, record: Mapping[str, Any], remarks: list[str]) -> Settings:
+def _configuration(
+    config: Path | None, record: Mapping[str, Any], remarks: list[str]
+) -> Configuration:
     """Return the configuration that has the run's damper, whatever else is in its document."""
     if config is not None:
-        return load_settings(config)
+        return load_configuration(config)
     document = record.get("configuration")
     damper = document.get("damper") if isinstance(document, dict) else None
     if not isinstance(damper, dict):
         remarks.append("the damper of the run is not known: the paper's is taken; give --config")
-        return load_settings()
+        return load_configuration()
     try:
-        return load_settings(overlay={"damper": damper})
+        return load_configuration(overlay={"damper": damper})
     except ConfigurationError as error:
         raise ConfigurationError(
             f"the damper in run.json cannot be used ({error}); give --config"

@@ -1,6 +1,6 @@
 """How well signs, tare and skew are told, over settings, oils, strokes and dampers.
 
-    python -m tests.conditioning.detective_grid
+    python -m tests.conditioning.corrections_grid
 
 Prints one line a case: the force level against the gas force, and the skew estimated against the
 true one. The figures in CONTRIBUTING are from here; it takes about a minute.
@@ -17,7 +17,7 @@ from damperfit.conditioning.timebase import make_uniform
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
 from damperfit.errors import ConditioningError
-from tests.conditioning.test_detective import MIRRORS, SLIM, SLIM_SETTING, gas_of, mirrored
+from tests.conditioning.test_corrections import MIRRORS, SLIM, SLIM_SETTING, gas_of, mirrored
 from tests.conditioning.test_skew import late_log
 from tests.identification.rig import recording
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 from damperfit.characteristics import Characteristics, characterise
 from damperfit.conditioning import condition
+from damperfit.configuration.options import parameter_value
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.damper.reference import REFERENCE_SOURCE, reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification.comparison import motion_of
 from damperfit.readers import read_log
-from damperfit.settings import parameter_value
 from damperfit.simulation import (
     Response,
     refuse_amplitude,
@@ -27,10 +27,10 @@ from damperfit.tables import read_parameters
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from damperfit.settings import Settings
+    from damperfit.configuration.options import Configuration
     from damperfit.simulation import Motion
 
-__all__ = ["DEFAULT_TABLE", "Choice", "Trial", "choose_parameters", "run_trial"]
+__all__ = ["DEFAULT_TABLE", "Choice", "SimulatedTest", "choose_parameters", "simulate_test"]
 
 DEFAULT_TABLE = Path("results/parameters.parquet")
 _WAVES = {"sine": sine_motion, "triangle": triangle_motion}
@@ -57,7 +57,7 @@ class Choice:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Trial:
+class SimulatedTest:
     """A simulated test.
 
     Attributes
@@ -129,14 +129,16 @@ def _of_setting(setting: int, table: Path | None) -> tuple[Parameters, str]:
     return known[setting], f"setting {setting} of {path}"
 
 
-def run_trial(choice: Choice, settings: Settings, *, log: Path | None = None) -> Trial:
+def simulate_test(
+    choice: Choice, configuration: Configuration, *, log: Path | None = None
+) -> SimulatedTest:
     """Simulate a test with a wave, or with the displacement of a log.
 
     Parameters
     ----------
     choice : Choice
         Parameters.
-    settings : Settings
+    configuration : Configuration
         Damper, nominal test, solver; for a log also how to read and condition it.
     log : pathlib.Path, optional
         Rig log whose displacement drives the damper.
@@ -150,28 +152,30 @@ def run_trial(choice: Choice, settings: Settings, *, log: Path | None = None) ->
     SimulationError
         The model cannot be integrated, or the response is shorter than one cycle.
     """
-    solver = settings.simulation.solver
+    solver = configuration.simulation.solver
     if log is None:
-        motion, words = _wave(settings)
-        response = simulate(choice.parameters, settings.damper, motion, options=solver)
-        frequency, steady = settings.rig.frequency, response
+        motion, words = _wave(configuration)
+        response = simulate(choice.parameters, configuration.damper, motion, options=solver)
+        frequency, steady = configuration.rig.frequency, response
     else:
-        trace = condition(read_log(log, settings.reading), settings.conditioning)
-        response = simulate(choice.parameters, settings.damper, motion_of(trace), options=solver)
+        trace = condition(read_log(log, configuration.reading), configuration.conditioning)
+        response = simulate(
+            choice.parameters, configuration.damper, motion_of(trace), options=solver
+        )
         frequency, steady = trace.frequency, _part(response, trace.window)
         words = f"displacement of {trace.name}, last of {trace.n_cycles} steady cycles"
     figures = characterise(steady, frequency)
-    if log is None and settings.simulation.wave == "triangle":
+    if log is None and configuration.simulation.wave == "triangle":
         # It holds one speed a stroke: what lies below is passed in the jump, between two samples.
         figures = replace(
             figures, speed_forces=(), hysteresis_rebound=math.nan, hysteresis_bump=math.nan
         )
-    return Trial(choice, words, frequency, response, figures)
+    return SimulatedTest(choice, words, frequency, response, figures)
 
 
-def _wave(settings: Settings) -> tuple[Motion, str]:
-    rig, options = settings.rig, settings.simulation
-    refuse_amplitude(rig.amplitude, settings.damper)
+def _wave(configuration: Configuration) -> tuple[Motion, str]:
+    rig, options = configuration.rig, configuration.simulation
+    refuse_amplitude(rig.amplitude, configuration.damper)
     motion = _WAVES[options.wave](
         rig.amplitude,
         rig.frequency,

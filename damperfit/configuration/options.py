@@ -1,4 +1,4 @@
-"""What a configuration holds: `Settings`, one options object for each part of the program."""
+"""What a configuration holds: `Configuration`, one options object for each part of the program."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 __all__ = [
+    "Configuration",
     "OutputOptions",
     "RigOptions",
-    "Settings",
     "SimulationOptions",
     "parameter_value",
 ]
@@ -87,7 +87,7 @@ class OutputOptions:
     max_mse_percent : float
         Gate: a setting above it makes the command end with code 4; 0 is no gate.
     checks : tuple of str
-        Gates: names of `damperfit.checklist.CHECKS` that must be passed.
+        Gates: names of `damperfit.checks.CHECKS` that must be passed.
     """
 
     folder: Path
@@ -96,7 +96,7 @@ class OutputOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class Configuration:
     """The complete configuration; one field for each part of the program.
 
     Attributes

@@ -1,4 +1,4 @@
-"""Configuration: defaults.toml, then a file, then the command line, to one frozen `Settings`.
+"""Configuration: defaults.toml, then a file, then the command line, to one frozen `Configuration`.
 
 ``defaults.toml`` is complete and commented, and is the documentation of the configuration. No
 default stands anywhere else. A key that defaults.toml does not know is an error.
@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from damperfit.configuration.options import Configuration
+from damperfit.configuration.schema import build_configuration
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.schema import build_settings
-from damperfit.settings import Settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-__all__ = ["load_settings", "settings_toml"]
+__all__ = ["configuration_toml", "load_configuration"]
 
 _MAX_BYTES = 1_000_000  # a configuration is a page; anything larger is some other file
 _COMMAND_LINE = "command line"
@@ -32,9 +32,9 @@ _HEADER = re.compile(r"\s*\[([^\[\]]+)\]")
 _ENTRY = re.compile(r"(?P<key>\w+) = (?P<value>[^#]*[^#\s])(?P<comment>\s*#.*)?$")
 
 
-def load_settings(
+def load_configuration(
     path: str | Path | None = None, *, overlay: Mapping[str, Mapping[str, Any]] | None = None
-) -> Settings:
+) -> Configuration:
     """Return the configuration in force.
 
     Parameters
@@ -62,7 +62,7 @@ def load_settings(
         _check_keys(layer, known=layers[0].values)
         _merge(document, layer.values)
     try:
-        return build_settings(document)
+        return build_configuration(document)
     except ValidationError as error:
         raise ConfigurationError(_explain(error, layers)) from error
 
@@ -88,7 +88,9 @@ class _Layer:
 
 
 def _defaults_text() -> str:
-    return (resources.files("damperfit") / "defaults.toml").read_text(encoding="utf-8")
+    return (resources.files("damperfit.configuration") / "defaults.toml").read_text(
+        encoding="utf-8"
+    )
 
 
 def _read(path: Path) -> str:
@@ -156,10 +158,10 @@ def _explain(error: ValidationError, layers: Sequence[_Layer]) -> str:
     return f"{source.place(section, key)}: {name}: {reason}{found}"
 
 
-def settings_toml(settings: Settings) -> str:
+def configuration_toml(configuration: Configuration) -> str:
     """Return the complete configuration as TOML, with the comments of defaults.toml.
 
-    `load_settings` of the text gives equal settings.
+    `load_configuration` of the text gives equal settings.
     """
     section = ""
     lines = []
@@ -167,7 +169,7 @@ def settings_toml(settings: Settings) -> str:
         if header := _HEADER.match(line):
             section = header[1].strip()
         if entry := _ENTRY.match(line):
-            value = _toml_value(settings.document[section][entry["key"]])
+            value = _toml_value(configuration.document[section][entry["key"]])
             lines.append(f"{entry['key']} = {value}{entry['comment'] or ''}")
         else:
             lines.append(line)

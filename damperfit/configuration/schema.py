@@ -1,4 +1,4 @@
-"""The schema that a TOML document must meet, and the `Settings` that it describes.
+"""The schema that a TOML document must meet, and the `Configuration` that it describes.
 
 The schema has no defaults: every key stands in defaults.toml. Quantities are text with a unit
 ("19mm", "4.6bar") or bare numbers in SI.
@@ -12,24 +12,24 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
-from damperfit.checklist import expand_checks
+from damperfit.checks import expand_checks
 from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
+from damperfit.configuration.options import (
+    Configuration,
+    OutputOptions,
+    RigOptions,
+    SimulationOptions,
+    parameter_value,
+)
 from damperfit.damper.parameters import Damper
 from damperfit.identification import FitOptions, check_options
 from damperfit.quantities import parse_quantity
 from damperfit.readers import ReadOptions, make_profile
 from damperfit.readers.options import Declarations
-from damperfit.settings import (
-    OutputOptions,
-    RigOptions,
-    Settings,
-    SimulationOptions,
-    parameter_value,
-)
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import HoldOutOptions, check_profile_names
 
-__all__ = ["build_settings"]
+__all__ = ["build_configuration"]
 
 
 def _quantity(dimension: str) -> BeforeValidator:
@@ -268,7 +268,7 @@ class _Document(_Section):
     output: _OutputSection
 
 
-def build_settings(document: dict[str, Any]) -> Settings:
+def build_configuration(document: dict[str, Any]) -> Configuration:
     """Return the settings that a complete TOML document describes.
 
     Raises
@@ -280,7 +280,7 @@ def build_settings(document: dict[str, Any]) -> Settings:
     """
     checked = _Document.model_validate(document)
     damper = checked.damper.build()
-    return Settings(
+    return Configuration(
         damper=damper,
         rig=checked.rig.build(),
         reading=checked.rig.build_reading(),
