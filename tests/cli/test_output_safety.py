@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from damperfit import pipeline
+from damperfit.run import pipeline
 
 ROOT = Path(__file__).parents[2]
 QUICK = (
