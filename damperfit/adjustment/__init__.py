@@ -1,6 +1,6 @@
 """What shows only across settings: trends, settings off them, clicks, the setting for a force."""
 
-from damperfit.adjustment.comparison import Adjustment, compare_settings
+from damperfit.adjustment.across_settings import Adjustment, compare_settings
 from damperfit.adjustment.forces import (
     STROKES,
     Click,

@@ -24,8 +24,8 @@ import numpy as np
 from damperfit.characteristics import NAMED_SPEEDS, signals_at_speeds
 from damperfit.damper.parameters import Damper, Parameters
 from damperfit.errors import SimulationError
-from damperfit.identification.setting import NORMAL_95
 from damperfit.simulation import Response, SolverOptions, simulate, sine_motion
+from damperfit.uncertainty import NORMAL_95
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

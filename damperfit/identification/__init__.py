@@ -2,8 +2,8 @@
 
 from damperfit.identification.campaign import PROCEDURES, Campaign, identify
 from damperfit.identification.cavitation import Cavitation, describe_cavitation
-from damperfit.identification.comparison import Comparison, compare, normalised_mse
-from damperfit.identification.multistart import Minimum, Search, describe_searches
+from damperfit.identification.model_versus_log import Comparison, compare, normalised_mse
+from damperfit.identification.multistart import Search, Valley, describe_searches
 from damperfit.identification.options import FitOptions, check_options
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.setting import Fit, LogFit
@@ -17,10 +17,10 @@ __all__ = [
     "Fit",
     "FitOptions",
     "LogFit",
-    "Minimum",
     "Outcome",
     "Search",
     "Sharing",
+    "Valley",
     "check_options",
     "compare",
     "describe_cavitation",

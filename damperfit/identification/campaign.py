@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, SimulationError
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.first_pass import first_pass
+from damperfit.identification.joint_procedure import fit_together
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.options import FitOptions, check_options
+from damperfit.identification.procedure_input import ProcedureInput, closed_form_start, ordered
 from damperfit.identification.setting import PLAUSIBLE, Fit, Judged, describe_fit
 from damperfit.identification.sharing import Sharing
-from damperfit.identification.task import Task, closed_form_start, ordered
-from damperfit.identification.together import fit_together
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -129,7 +129,7 @@ def identify(
     check_options(options)
     if not traces:
         raise LogError("identify: there is no log to fit; give one trace or more")
-    task = Task(
+    task = ProcedureInput(
         _by_setting(traces),
         damper,
         options,
@@ -156,7 +156,7 @@ def _implausible(options: FitOptions) -> Iterator[str]:
             )
 
 
-def _plain(task: Task) -> Campaign:
+def _plain(task: ProcedureInput) -> Campaign:
     """Fit at every setting what is free, from the closed form."""
     fixed = dict(task.options.fixed)
     fixed.setdefault("f_0", 0.0)
@@ -180,7 +180,7 @@ def _plain(task: Task) -> Campaign:
     return _collect(task, fit, ())
 
 
-def _paper(task: Task) -> Campaign:
+def _paper(task: ProcedureInput) -> Campaign:
     """The paper's own procedure, sections 3 and 4 of its identification."""
     fixed = dict(task.options.fixed)
     free = task.options.free or tuple(name for name in _PAPER_FREE if name not in fixed)
@@ -207,7 +207,7 @@ def _paper(task: Task) -> Campaign:
     )
 
 
-def _joint(task: Task) -> Campaign:
+def _joint(task: ProcedureInput) -> Campaign:
     """One fit over the settings, from the paper's procedure as start; unsound ones follow it."""
     shared = ordered(task.options.share)
     # What is neither shared nor fixed is the settings' own: R_m3 or f_f too.
@@ -246,7 +246,7 @@ def _joint(task: Task) -> Campaign:
     return replace(collected, sharing=sharing)
 
 
-PROCEDURES: dict[str, Callable[[Task], Campaign]] = {
+PROCEDURES: dict[str, Callable[[ProcedureInput], Campaign]] = {
     "paper": _paper,
     "joint": _joint,
     "plain": _plain,
@@ -259,7 +259,7 @@ def _named(judged: Judged, status: Mapping[str, str]) -> Judged:
 
 
 def _collect(
-    task: Task, fit: Callable[[int], tuple[Fit, Search | None]], warnings: Iterable[str]
+    task: ProcedureInput, fit: Callable[[int], tuple[Fit, Search | None]], warnings: Iterable[str]
 ) -> Campaign:
     """Run the fit at every setting, in threads; one setting's failure leaves the others."""
     searches: dict[int, Search] = {}

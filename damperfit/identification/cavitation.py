@@ -18,7 +18,7 @@ import numpy as np
 
 from damperfit.damper.closed_forms import gas_pressure
 from damperfit.errors import SimulationError
-from damperfit.identification.comparison import motion_of
+from damperfit.identification.model_versus_log import motion_of
 from damperfit.simulation import Motion, SolverOptions, simulate
 
 if TYPE_CHECKING:

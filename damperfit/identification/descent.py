@@ -15,8 +15,8 @@ import numpy as np
 
 from damperfit.conditioning import apply_filter
 from damperfit.errors import DamperfitError, SimulationError
-from damperfit.identification.comparison import motion_of
 from damperfit.identification.minimiser import Stopping, Transformation, minimise
+from damperfit.identification.model_versus_log import motion_of
 from damperfit.simulation import SolverOptions, simulate
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ from damperfit.errors import DamperfitError
 from damperfit.identification.descent import FitCancelledError, Misfit, descend
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Outcome
+from damperfit.identification.procedure_input import ProcedureInput, closed_form_start
 from damperfit.identification.setting import (
     CHI_SQUARED_95,
     EXCELLENT,
@@ -24,7 +25,6 @@ from damperfit.identification.setting import (
 )
 from damperfit.identification.sharing import Sharing
 from damperfit.identification.starting import cavitation_limit, starting_values
-from damperfit.identification.task import Task, closed_form_start
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -75,7 +75,7 @@ class FirstPass:
 
 
 def first_pass(
-    task: Task, names: tuple[str, ...], fixed: Mapping[str, float], free: set[str]
+    task: ProcedureInput, names: tuple[str, ...], fixed: Mapping[str, float], free: set[str]
 ) -> tuple[FirstPass, tuple[str, ...]]:
     """All parameters free at every setting; returns R_m3 and f_f as the paper takes them."""
     wanted = [name for name in ("r_m3", "f_f") if name not in fixed and name not in free]
@@ -176,7 +176,7 @@ class _SharedR_m3:  # noqa: N801 - the paper's symbol
 
 
 def _shared_r_m3(
-    task: Task,
+    task: ProcedureInput,
     judged: Mapping[int, Judged],
     names: tuple[str, ...],
     setting: int,
@@ -255,7 +255,7 @@ def _with_mean_friction(misfit: Misfit, judged: Judged, f_f: float, r_m3: float)
 
 
 def _free_everywhere(
-    task: Task, names: tuple[str, ...], fixed: Mapping[str, float], anchor: Parameters
+    task: ProcedureInput, names: tuple[str, ...], fixed: Mapping[str, float], anchor: Parameters
 ) -> dict[int, Judged]:
     """The first pass at all settings but the lowest, each from its closed form and the anchor."""
 

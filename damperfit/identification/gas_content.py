@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.bulk_modulus import modulus_at_pressure
-from damperfit.identification.comparison import compare
+from damperfit.identification.model_versus_log import compare
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from damperfit.damper.parameters import Parameters
-    from damperfit.identification.task import Task
+    from damperfit.identification.procedure_input import ProcedureInput
 
 __all__ = [
     "SPREAD",
-    "Minimum",
     "Search",
+    "Valley",
     "describe_searches",
     "fit_from",
     "search",
@@ -50,8 +50,8 @@ _SAME_ERRORS = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Minimum:
-    """Where some of the starts ended.
+class Valley:
+    """A minimum that some of the starts ended in.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Search:
         Adjuster setting.
     free : tuple of str
         Parameters that the starts were spread in.
-    minima : tuple of Minimum
+    minima : tuple of Valley
         By rising MSE.
     n_starts, n_failed : int
         Descents, the procedure's own among them, and those whose start could not be simulated.
@@ -93,7 +93,7 @@ class Search:
 
     setting: int
     free: tuple[str, ...]
-    minima: tuple[Minimum, ...]
+    minima: tuple[Valley, ...]
     n_starts: int
     n_failed: int
     is_improved: bool
@@ -140,7 +140,7 @@ def _ending(one: Search) -> str:
 
 
 def fit_from(
-    task: Task, setting: int, misfit: Misfit, start: Parameters, *, spent: int = 0
+    task: ProcedureInput, setting: int, misfit: Misfit, start: Parameters, *, spent: int = 0
 ) -> tuple[Judged, Search | None]:
     """Fit from a start, and from as many more as the options ask for."""
     first = fit_setting(misfit, start, spent=spent)
@@ -186,7 +186,7 @@ def search(setting: int, misfit: Misfit, first: Judged, *, n_starts: int) -> tup
         setting=setting,
         free=misfit.free,
         minima=tuple(
-            Minimum(
+            Valley(
                 group[0].solution.parameters,
                 group[0].solution.mse_percent,
                 group[0].outcome.value,

@@ -11,9 +11,9 @@ from damperfit.conditioning import noise_floor
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.errors import SimulationError
 from damperfit.identification.cavitation import Cavitation, examine_cavitation
-from damperfit.identification.comparison import compare, normalised_mse
 from damperfit.identification.descent import Misfit, Solution, approach, descend
 from damperfit.identification.minimiser import inverse_information
+from damperfit.identification.model_versus_log import compare, normalised_mse
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.starting import cavitation_limit
 
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 __all__ = [
     "CHI_SQUARED_95",
     "EXCELLENT",
-    "NORMAL_95",
     "NOT_FIT_TO_SHARE",
     "NOT_FOUND",
     "PLAUSIBLE",
@@ -62,8 +61,6 @@ _RIGHT_ANGLE = 1e-3
 _CLEARLY_BETTER = 1.5
 # Of one degree of freedom: what noise may make of the depth of a minimum.
 CHI_SQUARED_95 = 3.84
-# 95 % of a normal distribution lie within so many standard errors.
-NORMAL_95 = 1.959964
 # MSE in per cent that the paper calls excellent; the wrong valley's is about 2 %.
 EXCELLENT = 1.0
 # Starts for a damper that cavitates, in units of `cavitation_limit`: 1.5 and 5 times the onset.

@@ -10,7 +10,7 @@ import numpy as np
 from damperfit.damper.closed_forms import gas_pressure, incompressible_design
 from damperfit.damper.parameters import Parameters
 from damperfit.errors import SimulationError
-from damperfit.identification.comparison import compare, normalised_mse
+from damperfit.identification.model_versus_log import compare, normalised_mse
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

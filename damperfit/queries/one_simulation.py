@@ -13,7 +13,7 @@ from damperfit.configuration.options import parameter_value
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.damper.reference import REFERENCE_SOURCE, reference_parameters
 from damperfit.errors import ConfigurationError
-from damperfit.identification.comparison import motion_of
+from damperfit.identification.model_versus_log import motion_of
 from damperfit.readers import read_log
 from damperfit.simulation import (
     Response,

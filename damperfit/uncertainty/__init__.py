@@ -1,10 +1,11 @@
 """How far each number may be trusted: covariance, intervals, what the residuals say."""
 
 from damperfit.uncertainty.assessment import METHOD, Assessment, assess, reconsider
-from damperfit.uncertainty.evidence import Evidence, LogEvidence, gather
 from damperfit.uncertainty.flaws import Hint
 from damperfit.uncertainty.gas import GasContent
+from damperfit.uncertainty.information import Evidence, LogEvidence, gather
 from damperfit.uncertainty.intervals import (
+    NORMAL_95,
     Interval,
     Uncertainty,
     collect_evidence,
@@ -24,6 +25,7 @@ from damperfit.uncertainty.residuals import Diagnosis, diagnose
 
 __all__ = [
     "METHOD",
+    "NORMAL_95",
     "Assessment",
     "Bench",
     "Diagnosis",

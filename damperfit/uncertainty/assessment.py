@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.parameters import Damper
     from damperfit.identification import Campaign
-    from damperfit.uncertainty.evidence import Evidence
+    from damperfit.uncertainty.information import Evidence
 
 __all__ = [
     "METHOD",

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.recording import Trace
-    from damperfit.uncertainty.evidence import Evidence, LogEvidence
+    from damperfit.uncertainty.information import Evidence, LogEvidence
 
     FloatArray = NDArray[np.float64]
 

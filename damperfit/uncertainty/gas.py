@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from damperfit.identification import Sharing
-    from damperfit.uncertainty.evidence import Evidence
+    from damperfit.uncertainty.information import Evidence
 
 __all__ = ["GasContent", "gas_content"]
 

@@ -1,7 +1,7 @@
 r"""Standard errors and 95 % intervals of a campaign's parameters.
 
-With s the summed scores of a setting (covariance M, see `evidence`), f its own free parameters and
-theta the shared ones, the errors are linear::
+With s the summed scores of a setting (covariance M, see `information`), f its own free parameters
+and theta the shared ones, the errors are linear::
 
     own       du = H_ff^-1 (s_f - H_f,theta dtheta)
     shared    dtheta = sum over settings of T s
@@ -28,9 +28,8 @@ import numpy as np
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import SimulationError
 from damperfit.identification.gas_content import GAS_NAMES
-from damperfit.identification.setting import NORMAL_95
 from damperfit.simulation import SolverOptions
-from damperfit.uncertainty.evidence import Evidence, gather
+from damperfit.uncertainty.information import Evidence, gather
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -43,6 +42,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = [
+    "NORMAL_95",
     "Interval",
     "Uncertainty",
     "collect_evidence",
@@ -54,6 +54,9 @@ __all__ = [
     "solved",
     "uncertainties",
 ]
+
+# 95 % of a normal distribution lie within so many standard errors.
+NORMAL_95 = 1.959964
 
 _INDEX = {name: j for j, name in enumerate(PARAMETER_NAMES)}
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.identification.joint import JointProblem, JointSolution, fit_jointly
+from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_jointly
 from damperfit.identification.outcome import Outcome
 from damperfit.uncertainty.intervals import shared_curvature
 from damperfit.uncertainty.profiles import (
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.parameters import Parameters
     from damperfit.identification import Sharing
-    from damperfit.uncertainty.evidence import Evidence
+    from damperfit.uncertainty.information import Evidence
     from damperfit.uncertainty.intervals import Uncertainty
     from damperfit.uncertainty.lines import Bench
 

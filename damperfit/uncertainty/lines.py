@@ -16,15 +16,15 @@ from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification.descent import Misfit
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.intervals import own_names, solved
+from damperfit.uncertainty.profile_walk import Line, trace_profile
 from damperfit.uncertainty.profiles import OFFSET_UNIT, MisfitProfile, Stride
-from damperfit.uncertainty.tracing import Line, trace_profile
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from damperfit.damper.parameters import Damper
     from damperfit.identification import Fit, Sharing
-    from damperfit.uncertainty.evidence import Evidence
+    from damperfit.uncertainty.information import Evidence
     from damperfit.uncertainty.intervals import Uncertainty
 
 __all__ = ["Bench", "doubtful_profiles", "is_doubtful", "lines_of"]

@@ -9,7 +9,7 @@ of the residuals and shared parameters allowed for, see `intervals`) a rise of 1
 limit. White-noise scaling, L = 1/s^2, would set the limits three times too near.
 
 sqrt(rise) runs nearly straight, so that few points do and a limit is interpolated in it. Here is
-how a line is walked; `tracing` and `joint_profiles` refit the others.
+how a line is walked; `profile_walk` and `joint_profiles` refit the others.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from damperfit.errors import SimulationError
-from damperfit.identification.setting import NORMAL_95, PLAUSIBLE
+from damperfit.identification.setting import PLAUSIBLE
+from damperfit.uncertainty.intervals import NORMAL_95
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -12,8 +12,8 @@ from damperfit.identification.descent import FitCancelledError
 from damperfit.uncertainty.assessment import Assessment, evidence_in_turns, without_curves
 from damperfit.uncertainty.joint_profiles import profile_jointly
 from damperfit.uncertainty.lines import Bench, is_doubtful, lines_of
+from damperfit.uncertainty.profile_walk import Line, trace_profile
 from damperfit.uncertainty.profiles import MisfitProfile, Stride
-from damperfit.uncertainty.tracing import Line, trace_profile
 
 if TYPE_CHECKING:
     from collections.abc import Container, Iterable, Sequence

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.uncertainty.correlated_noise import autocorrelation
 from damperfit.uncertainty.flaws import Hint, seek_flaws
-from damperfit.uncertainty.spectrum import autocorrelation
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.recording import Trace
-    from damperfit.uncertainty.evidence import Evidence
+    from damperfit.uncertainty.information import Evidence
 
     FloatArray = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Outcome, identify
 from damperfit.identification.descent import Misfit
 from damperfit.identification.gas_content import GasLaw, first_law, working_pressure
-from damperfit.identification.joint import JointProblem, fit_jointly
+from damperfit.identification.joint_fit import JointProblem, fit_jointly
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import assess, collect_evidence, uncertainties
 from damperfit.uncertainty.intervals import shared_covariance

@@ -19,13 +19,13 @@ from damperfit.uncertainty import (
     reconsider,
     uncertainties,
 )
-from damperfit.uncertainty.intervals import make_interval
-from damperfit.uncertainty.spectrum import (
+from damperfit.uncertainty.correlated_noise import (
     autocorrelation,
     correlation_length,
     cycle_covariance,
     score_covariance,
 )
+from damperfit.uncertainty.intervals import make_interval
 from damperfit.uncertainty.verdicts import doubts, verdicts
 from tests import fakes
 from tests.identification.rig import trace, traces

@@ -16,9 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.identification.comparison import compare
+from damperfit.identification.model_versus_log import compare
 from damperfit.simulation import SENSITIVITY_NAMES, SolverOptions
-from damperfit.uncertainty.spectrum import correlation_length, cycle_covariance, score_covariance
+from damperfit.uncertainty.correlated_noise import (
+    correlation_length,
+    cycle_covariance,
+    score_covariance,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

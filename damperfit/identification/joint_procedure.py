@@ -9,11 +9,11 @@ import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.identification.gas_content import first_law, working_pressure
-from damperfit.identification.joint import JointProblem, JointSolution, fit_jointly
+from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_jointly
 from damperfit.identification.outcome import Outcome
+from damperfit.identification.procedure_input import ProcedureInput, ordered
 from damperfit.identification.setting import NOT_FIT_TO_SHARE, PLAUSIBLE
 from damperfit.identification.sharing import Sharing
-from damperfit.identification.task import Task, ordered
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from damperfit.identification.descent import Misfit
     from damperfit.identification.setting import Fit
 
-__all__ = ["Together", "fit_together"]
+__all__ = ["JointResult", "fit_together"]
 
 _NO_MINIMUM = "the joint fit stopped before its minimum: the shared values are the best found."
 # The working pressure hardly depends on K_e: it moves by less than this in the second round.
@@ -34,7 +34,7 @@ _CHANCE = 0.001
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Together:
+class JointResult:
     """What a joint fit gave.
 
     Attributes
@@ -76,8 +76,8 @@ class Together:
 
 
 def fit_together(
-    task: Task, before: Sequence[Fit], own: tuple[str, ...], shared: tuple[str, ...]
-) -> Together | None:
+    task: ProcedureInput, before: Sequence[Fit], own: tuple[str, ...], shared: tuple[str, ...]
+) -> JointResult | None:
     """Fit the settings that have a sound minimum together; None where there are not two.
 
     Raises
@@ -112,7 +112,7 @@ def fit_together(
         gas=solution.gas,
         gas_rises=rises,
     )
-    return Together(
+    return JointResult(
         solution=solution,
         own=tuple(name for name in own if not (is_gas and name == "k_e")),
         status=_statuses(solution, shared, is_gas=is_gas),
@@ -122,7 +122,7 @@ def fit_together(
     )
 
 
-def _common(name: str, task: Task, fits: Sequence[Fit]) -> float:
+def _common(name: str, task: ProcedureInput, fits: Sequence[Fit]) -> float:
     """Where a shared parameter starts: the mean, or the fallback where R_m3 was not told.
 
     From a value without effect a logarithm would not come back.
@@ -133,7 +133,7 @@ def _common(name: str, task: Task, fits: Sequence[Fit]) -> float:
 
 
 def _with_gas(
-    task: Task, problem: JointProblem, starts: Mapping[int, Parameters]
+    task: ProcedureInput, problem: JointProblem, starts: Mapping[int, Parameters]
 ) -> tuple[JointSolution, int]:
     """Fit with K_e from a gas content; the working pressures are those of the fit itself."""
     moduli = {setting: start.k_e for setting, start in starts.items()}

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from damperfit.identification.setting import Fit
     from damperfit.recording import Trace
 
-__all__ = ["Task", "closed_form_start", "ordered"]
+__all__ = ["ProcedureInput", "closed_form_start", "ordered"]
 
 # Where the scan over bulk moduli starts from when no other setting has been fitted.
 _BULK_MODULUS = 6e8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Task:
+class ProcedureInput:
     """Everything a procedure needs."""
 
     settings: Mapping[int, tuple[Trace, ...]]
