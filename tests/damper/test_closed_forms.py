@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from damperfit.damper import appendices
 from damperfit.damper import closed_forms as cf
 from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.errors import SimulationError
@@ -27,7 +28,10 @@ dampers = st.builds(
     gas_exponent=st.floats(1.0, 1.67),
 )
 valves = st.builds(
-    cf.LinearValves, r_v1=st.floats(0, 1e10), r_v2=st.floats(0, 1e10), r_v3=st.floats(0, 1e10)
+    appendices.LinearValves,
+    r_v1=st.floats(0, 1e10),
+    r_v2=st.floats(0, 1e10),
+    r_v3=st.floats(0, 1e10),
 )
 strokes = st.floats(-0.05, 0.05)
 speeds = st.floats(1e-6, 3.0)
@@ -100,11 +104,11 @@ def test_full_model_tends_to_the_closed_form_in_proportion_to_compressibility():
 @given(damper=dampers, resistances=valves, x=strokes, v=speeds)
 def test_simple_force_is_pressure_times_area(damper, resistances, x, v):
     """N07: (38) from the pressures of (32) and (36), rebound and bump."""
-    p_1, p_2 = cf.rebound_pressures(resistances, damper, x, v)
+    p_1, p_2 = appendices.rebound_pressures(resistances, damper, x, v)
     rebound = p_1 * damper.annulus_area - p_2 * damper.piston_area
-    q_1, q_2 = cf.bump_pressures(resistances, damper, x, -v)
+    q_1, q_2 = appendices.bump_pressures(resistances, damper, x, -v)
     bump = q_1 * damper.annulus_area - q_2 * damper.piston_area
-    found = cf.simple_force(resistances, damper, np.array([x, x]), np.array([v, -v]))
+    found = appendices.simple_force(resistances, damper, np.array([x, x]), np.array([v, -v]))
     scale = float(max(np.max(np.abs([p_1, p_2, q_1, q_2])), 1.0)) * damper.piston_area
     assert found == pytest.approx([rebound, bump], abs=1e-10 * scale, rel=1e-10)
 
@@ -112,17 +116,17 @@ def test_simple_force_is_pressure_times_area(damper, resistances, x, v):
 @given(damper=dampers, resistances=valves, x=strokes, v=speeds)
 def test_simple_slopes_are_the_derivative_of_the_simple_force(damper, resistances, x, v):
     """N07: (39). The force is linear in v on each side, so a difference is exact."""
-    rebound, bump = cf.simple_slopes(resistances, damper)
-    at_rest = cf.simple_force(resistances, damper, x, 0.0)
+    rebound, bump = appendices.simple_slopes(resistances, damper)
+    at_rest = appendices.simple_force(resistances, damper, x, 0.0)
     assert at_rest == pytest.approx(-damper.rod_area * cf.gas_pressure(damper, x), rel=1e-14)
     for speed, slope in ((v, rebound), (-v, bump)):
-        rise = float(cf.simple_force(resistances, damper, x, speed) - at_rest)
+        rise = float(appendices.simple_force(resistances, damper, x, speed) - at_rest)
         assert rise == pytest.approx(slope * speed, rel=1e-10, abs=1e-12 * abs(float(at_rest)))
 
 
 def test_simple_slopes_of_the_paper_damper_in_numbers():
     """(39) by hand with a_p1 3.54411e-4, a_p2 6.37940e-4, a_r 2.83529e-4."""
-    rebound, bump = cf.simple_slopes(cf.LinearValves(1e9, 2e9, 3e9), PURDY_DAMPER)
+    rebound, bump = appendices.simple_slopes(appendices.LinearValves(1e9, 2e9, 3e9), PURDY_DAMPER)
     assert rebound == pytest.approx(3.54411e-4**2 * 1e9 + 6.37940e-4**2 * 3e9, rel=1e-5)
     assert bump == pytest.approx(6.37940e-4**2 * 2e9 + 2.83529e-4**2 * 1e9, rel=1e-5)
 
@@ -130,25 +134,25 @@ def test_simple_slopes_of_the_paper_damper_in_numbers():
 @given(damper=dampers, v=speeds)
 def test_flows_fill_the_volume_that_the_piston_sweeps(damper, v):
     """(31), (34): oil is neither gained nor lost in chambers 1 and 2, nor with the rod in 3."""
-    q_1, q_3 = cf.rebound_flows(damper, v)
+    q_1, q_3 = appendices.rebound_flows(damper, v)
     assert q_1 == pytest.approx(damper.annulus_area * v)
     assert q_3 - q_1 == pytest.approx(damper.rod_area * v)
-    q_1, q_2 = cf.bump_flows(damper, -v)
+    q_1, q_2 = appendices.bump_flows(damper, -v)
     assert q_2 == pytest.approx(damper.piston_area * v)
     assert q_2 - q_1 == pytest.approx(damper.annulus_area * v)
     assert q_1 >= 0
 
 
 def test_valve_1_flows_out_of_chamber_1_in_both_strokes():
-    assert cf.rebound_flows(PURDY_DAMPER, 0.3)[0] > 0
-    assert cf.bump_flows(PURDY_DAMPER, -0.3)[0] > 0
+    assert appendices.rebound_flows(PURDY_DAMPER, 0.3)[0] > 0
+    assert appendices.bump_flows(PURDY_DAMPER, -0.3)[0] > 0
 
 
 @given(damper=dampers, x=strokes)
 def test_gas_piston_moves_by_the_rod_volume(damper, x):
     """(16), (33), (35): a_g eta = -a_r x, and P_3 V^gamma is constant."""
     gas_area = np.pi / 4 * damper.gas_piston_diameter**2
-    eta = cf.gas_piston_displacement(damper, x)
+    eta = appendices.gas_piston_displacement(damper, x)
     assert eta * gas_area == pytest.approx(-x * damper.rod_area, rel=1e-12, abs=1e-20)
     volume = gas_area * (damper.gas_length - eta)
     invariant = cf.gas_pressure(damper, x) * volume**damper.gas_exponent
@@ -157,7 +161,7 @@ def test_gas_piston_moves_by_the_rod_volume(damper, x):
 
 
 def test_rod_in_compresses_the_gas():
-    assert cf.gas_piston_displacement(PURDY_DAMPER, -0.03) > 0
+    assert appendices.gas_piston_displacement(PURDY_DAMPER, -0.03) > 0
     assert cf.gas_pressure(PURDY_DAMPER, -0.03) > PURDY_DAMPER.gas_pressure
 
 
