@@ -30,8 +30,8 @@ meant, and (23) gives K_g K_B, which is used here.
 **Appendix 2**, the simple model: oil that cannot be compressed, no friction, all valves linear. The
 flows Q_1 (chamber 1 to 3), Q_2 (2 to 1) and Q_3 (3 to 2) in m3/s follow from v alone, eta of the
 gas piston (positive: gas compressed, m) from x; x, v, f > 0 in rebound. Its valves relate pressure
-to volume flow, P = R_v Q, so R_v is in Pa s/m3 = N s/m5: only then do the squared areas of (38) give
-newtons. A valve of the full model that is linear in mass flow has R_v = rho_0 R_m.
+to volume flow, P = R_v Q, so R_v is in Pa s/m3 = N s/m5: only then do the squared areas of (38)
+give newtons. A valve of the full model that is linear in mass flow has R_v = rho_0 R_m.
 
     (31) rebound: Q_1 and Q_3 from v                              rebound_flows
     (32) rebound: P_1 = P_3 + R_v1 Q_1, P_2 = P_3 - R_v3 Q_3      rebound_pressures

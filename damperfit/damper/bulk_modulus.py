@@ -7,7 +7,9 @@
     C           1 + K_B over the bulk modulus of the tube                -
     gamma P     polytropic exponent and absolute pressure                -, Pa
 
-The other equations of the appendix stand in `appendices`. Source: D. J. Purdy, Proc. IMechE D, 2000.
+The other equations of the appendix stand in `appendices`.
+
+Source: D. J. Purdy, Proc. IMechE D, 2000.
 """
 
 from __future__ import annotations
