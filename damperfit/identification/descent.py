@@ -15,8 +15,9 @@ import numpy as np
 
 from damperfit.conditioning import apply_filter
 from damperfit.errors import DamperfitError, SimulationError
-from damperfit.identification.minimiser import Stopping, Transformation, minimise
+from damperfit.identification.minimiser import Transformation, minimise
 from damperfit.identification.model_versus_log import motion_of
+from damperfit.identification.trust_region import Stopping
 from damperfit.simulation import SolverOptions, simulate
 
 if TYPE_CHECKING:
@@ -30,7 +31,16 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["FitCancelledError", "Misfit", "Solution", "approach", "descend", "linearise", "stepped"]
+__all__ = [
+    "FitCancelledError",
+    "Misfit",
+    "Solution",
+    "approach",
+    "common_variables",
+    "descend",
+    "linearise",
+    "stepped",
+]
 
 # A relative change of the sum of squares below 1e-8 moves no parameter by 1 % of its error; a
 # start for another descent needs no more than a per cent.
@@ -187,18 +197,18 @@ def linearise(misfit: Misfit, parameters: Parameters) -> tuple[FloatArray, Float
     if misfit.cancelled():
         raise FitCancelledError("stopped while a fit was running.")
     residuals, slopes, _ = _evaluate(misfit, parameters, 1.0)
-    return residuals, slopes * _common(misfit).slopes(_values(misfit, parameters))
+    return residuals, slopes * common_variables(misfit).slopes(_values(misfit, parameters))
 
 
 def stepped(misfit: Misfit, parameters: Parameters, step: FloatArray) -> Parameters:
     """Return the parameters after a step in the variables of `linearise`."""
-    common = _common(misfit)
+    common = common_variables(misfit)
     variables = common.pack(_values(misfit, parameters)) + step
     return _with(misfit, parameters, common.unpack(variables))
 
 
-def _common(misfit: Misfit) -> Transformation:
-    """The variables of a fit over several settings, which must not depend on one's forces."""
+def common_variables(misfit: Misfit) -> Transformation:
+    """Return the variables of `linearise`, which do not depend on a setting's forces."""
     return replace(_transformation(misfit), scales=np.full(len(misfit.free), _OFFSET))
 
 

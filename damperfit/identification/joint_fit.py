@@ -1,18 +1,14 @@
 r"""One fit over all settings with some parameters in common.
 
-Gauss-Newton on the sum of squares of every setting, each weighted by its own residual. A setting's
-sensitivities touch its own parameters u_i and the shared theta only, so that with H_i = J_i^T J_i
-and the gradients g the step splits (Schur)::
-
-    S dtheta = sum_i [g_theta - H_theta,u H_uu^-1 g_u],  S = sum_i [H_theta,theta
-                                                             - H_theta,u H_uu^-1 H_u,theta]
-    du_i = H_uu^-1 (g_u - H_u,theta dtheta)
+The sum of squares of every setting, each weighted by its own residual, in the loop of every fit
+(`trust_region`). A setting's sensitivities touch its own parameters and the shared ones only, which
+is what `step_solvers.BorderedSystem` lives on.
 
 With a gas content (`gas_content`), K_e of a setting is no variable: V_r and K_B/C are shared in its
 place, and the columns of J follow by the chain rule.
 
-Twenty settings with sixty own parameters cost one simulation of each log per step and a few 5 x 5
-solves. The separate fits are the start, so a handful of steps is enough.
+Twenty settings with sixty own parameters cost one simulation of each log per step and a few 6 x 6
+factorisations. The separate fits are the start, so a handful of steps is enough.
 """
 
 from __future__ import annotations
@@ -24,12 +20,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.errors import SimulationError
-from damperfit.identification.descent import linearise, stepped
+from damperfit.identification.descent import common_variables, linearise
 from damperfit.identification.gas_content import GAS_NAMES
+from damperfit.identification.minimiser import inverse_information
+from damperfit.identification.step_solvers import BorderedSystem, reduced
+from damperfit.identification.trust_region import Ended, Stopping, iterate
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
@@ -43,10 +41,13 @@ __all__ = ["JointProblem", "JointSolution", "fit_jointly"]
 
 # A step that promises less than this share of the cost moves no parameter by 1 % of its error.
 _COST_TOLERANCE = 1e-8
-_MAX_STEPS = 20
-_MAX_HALVINGS = 6
+_MAX_EVALUATIONS = 40
+# Below this relative size a step is not tried again shorter: the integrator's own error is left.
+_STEP_TOLERANCE = 1e-7
 # Parameters are changed by a factor of two at most in one step.
 _LONGEST_STEP = 0.7
+# Of the endings of the loop, those at a minimum: not its limits.
+_AT_MINIMUM = (1, 2, 4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,13 +135,10 @@ class JointProblem:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Normal:
-    """Weighted normal equations of one setting: H, -gradient, cost."""
+class _Seen:
+    """One setting at a point."""
 
-    information: FloatArray
-    slope: FloatArray
-    cost: float
-    weight: float
+    mean_square: float
     n: int
     n_independent: float
 
@@ -151,6 +149,7 @@ class _At:
 
     parameters: Mapping[int, Parameters]
     gas: GasLaw | None
+    seen: Mapping[int, _Seen]
 
 
 def fit_jointly(problem: JointProblem, starts: Mapping[int, Parameters]) -> JointSolution:
@@ -170,71 +169,102 @@ def fit_jointly(problem: JointProblem, starts: Mapping[int, Parameters]) -> Join
     FitCancelledError
         When the caller asked to stop.
     """
-    best = _followed(problem, _At(dict(starts), problem.gas))
+    stopping = Stopping(
+        step_tolerance=_STEP_TOLERANCE,
+        max_evaluations=_MAX_EVALUATIONS,
+        # Weighted squares are about 1 each.
+        least_gain=_COST_TOLERANCE * sum(one.n_samples for one in problem.misfits.values()),
+        longest_step=_LONGEST_STEP,
+    )
     with ThreadPoolExecutor(max(1, problem.jobs)) as pool:
-        known = _normals(pool, problem, best, problem.weights)
-        weights = {s: one.weight for s, one in zip(problem.settings, known, strict=True)}
-        evaluations, is_converged = 1, False
-        for _ in range(_MAX_STEPS):
-            cost = sum(one.cost for one in known)
-            steps, gain = _step(known, problem.is_shared)
-            is_converged = gain < _COST_TOLERANCE * cost
-            if is_converged:
-                break
-            steps *= min(1.0, _LONGEST_STEP / float(np.max(np.abs(steps))))
-            for _ in range(_MAX_HALVINGS):
-                trial = _moved(problem, best, steps)
-                evaluations += 1
-                try:
-                    found = _normals(pool, problem, trial, weights)
-                except SimulationError:
-                    found = []
-                if found and sum(one.cost for one in found) < cost:
-                    best, known = trial, found
-                    break
-                steps = 0.5 * steps
-            else:
-                break
+        model = _Model(problem, starts, pool)
+        ended = iterate(model.point_at, model.start, stopping)
+    seen = ended.extra.seen
     return JointSolution(
-        parameters=best.parameters,
-        evaluations=evaluations,
-        is_converged=is_converged,
-        cost=sum(one.cost for one in known),
-        weights=weights,
-        mean_squares={
-            setting: one.cost / one.weight / one.n
-            for setting, one in zip(problem.settings, known, strict=True)
-        },
-        n_independent={
-            setting: one.n_independent for setting, one in zip(problem.settings, known, strict=True)
-        },
-        errors=_errors(problem, known),
-        gas=best.gas,
+        parameters=ended.extra.parameters,
+        evaluations=ended.evaluations,
+        is_converged=ended.status in _AT_MINIMUM,
+        cost=ended.system.cost,
+        weights=model.weights,
+        mean_squares={setting: one.mean_square for setting, one in seen.items()},
+        n_independent={setting: one.n_independent for setting, one in seen.items()},
+        errors=_errors(problem, ended),
+        gas=ended.extra.gas,
     )
 
 
-def _normals(
-    pool: ThreadPoolExecutor,
-    problem: JointProblem,
-    at: _At,
-    weights: Mapping[int, float] | None,
-) -> list[_Normal]:
-    def one(setting: int) -> _Normal:
-        residuals, jacobian = linearise(problem.misfits[setting], at.parameters[setting])
-        jacobian = jacobian @ _chain(problem, at.gas, setting)
-        cost = float(residuals @ residuals)
-        weight = len(residuals) / max(cost, 1e-300) if weights is None else weights[setting]
-        changes = np.count_nonzero(np.diff(np.signbit(residuals)))
-        return _Normal(
-            weight * (jacobian.T @ jacobian),
-            -weight * (jacobian.T @ residuals),
-            weight * cost,
-            weight,
-            len(residuals),
-            max(2.0 * changes, 1.0),
-        )
+class _Model:
+    """All settings as a function of one vector: own variables by setting, then the shared ones."""
 
-    return list(pool.map(one, problem.settings))
+    def __init__(
+        self, problem: JointProblem, starts: Mapping[int, Parameters], pool: ThreadPoolExecutor
+    ) -> None:
+        self.problem, self.starts, self.pool = problem, starts, pool
+        self.weights = dict(problem.weights or {})
+        self.own = np.flatnonzero(~problem.is_shared)
+        self.theta = np.flatnonzero(problem.is_shared)
+
+    @property
+    def start(self) -> FloatArray:
+        """The starts, packed."""
+        problem, gas = self.problem, self.problem.gas
+        law = {} if gas is None else {name: math.log(getattr(gas, name)) for name in GAS_NAMES}
+        rows = []
+        for setting in problem.settings:
+            packed = common_variables(problem.misfits[setting]).pack(
+                np.array([getattr(self.starts[setting], name) for name in problem.free])
+            )
+            known = {**dict(zip(problem.free, packed, strict=True)), **law}
+            rows.append([known[name] for name in problem.variables])
+        table = np.array(rows)
+        return np.concatenate([table[:, self.own].ravel(), table[0, self.theta]])
+
+    def point_at(self, variables: FloatArray) -> tuple[BorderedSystem, _At]:
+        """Simulate all settings; the first point gives the weights where there are none."""
+        problem = self.problem
+        own = variables[: len(variables) - len(self.theta)].reshape(len(problem.settings), -1)
+        theta = variables[len(variables) - len(self.theta) :]
+        gas = self._gas(theta)
+        at = {
+            setting: self._parameters(setting, mine, theta, gas)
+            for setting, mine in zip(problem.settings, own, strict=True)
+        }
+
+        def one(setting: int) -> tuple[FloatArray, _Seen]:
+            residuals, jacobian = linearise(problem.misfits[setting], at[setting])
+            jacobian = (jacobian @ _chain(problem, gas, setting))[:, [*self.own, *self.theta]]
+            mean_square = float(residuals @ residuals) / len(residuals)
+            weight = self.weights.get(setting, 1.0 / max(mean_square, 1e-300))
+            changes = np.count_nonzero(np.diff(np.signbit(residuals)))
+            seen = _Seen(mean_square, len(residuals), max(2.0 * changes, 1.0))
+            return math.sqrt(weight) * reduced(residuals, jacobian), seen
+
+        blocks, seen = zip(*self.pool.map(one, problem.settings), strict=True)
+        by_setting = dict(zip(problem.settings, seen, strict=True))
+        self.weights = self.weights or {
+            setting: 1.0 / max(one.mean_square, 1e-300) for setting, one in by_setting.items()
+        }
+        return BorderedSystem(blocks, len(self.theta)), _At(at, gas, by_setting)
+
+    def _gas(self, theta: FloatArray) -> GasLaw | None:
+        if self.problem.gas is None:
+            return None
+        values = np.exp(theta[-len(GAS_NAMES) :]).tolist()
+        return replace(self.problem.gas, **dict(zip(GAS_NAMES, values, strict=True)))
+
+    def _parameters(
+        self, setting: int, own: FloatArray, theta: FloatArray, gas: GasLaw | None
+    ) -> Parameters:
+        problem = self.problem
+        known = np.empty(len(problem.variables))
+        known[self.own], known[self.theta] = own, theta
+        by_name = dict(zip(problem.variables, known, strict=True))
+        # K_e of every setting exactly on its law.
+        k_e = {} if gas is None else {"k_e": gas.modulus(setting)}
+        packed = np.array([by_name.get(name, 0.0) for name in problem.free])
+        values = common_variables(problem.misfits[setting]).unpack(packed).tolist()
+        named = dict(zip(problem.free, values, strict=True))
+        return replace(self.starts[setting], **{**named, **k_e})
 
 
 def _chain(problem: JointProblem, gas: GasLaw | None, setting: int) -> FloatArray:
@@ -251,77 +281,16 @@ def _chain(problem: JointProblem, gas: GasLaw | None, setting: int) -> FloatArra
     )
 
 
-def _moved(problem: JointProblem, at: _At, steps: FloatArray) -> _At:
-    gas = at.gas
-    if gas is not None:
-        by = dict(zip(problem.variables, steps[0], strict=True))
-        gas = replace(
-            gas, **{name: getattr(gas, name) * math.exp(float(by[name])) for name in GAS_NAMES}
-        )
-    parameters = {
-        setting: stepped(
-            problem.misfits[setting],
-            at.parameters[setting],
-            _chain(problem, at.gas, setting) @ step,
-        )
-        for setting, step in zip(problem.settings, steps, strict=True)
-    }
-    return _followed(problem, _At(parameters, gas))
-
-
-def _followed(problem: JointProblem, at: _At) -> _At:
-    """K_e of every setting exactly on its law."""
-    if at.gas is None:
-        return at
-    moduli = {setting: at.gas.modulus(setting) for setting in problem.settings}
-    return _At({s: replace(at.parameters[s], k_e=k_e) for s, k_e in moduli.items()}, at.gas)
-
-
-def _errors(problem: JointProblem, known: Sequence[_Normal]) -> dict[str, float]:
-    theta, own = np.flatnonzero(problem.is_shared), np.flatnonzero(~problem.is_shared)
-    complement = np.zeros((len(theta),) * 2)
-    for one in known:
-        complement += one.information[np.ix_(theta, theta)] - _eliminate(one, own, theta)[:, :-1]
-    variances = np.diag(_solve(complement, np.eye(len(theta))))
-    inflation = float(np.mean([one.n / one.n_independent for one in known]))
+def _errors(problem: JointProblem, ended: Ended[_At]) -> dict[str, float]:
+    assert isinstance(ended.system, BorderedSystem)
+    variances = np.diag(inverse_information(ended.system.shared_rows))
+    inflation = float(np.mean([one.n / one.n_independent for one in ended.extra.seen.values()]))
+    names = [
+        name
+        for name, is_shared in zip(problem.variables, problem.is_shared, strict=True)
+        if is_shared
+    ]
     return {
-        problem.variables[place]: math.sqrt(max(float(variance), 0.0) * inflation)
-        for place, variance in zip(theta, variances, strict=True)
+        name: math.sqrt(float(variance) * inflation)
+        for name, variance in zip(names, variances, strict=True)
     }
-
-
-def _step(known: Sequence[_Normal], is_shared: NDArray[np.bool_]) -> tuple[FloatArray, float]:
-    """Return the Gauss-Newton step of every setting, (settings, free), and what it promises."""
-    theta, own = np.flatnonzero(is_shared), np.flatnonzero(~is_shared)
-    complement, slope = np.zeros((len(theta),) * 2), np.zeros(len(theta))
-    for one in known:
-        eliminated = _eliminate(one, own, theta)
-        complement += one.information[np.ix_(theta, theta)] - eliminated[:, :-1]
-        slope += one.slope[theta] - eliminated[:, -1]
-    common = _solve(complement, slope[:, None])[:, 0]
-    steps = np.zeros((len(known), len(is_shared)))
-    gain = 0.0
-    for step, one in zip(steps, known, strict=True):
-        step[theta] = common
-        left = one.slope[own] - one.information[np.ix_(own, theta)] @ common
-        step[own] = _solve(one.information[np.ix_(own, own)], left[:, None])[:, 0]
-        gain += float(one.slope @ step)
-    return steps, gain
-
-
-def _eliminate(one: _Normal, own: NDArray[np.intp], theta: NDArray[np.intp]) -> FloatArray:
-    """H_theta,u H_uu^-1 [H_u,theta, g_u]."""
-    right = np.column_stack([one.information[np.ix_(own, theta)], one.slope[own]])
-    return np.asarray(
-        one.information[np.ix_(theta, own)] @ _solve(one.information[np.ix_(own, own)], right)
-    )
-
-
-def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve with unit diagonal; the least-squares solution where the matrix is singular."""
-    if not len(matrix):
-        return np.zeros(right.shape)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix * np.outer(scale, scale)
-    solution = np.linalg.lstsq(scaled, scale[:, None] * right, rcond=1e-12)[0]
-    return np.asarray(scale[:, None] * solution)

@@ -1,9 +1,7 @@
-"""Levenberg-Marquardt for least squares: transformation, scaling, stopping, covariance.
+"""Least squares of one block of residuals: transformation, minimum, covariance.
 
 It knows nothing of dampers: a model gives residuals and their derivatives by the parameters y, a
-transformation says in which variables u the steps are taken. The trust region is MINPACK's, scaled
-by the lengths of the Jacobian's columns. Run over the nonlinear regression problems of NIST by
-``python -m tests.certificate``.
+transformation says in which variables u `trust_region` takes its steps.
 """
 
 from __future__ import annotations
@@ -15,11 +13,15 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 import numpy as np
 
 from damperfit.errors import SimulationError
+from damperfit.identification.step_solvers import DenseSystem
+from damperfit.identification.trust_region import Stopping, iterate
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
+
+    from damperfit.identification.step_solvers import LinearSystem
 
     FloatArray = NDArray[np.float64]
     _Model = Callable[[FloatArray], tuple[FloatArray, FloatArray, "Extra"]]
@@ -27,21 +29,15 @@ if TYPE_CHECKING:
 __all__ = [
     "Minimum",
     "Point",
-    "Stopping",
     "Transformation",
     "inverse_information",
     "minimise",
 ]
 
-# A cosine between residuals and Jacobian that is zero to the last digits.
-_RIGHT_ANGLE = 1e-12
 # Of a singular value of a Jacobian with columns of length 1.
 _LAST_DIGIT = 1e-14
 # A column shorter than this has a variance beyond the largest number: as good as zeros.
 _NO_LENGTH = 1e-130
-# A point the model cannot be evaluated at counts as this many times the larger of 1 and the best:
-# finite, so that the trust region shrinks by MINPACK's rule and not at random.
-_WALL = 1e3
 
 Extra = TypeVar("Extra")
 
@@ -76,25 +72,6 @@ class Transformation:
     def slopes(self, values: FloatArray) -> FloatArray:
         """Return dy/du."""
         return np.where(self.is_logarithmic, values, self.scales)
-
-
-@dataclass(frozen=True, slots=True)
-class Stopping:
-    """When a descent ends.
-
-    Attributes
-    ----------
-    cost_tolerance : float
-        Relative fall of the sum of squares, found and foreseen, below which it has.
-    step_tolerance : float
-        Likewise for the relative size of the steps.
-    max_evaluations : int
-        Limit of evaluations.
-    """
-
-    cost_tolerance: float = 1e-8
-    step_tolerance: float = 1e-9
-    max_evaluations: int = 100
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,24 +154,20 @@ def minimise(
     SimulationError
         When the model cannot be evaluated at the start.
     """
-    from scipy.optimize import least_squares
 
-    course = _Course(model, transformation)
-    variables = transformation.pack(start)
-    if not len(start):
-        return Minimum(course.visit(variables), course.evaluations, 0, status=1)
-    ended = least_squares(
-        course.residuals,
-        variables,
-        jac=course.jacobian,
-        method="lm",
-        x_scale="jac",
-        ftol=stopping.cost_tolerance,
-        xtol=stopping.step_tolerance,
-        gtol=_RIGHT_ANGLE,
-        max_nfev=stopping.max_evaluations,
-    )
-    return Minimum(course.best, course.evaluations, course.failed_trials, int(ended.status))
+    def point_at(variables: FloatArray) -> tuple[LinearSystem, Point[Extra]]:
+        values = transformation.unpack(variables)
+        residuals, slopes, extra = model(values)
+        with np.errstate(over="ignore", invalid="ignore"):
+            cost = float(residuals @ residuals)
+            jacobian = slopes * transformation.slopes(values)
+            if not math.isfinite(cost + float(np.sum(jacobian))):
+                raise SimulationError(f"no finite residuals or derivatives at {values}.")
+        point = Point(values, residuals, jacobian, cost, extra)
+        return DenseSystem(residuals, jacobian), point
+
+    ended = iterate(point_at, transformation.pack(start), stopping)
+    return Minimum(ended.extra, ended.evaluations, ended.failed_trials, ended.status)
 
 
 def inverse_information(jacobian: FloatArray) -> FloatArray:
@@ -218,54 +191,3 @@ def inverse_information(jacobian: FloatArray) -> FloatArray:
     roots = directions.T / np.maximum(values, _LAST_DIGIT) / lengths[is_seen, None]
     found[np.ix_(is_seen, is_seen)] = roots @ roots.T
     return found
-
-
-class _Course(Generic[Extra]):
-    """What a descent has seen: MINPACK asks for residuals and Jacobian apart."""
-
-    def __init__(self, model: _Model[Extra], transformation: Transformation) -> None:
-        self.model = model
-        self.transformation = transformation
-        self.evaluations = self.failed_trials = 0
-        # The best and the last point; the others are not asked for again.
-        self.known: dict[str, tuple[bytes, Point[Extra]]] = {}
-
-    @property
-    def best(self) -> Point[Extra]:
-        """The point with the least sum of squares."""
-        return self.known["best"][1]
-
-    def visit(self, variables: FloatArray) -> Point[Extra]:
-        """Evaluate the model, or remember it; raises `SimulationError` where that cannot be."""
-        key = variables.tobytes()
-        for known, point in self.known.values():
-            if known == key:
-                return point
-        self.evaluations += 1
-        values = self.transformation.unpack(variables)
-        residuals, slopes, extra = self.model(values)
-        with np.errstate(over="ignore", invalid="ignore"):
-            cost = float(residuals @ residuals)
-            jacobian = slopes * self.transformation.slopes(values)
-            if not math.isfinite(cost + float(np.sum(jacobian))):
-                raise SimulationError(f"no finite residuals or derivatives at {values}.")
-        point = Point(values, residuals, jacobian, cost, extra)
-        self.known["last"] = (key, point)
-        if "best" not in self.known or point.cost < self.best.cost:
-            self.known["best"] = (key, point)
-        return point
-
-    def residuals(self, variables: FloatArray) -> FloatArray:
-        """Return the residuals, or a wall where there are none."""
-        try:
-            return self.visit(variables).residuals
-        except SimulationError:
-            if not self.known:
-                raise
-            self.failed_trials += 1
-            n = len(self.best.residuals)
-            return np.full(n, math.sqrt(_WALL * max(1.0, self.best.cost) / n))
-
-    def jacobian(self, variables: FloatArray) -> FloatArray:
-        """Return the Jacobian of a point that MINPACK has taken."""
-        return self.visit(variables).jacobian

@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from damperfit.identification.minimiser import Stopping
+from damperfit.identification.trust_region import Stopping
 from tests.certificate.fits import (
     STOPPING,
     Digits,

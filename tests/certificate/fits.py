@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from damperfit.identification.minimiser import (
-    Stopping,
     Transformation,
     inverse_information,
     minimise,
 )
+from damperfit.identification.trust_region import Stopping
 from tests.certificate.problems import Array, Problem
 
 # Where the certificate differs from a damper's fit, all 54 cases alike. Tolerances: digits are

@@ -8,11 +8,11 @@ import pytest
 from damperfit.errors import SimulationError
 from damperfit.identification.minimiser import (
     Minimum,
-    Stopping,
     Transformation,
     inverse_information,
     minimise,
 )
+from damperfit.identification.trust_region import Stopping
 
 LINEAR = Transformation(np.array([False, False]), np.array([1.0, 10.0]))
 X = np.linspace(0.0, 1.0, 20)
