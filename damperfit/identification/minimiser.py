@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 import numpy as np
 
 from damperfit.errors import SimulationError
-from damperfit.identification.step_solvers import DenseSystem
+from damperfit.identification.step_solvers import NO_LENGTH, DenseSystem
 from damperfit.identification.trust_region import Stopping, iterate
 
 if TYPE_CHECKING:
@@ -36,8 +36,6 @@ __all__ = [
 
 # Of a singular value of a Jacobian with columns of length 1.
 _LAST_DIGIT = 1e-14
-# A column shorter than this has a variance beyond the largest number: as good as zeros.
-_NO_LENGTH = 1e-130
 
 Extra = TypeVar("Extra")
 
@@ -183,7 +181,7 @@ def inverse_information(jacobian: FloatArray) -> FloatArray:
         Shape (n, k).
     """
     lengths = np.sqrt(np.sum(jacobian * jacobian, axis=0))
-    is_seen = lengths > _NO_LENGTH
+    is_seen = lengths > NO_LENGTH
     found = np.zeros((len(lengths), len(lengths)))
     found[~is_seen, ~is_seen] = math.inf
     triangle = np.linalg.qr(jacobian[:, is_seen] / lengths[is_seen], mode="r")

@@ -26,10 +26,20 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["BorderedSystem", "DenseSystem", "LinearSystem", "Step", "StepSolver", "reduced"]
+__all__ = [
+    "NO_LENGTH",
+    "BorderedSystem",
+    "DenseSystem",
+    "LinearSystem",
+    "Step",
+    "StepSolver",
+    "reduced",
+]
 
-# Relative size of a singular value of columns of like length below which the shortest of all steps
-# is taken in a bordered system without damping.
+# A column shorter than this has a variance beyond the largest number: as good as zeros.
+NO_LENGTH = 1e-130
+# Singular values below this share of the longest column: a bordered system without damping takes
+# the shortest of all steps then.
 _NOT_SEEN = 1e-10
 
 
@@ -113,12 +123,14 @@ class _DenseSteps:
         left, self._values, self._directions = np.linalg.svd(rows / scale, full_matrices=False)
         self._pull = left.T @ right
         self._scale = scale
-        self.is_full_rank = bool(len(self._values) == len(scale) and np.all(self._values > 0.0))
+        self.is_full_rank = bool(
+            len(self._values) == len(scale) and np.all(self._values > NO_LENGTH)
+        )
 
     def step(self, damping: float) -> Step:
         values = self._values
         squares = values**2 + damping
-        seen = squares > 0.0
+        seen = squares > NO_LENGTH**2
         along = np.zeros_like(values)
         along[seen] = -values[seen] * self._pull[seen] / squares[seen]
         length = float(np.linalg.norm(along))
@@ -180,6 +192,8 @@ class _BorderedSteps:
         by_block = np.hstack([own.reshape(n_blocks, n_own), np.tile(shared, (n_blocks, 1))])
         self._scaled = triangles.copy()
         self._scaled[:, :, :-1] /= by_block[:, None, :]
+        longest = float(np.max(np.sum(self._scaled[:, :, :-1] ** 2, axis=1), initial=0.0))
+        self._least = max(_NOT_SEEN * np.sqrt(longest), NO_LENGTH)
         self.is_full_rank = self._solved(0.0)[1]
 
     def step(self, damping: float) -> Step:
@@ -192,14 +206,14 @@ class _BorderedSteps:
         dampers = np.zeros((n_blocks, own, width))
         dampers[:, np.arange(own), np.arange(own)] = root
         factors = _triangle(np.concatenate([self._scaled, dampers], axis=1))
-        inverse, is_seen = _inverted(factors[:, :own, :own])
+        inverse, is_seen = _inverted(factors[:, :own, :own], self._least)
         coupling, right = factors[:, :own, own:-1], factors[:, :own, -1]
         rest = factors[:, own:, own:].reshape(-1, shared + 1)
         border = np.hstack([root * np.eye(shared), np.zeros((shared, 1))])
         last = np.zeros((shared + 1, shared + 1))
         found = _triangle(np.vstack([rest, border]))
         last[: len(found)] = found
-        back, is_shared_seen = _inverted(last[None, :shared, :shared])
+        back, is_shared_seen = _inverted(last[None, :shared, :shared], self._least)
         common = -back[0] @ last[:shared, -1]
         mine = -np.einsum("bij,bj->bi", inverse, right + coupling @ common)
         along = np.concatenate([mine.ravel(), common])
@@ -247,12 +261,9 @@ def _lengths(rows: FloatArray) -> FloatArray:
     return np.asarray(largest * np.sqrt(np.sum((rows / largest) ** 2, axis=0)))
 
 
-def _inverted(triangles: FloatArray) -> tuple[FloatArray, bool]:
+def _inverted(triangles: FloatArray, least: float) -> tuple[FloatArray, bool]:
     """Return the inverse of each matrix, without the directions that nothing is seen of."""
-    if not triangles.shape[-1]:
-        return np.zeros(triangles.shape), True
     left, values, right = np.linalg.svd(triangles)
-    least = _NOT_SEEN * np.maximum(values[:, :1], 1e-300)
-    weights = np.where(values > least, 1.0 / np.maximum(values, least), 0.0)
-    inverse = np.einsum("bji,bj,bkj->bik", right, weights, left)
-    return inverse, bool(np.all(values > least))
+    is_seen = values > least
+    weights = np.where(is_seen, 1.0 / np.maximum(values, least), 0.0)
+    return np.einsum("bji,bj,bkj->bik", right, weights, left), bool(np.all(is_seen))

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 import numpy as np
 
 from damperfit.errors import SimulationError
+from damperfit.identification.step_solvers import NO_LENGTH
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -148,7 +149,7 @@ class _Course(Generic[Extra]):
         self.system, self.extra = point_at(start)
         # The least sum of squares seen, also where the fall was too small for a step.
         self.best = (self.system, self.extra, start)
-        self.scale = np.where(self.system.lengths > 0.0, self.system.lengths, 1.0)
+        self.scale = np.where(self.system.lengths > NO_LENGTH, self.system.lengths, 1.0)
         self.radius = self.damping = 0.0
         self.is_first = True
         self.is_ending = False
