@@ -38,8 +38,7 @@ __all__ = [
 
 # A column shorter than this has a variance beyond the largest number: as good as zeros.
 NO_LENGTH = 1e-130
-# Singular values below this share of the longest column: a bordered system without damping takes
-# the shortest of all steps then.
+# Singular value of columns of length 1 below which a bordered system takes the shortest step.
 _NOT_SEEN = 1e-10
 
 
@@ -192,8 +191,8 @@ class _BorderedSteps:
         by_block = np.hstack([own.reshape(n_blocks, n_own), np.tile(shared, (n_blocks, 1))])
         self._scaled = triangles.copy()
         self._scaled[:, :, :-1] /= by_block[:, None, :]
-        longest = float(np.max(np.sum(self._scaled[:, :, :-1] ** 2, axis=1), initial=0.0))
-        self._least = max(_NOT_SEEN * np.sqrt(longest), NO_LENGTH)
+        squares = np.sum(self._scaled[:, :, :-1] ** 2, axis=1)
+        self._squares = squares[:, :n_own], np.sum(squares[:, n_own:], axis=0)[None, :]
         self.is_full_rank = self._solved(0.0)[1]
 
     def step(self, damping: float) -> Step:
@@ -202,18 +201,20 @@ class _BorderedSteps:
     def _solved(self, damping: float) -> tuple[Step, bool]:
         own, shared = self._n_own, self._n_shared
         root = np.sqrt(damping)
+        lengths = [np.sqrt(squares + damping) for squares in self._squares]
         n_blocks, _, width = self._scaled.shape
+        # The damping first: below longer rows a reflection would lose what short ones hold.
         dampers = np.zeros((n_blocks, own, width))
         dampers[:, np.arange(own), np.arange(own)] = root
-        factors = _triangle(np.concatenate([self._scaled, dampers], axis=1))
-        inverse, is_seen = _inverted(factors[:, :own, :own], self._least)
+        factors = _triangle(np.concatenate([dampers, self._scaled], axis=1))
+        inverse, is_seen = _inverted(factors[:, :own, :own], lengths[0])
         coupling, right = factors[:, :own, own:-1], factors[:, :own, -1]
         rest = factors[:, own:, own:].reshape(-1, shared + 1)
         border = np.hstack([root * np.eye(shared), np.zeros((shared, 1))])
         last = np.zeros((shared + 1, shared + 1))
-        found = _triangle(np.vstack([rest, border]))
+        found = _triangle(np.vstack([border, rest]))
         last[: len(found)] = found
-        back, is_shared_seen = _inverted(last[None, :shared, :shared], self._least)
+        back, is_shared_seen = _inverted(last[None, :shared, :shared], lengths[1])
         common = -back[0] @ last[:shared, -1]
         mine = -np.einsum("bij,bj->bi", inverse, right + coupling @ common)
         along = np.concatenate([mine.ravel(), common])
@@ -261,9 +262,14 @@ def _lengths(rows: FloatArray) -> FloatArray:
     return np.asarray(largest * np.sqrt(np.sum((rows / largest) ** 2, axis=0)))
 
 
-def _inverted(triangles: FloatArray, least: float) -> tuple[FloatArray, bool]:
-    """Return the inverse of each matrix, without the directions that nothing is seen of."""
-    left, values, right = np.linalg.svd(triangles)
-    is_seen = values > least
-    weights = np.where(is_seen, 1.0 / np.maximum(values, least), 0.0)
-    return np.einsum("bji,bj,bkj->bik", right, weights, left), bool(np.all(is_seen))
+def _inverted(triangles: FloatArray, lengths: FloatArray) -> tuple[FloatArray, bool]:
+    """Return the inverse of each matrix, without the directions that nothing is seen of.
+
+    ``lengths`` are those of the columns before other variables were eliminated.
+    """
+    lengths = np.maximum(lengths, NO_LENGTH)
+    left, values, right = np.linalg.svd(triangles / lengths[:, None, :])
+    is_seen = values > _NOT_SEEN
+    weights = np.where(is_seen, 1.0 / np.maximum(values, _NOT_SEEN), 0.0)
+    inverse = np.einsum("bji,bj,bkj->bik", right, weights, left) / lengths[:, :, None]
+    return inverse, bool(np.all(is_seen))
