@@ -39,7 +39,6 @@ __all__ = [
     "common_variables",
     "descend",
     "linearise",
-    "stepped",
 ]
 
 # A relative change of the sum of squares below 1e-8 moves no parameter by 1 % of its error; a
@@ -198,13 +197,6 @@ def linearise(misfit: Misfit, parameters: Parameters) -> tuple[FloatArray, Float
         raise FitCancelledError("stopped while a fit was running.")
     residuals, slopes, _ = _evaluate(misfit, parameters, 1.0)
     return residuals, slopes * common_variables(misfit).slopes(_values(misfit, parameters))
-
-
-def stepped(misfit: Misfit, parameters: Parameters, step: FloatArray) -> Parameters:
-    """Return the parameters after a step in the variables of `linearise`."""
-    common = common_variables(misfit)
-    variables = common.pack(_values(misfit, parameters)) + step
-    return _with(misfit, parameters, common.unpack(variables))
 
 
 def common_variables(misfit: Misfit) -> Transformation:

@@ -214,7 +214,8 @@ class _Clock:
         try:
             yield
         finally:
-            self.laps[name] = round(time.perf_counter() - begin, 4)
+            spent = time.perf_counter() - begin
+            self.laps[name] = round(self.laps.get(name, 0.0) + spent, 4)
 
     def read(self) -> dict[str, float]:
         return self.laps | {"total_s": round(time.perf_counter() - self.started, 4)}
@@ -244,12 +245,20 @@ def _judge(
     jobs: int,
     watch: Watch,
 ) -> tuple[Campaign, Judgement]:
-    """Intervals, verdicts, trends and checks of a campaign; profiles where they were asked for."""
+    """Intervals, verdicts, trends and checks of a campaign; profiles where they were asked for.
+
+    The profiles first: one that is flat has the last word on its parameter.
+    """
     solver = configuration.identification.solver
     with clock.lap("judge_s"):
         assessment = assess(
             campaign, configuration.damper, solver=solver, jobs=jobs, cancelled=watch.cancelled
         )
+    if configuration.profile and campaign.fits and not watch.cancelled():
+        bench = Bench(configuration.damper, solver, watch.cancelled, jobs)
+        with clock.lap("profile_s"):
+            assessment = profile_campaign(campaign, assessment, bench, names=configuration.profile)
+    with clock.lap("judge_s"):
         campaign = reconsider(campaign, assessment)
         adjustment = compare_settings(
             campaign, assessment, configuration.damper, solver=solver, jobs=jobs
@@ -274,10 +283,6 @@ def _judge(
             solver=solver,
             jobs=jobs,
         )
-    if configuration.profile and campaign.fits and not watch.cancelled():
-        bench = Bench(configuration.damper, solver, watch.cancelled, jobs)
-        with clock.lap("profile_s"):
-            assessment = profile_campaign(campaign, assessment, bench, names=configuration.profile)
     return campaign, Judgement(assessment, adjustment, checks, predictions)
 
 

@@ -1,6 +1,12 @@
 """How far each number may be trusted: covariance, intervals, what the residuals say."""
 
-from damperfit.uncertainty.assessment import METHOD, Assessment, assess, reconsider
+from damperfit.uncertainty.assessment import (
+    METHOD,
+    Assessment,
+    assess,
+    profile_campaign,
+    reconsider,
+)
 from damperfit.uncertainty.flaws import Hint
 from damperfit.uncertainty.gas import GasContent
 from damperfit.uncertainty.information import Evidence, LogEvidence, gather
@@ -11,7 +17,6 @@ from damperfit.uncertainty.intervals import (
     collect_evidence,
     uncertainties,
 )
-from damperfit.uncertainty.lines import Bench
 from damperfit.uncertainty.prediction import (
     HoldOutOptions,
     Prediction,
@@ -19,8 +24,13 @@ from damperfit.uncertainty.prediction import (
     prediction_warnings,
     split_cycles,
 )
-from damperfit.uncertainty.profiles import MisfitProfile, ProfilePoint, Stride
-from damperfit.uncertainty.requested import check_profile_names, profile_campaign
+from damperfit.uncertainty.profiles import (
+    Bench,
+    MisfitProfile,
+    ProfilePoint,
+    Stride,
+    check_profile_names,
+)
 from damperfit.uncertainty.residuals import Diagnosis, diagnose
 
 __all__ = [

@@ -18,13 +18,25 @@ from damperfit.identification.sharing import listed_settings
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.gas import GasContent, gas_content
 from damperfit.uncertainty.intervals import Uncertainty, collect_evidence, uncertainties
-from damperfit.uncertainty.lines import Bench, doubtful_profiles
-from damperfit.uncertainty.profiles import MisfitProfile
+from damperfit.uncertainty.profile_walk import (
+    doubtful_profiles,
+    profile_jointly,
+    trace_profile,
+)
+from damperfit.uncertainty.profiles import (
+    Bench,
+    Line,
+    MisfitProfile,
+    Stride,
+    check_profile_names,
+    is_doubtful,
+    lines_of,
+)
 from damperfit.uncertainty.residuals import Diagnosis, diagnose
 from damperfit.uncertainty.verdicts import doubts, verdicts
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from damperfit.damper.parameters import Damper
     from damperfit.identification import Campaign
@@ -34,9 +46,8 @@ __all__ = [
     "METHOD",
     "Assessment",
     "assess",
-    "evidence_in_turns",
+    "profile_campaign",
     "reconsider",
-    "without_curves",
 ]
 
 # A jackknife over 15 cycles scatters by a fifth; below this it misses something.
@@ -70,18 +81,20 @@ class Assessment:
     gas: GasContent | None = None
 
     def profile(self, setting: int, name: str) -> MisfitProfile | None:
-        """Return the closest profile of a parameter at a setting, if there is one."""
+        """Return the closest finished profile of a parameter at a setting, if there is one."""
         mine = [p for p in self.profiles if (p.setting, p.name) == (setting, name)]
-        return max(mine, key=lambda profile: len(profile.points), default=None)
+        return max(mine, key=lambda p: (p.is_complete, len(p.points)), default=None)
 
     def limits(self, setting: int, name: str) -> tuple[float | None, float | None]:
         """Return the 95 % limits to print, SI; None where the logs set none.
 
         Those of the sandwich covariance, or of the profile where the quadratic approximation was
-        in doubt.
+        in doubt or the profile is flat.
         """
         profile = self.telling(setting).get(name)
-        if profile is not None and profile.is_complete and profile.is_doubtful:
+        if profile is not None and (
+            profile.is_flat or (profile.is_complete and profile.is_doubtful)
+        ):
             return profile.low, profile.high
         for known in self.uncertainties:
             if known.setting == setting and name in known.intervals:
@@ -192,9 +205,9 @@ def assess(
     evidence: list[Evidence] = []
     diagnoses: list[Diagnosis] = []
     doubted = ("f_f",) if campaign.sharing.friction_varies else ()
-    for seen in evidence_in_turns(campaign, damper, solver=solver, jobs=jobs):
+    for seen in _evidence_in_turns(campaign, damper, solver=solver, jobs=jobs):
         diagnoses.extend(diagnose(one, doubted=doubted) for one in seen)
-        evidence.extend(without_curves(one) for one in seen)
+        evidence.extend(_without_curves(one) for one in seen)
     known = uncertainties(evidence, campaign.sharing)
     bench = Bench(damper, solver, cancelled, jobs)
 
@@ -215,7 +228,79 @@ def assess(
     )
 
 
-def evidence_in_turns(
+def profile_campaign(
+    campaign: Campaign,
+    assessment: Assessment,
+    bench: Bench,
+    *,
+    names: Sequence[str],
+    stride: Stride = Stride(),
+) -> Assessment:
+    """Return the assessment with full profiles of some parameters at every setting.
+
+    A parameter that is fixed, or a setting whose fit is no minimum, has none. Settings that were
+    finished when the caller asked to stop are kept.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The fits.
+    assessment : Assessment
+        Their errors.
+    bench : Bench
+        Damper, solver, threads, cancellation.
+    names : sequence of str
+        Parameters.
+    stride : Stride
+        How closely.
+
+    Raises
+    ------
+    ConfigurationError
+        A name is not known.
+    """
+    from threadpoolctl import threadpool_limits
+
+    check_profile_names(names)
+    turns = _evidence_in_turns(campaign, bench.damper, solver=bench.solver, jobs=bench.jobs)
+    evidence = [_without_curves(one) for seen in turns for one in seen]
+    known = {one.setting: one for one in assessment.uncertainties}
+    mine = {one.fit.setting: one for one in evidence}
+    sharing = campaign.sharing
+    found: list[MisfitProfile] = []
+
+    def one(line: Line) -> MisfitProfile | None:
+        try:
+            return trace_profile(line, stride)
+        except (SimulationError, FitCancelledError):
+            return None
+
+    with ThreadPoolExecutor(max(1, bench.jobs)) as pool, threadpool_limits(1, user_api="blas"):
+        for name in dict.fromkeys(names):
+            if name in sharing.jointly:
+                try:
+                    first = known[sharing.settings[0]]
+                    traced = profile_jointly(name, evidence, first, sharing, bench, stride=stride)
+                except (SimulationError, FitCancelledError):
+                    traced = ()
+            else:
+                lines = lines_of(name, mine, known, sharing, bench)
+                traced = tuple(p for p in pool.map(one, lines) if p is not None)
+            found.extend(
+                replace(
+                    profile,
+                    is_shared=name in sharing.found,
+                    is_partial=name == "f_f" and name in sharing.found and not sharing.jointly,
+                    is_doubtful=is_doubtful(
+                        name, mine[profile.setting].fit, known[profile.setting]
+                    ),
+                )
+                for profile in traced
+            )
+    return replace(assessment, profiles=(*assessment.profiles, *found))
+
+
+def _evidence_in_turns(
     campaign: Campaign, damper: Damper, *, solver: SolverOptions, jobs: int
 ) -> Iterator[tuple[Evidence, ...]]:
     """Yield the evidence of a campaign, a few settings at a time: it is large."""
@@ -225,7 +310,7 @@ def evidence_in_turns(
         yield collect_evidence(few, damper, solver=solver, jobs=jobs)
 
 
-def without_curves(evidence: Evidence) -> Evidence:
+def _without_curves(evidence: Evidence) -> Evidence:
     """Keep only the residuals of each log: of thousands of logs the rest would fill the memory."""
     none = np.empty((0, 0))
     logs = (replace(log, jacobian=none, gas=none, force=none) for log in evidence.logs)
@@ -244,7 +329,7 @@ def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
         flat = {
             name
             for name, profile in assessment.telling(fit.setting).items()
-            if profile.shape.startswith("flat") and fit.status[name] in {"fitted", "shared"}
+            if profile.is_flat and fit.status[name] in {"fitted", "shared"}
         }
         flat |= {
             name

@@ -1,75 +1,100 @@
-r"""A setting's misfit along one parameter, the others refitted by predictor and corrector.
+"""How a profile is walked: the held parameter goes along its line, the others are refitted.
 
-A point costs one or two simulations: the others follow their tangent (H_oo^-1 H_op), one
-Gauss-Newton step corrects them, and the next point starts there.
+sqrt(rise) runs nearly straight, so that few points do and a limit is interpolated in it. A point
+of one setting costs one or two simulations: the others follow their tangent, the loop of every fit
+(`damperfit.identification.trust_region`) corrects them until another step promises next to nothing,
+and the next point starts there. A parameter of a joint fit is walked with all settings refitted.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+import math
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from damperfit.identification.descent import Misfit, linearise, stepped
-from damperfit.uncertainty.profiles import MisfitProfile, Stride, signed_root, walked
+from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.errors import SimulationError
+from damperfit.identification.descent import common_variables, linearise
+from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_jointly
+from damperfit.identification.outcome import Outcome
+from damperfit.identification.step_solvers import NO_LENGTH, DenseSystem
+from damperfit.identification.trust_region import Stopping, iterate
+from damperfit.uncertainty.intervals import NORMAL_95, shared_curvature
+from damperfit.uncertainty.profiles import (
+    OFFSET_UNIT,
+    Bench,
+    Line,
+    MisfitProfile,
+    ProfilePoint,
+    Stride,
+    interpolated_limit,
+    is_doubtful,
+    lines_of,
+    plausible_edges,
+    signed_root,
+    value_at,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from damperfit.damper.parameters import Parameters
+    from damperfit.identification import Sharing
+    from damperfit.identification.step_solvers import LinearSystem, Step
+    from damperfit.uncertainty.information import Evidence
+    from damperfit.uncertainty.intervals import Uncertainty
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Line", "trace_profile"]
+__all__ = ["doubtful_profiles", "profile_jointly", "trace_profile"]
 
-# What one more Gauss-Newton step of the others would take from the rise.
+_MAX_LOOKS = 3
+# The first step on a line goes by a factor of two at most.
+_FIRST_STRIDE = 0.7
+# The line itself may go by a factor of ten where nothing happens.
+_LONGEST_STRIDE = 2.3
+_LONGEST_GROWTH = 3.0
+# What one more full step of the others would take from the rise.
 _SETTLED = 0.02
-_MAX_STEPS = 8
-_MAX_HALVINGS = 4
+_MAX_REFITS = 20
 # Parameters are changed by a factor of two at most in one step of the others.
 _LONGEST_STEP = 0.7
+# Below this relative size a step is not tried again shorter: the integrator's own error is left.
+_STEP_TOLERANCE = 1e-7
+# Damping of a tangent, columns of length 1: what the logs do not see stays where it is.
+_UNSEEN = 1e-12
+# A look at the two limits alone: three simulations where the quadratic approximation is near.
+_QUICK_STEP, _QUICK_REACH = 2.05, 1.96
+# What it may cost at a setting: a share of what its fit has, which is ten simulations or more.
+_QUICK_SHARE, _QUICK_LEAST = 0.7, 8
+_FAILED = ("at_bound", "not_identifiable")
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
-    """What is profiled: where, by which scale.
+class _Walker(Protocol):
+    """Something that can be refitted with one parameter held at a place along its line."""
 
-    Attributes
-    ----------
-    setting : int
-        Setting.
-    name : str
-        Parameter; one of the misfit's free ones.
-    misfit : Misfit
-        Logs, damper, and what is free, the parameter among it.
-    start : Parameters
-        The best fit.
-    scale : float
-        L of the module's docstring, 1/N^2.
-    error : float
-        Standard error of u as printed; where nothing is known, infinity.
-    """
+    points: list[tuple[float, float, Mapping[int, Parameters]]]
+    spent: int
 
-    setting: int
-    name: str
-    misfit: Misfit
-    start: Parameters
-    scale: float
-    error: float
+    def refit(self, along: float) -> float:
+        """Refit, going on from the place before; note the point, return its sqrt(rise)."""
+
+    def restart(self) -> None:
+        """Go back to the best fit."""
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _State:
     """A point with what is needed to go on from it, in the variables of `linearise`."""
 
+    variables: FloatArray
     parameters: Parameters
-    along: float
-    cost: float
-    slope: FloatArray
-    information: FloatArray
+    residuals: FloatArray
+    jacobian: FloatArray
 
 
 @dataclass(slots=True)
@@ -85,10 +110,11 @@ class _Walk:
     centre: _State = field(init=False)
 
     def __post_init__(self) -> None:
-        start = self._at(self.line.start, 0.0)
-        every = np.arange(len(self.line.misfit.free), dtype=np.intp)
-        self.centre, self.least = self._settled(start, every)
-        self.centre.along = 0.0
+        free, start = self.line.misfit.free, self.line.start
+        values = np.array([getattr(start, name) for name in free])
+        every = np.arange(len(free), dtype=np.intp)
+        packed = common_variables(self.line.misfit).pack(values)
+        self.centre, self.least = self._settled(packed, every)
         self.points.append((0.0, 0.0, {self.line.setting: self.centre.parameters}))
         self.state = self.centre
 
@@ -110,47 +136,46 @@ class _Walk:
         places = range(len(self.line.misfit.free))
         return np.array([k for k in places if k != self._place], dtype=np.intp)
 
-    def _at(self, parameters: Parameters, along: float) -> _State:
-        self.spent += 1
-        residuals, jacobian = linearise(self.line.misfit, parameters)
-        return _State(
-            parameters,
-            along,
-            float(residuals @ residuals),
-            -(jacobian.T @ residuals),
-            jacobian.T @ jacobian,
-        )
-
-    def _settled(self, state: _State, moving: NDArray[np.intp]) -> tuple[_State, float]:
+    def _settled(self, start: FloatArray, moving: NDArray[np.intp]) -> tuple[_State, float]:
         """Refit the moving ones; returns the state and the least cost that is promised there."""
-        for _ in range(_MAX_STEPS):
-            step, gain = _newton(state, moving)
-            if gain * self.line.scale < _SETTLED or self.spent >= self.budget:
-                return state, state.cost - gain
-            step *= min(1.0, _LONGEST_STEP / float(np.max(np.abs(step))))
-            for _ in range(_MAX_HALVINGS):
-                found = self._at(
-                    stepped(self.line.misfit, state.parameters, step),
-                    state.along + float(step[self._place]),
-                )
-                if found.cost < state.cost:
-                    break
-                step = 0.5 * step
-            else:
-                return state, state.cost
-            state = found
-        return state, state.cost
+        misfit = self.line.misfit
 
-    def _moved(self, along: float) -> _State:
+        def point_at(part: FloatArray) -> tuple[DenseSystem, _State]:
+            self.spent += 1
+            variables = start.copy()
+            variables[moving] = part
+            values = common_variables(misfit).unpack(variables).tolist()
+            named = dict(zip(misfit.free, values, strict=True))
+            parameters = replace(self.line.start, **named)
+            residuals, jacobian = linearise(misfit, parameters)
+            system = DenseSystem(residuals, jacobian[:, moving])
+            return system, _State(variables, parameters, residuals, jacobian)
+
+        stopping = Stopping(
+            step_tolerance=_STEP_TOLERANCE,
+            max_evaluations=max(1, min(_MAX_REFITS, self.budget - self.spent)),
+            least_gain=_SETTLED / self.line.scale if self.line.scale > 0.0 else math.inf,
+            longest_step=_LONGEST_STEP,
+        )
+        ended = iterate(point_at, start[moving], stopping)
+        return ended.extra, ended.system.cost - _full_step(ended.system).effect
+
+    def _moved(self, along: float) -> FloatArray:
         """Go along the line, the others along their tangent."""
-        state, others = self.state, self._others
-        shift = np.zeros(len(self.line.misfit.free))
-        shift[self._place] = along - state.along
-        pull = state.slope[others] - state.information[others, self._place] * shift[self._place]
-        change = _solve(state.information[np.ix_(others, others)], pull)
+        state, place, others = self.state, self._place, self._others
+        moved = state.variables.copy()
+        moved[place] = self.centre.variables[place] + along
+        shift = moved[place] - state.variables[place]
+        ahead = state.residuals + state.jacobian[:, place] * shift
+        change = _full_step(DenseSystem(ahead, state.jacobian[:, others])).change
         length = float(np.max(np.abs(change), initial=0.0))
-        shift[others] = change * min(1.0, 2.0 * _LONGEST_STEP / max(length, 1e-300))
-        return self._at(stepped(self.line.misfit, state.parameters, shift), along)
+        moved[others] += change * min(1.0, 2.0 * _LONGEST_STEP / max(length, 1e-300))
+        return moved
+
+
+def _full_step(system: LinearSystem) -> Step:
+    lengths = np.where(system.lengths > NO_LENGTH, system.lengths, 1.0)
+    return system.scaled(lengths).step(_UNSEEN)
 
 
 def trace_profile(line: Line, stride: Stride = Stride()) -> MisfitProfile:
@@ -172,21 +197,204 @@ def trace_profile(line: Line, stride: Stride = Stride()) -> MisfitProfile:
     """
     walk = _Walk(line, stride.budget)
     best = float(getattr(walk.centre.parameters, line.name))
-    return walked(walk, line.name, best, line.error, stride)[line.setting]
+    return _walked(walk, line.name, best, line.error, stride)[line.setting]
 
 
-def _newton(state: _State, moving: NDArray[np.intp]) -> tuple[FloatArray, float]:
-    """The Gauss-Newton step of the moving parameters and what it promises."""
-    step = np.zeros(len(state.slope))
-    slope = state.slope[moving]
-    step[moving] = _solve(state.information[np.ix_(moving, moving)], slope)
-    return step, float(slope @ step[moving])
+def doubtful_profiles(
+    one: Evidence, known: Uncertainty, sharing: Sharing, bench: Bench
+) -> tuple[MisfitProfile, ...]:
+    """Return short profiles of what the quadratic approximation leaves in doubt at a setting.
+
+    Parameters at a bound, not identified, or with a standard error of ln y above 0.1; a shared
+    R_m3 where it was taken from. Together they may cost 0.7 of what the fit has.
+    """
+    budget = max(_QUICK_LEAST, int(_QUICK_SHARE * one.fit.evaluations))
+    found = []
+    # What has failed first: the budget may not reach for all.
+    names = sorted(PARAMETER_NAMES[:-1], key=lambda name: one.fit.status[name] not in _FAILED)
+    for name in names:
+        if budget < _QUICK_LEAST // 2 or not is_doubtful(name, one.fit, known):
+            continue
+        mine, its = {one.fit.setting: one}, {one.fit.setting: known}
+        for line in lines_of(name, mine, its, sharing, bench):
+            if name == "f_f" and name in sharing.found:
+                continue  # a mean over settings has no profile in one of them
+            profile = trace_profile(line, Stride(_QUICK_STEP, _QUICK_REACH, budget))
+            budget -= profile.evaluations
+            is_shared = name in sharing.found
+            found.append(replace(profile, is_shared=is_shared, is_doubtful=True))
+    return tuple(found)
 
 
-def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve with unit diagonal; the shortest solution where the matrix is singular."""
-    if not len(right):
-        return np.zeros(0)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix * np.outer(scale, scale)
-    return np.asarray(scale * np.linalg.lstsq(scaled, scale * right, rcond=1e-12)[0])
+@dataclass(slots=True)
+class _JointWalk:
+    """The walker over all settings of a joint fit."""
+
+    problem: JointProblem
+    name: str
+    best: JointSolution
+    scale: float
+    spent: int = 0
+    points: list[tuple[float, float, Mapping[int, Parameters]]] = field(default_factory=list)
+    last: JointSolution = field(init=False)
+    value: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.value = float(getattr(next(iter(self.best.parameters.values())), self.name))
+        self.last = self.best
+        self.points.append((0.0, 0.0, self.best.parameters))
+
+    def restart(self) -> None:
+        self.last = self.best
+
+    def refit(self, along: float) -> float:
+        starts = {
+            setting: replace(at, **{self.name: value_at(self.name, self.value, along)})
+            for setting, at in self.last.parameters.items()
+        }
+        problem = replace(self.problem, gas=self.last.gas, weights=self.best.weights)
+        self.last = fit_jointly(problem, starts)
+        self.spent += self.last.evaluations
+        root = signed_root(self.scale * (self.last.cost - self.best.cost))
+        self.points.append((along, root, self.last.parameters))
+        return root
+
+
+def profile_jointly(
+    name: str,
+    evidence: Sequence[Evidence],
+    known: Uncertainty,
+    sharing: Sharing,
+    bench: Bench,
+    *,
+    stride: Stride = Stride(),
+) -> tuple[MisfitProfile, ...]:
+    """Return the profile of a shared parameter of a joint fit, once for every setting in it.
+
+    The rise is that of all settings together.
+
+    Parameters
+    ----------
+    name : str
+        One of ``sharing.jointly``.
+    evidence : sequence of Evidence
+        Of all settings.
+    known : Uncertainty
+        Of any setting of the joint fit.
+    sharing : Sharing
+        What was shared.
+    bench : Bench
+        Damper, solver, cancellation.
+    stride : Stride
+        How closely.
+
+    Raises
+    ------
+    SimulationError
+        The best fit cannot be simulated.
+    FitCancelledError
+        The caller asked to stop.
+    """
+    fits = [
+        one.fit
+        for one in evidence
+        if one.fit.setting in sharing.settings and one.fit.outcome is Outcome.CONVERGED
+    ]
+    start = {fit.setting: fit.parameters for fit in fits}
+
+    def problem(free: tuple[str, ...]) -> JointProblem:
+        return JointProblem(
+            {fit.setting: bench.misfit(fit, free) for fit in fits},
+            tuple(n for n in sharing.jointly if n in free),
+            gas=sharing.gas,
+            jobs=bench.jobs,
+        )
+
+    whole = problem(sharing.free)
+    best = fit_jointly(whole, start)
+    held = problem(tuple(n for n in sharing.free if n != name))
+    place = known.names.index(name)
+    variance = float(known.covariance[place, place])
+    curvature = shared_curvature(evidence, sharing)[sharing.variables.index(name)]
+    unit = OFFSET_UNIT if name == "f_0" else 1.0
+    walk = _JointWalk(held, name, best, curvature / variance)
+    profiles = _walked(walk, name, walk.value, math.sqrt(variance) / unit, stride)
+    return tuple(profiles[setting] for setting in sorted(profiles))
+
+
+def _walked(
+    walker: _Walker, name: str, best: float, error: float, stride: Stride
+) -> dict[int, MisfitProfile]:
+    """The profile of every setting that a walker sees; it walks both sides of its start.
+
+    ``error`` is the standard error of the parameter's u.
+    """
+    limits, is_complete = [], True
+    for side in (-1.0, 1.0):
+        walker.restart()
+        limit, is_known = _side(walker, side, stride, error, plausible_edges(name, best))
+        limits.append(None if limit is None else value_at(name, best, limit))
+        is_complete &= is_known
+    points = sorted(walker.points, key=lambda point: point[0])
+    return {
+        setting: MisfitProfile(
+            setting=setting,
+            name=name,
+            points=tuple(
+                ProfilePoint(float(getattr(at[setting], name)), root * abs(root), at[setting])
+                for _, root, at in points
+            ),
+            low=limits[0],
+            high=limits[1],
+            is_complete=is_complete,
+            evaluations=walker.spent,
+        )
+        for setting in points[0][2]
+    }
+
+
+def _side(
+    walker: _Walker, side: float, stride: Stride, error: float, edges: tuple[float, float]
+) -> tuple[float | None, bool]:
+    """Walk one side; return where the limit is (None: not reached) and whether that is known."""
+    edge, other_edge = edges[side > 0.0], edges[side < 0.0]
+    if edge * side <= 0.0:
+        return None, True
+    along, root, limit = 0.0, 0.0, None
+    step = min(stride.step * error, _FIRST_STRIDE)
+    if other_edge * side > 0.0:  # the fit ran out of the range on the other side: go to its edge
+        step = max(step, abs(other_edge))
+    try:
+        while root < stride.reach and along != edge:
+            if walker.spent >= stride.budget:
+                return limit, limit is not None
+            along = side * min(abs(along) + step, abs(edge))
+            found = walker.refit(along)
+            if limit is None and found >= NORMAL_95:
+                limit = _crossing(walker, side, stride)
+            step, root = _next_step(stride, step, root, found), found
+    except SimulationError:
+        return limit, limit is not None
+    return limit, True
+
+
+def _next_step(stride: Stride, step: float, before: float, found: float) -> float:
+    """Aim for the wanted distance in sqrt(rise), a few times as far at most."""
+    gained = max(found - before, 1e-3)
+    aimed = min(stride.step, max(stride.reach - found, 0.2 * stride.step) * 1.05)
+    return min(step * min(max(aimed / gained, 0.2), _LONGEST_GROWTH), _LONGEST_STRIDE)
+
+
+def _crossing(walker: _Walker, side: float, stride: Stride) -> float:
+    """Where sqrt(rise) passes the limit, between the outermost points around it."""
+    along, is_near = _limit(walker, side)
+    for _ in range(_MAX_LOOKS):
+        if is_near or walker.spent >= stride.budget:
+            break
+        walker.refit(along)
+        along, is_near = _limit(walker, side)
+    return along
+
+
+def _limit(walker: _Walker, side: float) -> tuple[float, bool]:
+    return interpolated_limit([point[:2] for point in walker.points], side)

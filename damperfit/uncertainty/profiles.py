@@ -8,50 +8,64 @@ In the quadratic approximation rise = (u/se)^2, so that with the printed varianc
 of the residuals and shared parameters allowed for, see `intervals`) a rise of 1.96^2 is the 95 %
 limit. White-noise scaling, L = 1/s^2, would set the limits three times too near.
 
-sqrt(rise) runs nearly straight, so that few points do and a limit is interpolated in it. Here is
-how a line is walked; `profile_walk` and `joint_profiles` refit the others.
+Here is what a profile is, which there are, and what their limits mean; `profile_walk` has how a
+line is walked. An own parameter is profiled beside the others of its setting, with the shared ones
+as they are; the scale of the rise carries their errors. A shared one is profiled where the logs
+gave it: R_m3 of procedure `paper` at its setting, f_f at each setting of its mean with everything
+free, and those of procedure `joint` over all settings at once.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
-from damperfit.errors import SimulationError
+from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.identification.descent import Misfit
 from damperfit.identification.setting import PLAUSIBLE
-from damperfit.uncertainty.intervals import NORMAL_95
+from damperfit.simulation import SolverOptions
+from damperfit.uncertainty.intervals import NORMAL_95, own_names, solved
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 
-    from damperfit.damper.parameters import Parameters
+    from damperfit.damper.parameters import Damper, Parameters
+    from damperfit.identification import Fit, Sharing
+    from damperfit.uncertainty.information import Evidence
+    from damperfit.uncertainty.intervals import Uncertainty
 
 __all__ = [
     "OFFSET_UNIT",
+    "Bench",
+    "Line",
     "MisfitProfile",
     "ProfilePoint",
     "Stride",
-    "Walker",
+    "check_profile_names",
+    "interpolated_limit",
+    "is_doubtful",
+    "lines_of",
+    "plausible_edges",
     "signed_root",
-    "walked",
+    "value_at",
 ]
 
-_MAX_LOOKS = 3
-# The first step on a line goes by a factor of two at most.
-_FIRST_STRIDE = 0.7
-# The line itself may go by a factor of ten where nothing happens.
-_LONGEST_STRIDE = 2.3
-_LONGEST_GROWTH = 3.0
-# `linearise` counts f_0 in units of 100 N; it is followed to 10 kN.
-OFFSET_UNIT = 100.0
-_OFFSET_EDGE = 100.0
 # A rise this far below zero is another, better minimum.
 _BETTER = -0.5
+# `linearise` counts f_0 in units of 100 N, the evidence in N.
+OFFSET_UNIT = 100.0
+# f_0 is followed to 10 kN, in units of 100 N.
+_OFFSET_EDGE = 100.0
 # A limit is interpolated between points this near to each other in sqrt(rise), or to a point this
 # near to it: sqrt(rise) is then straight enough for a per cent.
 _NARROW = 0.8
 _NEAR = 0.25
+# Above this standard error of ln y the profile's limits leave those of the quadratic approximation
+# by a tenth of their distance (4 N and 200 N of noise, K_e at settings 1, 10 and 20).
+_DOUBTFUL = 0.1
+_FAILED = ("at_bound", "not_identifiable")
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +137,11 @@ class MisfitProfile:
         return "flat downward" if self.high is not None else "flat both ways"
 
     @property
+    def is_flat(self) -> bool:
+        """Whether the logs set no limit on a side: they do not tell the parameter."""
+        return self.is_complete and (self.low is None or self.high is None)
+
+    @property
     def better(self) -> ProfilePoint | None:
         """The lowest point when it is clearly below the fit: the fit is not the best minimum."""
         lowest = min(self.points, key=lambda point: point.rise)
@@ -148,131 +167,215 @@ class Stride:
     budget: int = 400
 
 
-class Walker(Protocol):
-    """Something that can be refitted with one parameter held at a place along its line."""
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """What every profile of a campaign needs.
 
-    points: list[tuple[float, float, Mapping[int, Parameters]]]
-    spent: int
+    Attributes
+    ----------
+    damper : Damper
+        Geometry, oil and gas.
+    solver : SolverOptions
+        How exactly to integrate.
+    cancelled : callable
+        Asked before each simulation.
+    jobs : int
+        Threads.
+    """
 
-    def refit(self, along: float) -> float:
-        """Refit, going on from the place before; note the point, return its sqrt(rise)."""
+    damper: Damper
+    solver: SolverOptions = SolverOptions(tolerance=1e-2)
+    cancelled: Callable[[], bool] = lambda: False
+    jobs: int = 1
 
-    def restart(self) -> None:
-        """Go back to the best fit."""
+    def misfit(self, fit: Fit, free: Sequence[str]) -> Misfit:
+        """What a setting's logs say of some parameters."""
+        ordered = tuple(name for name in PARAMETER_NAMES if name in free)
+        traces = tuple(log.trace for log in fit.logs)
+        return Misfit(traces, self.damper, ordered, self.solver, 1, self.cancelled)
 
 
-def walked(
-    walker: Walker, name: str, best: float, error: float, stride: Stride
-) -> dict[int, MisfitProfile]:
-    """Return the profile of every setting that a walker sees, walking both sides of its start.
+@dataclass(frozen=True, slots=True)
+class Line:
+    """What is profiled: where, by which scale.
+
+    Attributes
+    ----------
+    setting : int
+        Setting.
+    name : str
+        Parameter; one of the misfit's free ones.
+    misfit : Misfit
+        Logs, damper, and what is free, the parameter among it.
+    start : Parameters
+        The best fit.
+    scale : float
+        L of the module's docstring, 1/N^2.
+    error : float
+        Standard error of u as printed; where nothing is known, infinity.
+    """
+
+    setting: int
+    name: str
+    misfit: Misfit
+    start: Parameters
+    scale: float
+    error: float
+
+
+def check_profile_names(names: Iterable[str], *, fixed: Container[str] = ()) -> None:
+    """Refuse names that are no parameters, or that are held.
+
+    Raises
+    ------
+    ConfigurationError
+        A name is not known, or is among the fixed.
+    """
+    for name in names:
+        if name not in PARAMETER_NAMES:
+            hint = did_you_mean(name, PARAMETER_NAMES)
+            known = ", ".join(PARAMETER_NAMES)
+            raise ConfigurationError(f"no parameter {name!r} to profile; there are {known}.{hint}")
+        if name in fixed:
+            raise ConfigurationError(f"{name} is both fixed and to be profiled; choose one.")
+
+
+def is_doubtful(name: str, fit: Fit, known: Uncertainty) -> bool:
+    """Whether the quadratic approximation of the misfit may not hold as far as the limits."""
+    if fit.status[name] in _FAILED:
+        return True
+    if name not in known.names:
+        return False
+    place = known.names.index(name)
+    return bool(known.covariance[place, place] > _DOUBTFUL**2)
+
+
+def lines_of(
+    name: str,
+    evidence: Mapping[int, Evidence],
+    known: Mapping[int, Uncertainty],
+    sharing: Sharing,
+    bench: Bench,
+) -> Iterator[Line]:
+    """Yield the lines along which a parameter of a campaign can be profiled, by rising setting.
+
+    A parameter of a joint fit yields none here; see `profile_jointly`.
 
     Parameters
     ----------
-    walker : Walker
-        At the best fit, which is its first point.
     name : str
         Parameter.
-    best : float
-        Its best value, SI.
-    error : float
-        Standard error of its u.
-    stride : Stride
-        How closely.
+    evidence, known : mapping of int to Evidence, Uncertainty
+        By setting.
+    sharing : Sharing
+        How the shared parameters were found.
+    bench : Bench
+        Damper, solver, cancellation.
     """
-    limits, is_complete = [], True
-    for side in (-1.0, 1.0):
-        walker.restart()
-        limit, is_known = _side(walker, side, stride, error, _edges(name, best))
-        limits.append(None if limit is None else _moved_value(name, best, limit))
-        is_complete &= is_known
-    points = sorted(walker.points, key=lambda point: point[0])
-    return {
-        setting: MisfitProfile(
-            setting=setting,
-            name=name,
-            points=tuple(
-                ProfilePoint(float(getattr(at[setting], name)), root * abs(root), at[setting])
-                for _, root, at in points
-            ),
-            low=limits[0],
-            high=limits[1],
-            is_complete=is_complete,
-            evaluations=walker.spent,
-        )
-        for setting in points[0][2]
-    }
+    for setting in sorted(evidence):
+        one = evidence[setting]
+        if name in sharing.found:
+            line = _shared_line(name, one, known[setting], sharing, bench)
+        else:
+            line = _own_line(name, one, known[setting], sharing, bench)
+        if line is not None:
+            yield line
 
 
-def signed_root(rise: float) -> float:
-    """Return the square root of a rise, with its sign."""
-    return math.copysign(math.sqrt(abs(rise)), rise)
+def _own_line(
+    name: str, one: Evidence, known: Uncertainty, sharing: Sharing, bench: Bench
+) -> Line | None:
+    own = own_names(one.fit, sharing)
+    is_at_bound = one.fit.status[name] == "at_bound"
+    if not own or (name not in own and not is_at_bound):
+        return None
+    free = tuple(n for n in PARAMETER_NAMES if n in own or one.fit.status[n] == "at_bound")
+    if is_at_bound:
+        return _line(name, one, bench, free=free, beside=(*own, name))
+    place = known.names.index(name)
+    return _line(
+        name, one, bench, free=free, beside=own, variance=float(known.covariance[place, place])
+    )
 
 
-def _side(
-    walker: Walker, side: float, stride: Stride, error: float, edges: tuple[float, float]
-) -> tuple[float | None, bool]:
-    """Walk one side; return where the limit is (None: not reached) and whether that is known."""
-    edge, other_edge = edges[side > 0.0], edges[side < 0.0]
-    if edge * side <= 0.0:
-        return None, True
-    along, root, limit = 0.0, 0.0, None
-    step = min(stride.step * error, _FIRST_STRIDE)
-    if other_edge * side > 0.0:  # the fit ran out of the range on the other side: go to its edge
-        step = max(step, abs(other_edge))
-    try:
-        while root < stride.reach and along != edge:
-            if walker.spent >= stride.budget:
-                return limit, limit is not None
-            along = side * min(abs(along) + step, abs(edge))
-            found = walker.refit(along)
-            if limit is None and found >= NORMAL_95:
-                limit = _crossing(walker, side, stride)
-            step, root = _next_step(stride, step, root, found), found
-    except SimulationError:
-        return limit, limit is not None
-    return limit, True
+def _shared_line(
+    name: str, one: Evidence, known: Uncertainty, sharing: Sharing, bench: Bench
+) -> Line | None:
+    if sharing.jointly:
+        return None
+    setting = one.fit.setting
+    if name == "r_m3" and setting == sharing.r_m3_from:
+        free = tuple(n for n in sharing.free if not (sharing.is_refined and n == "f_f"))
+        place = known.names.index(name)
+        variance = float(known.covariance[place, place])
+        return _line(name, one, bench, free=free, beside=free, variance=variance)
+    if name == "f_f" and setting in sharing.f_f_from:
+        return _line(name, one, bench, free=sharing.free, beside=sharing.free)
+    return None
 
 
-def _next_step(stride: Stride, step: float, before: float, found: float) -> float:
-    """Aim for the wanted distance in sqrt(rise), a few times as far at most."""
-    gained = max(found - before, 1e-3)
-    aimed = min(stride.step, max(stride.reach - found, 0.2 * stride.step) * 1.05)
-    return min(step * min(max(aimed / gained, 0.2), _LONGEST_GROWTH), _LONGEST_STRIDE)
+def _line(
+    name: str,
+    one: Evidence,
+    bench: Bench,
+    *,
+    free: tuple[str, ...],
+    beside: tuple[str, ...],
+    variance: float | None = None,
+) -> Line:
+    """The line with the scale that belongs to a variance; the sandwich of `beside` by default."""
+    ordered = tuple(n for n in PARAMETER_NAMES if n in beside)
+    row = solved(one.information, ordered)[ordered.index(name)]
+    if variance is None:
+        variance = float(row @ one.scores @ row)
+    curvature = float(row[PARAMETER_NAMES.index(name)])
+    unit = OFFSET_UNIT if name == "f_0" else 1.0
+    is_known = variance > 0.0 and math.isfinite(variance)
+    return Line(
+        setting=one.fit.setting,
+        name=name,
+        misfit=bench.misfit(one.fit, free),
+        start=one.fit.parameters,
+        scale=curvature / variance if is_known else 0.0,
+        error=math.sqrt(variance) / unit if is_known else math.inf,
+    )
 
 
-def _crossing(walker: Walker, side: float, stride: Stride) -> float:
-    """Where sqrt(rise) passes the limit, between the outermost points around it."""
-    along, is_near = _interpolated(walker, side)
-    for _ in range(_MAX_LOOKS):
-        if is_near or walker.spent >= stride.budget:
-            break
-        walker.refit(along)
-        along, is_near = _interpolated(walker, side)
-    return along
+def interpolated_limit(places: Sequence[tuple[float, float]], side: float) -> tuple[float, bool]:
+    """Return the limit between the points around it, and whether they are near enough.
 
-
-def _interpolated(walker: Walker, side: float) -> tuple[float, bool]:
-    """The limit between the points around it, and whether they are near enough.
+    Parameters
+    ----------
+    places : sequence of (float, float)
+        Place along the line and sqrt(rise) of each point, one beyond the limit among them.
+    side : float
+        -1 or 1.
 
     On the scale that grows outwards, y upwards and 1/y downwards: where the misfit is flat and then
     steep, its root is straight in that; near the best value it makes no difference.
     """
-    mine = sorted((p for p in walker.points if p[0] * side >= 0.0), key=lambda p: abs(p[0]))
+    mine = sorted((p for p in places if p[0] * side >= 0.0), key=lambda p: abs(p[0]))
     after = next(k for k, p in enumerate(mine) if p[1] >= NORMAL_95)
-    (near, low, _), (far, high, _) = mine[after - 1], mine[after]
+    (near, low), (far, high) = mine[after - 1], mine[after]
     share = (NORMAL_95 - low) / max(high - low, 1e-12)
     grown = math.expm1(min(abs(far - near), 30.0)) * share
     is_near = high - low < _NARROW or high - NORMAL_95 < _NEAR or NORMAL_95 - low < _NEAR / 2
     return near + side * math.log1p(grown), is_near
 
 
-def _edges(name: str, best: float) -> tuple[float, float]:
-    """Where the plausible range ends on both sides, in u from the best value."""
+def plausible_edges(name: str, best: float) -> tuple[float, float]:
+    """Return where the plausible range ends on both sides, in u from the best value."""
     if name == "f_0":
         return -_OFFSET_EDGE, _OFFSET_EDGE
     low, high = PLAUSIBLE[name]
     return math.log(low / best), math.log(high / best)
 
 
-def _moved_value(name: str, best: float, along: float) -> float:
+def value_at(name: str, best: float, along: float) -> float:
+    """Return the parameter at a place along its line."""
     return best + OFFSET_UNIT * along if name == "f_0" else best * math.exp(along)
+
+
+def signed_root(rise: float) -> float:
+    """Return the square root of a rise, with its sign."""
+    return math.copysign(math.sqrt(abs(rise)), rise)
