@@ -5,13 +5,17 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 from damperfit.cli import main
 from damperfit.damper.reference import reference_parameters
 from damperfit.samples import SampleOptions, make_samples
+from tests.identification.rig import recording
 
 
 def test_profiles_are_written_on_request_and_go_with_the_next_run(logs, tmp_path) -> None:
@@ -127,3 +131,56 @@ def test_a_set_that_cavitates_is_told_what_gas_pressure_it_takes(run, tmp_path) 
     report = (tmp_path / "results" / "report.md").read_text(encoding="utf-8")
     assert "of the cycle with chamber 2 at zero pressure" in report
     assert "it takes a gas pressure of 5.4" in report
+
+
+def profiled_run(tmp_path: Path, *, amplitude: float, more: tuple[str, ...]) -> dict[str, Any]:
+    """A soft setting, a small stroke and noise: K_e is hardly seen. Returns what is told of it."""
+    log = recording(4, noise=20.0, amplitude=amplitude, duration=5.0)
+    rows = np.column_stack([log.time, log.displacement, log.force]).tolist()
+    lines = ["time_s,displacement_m,force_N", *(",".join(map(repr, row)) for row in rows)]
+    (tmp_path / "setting_4.csv").write_text("\n".join(lines) + "\n")
+    fixed = ("--procedure", "plain", "--fix", "r_m3=2.597e6", "--fix", "f_f=50")
+    out = tmp_path / "results"
+    command = ["identify", str(tmp_path / "setting_4.csv"), "--out", str(out), "--quiet", *fixed]
+    code = main([*command, *more])
+    record = json.loads((out / "run.json").read_text(encoding="utf-8"))
+    checks = {one["name"]: one for one in record["checks"]}
+    return {
+        "code": code,
+        "row": pq.read_table(out / "parameters.parquet").to_pylist()[0],
+        "check": checks["all_parameters_identifiable"],
+        "verdict": record["uncertainty"][0]["verdicts"]["k_e"],
+        "report": (out / "report.md").read_text(encoding="utf-8"),
+    }
+
+
+GATE = ("--check", "all_parameters_identifiable")
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_a_profile_on_request_that_is_flat_has_the_last_word(tmp_path, *, asked: bool) -> None:
+    # The quick look runs out of its budget, and the fit's own rough errors let K_e pass.
+    seen = profiled_run(
+        tmp_path, amplitude=4e-3, more=(*GATE, *(("--profile", "k_e") if asked else ()))
+    )
+    row, check = seen["row"], seen["check"]
+    assert row["k_e_status"] == ("not_identifiable" if asked else "fitted")
+    assert row["outcome"] == ("not_identifiable" if asked else "converged")
+    assert (row["k_e_ci_high"] is None) is asked
+    assert row["k_e_ci_low"] is not None
+    assert seen["code"] == (4 if asked else 0)
+    if asked:
+        assert 1e6 < row["k_e_ci_low"] < row["k_e"]
+        assert "k_e" in str(check)
+        assert "flat upward, only a lower limit: 95 % above" in seen["verdict"]
+        assert "flat upward, only a lower limit: 95 % above" in seen["report"]
+
+
+def test_a_profile_on_request_that_just_closes_leaves_the_parameter_fitted(tmp_path) -> None:
+    seen = profiled_run(tmp_path, amplitude=9e-3, more=(*GATE, "--profile", "k_e"))
+    row = seen["row"]
+    assert seen["code"] == 0
+    assert (row["k_e_status"], row["outcome"]) == ("fitted", "converged")
+    assert row["k_e_ci_low"] < row["k_e"] < row["k_e_ci_high"]
+    assert row["k_e_ci_high"] > 10.0 * row["k_e"]  # nearly open
+    assert "by its profile" in seen["verdict"]
