@@ -148,7 +148,9 @@ def approach(misfit: Misfit, start: Parameters) -> Solution:
         When the caller asked to stop.
     """
     strongest = max(misfit.traces, key=lambda trace: float(np.std(trace.force[trace.window])))
-    return _minimise(replace(misfit, traces=(strongest,)), start, _ROUGH_COST_TOLERANCE)
+    return _minimise(
+        replace(misfit, traces=(strongest,)), start, Stopping(_ROUGH_COST_TOLERANCE, rest=math.inf)
+    )
 
 
 def descend(misfit: Misfit, start: Parameters) -> Solution:
@@ -161,12 +163,14 @@ def descend(misfit: Misfit, start: Parameters) -> Solution:
     FitCancelledError
         When the caller asked to stop.
     """
-    solution = _minimise(misfit, start, _COST_TOLERANCE)
+    solution = _minimise(misfit, start, Stopping(_COST_TOLERANCE))
     rms = math.sqrt(solution.mse_percent / 100.0) * misfit.deviation
     if rms > _POLISH_BELOW * misfit.solver.tolerance:
         return solution
     tighter = replace(misfit.solver, tolerance=_POLISH_FACTOR * misfit.solver.tolerance)
-    refined = _minimise(replace(misfit, solver=tighter), solution.parameters, _COST_TOLERANCE)
+    refined = _minimise(
+        replace(misfit, solver=tighter), solution.parameters, Stopping(_COST_TOLERANCE)
+    )
     return replace(
         refined,
         evaluations=solution.evaluations + refined.evaluations,
@@ -204,7 +208,7 @@ def common_variables(misfit: Misfit) -> Transformation:
     return replace(_transformation(misfit), scales=np.full(len(misfit.free), _OFFSET))
 
 
-def _minimise(misfit: Misfit, start: Parameters, cost_tolerance: float) -> Solution:
+def _minimise(misfit: Misfit, start: Parameters, stopping: Stopping) -> Solution:
     scale = 1.0 / (misfit.deviation * math.sqrt(misfit.n_samples))
 
     def model(values: FloatArray) -> tuple[FloatArray, FloatArray, _Seen]:
@@ -212,7 +216,7 @@ def _minimise(misfit: Misfit, start: Parameters, cost_tolerance: float) -> Solut
             raise FitCancelledError("stopped while a fit was running.")
         return _evaluate(misfit, _with(misfit, start, values), scale)
 
-    stopping = Stopping(cost_tolerance, max_evaluations=misfit.max_evaluations)
+    stopping = replace(stopping, max_evaluations=misfit.max_evaluations)
     ended = minimise(model, _values(misfit, start), _transformation(misfit), stopping)
     point = ended.point
     return Solution(
