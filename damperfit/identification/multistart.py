@@ -206,11 +206,12 @@ def spread_starts(
     misfit: Misfit, centre: Parameters, setting: int, number: int
 ) -> tuple[Parameters, ...]:
     """Return starts spread over a Latin hypercube around a point; always the same ones."""
+    from scipy.stats import qmc  # slow to import: only a search from many starts pays
+
     random = np.random.default_rng([_SEED, setting])
+    cube = qmc.LatinHypercube(len(misfit.free), rng=random).random(number)
     columns = {}
-    for name in misfit.free:
-        cells = random.permutation(number) + random.uniform(size=number)
-        away = 2.0 * cells / max(number, 1) - 1.0
+    for name, away in zip(misfit.free, 2.0 * cube.T - 1.0, strict=True):
         value = getattr(centre, name)
         columns[name] = value + _OFFSET_SPREAD * away if name == "f_0" else value * SPREAD**away
     return tuple(

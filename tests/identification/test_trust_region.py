@@ -1,0 +1,86 @@
+"""The loop of every fit: its endings, each just inside and just outside of its limit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.errors import SimulationError
+from damperfit.identification.step_solvers import DenseSystem
+from damperfit.identification.trust_region import Ended, Stopping, iterate
+
+X = np.linspace(0.0, 1.0, 30)
+# A decay that is none: large residuals, so that the full steps become shorter slowly.
+DATA = np.exp(-3.0 * X) + 0.4 * np.sin(9.0 * X)
+
+
+def decay(u: np.ndarray) -> tuple[DenseSystem, np.ndarray]:
+    curve = u[0] * np.exp(-u[1] * X)
+    system = DenseSystem(curve - DATA, np.stack([curve / u[0], -X * curve], axis=1))
+    return system, u
+
+
+def full_length(ended: Ended[np.ndarray]) -> float:
+    """Relative length of the full step that is left."""
+    lengths = ended.system.lengths
+    step = ended.system.scaled(lengths).step(0.0)
+    return step.length / float(np.linalg.norm(lengths * ended.variables))
+
+
+START = np.array([1.0, 1.0])
+
+
+def test_a_slow_descent_goes_on_until_its_full_step_is_short() -> None:
+    loose = iterate(decay, START, Stopping(rest=math.inf))
+    left = full_length(loose)
+    assert left > 1e-7
+    # A limit just above what is left changes nothing, one just below asks for more.
+    assert iterate(decay, START, Stopping(rest=1.3 * left)).evaluations == loose.evaluations
+    tighter = iterate(decay, START, Stopping(rest=0.7 * left))
+    assert tighter.evaluations > loose.evaluations
+    assert full_length(iterate(decay, START, Stopping())) <= 1e-8
+    assert loose.status == tighter.status == 2
+
+
+def test_a_step_that_promises_too_little_is_not_tried() -> None:
+    promised = decay(START)[0].scaled(np.ones(2)).step(0.0).effect
+    kept = iterate(decay, START, Stopping(least_gain=1.01 * promised))
+    assert (kept.evaluations, kept.status) == (1, 2)
+    assert kept.variables.tolist() == START.tolist()
+    assert iterate(decay, START, Stopping(least_gain=0.99 * promised)).evaluations > 1
+
+
+@pytest.mark.parametrize("longest", [0.01, 0.3])
+def test_no_step_is_longer_than_it_may_be(longest: float) -> None:
+    seen = [START]
+
+    def watched(u: np.ndarray) -> tuple[DenseSystem, np.ndarray]:
+        seen.append(u)
+        return decay(u)
+
+    iterate(watched, START, Stopping(longest_step=longest, max_evaluations=8))
+    changes = np.abs(np.diff(seen, axis=0)).max(axis=1)
+    assert max(changes) == pytest.approx(longest)
+
+
+@pytest.mark.parametrize("limit", [1, 3])
+def test_the_limit_of_evaluations_is_not_passed(limit: int) -> None:
+    ended = iterate(decay, START, Stopping(max_evaluations=limit))
+    assert (ended.evaluations, ended.status) == (limit, 0)
+
+
+def test_a_descent_among_failures_shrinks_until_its_steps_are_short() -> None:
+    def lonely(u: np.ndarray) -> tuple[DenseSystem, np.ndarray]:
+        if u.tolist() != START.tolist():
+            raise SimulationError("nothing but the start")
+        return decay(u)
+
+    stopping = Stopping(step_tolerance=1e-4)
+    ended = iterate(lonely, START, stopping)
+    assert ended.status == 3
+    assert ended.failed_trials == ended.evaluations - 1
+    longer = iterate(lonely, START, replace(stopping, step_tolerance=1e-8))
+    assert longer.failed_trials == ended.failed_trials + 4  # a tenth at each failure
