@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from damperfit.adjustment import Adjustment
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.identification import Status
 from damperfit.identification.setting import EXCELLENT
 from damperfit.identification.sharing import listed_settings
 
@@ -153,7 +154,7 @@ def _mse_below_1_percent(subject: Subject) -> _Verdict:
 
 
 def _no_parameter_at_bound(subject: Subject) -> _Verdict:
-    bad = _with_status(subject, "at_bound", "lies at the edge of its plausible range")
+    bad = _with_status(subject, Status.AT_BOUND, "lies at the edge of its plausible range")
     return (
         (False, bad)
         if bad
@@ -162,11 +163,11 @@ def _no_parameter_at_bound(subject: Subject) -> _Verdict:
 
 
 def _all_parameters_identifiable(subject: Subject) -> _Verdict:
-    bad = _with_status(subject, "not_identifiable", "is not told by the logs")
+    bad = _with_status(subject, Status.NOT_IDENTIFIABLE, "is not told by the logs")
     return (False, bad) if bad else (True, "the logs tell every parameter that was fitted")
 
 
-def _with_status(subject: Subject, status: str, words: str) -> str:
+def _with_status(subject: Subject, status: Status, words: str) -> str:
     found = {
         name: [fit for fit in subject.fits if fit.status[name] == status]
         for name in PARAMETER_NAMES

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
-from damperfit.identification import Campaign, Cavitation, Fit, LogFit, Outcome
+from damperfit.identification import Campaign, Cavitation, Fit, LogFit, Outcome, Status
 from damperfit.recording import FilterDesign, Trace
 
 __all__ = ["campaign", "fit", "trace"]
@@ -51,6 +51,7 @@ def fit(
     """Return a fit with round numbers."""
     names = logs or (f"setting_{setting:02d}.csv",)
     plain = {name: "fitted" if name in FREE else "shared" for name in PARAMETER_NAMES}
+    named = plain | {"f_0": "fixed"} | (status or {})
     return Fit(
         setting=setting,
         parameters=Parameters(
@@ -61,7 +62,7 @@ def fit(
             f_f=50.0,
             f_0=f_0,
         ),
-        status=plain | {"f_0": "fixed"} | (status or {}),
+        status={name: Status(word) for name, word in named.items()},
         outcome=outcome,
         mse_percent=mse,
         noise_floor_percent=0.01,

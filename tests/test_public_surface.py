@@ -168,6 +168,7 @@ SURFACE = {
         "PROCEDURES",
         "Search",
         "Sharing",
+        "Status",
         "Valley",
         "check_options",
         "compare",

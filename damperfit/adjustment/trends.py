@@ -10,6 +10,7 @@ import numpy as np
 
 from damperfit.adjustment.curves import Curve, Points
 from damperfit.adjustment.selection import LEAST_FOR_OUTLIERS, LEAST_FOR_TREND, choose
+from damperfit.identification import Status
 from damperfit.quantities import engineering
 
 if TYPE_CHECKING:
@@ -135,7 +136,7 @@ def find_trends(fits: Sequence[Fit], uncertainties: Mapping[int, Uncertainty]) -
     uncertainties : mapping of int to Uncertainty
         By setting; a value without an interval does not count.
     """
-    own = {"fitted", "at_bound", "not_identifiable"}
+    own = {Status.FITTED, Status.AT_BOUND, Status.NOT_IDENTIFIABLE}
     names = [name for name in _FOLLOWED if any(fit.status[name] in own for fit in fits)]
     return tuple(_trend(name, _points(name, fits, uncertainties)) for name in names)
 
@@ -146,7 +147,7 @@ def _points(name: str, fits: Sequence[Fit], known: Mapping[int, Uncertainty]) ->
         uncertainty = known.get(fit.setting)
         interval = None if uncertainty is None else uncertainty.intervals.get(name)
         value = getattr(fit.parameters, name)
-        if fit.status[name] != "fitted" or interval is None or not value > 0.0:
+        if fit.status[name] != Status.FITTED or interval is None or not value > 0.0:
             continue
         if math.isfinite(interval.error):
             rows.append((float(fit.setting), math.log(value), interval.error / value))

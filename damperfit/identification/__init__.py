@@ -5,7 +5,7 @@ from damperfit.identification.cavitation import Cavitation, describe_cavitation
 from damperfit.identification.model_versus_log import Comparison, compare, normalised_mse
 from damperfit.identification.multistart import Search, Valley, describe_searches
 from damperfit.identification.options import FitOptions, check_options
-from damperfit.identification.outcome import Outcome
+from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.setting import Fit, LogFit
 from damperfit.identification.sharing import Sharing
 
@@ -20,6 +20,7 @@ __all__ = [
     "Outcome",
     "Search",
     "Sharing",
+    "Status",
     "Valley",
     "check_options",
     "compare",

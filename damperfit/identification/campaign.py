@@ -20,6 +20,7 @@ from damperfit.identification.first_pass import first_pass
 from damperfit.identification.joint_procedure import fit_together
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.options import FitOptions, check_options
+from damperfit.identification.outcome import Status
 from damperfit.identification.procedure_input import ProcedureInput, closed_form_start, ordered
 from damperfit.identification.setting import PLAUSIBLE, Fit, Judged, describe_fit
 from damperfit.identification.sharing import Sharing
@@ -198,7 +199,7 @@ def _paper(task: ProcedureInput) -> Campaign:
         misfit = task.misfit(setting, ordered(free))
         start = replace(first.start(setting) or closed_form_start(misfit, held), **held)
         judged, found = fit_from(task, setting, misfit, start, spent=first.evaluations(setting))
-        named = dict.fromkeys(first.sharing.found, "shared") | dict(first.status)
+        named = dict.fromkeys(first.sharing.found, Status.SHARED) | dict(first.status)
         return describe_fit(setting, _named(judged, named), misfit), found
 
     collected = _collect(task, fit, warnings)
@@ -253,7 +254,7 @@ PROCEDURES: dict[str, Callable[[ProcedureInput], Campaign]] = {
 }
 
 
-def _named(judged: Judged, status: Mapping[str, str]) -> Judged:
+def _named(judged: Judged, status: Mapping[str, Status]) -> Judged:
     """Values that were found once for all settings are not fixed but shared, or cannot be told."""
     return replace(judged, status={**judged.status, **status})
 

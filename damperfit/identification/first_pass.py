@@ -11,7 +11,7 @@ import numpy as np
 from damperfit.errors import DamperfitError
 from damperfit.identification.descent import FitCancelledError, Misfit, descend
 from damperfit.identification.multistart import Search, fit_from
-from damperfit.identification.outcome import Outcome
+from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.procedure_input import ProcedureInput, closed_form_start
 from damperfit.identification.setting import (
     CHI_SQUARED_95,
@@ -61,7 +61,7 @@ class FirstPass:
     judged: Mapping[int, Judged]
     shared: Mapping[str, float]
     sharing: Sharing = Sharing()
-    status: Mapping[str, str] = field(default_factory=dict)
+    status: Mapping[str, Status] = field(default_factory=dict)
     searches: tuple[Search, ...] = ()
 
     def start(self, setting: int) -> Parameters | None:
@@ -129,7 +129,7 @@ def first_pass(
 
 def _tells_r_m3(judged: Judged) -> bool:
     """Whether a fit knows R_m3 well enough for all settings to use it."""
-    return judged.status["r_m3"] == "fitted" and judged.errors["r_m3"] < NOT_FIT_TO_SHARE
+    return judged.status["r_m3"] == Status.FITTED and judged.errors["r_m3"] < NOT_FIT_TO_SHARE
 
 
 def _friction_range(judged: Sequence[Judged]) -> tuple[tuple[float, float] | None, bool]:
@@ -148,7 +148,7 @@ def _friction_range(judged: Sequence[Judged]) -> tuple[tuple[float, float] | Non
 
 def _lacks_r_m3_alone(judged: Judged) -> bool:
     others = [judged.status[name] for name in judged.errors if name != "r_m3"]
-    return all(status == "fitted" for status in others)
+    return all(status == Status.FITTED for status in others)
 
 
 def _source(judged: Mapping[int, Judged], lowest: int) -> int | None:
@@ -168,7 +168,7 @@ def _is_right_all_the_same(judged: Judged, r_m3: float | None) -> bool:
 @dataclass(frozen=True, slots=True, eq=False)
 class _SharedR_m3:  # noqa: N801 - the paper's symbol
     value: float
-    status: str
+    status: Status
     judged: Judged
     setting: int | None
     is_refined: bool
@@ -191,7 +191,7 @@ def _shared_r_m3(
     is_refined = again is not first
     value = again.solution.parameters.r_m3
     if _tells_r_m3(again):
-        return _SharedR_m3(value, "shared", again, setting, is_refined)
+        return _SharedR_m3(value, Status.SHARED, again, setting, is_refined)
     fallback = task.options.fallback_r_m3
     if not again.outcome.is_minimum:
         said = (
@@ -199,7 +199,7 @@ def _shared_r_m3(
             f"{fallback:.4g} (identification.fallback_r_m3) is used; give --fix r_m3=VALUE if "
             "yours is known."
         )
-        return _SharedR_m3(fallback, "fixed", first, None, is_refined=False, said=said)
+        return _SharedR_m3(fallback, Status.FIXED, first, None, is_refined=False, said=said)
     held = f_f if is_refined else None
     if _is_contradicted(misfit, again, fallback, held):
         value = max(value, PLAUSIBLE["r_m3"][0])
@@ -215,7 +215,7 @@ def _shared_r_m3(
             "(identification.fallback_r_m3) fits them as well as any and is used; give "
             "--fix r_m3=VALUE if yours is known."
         )
-    return _SharedR_m3(value, "not_identifiable", again, setting, is_refined, said)
+    return _SharedR_m3(value, Status.NOT_IDENTIFIABLE, again, setting, is_refined, said)
 
 
 def _is_contradicted(misfit: Misfit, best: Judged, r_m3: float, f_f: float | None) -> bool:

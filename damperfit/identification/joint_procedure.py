@@ -10,7 +10,7 @@ import numpy as np
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.identification.gas_content import first_law, working_pressure
 from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_jointly
-from damperfit.identification.outcome import Outcome
+from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.procedure_input import ProcedureInput, ordered
 from damperfit.identification.setting import NOT_FIT_TO_SHARE, PLAUSIBLE
 from damperfit.identification.sharing import Sharing
@@ -55,7 +55,7 @@ class JointResult:
 
     solution: JointSolution
     own: tuple[str, ...]
-    status: Mapping[str, str]
+    status: Mapping[str, Status]
     sharing: Sharing
     evaluations: int
     warnings: tuple[str, ...]
@@ -127,7 +127,7 @@ def _common(name: str, task: ProcedureInput, fits: Sequence[Fit]) -> float:
 
     From a value without effect a logarithm would not come back.
     """
-    if name == "r_m3" and any(fit.status[name] == "not_identifiable" for fit in fits):
+    if name == "r_m3" and any(fit.status[name] == Status.NOT_IDENTIFIABLE for fit in fits):
         return task.options.fallback_r_m3
     return float(np.mean([getattr(fit.parameters, name) for fit in fits]))
 
@@ -187,12 +187,14 @@ def _judged_law(rises: Mapping[int, float]) -> list[str]:
     return [said]
 
 
-def _statuses(solution: JointSolution, shared: tuple[str, ...], *, is_gas: bool) -> dict[str, str]:
+def _statuses(
+    solution: JointSolution, shared: tuple[str, ...], *, is_gas: bool
+) -> dict[str, Status]:
     agreed = next(iter(solution.parameters.values()))
     status = {}
     for name in shared:
         low, high = PLAUSIBLE.get(name, (-np.inf, np.inf))
-        status[name] = "shared" if low < getattr(agreed, name) < high else "at_bound"
+        status[name] = Status.SHARED if low < getattr(agreed, name) < high else Status.AT_BOUND
         if name in PARAMETER_NAMES[:-1] and solution.errors[name] > NOT_FIT_TO_SHARE:
-            status[name] = "not_identifiable"
-    return status | ({"k_e": "shared"} if is_gas else {})
+            status[name] = Status.NOT_IDENTIFIABLE
+    return status | ({"k_e": Status.SHARED} if is_gas else {})

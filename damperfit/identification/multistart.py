@@ -14,6 +14,7 @@ import numpy as np
 
 from damperfit.errors import DamperfitError
 from damperfit.identification.descent import FitCancelledError, Misfit
+from damperfit.identification.outcome import Status
 from damperfit.identification.setting import (
     CHI_SQUARED_95,
     Judged,
@@ -237,7 +238,7 @@ def _is_same(one: Judged, other: Judged, misfit: Misfit) -> bool:
     """Whether all parameters that the logs tell agree."""
     errors = relative_errors(one.solution)
     for name, error in zip(misfit.free, errors, strict=True):
-        if one.status[name] != "fitted" and other.status[name] == one.status[name]:
+        if one.status[name] != Status.FITTED and other.status[name] == one.status[name]:
             continue  # a flat valley is one minimum however far along it a descent stopped
         a, b = one.solution.parameters, other.solution.parameters
         if name == "f_0":

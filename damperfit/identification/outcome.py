@@ -1,10 +1,25 @@
-"""How a fit ended, as a named value with a sentence of advice."""
+"""How a fit ended, as a named value with a sentence of advice; what it says of each parameter."""
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import Enum, StrEnum
 
-__all__ = ["Outcome"]
+__all__ = ["Outcome", "Status"]
+
+
+class Status(StrEnum):
+    """What a fit says of a parameter; the value is the word in tables and run.json."""
+
+    FITTED = "fitted"
+    FIXED = "fixed"
+    SHARED = "shared"
+    AT_BOUND = "at_bound"
+    NOT_IDENTIFIABLE = "not_identifiable"
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether the parameter was to be found and was not."""
+        return self in {Status.AT_BOUND, Status.NOT_IDENTIFIABLE}
 
 
 class Outcome(Enum):

@@ -14,7 +14,7 @@ from damperfit.identification.cavitation import Cavitation, examine_cavitation
 from damperfit.identification.descent import Misfit, Solution, approach, descend
 from damperfit.identification.minimiser import inverse_information
 from damperfit.identification.model_versus_log import compare, normalised_mse
-from damperfit.identification.outcome import Outcome
+from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.starting import cavitation_limit
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class Fit:
         Adjuster setting.
     parameters : Parameters
         SI values.
-    status : dict of str to str
+    status : dict of str to Status
         For each parameter: fitted, fixed, shared, at_bound or not_identifiable.
     outcome : Outcome
         How the fit ended.
@@ -114,7 +114,7 @@ class Fit:
 
     setting: int
     parameters: Parameters
-    status: Mapping[str, str]
+    status: Mapping[str, Status]
     outcome: Outcome
     mse_percent: float
     noise_floor_percent: float
@@ -141,7 +141,7 @@ class Judged:
     """A solution with its verdict and rough relative errors, before report figures are added."""
 
     solution: Solution
-    status: dict[str, str]
+    status: dict[str, Status]
     outcome: Outcome
     errors: Mapping[str, float] = field(default_factory=dict)
 
@@ -266,28 +266,28 @@ def relative_errors(solution: Solution) -> NDArray[np.float64]:
     return np.asarray(np.sqrt(np.diag(inverse_information(jacobian)) * variance))
 
 
-def _statuses(misfit: Misfit, solution: Solution) -> dict[str, str]:
-    status = dict.fromkeys(PARAMETER_NAMES, "fixed")
+def _statuses(misfit: Misfit, solution: Solution) -> dict[str, Status]:
+    status = dict.fromkeys(PARAMETER_NAMES, Status.FIXED)
     errors = relative_errors(solution)
     for name, error in zip(misfit.free, errors, strict=True):
         value = getattr(solution.parameters, name)
-        status[name] = "fitted"
+        status[name] = Status.FITTED
         if name == "f_0":
             continue
         low, high = PLAUSIBLE[name]
         if name == "f_f":
             low = max(low, _NO_FRICTION * misfit.deviation if error > NOT_FOUND else low)
         if not low < value < high:
-            status[name] = "at_bound"
+            status[name] = Status.AT_BOUND
         elif error > NOT_FOUND:
-            status[name] = "not_identifiable"
+            status[name] = Status.NOT_IDENTIFIABLE
     return status
 
 
-def _outcome(solution: Solution, status: Mapping[str, str]) -> Outcome:
-    if "at_bound" in status.values():
+def _outcome(solution: Solution, status: Mapping[str, Status]) -> Outcome:
+    if Status.AT_BOUND in status.values():
         return Outcome.AT_BOUND
-    if "not_identifiable" in status.values():
+    if Status.NOT_IDENTIFIABLE in status.values():
         return Outcome.NOT_IDENTIFIABLE
     if solution.is_cavitating:
         return Outcome.CAVITATING

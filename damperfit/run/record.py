@@ -15,7 +15,7 @@ from damperfit import __version__
 from damperfit.adjustment import Adjustment
 from damperfit.checks import Check, missed_gates
 from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.identification import Outcome, describe_cavitation, describe_searches
+from damperfit.identification import Outcome, Status, describe_cavitation, describe_searches
 from damperfit.quantities import engineering
 from damperfit.report import Failure, ReportFacts
 from damperfit.run.trust import confidence_record, unconfirmed_tares
@@ -369,10 +369,10 @@ def _procedure(configuration: Configuration, campaign: Campaign) -> Iterator[str
         value = getattr(fit.parameters, name)
         unit = PARAMETER_UNITS[name]
         said = f"{name} = {engineering(value, digits=5)} {unit}"
-        if fit.status[name] == "shared":
+        if fit.status[name] == Status.SHARED:
             spread = _friction_spread(campaign) if name == "f_f" else ""
             yield f"{said} is shared by all configuration, found from the logs{spread}."
-        elif fit.status[name] == "fixed" and (name != "f_0" or value != 0.0):
+        elif fit.status[name] == Status.FIXED and (name != "f_0" or value != 0.0):
             yield f"{said} is fixed."
 
 

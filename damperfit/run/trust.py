@@ -6,6 +6,7 @@ import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from damperfit.identification import Status
 from damperfit.identification.sharing import listed_settings
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def unconfirmed_tares(campaign: Campaign, assessment: Assessment) -> Iterator[st
     doubted = [
         fit.setting
         for fit in campaign.fits
-        if fit.setting in sound and fit.status["f_0"] == "fixed" and _is_warned_of_tare(fit)
+        if fit.setting in sound and fit.status["f_0"] == Status.FIXED and _is_warned_of_tare(fit)
     ]
     if doubted:
         where = f"setting{'s' if len(doubted) > 1 else ''} {listed_settings(doubted)}"

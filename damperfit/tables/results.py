@@ -140,7 +140,7 @@ def _parameter_row(fit: Fit, assessment: Assessment) -> dict[str, Any]:
             row[f"{name}_se"] = _finite(interval.error)
         low, high = assessment.limits(fit.setting, name)
         row[f"{name}_ci_low"], row[f"{name}_ci_high"] = _finite(low), _finite(high)
-        row[f"{name}_status"] = fit.status[name]
+        row[f"{name}_status"] = fit.status[name].value
     return row | {
         "mse_percent": _finite(fit.mse_percent),
         "grade": grade(fit.mse_percent),

@@ -12,7 +12,7 @@ import numpy as np
 
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import FitCancelledError
-from damperfit.identification.outcome import Outcome
+from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.setting import NOT_FIT_TO_SHARE
 from damperfit.identification.sharing import listed_settings
 from damperfit.simulation import SolverOptions
@@ -329,18 +329,18 @@ def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
         flat = {
             name
             for name, profile in assessment.telling(fit.setting).items()
-            if profile.is_flat and fit.status[name] in {"fitted", "shared"}
+            if profile.is_flat and fit.status[name] in {Status.FITTED, Status.SHARED}
         }
         flat |= {
             name
             for name in campaign.sharing.found
-            if fit.status[name] == "shared" and _is_unfit(name, known.get(fit.setting))
+            if fit.status[name] == Status.SHARED and _is_unfit(name, known.get(fit.setting))
         }
-        own = {name for name in flat if fit.status[name] == "fitted"}
+        own = {name for name in flat if fit.status[name] == Status.FITTED}
         outcome = fit.outcome
         if own and outcome is Outcome.CONVERGED:
             outcome = Outcome.NOT_IDENTIFIABLE
-        status = {**fit.status, **dict.fromkeys(flat, "not_identifiable")}
+        status = {**fit.status, **dict.fromkeys(flat, Status.NOT_IDENTIFIABLE)}
         fits.append(replace(fit, status=status, outcome=outcome))
     return replace(campaign, fits=tuple(fits))
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from damperfit.conditioning import apply_filter
 from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.identification.outcome import Status
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -179,8 +180,8 @@ def seek_flaws(
         Shared parameters of which one value for all settings is known not to hold.
     """
     residuals = np.concatenate([seen.residuals for seen in evidence.logs])
-    doubted = tuple(name for name in doubted if evidence.fit.status[name] == "shared")
-    absorbed = _absorbed(evidence, {"fitted", "shared", "not_identifiable"})
+    doubted = tuple(name for name in doubted if evidence.fit.status[name] == Status.SHARED)
+    absorbed = _absorbed(evidence, {Status.FITTED, Status.SHARED, Status.NOT_IDENTIFIABLE})
     tables = [
         _signatures(log.trace, seen)
         for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True)
@@ -197,7 +198,7 @@ def seek_flaws(
         columns[name] = [np.concatenate([seen.jacobian[:, place] for seen in evidence.logs])]
     power = repeats * len(residuals)
     # Values that the other settings hold back absorb nothing of what one setting lacks.
-    own = _absorbed(evidence, {"fitted", "not_identifiable"}) if doubted else absorbed
+    own = _absorbed(evidence, {Status.FITTED, Status.NOT_IDENTIFIABLE}) if doubted else absorbed
     found = []
     for name, candidates in columns.items():
         basis = own if name in doubted else absorbed
@@ -224,7 +225,7 @@ def _gain(column: FloatArray, absorbed: FloatArray, residuals: FloatArray) -> tu
 def _held(evidence: Evidence) -> tuple[str, ...]:
     """Parameters that nothing in the logs has set; f_0 stands among the flaws already."""
     status = evidence.fit.status
-    return tuple(n for n in PARAMETER_NAMES if status[n] == "fixed" and n != "f_0")
+    return tuple(n for n in PARAMETER_NAMES if status[n] == Status.FIXED and n != "f_0")
 
 
 def _held_flaw(name: str, *, is_shared: bool) -> _Flaw:

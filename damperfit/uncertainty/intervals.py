@@ -28,6 +28,7 @@ import numpy as np
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import SimulationError
 from damperfit.identification.gas_content import GAS_NAMES
+from damperfit.identification.outcome import Status
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.information import Evidence, gather
 
@@ -233,7 +234,8 @@ def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
     return tuple(
         name
         for name in PARAMETER_NAMES
-        if fit.status[name] in {"fitted", "not_identifiable"} and name not in sharing.found
+        if fit.status[name] in {Status.FITTED, Status.NOT_IDENTIFIABLE}
+        and name not in sharing.found
     )
 
 

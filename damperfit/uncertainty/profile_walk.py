@@ -71,7 +71,6 @@ _UNSEEN = 1e-12
 _QUICK_STEP, _QUICK_REACH = 2.05, 1.96
 # What it may cost at a setting: a share of what its fit has, which is ten simulations or more.
 _QUICK_SHARE, _QUICK_LEAST = 0.7, 8
-_FAILED = ("at_bound", "not_identifiable")
 
 
 class _Walker(Protocol):
@@ -211,7 +210,7 @@ def doubtful_profiles(
     budget = max(_QUICK_LEAST, int(_QUICK_SHARE * one.fit.evaluations))
     found = []
     # What has failed first: the budget may not reach for all.
-    names = sorted(PARAMETER_NAMES[:-1], key=lambda name: one.fit.status[name] not in _FAILED)
+    names = sorted(PARAMETER_NAMES[:-1], key=lambda name: not one.fit.status[name].has_failed)
     for name in names:
         if budget < _QUICK_LEAST // 2 or not is_doubtful(name, one.fit, known):
             continue

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification.descent import Misfit
+from damperfit.identification.outcome import Status
 from damperfit.identification.setting import PLAUSIBLE
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.intervals import NORMAL_95, own_names, solved
@@ -65,7 +66,6 @@ _NEAR = 0.25
 # Above this standard error of ln y the profile's limits leave those of the quadratic approximation
 # by a tenth of their distance (4 N and 200 N of noise, K_e at settings 1, 10 and 20).
 _DOUBTFUL = 0.1
-_FAILED = ("at_bound", "not_identifiable")
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,7 +242,7 @@ def check_profile_names(names: Iterable[str], *, fixed: Container[str] = ()) -> 
 
 def is_doubtful(name: str, fit: Fit, known: Uncertainty) -> bool:
     """Whether the quadratic approximation of the misfit may not hold as far as the limits."""
-    if fit.status[name] in _FAILED:
+    if fit.status[name].has_failed:
         return True
     if name not in known.names:
         return False
@@ -286,10 +286,10 @@ def _own_line(
     name: str, one: Evidence, known: Uncertainty, sharing: Sharing, bench: Bench
 ) -> Line | None:
     own = own_names(one.fit, sharing)
-    is_at_bound = one.fit.status[name] == "at_bound"
+    is_at_bound = one.fit.status[name] == Status.AT_BOUND
     if not own or (name not in own and not is_at_bound):
         return None
-    free = tuple(n for n in PARAMETER_NAMES if n in own or one.fit.status[n] == "at_bound")
+    free = tuple(n for n in PARAMETER_NAMES if n in own or one.fit.status[n] == Status.AT_BOUND)
     if is_at_bound:
         return _line(name, one, bench, free=free, beside=(*own, name))
     place = known.names.index(name)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import listed_settings
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def doubts(
             continue
         mine = profiles.get(fit.setting, {})
         for name in PARAMETER_NAMES:
-            if fit.status[name] in {"at_bound", "not_identifiable"}:
+            if fit.status[name].has_failed:
                 words = _verdict(name, fit, known[fit.setting], mine.get(name), sharing)
                 said[name, words].append(fit.setting)
         for one, other, value in _ties(known[fit.setting]):
@@ -102,9 +103,9 @@ def _verdict(
     is_tied: bool = False,
 ) -> str:
     status = fit.status[name]
-    if status == "fixed":
+    if status == Status.FIXED:
         return "held at the value given"
-    if status == "at_bound":
+    if status == Status.AT_BOUND:
         seen = f": {_seen(profile)}" if profile is not None else ""
         return f"ran to the edge of its plausible range{seen}; fix it, or check units and signs"
     interval = known.intervals.get(name)
@@ -118,13 +119,13 @@ def _verdict(
     )
     if profile is not None and profile.better is not None:
         where += f", a better minimum lies near {profile.better.value:.4g}: give --starts 20"
-    if status == "not_identifiable":
+    if status == Status.NOT_IDENTIFIABLE:
         value = f"{getattr(fit.parameters, name):.4g}"
         used = f"; {value} is used for all settings" if name in sharing.found else ""
         if used and profile is not None and profile.shape == "flat downward":
             used += ", in place of nothing: any value below the limit fits as well"
         return f"these logs do not tell it ({where}{tied}){used}; fix it, or fit more logs"
-    found = "shared by all settings" if status == "shared" else "fitted"
+    found = "shared by all settings" if status == Status.SHARED else "fitted"
     return f"{found}, {where}{tied}"
 
 

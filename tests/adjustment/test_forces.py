@@ -11,6 +11,7 @@ from damperfit.adjustment import Sine, Stage, clicks, levels, named_speeds, stag
 from damperfit.characteristics import characterise, signals_at_speeds
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
+from damperfit.identification import Status
 from damperfit.simulation import SolverOptions, simulate, sine_motion
 from damperfit.uncertainty import Uncertainty
 from tests import fakes
@@ -135,7 +136,7 @@ def test_a_shared_value_that_no_log_tells_is_shared_all_the_same() -> None:
     known = Uncertainty(1, {}, (*OWN, *SHARED), cov, SHARED)
     plain = fakes.fit(1)
     for name in SHARED:
-        unsound = replace(plain, status={**plain.status, name: "not_identifiable"})
+        unsound = replace(plain, status={**plain.status, name: Status.NOT_IDENTIFIABLE})
         found = stage_of(unsound, known)
         assert (found.own, found.shared) == (OWN, SHARED)
         assert found.covariance is cov

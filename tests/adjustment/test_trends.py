@@ -119,11 +119,12 @@ def test_a_parameter_without_a_sound_value_is_left_out() -> None:
     from dataclasses import replace
 
     from damperfit.adjustment import find_trends
+    from damperfit.identification import Status
     from tests.adjustment import ladders
 
     pairs = [ladders._fitted(s, {"r_m1": EXPONENTIAL[s - 1]}, {"r_m1": 1e-3}) for s in ALL]
     fits = [fit for fit, _ in pairs]
-    fits[4] = replace(fits[4], status={**fits[4].status, "r_m1": "at_bound"})
+    fits[4] = replace(fits[4], status={**fits[4].status, "r_m1": Status.AT_BOUND})
     (trend, *_) = find_trends(fits, {u.setting: u for _, u in pairs})
     points = {point.setting: point for point in trend.points}
     assert points[5].found is None

@@ -10,7 +10,7 @@ import pytest
 from damperfit.damper.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.reference import reference_parameters
 from damperfit.errors import SimulationError
-from damperfit.identification import FitOptions, Outcome, identify, multistart
+from damperfit.identification import FitOptions, Outcome, Status, identify, multistart
 from damperfit.identification.descent import Misfit, Solution
 from damperfit.identification.multistart import SPREAD, describe_searches, search, spread_starts
 from damperfit.identification.setting import Judged
@@ -40,7 +40,8 @@ def ended(
         n_independent=400.0,
         is_cavitating=outcome is Outcome.CAVITATING,
     )
-    return Judged(solution, dict.fromkeys(FREE, "fitted") | status, outcome)
+    named = dict.fromkeys(FREE, "fitted") | status
+    return Judged(solution, {name: Status(word) for name, word in named.items()}, outcome)
 
 
 def searched(monkeypatch: pytest.MonkeyPatch, first: Judged, *others: Judged | None):

@@ -15,6 +15,7 @@ from damperfit.identification import (
     Fit,
     FitOptions,
     Outcome,
+    Status,
     compare,
     descent,
     identify,
@@ -244,3 +245,13 @@ def test_a_held_value_with_a_lost_power_of_ten_is_asked_about() -> None:
     assert any("r_m3 is held at 2.597" in text for text in campaign.warnings)
     sound = identify([trace(7)], PURDY_DAMPER, FitOptions("plain", FREE, {**known, "r_m3": 2.6e6}))
     assert sound.warnings == ()
+
+
+def test_a_status_is_one_of_five_words_as_tables_have_them() -> None:
+    words = ["fitted", "fixed", "shared", "at_bound", "not_identifiable"]
+    assert [status.value for status in Status] == words
+    assert [status for status in Status if status.has_failed] == words[3:]
+    campaign = identify(traces([3], noise=4.0, duration=4.0), PURDY_DAMPER)
+    assert all(isinstance(status, Status) for status in campaign.fits[0].status.values())
+    with pytest.raises(ValueError, match="unknown"):
+        Status("unknown")
