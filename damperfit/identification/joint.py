@@ -24,8 +24,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.errors import SimulationError
 from damperfit.identification.descent import linearise, stepped
+from damperfit.identification.failures import SettingError, SettingFailure, attempted
 from damperfit.identification.gas_content import GAS_NAMES
 
 if TYPE_CHECKING:
@@ -165,8 +165,8 @@ def fit_jointly(problem: JointProblem, starts: Mapping[int, Parameters]) -> Join
 
     Raises
     ------
-    SimulationError
-        When the model cannot be integrated at a start.
+    SettingError
+        When the model cannot be integrated at a setting's start, or a setting meets a bug.
     FitCancelledError
         When the caller asked to stop.
     """
@@ -187,7 +187,9 @@ def fit_jointly(problem: JointProblem, starts: Mapping[int, Parameters]) -> Join
                 evaluations += 1
                 try:
                     found = _normals(pool, problem, trial, weights)
-                except SimulationError:
+                except SettingError as error:
+                    if error.failure.is_internal:
+                        raise
                     found = []
                 if found and sum(one.cost for one in found) < cost:
                     best, known = trial, found
@@ -220,7 +222,11 @@ def _normals(
     weights: Mapping[int, float] | None,
 ) -> list[_Normal]:
     def one(setting: int) -> _Normal:
-        residuals, jacobian = linearise(problem.misfits[setting], at.parameters[setting])
+        misfit, parameters = problem.misfits[setting], at.parameters[setting]
+        linear = attempted(setting, lambda: linearise(misfit, parameters))
+        if isinstance(linear, SettingFailure):
+            raise SettingError(linear)
+        residuals, jacobian = linear
         jacobian = jacobian @ _chain(problem, at.gas, setting)
         cost = float(residuals @ residuals)
         weight = len(residuals) / max(cost, 1e-300) if weights is None else weights[setting]

@@ -273,8 +273,8 @@ def json_values(value: Any) -> Any:
 
 
 def _setting_failures(campaign: Campaign) -> Iterator[Failure]:
-    for setting, message in campaign.failures:
-        yield Failure("", "", setting, "SimulationError", message)
+    for one in campaign.failures:
+        yield Failure("", "", one.setting, one.kind, one.message)
 
 
 def _missing(configuration: Configuration, batch: LogBatch) -> Iterator[Failure]:

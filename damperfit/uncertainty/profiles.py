@@ -19,7 +19,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from damperfit.errors import SimulationError
-from damperfit.identification.setting import NORMAL_95, PLAUSIBLE
+from damperfit.identification.plausible import PLAUSIBLE
+from damperfit.identification.setting import NORMAL_95
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.identification.descent import Misfit, linearise, stepped
+from damperfit.identification.plausible import is_at_edge
 from damperfit.uncertainty.profiles import MisfitProfile, Stride, signed_root, walked
 
 if TYPE_CHECKING:
@@ -86,8 +87,10 @@ class _Walk:
 
     def __post_init__(self) -> None:
         start = self._at(self.line.start, 0.0)
+        # From the edge of its range the profiled one would leave it.
+        is_stuck = is_at_edge(self.line.start, self.line.name)
         every = np.arange(len(self.line.misfit.free), dtype=np.intp)
-        self.centre, self.least = self._settled(start, every)
+        self.centre, self.least = self._settled(start, self._others if is_stuck else every)
         self.centre.along = 0.0
         self.points.append((0.0, 0.0, {self.line.setting: self.centre.parameters}))
         self.state = self.centre
