@@ -166,6 +166,7 @@ SURFACE = {
         "Outcome",
         "PROCEDURES",
         "Search",
+        "SettingFailure",
         "Sharing",
         "check_options",
         "compare",

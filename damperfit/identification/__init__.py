@@ -3,6 +3,7 @@
 from damperfit.identification.campaign import PROCEDURES, Campaign, identify
 from damperfit.identification.cavitation import Cavitation, describe_cavitation
 from damperfit.identification.comparison import Comparison, compare, normalised_mse
+from damperfit.identification.failures import SettingFailure
 from damperfit.identification.multistart import Minimum, Search, describe_searches
 from damperfit.identification.options import FitOptions, check_options
 from damperfit.identification.outcome import Outcome
@@ -20,6 +21,7 @@ __all__ = [
     "Minimum",
     "Outcome",
     "Search",
+    "SettingFailure",
     "Sharing",
     "check_options",
     "compare",

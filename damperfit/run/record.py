@@ -114,6 +114,7 @@ def report_facts(
         ),
         trust=assessment.sentences,
         identifiability=assessment.doubts(campaign),
+        untold=assessment.untold(campaign),
         searches=describe_searches(campaign.searches),
         cavitation=describe_cavitation({fit.setting: fit.cavitation for fit in campaign.fits}),
         across=judgement.adjustment.sentences,
