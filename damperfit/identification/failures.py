@@ -7,7 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from damperfit.errors import DamperfitError, SimulationError
+from damperfit.errors import (
+    ConfigurationError,
+    DamperfitError,
+    InstallationError,
+    SimulationError,
+)
 from damperfit.identification.descent import FitCancelledError
 
 if TYPE_CHECKING:
@@ -61,10 +66,12 @@ def attempted(setting: int, fit: Callable[[], Found]) -> Found | SettingFailure:
     ------
     FitCancelledError
         When the caller asked to stop.
+    ConfigurationError, InstallationError
+        What is wrong is wrong at every setting.
     """
     try:
         return fit()
-    except FitCancelledError:
+    except (FitCancelledError, ConfigurationError, InstallationError):
         raise
     except DamperfitError as error:
         return SettingFailure(setting, type(error).__name__, str(error))

@@ -95,9 +95,9 @@ def first_pass(
             begun = begun.without(error.failure)
     shared = {name: getattr(task.options, f"fallback_{name}") for name in wanted}
     return FirstPass({}, shared, status=dict.fromkeys(wanted, "fixed"), broken=begun.broken), (
-        "with all parameters free no setting can be fitted: "
-        + " and ".join(f"{name} {value:.4g}" for name, value in shared.items())
-        + f" (identification.fallback_...) {'are' if len(shared) > 1 else 'is'} used.",
+        "with all parameters free no setting can be fitted: these are used: "
+        + ", ".join(f"{n} {value:.4g} (identification.fallback_{n})" for n, value in shared.items())
+        + ".",
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from damperfit.damper.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.reference import reference_parameters
-from damperfit.errors import SimulationError
+from damperfit.errors import InstallationError, SimulationError
 from damperfit.identification import Campaign, FitOptions, Outcome, descent, identify
 from damperfit.identification import setting as one_setting
 from damperfit.identification.descent import Misfit, descend
@@ -125,6 +125,16 @@ def test_where_none_can_be_fitted_each_says_why(logs, monkeypatch, procedure: st
     campaign = identify(logs[:2], PURDY_DAMPER, FitOptions(procedure))
     assert campaign.fits == ()
     assert [one.setting for one in campaign.failures] == [2, 6]
+    if procedure == "paper":
+        said = "these are used: r_m3 2.597e+06 (identification.fallback_r_m3), f_f 50 (identif"
+        assert said in campaign.warnings[0]
+
+
+@pytest.mark.parametrize("procedure", PROCEDURES)
+def test_a_core_that_does_not_load_is_no_fault_of_a_setting(logs, break_at, procedure: str) -> None:
+    break_at(logs[1], InstallationError("the compiled core does not load."))
+    with pytest.raises(InstallationError):
+        identify(logs, PURDY_DAMPER, FitOptions(procedure))
 
 
 def test_a_setting_that_fails_in_the_joint_fit_alone_follows_the_others(
