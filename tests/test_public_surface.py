@@ -167,6 +167,7 @@ SURFACE = {
         "Outcome",
         "PROCEDURES",
         "Search",
+        "SettingFailure",
         "Sharing",
         "Status",
         "Valley",

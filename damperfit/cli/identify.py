@@ -227,6 +227,8 @@ def _tell_people(result: RunResult, *, configuration: Configuration, is_quiet: b
         say(f"note: {line}")
     for warning in result.facts.warnings:
         say(f"warning: {warning}")
+    for sentence in result.facts.untold:
+        say(f"note: {sentence}")
     profiles = ", the profiles in profiles.csv" if configuration.profile else ""
     say(f"damperfit: {_summary(result, configuration.output.folder)}{profiles}")
 

@@ -2,6 +2,7 @@
 
 from damperfit.identification.campaign import PROCEDURES, Campaign, identify
 from damperfit.identification.cavitation import Cavitation, describe_cavitation
+from damperfit.identification.failures import SettingFailure
 from damperfit.identification.model_versus_log import Comparison, compare, normalised_mse
 from damperfit.identification.multistart import Search, Valley, describe_searches
 from damperfit.identification.options import FitOptions, check_options
@@ -19,6 +20,7 @@ __all__ = [
     "LogFit",
     "Outcome",
     "Search",
+    "SettingFailure",
     "Sharing",
     "Status",
     "Valley",

@@ -12,17 +12,20 @@ from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from damperfit.errors import ConfigurationError, DamperfitError, LogError, SimulationError
+from damperfit.errors import ConfigurationError, LogError
 from damperfit.identification.descent import FitCancelledError
+from damperfit.identification.failures import SettingFailure, attempted
 from damperfit.identification.first_pass import first_pass
 from damperfit.identification.joint_procedure import fit_together
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.options import FitOptions, check_options
 from damperfit.identification.outcome import Status
+from damperfit.identification.plausible import PLAUSIBLE
 from damperfit.identification.procedure_input import ProcedureInput, closed_form_start, ordered
-from damperfit.identification.setting import PLAUSIBLE, Fit, Judged, describe_fit
+from damperfit.identification.setting import Fit, Judged, describe_fit
 from damperfit.identification.sharing import Sharing
 
 if TYPE_CHECKING:
@@ -51,7 +54,7 @@ class Campaign:
         How they were made.
     fits : tuple of Fit
         By rising setting.
-    failures : tuple of (int, str)
+    failures : tuple of SettingFailure
         Settings without a fit and why.
     warnings : tuple of str
         One plain sentence each.
@@ -65,7 +68,7 @@ class Campaign:
 
     procedure: str
     fits: tuple[Fit, ...]
-    failures: tuple[tuple[int, str], ...] = ()
+    failures: tuple[SettingFailure, ...] = ()
     warnings: tuple[str, ...] = ()
     is_complete: bool = True
     sharing: Sharing = Sharing()
@@ -178,7 +181,7 @@ def _plain(task: ProcedureInput) -> Campaign:
         judged, found = fit_from(task, setting, misfit, closed_form_start(misfit, fixed))
         return describe_fit(setting, judged, misfit), found
 
-    return _collect(task, fit, ())
+    return _collect(task, fit)
 
 
 def _paper(task: ProcedureInput) -> Campaign:
@@ -202,7 +205,7 @@ def _paper(task: ProcedureInput) -> Campaign:
         named = dict.fromkeys(first.sharing.found, Status.SHARED) | dict(first.status)
         return describe_fit(setting, _named(judged, named), misfit), found
 
-    collected = _collect(task, fit, warnings)
+    collected = _collect(task, fit, warnings, known=first.broken)
     return replace(
         collected, sharing=first.sharing, searches=(*first.searches, *collected.searches)
     )
@@ -218,25 +221,31 @@ def _joint(task: ProcedureInput) -> Campaign:
     varying = tuple(name for name in shared if name not in {"r_m3", "f_f"})
     options = replace(task.options, free=(*own, *varying), starts=1)
     before = _paper(replace(task, options=options, on_fit=lambda _fit: None))
+    failed = {one.setting: one for one in before.failures}
     try:
-        together = fit_together(task, before.fits, ordered(own), shared)
+        together, broken = fit_together(task, before.fits, ordered(own), shared)
     except FitCancelledError:
         return Campaign("joint", (), is_complete=False)
+    failed.update(broken)
     if not before.is_complete or together is None:
         said = () if not before.is_complete else (_NOT_JOINT,)
-        return replace(before, procedure="joint", warnings=(*before.warnings, *said))
+        return replace(
+            before,
+            procedure="joint",
+            fits=tuple(fit for fit in before.fits if fit.setting not in failed),
+            failures=tuple(failed[setting] for setting in sorted(failed)),
+            warnings=(*before.warnings, *said),
+        )
     fits = {fit.setting: fit for fit in before.fits}
 
     def fit(setting: int) -> tuple[Fit, Search | None]:
-        if setting not in fits:
-            raise SimulationError(dict(before.failures)[setting])
         misfit = task.misfit(setting, together.own)
         start = together.start(fits[setting], misfit)
         spent = fits[setting].evaluations + together.evaluations
         judged, found = fit_from(task, setting, misfit, start, spent=spent)
         return describe_fit(setting, _named(judged, together.status), misfit), found
 
-    collected = _collect(task, fit, (*before.warnings, *together.warnings))
+    collected = _collect(task, fit, (*before.warnings, *together.warnings), known=failed)
     sharing = together.sharing
     if "f_f" in shared:
         sharing = replace(
@@ -260,33 +269,43 @@ def _named(judged: Judged, status: Mapping[str, Status]) -> Judged:
 
 
 def _collect(
-    task: ProcedureInput, fit: Callable[[int], tuple[Fit, Search | None]], warnings: Iterable[str]
+    task: ProcedureInput,
+    fit: Callable[[int], tuple[Fit, Search | None]],
+    warnings: Iterable[str] = (),
+    *,
+    known: Mapping[int, SettingFailure] = MappingProxyType({}),
 ) -> Campaign:
-    """Run the fit at every setting, in threads; one setting's failure leaves the others."""
+    """Run the fit at every setting, in threads; one setting's failure leaves the others.
+
+    Settings that are known to have failed are not tried again.
+    """
     searches: dict[int, Search] = {}
 
-    def one(setting: int) -> Fit | str | None:
+    def one(setting: int) -> Fit | SettingFailure | None:
+        if setting in known:
+            return known[setting]
         try:
-            result, found = fit(setting)
+            found = attempted(setting, lambda: fit(setting))
         except FitCancelledError:
             return None
-        except DamperfitError as error:
-            return str(error)
-        if found is not None:
-            searches[setting] = found
+        if isinstance(found, SettingFailure):
+            return found
+        result, search = found
+        if search is not None:
+            searches[setting] = search
         task.on_fit(result)
         return result
 
     settings = sorted(task.settings)
     with ThreadPoolExecutor(task.jobs) as pool:
-        results = list(zip(settings, pool.map(one, settings), strict=True))
+        results = list(pool.map(one, settings))
     return Campaign(
         procedure=task.options.procedure,
-        fits=tuple(result for _, result in results if isinstance(result, Fit)),
+        fits=tuple(result for result in results if isinstance(result, Fit)),
         searches=tuple(searches[setting] for setting in sorted(searches)),
-        failures=tuple((setting, text) for setting, text in results if isinstance(text, str)),
+        failures=tuple(result for result in results if isinstance(result, SettingFailure)),
         warnings=tuple(warnings),
-        is_complete=all(result is not None for _, result in results),
+        is_complete=all(result is not None for result in results),
     )
 
 

@@ -15,8 +15,15 @@ import numpy as np
 
 from damperfit.conditioning import apply_filter
 from damperfit.errors import DamperfitError, SimulationError
-from damperfit.identification.minimiser import Transformation, minimise
+from damperfit.identification.minimiser import Minimum, Transformation, minimise
 from damperfit.identification.model_versus_log import motion_of
+from damperfit.identification.plausible import (
+    first_edge,
+    is_at_edge,
+    is_within,
+    kept_within,
+    points_inside,
+)
 from damperfit.identification.trust_region import Stopping
 from damperfit.simulation import SolverOptions, simulate
 
@@ -32,6 +39,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = [
+    "RIGHT_ANGLE",
     "FitCancelledError",
     "Misfit",
     "Solution",
@@ -43,8 +51,11 @@ __all__ = [
 
 # A relative change of the sum of squares below 1e-8 moves no parameter by 1 % of its error; a
 # start for another descent needs no more than a per cent.
-_COST_TOLERANCE = 1e-8
-_ROUGH_COST_TOLERANCE = 1e-2
+_FINE = Stopping(cost_tolerance=1e-8)
+_ROUGH = Stopping(cost_tolerance=1e-2, rest=math.inf)
+# A fit that meets none of MINPACK's tests has still descended when the residual is this close to
+# a right angle with every direction of the Jacobian.
+RIGHT_ANGLE = 1e-3
 # Below this misfit (times the solver's tolerance, N) the solver's own error is what is left.
 _POLISH_BELOW = 100.0
 _POLISH_FACTOR = 0.003
@@ -148,9 +159,8 @@ def approach(misfit: Misfit, start: Parameters) -> Solution:
         When the caller asked to stop.
     """
     strongest = max(misfit.traces, key=lambda trace: float(np.std(trace.force[trace.window])))
-    return _minimise(
-        replace(misfit, traces=(strongest,)), start, Stopping(_ROUGH_COST_TOLERANCE, rest=math.inf)
-    )
+    rough = replace(misfit, traces=(strongest,))
+    return _descended(rough, misfit.free, start, _ROUGH).solution
 
 
 def descend(misfit: Misfit, start: Parameters) -> Solution:
@@ -163,14 +173,20 @@ def descend(misfit: Misfit, start: Parameters) -> Solution:
     FitCancelledError
         When the caller asked to stop.
     """
-    solution = _minimise(misfit, start, Stopping(_COST_TOLERANCE))
+    solution = _minimise(misfit, start)
     rms = math.sqrt(solution.mse_percent / 100.0) * misfit.deviation
     if rms > _POLISH_BELOW * misfit.solver.tolerance:
         return solution
     tighter = replace(misfit.solver, tolerance=_POLISH_FACTOR * misfit.solver.tolerance)
-    refined = _minimise(
-        replace(misfit, solver=tighter), solution.parameters, Stopping(_COST_TOLERANCE)
-    )
+    try:
+        refined = _minimise(replace(misfit, solver=tighter), solution.parameters)
+    except SimulationError:
+        # The tighter integrator has failed where the other did not: what it found stands.
+        return replace(
+            solution,
+            evaluations=solution.evaluations + 1,
+            failed_trials=solution.failed_trials + 1,
+        )
     return replace(
         refined,
         evaluations=solution.evaluations + refined.evaluations,
@@ -181,7 +197,7 @@ def descend(misfit: Misfit, start: Parameters) -> Solution:
 def _refuse_wild(response: Response) -> None:
     """A force whose square is no number is a failed trial: far starts get there."""
     rows = (response.force, *response.sensitivities.values())
-    if not max(float(np.max(np.abs(row))) for row in rows) < _WILD:
+    if not all(float(np.max(np.abs(row))) < _WILD for row in rows):  # "not <" catches NaN too
         raise SimulationError("simulation failed: the force is beyond any that could be fitted.")
 
 
@@ -200,48 +216,142 @@ def linearise(misfit: Misfit, parameters: Parameters) -> tuple[FloatArray, Float
     if misfit.cancelled():
         raise FitCancelledError("stopped while a fit was running.")
     residuals, slopes, _ = _evaluate(misfit, parameters, 1.0)
-    return residuals, slopes * common_variables(misfit).slopes(_values(misfit, parameters))
+    return residuals, slopes * common_variables(misfit).slopes(_values(misfit.free, parameters))
 
 
 def common_variables(misfit: Misfit) -> Transformation:
     """Return the variables of `linearise`, which do not depend on a setting's forces."""
-    return replace(_transformation(misfit), scales=np.full(len(misfit.free), _OFFSET))
+    return replace(_transformation(misfit, misfit.free), scales=np.full(len(misfit.free), _OFFSET))
 
 
-def _minimise(misfit: Misfit, start: Parameters, stopping: Stopping) -> Solution:
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What is remembered of a point: with the derivatives by all that is free, held or not."""
+
+    parameters: Parameters
+    is_cavitating: bool
+    slopes: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """Where a descent ended, what moved in it, and whether it tried points out of range."""
+
+    solution: Solution
+    moving: tuple[str, ...]
+    minimum: Minimum[_Seen]
+    has_tried_beyond: bool
+
+
+def _minimise(misfit: Misfit, start: Parameters) -> Solution:
+    """Descend within the plausible ranges.
+
+    A parameter that is at an edge of its range, or runs into it, is left there while the others
+    go on, and let go once, should the misfit then fall into the range.
+    """
+    start = kept_within(start, misfit.free)
+    moving = tuple(name for name in misfit.free if not is_at_edge(start, name))
+    best = _descended(misfit, moving, start, _FINE)
+    let_go: set[str] = set()
+    while best.solution.status != 0:
+        at, moving = best.solution.parameters, best.moving
+        edge = _stopped_at(best)
+        if edge is not None:
+            at = replace(at, **dict([edge]))
+            moving = tuple(name for name in moving if name != edge[0])
+        else:
+            inwards = _falls_inside(misfit, best) - let_go
+            if not inwards:
+                break
+            let_go |= inwards
+            moving = tuple(name for name in misfit.free if name in inwards or name in moving)
+        try:
+            other = _descended(misfit, moving, at, _FINE)
+        except SimulationError:
+            break
+        better = other if other.solution.mse_percent <= best.solution.mse_percent else best
+        spent = best.solution.evaluations + other.solution.evaluations
+        failed = best.solution.failed_trials + other.solution.failed_trials
+        solution = replace(better.solution, evaluations=spent, failed_trials=failed)
+        is_done = better is best
+        best = replace(better, solution=solution)
+        if is_done:
+            break
+    return best.solution
+
+
+def _stopped_at(end: _End) -> tuple[str, float] | None:
+    """The edge that kept a descent from going on, if one did."""
+    if not end.has_tried_beyond or end.solution.gradient_cosine < RIGHT_ANGLE:
+        return None
+    point = end.minimum.point
+    step = np.linalg.lstsq(point.jacobian, -point.residuals, rcond=None)[0]
+    return first_edge(end.solution.parameters, end.moving, np.asarray(step, dtype=np.float64))
+
+
+def _falls_inside(misfit: Misfit, end: _End) -> set[str]:
+    """The held parameters whose misfit falls from the edge into the range."""
+    found = set()
+    point = end.minimum.point
+    for place, name in enumerate(misfit.free):
+        if name in end.moving:
+            continue
+        column = end.solution.jacobian[:, place]
+        slope = float(column @ point.residuals)
+        length = math.sqrt(float(column @ column) * point.cost)
+        if abs(slope) > RIGHT_ANGLE * length and points_inside(point.extra.parameters, name, slope):
+            found.add(name)
+    return found
+
+
+def _descended(
+    misfit: Misfit, moving: tuple[str, ...], start: Parameters, stopping: Stopping
+) -> _End:
+    """Minimise over what moves; a trial point out of the plausible range is a failed trial."""
     scale = 1.0 / (misfit.deviation * math.sqrt(misfit.n_samples))
+    start = kept_within(start, misfit.free)
+    places = [misfit.free.index(name) for name in moving]
+    beyond = 0
 
     def model(values: FloatArray) -> tuple[FloatArray, FloatArray, _Seen]:
+        nonlocal beyond
         if misfit.cancelled():
             raise FitCancelledError("stopped while a fit was running.")
-        return _evaluate(misfit, _with(misfit, start, values), scale)
+        parameters = _with(start, moving, values)
+        if not is_within(parameters, moving):
+            beyond += 1
+            raise SimulationError("a parameter is out of its plausible range.")
+        parameters = kept_within(parameters, moving)
+        residuals, slopes, is_cavitating = _evaluate(misfit, parameters, scale)
+        seen = _Seen(parameters, is_cavitating, slopes)
+        return residuals, slopes if moving == misfit.free else slopes[:, places], seen
 
     stopping = replace(stopping, max_evaluations=misfit.max_evaluations)
-    ended = minimise(model, _values(misfit, start), _transformation(misfit), stopping)
+    transformation = _transformation(misfit, moving)
+    ended = minimise(model, _values(moving, start), transformation, stopping)
     point = ended.point
-    return Solution(
+    jacobian = point.jacobian
+    if moving != misfit.free:
+        values = _values(misfit.free, point.extra.parameters)
+        jacobian = point.extra.slopes * _transformation(misfit, misfit.free).slopes(values)
+    solution = Solution(
         parameters=point.extra.parameters,
         mse_percent=100.0 * point.cost,
-        jacobian=point.jacobian,
-        evaluations=ended.evaluations,
-        failed_trials=ended.failed_trials,
+        jacobian=jacobian,
+        evaluations=ended.evaluations - beyond,
+        failed_trials=ended.failed_trials - beyond,
         status=ended.status,
         gradient_cosine=ended.gradient_cosine,
         n_independent=max(2.0 * np.count_nonzero(np.diff(np.signbit(point.residuals))), 1.0),
         is_cavitating=point.extra.is_cavitating,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _Seen:
-    parameters: Parameters
-    is_cavitating: bool
+    return _End(solution, moving, ended, beyond > 0)
 
 
 def _evaluate(
     misfit: Misfit, parameters: Parameters, scale: float
-) -> tuple[FloatArray, FloatArray, _Seen]:
-    """Return residuals (n,) and their derivative by the free parameters (n, k), both scaled."""
+) -> tuple[FloatArray, FloatArray, bool]:
+    """Return residuals (n,), their derivative by what is free (n, k), both scaled; cavitation."""
     parts = []
     is_cavitating = False
     for trace in misfit.traces:
@@ -259,20 +369,20 @@ def _evaluate(
         parts.append(rows * scale)
         is_cavitating |= bool((response.pressures[:2, trace.window] <= 0.0).any())
     whole = parts[0] if len(parts) == 1 else np.hstack(parts)
-    return whole[0], whole[1:].T, _Seen(parameters, is_cavitating)
+    return whole[0], whole[1:].T, is_cavitating
 
 
-def _transformation(misfit: Misfit) -> Transformation:
+def _transformation(misfit: Misfit, names: tuple[str, ...]) -> Transformation:
     """Logarithms of the positive parameters; the offset in units of the force's deviation."""
     return Transformation(
-        np.array([name != "f_0" for name in misfit.free], dtype=bool),
-        np.full(len(misfit.free), misfit.deviation),
+        np.array([name != "f_0" for name in names], dtype=bool),
+        np.full(len(names), misfit.deviation),
     )
 
 
-def _values(misfit: Misfit, parameters: Parameters) -> FloatArray:
-    return np.array([getattr(parameters, name) for name in misfit.free])
+def _values(names: tuple[str, ...], parameters: Parameters) -> FloatArray:
+    return np.array([getattr(parameters, name) for name in names])
 
 
-def _with(misfit: Misfit, parameters: Parameters, values: FloatArray) -> Parameters:
-    return replace(parameters, **dict(zip(misfit.free, values.tolist(), strict=True)))
+def _with(parameters: Parameters, names: tuple[str, ...], values: FloatArray) -> Parameters:
+    return replace(parameters, **dict(zip(names, values.tolist(), strict=True)))

@@ -10,24 +10,26 @@ import numpy as np
 
 from damperfit.errors import DamperfitError
 from damperfit.identification.descent import FitCancelledError, Misfit, descend
+from damperfit.identification.failures import SettingError, SettingFailure, attempted
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Outcome, Status
+from damperfit.identification.plausible import PLAUSIBLE
 from damperfit.identification.procedure_input import ProcedureInput, closed_form_start
 from damperfit.identification.setting import (
     CHI_SQUARED_95,
     EXCELLENT,
     NOT_FIT_TO_SHARE,
-    PLAUSIBLE,
     Judged,
     fit_guided,
     fit_setting,
     is_sound,
+    lacks_k_e_alone,
 )
 from damperfit.identification.sharing import Sharing
 from damperfit.identification.starting import cavitation_limit, starting_values
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from damperfit.damper.parameters import Parameters
     from damperfit.identification.options import FitOptions
@@ -56,6 +58,8 @@ class FirstPass:
         Of a shared value that the logs do not tell: not_identifiable, or fixed at the fallback.
     searches : tuple of Search
         What many starts found at the lowest setting, where they were asked for.
+    broken : mapping of int to SettingFailure
+        Settings that met a bug: a second pass would only hide it.
     """
 
     judged: Mapping[int, Judged]
@@ -63,11 +67,13 @@ class FirstPass:
     sharing: Sharing = Sharing()
     status: Mapping[str, Status] = field(default_factory=dict)
     searches: tuple[Search, ...] = ()
+    broken: Mapping[int, SettingFailure] = field(default_factory=dict)
 
     def start(self, setting: int) -> Parameters | None:
         """Where the second pass starts, if the first ended where a fit should end."""
         judged = self.judged.get(setting)
-        return judged.solution.parameters if judged is not None and is_sound(judged) else None
+        is_good = judged is not None and (is_sound(judged) or lacks_k_e_alone(judged))
+        return judged.solution.parameters if judged is not None and is_good else None
 
     def evaluations(self, setting: int) -> int:
         """Return the simulations spent on a setting."""
@@ -81,18 +87,78 @@ def first_pass(
     wanted = [name for name in ("r_m3", "f_f") if name not in fixed and name not in free]
     if not wanted:
         return FirstPass({}, {}), ()
-    lowest = min(task.settings)
-    warnings: list[str] = []
-    if lowest > 1 and "r_m3" in wanted:
-        warnings.append(f"there is no log of setting 1: R_m3 is taken from setting {lowest}.")
-    misfit = task.misfit(lowest, names)
-    one, looked = fit_from(task, lowest, misfit, closed_form_start(misfit, fixed))
-    judged = {lowest: one}
-    searches = () if looked is None else (looked,)
-    anchor = judged[lowest].solution.parameters
-    if "r_m3" in wanted and not _tells_r_m3(judged[lowest]):
+    begun = _begin(task, names, fixed, wanted)
+    while begun.judged:
+        try:
+            return _concluded(task, begun, names, wanted)
+        except SettingError as error:
+            begun = begun.without(error.failure)
+    shared = {name: getattr(task.options, f"fallback_{name}") for name in wanted}
+    return FirstPass({}, shared, status=dict.fromkeys(wanted, Status.FIXED), broken=begun.broken), (
+        "with all parameters free no setting can be fitted: these are used: "
+        + ", ".join(f"{n} {value:.4g} (identification.fallback_{n})" for n, value in shared.items())
+        + ".",
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Begun:
+    """The fits with everything free, before anything is shared; `lowest` is where they began."""
+
+    lowest: int
+    judged: Mapping[int, Judged]
+    broken: Mapping[int, SettingFailure]
+    searches: tuple[Search, ...] = ()
+
+    def without(self, failure: SettingFailure) -> _Begun:
+        """Leave out a setting that met a bug."""
+        setting = failure.setting
+        judged = {s: one for s, one in self.judged.items() if s != setting}
+        lowest = min(judged, default=setting) if setting == self.lowest else self.lowest
+        searches = tuple(one for one in self.searches if one.setting != setting)
+        return _Begun(lowest, judged, {**self.broken, setting: failure}, searches)
+
+
+def _begin(
+    task: ProcedureInput, names: tuple[str, ...], fixed: Mapping[str, float], wanted: Sequence[str]
+) -> _Begun:
+    """Everything free at the lowest setting that can be fitted so, and from there at the others."""
+    broken: dict[int, SettingFailure] = {}
+    for lowest in sorted(task.settings):
+        misfit = task.misfit(lowest, names)
+
+        def fit(lowest: int = lowest, misfit: Misfit = misfit) -> tuple[Judged, Search | None]:
+            return fit_from(task, lowest, misfit, closed_form_start(misfit, fixed))
+
+        found = attempted(lowest, fit)
+        if not isinstance(found, SettingFailure):
+            break
+        if found.is_internal:
+            broken[lowest] = found
+    else:
+        return _Begun(lowest, {}, broken)
+    one, looked = found
+    anchor = one.solution.parameters
+    if "r_m3" in wanted and not _tells_r_m3(one):
         anchor = replace(anchor, r_m3=task.options.fallback_r_m3)
-    judged.update(_free_everywhere(task, names, fixed, anchor))
+    others = set(task.settings) - {lowest, *broken}
+    judged = {lowest: one}
+    for setting, other in _free_everywhere(task, names, fixed, anchor, sorted(others)).items():
+        if not isinstance(other, SettingFailure):
+            judged[setting] = other
+        elif other.is_internal:
+            broken[setting] = other
+    return _Begun(lowest, judged, broken, () if looked is None else (looked,))
+
+
+def _concluded(
+    task: ProcedureInput, begun: _Begun, names: tuple[str, ...], wanted: Sequence[str]
+) -> tuple[FirstPass, tuple[str, ...]]:
+    """R_m3 and f_f from the fits with everything free."""
+    lowest, judged = begun.lowest, dict(begun.judged)
+    warnings: list[str] = []
+    if "r_m3" in wanted:
+        warnings.extend(_other_lowest(min(task.settings), lowest))
     shared: dict[str, float] = {}
     source = _source(judged, lowest) if "r_m3" in wanted else None
     f_f_from: tuple[int, ...] = ()
@@ -105,26 +171,43 @@ def first_pass(
     sharing = Sharing(
         names, f_f_from=f_f_from, f_f_range=f_f_range, is_f_f_range_certain=is_certain
     )
+    first = FirstPass(judged, shared, sharing, {}, begun.searches, begun.broken)
     if "r_m3" not in wanted:
-        return FirstPass(judged, shared, sharing, searches=searches), tuple(warnings)
+        return first, tuple(warnings)
     # A mean that does not hold there would bend R_m3: it stays as found beside its own friction.
     holds = source is None or not sharing.friction_varies
     f_f = shared.get("f_f") if holds else None
-    found = _shared_r_m3(task, judged, names, source or lowest, f_f)
-    if source is not None and source != lowest:
+    where = lowest if source is None else source
+    found = attempted(where, lambda: _shared_r_m3(task, judged, names, where, f_f))
+    if isinstance(found, SettingFailure):
+        raise SettingError(found)
+    if where != lowest:
         warnings.append(
-            f"the logs of setting {lowest} do not fix R_m3: it is taken from setting {source}."
+            f"the logs of setting {lowest} do not fix R_m3: it is taken from setting {where}."
         )
     if found.said:
         warnings.append(found.said)
-    judged[source or lowest] = found.judged
-    sharing = replace(sharing, r_m3_from=found.setting, is_refined=found.is_refined)
     return (
-        FirstPass(
-            judged, {**shared, "r_m3": found.value}, sharing, {"r_m3": found.status}, searches
+        replace(
+            first,
+            judged={**judged, where: found.judged},
+            shared={**shared, "r_m3": found.value},
+            sharing=replace(sharing, r_m3_from=found.setting, is_refined=found.is_refined),
+            status={"r_m3": found.status},
         ),
         tuple(warnings),
     )
+
+
+def _other_lowest(lowest: int, used: int) -> Iterator[str]:
+    """Say so where R_m3 does not come from setting 1."""
+    if used != lowest:
+        yield (
+            f"setting {lowest} could not be fitted with all parameters free: R_m3 is taken from "
+            f"setting {used}."
+        )
+    elif lowest > 1:
+        yield f"there is no log of setting 1: R_m3 is taken from setting {lowest}."
 
 
 def _tells_r_m3(judged: Judged) -> bool:
@@ -147,8 +230,7 @@ def _friction_range(judged: Sequence[Judged]) -> tuple[tuple[float, float] | Non
 
 
 def _lacks_r_m3_alone(judged: Judged) -> bool:
-    others = [judged.status[name] for name in judged.errors if name != "r_m3"]
-    return all(status == Status.FITTED for status in others)
+    return all(judged.status[name] == Status.FITTED for name in judged.errors if name != "r_m3")
 
 
 def _source(judged: Mapping[int, Judged], lowest: int) -> int | None:
@@ -255,25 +337,24 @@ def _with_mean_friction(misfit: Misfit, judged: Judged, f_f: float, r_m3: float)
 
 
 def _free_everywhere(
-    task: ProcedureInput, names: tuple[str, ...], fixed: Mapping[str, float], anchor: Parameters
-) -> dict[int, Judged]:
-    """The first pass at all settings but the lowest, each from its closed form and the anchor."""
+    task: ProcedureInput,
+    names: tuple[str, ...],
+    fixed: Mapping[str, float],
+    anchor: Parameters,
+    settings: Sequence[int],
+) -> dict[int, Judged | SettingFailure]:
+    """The first pass at other settings than the lowest, from their closed forms and the anchor."""
 
-    def one(setting: int) -> Judged | None:
+    def one(setting: int) -> Judged:
         misfit = task.misfit(setting, names)
         known = {**fixed, "r_m3": anchor.r_m3, "f_f": anchor.f_f}
-        start = starting_values(misfit.traces, task.damper, known, anchor.k_e)
-        try:
-            return fit_guided(misfit, start)
-        except FitCancelledError:
-            raise
-        except DamperfitError:
-            return None
+        return fit_guided(misfit, starting_values(misfit.traces, task.damper, known, anchor.k_e))
 
-    others = sorted(task.settings)[1:]
+    def guarded(setting: int) -> Judged | SettingFailure:
+        return attempted(setting, lambda: one(setting))
+
     with ThreadPoolExecutor(task.jobs) as pool:
-        found = dict(zip(others, pool.map(one, others), strict=True))
-    return {setting: judged for setting, judged in found.items() if judged is not None}
+        return dict(zip(settings, pool.map(guarded, settings), strict=True))
 
 
 def _shared_friction(
@@ -287,7 +368,7 @@ def _shared_friction(
     sound = {
         setting: one.solution.parameters
         for setting, one in judged.items()
-        if is_sound(one)
+        if (is_sound(one) or lacks_k_e_alone(one))
         and (r_m3 is None or abs(one.solution.parameters.r_m3 / r_m3 - 1.0) < _SAME_R_M3)
     } or {
         setting: one.solution.parameters

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.identification.descent import common_variables, linearise
+from damperfit.identification.failures import SettingError, SettingFailure, attempted
 from damperfit.identification.gas_content import GAS_NAMES
 from damperfit.identification.minimiser import inverse_information
 from damperfit.identification.step_solvers import BorderedSystem, reduced
@@ -164,8 +165,8 @@ def fit_jointly(problem: JointProblem, starts: Mapping[int, Parameters]) -> Join
 
     Raises
     ------
-    SimulationError
-        When the model cannot be integrated at a start.
+    SettingError
+        When the model cannot be integrated at a setting's start, or a setting meets a bug.
     FitCancelledError
         When the caller asked to stop.
     """
@@ -178,7 +179,10 @@ def fit_jointly(problem: JointProblem, starts: Mapping[int, Parameters]) -> Join
     )
     with ThreadPoolExecutor(max(1, problem.jobs)) as pool:
         model = _Model(problem, starts, pool)
-        ended = iterate(model.point_at, model.start, stopping)
+        try:
+            ended = iterate(model.point_at, model.start, stopping)
+        except _BugError as bug:
+            raise bug.error from bug
     seen = ended.extra.seen
     return JointSolution(
         parameters=ended.extra.parameters,
@@ -191,6 +195,13 @@ def fit_jointly(problem: JointProblem, starts: Mapping[int, Parameters]) -> Join
         errors=_errors(problem, ended),
         gas=ended.extra.gas,
     )
+
+
+class _BugError(Exception):
+    """Passes through the loop, which takes a `SettingError` for a failed trial."""
+
+    def __init__(self, error: SettingError) -> None:
+        self.error = error
 
 
 class _Model:
@@ -231,7 +242,12 @@ class _Model:
         }
 
         def one(setting: int) -> tuple[FloatArray, _Seen]:
-            residuals, jacobian = linearise(problem.misfits[setting], at[setting])
+            linear = attempted(setting, lambda: linearise(problem.misfits[setting], at[setting]))
+            if isinstance(linear, SettingFailure):
+                # A trial that cannot be simulated is one step too far; a bug is the end.
+                error = SettingError(linear)
+                raise _BugError(error) if linear.is_internal else error
+            residuals, jacobian = linear
             jacobian = (jacobian @ _chain(problem, gas, setting))[:, [*self.own, *self.theta]]
             mean_square = float(residuals @ residuals) / len(residuals)
             weight = self.weights.get(setting, 1.0 / max(mean_square, 1e-300))

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
+from damperfit.identification.failures import SettingError, SettingFailure, attempted
 from damperfit.identification.gas_content import first_law, working_pressure
 from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_jointly
 from damperfit.identification.outcome import Outcome, Status
+from damperfit.identification.plausible import PLAUSIBLE
 from damperfit.identification.procedure_input import ProcedureInput, ordered
-from damperfit.identification.setting import NOT_FIT_TO_SHARE, PLAUSIBLE
+from damperfit.identification.setting import NOT_FIT_TO_SHARE
 from damperfit.identification.sharing import Sharing
 
 if TYPE_CHECKING:
@@ -77,17 +80,39 @@ class JointResult:
 
 def fit_together(
     task: ProcedureInput, before: Sequence[Fit], own: tuple[str, ...], shared: tuple[str, ...]
-) -> JointResult | None:
+) -> tuple[JointResult | None, dict[int, SettingFailure]]:
     """Fit the settings that have a sound minimum together; None where there are not two.
+
+    A setting that cannot be simulated at the start is left out and follows the others; one that
+    meets a bug is left out for good, and the second value returned tells why.
 
     Raises
     ------
-    SimulationError
-        When the model cannot be integrated at a start.
     FitCancelledError
         When the caller asked to stop.
     """
     sound = {fit.setting: fit for fit in before if fit.outcome is Outcome.CONVERGED}
+    broken: dict[int, SettingFailure] = {}
+    said: list[str] = []
+    while True:
+        try:
+            together = _fit_sound(task, sound, own, shared)
+        except SettingError as error:
+            failure = error.failure
+            del sound[failure.setting]
+            if failure.is_internal:
+                broken[failure.setting] = failure
+            else:
+                said.append(f"left out of the joint fit: {error}")
+            continue
+        if together is not None:
+            together = replace(together, warnings=(*said, *together.warnings))
+        return together, broken
+
+
+def _fit_sound(
+    task: ProcedureInput, sound: Mapping[int, Fit], own: tuple[str, ...], shared: tuple[str, ...]
+) -> JointResult | None:
     is_gas = task.options.bulk_modulus == "appendix1"
     if len(sound) < 2 or not (shared or is_gas):
         return None
@@ -155,7 +180,14 @@ def _with_gas(
 
 
 def _pressures(problem: JointProblem, at: Mapping[int, Parameters]) -> dict[int, float]:
-    return {s: working_pressure(problem.misfits[s], at[s]) for s in problem.settings}
+    found = {}
+    for setting in problem.settings:
+        misfit, parameters = problem.misfits[setting], at[setting]
+        pressure = attempted(setting, partial(working_pressure, misfit, parameters))
+        if isinstance(pressure, SettingFailure):
+            raise SettingError(pressure)
+        found[setting] = pressure
+    return found
 
 
 def _rises(alone: JointSolution, law: JointSolution) -> dict[int, float]:

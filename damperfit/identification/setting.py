@@ -11,10 +11,17 @@ from damperfit.conditioning import noise_floor
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.errors import SimulationError
 from damperfit.identification.cavitation import Cavitation, examine_cavitation
-from damperfit.identification.descent import Misfit, Solution, approach, descend
+from damperfit.identification.descent import (
+    RIGHT_ANGLE,
+    Misfit,
+    Solution,
+    approach,
+    descend,
+)
 from damperfit.identification.minimiser import inverse_information
 from damperfit.identification.model_versus_log import compare, normalised_mse
 from damperfit.identification.outcome import Outcome, Status
+from damperfit.identification.plausible import PLAUSIBLE
 from damperfit.identification.starting import cavitation_limit
 
 if TYPE_CHECKING:
@@ -29,7 +36,6 @@ __all__ = [
     "EXCELLENT",
     "NOT_FIT_TO_SHARE",
     "NOT_FOUND",
-    "PLAUSIBLE",
     "Fit",
     "Judged",
     "LogFit",
@@ -37,26 +43,16 @@ __all__ = [
     "fit_guided",
     "fit_setting",
     "is_sound",
+    "lacks_k_e_alone",
     "relative_errors",
 ]
 
-# Plausible ranges in SI, a factor of a hundred or more beyond any car damper on both sides.
-PLAUSIBLE = {
-    "r_m1": (1e1, 1e7),
-    "r_m2": (1e3, 1e10),
-    "r_m3": (1e3, 1e10),
-    "k_e": (1e6, 1e11),
-    "f_f": (1e-3, 1e4),
-}
 # A number with a standard error above this share of itself is not found by the fit. One that all
 # settings are to share must be three errors away from nothing: it bends every one of them.
 NOT_FOUND = 0.5
 NOT_FIT_TO_SHARE = 1.0 / 3.0
 # Friction below this share of the force's deviation that the logs do not fix has run to zero.
 _NO_FRICTION = 1e-2
-# A fit that meets none of MINPACK's tests has still descended when the residual is this close to
-# a right angle with every direction of the Jacobian.
-_RIGHT_ANGLE = 1e-3
 # A sound minimum is preferred to a cavitating one unless that one is better by this factor.
 _CLEARLY_BETTER = 1.5
 # Of one degree of freedom: what noise may make of the depth of a minimum.
@@ -172,17 +168,33 @@ def fit_setting(misfit: Misfit, start: Parameters, *, spent: int = 0) -> Judged:
     if is_sound(first) or "r_m3" not in misfit.free:
         return first
     limit = cavitation_limit(misfit.traces, misfit.damper)
-    safe = min(start.r_m3, limit)
-    guided = approach(_without_rebound(misfit), replace(start, r_m3=safe))
-    second = _attempt(misfit, guided.parameters, first.solution.evaluations + guided.evaluations)
-    best = _choose(first, second)
+    best = _from_below_the_onset(misfit, replace(start, r_m3=min(start.r_m3, limit)), first)
     for factor in _BEYOND_ONSET:
-        if is_sound(best) or _is_explained(best):
+        if is_sound(best) or _is_explained(best) or lacks_k_e_alone(best):
             break
         # What the closed form makes of cavitation, which it does not know, is an offset.
         offset = 0.0 if "f_0" in misfit.free else start.f_0
         best = _beyond_onset(misfit, replace(start, r_m3=factor * limit, f_0=offset), best)
     return best
+
+
+def _from_below_the_onset(misfit: Misfit, start: Parameters, first: Judged) -> Judged:
+    """The better of a result and of a descent that R_m3 begins below the onset of cavitation."""
+    try:
+        guided = approach(_without_rebound(misfit), start)
+        spent = first.solution.evaluations + guided.evaluations
+        return _choose(first, _attempt(misfit, guided.parameters, spent))
+    except SimulationError:
+        return first
+
+
+def lacks_k_e_alone(judged: Judged) -> bool:
+    """Whether a fit that does not cavitate is excellent and lacks nothing but K_e: rigid oil."""
+    others = all(
+        s in {Status.FITTED, Status.FIXED} for name, s in judged.status.items() if name != "k_e"
+    )
+    is_full = not judged.solution.is_cavitating and judged.status["k_e"] == Status.NOT_IDENTIFIABLE
+    return others and is_full and judged.solution.mse_percent < EXCELLENT
 
 
 def _is_explained(judged: Judged) -> bool:
@@ -277,7 +289,9 @@ def _statuses(misfit: Misfit, solution: Solution) -> dict[str, Status]:
         low, high = PLAUSIBLE[name]
         if name == "f_f":
             low = max(low, _NO_FRICTION * misfit.deviation if error > NOT_FOUND else low)
-        if not low < value < high:
+        if name == "k_e" and value >= high:
+            status[name] = Status.NOT_IDENTIFIABLE  # rigid oil is no fault: there is no upper limit
+        elif not low < value < high:
             status[name] = Status.AT_BOUND
         elif error > NOT_FOUND:
             status[name] = Status.NOT_IDENTIFIABLE
@@ -291,7 +305,7 @@ def _outcome(solution: Solution, status: Mapping[str, Status]) -> Outcome:
         return Outcome.NOT_IDENTIFIABLE
     if solution.is_cavitating:
         return Outcome.CAVITATING
-    descended = solution.gradient_cosine < _RIGHT_ANGLE or solution.mse_percent < 1e-8
+    descended = solution.gradient_cosine < RIGHT_ANGLE or solution.mse_percent < 1e-8
     if solution.status == 0:
         return Outcome.CONVERGED if descended else Outcome.EVALUATION_LIMIT
     if not descended:

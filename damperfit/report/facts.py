@@ -81,6 +81,8 @@ class ReportFacts:
         What was not fitted but predicted.
     identifiability : tuple of str
         Parameters that the logs do not tell, and those that are tied, one sentence each.
+    untold : tuple of str
+        Those of them that are not told, which the command says too.
     searches : tuple of str
         What fits from many starts found, one sentence each.
     cavitation : tuple of str
@@ -103,6 +105,7 @@ class ReportFacts:
     trust: tuple[str, ...] = ()
     held_out: tuple[Prediction, ...] = ()
     identifiability: tuple[str, ...] = ()
+    untold: tuple[str, ...] = ()
     searches: tuple[str, ...] = ()
     cavitation: tuple[str, ...] = ()
     across: tuple[str, ...] = ()

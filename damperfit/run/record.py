@@ -114,6 +114,7 @@ def report_facts(
         ),
         trust=assessment.sentences,
         identifiability=assessment.doubts(campaign),
+        untold=assessment.untold(campaign),
         searches=describe_searches(campaign.searches),
         cavitation=describe_cavitation({fit.setting: fit.cavitation for fit in campaign.fits}),
         across=judgement.adjustment.sentences,
@@ -273,8 +274,8 @@ def json_values(value: Any) -> Any:
 
 
 def _setting_failures(campaign: Campaign) -> Iterator[Failure]:
-    for setting, message in campaign.failures:
-        yield Failure("", "", setting, "SimulationError", message)
+    for one in campaign.failures:
+        yield Failure("", "", one.setting, one.kind, one.message)
 
 
 def _missing(configuration: Configuration, batch: LogBatch) -> Iterator[Failure]:

@@ -33,7 +33,7 @@ from damperfit.uncertainty.profiles import (
     lines_of,
 )
 from damperfit.uncertainty.residuals import Diagnosis, diagnose
-from damperfit.uncertainty.verdicts import doubts, verdicts
+from damperfit.uncertainty.verdicts import doubts, untold, verdicts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -116,6 +116,12 @@ class Assessment:
         known = {one.setting: one for one in self.uncertainties}
         telling = {setting: self.telling(setting) for setting in known}
         return doubts(campaign.fits, known, campaign.sharing, telling)
+
+    def untold(self, campaign: Campaign) -> tuple[str, ...]:
+        """Return the part of the doubts on parameters at a bound or not identifiable."""
+        known = {one.setting: one for one in self.uncertainties}
+        telling = {setting: self.telling(setting) for setting in known}
+        return untold(campaign.fits, known, campaign.sharing, telling)
 
     def telling(self, setting: int) -> dict[str, MisfitProfile]:
         """Return the profiles that speak of a setting: its own, and R_m3's from its source."""

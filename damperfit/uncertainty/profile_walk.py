@@ -19,6 +19,7 @@ from damperfit.errors import SimulationError
 from damperfit.identification.descent import common_variables, linearise
 from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_jointly
 from damperfit.identification.outcome import Outcome
+from damperfit.identification.plausible import is_at_edge
 from damperfit.identification.step_solvers import NO_LENGTH, DenseSystem
 from damperfit.identification.trust_region import Stopping, iterate
 from damperfit.uncertainty.intervals import NORMAL_95, shared_curvature
@@ -59,8 +60,7 @@ _FIRST_STRIDE = 0.7
 _LONGEST_STRIDE = 2.3
 _LONGEST_GROWTH = 3.0
 # What one more full step of the others would take from the rise.
-_SETTLED = 0.02
-_MAX_REFITS = 20
+_SETTLED, _MAX_REFITS = 0.02, 20
 # Parameters are changed by a factor of two at most in one step of the others.
 _LONGEST_STEP = 0.7
 # Below this relative size a step is not tried again shorter: the integrator's own error is left.
@@ -113,7 +113,9 @@ class _Walk:
         values = np.array([getattr(start, name) for name in free])
         every = np.arange(len(free), dtype=np.intp)
         packed = common_variables(self.line.misfit).pack(values)
-        self.centre, self.least = self._settled(packed, every)
+        # From the edge of its range the profiled one would leave it.
+        is_stuck = is_at_edge(start, self.line.name)
+        self.centre, self.least = self._settled(packed, self._others if is_stuck else every)
         self.points.append((0.0, 0.0, {self.line.setting: self.centre.parameters}))
         self.state = self.centre
 
@@ -386,14 +388,10 @@ def _next_step(stride: Stride, step: float, before: float, found: float) -> floa
 
 def _crossing(walker: _Walker, side: float, stride: Stride) -> float:
     """Where sqrt(rise) passes the limit, between the outermost points around it."""
-    along, is_near = _limit(walker, side)
+    along, is_near = interpolated_limit([point[:2] for point in walker.points], side)
     for _ in range(_MAX_LOOKS):
         if is_near or walker.spent >= stride.budget:
             break
         walker.refit(along)
-        along, is_near = _limit(walker, side)
+        along, is_near = interpolated_limit([point[:2] for point in walker.points], side)
     return along
-
-
-def _limit(walker: _Walker, side: float) -> tuple[float, bool]:
-    return interpolated_limit([point[:2] for point in walker.points], side)

@@ -25,7 +25,7 @@ from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification.descent import Misfit
 from damperfit.identification.outcome import Status
-from damperfit.identification.setting import PLAUSIBLE
+from damperfit.identification.plausible import PLAUSIBLE
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.intervals import NORMAL_95, own_names, solved
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from damperfit.uncertainty.intervals import Uncertainty
     from damperfit.uncertainty.profiles import MisfitProfile
 
-__all__ = ["doubts", "verdicts"]
+__all__ = ["doubts", "untold", "verdicts"]
 
 # At this correlation knowing the one would shrink the error of the other to a third.
 _CORRELATED = 0.95
@@ -46,13 +46,13 @@ def verdicts(
     }
 
 
-def doubts(
+def untold(
     campaign_fits: Iterable[Fit],
     known: Mapping[int, Uncertainty],
     sharing: Sharing,
     profiles: Mapping[int, Mapping[str, MisfitProfile]],
 ) -> tuple[str, ...]:
-    """Return what a reader must know before using the numbers: doubtful parameters and ties.
+    """Return one sentence for each way in which parameters are at a bound or not told.
 
     Parameters
     ----------
@@ -66,7 +66,6 @@ def doubts(
         By setting and parameter.
     """
     said: dict[tuple[str, str], list[int]] = defaultdict(list)
-    ties: dict[tuple[str, str], list[tuple[int, float]]] = defaultdict(list)
     for fit in campaign_fits:
         if fit.setting not in known:
             continue
@@ -75,12 +74,38 @@ def doubts(
             if fit.status[name].has_failed:
                 words = _verdict(name, fit, known[fit.setting], mine.get(name), sharing)
                 said[name, words].append(fit.setting)
-        for one, other, value in _ties(known[fit.setting]):
-            ties[one, other].append((fit.setting, value))
-    sentences = [
+    return tuple(
         f"{name} at setting {listed_settings(settings)}: {words}"
         for (name, words), settings in said.items()
-    ]
+    )
+
+
+def doubts(
+    campaign_fits: Iterable[Fit],
+    known: Mapping[int, Uncertainty],
+    sharing: Sharing,
+    profiles: Mapping[int, Mapping[str, MisfitProfile]],
+) -> tuple[str, ...]:
+    """Return what a reader must know before using the numbers: what is `untold`, and ties.
+
+    Parameters
+    ----------
+    campaign_fits : iterable of Fit
+        All settings.
+    known : mapping of int to Uncertainty
+        By setting.
+    sharing : Sharing
+        How the shared parameters were found.
+    profiles : mapping of int to mapping of str to MisfitProfile
+        By setting and parameter.
+    """
+    fits = tuple(campaign_fits)
+    ties: dict[tuple[str, str], list[tuple[int, float]]] = defaultdict(list)
+    for fit in fits:
+        if fit.setting in known:
+            for one, other, value in _ties(known[fit.setting]):
+                ties[one, other].append((fit.setting, value))
+    sentences = list(untold(fits, known, sharing, profiles))
     for (one, other), where in ties.items():
         values = [value for _, value in where]
         spread = f"{min(values):+.2f}" + (
@@ -119,6 +144,15 @@ def _verdict(
     )
     if profile is not None and profile.better is not None:
         where += f", a better minimum lies near {profile.better.value:.4g}: give --starts 20"
+    if status == Status.NOT_IDENTIFIABLE and profile is not None and profile.shape == "flat upward":
+        used = f"; {getattr(fit.parameters, name):.4g} is used" + (
+            " for all settings" if name in sharing.found else ""
+        )
+        rigid = ", as rigid oil would" if name == "k_e" else ""
+        return (
+            f"not identifiable upward: at least {profile.low:.4g} (95 %), and any higher value "
+            f"fits these logs as well{rigid}{tied}{used}; fix it, or fit faster logs of more force"
+        )
     if status == Status.NOT_IDENTIFIABLE:
         value = f"{getattr(fit.parameters, name):.4g}"
         used = f"; {value} is used for all settings" if name in sharing.found else ""

@@ -13,8 +13,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from damperfit.damper.closed_forms import incompressible_force
 from damperfit.damper.parameters import PURDY_DAMPER, Parameters
-from damperfit.simulation import Motion, SolverOptions, simulate
+from damperfit.damper.reference import reference_parameters
+from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion
 
 DAMPER = replace(PURDY_DAMPER, gas_length=1e5)
 Y = Parameters(r_m1=3e4, r_m2=4e6, r_m3=2.597e6, k_e=4e8, f_f=0.0)
@@ -69,3 +71,26 @@ def test_locked_oil_is_a_spring() -> None:
     p_2 = y.k_e * (PURDY_DAMPER.chamber_2_volume / v_2 - 1.0) + PURDY_DAMPER.gas_pressure
     np.testing.assert_allclose(response.pressures[0], np.maximum(p_1, 0.0), rtol=1e-6)
     np.testing.assert_allclose(response.pressures[1], np.maximum(p_2, 0.0), rtol=1e-6)
+
+
+@pytest.mark.parametrize("setting", [1, 10, 20])
+@pytest.mark.parametrize("amplitude", [0.032, 0.003, 0.0003])
+@pytest.mark.parametrize("k_e", [4e12, 5e12, 1e13, 1e14, 1e15])
+def test_oil_as_stiff_as_may_be_gives_the_incompressible_force(
+    setting: int, amplitude: float, k_e: float
+) -> None:
+    # Newton's goal of 1e-3 Pa lay below the rounding of K_e from 4.5e12 Pa on: step limit.
+    y = replace(reference_parameters(setting), k_e=k_e)
+    motion = sine_motion(amplitude, 1.5, cycles=3, sample_rate=1000)
+    options = SolverOptions(tolerance=1e-2)
+    response = simulate(y, PURDY_DAMPER, motion, sensitivities=["k_e"], options=options)
+    expected = incompressible_force(y, PURDY_DAMPER, motion.displacement, motion.velocity)
+    # Inside the dead band and in the first instants the two have different friction.
+    is_moving = (np.abs(motion.velocity) > 3e-4) & (np.arange(len(motion.displacement)) > 200)
+    error = np.abs(response.force - expected)[is_moving]
+    # What is left is the oil's give, 1e12 N Pa/K_e at setting 20, and two steps' tolerance.
+    assert np.max(error) < 2e-2 + 1e12 / k_e
+    # f_inf - f goes with 1/K_e, so that K_e df/dK_e is f_inf - f: no digits are lost in it.
+    give = np.max(np.abs(k_e * response.sensitivities["k_e"][200:]))
+    assert give < 1.5 * 0.9e12 / k_e + 1e-3
+    assert response.work.newton_iterations < 6 * response.work.steps

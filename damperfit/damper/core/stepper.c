@@ -6,6 +6,7 @@
 #include "core.h"
 #include "tableau.h"
 
+#include <float.h>
 #include <math.h>
 
 #define NEWTON_LIMIT 12
@@ -14,6 +15,9 @@
  * the last correction may be this share of D = |P1 - P3| (and no larger than asked for, in N). */
 #define SHARE_DONE 1e-4
 #define PA_DONE 1e-3
+/* A pressure is the difference of k m and K_e, which leaves a few of their last digits: no
+ * correction can be asked to be smaller. Below a K_e of 1e12 Pa that is less than PA_DONE. */
+#define DIGITS_DONE (4.0 * DBL_EPSILON)
 
 typedef struct {
     double m1, m2;
@@ -119,7 +123,8 @@ static int solve_stage(const problem *q, const chambers *c, mass_pair known, dou
         const double e2 = inverse->a21 * r1 + inverse->a22 * r2;
         const double D = b->P1 - b->P3;
         const double p1 = fabs(c->k1 * e1), p2 = fabs(c->k2 * e2);
-        const double done = PA_DONE + q->share_done * fabs(D);
+        const double rounded = DIGITS_DONE * (q->p->K_e + fabs(b->free1) + fabs(b->free2));
+        const double done = (rounded > PA_DONE ? rounded : PA_DONE) + q->share_done * fabs(D);
         const int converged = p1 <= done && p2 <= done;
         if (!(p1 < INFINITY && p2 < INFINITY))
             return 1;

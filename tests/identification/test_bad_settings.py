@@ -1,0 +1,239 @@
+"""A setting that cannot be fitted, or meets a bug of ours, costs itself alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.damper.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.reference import reference_parameters
+from damperfit.errors import InstallationError, SimulationError
+from damperfit.identification import Campaign, FitOptions, Outcome, descent, identify
+from damperfit.identification import setting as one_setting
+from damperfit.identification.descent import Misfit, descend
+from damperfit.identification.setting import fit_setting
+from damperfit.recording import Trace
+from damperfit.simulation import Motion, SolverOptions, simulate
+from tests.identification.rig import trace, traces
+
+PROCEDURES = ["paper", "joint", "plain"]
+KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
+
+
+@pytest.fixture(scope="module")
+def logs() -> list[Trace]:
+    return traces([2, 6, 12], noise=4.0, duration=5.0)
+
+
+@pytest.fixture
+def break_at(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Callable[[], int]]:
+    """Let the simulation of one log fail, from the n-th on; returns how many there were."""
+
+    def arrange(log: Trace, error: Exception, *, after: int = 0) -> Callable[[], int]:
+        seen = 0
+
+        def broken(
+            parameters: Parameters, damper: object, motion: Motion, **kwargs: object
+        ) -> object:
+            nonlocal seen
+            if motion.displacement is log.displacement:
+                seen += 1
+                if seen > after:
+                    raise error
+            return simulate(parameters, damper, motion, **kwargs)  # type: ignore[arg-type]
+
+        monkeypatch.setattr(descent, "simulate", broken)
+        return lambda: seen
+
+    return arrange
+
+
+def _kept(campaign: Campaign, bad: int, logs: list[Trace]) -> None:
+    good = [log.setting for log in logs if log.setting != bad]
+    assert [fit.setting for fit in campaign.fits] == good
+    assert [one.setting for one in campaign.failures] == [bad]
+    for fit in campaign.fits:
+        assert fit.outcome is Outcome.CONVERGED
+        truth = reference_parameters(fit.setting)
+        assert fit.parameters.r_m2 == pytest.approx(truth.r_m2, rel=0.02)
+        assert fit.parameters.r_m3 == pytest.approx(truth.r_m3, rel=0.05)
+        assert fit.status["r_m3"] == "shared" or campaign.procedure == "plain"
+    assert campaign.is_complete
+
+
+@pytest.mark.parametrize("procedure", PROCEDURES)
+@pytest.mark.parametrize("bad", [2, 6, 12])
+def test_one_that_cannot_be_simulated_is_a_failure_of_its_own(
+    logs, break_at, procedure: str, bad: int
+) -> None:
+    # At the lowest setting this used to end the run.
+    log = next(log for log in logs if log.setting == bad)
+    break_at(log, SimulationError("simulation failed: no reason."))
+    campaign = identify(logs, PURDY_DAMPER, FitOptions(procedure))
+    _kept(campaign, bad, logs)
+    assert campaign.failures[0].kind == "SimulationError"
+    assert campaign.failures[0].message == "simulation failed: no reason."
+    if bad == 2 and procedure != "plain":
+        said = "setting 2 could not be fitted with all parameters free: R_m3 is taken from setting"
+        assert any(text.startswith(said) for text in campaign.warnings)
+
+
+@pytest.mark.parametrize("procedure", PROCEDURES)
+@pytest.mark.parametrize("bad", [2, 12])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.5, 0.7, 0.999])
+def test_a_bug_that_one_setting_meets_is_told_and_leaves_the_others(
+    logs, break_at, procedure: str, bad: int, share: float
+) -> None:
+    # Wherever it strikes: in the first pass, the joint fit, the last simulation of all.
+    log = next(log for log in logs if log.setting == bad)
+    count = break_at(log, ValueError(), after=10**6)
+    identify(logs, PURDY_DAMPER, FitOptions(procedure))
+    after = int(share * count())
+    break_at(log, np.linalg.LinAlgError("Singular matrix"), after=after)
+    campaign = identify(logs, PURDY_DAMPER, FitOptions(procedure), jobs=2)
+    _kept(campaign, bad, logs)
+    failure = campaign.failures[0]
+    assert failure.is_internal
+    assert failure.kind == "InternalError"
+    said = failure.message
+    assert said.startswith("internal error, LinAlgError: Singular matrix (descent.py, line ")
+    assert "please report this line together with the logs of this setting" in said
+
+
+@pytest.mark.parametrize("error", [ValueError("odd\nshape"), ZeroDivisionError(), MemoryError()])
+def test_any_error_stays_with_its_setting(logs, break_at, error: Exception) -> None:
+    break_at(logs[0], error)
+    campaign = identify(logs[:2], PURDY_DAMPER)
+    assert [fit.setting for fit in campaign.fits] == [6]
+    said = campaign.failures[0].message
+    assert "\n" not in said
+    if isinstance(error, MemoryError):
+        assert said.startswith("out of memory")
+    else:
+        assert said.startswith(f"internal error, {type(error).__name__}: ")
+
+
+@pytest.mark.parametrize("procedure", PROCEDURES)
+def test_where_none_can_be_fitted_each_says_why(logs, monkeypatch, procedure: str) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise SimulationError("simulation failed: no reason.")
+
+    monkeypatch.setattr(descent, "simulate", broken)
+    campaign = identify(logs[:2], PURDY_DAMPER, FitOptions(procedure))
+    assert campaign.fits == ()
+    assert [one.setting for one in campaign.failures] == [2, 6]
+    if procedure == "paper":
+        said = "these are used: r_m3 2.597e+06 (identification.fallback_r_m3), f_f 50 (identif"
+        assert said in campaign.warnings[0]
+
+
+@pytest.mark.parametrize("procedure", PROCEDURES)
+def test_a_core_that_does_not_load_is_no_fault_of_a_setting(logs, break_at, procedure: str) -> None:
+    break_at(logs[1], InstallationError("the compiled core does not load."))
+    with pytest.raises(InstallationError):
+        identify(logs, PURDY_DAMPER, FitOptions(procedure))
+
+
+def test_a_setting_that_fails_in_the_joint_fit_alone_follows_the_others(
+    logs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from damperfit.identification import joint
+
+    true_linearise, bad = joint.linearise, logs[2]
+
+    def broken(misfit: Misfit, parameters: Parameters) -> object:
+        if misfit.traces[0] is bad:
+            raise SimulationError("simulation failed: no reason.")
+        return true_linearise(misfit, parameters)
+
+    monkeypatch.setattr(joint, "linearise", broken)
+    campaign = identify(logs, PURDY_DAMPER, FitOptions("joint"))
+    assert campaign.failures == ()
+    assert [fit.setting for fit in campaign.fits] == [2, 6, 12]
+    assert campaign.sharing.settings == (2, 6)
+    said = "left out of the joint fit: setting 12: simulation failed: no reason."
+    assert said in campaign.warnings
+    assert campaign.fits[2].parameters.r_m3 == campaign.fits[0].parameters.r_m3
+
+
+@pytest.mark.parametrize("bulk_modulus", ["free", "appendix1"])
+def test_a_bug_in_the_joint_fit_of_two_leaves_the_papers_result(
+    logs, monkeypatch: pytest.MonkeyPatch, bulk_modulus: str
+) -> None:
+    from damperfit.identification import joint
+
+    true_linearise, bad = joint.linearise, logs[1]
+
+    def broken(misfit: Misfit, parameters: Parameters) -> object:
+        if misfit.traces[0] is bad:
+            raise ValueError("shapes")
+        return true_linearise(misfit, parameters)
+
+    monkeypatch.setattr(joint, "linearise", broken)
+    options = FitOptions("joint", bulk_modulus=bulk_modulus)
+    campaign = identify(logs[:2], PURDY_DAMPER, options)
+    assert [fit.setting for fit in campaign.fits] == [2]
+    assert campaign.failures[0].is_internal
+    assert any("needs two settings" in text for text in campaign.warnings)
+
+
+def test_a_refining_descent_that_fails_leaves_what_was_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    log, truth = trace(9, duration=4.0), reference_parameters(9)
+    tight = 0
+
+    def broken(*args: object, options: SolverOptions, **kwargs: object) -> object:
+        nonlocal tight
+        if options.tolerance < 1e-3:
+            tight += 1
+            raise SimulationError("simulation failed: too tight.")
+        return simulate(*args, options=options, **kwargs)  # type: ignore[arg-type]
+
+    free = ("r_m1", "r_m2", "k_e")
+    misfit = Misfit((log,), PURDY_DAMPER, free, SolverOptions(tolerance=1e-2), 100, lambda: False)
+    start = replace(truth, r_m1=0.9 * truth.r_m1)
+    refined = descend(misfit, start)
+    monkeypatch.setattr(descent, "simulate", broken)
+    solution = descend(misfit, start)
+    assert tight == 1
+    assert solution.failed_trials == refined.failed_trials + 1
+    assert solution.parameters.r_m1 == pytest.approx(truth.r_m1, rel=1e-3)
+    assert refined.parameters.r_m1 == pytest.approx(truth.r_m1, rel=1e-5)
+
+
+def test_a_second_start_that_fails_leaves_the_first_result(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    truth = replace(reference_parameters(6), r_m3=4.2e6)
+
+    def broken(*_: object) -> None:
+        raise SimulationError("simulation failed: no reason.")
+
+    monkeypatch.setattr(one_setting, "approach", broken)
+    free = ("r_m1", "r_m2", "r_m3", "k_e")
+    log = trace(6, truth, duration=4.0)
+    misfit = Misfit((log,), PURDY_DAMPER, free, SolverOptions(tolerance=1e-2), 100, lambda: False)
+    judged = fit_setting(misfit, truth)
+    assert judged.outcome is Outcome.CAVITATING
+    assert judged.solution.parameters.r_m3 == pytest.approx(4.2e6, rel=1e-3)
+
+
+def test_a_derivative_that_is_no_number_is_a_failed_trial(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # A maximum over rows did not see a NaN that came after the first row.
+    def spoilt(*args: object, **kwargs: object) -> object:
+        response = simulate(*args, **kwargs)  # type: ignore[arg-type]
+        last = list(response.sensitivities.values())[-1]
+        last[len(last) // 2] = np.nan
+        return response
+
+    monkeypatch.setattr(descent, "simulate", spoilt)
+    log, solver = trace(9, duration=4.0), SolverOptions(tolerance=1e-2)
+    misfit = Misfit((log,), PURDY_DAMPER, ("r_m1", "k_e"), solver, 100, lambda: False)
+    with pytest.raises(SimulationError, match="beyond any"):
+        descent.linearise(misfit, reference_parameters(9))
