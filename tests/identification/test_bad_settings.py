@@ -140,16 +140,16 @@ def test_a_core_that_does_not_load_is_no_fault_of_a_setting(logs, break_at, proc
 def test_a_setting_that_fails_in_the_joint_fit_alone_follows_the_others(
     logs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from damperfit.identification import joint
+    from damperfit.identification import joint_fit
 
-    true_linearise, bad = joint.linearise, logs[2]
+    true_linearise, bad = joint_fit.linearise, logs[2]
 
     def broken(misfit: Misfit, parameters: Parameters) -> object:
         if misfit.traces[0] is bad:
             raise SimulationError("simulation failed: no reason.")
         return true_linearise(misfit, parameters)
 
-    monkeypatch.setattr(joint, "linearise", broken)
+    monkeypatch.setattr(joint_fit, "linearise", broken)
     campaign = identify(logs, PURDY_DAMPER, FitOptions("joint"))
     assert campaign.failures == ()
     assert [fit.setting for fit in campaign.fits] == [2, 6, 12]
@@ -163,16 +163,16 @@ def test_a_setting_that_fails_in_the_joint_fit_alone_follows_the_others(
 def test_a_bug_in_the_joint_fit_of_two_leaves_the_papers_result(
     logs, monkeypatch: pytest.MonkeyPatch, bulk_modulus: str
 ) -> None:
-    from damperfit.identification import joint
+    from damperfit.identification import joint_fit
 
-    true_linearise, bad = joint.linearise, logs[1]
+    true_linearise, bad = joint_fit.linearise, logs[1]
 
     def broken(misfit: Misfit, parameters: Parameters) -> object:
         if misfit.traces[0] is bad:
             raise ValueError("shapes")
         return true_linearise(misfit, parameters)
 
-    monkeypatch.setattr(joint, "linearise", broken)
+    monkeypatch.setattr(joint_fit, "linearise", broken)
     options = FitOptions("joint", bulk_modulus=bulk_modulus)
     campaign = identify(logs[:2], PURDY_DAMPER, options)
     assert [fit.setting for fit in campaign.fits] == [2]
