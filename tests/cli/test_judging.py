@@ -172,8 +172,8 @@ def test_a_profile_on_request_that_is_flat_has_the_last_word(tmp_path, *, asked:
     if asked:
         assert 1e6 < row["k_e_ci_low"] < row["k_e"]
         assert "k_e" in str(check)
-        assert "flat upward, only a lower limit: 95 % above" in seen["verdict"]
-        assert "flat upward, only a lower limit: 95 % above" in seen["report"]
+        assert "not identifiable upward: at least " in seen["verdict"]
+        assert "not identifiable upward: at least " in seen["report"]
 
 
 def test_a_profile_on_request_that_just_closes_leaves_the_parameter_fitted(tmp_path) -> None:
