@@ -9,21 +9,22 @@ import numpy as np
 
 from damperfit.characteristics import Characteristics, characterise
 from damperfit.errors import SimulationError
-from damperfit.report.run_record import ToldFinding, told_findings
+from damperfit.report.run_record import findings_in, listed_in, number_in
 from damperfit.simulation import Response
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from damperfit.recording import Finding
     from damperfit.tables import LogSignals, Results
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["LogView", "log_views"]
+__all__ = ["EvaluatedLog", "evaluate_logs"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LogView:
+class EvaluatedLog:
     """A log with what is read off it.
 
     Attributes
@@ -42,7 +43,7 @@ class LogView:
         degC.
     notes : tuple of str
         How the log was read.
-    findings : tuple of ToldFinding
+    findings : tuple of Finding
         What its data show.
     """
 
@@ -54,42 +55,36 @@ class LogView:
     amplitude: float
     temperature: float | None
     notes: tuple[str, ...]
-    findings: tuple[ToldFinding, ...]
+    findings: tuple[Finding, ...]
 
 
-def log_views(results: Results) -> tuple[LogView, ...]:
+def evaluate_logs(results: Results) -> tuple[EvaluatedLog, ...]:
     """Return each log of the results with its figures."""
-    inputs = results.record.get("inputs")
     known: dict[str, dict[str, Any]] = {
         str(entry.get("log")): entry
-        for entry in (inputs if isinstance(inputs, list) else [])
+        for entry in listed_in(results.record, "inputs")
         if isinstance(entry, dict)
     }
-    return tuple(_view(signals, known.get(signals.log, {})) for signals in results.logs)
+    return tuple(_evaluate(signals, known.get(signals.log, {})) for signals in results.logs)
 
 
-def _view(signals: LogSignals, facts: dict[str, Any]) -> LogView:
-    frequency = _frequency(signals, _number(facts.get("frequency_Hz")))
+def _evaluate(signals: LogSignals, facts: dict[str, Any]) -> EvaluatedLog:
+    frequency = _frequency(signals, number_in(facts, "frequency_Hz"))
     cycle = slice(0, len(signals.time))
     if np.isfinite(frequency):
         start = signals.time[-1] - 1.0 / frequency
         cycle = slice(max(0, int(np.searchsorted(signals.time, start)) - 1), len(signals.time))
-    notes = facts.get("notes")
-    return LogView(
+    return EvaluatedLog(
         signals=signals,
         frequency=frequency,
         cycle=cycle,
         measured=_figures(signals, signals.force_measured, frequency),
         simulated=_figures(signals, signals.force, frequency),
         amplitude=0.5 * float(np.ptp(signals.displacement)) if len(signals.time) else np.nan,
-        temperature=_number(facts.get("temperature_degC")),
-        notes=tuple(str(note) for note in notes) if isinstance(notes, list) else (),
-        findings=told_findings(facts),
+        temperature=number_in(facts, "temperature_degC"),
+        notes=tuple(str(note) for note in listed_in(facts, "notes")),
+        findings=findings_in(facts),
     )
-
-
-def _number(value: object) -> float | None:
-    return float(value) if isinstance(value, int | float) else None
 
 
 def _frequency(signals: LogSignals, told: float | None) -> float:

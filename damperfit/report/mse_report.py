@@ -1,20 +1,25 @@
-"""The MSE report as Markdown; everything that came from a log is escaped."""
+"""The MSE report, report.md, as Markdown; everything that came from a log is escaped."""
 
 from __future__ import annotations
 
 import re
 from statistics import median
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from damperfit.identification.sharing import listed_settings
-from damperfit.report.held_out import held_out_sheet
-from damperfit.report.ladder import check_sheet, check_summary, ladder_sheet
-from damperfit.report.rows import Sheet, grade_counts, mse_sheet, parameter_sheet, percent
+from damperfit.report.rows.check_table import check_sheet, check_summary
+from damperfit.report.rows.force_by_setting_table import force_by_setting_sheet
+from damperfit.report.rows.held_out_table import held_out_sheet
+from damperfit.report.rows.mse_table import grade_counts, mse_sheet
+from damperfit.report.rows.parameter_table import parameter_sheet
+from damperfit.report.rows.rounding import percent
+from damperfit.report.text import printable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from damperfit.report.facts import ReportFacts
+    from damperfit.report.failures_and_warnings import ReportFacts
+    from damperfit.report.rows.sheet import Sheet
     from damperfit.tables import Tables
 
 __all__ = ["escape", "markdown_report"]
@@ -33,8 +38,7 @@ def escape(text: str) -> str:
     >>> print(escape("<b>|run_1 _2_\x1b[0m (+1 %)"))
     \<b\>\|run_1 \_2\_\\x1b\[0m (+1 %)
     """
-    joined = " ".join(text.split())
-    shown = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in joined)
+    shown = printable(" ".join(text.split()))
     return _LIST.sub(r"\1\\\2", _SPECIAL.sub(r"\\\1", shown))
 
 
@@ -48,11 +52,11 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
     facts : ReportFacts
         Failures, warnings, procedure and the rest.
     """
-    parameters = parameter_sheet(tables.parameters)
+    parameters = tables.parameters.to_pylist()
     parts: list[Iterable[str]] = [
-        ["# MSE report", "", *_summary(tables, facts)],
-        _section("Parameters", _table(parameters)),
-        _section("MSE by setting and log", _table(mse_sheet(tables.mse, tables.parameters))),
+        ["# MSE report", "", *_summary(parameters, facts)],
+        _section("Parameters", _table(parameter_sheet(parameters))),
+        _section("MSE by setting and log", _table(mse_sheet(tables.mse.to_pylist(), parameters))),
         _section("Held out: predicted, not fitted", _table(held_out_sheet(facts.held_out))),
         _section("Not done", _list(_missing(facts))),
         _section("Gates not met", _list(facts.gates)),
@@ -69,8 +73,8 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
     return "\n".join(line for part in parts for line in part) + "\n"
 
 
-def _summary(tables: Tables, facts: ReportFacts) -> Iterator[str]:
-    rows = [row for row in tables.parameters.to_pylist() if row["mse_percent"] is not None]
+def _summary(parameters: Sequence[Mapping[str, Any]], facts: ReportFacts) -> Iterator[str]:
+    rows = [row for row in parameters if row["mse_percent"] is not None]
     if facts.is_interrupted:
         yield "**Interrupted: these are the settings that were finished.**"
         yield ""
@@ -95,7 +99,7 @@ def _checks(facts: ReportFacts) -> list[str]:
 
 def _clicks(tables: Tables) -> list[str]:
     """The force at the fastest named speed by setting, below the sentences."""
-    table = _table(ladder_sheet(tables.adjustment.to_pylist()))
+    table = _table(force_by_setting_sheet(tables.adjustment.to_pylist()))
     return ["", *table] if table else []
 
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from damperfit.report.rows import Sheet, sheet_width
+from damperfit.report.rows.sheet import Sheet, sheet_width
+from damperfit.report.text import printable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -36,9 +37,5 @@ def terminal_table(sheet: Sheet, *, colours: Mapping[str, str] = _COLOURS) -> Re
             overflow="fold",
         )
     for row in sheet.rows:
-        table.add_row(*(Text(_printable(cell), style=colours.get(cell, "")) for cell in row))
-    return Group(table, *(Text(_printable(note), style="dim") for note in sheet.notes))
-
-
-def _printable(cell: str) -> str:
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in cell)
+        table.add_row(*(Text(printable(cell), style=colours.get(cell, "")) for cell in row))
+    return Group(table, *(Text(printable(note), style="dim") for note in sheet.notes))

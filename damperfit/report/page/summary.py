@@ -1,28 +1,33 @@
-"""The upper part of the page: what was tested, how it went, what to believe; the tables below."""
+"""The upper part of the page: what was tested, how it went, what to believe."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from statistics import median
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.identification.sharing import listed_settings
-from damperfit.report.page_tables import details_html, page_text, table_html, words_html
-from damperfit.report.rows import Sheet, flags, grade_counts, number, percent
+from damperfit.report.rows.check_table import CHECK_WORDS
+from damperfit.report.rows.mse_table import flags, grade_counts
+from damperfit.report.rows.rounding import number, percent
+from damperfit.report.rows.sheet import Sheet
 from damperfit.report.run_record import (
-    told_checks,
-    told_findings,
-    told_held_out,
-    told_sentences,
-    told_trends,
+    checks_in,
+    failures_in,
+    findings_in,
+    held_out_in,
+    listed_in,
+    sentences_in,
+    trends_in,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from damperfit.report.views import LogView
+    from damperfit.report.evaluated_log import EvaluatedLog
     from damperfit.tables import Results
 
-__all__ = ["setting_verdict", "summary_html"]
+__all__ = ["Listing", "Summary", "setting_verdict", "summary"]
 
 _SYMBOLS = (
     "R_m1: restriction of valve 1, the adjuster, rod side to gas side; acts in bump and rebound",
@@ -40,50 +45,88 @@ _SYMBOLS = (
 )
 
 
-def summary_html(results: Results, views: Sequence[LogView]) -> str:
+class Listing(NamedTuple):
+    """A titled list of sentences; not shown when it is empty."""
+
+    title: str
+    items: Sequence[object]
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """The upper part of the page; its template is `summary.html`.
+
+    Attributes
+    ----------
+    lead : str
+        The first sentences.
+    facts : Sheet or None
+        Damper, rig, test and procedure.
+    alarms : tuple of Listing
+        What is missing or was not met.
+    checks_title : str
+        How the checks went, in numbers.
+    checks : Sheet or None
+        The checks, those that failed first.
+    listings, details : tuple of Listing
+        Shown openly, and on demand.
+    """
+
+    lead: str
+    facts: Sheet | None
+    alarms: tuple[Listing, ...]
+    checks_title: str
+    checks: Sheet | None
+    listings: tuple[Listing, ...]
+    details: tuple[Listing, ...]
+
+
+def summary(results: Results, logs: Sequence[EvaluatedLog]) -> Summary:
     """Return headline, alarms, checks, verdicts, trends, warnings and how it was done."""
     record = results.record
-    failures = [f for f in _listed(record, "failures") if isinstance(f, dict)]
-    gaps = [one for one in _listed(record, "gaps") if isinstance(one, int)]
-    missing = [f"no result for setting {listed_settings(gaps)}"] if gaps else []
-    verdicts = [
-        f"setting {row['setting']}: {words}"
-        for row in results.parameters
-        if (words := setting_verdict(row)) and not _is_fine(row)
-    ]
-    if results.parameters and not verdicts:
-        verdicts = ["every fit converged, good or better, without a flag"]
-    trends = [trend.sentence for trend in told_trends(record) if trend.sentence]
-    return "".join(
-        (
-            f'<p class="lead">{page_text(" ".join(_headline(results)))}</p>',
-            _facts(results, views),
-            words_html("These results are not whole", results.remarks, kind="alarm"),
-            words_html(
-                "Not done",
-                [*(str(f.get("message", "")) for f in failures), *missing],
-                kind="alarm",
-            ),
-            words_html("Gates not met", _listed(record, "gates_missed"), kind="alarm"),
-            _checks(record),
-            words_html("Verdicts", verdicts),
-            words_html("Held out: predicted, not fitted", told_held_out(record)),
-            words_html("Across the settings", trends),
-            *(
-                words_html(title, told_sentences(record, about))
-                for title, about in (
-                    ("Noise and lack of fit", "noise_and_lack_of_fit"),
-                    ("Identifiability", "identifiability"),
-                    ("Many starts", "many_starts"),
-                    ("Cavitation", "cavitation"),
-                )
-            ),
-            words_html("Warnings", _listed(record, "warnings")),
-            details_html("Warnings of each log", _log_findings(record)),
-            details_html("How it was done", [*_listed(record, "procedure"), *_rig(record)]),
-            details_html("What the words mean", _SYMBOLS),
-        )
+    checks_title, checks = _checks(record)
+    trends = [trend.sentence for trend in trends_in(record) if trend.sentence]
+    return Summary(
+        lead=" ".join(_headline(results)),
+        facts=_facts(results, logs),
+        alarms=(
+            Listing("These results are not whole", results.remarks),
+            Listing("Not done", list(_not_done(record))),
+            Listing("Gates not met", listed_in(record, "gates_missed")),
+        ),
+        checks_title=checks_title,
+        checks=checks,
+        listings=(
+            Listing("Verdicts", list(_verdicts(results))),
+            Listing("Held out: predicted, not fitted", held_out_in(record)),
+            Listing("Across the settings", trends),
+            Listing("Noise and lack of fit", sentences_in(record, "noise_and_lack_of_fit")),
+            Listing("Identifiability", sentences_in(record, "identifiability")),
+            Listing("Many starts", sentences_in(record, "many_starts")),
+            Listing("Cavitation", sentences_in(record, "cavitation")),
+            Listing("Warnings", listed_in(record, "warnings")),
+        ),
+        details=(
+            Listing("Warnings of each log", _log_findings(record)),
+            Listing("How it was done", [*listed_in(record, "procedure"), *_rig(record)]),
+            Listing("What the words mean", _SYMBOLS),
+        ),
     )
+
+
+def _not_done(record: Mapping[str, Any]) -> Iterator[str]:
+    yield from (failure.message for failure in failures_in(record))
+    gaps = [one for one in listed_in(record, "gaps") if isinstance(one, int)]
+    if gaps:
+        yield f"no result for setting {listed_settings(gaps)}"
+
+
+def _verdicts(results: Results) -> Iterator[str]:
+    """Yield the settings that are less than fine, or that none is."""
+    doubtful = [row for row in results.parameters if not _is_fine(row)]
+    yield from (f"setting {row['setting']}: {setting_verdict(row)}" for row in doubtful)
+    if results.parameters and not doubtful:
+        yield "every fit converged, good or better, without a flag"
 
 
 def setting_verdict(row: Mapping[str, Any]) -> str:
@@ -103,11 +146,6 @@ def _is_fine(row: Mapping[str, Any]) -> bool:
     return is_good and row["outcome"] == "converged" and not flags(row)
 
 
-def _listed(record: Mapping[str, Any], key: str) -> list[Any]:
-    value = record.get(key)
-    return value if isinstance(value, list) else []
-
-
 def _headline(results: Results) -> Iterator[str]:
     known = {
         row["setting"]: row["mse_percent"]
@@ -125,37 +163,36 @@ def _headline(results: Results) -> Iterator[str]:
     yield grade_counts(results.parameters)
 
 
-def _facts(results: Results, views: Sequence[LogView]) -> str:
+def _facts(results: Results, logs: Sequence[EvaluatedLog]) -> Sheet | None:
     """Return damper, rig, test and procedure as a small table."""
     record = results.record
     procedure = next(
-        (str(line) for line in _listed(record, "procedure") if str(line).startswith("Procedure")),
+        (str(line) for line in listed_in(record, "procedure") if str(line).startswith("Procedure")),
         "",
     )
     rows = [
         ("damper", _damper(record)),
         ("rig", "; ".join(line.removeprefix("Rig: ").rstrip(".") for line in _rig(record))),
-        ("test", _test(views)),
+        ("test", _test(logs)),
         ("procedure", procedure.removeprefix("Procedure: ").rstrip(".")),
         ("made by", f"damperfit {record.get('version')}" if record.get("version") else ""),
     ]
     known = tuple(row for row in rows if row[1])
-    sheet = Sheet(("", ""), ("", ""), known, (False, False))
-    return table_html(sheet, kind="facts") if known else ""
+    return Sheet(("", ""), ("", ""), known, (False, False)) if known else None
 
 
 def _damper(record: Mapping[str, Any]) -> str:
-    told = next((str(x) for x in _listed(record, "procedure") if str(x).startswith("Damper")), "")
+    told = next((str(x) for x in listed_in(record, "procedure") if str(x).startswith("Damper")), "")
     return told.removeprefix("Damper: ").rstrip(".")
 
 
-def _test(views: Sequence[LogView]) -> str:
-    if not views:
+def _test(logs: Sequence[EvaluatedLog]) -> str:
+    if not logs:
         return ""
-    rates = [view.frequency for view in views if view.frequency == view.frequency]
-    strokes = [1e3 * view.amplitude for view in views]
-    warmth = [view.temperature for view in views if view.temperature is not None]
-    parts = [f"{len(views)} log{'s' if len(views) > 1 else ''}"]
+    rates = [log.frequency for log in logs if log.frequency == log.frequency]
+    strokes = [1e3 * log.amplitude for log in logs]
+    warmth = [log.temperature for log in logs if log.temperature is not None]
+    parts = [f"{len(logs)} log{'s' if len(logs) > 1 else ''}"]
     if rates:
         parts.append(f"{_range(rates)} Hz")
     parts.append(f"amplitude {_range(strokes)} mm")
@@ -180,31 +217,29 @@ def _rig(record: Mapping[str, Any]) -> Iterator[str]:
         )
 
 
-def _checks(record: Mapping[str, Any]) -> str:
-    checks = told_checks(record)
+def _checks(record: Mapping[str, Any]) -> tuple[str, Sheet | None]:
+    """Return the counts in words, and the checks, those that failed first."""
+    checks = checks_in(record)
     if not checks:
-        return ""
+        return "", None
     failed = sum(check.passed is False for check in checks)
     passed = sum(check.passed is True for check in checks)
     title = (
         f"Checks: {passed} passed, {failed} failed, {len(checks) - passed - failed} not looked at"
     )
     order = sorted(checks, key=lambda check: check.passed is not False)
-    sheet = Sheet(
-        ("check", "result", "reason"),
-        ("", "", ""),
-        tuple((check.name.replace("_", " "), check.verdict, check.reason) for check in order),
-        (False, False, False),
+    rows = tuple(
+        (check.name.replace("_", " "), CHECK_WORDS[check.passed], check.reason) for check in order
     )
-    return f"<h3>{page_text(title)}</h3>{table_html(sheet, kind='checks')}"
+    return title, Sheet(("check", "result", "reason"), ("", "", ""), rows, (False, False, False))
 
 
 def _log_findings(record: Mapping[str, Any]) -> list[str]:
     """Return the findings that matter; mere notes stand with their log."""
     return [
         f"{entry.get('log', 'log')}: {finding.sentence}"
-        for entry in _listed(record, "inputs")
+        for entry in listed_in(record, "inputs")
         if isinstance(entry, dict)
-        for finding in told_findings(entry)
+        for finding in findings_in(entry)
         if finding.severity != "note"
     ]

@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.characteristics import NAMED_SPEEDS
-from damperfit.report.parameter_plots import parameter_plots
-from damperfit.report.plots import Line, Panel, Plot, setting_axis, thin
+from damperfit.report.plots.colours import SPEED_COLOURS
+from damperfit.report.plots.description import Line, Panel, Plot, setting_axis, thin
+from damperfit.report.plots.parameters import parameter_plots
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from damperfit.report.run_record import ToldTrend
-    from damperfit.report.views import LogView
+    from damperfit.adjustment import Trend
+    from damperfit.report.evaluated_log import EvaluatedLog
 
     FloatArray = NDArray[np.float64]
     Row = Mapping[str, Any]
@@ -31,10 +32,10 @@ _BOTH = (("simulated", "solid"), ("measured", "dotted"))
 def campaign_plots(
     parameters: Sequence[Row],
     mse: Sequence[Row],
-    views: Sequence[LogView],
+    views: Sequence[EvaluatedLog],
     *,
     colours: Mapping[int, str],
-    trends: Sequence[ToldTrend] = (),
+    trends: Sequence[Trend] = (),
 ) -> tuple[Plot, ...]:
     """Return the plots that compare settings; those without data are left out.
 
@@ -42,11 +43,11 @@ def campaign_plots(
     ----------
     parameters, mse : sequence of mapping
         Rows of the tables.
-    views : sequence of LogView
+    views : sequence of EvaluatedLog
         Logs with their figures.
     colours : mapping of int to str
         Colour of each setting.
-    trends : sequence of ToldTrend
+    trends : sequence of Trend
         Trends that the run found; where there is none, a quadratic is drawn.
     """
     plots = [*parameter_plots(parameters, colours, trends), *_errors(mse, colours)]
@@ -99,7 +100,7 @@ def _is_positive(value: float | None) -> bool:
     return value is not None and 0.0 < value < math.inf  # the axis is logarithmic
 
 
-def _fan(views: Sequence[LogView], colours: Mapping[int, str]) -> Plot:
+def _fan(views: Sequence[EvaluatedLog], colours: Mapping[int, str]) -> Plot:
     lines = []
     for view in views:
         signals, setting = view.signals, view.signals.setting
@@ -115,7 +116,7 @@ def _fan(views: Sequence[LogView], colours: Mapping[int, str]) -> Plot:
     return Plot("fan", "Force against velocity, all settings", (panel,), caption, _BOTH)
 
 
-def _absolute(views: Sequence[LogView], colours: Mapping[int, str]) -> Plot:
+def _absolute(views: Sequence[EvaluatedLog], colours: Mapping[int, str]) -> Plot:
     lines = []
     for view in views:
         signals, setting = view.signals, view.signals.setting
@@ -130,7 +131,7 @@ def _absolute(views: Sequence[LogView], colours: Mapping[int, str]) -> Plot:
     return Plot("absolute_velocity", title, (panel,), caption, (("measured", "thin"),))
 
 
-def _peaks(views: Sequence[LogView], colours: Mapping[int, str]) -> Plot:
+def _peaks(views: Sequence[EvaluatedLog], colours: Mapping[int, str]) -> Plot:
     """Peak force of each test; tests of one setting at several speeds are joined."""
     lines = []
     for setting in sorted({view.signals.setting for view in views}):
@@ -160,9 +161,9 @@ def _peaks(views: Sequence[LogView], colours: Mapping[int, str]) -> Plot:
     return Plot("peak_force", "Peak force against peak velocity", (panel,), caption, key)
 
 
-def _named_speeds(views: Sequence[LogView]) -> Iterator[Plot]:
+def _named_speeds(views: Sequence[EvaluatedLog]) -> Iterator[Plot]:
     lines = []
-    for speed, colour in zip(NAMED_SPEEDS, _SPEED_COLOURS, strict=True):
+    for speed, colour in zip(NAMED_SPEEDS, SPEED_COLOURS, strict=True):
         found: dict[int, list[tuple[float, float]]] = {}
         for view in views:
             for forces in view.measured.speed_forces if view.measured else ():
@@ -187,7 +188,3 @@ def _named_speeds(views: Sequence[LogView]) -> Iterator[Plot]:
             "Dots: rebound, triangles: bump."
         )
         yield Plot("named_speeds", title, (panel,), caption)
-
-
-# Okabe and Ito (2008), readable on white and on black.
-_SPEED_COLOURS = ("#56b4e9", "#0072b2", "#009e73", "#e69f00", "#d55e00", "#cc79a7", "ink")

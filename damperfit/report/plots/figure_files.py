@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from damperfit.report.plots import Line, Panel, Plot
+    from damperfit.report.plots.description import Line, Panel, Plot
 
 __all__ = ["FIXED_METADATA", "compose", "draw_plot", "fixed_style"]
 

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.report.plots import CHAMBER_COLOURS, CHAMBER_STYLES, Line, Panel, Plot, thin
+from damperfit.report.plots.colours import CHAMBER_COLOURS, CHAMBER_STYLES
+from damperfit.report.plots.description import Line, Panel, Plot, thin
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from damperfit.report.views import LogView
+    from damperfit.report.evaluated_log import EvaluatedLog
 
     FloatArray = NDArray[np.float64]
 
@@ -28,12 +29,12 @@ _FEW = 3  # samples: no mean of fewer
 _BAR = 1e5  # Pa
 
 
-def setting_plots(view: LogView, *, name: str, colour: str) -> tuple[Plot, ...]:
+def setting_plots(view: EvaluatedLog, *, name: str, colour: str) -> tuple[Plot, ...]:
     """Return the plots of one log.
 
     Parameters
     ----------
-    view : LogView
+    view : EvaluatedLog
         The log.
     name : str
         Prefix of the plots' names.
@@ -49,11 +50,11 @@ def setting_plots(view: LogView, *, name: str, colour: str) -> tuple[Plot, ...]:
     )
 
 
-def _title(view: LogView, words: str) -> str:
+def _title(view: EvaluatedLog, words: str) -> str:
     return f"Setting {view.signals.setting}: {words}"
 
 
-def _loops(view: LogView, signal: FloatArray, colour: str) -> tuple[Line, Line]:
+def _loops(view: EvaluatedLog, signal: FloatArray, colour: str) -> tuple[Line, Line]:
     """Return the last cycle: simulated in the setting's colour, measured thin on top of it."""
     signals = view.signals
     x, f = signal[view.cycle], signals.force[view.cycle]
@@ -66,14 +67,14 @@ def _loops(view: LogView, signal: FloatArray, colour: str) -> tuple[Line, Line]:
     )
 
 
-def _force_velocity(view: LogView, name: str, colour: str) -> Plot:
+def _force_velocity(view: EvaluatedLog, name: str, colour: str) -> Plot:
     panel = Panel("velocity", "m/s", "force", "N", _loops(view, view.signals.velocity, colour))
     caption = "Last cycle; rebound to the right and up, bump to the left and down."
     title = _title(view, "force against velocity")
     return Plot(f"{name}_force_velocity", title, (panel,), caption)
 
 
-def _force_displacement(view: LogView, name: str, colour: str) -> Plot:
+def _force_displacement(view: EvaluatedLog, name: str, colour: str) -> Plot:
     lines = _loops(view, 1e3 * view.signals.displacement, colour)
     panel = Panel("displacement", "mm", "force", "N", lines)
     caption = "Last cycle."
@@ -86,7 +87,7 @@ def _force_displacement(view: LogView, name: str, colour: str) -> Plot:
     return Plot(f"{name}_force_displacement", title, (panel,), caption)
 
 
-def _force_time(view: LogView, name: str, colour: str) -> Plot:
+def _force_time(view: EvaluatedLog, name: str, colour: str) -> Plot:
     signals = view.signals
     residual = signals.force_measured - signals.force
     kept = thin(_BUCKETS, signals.force_measured, signals.force, residual)
@@ -107,7 +108,7 @@ def _force_time(view: LogView, name: str, colour: str) -> Plot:
     return Plot(f"{name}_force_time", _title(view, "force over time"), panels, caption)
 
 
-def _residual(view: LogView, name: str, colour: str) -> Plot:
+def _residual(view: EvaluatedLog, name: str, colour: str) -> Plot:
     signals = view.signals
     residual = signals.force_measured - signals.force
     # Peaks alone would make the cloud wider than it is.
@@ -130,7 +131,7 @@ def _residual(view: LogView, name: str, colour: str) -> Plot:
     return Plot(f"{name}_residual", _title(view, "residual against velocity"), (panel,), caption)
 
 
-def _mean_residuals(view: LogView, residual: FloatArray) -> tuple[Line, ...]:
+def _mean_residuals(view: EvaluatedLog, residual: FloatArray) -> tuple[Line, ...]:
     """Return the mean of all samples by velocity, on the opening and on the closing branch."""
     v = view.signals.velocity
     if len(v) < _BINS or np.ptp(v) == 0.0:
@@ -152,7 +153,7 @@ def _mean_residuals(view: LogView, residual: FloatArray) -> tuple[Line, ...]:
     return tuple(line for line in lines if len(line.x))
 
 
-def _pressures(view: LogView, name: str) -> Plot:
+def _pressures(view: EvaluatedLog, name: str) -> Plot:
     signals = view.signals
     time = signals.time[view.cycle] - signals.time[view.cycle.start]
     pressures = signals.pressures[:, view.cycle]

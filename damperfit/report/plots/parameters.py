@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.report.plots import Line, Panel, Plot, setting_axis
-from damperfit.report.rows import PARAMETER_SCALES
+from damperfit.report.plots.description import Line, Panel, Plot, setting_axis
+from damperfit.report.rows.parameter_table import PARAMETER_SCALES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from damperfit.report.run_record import ToldTrend
+    from damperfit.adjustment import Trend
 
     Row = Mapping[str, Any]
 
@@ -25,7 +25,7 @@ _FAR = 3.0  # heights of the fitted values: a value at a bound beyond it would f
 
 
 def parameter_plots(
-    rows: Sequence[Row], colours: Mapping[int, str], trends: Sequence[ToldTrend] = ()
+    rows: Sequence[Row], colours: Mapping[int, str], trends: Sequence[Trend] = ()
 ) -> Iterator[Plot]:
     """Yield one plot per parameter that is known at some setting.
 
@@ -35,7 +35,7 @@ def parameter_plots(
         Rows of the table of parameters.
     colours : mapping of int to str
         Colour of each setting.
-    trends : sequence of ToldTrend
+    trends : sequence of Trend
         Trends that the run found.
     """
     told = {trend.parameter: trend for trend in trends}
@@ -126,10 +126,13 @@ def _point(row: Row, name: str, factor: float, colour: str, far: Mapping[int, fl
     )
 
 
-def _told_trend(trend: ToldTrend, factor: float) -> tuple[Line, ...]:
+def _told_trend(trend: Trend, factor: float) -> tuple[Line, ...]:
     if not trend.points:
         return ()
-    x, y, low, high = (np.array(column) for column in zip(*trend.points, strict=True))
+    x, y, low, high = (
+        np.array([getattr(point, name) for point in trend.points], dtype=np.float64)
+        for name in ("setting", "value", "low", "high")
+    )
     has_band = bool(np.isfinite(low).all() and np.isfinite(high).all())
     return (
         Line(
@@ -144,14 +147,11 @@ def _told_trend(trend: ToldTrend, factor: float) -> tuple[Line, ...]:
     )
 
 
-def _rings(
-    trend: ToldTrend | None, rows: Sequence[Row], name: str, factor: float
-) -> tuple[Line, ...]:
+def _rings(trend: Trend | None, rows: Sequence[Row], name: str, factor: float) -> tuple[Line, ...]:
     """Ring the settings off the trend."""
+    outliers = {one.setting for one in trend.outliers} if trend is not None else set()
     places = {
-        float(row["setting"]): factor * row[name]
-        for row in rows
-        if trend is not None and row["setting"] in trend.outliers
+        float(row["setting"]): factor * row[name] for row in rows if row["setting"] in outliers
     }
     if not places:
         return ()
@@ -177,7 +177,7 @@ def _caption(
     known: Sequence[Row],
     name: str,
     far: Mapping[int, float],
-    trend: ToldTrend | None,
+    trend: Trend | None,
 ) -> Iterator[str]:
     fitted = [row for row in known if _is_fitted(row, name)]
     held = {

@@ -1,4 +1,4 @@
-"""One damper cycle for people: forces and pressures as rows, the two loops as a figure."""
+"""One simulated cycle: forces and pressures as rows, its signals as sparklines."""
 
 from __future__ import annotations
 
@@ -6,24 +6,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.errors import InstallationError
-from damperfit.report.figures import FIXED_METADATA, fixed_style
-from damperfit.report.rows import Sheet, number
-from damperfit.report.spark import BLOCK_LEVELS, sparkline
+from damperfit.report.rows.notes_below_tables import BRANCHES
+from damperfit.report.rows.rounding import number
+from damperfit.report.rows.sheet import Sheet
+from damperfit.report.rows.sparkline import BLOCK_LEVELS, sparkline
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from damperfit.characteristics import Characteristics
     from damperfit.simulation import Response
 
-__all__ = ["cycle_lines", "draw_loops", "force_sheet", "pressure_sheet"]
+__all__ = ["cycle_force_sheet", "cycle_pressure_sheet", "cycle_sparklines"]
 
 _BAR = 1e5  # Pa
 _CELLS = 44  # characters of one cycle
 
 
-def force_sheet(figures: Characteristics) -> Sheet:
+def cycle_force_sheet(figures: Characteristics) -> Sheet:
     """Return peak forces, hysteresis and forces at named speeds, rebound beside bump."""
     pairs = [
         ("peak force", "N", figures.peak_force_rebound, figures.peak_force_bump),
@@ -51,11 +49,11 @@ def force_sheet(figures: Characteristics) -> Sheet:
         units=("", "", "", ""),
         rows=tuple(rows),
         is_number=(False, False, True, True),
-        notes=("force at a speed: mean of both branches; hysteresis: opening less closing branch",),
+        notes=(BRANCHES,),
     )
 
 
-def pressure_sheet(figures: Characteristics) -> Sheet:
+def cycle_pressure_sheet(figures: Characteristics) -> Sheet:
     """Return the pressure range and the share of the cycle in cavitation, by chamber."""
     low = tuple(number(p[0] / _BAR, digits=4) for p in figures.pressure_ranges)
     high = tuple(number(p[1] / _BAR, digits=4) for p in figures.pressure_ranges)
@@ -72,7 +70,7 @@ def pressure_sheet(figures: Characteristics) -> Sheet:
     )
 
 
-def cycle_lines(
+def cycle_sparklines(
     response: Response, frequency: float, *, levels: str = BLOCK_LEVELS
 ) -> tuple[str, ...]:
     """Return the last cycle as sparklines: displacement, force and the three pressures.
@@ -104,49 +102,3 @@ def cycle_lines(
         )
         lines.append(f"{name:<12} {marks} {low} to {high} {unit}")
     return tuple(lines)
-
-
-def draw_loops(
-    path: Path, response: Response, frequency: float, *, kind: str, title: str = ""
-) -> None:
-    """Draw force against displacement and against velocity over the last cycle.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Where to write.
-    response : Response
-        Signals, at least one cycle.
-    frequency : float
-        Hz.
-    kind : str
-        "png", "svg" or "pdf".
-    title : str
-        Above both.
-
-    Raises
-    ------
-    InstallationError
-        matplotlib is not installed.
-    """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise InstallationError(
-            "--plot needs matplotlib; install it with: pip install matplotlib"
-        ) from error
-    with fixed_style():
-        figure = Figure(figsize=(10.0, 4.5), layout="constrained")
-        FigureCanvasAgg(figure)
-        left, right = figure.subplots(1, 2, sharey=True)
-        last = response.time >= response.time[-1] - (1.0 + 1e-9) / frequency
-        figure.suptitle(title, parse_math=False)
-        left.plot(1e3 * response.displacement[last], response.force[last])
-        left.set_xlabel("displacement, mm (positive: rebound)")
-        left.set_ylabel("force, N (positive: rebound)")
-        right.plot(response.velocity[last], response.force[last])
-        right.set_xlabel("velocity, m/s (positive: rebound)")
-        for axes in (left, right):
-            axes.grid(visible=True, alpha=0.3)
-        figure.savefig(path, format=kind, metadata=FIXED_METADATA[kind])

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from damperfit.report.rows import Sheet, number, percent
+from damperfit.report.rows.rounding import number, percent
+from damperfit.report.rows.sheet import Sheet
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

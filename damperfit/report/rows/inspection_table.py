@@ -8,21 +8,21 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from damperfit.report.rows import Sheet, number
+from damperfit.report.rows.rounding import NOTHING, number
+from damperfit.report.rows.sheet import Sheet
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-__all__ = ["VERDICT_COLOURS", "finding_lines", "log_sheet"]
+__all__ = ["VERDICT_COLOURS", "finding_lines", "inspection_sheet"]
 
 VERDICT_COLOURS = {"good": "green", "warnings": "yellow", "refused": "red"}
-_NOTHING = "-"
 _WIDTH = 80
 _EACH = 3  # sentences of one kind of finding that are told one by one
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
 
 
-def log_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
+def inspection_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
     """Return one row per log: what was found in it, and whether it can be used."""
     rows = []
     for log in logs:
@@ -32,14 +32,14 @@ def log_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
         rows.append(
             (
                 str(log["name"]),
-                _NOTHING if log.get("setting") is None else str(log["setting"]),
-                _NOTHING if n_read is None else str(n_read),
+                NOTHING if log.get("setting") is None else str(log["setting"]),
+                NOTHING if n_read is None else str(n_read),
                 number(log.get("sample_rate_Hz"), digits=4),
-                _NOTHING if used is None else f"{used} of {found}",
+                NOTHING if used is None else f"{used} of {found}",
                 number(log.get("frequency_Hz"), digits=4),
                 number(None if amplitude is None else 1e3 * amplitude, digits=4),
                 number(log.get("temperature_degC"), digits=3),
-                str(log.get("verdict", _NOTHING)),
+                str(log.get("verdict", NOTHING)),
             )
         )
     return Sheet(

@@ -7,35 +7,23 @@ go first (values stay rounded by them), then the grade, which the MSE tells too.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.report.rows import (
-    NOTHING,
-    PARAMETER_MARKS,
-    PARAMETER_SCALES,
-    Sheet,
-    has_offset,
-    legend,
-    number,
-    percent,
-    rounded_by_error,
-    sheet_width,
-)
-from damperfit.report.spark import BLOCK_LEVELS, sparkline
+from damperfit.report.rows.notes_below_tables import errors_and_flags, units_and_marks
+from damperfit.report.rows.parameter_table import PARAMETER_MARKS, PARAMETER_SCALES, has_offset
+from damperfit.report.rows.rounding import NOTHING, percent, rounded_by_error
+from damperfit.report.rows.sheet import Sheet, sheet_width
+from damperfit.report.rows.sparkline import BLOCK_LEVELS, setting_sparklines
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    import pyarrow as pa
-
     Row = Mapping[str, Any]
 
-__all__ = ["closing_sheet"]
+__all__ = ["summary_sheet"]
 
-_FEWEST, _MOST = 3, 60  # settings that a sparkline is drawn of
 _SAME = 1e-12
 _ADJUST = ("r_m1", "r_m2", "k_e")  # in columns of their own, equal at all settings or not
 
@@ -57,23 +45,22 @@ _LOOKS = (
 )
 
 
-def closing_sheet(table: pa.Table, *, columns: int = 80, levels: str = BLOCK_LEVELS) -> Sheet:
+def summary_sheet(rows: Sequence[Row], *, columns: int = 80, levels: str = BLOCK_LEVELS) -> Sheet:
     """Return one row per setting: parameters, MSE, grade, outcome, flags; sparklines below.
 
     Parameters
     ----------
-    table : pyarrow.Table
-        The parameters.
+    rows : sequence of mapping
+        Rows of the table of parameters.
     columns : int
         Room for a row.
     levels : str
         Characters of the sparklines, from low to high.
     """
-    rows = table.to_pylist()
     names = [name for name in PARAMETER_NAMES if name != "f_0" or has_offset(rows)]
     common = [name for name in names if name not in _ADJUST and _is_common(rows, name)]
     names = [name for name in names if name not in common]
-    notes = (*_common_notes(rows, common), *_sparks(rows, names, levels))
+    notes = (*_common_notes(rows, common), *setting_sparklines(rows, names, levels))
     sheets = [_sheet(rows, names, look, (*notes, *_legend(rows, names, look))) for look in _LOOKS]
     fitting = (sheet for sheet in sheets if sheet_width(sheet, gap=1) <= columns)
     return next(fitting, sheets[-1])
@@ -145,35 +132,6 @@ def _common_notes(rows: Sequence[Row], names: Sequence[str]) -> Iterator[str]:
         yield f"{scale.symbol} = {scale.say(text)}, {how}"
 
 
-def _sparks(rows: Sequence[Row], names: Sequence[str], levels: str) -> Iterator[str]:
-    """Yield each parameter over the settings as one line, and the MSE, which spans decades."""
-    fitted = [row for row in rows if row["mse_percent"] is not None]
-    if len(fitted) < _FEWEST or len(rows) > _MOST:
-        return
-    for name in names:
-        scale = PARAMETER_SCALES[name]
-        values = [
-            None if row[f"{name}_status"] in {"at_bound", "not_identifiable"} else row[name]
-            for row in rows
-        ]
-        known = [value * scale.factor for value in values if value is not None]
-        if len(known) < _FEWEST:
-            continue
-        ends = f"{number(min(known), digits=4)} to {number(max(known), digits=4)}"
-        yield f"{scale.symbol:<4} {sparkline(values, levels=levels)}  {ends} {scale.short_unit}"
-    errors = [row["mse_percent"] for row in rows]
-    logs = [math.log10(error) if error else None for error in errors]
-    seen = [error for error in errors if error is not None]
-    ends = f"{percent(min(seen))} to {percent(max(seen))} %, on a scale of decades"
-    yield f"{'MSE':<4} {sparkline(logs, levels=levels)}  {ends}"
-
-
-def _legend(rows: Sequence[Row], names: Sequence[str], look: _Look) -> Iterator[str]:
-    yield from legend(rows, names)
-    has_errors = any(row[f"{name}_se"] for row in rows for name in names)
-    if look.has_errors and has_errors:
-        yield "14.005(11) means 14.005 +- 0.011, one standard error"
-    elif has_errors:
-        yield "rounded by their standard errors, which stand in parameters.csv"
-    if any(row.get("cavitation_fraction") for row in rows):
-        yield "cav.: share of the cycle with a chamber at zero pressure"
+def _legend(rows: Sequence[Row], names: Sequence[str], look: _Look) -> tuple[str, ...]:
+    said = errors_and_flags(rows, names, shows_errors=look.has_errors)
+    return (*units_and_marks(rows, names), *said)
