@@ -241,6 +241,13 @@ def test_what_the_run_told_is_shown(copy):
         {"trends": [{"parameter": "k_e", "points": [{"setting": 1, "value": 5e8}]}]},
         {"clicks": [{"from": "a"}, {"from": 1, "to": 2}], "gaps": ["x", None, 3.5]},
         {"configuration": 5, "procedure": [None, 3], "warnings": [{}], "failures": [1, {}]},
+        {"configuration": {"rig": {"filter": [1], "centre": None, "reverse_force": "yes"}}},
+        {"inputs": [{"log": "setting_01.csv", "temperature_degC": 10**400, "frequency_Hz": True}]},
+        {"inputs": [{"log": ["setting_01.csv"], "findings": {"sentence": "a"}, "notes": "abc"}]},
+        {"clicks": [{"from": 1, "to": 2, "speed_m_per_s": 0.3, "stroke": 5, "change_N": "a"}]},
+        {"trends": [{"parameter": "r_m1", "outliers": [{"setting": 1}, 5], "points": [[1, 2]]}]},
+        {"held_out": [{}, {"mse_percent": "a", "log": {}}], "gates_missed": [{"a": 1}, None]},
+        {"sentences": {"cavitation": {"a": 1}, "identifiability": [None, 2]}, "version": ["x"]},
     ],
 )
 def test_what_is_told_strangely_breaks_nothing(copy, record):

@@ -55,6 +55,7 @@ _NEEDED: dict[type, frozenset[str]] = {
     Failure: frozenset({"message"}),
     Finding: frozenset({"sentence"}),
     Outlier: frozenset({"setting"}),
+    Trend: frozenset({"parameter"}),
     TrendPoint: frozenset({"setting", "value"}),
 }
 
@@ -218,8 +219,8 @@ def _read_tuple(kinds: tuple[Any, ...], value: object) -> tuple[Any, ...]:
 
 def _is_like(kind: type, value: object) -> bool:
     """Whether a value that may be unknown is known."""
-    if kind is float:
-        return math.isfinite(_number(value))
+    if kind in {int, float}:
+        return math.isfinite(_number(value)) and (kind is float or type(value) is int)
     return type(value) is kind
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from damperfit.report import to_record
 from damperfit.report.rows.cavitation_table import cavitation_sheet
 from damperfit.report.run_record import checks_in, clicks_in, findings_in, trends_in
 from damperfit.tables import read_results
@@ -90,6 +91,12 @@ def test_what_identify_tells_is_understood(run, logs):
     assert {check.name for check in checks_in(record)} == {c["name"] for c in record["checks"]}
     assert len(clicks_in(record)) == len(record["clicks"]) > 0
     assert [trend.parameter for trend in trends_in(record)] == ["r_m1", "r_m2", "k_e"]
+    for key, read in (("checks", checks_in), ("clicks", clicks_in), ("trends", trends_in)):
+        units = [entry.pop("unit", None) for entry in record[key]]
+        assert (units[0] is not None) == (key == "trends")
+        # NaN is null in the file.
+        again = json.dumps([to_record(one) for one in read(record)]).replace("NaN", "null")
+        assert json.loads(again) == record[key]
     assert all(findings_in(entry) for entry in record["inputs"] if entry["findings"])
     (row, *_) = cavitation_sheet(read_results(Path("results")).parameters).rows
     assert row[0] == "1"

@@ -91,9 +91,9 @@ def percent(value: float | None) -> str:
 
 def with_interval(value: float | None, high: float | None, *, plus: str = "") -> str:
     """Return as in "+51.1 ± 0.4", to a digit of half the interval; four digits without one."""
-    if value is None:
+    if value is None or not math.isfinite(value):
         return NOTHING
-    if high is None:
+    if high is None or not math.isfinite(high):
         return f"{value:{plus}.4g}"
     reach = high - value
     decimals = 1 if reach >= 0.05 else 2
