@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from damperfit.characteristics import Characteristics, SpeedForce
-from damperfit.checklist import Check
+from damperfit.checks import Check
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Cavitation
 from damperfit.report import (

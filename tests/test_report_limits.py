@@ -404,7 +404,7 @@ def test_the_report_counts_settings_in_words():
     ],
 )
 def test_checks_that_nobody_looked_at_are_not_passed(passed, said):
-    from damperfit.checklist import Check
+    from damperfit.checks import Check
 
     checks = tuple(Check(f"c{k}", p, "") for k, p in zip(itertools.count(), passed))
     text = markdown_report(make_tables(campaign(fit(1))), replace(FACTS, checks=checks))

@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import tomllib
 from dataclasses import replace
+from fnmatch import fnmatch
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -13,7 +16,9 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
+import damperfit
 from damperfit.errors import ConfigurationError
 from damperfit.report import draw_plot, html_report, report_plots
 from damperfit.report.evaluated_log import evaluate_logs
@@ -136,9 +141,10 @@ def test_frequency_and_figures_come_from_the_signals(folder):
     assert view.measured.energy == pytest.approx(energy, rel=0.01)
 
 
-@given(st.lists(st.floats(-1e6, 1e6), min_size=300, max_size=2000), st.integers(1, 40))
-def test_thinning_keeps_the_extremes_and_the_ends(values, n_buckets):
-    signal = np.array(values)
+@given(
+    arrays(np.float64, st.integers(300, 2000), elements=st.floats(-1e6, 1e6)), st.integers(1, 40)
+)
+def test_thinning_keeps_the_extremes_and_the_ends(signal, n_buckets):
     kept = thin(n_buckets, signal, -(signal**2))
     assert len(kept) <= 4 * n_buckets + 2
     assert signal[kept].max() == signal.max()
@@ -421,6 +427,16 @@ def test_a_file_of_another_run_is_named(copy):
     assert read_results(copy).remarks == (
         "mse.parquet is not the file that the run wrote (see run.json)",
     )
+
+
+def test_what_the_page_is_made_of_is_shipped():
+    root = Path(damperfit.__file__).parents[1]
+    known = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
+    patterns = known["tool"]["setuptools"]["package-data"]["damperfit.report.page"]
+    room = root / "damperfit" / "report" / "page"
+    parts = {p.relative_to(room).as_posix() for p in room.rglob("*.*") if "py" not in p.suffix}
+    assert {"page.css", "page.js", "templates/page.html"} <= parts
+    assert {p for p in parts if not any(fnmatch(p, pattern) for pattern in patterns)} == set()
 
 
 def test_an_empty_folder_is_one_sentence(tmp_path):

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
         sweep_sentence,
         sweep_sheet,
     )
-    from damperfit.report.run_record import read_back, to_record
+    from damperfit.report.run_json import read_back, to_record
 
 __all__ = [
     "ASCII_LEVELS",
@@ -93,14 +93,14 @@ _LATE = {
     "draw_loops": "plots.simulated_cycle",
     "draw_plot": "plots.figure_files",
     "html_report": "page.page",
-    "read_back": "run_record",
+    "read_back": "run_json",
     "report_plots": "plots.report_plots",
     "sweep_plot": "plots.sweep",
     "sweep_pressure_plot": "plots.sweep",
     "sweep_records": "rows.sweep_table",
     "sweep_sentence": "rows.sweep_table",
     "sweep_sheet": "rows.sweep_table",
-    "to_record": "run_record",
+    "to_record": "run_json",
 }
 
 

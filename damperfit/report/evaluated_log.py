@@ -9,7 +9,7 @@ import numpy as np
 
 from damperfit.characteristics import Characteristics, characterise
 from damperfit.errors import SimulationError
-from damperfit.report.run_record import findings_in, listed_in, number_in
+from damperfit.report.run_json import findings_in, listed_in, number_in
 from damperfit.simulation import Response
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from damperfit.report.rows.check_table import CHECK_WORDS
 from damperfit.report.rows.mse_table import flags, grade_counts
 from damperfit.report.rows.rounding import number, percent
 from damperfit.report.rows.sheet import Sheet
-from damperfit.report.run_record import (
+from damperfit.report.run_json import (
     checks_in,
     failures_in,
     findings_in,

@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from damperfit.adjustment import Click, Outlier, Trend, TrendPoint
-from damperfit.checklist import Check
+from damperfit.checks import Check
 from damperfit.recording import Finding
 from damperfit.report import Failure, read_back, to_record
 from damperfit.report.page.summary import summary
-from damperfit.report.run_record import (
+from damperfit.report.run_json import (
     checks_in,
     clicks_in,
     failures_in,
