@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from damperfit.report.page.drawing import asset
+from damperfit.report.page.templating import asset
 from damperfit.report.plots.colours import (
     CHAMBER_COLOURS,
     CHAMBER_STYLES,

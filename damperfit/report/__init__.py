@@ -15,6 +15,7 @@ from damperfit.report.rows.force_by_setting_table import (
     force_by_speed_sheet,
 )
 from damperfit.report.rows.held_out_table import held_out_sheet
+from damperfit.report.rows.identify_summary_table import summary_sheet
 from damperfit.report.rows.inspection_table import (
     VERDICT_COLOURS,
     finding_lines,
@@ -23,7 +24,6 @@ from damperfit.report.rows.inspection_table import (
 from damperfit.report.rows.parameter_table import parameter_sheet
 from damperfit.report.rows.sheet import Sheet
 from damperfit.report.rows.sparkline import ASCII_LEVELS, BLOCK_LEVELS, sparkline
-from damperfit.report.rows.summary_table import summary_sheet
 from damperfit.report.terminal_table import terminal_table
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from damperfit.report.page.summary import setting_verdict
-from damperfit.report.rows.force_table import measured_and_simulated_sheet
+from damperfit.report.rows.log_force_table import measured_and_simulated_sheet
 from damperfit.report.rows.parameter_table import parameter_line
 
 if TYPE_CHECKING:

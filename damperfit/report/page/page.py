@@ -10,11 +10,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from damperfit import __version__
-from damperfit.report.page.drawing import asset, draw
 from damperfit.report.page.log_section import log_section
 from damperfit.report.page.plot_data import PlotData, plotly_script
 from damperfit.report.page.summary import summary
 from damperfit.report.page.tables import page_tables
+from damperfit.report.page.templating import asset, draw
 
 if TYPE_CHECKING:
     from damperfit.report.plots.report_plots import ReportPlots

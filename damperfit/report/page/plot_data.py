@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.errors import InstallationError
-from damperfit.report.page.drawing import page_text, verbatim
+from damperfit.report.page.templating import page_text, verbatim
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
