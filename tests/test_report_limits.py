@@ -122,6 +122,14 @@ def test_grades_are_those_that_the_sentence_tells(mse, word):
     assert parameter_sheet(rows).rows[0][-2] == word
 
 
+def test_the_figure_of_the_mse_has_its_rules_where_the_grades_change(results):
+    (plot,) = (plot for plot in report_plots(results).overall if plot.name == "mse")
+    assert plot.panels[0].rules == ((1.0, "1 %: excellent below"), (5.0, "5 %: good below"))
+    for limit, words in plot.panels[0].rules:
+        assert words.endswith(f": {grade(limit - 1e-9)} below")
+        assert grade(limit) != grade(limit - 1e-9)
+
+
 def test_grades_are_counted():
     rows = rows_of(fit(1), fit(2, mse=7.0), fit(3, mse=2.0), fit(4), fit(5, mse=7.0), fit(6, mse=9))
     assert grade_counts(rows).startswith("Grades: 2 excellent, 1 good, 3 poor (")
