@@ -186,6 +186,14 @@ def test_a_number_of_another_kind_is_not_known(value) -> None:
     assert number_in({"temperature_degC": value}, "temperature_degC") is None
 
 
+@pytest.mark.parametrize("value", ["yes", "false", 1, 0, None, [1]])
+def test_yes_and_no_of_another_kind_is_no_and_where_it_may_be_unknown_not_known(value) -> None:
+    (finding,) = findings_in({"findings": [{"sentence": "a", "is_correction": value}]})
+    assert finding.is_correction is False
+    (check,) = checks_in({"checks": [{"name": "a", "passed": value}]})
+    assert check.passed is None
+
+
 def test_what_an_older_run_lacks_is_not_known() -> None:
     (trend,) = trends_in(
         {
