@@ -166,7 +166,10 @@ def test_an_entry_without_what_it_needs_is_left_out_alone(name, lost, value) -> 
     assert len(read({key: [whole, damaged, whole]})) == 2
 
 
-@pytest.mark.parametrize("value", [True, "1", 1.5, None, [1], 10**400, float("nan"), float("inf")])
+@pytest.mark.parametrize(
+    "value",
+    [True, "1", 1.5, None, [1], pytest.param(10**400, id="1e400"), float("nan"), float("inf")],
+)
 def test_a_setting_that_is_no_whole_number_is_none(value) -> None:
     click = {"from": value, "to": 2, "speed_m_per_s": 0.3, "stroke": "bump"}
     assert clicks_in({"clicks": [click]}) == ()
@@ -179,7 +182,9 @@ def test_a_setting_that_is_no_whole_number_is_none(value) -> None:
     assert failures_in({"failures": [{"setting": value, "message": "a"}]})[0].setting is None
 
 
-@pytest.mark.parametrize("value", [True, "1", None, [1], {}, 10**400, float("nan")])
+@pytest.mark.parametrize(
+    "value", [True, "1", None, [1], {}, pytest.param(10**400, id="1e400"), float("nan")]
+)
 def test_a_number_of_another_kind_is_not_known(value) -> None:
     (click,) = clicks_in({"clicks": [_ALL["clicks"][2] | {"change_N": value}]})
     assert math.isnan(click.change)
