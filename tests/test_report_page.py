@@ -22,6 +22,7 @@ import damperfit
 from damperfit.errors import ConfigurationError
 from damperfit.report import draw_plot, html_report, report_plots
 from damperfit.report.evaluated_log import evaluate_logs
+from damperfit.report.page.plot_data import PlotData
 from damperfit.report.plots.colours import setting_colours
 from damperfit.report.plots.description import setting_axis, thin
 from damperfit.report.plots.one_log import setting_plots
@@ -77,6 +78,15 @@ def test_labels_of_plots_are_escaped(shown):
     page = html_report(replace(shown, overall=(replace(plot, panels=(evil,)),)), title="x")
     (label,) = (line["label"] for line in document(page)["plots"][0]["panels"][0]["lines"])
     assert label == "&lt;/script&gt;&lt;img src=x onerror=alert(1)&gt;$x_1$.csv"
+
+
+def test_nothing_in_a_plot_ends_the_script_that_holds_it(shown):
+    """Labels are escaped before; names are not, and are ours today."""
+    data = PlotData()
+    data.add(replace(shown.overall[0], name=EVIL))
+    text = data.script({1: "#000000"})
+    assert "<" not in text
+    assert json.loads(text)["plots"][0]["name"] == EVIL
 
 
 def test_the_page_asks_for_nothing_from_outside(page):
