@@ -204,7 +204,6 @@ SURFACE = {
     "damperfit.readers": [
         "Profile",
         "ReadOptions",
-        "make_profile",
         "read_log",
         "read_logs",
     ],
