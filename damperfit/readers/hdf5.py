@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.readers.apart import groups_read_apart
 from damperfit.readers.channels import visible
+from damperfit.readers.child_process import read_groups_in_child
 from damperfit.readers.foreign import check_size, refusing_damage
 from damperfit.readers.grouping import Group, GroupChannel, group_tables
 
@@ -52,7 +52,7 @@ def read_hdf5(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     LogError
         The file is damaged, claims more than the limit, or h5py is not installed.
     """
-    groups = groups_read_apart(__name__, "h5py", source, options)
+    groups = read_groups_in_child(__name__, "h5py", source, options)
     channels = [channel for group in groups for channel in group.channels]
     lengths = [channel.length for channel in channels]
     usual = max(set(lengths), key=lambda n: (lengths.count(n), n), default=0)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.readers.apart import groups_read_apart
+from damperfit.readers.child_process import read_groups_in_child
 from damperfit.readers.foreign import check_size, refusing_damage
 from damperfit.readers.grouping import Group, GroupChannel, group_tables
 
@@ -50,7 +50,7 @@ def read_mdf(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     if source.data.startswith(b"UnFinMF"):
         raise LogError(f"{name}: truncated MDF file: the recording was not finished")
     _check_blocks(source.data, name=name, limit=options.max_bytes)
-    groups = groups_read_apart(__name__, "asammdf", source, options)
+    groups = read_groups_in_child(__name__, "asammdf", source, options)
     return group_tables(groups, options, name=name)
 
 

@@ -269,14 +269,16 @@ def test_mdf_of_version_3_is_refused(tmp_path) -> None:
 
 
 def test_a_reader_that_dies_or_never_ends_is_one_refused_log(tmp_path, monkeypatch) -> None:
-    from damperfit.readers import apart, hdf5
+    from damperfit.readers import child_process, hdf5
 
     pytest.importorskip("h5py")
     path = put(tmp_path, binary_logs.matlab_73(SCENARIO), "a.mat")
-    monkeypatch.setattr(apart, "_CHILD", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+    monkeypatch.setattr(
+        child_process, "_CHILD", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
+    )
     assert "its reader ended by" in refusal(path)
-    monkeypatch.setattr(apart, "_CHILD", "import time; time.sleep(60)")
-    monkeypatch.setattr(apart, "_TIME_LIMIT", 0.2)
+    monkeypatch.setattr(child_process, "_CHILD", "import time; time.sleep(60)")
+    monkeypatch.setattr(child_process, "_TIME_LIMIT", 0.2)
     assert "not read in 0.2 s" in refusal(path)
     assert hdf5.READS in refusal(path)
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from damperfit.readers.files import Source
     from damperfit.readers.options import ReadOptions
 
-__all__ = ["answer", "groups_read_apart"]
+__all__ = ["answer", "read_groups_in_child"]
 
 _TIME_LIMIT = 60.0  # s; the slowest of the libraries takes 2 s to load
 _OWN_MEMORY = 1 << 30  # bytes that Python and the library take before they see a log
@@ -39,12 +39,12 @@ _OWN_MEMORY = 1 << 30  # bytes that Python and the library take before they see 
 _CHILD = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from damperfit.readers.apart import answer
+from damperfit.readers.child_process import answer
 answer()
 """
 
 
-def groups_read_apart(
+def read_groups_in_child(
     module: str, library: str, source: Source, options: ReadOptions
 ) -> list[Group]:
     """Return the groups that ``read_groups`` of a module finds in a log.
