@@ -126,7 +126,7 @@ def answer() -> None:
     except LogError as error:
         out.write(json.dumps({"refused": str(error)}).encode() + b"\n")
     except MemoryError:
-        out.write(b'{"refused": "needs more memory than the limit (max_bytes) allows"}\n')
+        out.write(b'{"refused": "needs more memory than the limit (rig.max_log_bytes) allows"}\n')
     else:
         _send(groups, out)
     out.flush()

@@ -79,5 +79,6 @@ def check_size(n_bytes: int, *, limit: int, what: str, name: str = "") -> None:
     if not 0 <= n_bytes <= limit:
         where = f"{name}: " if name else ""
         raise LogError(
-            f"{where}{what} claims {n_bytes} bytes, more than the limit of {limit} (max_bytes)"
+            f"{where}{what} claims {n_bytes} bytes, more than the limit of {limit} "
+            "(rig.max_log_bytes)"
         )

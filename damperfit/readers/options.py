@@ -251,7 +251,7 @@ class ReadOptions(Declarations):
         """Refuse options that mean nothing."""
         Declarations.__post_init__(self)
         if self.max_bytes <= 0:
-            raise ConfigurationError(f"max_bytes: found {self.max_bytes}, expected more than 0")
+            raise ConfigurationError(f"max_log_bytes: found {self.max_bytes}, expected more than 0")
         names = [profile.name for profile in self.profiles]
         if self.profile and self.profile not in names:
             raise ConfigurationError(

@@ -65,7 +65,7 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     if claimed > options.max_bytes:
         raise LogError(
             f"{name}: {n_rows} rows, more than the limit of {options.max_bytes} bytes allows "
-            "(max_bytes)"
+            "(rig.max_log_bytes)"
         )
     return (
         Table(

@@ -147,7 +147,7 @@ def test_matlab_bomb_is_refused_before_it_is_unpacked(tmp_path) -> None:
     data = saved({"time_s": np.zeros((n, 1)), "x_mm": np.zeros((n, 1)), "f_N": np.zeros((n, 1))})
     assert len(data) < 32 * n / 100
     message = refusal(put(tmp_path, data, "a.mat"), ReadOptions(max_bytes=1_000_000))
-    assert "max_bytes" in message
+    assert "rig.max_log_bytes" in message
 
 
 def test_matlab_element_that_unpacks_to_more_than_it_says_is_counted(tmp_path) -> None:
@@ -299,7 +299,7 @@ def test_hdf5_that_claims_terabytes_is_refused(tmp_path) -> None:
         for name in ("time_s", "displacement_mm", "force_N"):
             # Nothing is stored until something is written.
             file.create_dataset(name, shape=(1, 10**12), dtype="f8", chunks=(1, 1000))
-    assert "max_bytes" in refusal(put(tmp_path, sink.getvalue(), "a.mat"))
+    assert "rig.max_log_bytes" in refusal(put(tmp_path, sink.getvalue(), "a.mat"))
 
 
 # Excel

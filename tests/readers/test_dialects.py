@@ -449,7 +449,7 @@ def test_gzip_bomb_stops_at_the_limit(put) -> None:
         (lambda packed: packed[:5], "truncated gzip"),
         (lambda packed: packed[:40] + b"\xff\xff" + packed[42:], "damaged gzip"),
         (lambda packed: packed[:-6] + b"\0" + packed[-5:], "damaged gzip"),
-        (lambda packed: packed + b"more", "damaged gzip: 4 odd bytes at its end"),
+        (lambda packed: packed + b"more", "damaged gzip: odd bytes at its end"),
         (gzip.compress, "a gzip inside a gzip"),
         (lambda _: gzip.compress(b""), "empty file inside the gzip"),
     ],

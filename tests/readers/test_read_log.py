@@ -195,7 +195,7 @@ def test_the_column_with_the_right_unit_is_taken(put) -> None:
         ({"columns": {"speed": 1}}, "no channel 'speed'"),
         ({"setting_pattern": "s(\\d+"}, "no regular expression"),
         ({"setting_pattern": "s\\d+"}, "no group"),
-        ({"max_bytes": 0}, "max_bytes"),
+        ({"max_bytes": 0}, "max_log_bytes: found 0"),
     ],
 )
 def test_options_that_mean_nothing(options, message) -> None:
@@ -352,7 +352,7 @@ def test_a_device_is_refused() -> None:
 
 
 def test_size_limit(put) -> None:
-    with pytest.raises(LogError, match=r"more than the limit of 50 \(max_bytes\)"):
+    with pytest.raises(LogError, match=r"more than the limit of 50 \(rig.max_log_bytes\)"):
         read_log(put(PLAIN), ReadOptions(max_bytes=50))
 
 
