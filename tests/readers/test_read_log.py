@@ -253,7 +253,7 @@ FAULTS = {
         "'displacement_mm', 'forse_N', 'temperature_degC'. Did you mean 'forse_N'?",
     ),
     "no unit": (PLAIN.replace("force_N", "force"), "column 'force' has no unit"),
-    "unknown unit": (PLAIN.replace("force_N", "force (kips)"), "no unit of force 'kips'"),
+    "unknown unit": (PLAIN.replace("force_N", "force (stone)"), "no unit of force 'stone'"),
     "wrong unit": (PLAIN.replace("force_N", "force (mm)"), "no unit of force 'mm'"),
     "duplicate": (
         "time_s,force_N,displacement_mm,force_N\n0,1,2,3\n1,2,3,4\n",
@@ -553,3 +553,19 @@ def test_any_bytes_give_a_recording_or_our_error(put, data, suffix) -> None:
         return
     assert np.isfinite(found.force).all()
     assert (np.diff(found.time) > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "newtons"),
+    [
+        ("force_daN", 10.0),
+        ("Load (kip)", 4448.2216152605),
+        ("Load [klbf]", 4448.2216152605),
+        ("force, tf", 9806.65),
+    ],
+)
+def test_large_units_of_force_in_a_name(tmp_path, name, newtons) -> None:
+    path = tmp_path / "log_s3.csv"
+    path.write_text(f"time_s;displacement_mm;{name}\n0;1;2\n1;2;3\n2;3;-4\n", encoding="utf-8")
+    expected = newtons * np.array([2.0, 3.0, -4.0])
+    np.testing.assert_allclose(read_log(path).force, expected, rtol=1e-14)
