@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.readers.channels import visible
-from damperfit.readers.child_process import read_groups_in_child
+from damperfit.readers.child_process import Answer, groups_answer, read_groups_in_child
 from damperfit.readers.foreign import check_size, refusing_damage
 from damperfit.readers.grouping import Group, GroupChannel, group_tables
 
@@ -35,9 +35,10 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["EXTRA", "READS", "read_groups", "read_hdf5"]
+__all__ = ["EXTRA", "IS_MEMORY_SAFE", "READS", "answer", "read_hdf5"]
 
 EXTRA, READS = "mat73", "MATLAB 7.3"
+IS_MEMORY_SAFE = False
 
 _MAX_ITEMS = 10_000
 _MAX_COLUMNS = 64
@@ -62,7 +63,7 @@ def read_hdf5(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     return group_tables([Group("", used)], options, name=source.name, notes=notes)
 
 
-def read_groups(data: bytes, limit: int) -> list[Group]:
+def answer(data: bytes, limit: int) -> Answer:
     """Return the vectors at the top of a file; runs in a process of its own.
 
     Raises
@@ -79,7 +80,7 @@ def read_groups(data: bytes, limit: int) -> list[Group]:
             if is_data and isinstance(file.get(key, getlink=True), h5py.HardLink):
                 room = limit - 8 * sum(channel.length for channel in channels)
                 channels += list(_channels(file[key], str(key), room))
-    return [Group("", tuple(channels))]
+    return groups_answer([Group("", tuple(channels))])
 
 
 def _channels(data: Any, key: str, room: int) -> Iterator[GroupChannel]:

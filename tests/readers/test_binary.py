@@ -265,22 +265,7 @@ def test_mdf_of_version_3_is_refused(tmp_path) -> None:
     assert "3.30" in refusal(put(tmp_path, data, "a.mdf"))
 
 
-# Libraries that may end the process
-
-
-def test_a_reader_that_dies_or_never_ends_is_one_refused_log(tmp_path, monkeypatch) -> None:
-    from damperfit.readers import child_process, hdf5
-
-    pytest.importorskip("h5py")
-    path = put(tmp_path, binary_logs.matlab_73(SCENARIO), "a.mat")
-    monkeypatch.setattr(
-        child_process, "_CHILD", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
-    )
-    assert "its reader ended by" in refusal(path)
-    monkeypatch.setattr(child_process, "_CHILD", "import time; time.sleep(60)")
-    monkeypatch.setattr(child_process, "_TIME_LIMIT", 0.2)
-    assert "not read in 0.2 s" in refusal(path)
-    assert hdf5.READS in refusal(path)
+# Libraries that may end the process: see also test_child_process.py
 
 
 def test_modules_beside_a_log_are_never_imported(tmp_path, monkeypatch) -> None:
