@@ -15,6 +15,7 @@ from __future__ import annotations
 import importlib
 import io
 from functools import partial
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -74,10 +75,10 @@ def answer(data: bytes, limit: int) -> Answer:
     h5py = importlib.import_module("h5py")
     channels: list[GroupChannel] = []
     with refusing_damage(READS), h5py.File(io.BytesIO(data), "r") as file:
-        for n_seen, key in enumerate(file):
-            is_data = n_seen < _MAX_ITEMS and file.get(key, getclass=True) is h5py.Dataset
-            # A link into another file would read what nobody gave.
-            if is_data and isinstance(file.get(key, getlink=True), h5py.HardLink):
+        for key in islice(file, _MAX_ITEMS):
+            # A link into another file would read what nobody gave; it must not even be followed.
+            is_own = isinstance(file.get(key, getlink=True), h5py.HardLink)
+            if is_own and file.get(key, getclass=True) is h5py.Dataset:
                 room = limit - 8 * sum(channel.length for channel in channels)
                 channels += list(_channels(file[key], str(key), room))
     return groups_answer([Group("", tuple(channels))])
@@ -89,12 +90,13 @@ def _channels(data: Any, key: str, room: int) -> Iterator[GroupChannel]:
     is_number = data.dtype.kind in "fiu" and kind not in _NO_NUMBERS
     if not is_number or data.ndim != 2 or min(data.shape) < 1 or max(data.shape) < 2:
         return
-    if data.id.get_create_plist().get_external_count():
+    # So may values that stand in another file, or are put together from several.
+    if data.id.get_create_plist().get_external_count() or data.is_virtual:
         return
     n_columns, n_rows = data.shape
     if n_rows == 1:
         n_columns, n_rows = 1, n_columns
-    if n_columns > min(n_rows, _MAX_COLUMNS):
+    if n_columns > 1 and (n_columns >= n_rows or n_columns > _MAX_COLUMNS):
         return
     check_size(8 * n_columns * n_rows, limit=room, what=visible(key))
     values = np.asarray(data[()], dtype=np.float64).reshape(n_columns, n_rows)
