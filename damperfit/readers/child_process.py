@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import atexit
 import importlib
-import importlib.util
 import json
 import os
 import signal
@@ -30,6 +29,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.errors import LogError
+from damperfit.readers.foreign import check_library
 from damperfit.readers.grouping import Group, GroupChannel
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def ask_child(module: str, library: str, source: Source, options: ReadOptions) -
         The library is not installed; the child refuses the log, or dies of it.
     """
     reader = importlib.import_module(module)
-    _check_library(library, reader.EXTRA, reader.READS, source.name)
+    check_library(library, extra=reader.EXTRA, reads=reader.READS, name=source.name)
     while True:
         child = _CHILDREN.take()
         outcome = child.ask(module, source.data, options.max_bytes)
@@ -133,14 +133,6 @@ def groups_answer(groups: Sequence[Group]) -> Answer:
         for group in groups
     ]
     return Answer(said, [c.load().tobytes() for group in groups for c in group.channels])
-
-
-def _check_library(library: str, extra: str, reads: str, name: str) -> None:
-    found = None
-    with suppress(ImportError, ValueError):
-        found = importlib.util.find_spec(library)
-    if found is None:
-        raise LogError(f"{name}: {reads} needs one more library: pip install 'damperfit[{extra}]'")
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,12 +79,12 @@ def answer(data: bytes, limit: int) -> Answer:
             # A link into another file would read what nobody gave; it must not even be followed.
             is_own = isinstance(file.get(key, getlink=True), h5py.HardLink)
             if is_own and file.get(key, getclass=True) is h5py.Dataset:
-                room = limit - 8 * sum(channel.length for channel in channels)
-                channels += list(_channels(file[key], str(key), room))
+                n_before = 8 * sum(channel.length for channel in channels)
+                channels += list(_channels(file[key], str(key), n_before, limit))
     return groups_answer([Group("", tuple(channels))])
 
 
-def _channels(data: Any, key: str, room: int) -> Iterator[GroupChannel]:
+def _channels(data: Any, key: str, n_before: int, limit: int) -> Iterator[GroupChannel]:
     """Yield the columns of a data set; MATLAB's columns are rows in HDF5."""
     kind = data.attrs.get("MATLAB_class", b"")
     is_number = data.dtype.kind in "fiu" and kind not in _NO_NUMBERS
@@ -98,7 +98,8 @@ def _channels(data: Any, key: str, room: int) -> Iterator[GroupChannel]:
         n_columns, n_rows = 1, n_columns
     if n_columns > 1 and (n_columns >= n_rows or n_columns > _MAX_COLUMNS):
         return
-    check_size(8 * n_columns * n_rows, limit=room, what=visible(key))
+    n_bytes = n_before + 8 * n_columns * n_rows
+    check_size(n_bytes, limit=limit, what=f"the file up to {visible(key)}")
     values = np.asarray(data[()], dtype=np.float64).reshape(n_columns, n_rows)
     for i, column in enumerate(values):
         label = key if n_columns == 1 else f"{key}:{i + 1}"

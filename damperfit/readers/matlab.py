@@ -162,21 +162,23 @@ def _load(
 def _variables(source: Source, order: str, *, limit: int) -> Iterator[_Variable]:
     """Yield every variable; refuse elements that are not whole or unpack to more than the limit."""
     data, name = source.data, source.name
-    at = _HEADER
+    at, n_before = _HEADER, 0
     while at < len(data):
         kind, n_bytes, start = _tag(data, order, at, name)
         stop = start + n_bytes
         if kind not in {_MATRIX, _COMPRESSED}:
             raise LogError(f"{name}: damaged MATLAB file: element of type {kind} at byte {at}")
         if kind == _COMPRESSED:
-            head, n_unpacked = _unpack(data[start:stop], name=name, limit=limit, keep=_CHUNK)
+            head, n_unpacked = _unpack(
+                data[start:stop], name=name, limit=limit, n_before=n_before, keep=_CHUNK
+            )
             kind, n_inside, inside = _tag(head, order, 0, name, n_data=n_unpacked)
             if kind != _MATRIX or inside + n_inside != n_unpacked:
                 raise LogError(f"{name}: damaged MATLAB file: no variable at byte {at}")
-            limit -= n_unpacked
+            n_before += n_unpacked
             yield _variable(head[inside:], order, name, (start, stop, inside))
         else:
-            limit -= n_bytes
+            n_before += n_bytes
             yield _variable(data[start:stop], order, name, (start, stop, 0))
         at = stop
 
@@ -243,7 +245,9 @@ def _numbers(source: Source, order: str, variable: _Variable) -> NDArray[np.gene
     return values.reshape(variable.shape, order="F")
 
 
-def _unpack(packed: bytes, *, name: str, limit: int, keep: int) -> tuple[bytes, int]:
+def _unpack(
+    packed: bytes, *, name: str, limit: int, keep: int, n_before: int = 0
+) -> tuple[bytes, int]:
     """Return the first bytes of a zlib stream and its whole length; its checksum is verified."""
     kept, total = [], 0
     try:
@@ -251,8 +255,11 @@ def _unpack(packed: bytes, *, name: str, limit: int, keep: int) -> tuple[bytes, 
             if total < keep:
                 kept.append(part[: keep - total])
             total += len(part)
-            if total > limit:
-                raise LogError(f"{name}: unpacks to more than the limit (rig.max_log_bytes)")
+            if n_before + total > limit:
+                raise LogError(
+                    f"{name}: more than the limit of {limit} bytes when unpacked "
+                    "(rig.max_log_bytes)"
+                )
     except EOFError as error:
         raise LogError(f"{name}: truncated MATLAB file; a variable ends too early") from error
     except zlib.error as error:

@@ -429,7 +429,9 @@ def test_parquet_bomb_is_refused_before_it_is_read(put) -> None:
     names = HEADER.split(",")
     data = parquet_bytes(pa.table([zeros] * 4, names=names))
     assert len(data) < 100_000
-    with pytest.raises(LogError, match="2000000 rows, more than the limit"):
+    with pytest.raises(
+        LogError, match="a table of 2000000 rows claims 64000000 bytes, more than the limit"
+    ):
         read_log(put(data, "log.parquet"), ReadOptions(max_bytes=10_000_000))
 
 

@@ -125,3 +125,19 @@ def test_what_packs_a_thousandfold_is_read_to_its_end(log, n) -> None:
     variables = {"time_s": time, "displacement_mm": 0.0 * time, "force_N": 0.0 * time}
     scipy_io.savemat(sink, variables, do_compression=True)
     assert len(read_log(log(sink.getvalue(), "a_s1.mat")).force) == n
+
+
+@pytest.mark.parametrize("is_packed", [True, False])
+def test_the_limit_counts_what_all_variables_of_a_file_unpack_to(log, is_packed) -> None:
+    sink = io.BytesIO()
+    column = np.arange(1000, dtype=np.float64)[:, None]
+    variables = {"time_s": column, "displacement_mm": column, "force_N": column}
+    scipy_io.savemat(sink, variables, do_compression=is_packed)
+    path = log(sink.getvalue(), "a_s1.mat")
+    # Of each variable: 8000 bytes, tags of 8 for itself and its parts, flags, shape and its name.
+    names = sum(8 * (len(name) > 4) + 8 * (len(name) > 12) for name in variables)
+    needed = 3 * (8000 + 8 + 16 + 16 + 8 + 8) + names
+    limit = max(needed, len(sink.getvalue()))
+    assert len(read_log(path, ReadOptions(max_bytes=limit)).force) == 1000
+    with pytest.raises(LogError, match=f"more than the limit of {limit - 1}.*max_log_bytes"):
+        read_log(path, ReadOptions(max_bytes=limit - 1))
