@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
-from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from typing import TypeVar
@@ -84,10 +85,13 @@ _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
     "force": {
         "N newton newtons Newton Newtons": 1.0,
         "mN": 1e-3,
+        "daN DAN": 10.0,
         "kN KN": 1e3,
         "lbf lb Lbf LBF lbs Lbs LBS pound pounds": _POUND * _GRAVITY,
         "kgf kp Kgf KGF": _GRAVITY,
         "gf": 1e-3 * _GRAVITY,
+        "kip kips Kip Kips KIP KIPS klbf KLBF": 1e3 * _POUND * _GRAVITY,  # a thousand pounds
+        "tf": 1e3 * _GRAVITY,
     },
     "time": {
         "s sec Sec SEC secs second seconds Sek sek": 1.0,
@@ -184,14 +188,30 @@ def find_unit(name: str, dimension: str) -> Unit:
     unit = units.get(name.strip())
     if unit is None:
         known = ", ".join(units_of(dimension))
-        hint = _same_letters(name.strip(), units) or did_you_mean(name.strip(), units)
+        hint = _hint(name.strip(), units)
         raise QuantityError(f"no unit of {dimension} {name.strip()!r}; expected {known}.{hint}")
     return unit
 
 
-def _same_letters(name: str, units: dict[str, Unit]) -> str:
-    """Return the hint for a name that differs in case only."""
-    near = [spelling for spelling in units if spelling.lower() == name.lower()]
+# What may stand before a unit and makes another one of it.
+_PREFIXES = (
+    *"TGMkhdcmunpµμ", "da", "giga", "mega", "kilo", "hecto", "deca", "deci", "centi", "milli",
+    "micro", "nano",
+)  # fmt: skip
+_WORD = 5  # letters; a slip in a shorter name is another unit: kip and kp are 454 apart
+_SLIP = 0.85  # likeness of a word with one letter wrong; millimetre and centimetre have 0.73
+
+
+def _hint(name: str, units: dict[str, Unit]) -> str:
+    """Return " Did you mean 'X'?" where nothing but a slip makes the name another than X."""
+    if any(name == prefix + unit for prefix in _PREFIXES for unit in units):
+        return ""
+    near = [unit for unit in units if unit.lower() == name.lower()]
+    # Whoever writes a capital M means mega.
+    near = [unit for unit in near if (name[0], unit[0]) != ("M", "m")]
+    if not near and len(name) >= _WORD:
+        words = [unit for unit in units if len(unit) >= _WORD - 1 and unit[0] == name[0]]
+        near = get_close_matches(name, words, n=1, cutoff=_SLIP)
     return f" Did you mean {near[0]!r}?" if near else ""
 
 

@@ -9,9 +9,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from damperfit.report.campaign_plots import _SPEED_COLOURS
-from damperfit.report.page import _asset
-from damperfit.report.plots import CHAMBER_COLOURS, CHAMBER_STYLES, setting_colours
+from damperfit.report.page.templating import asset
+from damperfit.report.plots.colours import (
+    CHAMBER_COLOURS,
+    CHAMBER_STYLES,
+    SPEED_COLOURS,
+    setting_colours,
+)
 
 SIGHTS = {
     "all cones": np.eye(3),
@@ -98,7 +102,7 @@ def test_the_ramp_darkens_all_the_way_and_stands_out_on_both_papers():
 @pytest.mark.parametrize("paper", INKS)
 def test_measured_and_simulated_are_told_apart(sight, paper):
     ink = INKS[paper]
-    assert ink in _asset("page.js")  # it is the colour that the page draws
+    assert ink in asset("page.js")  # it is the colour that the page draws
     assert distances([ink, *RAMP], sight)[0, 1:].min() > 30.0
 
 
@@ -112,6 +116,6 @@ def test_chambers_are_told_apart_by_colour_or_dash(sight):
 @pytest.mark.parametrize("sight", SIGHTS)
 def test_speeds_are_told_apart(sight):
     for ink in INKS.values():
-        known = [ink if colour == "ink" else colour for colour in _SPEED_COLOURS]
+        known = [ink if colour == "ink" else colour for colour in SPEED_COLOURS]
         apart = distances(known, sight) + 1e3 * np.eye(len(known))
         assert apart.min() > 14.0

@@ -25,9 +25,10 @@ from matplotlib.testing.compare import calculate_rms
 from matplotlib.text import Text
 from PIL import Image
 
-from damperfit.report import portfolio
-from damperfit.report.figures import compose, fixed_style
-from damperfit.report.plots import CHAMBER_COLOURS, Line, Panel, Plot, setting_axis, setting_colours
+from damperfit.report import report_plots
+from damperfit.report.plots.colours import CHAMBER_COLOURS, setting_colours
+from damperfit.report.plots.description import Line, Panel, Plot, setting_axis
+from damperfit.report.plots.figure_files import compose, fixed_style
 from damperfit.tables import read_results
 from tests.report_folder import make_results
 
@@ -54,7 +55,7 @@ NAMES = (
 @pytest.fixture(scope="module")
 def plots(tmp_path_factory):
     folder = make_results(tmp_path_factory.mktemp("results"))
-    return {plot.name: plot for plot in portfolio(read_results(folder)).plots}
+    return {plot.name: plot for plot in report_plots(read_results(folder)).plots}
 
 
 def pixels(path: Path) -> np.ndarray:
@@ -162,9 +163,9 @@ def test_every_style_is_drawn_as_agreed(tmp_path):
 _DRAW = """
 import sys
 from pathlib import Path
-from damperfit.report import draw_plot, portfolio
+from damperfit.report import draw_plot, report_plots
 from damperfit.tables import read_results
-plots = {p.name: p for p in portfolio(read_results(Path(sys.argv[1]))).plots}
+plots = {p.name: p for p in report_plots(read_results(Path(sys.argv[1]))).plots}
 for kind in ("png", "svg", "pdf"):
     for name in ("fan", "parameter_k_e", "setting_03_pressures"):
         draw_plot(Path(sys.argv[2]) / f"{name}.{kind}", plots[name], kind=kind)

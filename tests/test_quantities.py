@@ -10,7 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from damperfit.errors import ConfigurationError
-from damperfit.quantities import QuantityError, find_unit, is_unit, parse_quantity, units_of
+from damperfit.quantities import (
+    _TABLE,
+    QuantityError,
+    find_unit,
+    is_unit,
+    parse_quantity,
+    units_of,
+)
 
 # One of each unit in SI, from its legal definition; temperatures are degrees Celsius inside.
 DEFINITIONS = [
@@ -23,7 +30,11 @@ DEFINITIONS = [
     ("length", "in", 0.0254),
     ("force", "N", 1.0),
     ("force", "mN", 0.001),
+    ("force", "daN", 10.0),
     ("force", "kN", 1000.0),
+    ("force", "kip", 4448.2216152605),
+    ("force", "klbf", 4448.2216152605),
+    ("force", "tf", 9806.65),
     ("force", "lbf", 4.4482216152605),
     ("force", "kgf", 9.80665),
     ("force", "gf", 0.00980665),
@@ -35,6 +46,7 @@ DEFINITIONS = [
     ("pressure", "Pa", 1.0),
     ("pressure", "kPa", 1000.0),
     ("pressure", "MPa", 1000000.0),
+    ("pressure", "GPa", 1000000000.0),
     ("pressure", "bar", 100000.0),
     ("pressure", "psi", 6894.757293168361),
     ("frequency", "Hz", 1.0),
@@ -45,9 +57,39 @@ DEFINITIONS = [
     ("temperature", "degF", -17.22222222222222),
     ("velocity", "m/s", 1.0),
     ("velocity", "mm/s", 0.001),
+    ("velocity", "cm/s", 0.01),
+    ("velocity", "in/s", 0.0254),
     ("density", "kg/m3", 1.0),
+    ("density", "g/cm3", 1000.0),
+    ("voltage", "V", 1.0),
     ("voltage", "mV", 0.001),
 ]
+
+
+def test_every_unit_has_its_definition_above() -> None:
+    defined = {(dimension, unit) for dimension, unit, _ in DEFINITIONS}
+    listed = {(dimension, unit) for dimension in _TABLE for unit in units_of(dimension)}
+    assert listed <= defined
+
+
+@pytest.mark.parametrize(
+    ("dimension", "spellings", "symbol"),
+    [
+        ("time", "msec mSec millisecond milliseconds", "ms"),
+        ("time", "sec Sec SEC secs second seconds Sek sek", "s"),
+        ("length", "MM millimeter millimeters millimetre millimetres", "mm"),
+        ("length", "micron microns", "um"),
+        ("length", "in. IN inch inches", "in"),
+        ("force", "newton newtons Newton Newtons", "N"),
+        ("force", "lb Lbf LBF lbs Lbs LBS pound pounds", "lbf"),
+        ("force", "kp Kgf KGF", "kgf"),
+        ("force", "kips Kip Kips KIP KIPS klbf KLBF", "kip"),
+        ("force", "DAN", "daN"),
+        ("force", "KN", "kN"),
+    ],
+)
+def test_spellings_are_of_one_unit(dimension: str, spellings: str, symbol: str) -> None:
+    assert {find_unit(name, dimension).symbol for name in spellings.split()} == {symbol}
 
 
 @pytest.mark.parametrize(("dimension", "unit", "expected"), DEFINITIONS)
@@ -98,7 +140,57 @@ def test_case_matters_and_the_hint_says_so() -> None:
     with pytest.raises(QuantityError, match="Did you mean 'cm'"):
         parse_quantity("3CM", "length")
     with pytest.raises(QuantityError, match="Did you mean 'MPa'"):
-        parse_quantity("1mPa", "pressure")
+        parse_quantity("1mpa", "pressure")
+
+
+@pytest.mark.parametrize(
+    ("dimension", "name", "meant"),
+    [
+        ("force", "newtn", "newton"),
+        ("force", "n", "N"),
+        ("length", "milimeters", "millimeters"),
+        ("length", "inchs", "inches"),
+        ("time", "secnds", "seconds"),
+        ("pressure", "BAR", "bar"),
+        ("frequency", "HZ", "Hz"),
+    ],
+)
+def test_a_slip_gets_the_unit_that_was_meant(dimension: str, name: str, meant: str) -> None:
+    with pytest.raises(QuantityError, match=rf"Did you mean '{meant}'\?"):
+        find_unit(name, dimension)
+
+
+PREFIXES = (*"TGMkhdcmuµnp", "da", "kilo", "mega", "milli", "centi", "micro", "deca", "nano")
+UNKNOWN = {
+    "force": "ozf ton tonf dyn MN Mn poundal kpf Nm kilonewton",
+    "length": "mil thou ft Mm yd centimeters decimeter micrometers nanometre",
+    "time": "h hours minutes microseconds mseconds MS",
+    "pressure": "hPa mbar mPa ksi psf atm",
+    "velocity": "m/min km/h ft/s",
+}
+
+
+def test_no_hint_offers_a_unit_of_another_size() -> None:
+    # "kip" was answered with "kp", 454 times less.
+    names = [
+        (dimension, prefix + unit)
+        for dimension in _TABLE
+        for spellings in _TABLE[dimension]
+        for unit in spellings.split()
+        for prefix in PREFIXES
+    ]
+    names += [(dimension, name) for dimension in UNKNOWN for name in UNKNOWN[dimension].split()]
+    refusals = [said for said in (_refusal(*name) for name in names) if said]
+    assert len(refusals) > 0.9 * len(names)
+    assert [said for said in refusals if "Did you mean" in said] == []
+
+
+def _refusal(dimension: str, name: str) -> str:
+    try:
+        find_unit(name, dimension)
+    except QuantityError as error:
+        return str(error)
+    return ""
 
 
 def test_a_unit_of_another_dimension_is_refused() -> None:

@@ -23,7 +23,7 @@ from PIL import Image
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.readers import read_log
-from damperfit.report import draw_plot, portfolio
+from damperfit.report import draw_plot, report_plots
 from damperfit.tables import read_results
 
 ROOT = Path(__file__).parents[1]
@@ -114,7 +114,7 @@ def test_pictures_are_those_that_the_tool_makes(clone) -> None:
     logs = [str(path) for path in sorted((clone / "sample_runs").glob("setting_*.csv"))]
     assert _damperfit(shlex.join(["damperfit", "identify", *logs]), clone).returncode == 0
     assert _damperfit("damperfit sweep --paper", clone).returncode == 0
-    plots = {plot.name: plot for plot in portfolio(read_results(clone / "results")).plots}
+    plots = {plot.name: plot for plot in report_plots(read_results(clone / "results")).plots}
     for name in names:
         made = clone / "sweep" / f"{name}.png"
         if name in plots:

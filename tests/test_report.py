@@ -23,14 +23,14 @@ from damperfit.report import (
     ASCII_LEVELS,
     Failure,
     ReportFacts,
-    closing_sheet,
     markdown_report,
     parameter_sheet,
     sparkline,
+    summary_sheet,
     terminal_table,
 )
-from damperfit.report.markdown import escape
-from damperfit.report.rows import number, percent, with_error
+from damperfit.report.mse_report import escape
+from damperfit.report.rows.rounding import number, percent, with_error
 from damperfit.tables import make_tables
 from tests.fakes import campaign, fit
 
@@ -109,7 +109,7 @@ def test_the_report_of_each_state_is_as_agreed(state: str) -> None:
 @pytest.mark.parametrize("state", STATES)
 def test_the_terminal_table_of_each_state_is_as_agreed(state: str) -> None:
     done, _, expected = STATES[state]
-    sheet = closing_sheet(make_tables(done, expected=expected).parameters)
+    sheet = summary_sheet(make_tables(done, expected=expected).parameters.to_pylist())
     text = _terminal(terminal_table(sheet))
     assert max(len(line) for line in text.splitlines()) <= 80
     assert "\x1b" not in text  # no colour without a terminal
@@ -184,7 +184,7 @@ def test_escape_shows_control_characters() -> None:
 
 
 def test_rich_markup_in_a_cell_is_shown_not_obeyed() -> None:
-    sheet = parameter_sheet(make_tables(campaign(fit(1))).parameters)
+    sheet = parameter_sheet(make_tables(campaign(fit(1))).parameters.to_pylist())
     evil = replace(sheet, rows=(("[red]x[/red]", *sheet.rows[0][1:]),))
     assert "[red]x[/red]" in _terminal(terminal_table(evil), width=120)
 
@@ -195,7 +195,7 @@ def test_intervals_are_shown_once_the_table_has_them() -> None:
     table = make_tables(campaign(fit(1))).parameters
     place = table.schema.get_field_index("k_e_se")
     with_se = table.set_column(place, table.schema.field(place), pa.array([3.21e6]))
-    row = parameter_sheet(with_se).rows[0]
+    row = parameter_sheet(with_se.to_pylist()).rows[0]
     assert row[4] == "510.0 ± 3.2"
 
 
@@ -213,7 +213,7 @@ def _with_errors(done, share: float):
 
 def test_the_closing_table_rounds_by_the_errors_and_shows_the_settings_at_a_glance() -> None:
     table = _with_errors(campaign(*(fit(n) for n in range(1, 21))), 0.00123)
-    text = _terminal(terminal_table(closing_sheet(table)))
+    text = _terminal(terminal_table(summary_sheet(table.to_pylist())))
     assert "R_m3 = 2.5970(32)e6 N s/(m2 kg), shared by all settings" in text
     _compare("terminal_errors.txt", text)
 
@@ -223,14 +223,15 @@ def test_the_closing_table_fits_80_columns_however_many_are_free(n_free: int) ->
     free = dict.fromkeys(("r_m1", "r_m2", "k_e", "r_m3", "f_f", "f_0")[:n_free], "fitted")
     many = (fit(n, status=free, f_0=-12.5 if n_free == 6 else 0.0) for n in (1, 12, 20))
     table = _with_errors(campaign(*many), 2.5e-5)
-    text = _terminal(terminal_table(closing_sheet(table)), width=200)
+    text = _terminal(terminal_table(summary_sheet(table.to_pylist())), width=200)
     assert max(len(line) for line in text.splitlines()) <= 80
     assert ("(" in text.splitlines()[2]) == (n_free == 3)  # the errors go before the digits
 
 
 def test_the_closing_table_is_ascii_where_that_is_asked() -> None:
     table = _with_errors(campaign(*(fit(n) for n in range(1, 5))), 0.001)
-    assert _terminal(terminal_table(closing_sheet(table, levels=ASCII_LEVELS))).isascii()
+    sheet = summary_sheet(table.to_pylist(), levels=ASCII_LEVELS)
+    assert _terminal(terminal_table(sheet)).isascii()
 
 
 def test_a_sparkline_leaves_out_what_is_not_known() -> None:

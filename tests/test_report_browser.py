@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from damperfit.report import html_report, portfolio
+from damperfit.report import html_report, report_plots
 from damperfit.tables import read_results
 from tests.report_folder import make_results
 
@@ -33,7 +33,7 @@ FLAGS = (
 def page(tmp_path_factory):
     folder = make_results(tmp_path_factory.mktemp("results"))
     path = folder / "report.html"
-    path.write_text(html_report(portfolio(read_results(folder)), title="page"), encoding="utf-8")
+    path.write_text(html_report(report_plots(read_results(folder)), title="page"), encoding="utf-8")
     return path
 
 

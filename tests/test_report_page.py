@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import tomllib
 from dataclasses import replace
+from fnmatch import fnmatch
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -13,13 +16,17 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
+import damperfit
 from damperfit.errors import ConfigurationError
-from damperfit.report import draw_plot, html_report, portfolio
-from damperfit.report.page_sheets import cavitation_sheet
-from damperfit.report.plots import setting_axis, setting_colours, thin
-from damperfit.report.setting_plots import setting_plots
-from damperfit.report.views import log_views
+from damperfit.report import draw_plot, html_report, report_plots
+from damperfit.report.evaluated_log import evaluate_logs
+from damperfit.report.page.plot_data import PlotData
+from damperfit.report.plots.colours import setting_colours
+from damperfit.report.plots.description import setting_axis, thin
+from damperfit.report.plots.one_log import setting_plots
+from damperfit.report.rows.cavitation_table import cavitation_sheet
 from damperfit.tables import read_results
 from tests.report_folder import EVIL, damage_row_group, make_results
 
@@ -36,7 +43,7 @@ def copy(folder, tmp_path):
 
 @pytest.fixture(scope="module")
 def shown(folder):
-    return portfolio(read_results(folder))
+    return report_plots(read_results(folder))
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +78,15 @@ def test_labels_of_plots_are_escaped(shown):
     page = html_report(replace(shown, overall=(replace(plot, panels=(evil,)),)), title="x")
     (label,) = (line["label"] for line in document(page)["plots"][0]["panels"][0]["lines"])
     assert label == "&lt;/script&gt;&lt;img src=x onerror=alert(1)&gt;$x_1$.csv"
+
+
+def test_nothing_in_a_plot_ends_the_script_that_holds_it(shown):
+    """Labels are escaped before; names are not, and are ours today."""
+    data = PlotData()
+    data.add(replace(shown.overall[0], name=EVIL))
+    text = data.script({1: "#000000"})
+    assert "<" not in text
+    assert json.loads(text)["plots"][0]["name"] == EVIL
 
 
 def test_the_page_asks_for_nothing_from_outside(page):
@@ -127,7 +143,7 @@ def test_the_summary_says_what_is_poor_and_missing(page):
 
 
 def test_frequency_and_figures_come_from_the_signals(folder):
-    view = log_views(read_results(folder))[0]
+    view = evaluate_logs(read_results(folder))[0]
     assert view.frequency == pytest.approx(1.5, rel=0.01)
     assert view.measured.peak_force_rebound == pytest.approx(2500.0 * 0.3016 - 130.0, rel=0.01)
     # The measured force is a v - b: its loop integral is a pi A (2 pi f A).
@@ -135,9 +151,10 @@ def test_frequency_and_figures_come_from_the_signals(folder):
     assert view.measured.energy == pytest.approx(energy, rel=0.01)
 
 
-@given(st.lists(st.floats(-1e6, 1e6), min_size=300, max_size=2000), st.integers(1, 40))
-def test_thinning_keeps_the_extremes_and_the_ends(values, n_buckets):
-    signal = np.array(values)
+@given(
+    arrays(np.float64, st.integers(300, 2000), elements=st.floats(-1e6, 1e6)), st.integers(1, 40)
+)
+def test_thinning_keeps_the_extremes_and_the_ends(signal, n_buckets):
     kept = thin(n_buckets, signal, -(signal**2))
     assert len(kept) <= 4 * n_buckets + 2
     assert signal[kept].max() == signal.max()
@@ -215,7 +232,7 @@ def test_what_the_run_told_is_shown(copy):
         {"name": "clipping", "severity": "warning", "sentence": f"force is clipped {EVIL}"},
     ]
     (copy / "run.json").write_text(json.dumps(record), encoding="utf-8")
-    shown = portfolio(read_results(copy))
+    shown = report_plots(read_results(copy))
     page = html_report(shown, title="x")
     assert "Checks: 1 passed, 1 failed, 1 not looked at" in page
     assert page.index("setting 3 is off") < page.index("all below 1 %")  # what failed comes first
@@ -240,11 +257,18 @@ def test_what_the_run_told_is_shown(copy):
         {"trends": [{"parameter": "k_e", "points": [{"setting": 1, "value": 5e8}]}]},
         {"clicks": [{"from": "a"}, {"from": 1, "to": 2}], "gaps": ["x", None, 3.5]},
         {"configuration": 5, "procedure": [None, 3], "warnings": [{}], "failures": [1, {}]},
+        {"configuration": {"rig": {"filter": [1], "centre": None, "reverse_force": "yes"}}},
+        {"inputs": [{"log": "setting_01.csv", "temperature_degC": 10**400, "frequency_Hz": True}]},
+        {"inputs": [{"log": ["setting_01.csv"], "findings": {"sentence": "a"}, "notes": "abc"}]},
+        {"clicks": [{"from": 1, "to": 2, "speed_m_per_s": 0.3, "stroke": 5, "change_N": "a"}]},
+        {"trends": [{"parameter": "r_m1", "outliers": [{"setting": 1}, 5], "points": [[1, 2]]}]},
+        {"held_out": [{}, {"mse_percent": "a", "log": {}}], "gates_missed": [{"a": 1}, None]},
+        {"sentences": {"cavitation": {"a": 1}, "identifiability": [None, 2]}, "version": ["x"]},
     ],
 )
 def test_what_is_told_strangely_breaks_nothing(copy, record):
     (copy / "run.json").write_text(json.dumps(record), encoding="utf-8")
-    page = html_report(portfolio(read_results(copy)), title="x")
+    page = html_report(report_plots(read_results(copy)), title="x")
     assert "Setting 1" in page
 
 
@@ -253,7 +277,7 @@ def test_a_value_at_a_bound_does_not_flatten_the_others(copy):
     table[1] |= {"k_e": 3e15, "k_e_status": "at_bound"}
     schema = pq.read_schema(copy / "parameters.parquet")
     pq.write_table(pa.Table.from_pylist(table, schema=schema), copy / "parameters.parquet")
-    shown = portfolio(read_results(copy))
+    shown = report_plots(read_results(copy))
     (plot,) = (plot for plot in shown.overall if plot.name == "parameter_k_e")
     low, high = plot.panels[0].y_range
     assert 480.0 < low < 490.0
@@ -272,7 +296,7 @@ def test_settings_are_numbered_where_they_are_and_do_not_touch():
 
 
 def test_the_mean_residual_is_that_of_all_samples(folder):
-    view = log_views(read_results(folder))[0]
+    view = evaluate_logs(read_results(folder))[0]
     signals = replace(view.signals, force=view.signals.force_measured - 7.0)
     plot = setting_plots(replace(view, signals=signals), name="a", colour="#000000")[3]
     cloud, *means = plot.panels[0].lines
@@ -301,7 +325,7 @@ def test_a_damaged_log_costs_that_log_alone(copy):
     damage, consequence = results.remarks
     assert "log 2 is damaged" in damage
     assert consequence == "setting 2: parameters but no signals, so no loops"
-    assert "log 2 is damaged" in html_report(portfolio(results), title="x")
+    assert "log 2 is damaged" in html_report(report_plots(results), title="x")
 
 
 def test_csv_stands_in_for_damaged_parquet(copy):
@@ -327,7 +351,7 @@ def test_what_is_left_is_shown(copy, names):
     for name in names:
         (copy / name).unlink()
     results = read_results(copy)
-    page = html_report(portfolio(results), title="x")
+    page = html_report(report_plots(results), title="x")
     for name in names:
         assert any(name in remark for remark in results.remarks)
         assert f"{name} is missing" in page
@@ -336,7 +360,7 @@ def test_what_is_left_is_shown(copy, names):
 @pytest.mark.parametrize("text", ["", "{", "[]", "[" * 100_000, '{"inputs": 3, "files": [1]}'])
 def test_a_broken_record_breaks_nothing(copy, text):
     (copy / "run.json").write_text(text, encoding="utf-8")
-    assert "Setting 1" in html_report(portfolio(read_results(copy)), title="x")
+    assert "Setting 1" in html_report(report_plots(read_results(copy)), title="x")
 
 
 def test_an_older_schema_is_named_and_what_it_has_is_shown(copy):
@@ -347,7 +371,7 @@ def test_an_older_schema_is_named_and_what_it_has_is_shown(copy):
     results = read_results(copy)
     assert "schema version 0 (damperfit 0.0.1)" in results.remarks[0]
     assert "k_e_ci_low" in results.remarks[1]
-    assert "parameter_k_e" in html_report(portfolio(results), title="x")
+    assert "parameter_k_e" in html_report(report_plots(results), title="x")
 
 
 def _change(path, change):
@@ -361,7 +385,7 @@ def test_a_setting_that_is_in_one_table_alone_is_named_and_shown(copy):
     _change(copy / "parameters.parquet", lambda rows: [r for r in rows if r["setting"] != 2])
     results = read_results(copy)
     assert results.remarks == ("setting 2: signals but no parameters",)
-    page = html_report(portfolio(results), title="x")
+    page = html_report(report_plots(results), title="x")
     assert "Setting 2: setting_02.csv" in page
     table = pq.read_table(copy / "responses.parquet")
     kept = pa.array([setting != 3 for setting in table.column("setting").to_pylist()])
@@ -398,7 +422,7 @@ def test_numbers_that_cannot_be_drawn_are_left_out(copy, tmp_path):
 
     _change(copy / "parameters.parquet", spoil)
     _change(copy / "mse.parquet", spoil_errors)
-    shown = portfolio(read_results(copy))
+    shown = report_plots(read_results(copy))
     html_report(shown, title="x")
     for plot in shown.overall[:7]:
         draw_plot(tmp_path / "a.png", plot, kind="png", dpi=40)
@@ -413,6 +437,16 @@ def test_a_file_of_another_run_is_named(copy):
     assert read_results(copy).remarks == (
         "mse.parquet is not the file that the run wrote (see run.json)",
     )
+
+
+def test_what_the_page_is_made_of_is_shipped():
+    root = Path(damperfit.__file__).parents[1]
+    known = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
+    patterns = known["tool"]["setuptools"]["package-data"]["damperfit.report.page"]
+    room = root / "damperfit" / "report" / "page"
+    parts = {p.relative_to(room).as_posix() for p in room.rglob("*.*") if "py" not in p.suffix}
+    assert {"page.css", "page.js", "templates/page.html"} <= parts
+    assert {p for p in parts if not any(fnmatch(p, pattern) for pattern in patterns)} == set()
 
 
 def test_an_empty_folder_is_one_sentence(tmp_path):

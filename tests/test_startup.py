@@ -12,7 +12,7 @@ import pytest
 
 import damperfit
 
-HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pydantic", "plotly")
+HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pydantic", "plotly", "jinja2")
 CLI = [sys.executable, "-m", "damperfit"]
 
 
@@ -26,6 +26,15 @@ def test_importing_loads_no_heavy_library(module):
     done = run([sys.executable, "-c", script])
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == []
+
+
+def test_reports_but_for_the_page_load_nothing_that_draws():
+    names = "markdown_report, summary_sheet, terminal_table, to_record"
+    script = f"from damperfit.report import {names}; import sys; print(*sys.modules)"
+    done = run([sys.executable, "-c", script])
+    assert done.returncode == 0, done.stderr
+    assert "damperfit.report.mse_report" in done.stdout.split()
+    assert {"jinja2", "markupsafe", "matplotlib", "plotly"}.isdisjoint(done.stdout.split())
 
 
 def test_asking_for_help_loads_no_heavy_library():

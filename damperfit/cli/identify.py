@@ -139,9 +139,9 @@ def identify(
     from damperfit.configuration.loading import load_configuration
     from damperfit.report import (
         check_lines,
-        closing_sheet,
         held_out_sheet,
         markdown_report,
+        summary_sheet,
         terminal_table,
     )
     from damperfit.run.pipeline import Watch, run
@@ -182,8 +182,8 @@ def identify(
     if json:
         print_json(result.document())
     elif result.campaign.fits:
-        sheet = closing_sheet(
-            result.tables.parameters, columns=screen_columns(), levels=spark_levels()
+        sheet = summary_sheet(
+            result.tables.parameters.to_pylist(), columns=screen_columns(), levels=spark_levels()
         )
         print_renderable(terminal_table(sheet))
         if result.facts.held_out:

@@ -78,11 +78,16 @@ def inspect(
 
 
 def _show(batch: LogBatch, *, has_notes: bool) -> None:
-    from damperfit.report import VERDICT_COLOURS, finding_lines, log_sheet, terminal_table
+    from damperfit.report import (
+        VERDICT_COLOURS,
+        finding_lines,
+        inspection_sheet,
+        terminal_table,
+    )
 
     facts = [log.facts for log in batch.logs]
     if not facts:
         return
-    print_renderable(terminal_table(log_sheet(facts), colours=VERDICT_COLOURS))
+    print_renderable(terminal_table(inspection_sheet(facts), colours=VERDICT_COLOURS))
     lines = (one_line(line) for line in finding_lines(facts, has_notes=has_notes))
     print_lines(["", *lines])

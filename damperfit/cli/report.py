@@ -18,7 +18,7 @@ from damperfit.cli.options import (
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from damperfit.report import Portfolio
+    from damperfit.report import ReportPlots
 
 __all__ = ["FIGURE_KINDS", "check_kind", "report", "write_report"]
 
@@ -88,11 +88,11 @@ def write_report(
         What was written.
     """
     from damperfit.atomic import file_set
-    from damperfit.report import html_report, portfolio
+    from damperfit.report import html_report, report_plots
     from damperfit.tables import read_results
 
     found = read_results(results)
-    shown = portfolio(found)
+    shown = report_plots(found)
     written: list[Path] = []
     if page:
         text = html_report(shown, title=results.resolve().name or str(results))
@@ -104,7 +104,7 @@ def write_report(
     return found.remarks, tuple(written)
 
 
-def _write_figures(shown: Portfolio, folder: Path, *, kind: str) -> list[Path]:
+def _write_figures(shown: ReportPlots, folder: Path, *, kind: str) -> list[Path]:
     from damperfit.atomic import file_set
     from damperfit.report import draw_plot
 

@@ -82,7 +82,7 @@ def settings(
 
 
 def _show(adjuster: Adjuster, question: Question, ladder: Ladder, *, is_quiet: bool) -> None:
-    from damperfit.report import ladder_sheet, stroke_sheet, terminal_table
+    from damperfit.report import force_by_setting_sheet, force_by_speed_sheet, terminal_table
     from damperfit.tables import adjustment_rows
 
     if ladder.wanted is not None:
@@ -93,10 +93,10 @@ def _show(adjuster: Adjuster, question: Question, ladder: Ladder, *, is_quiet: b
     rows = adjustment_rows(ladder.levels, ladder.clicks)
     print_lines([f"force by setting, {adjuster.source}", ""])
     if question.speed is not None:
-        print_renderable(terminal_table(ladder_sheet(rows)))
+        print_renderable(terminal_table(force_by_setting_sheet(rows)))
         return
     for stroke in (question.stroke,) if question.stroke else ("rebound", "bump"):
-        print_renderable(terminal_table(stroke_sheet(rows, stroke)))
+        print_renderable(terminal_table(force_by_speed_sheet(rows, stroke)))
         print_lines([""])
 
 

@@ -128,7 +128,7 @@ def _write(trial: SimulatedTest, *, out: Path | None, plot: Path | None) -> None
             write_table(files.path(out.name), time_series_table(trial.response), suffix=out.suffix)
     if plot is not None:
         from damperfit.atomic import file_set
-        from damperfit.report.loops import draw_loops
+        from damperfit.report import draw_loops
 
         with file_set(plot.parent) as files:
             kind = plot.suffix[1:].lower()
@@ -142,14 +142,18 @@ def _title(trial: SimulatedTest) -> str:
 
 
 def _show(trial: SimulatedTest) -> None:
-    from damperfit.report import terminal_table
-    from damperfit.report.loops import cycle_lines, force_sheet, pressure_sheet
+    from damperfit.report import (
+        cycle_force_sheet,
+        cycle_pressure_sheet,
+        cycle_sparklines,
+        terminal_table,
+    )
 
     print_lines([_title(trial), ""])
-    print_renderable(terminal_table(force_sheet(trial.characteristics)))
+    print_renderable(terminal_table(cycle_force_sheet(trial.characteristics)))
     print_lines([""])
-    print_renderable(terminal_table(pressure_sheet(trial.characteristics)))
-    cycle = cycle_lines(trial.response, trial.frequency, levels=spark_levels())
+    print_renderable(terminal_table(cycle_pressure_sheet(trial.characteristics)))
+    cycle = cycle_sparklines(trial.response, trial.frequency, levels=spark_levels())
     print_lines(["", "last cycle", *cycle])
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.queries.one_simulation import Choice
     from damperfit.queries.sweep import Variation
-    from damperfit.report import Kin, Plot
+    from damperfit.report import Plot, SweepMember
 
 __all__ = ["sweep"]
 
@@ -89,27 +89,29 @@ def sweep(
     if not quiet:
         say(f"damperfit: {choice.source}")
     wanted = [(v, False) for v in variations] + [(v, True) for v in PAPER_SWEEPS if paper]
-    families = [(v, _family(choice, configuration, v), is_paper) for v, is_paper in wanted]
-    records, plots = _lay_out(families)
+    sweeps = [(v, _members(choice, configuration, v), is_paper) for v, is_paper in wanted]
+    records, plots = _lay_out(sweeps)
     _write(out, records, plots, kind=figures)
     if json:
-        sentences = [_sentence(variation, family) for variation, family, _ in families]
+        sentences = [_sentence(variation, members) for variation, members, _ in sweeps]
         print_json({"source": choice.source, "rows": records, "sentences": sentences})
     else:
-        for variation, family, _ in families:
-            _show(variation, family)
+        for variation, members, _ in sweeps:
+            _show(variation, members)
     if not quiet:
         figures = f"{len(plots)} figure{'s' * (len(plots) > 1)}"
         say(f"damperfit: sweep.csv and {figures} written to {out}")
     return 0
 
 
-def _family(choice: Choice, configuration: Configuration, variation: Variation) -> tuple[Kin, ...]:
+def _members(
+    choice: Choice, configuration: Configuration, variation: Variation
+) -> tuple[SweepMember, ...]:
     from damperfit.queries.sweep import run_sweep
-    from damperfit.report import Kin
+    from damperfit.report import SweepMember
 
     return tuple(
-        Kin(
+        SweepMember(
             member.factor,
             member.value,
             member.trial.frequency,
@@ -120,31 +122,31 @@ def _family(choice: Choice, configuration: Configuration, variation: Variation) 
     )
 
 
-def _sentence(variation: Variation, family: Sequence[Kin]) -> str:
-    from damperfit.report import family_sentence
+def _sentence(variation: Variation, members: Sequence[SweepMember]) -> str:
+    from damperfit.report import sweep_sentence
 
-    return family_sentence(variation.name, family)
+    return sweep_sentence(variation.name, members)
 
 
 def _lay_out(
-    families: Sequence[tuple[Variation, Sequence[Kin], bool]],
+    sweeps: Sequence[tuple[Variation, Sequence[SweepMember], bool]],
 ) -> tuple[list[dict[str, Any]], list[Plot]]:
-    from damperfit.report import family_plot, family_records, kin_pressures
+    from damperfit.report import sweep_plot, sweep_pressure_plot, sweep_records
 
     records: list[dict[str, Any]] = []
     plots = []
-    for variation, family, is_paper in families:
+    for variation, members, is_paper in sweeps:
         name = variation.name
-        records += family_records(name, family)
+        records += sweep_records(name, members)
         number = _PAPER_NUMBERS[name] if is_paper else 0
         file_name = f"figure_{number}_{name}" if number else f"sweep_{name}"
         title = f"Force against velocity, {name} varied"
-        plots.append(family_plot(name, family, file_name=file_name, title=title))
-        worst = max(family, key=lambda kin: kin.cavitation)
+        plots.append(sweep_plot(name, members, file_name=file_name, title=title))
+        worst = max(members, key=lambda member: member.cavitation)
         if worst.cavitation > 0.0 or number == _PAPER_NUMBERS["r_m3"]:
             file_name = f"figure_7_{name}_pressures" if number else f"sweep_{name}_pressures"
             title = f"Chamber pressures, {name} x{worst.factor:g}"
-            plots.append(kin_pressures(worst, file_name=file_name, title=title))
+            plots.append(sweep_pressure_plot(worst, file_name=file_name, title=title))
     return records, plots
 
 
@@ -165,10 +167,10 @@ def _write(
             writer.writerows(records)
 
 
-def _show(variation: Variation, family: Sequence[Kin]) -> None:
+def _show(variation: Variation, members: Sequence[SweepMember]) -> None:
     from damperfit.queries.sweep import SWEPT_UNITS
-    from damperfit.report import family_sheet, terminal_table
+    from damperfit.report import sweep_sheet, terminal_table
 
-    sheet = family_sheet(variation.name, SWEPT_UNITS[variation.name], family)
+    sheet = sweep_sheet(variation.name, SWEPT_UNITS[variation.name], members)
     print_renderable(terminal_table(sheet))
-    print_lines([*wrap(_sentence(variation, family), screen_columns()), ""])
+    print_lines([*wrap(_sentence(variation, members), screen_columns()), ""])

@@ -1,5 +1,6 @@
 """Configuration: defaults.toml, then a file, then the command line, to one frozen `Configuration`.
 
+A profile of a rig goes before [rig] for its logs; the command line goes before both.
 ``defaults.toml`` is complete and commented, and is the documentation of the configuration. No
 default stands anywhere else. A key that defaults.toml does not know is an error.
 """
@@ -60,6 +61,8 @@ def load_configuration(
         layers.append(_Layer(_COMMAND_LINE, "", overlay))
     for layer in layers:
         _check_keys(layer, known=layers[0].values)
+        if layer.name == _COMMAND_LINE:
+            _put_over_profiles(document, layer.values.get("rig", {}))
         _merge(document, layer.values)
     try:
         return build_configuration(document)
@@ -75,16 +78,23 @@ class _Layer:
     text: str
     values: Mapping[str, Any] = field(default_factory=dict)
 
-    def place(self, section: str, key: str) -> str:
-        """Return file and line of a key, as far as the text tells."""
+    def place(self, *keys: str) -> str:
+        """Return file and line of a key inside others, as far as the text tells."""
+        for depth in range(len(keys), 0, -1):
+            if line := self._line(".".join(keys[:depth]), *keys[depth : depth + 1]):
+                return f"{self.name}:{line}"
+        return self.name
+
+    def _line(self, section: str, key: str = "") -> int:
+        """Return the line of a key in a section, or of its heading; 0: there is none."""
         current = ""
         for number, line in enumerate(self.text.splitlines(), start=1):
             if found := _HEADER.match(line):
-                current = found[1].strip()
+                current = re.sub(r"[\"'\s]", "", found[1])
             is_here = current == section and re.match(rf"\s*[\"']?{re.escape(key)}\b", line)
             if is_here or (not key and current == section):
-                return f"{self.name}:{number}"
-        return self.name
+                return number
+        return 0
 
 
 def _defaults_text() -> str:
@@ -116,7 +126,7 @@ def _check_keys(layer: _Layer, *, known: Mapping[str, Any]) -> None:
     for section, values in layer.values.items():
         if section not in known:
             raise ConfigurationError(
-                f"{layer.place(section, '')}: unknown section [{section}]; "
+                f"{layer.place(section)}: unknown section [{section}]; "
                 f"there are {_listed(known)}.{did_you_mean(section, known)}"
             )
         if not isinstance(values, dict):
@@ -143,19 +153,39 @@ def _merge(document: dict[str, Any], values: Mapping[str, Any]) -> None:
             document[key] = deepcopy(value)
 
 
+def _put_over_profiles(document: dict[str, Any], given: Mapping[str, Any]) -> None:
+    """Give what the command line says to every profile that says otherwise.
+
+    In the document and not beside it, so that what `configuration_toml` prints reads logs alike.
+    """
+    profiles = document["rig"]["profiles"]
+    for profile in profiles.values() if isinstance(profiles, dict) else ():
+        if isinstance(profile, dict):
+            _merge(profile, {key: value for key, value in given.items() if key in profile})
+
+
 def _explain(error: ValidationError, layers: Sequence[_Layer]) -> str:
     """Return the first thing that is wrong, with the layer it came from."""
     first = error.errors(include_url=False)[0]
-    section, *keys = (str(part) for part in first["loc"])
-    key = keys[0] if keys else ""
-    source = layers[0]
-    for layer in layers:
-        if key in layer.values.get(section, {}):
-            source = layer
+    keys = [str(part) for part in first["loc"]]
+    # pydantic ends with the branch of a union that it tried, which is no key.
+    source = max(reversed(layers), key=lambda layer: _depth(layer.values, keys))
+    keys = keys[: max(_depth(source.values, keys), 1)]
     reason = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-    name = ".".join((section, *keys))
     found = "" if isinstance(first["input"], dict) else f", found {first['input']!r}"
-    return f"{source.place(section, key)}: {name}: {reason}{found}"
+    return f"{source.place(*keys)}: {'.'.join(keys)}: {reason}{found}"
+
+
+def _depth(values: Any, keys: Sequence[str]) -> int:
+    """Return how many of the keys, one inside the other, are there."""
+    for depth, key in enumerate(keys):
+        if isinstance(values, dict) and key in values:
+            values = values[key]
+        elif isinstance(values, list | tuple) and key.isdigit() and int(key) < len(values):
+            values = values[int(key)]
+        else:
+            return depth
+    return len(keys)
 
 
 def configuration_toml(configuration: Configuration) -> str:

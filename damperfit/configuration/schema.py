@@ -6,11 +6,19 @@ The schema has no defaults: every key stands in defaults.toml. Quantities are te
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_type_hints
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    create_model,
+    field_validator,
+    model_validator,
+)
 
 from damperfit.checks import expand_checks
 from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
@@ -22,9 +30,10 @@ from damperfit.configuration.options import (
     parameter_value,
 )
 from damperfit.damper.parameters import Damper
+from damperfit.errors import did_you_mean
 from damperfit.identification import FitOptions, check_options
 from damperfit.quantities import parse_quantity
-from damperfit.readers import ReadOptions, make_profile
+from damperfit.readers import Profile, ReadOptions
 from damperfit.readers.options import Declarations
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import HoldOutOptions, check_profile_names
@@ -92,20 +101,11 @@ class _DamperSection(_Section):
         return Damper(**self.model_dump())
 
 
-class _RigSection(_Section):
-    amplitude: _Length
-    frequency: _Frequency
-    settings: list[int]
-    strict: bool
-    temperature: Annotated[float, Field(allow_inf_nan=False)]
-    temperature_tolerance: Annotated[float, Field(ge=0.0)]  # infinite: none is asked for
-    filter: Literal["none", "causal", "zero_phase"]
-    filter_corner: _Frequency
-    filter_order: int
-    centre: Annotated[float | str, _quantity_or_word("length", "mid-stroke")]
+class _DeclaredKeys(_Section):
+    """How logs are to be understood: in [rig], and in a profile, where none is needed."""
+
     reverse_displacement: _Sign
     reverse_force: _Sign
-    skew: Annotated[float | str, _quantity_or_word("time", "auto")]
     setting_pattern: str
     part_settings: list[int]
     columns: dict[str, str | int]
@@ -122,9 +122,54 @@ class _RigSection(_Section):
     restarts: str
     bad_rows: str
     allow_truncated: bool
+
+    def declared(self) -> dict[str, Any]:
+        """Return the keys that are given, as `Declarations` has them."""
+        given = {f.name for f in fields(Declarations)} & self.model_fields_set
+        values = self.model_dump(include=given)
+        return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+
+
+class _ProfileKeys(_Section):
+    files: str = ""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, values: object) -> object:
+        known = cls.model_fields
+        unknown = [key for key in values if key not in known] if isinstance(values, dict) else []
+        if unknown:
+            hint = did_you_mean(unknown[0], known) or f" There are {', '.join(known)}."
+            raise ValueError(f"unknown key {unknown[0]!r}.{hint}")
+        return values
+
+
+_OPTIONAL: dict[str, Any] = {
+    name: (kind, None)
+    for name, kind in get_type_hints(_DeclaredKeys, include_extras=True).items()
+    if name in _DeclaredKeys.model_fields
+}
+# Every declared key, none of them needed; only those that are given count.
+_ProfileSection: Any = create_model(
+    "_ProfileSection", __base__=(_ProfileKeys, _DeclaredKeys), **_OPTIONAL
+)
+
+
+class _RigSection(_DeclaredKeys):
+    amplitude: _Length
+    frequency: _Frequency
+    settings: list[int]
+    strict: bool
+    temperature: Annotated[float, Field(allow_inf_nan=False)]
+    temperature_tolerance: Annotated[float, Field(ge=0.0)]  # infinite: none is asked for
+    filter: Literal["none", "causal", "zero_phase"]
+    filter_corner: _Frequency
+    filter_order: int
+    centre: Annotated[float | str, _quantity_or_word("length", "mid-stroke")]
+    skew: Annotated[float | str, _quantity_or_word("time", "auto")]
     max_log_bytes: int
     profile: str
-    profiles: dict[str, dict[str, Any]]
+    profiles: dict[str, _ProfileSection]
 
     def build(self) -> RigOptions:
         return RigOptions(
@@ -137,13 +182,12 @@ class _RigSection(_Section):
         )
 
     def build_reading(self) -> ReadOptions:
-        declared = {f.name: getattr(self, f.name) for f in fields(Declarations)}
-        return ReadOptions(
-            **declared | {"part_settings": tuple(self.part_settings)},
-            max_bytes=self.max_log_bytes,
-            profile=self.profile,
-            profiles=tuple(make_profile(name, keys) for name, keys in self.profiles.items()),
+        general = ReadOptions(**self.declared(), max_bytes=self.max_log_bytes)
+        profiles = (
+            Profile(name=name, files=keys.files, declared=keys.declared())
+            for name, keys in self.profiles.items()
         )
+        return replace(general, profile=self.profile, profiles=tuple(profiles))
 
 
 class _ConditioningSection(_Section):

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError
-from damperfit.readers.options import Profile, ReadOptions, make_profile
+from damperfit.readers.options import Profile, ReadOptions
 
 if TYPE_CHECKING:
     import os
 
     from damperfit.recording import Recording
 
-__all__ = ["Profile", "ReadOptions", "make_profile", "read_log", "read_logs"]
+__all__ = ["Profile", "ReadOptions", "read_log", "read_logs"]
 
 _DEFAULTS = ReadOptions()
 

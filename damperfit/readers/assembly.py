@@ -11,7 +11,7 @@ import numpy as np
 from damperfit.errors import LogError
 from damperfit.readers.channels import choose_channels
 from damperfit.readers.options import EXTRAS
-from damperfit.readers.settings import file_setting, whole_setting
+from damperfit.readers.setting_number import file_setting, whole_setting
 from damperfit.recording import Recording
 
 if TYPE_CHECKING:

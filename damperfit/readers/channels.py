@@ -151,9 +151,9 @@ def choose_channels(
     chosen: dict[str, ChannelChoice] = {}
     notes: list[str] = []
     for channel in _WORDS:
-        declared = options.columns.get(channel)
+        declared = options.columns.get(channel, "")
         is_optional = channel in _OPTIONAL or (channel == "time" and not needs_time)
-        if declared is None and is_optional and not _candidates(channel, columns):
+        if declared == "" and is_optional and not _candidates(channel, columns):
             continue
         index, note = _found_index(channel, declared, columns, where)
         if note:
@@ -210,10 +210,10 @@ def _duplicate(channel: str, found: Sequence[int], columns: Sequence[Column], wh
 
 
 def _found_index(
-    channel: str, declared: str | int | None, columns: Sequence[Column], where: str
+    channel: str, declared: str | int, columns: Sequence[Column], where: str
 ) -> tuple[int | None, str]:
     """Return the column and a note: best by unit, then by fewest words beside the channel's."""
-    if declared is not None:
+    if declared != "":  # nor is 0 a column, which is said there
         index = _declared_index(channel, declared, columns, where)
         return index, f"{channel}: column {_label(index, columns[index])}, as declared"
     ranked = _candidates(channel, columns)
@@ -289,7 +289,7 @@ def _with_unit(
     inside = split_name(column.name)[1]
     found = column.unit or inside
     declared = options.units.get(channel)
-    if declared is not None:
+    if declared:
         unit = find_unit(declared, dimension)
         is_other = _is_unit_of(found, channel) and find_unit(found or "", dimension) != unit
         said = f" although the log says {found}" if is_other else ""

@@ -107,7 +107,8 @@ def _content(file: FileIO, shown: str, max_bytes: int) -> bytes:
         raise LogError(f"{shown}: is no regular file (a pipe or device); give a file on disk")
     if before.st_size > max_bytes:
         raise LogError(
-            f"{shown}: {before.st_size} bytes, more than the limit of {max_bytes} (max_bytes)"
+            f"{shown}: {before.st_size} bytes, more than the limit of {max_bytes} "
+            "(rig.max_log_bytes)"
         )
     # A file that says it is empty may not be (/proc); one byte more shows a file that grows.
     data = _read_up_to(file, min(before.st_size, max_bytes) + 1)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import logging
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import LogError
@@ -13,7 +14,26 @@ from damperfit.readers.channels import visible
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["check_size", "load_library", "refusing_damage"]
+__all__ = ["check_library", "check_size", "load_library", "refusing_damage"]
+
+
+def check_library(module: str, *, extra: str, reads: str, name: str) -> None:
+    """Refuse a log whose library is not installed, without loading it; as `load_library`.
+
+    Raises
+    ------
+    LogError
+        The library is not there; names the command that installs it.
+    """
+    found = None
+    with suppress(ImportError, ValueError):
+        found = importlib.util.find_spec(module)
+    if found is None:
+        raise LogError(_missing(extra, reads, name))
+
+
+def _missing(extra: str, reads: str, name: str) -> str:
+    return f"{name}: {reads} needs one more library: pip install 'damperfit[{extra}]'"
 
 
 def load_library(module: str, *, extra: str, reads: str, name: str) -> Any:
@@ -38,9 +58,7 @@ def load_library(module: str, *, extra: str, reads: str, name: str) -> Any:
     try:
         library = importlib.import_module(module)
     except ImportError as error:
-        raise LogError(
-            f"{name}: {reads} needs one more library: pip install 'damperfit[{extra}]'"
-        ) from error
+        raise LogError(_missing(extra, reads, name)) from error
     # It may tell its own story on stderr, with bytes of the log in it.
     for name_of_logger in (module, *logging.root.manager.loggerDict):
         if name_of_logger.partition(".")[0] == module:
@@ -79,5 +97,6 @@ def check_size(n_bytes: int, *, limit: int, what: str, name: str = "") -> None:
     if not 0 <= n_bytes <= limit:
         where = f"{name}: " if name else ""
         raise LogError(
-            f"{where}{what} claims {n_bytes} bytes, more than the limit of {limit} (max_bytes)"
+            f"{where}{what} claims {n_bytes} bytes, more than the limit of {limit} "
+            "(rig.max_log_bytes)"
         )

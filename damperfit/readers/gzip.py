@@ -9,6 +9,8 @@ zeros.
 
 from __future__ import annotations
 
+import gzip
+import io
 import zlib
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -21,8 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["unpack"]
 
 _MAGIC = b"\x1f\x8b"
-_GZIP = 31  # zlib's window of 15 bits, plus 16 for the gzip header and its checksum
-_MAX_RATIO_STEP = 1 << 20  # bytes unpacked at a time
+_CHUNK = 1 << 20  # bytes unpacked at a time
 
 
 def unpack(source: Source, *, max_bytes: int) -> tuple[Source, tuple[str, ...]]:
@@ -38,8 +39,13 @@ def unpack(source: Source, *, max_bytes: int) -> tuple[Source, tuple[str, ...]]:
     name = source.name
     try:
         data = _unpacked(source.data, name, max_bytes)
-    except zlib.error as error:
-        raise LogError(f"{name}: damaged gzip: {error}; copy the log again") from error
+    except EOFError as error:
+        raise LogError(f"{name}: truncated gzip; the end of the file is missing") from error
+    except (gzip.BadGzipFile, zlib.error) as error:
+        # The file begins as gzip does: only what stands behind a member can be no gzip.
+        is_behind = str(error).startswith("Not a gzipped file")
+        reason = "odd bytes at its end" if is_behind else str(error)
+        raise LogError(f"{name}: damaged gzip: {reason}; copy the log again") from error
     if not data:
         raise LogError(f"{name}: empty file inside the gzip")
     if data.startswith(_MAGIC):
@@ -51,22 +57,13 @@ def _unpacked(packed: bytes, name: str, max_bytes: int) -> bytes:
     """Return all members of a gzip file, checked by their checksums."""
     parts: list[bytes] = []
     n_bytes = 0
-    while packed:
-        if not packed.startswith(_MAGIC):
-            if packed.strip(b"\0"):
-                raise LogError(f"{name}: damaged gzip: {len(packed)} odd bytes at its end")
-            break
-        member = zlib.decompressobj(_GZIP)
-        while not member.eof:
-            part = member.decompress(packed, _MAX_RATIO_STEP)
-            packed = member.unconsumed_tail
+    with gzip.GzipFile(fileobj=io.BytesIO(packed)) as file:
+        while part := file.read(_CHUNK):
             n_bytes += len(part)
             if n_bytes > max_bytes:
                 raise LogError(
-                    f"{name}: more than the limit of {max_bytes} bytes when unpacked (max_bytes)"
+                    f"{name}: more than the limit of {max_bytes} bytes when unpacked "
+                    "(rig.max_log_bytes)"
                 )
             parts.append(part)
-            if not part and not packed and not member.eof:
-                raise LogError(f"{name}: truncated gzip; the end of the file is missing")
-        packed = member.unused_data
     return b"".join(parts)

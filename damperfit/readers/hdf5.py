@@ -15,12 +15,13 @@ from __future__ import annotations
 import importlib
 import io
 from functools import partial
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.readers.apart import groups_read_apart
 from damperfit.readers.channels import visible
+from damperfit.readers.child_process import Answer, groups_answer, read_groups_in_child
 from damperfit.readers.foreign import check_size, refusing_damage
 from damperfit.readers.grouping import Group, GroupChannel, group_tables
 
@@ -35,9 +36,10 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["EXTRA", "READS", "read_groups", "read_hdf5"]
+__all__ = ["EXTRA", "IS_MEMORY_SAFE", "READS", "answer", "read_hdf5"]
 
 EXTRA, READS = "mat73", "MATLAB 7.3"
+IS_MEMORY_SAFE = False
 
 _MAX_ITEMS = 10_000
 _MAX_COLUMNS = 64
@@ -52,7 +54,7 @@ def read_hdf5(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     LogError
         The file is damaged, claims more than the limit, or h5py is not installed.
     """
-    groups = groups_read_apart(__name__, "h5py", source, options)
+    groups = read_groups_in_child(__name__, "h5py", source, options)
     channels = [channel for group in groups for channel in group.channels]
     lengths = [channel.length for channel in channels]
     usual = max(set(lengths), key=lambda n: (lengths.count(n), n), default=0)
@@ -62,7 +64,7 @@ def read_hdf5(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     return group_tables([Group("", used)], options, name=source.name, notes=notes)
 
 
-def read_groups(data: bytes, limit: int) -> list[Group]:
+def answer(data: bytes, limit: int) -> Answer:
     """Return the vectors at the top of a file; runs in a process of its own.
 
     Raises
@@ -73,29 +75,31 @@ def read_groups(data: bytes, limit: int) -> list[Group]:
     h5py = importlib.import_module("h5py")
     channels: list[GroupChannel] = []
     with refusing_damage(READS), h5py.File(io.BytesIO(data), "r") as file:
-        for n_seen, key in enumerate(file):
-            is_data = n_seen < _MAX_ITEMS and file.get(key, getclass=True) is h5py.Dataset
-            # A link into another file would read what nobody gave.
-            if is_data and isinstance(file.get(key, getlink=True), h5py.HardLink):
-                room = limit - 8 * sum(channel.length for channel in channels)
-                channels += list(_channels(file[key], str(key), room))
-    return [Group("", tuple(channels))]
+        for key in islice(file, _MAX_ITEMS):
+            # A link into another file would read what nobody gave; it must not even be followed.
+            is_own = isinstance(file.get(key, getlink=True), h5py.HardLink)
+            if is_own and file.get(key, getclass=True) is h5py.Dataset:
+                n_before = 8 * sum(channel.length for channel in channels)
+                channels += list(_channels(file[key], str(key), n_before, limit))
+    return groups_answer([Group("", tuple(channels))])
 
 
-def _channels(data: Any, key: str, room: int) -> Iterator[GroupChannel]:
+def _channels(data: Any, key: str, n_before: int, limit: int) -> Iterator[GroupChannel]:
     """Yield the columns of a data set; MATLAB's columns are rows in HDF5."""
     kind = data.attrs.get("MATLAB_class", b"")
     is_number = data.dtype.kind in "fiu" and kind not in _NO_NUMBERS
     if not is_number or data.ndim != 2 or min(data.shape) < 1 or max(data.shape) < 2:
         return
-    if data.id.get_create_plist().get_external_count():
+    # So may values that stand in another file, or are put together from several.
+    if data.id.get_create_plist().get_external_count() or data.is_virtual:
         return
     n_columns, n_rows = data.shape
     if n_rows == 1:
         n_columns, n_rows = 1, n_columns
-    if n_columns > min(n_rows, _MAX_COLUMNS):
+    if n_columns > 1 and (n_columns >= n_rows or n_columns > _MAX_COLUMNS):
         return
-    check_size(8 * n_columns * n_rows, limit=room, what=visible(key))
+    n_bytes = n_before + 8 * n_columns * n_rows
+    check_size(n_bytes, limit=limit, what=f"the file up to {visible(key)}")
     values = np.asarray(data[()], dtype=np.float64).reshape(n_columns, n_rows)
     for i, column in enumerate(values):
         label = key if n_columns == 1 else f"{key}:{i + 1}"

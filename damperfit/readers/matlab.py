@@ -39,7 +39,8 @@ __all__ = ["read_matlab"]
 
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15  # miMATRIX, miCOMPRESSED
-_CHUNK = 1 << 20
+_CHUNK = 1 << 20  # bytes unpacked at a time
+_PIECE = 1 << 16  # bytes handed over at a time
 _MAX_COLUMNS = 64  # of a matrix that is read as channels side by side
 # Array class -> what MATLAB calls it. Those from 6 to 15 are arrays of numbers.
 _CLASSES = {1: "cell", 2: "struct", 3: "object", 4: "char", 5: "sparse", 16: "function"}
@@ -161,21 +162,23 @@ def _load(
 def _variables(source: Source, order: str, *, limit: int) -> Iterator[_Variable]:
     """Yield every variable; refuse elements that are not whole or unpack to more than the limit."""
     data, name = source.data, source.name
-    at = _HEADER
+    at, n_before = _HEADER, 0
     while at < len(data):
         kind, n_bytes, start = _tag(data, order, at, name)
         stop = start + n_bytes
         if kind not in {_MATRIX, _COMPRESSED}:
             raise LogError(f"{name}: damaged MATLAB file: element of type {kind} at byte {at}")
         if kind == _COMPRESSED:
-            head, n_unpacked = _unpack(data[start:stop], name=name, limit=limit, keep=_CHUNK)
+            head, n_unpacked = _unpack(
+                data[start:stop], name=name, limit=limit, n_before=n_before, keep=_CHUNK
+            )
             kind, n_inside, inside = _tag(head, order, 0, name, n_data=n_unpacked)
             if kind != _MATRIX or inside + n_inside != n_unpacked:
                 raise LogError(f"{name}: damaged MATLAB file: no variable at byte {at}")
-            limit -= n_unpacked
+            n_before += n_unpacked
             yield _variable(head[inside:], order, name, (start, stop, inside))
         else:
-            limit -= n_bytes
+            n_before += n_bytes
             yield _variable(data[start:stop], order, name, (start, stop, 0))
         at = stop
 
@@ -242,21 +245,38 @@ def _numbers(source: Source, order: str, variable: _Variable) -> NDArray[np.gene
     return values.reshape(variable.shape, order="F")
 
 
-def _unpack(packed: bytes, *, name: str, limit: int, keep: int) -> tuple[bytes, int]:
+def _unpack(
+    packed: bytes, *, name: str, limit: int, keep: int, n_before: int = 0
+) -> tuple[bytes, int]:
     """Return the first bytes of a zlib stream and its whole length; its checksum is verified."""
-    unpacker = zlib.decompressobj()
     kept, total = [], 0
     try:
-        while not unpacker.eof:
-            part = unpacker.decompress(packed, _CHUNK)
-            packed = unpacker.unconsumed_tail
+        for part in _unpacked_parts(packed):
             if total < keep:
                 kept.append(part[: keep - total])
             total += len(part)
-            if total > limit:
-                raise LogError(f"{name}: unpacks to more than the limit (max_bytes)")
-            if not packed and not part:
-                raise LogError(f"{name}: truncated MATLAB file; a variable ends too early")
+            if n_before + total > limit:
+                raise LogError(
+                    f"{name}: more than the limit of {limit} bytes when unpacked "
+                    "(rig.max_log_bytes)"
+                )
+    except EOFError as error:
+        raise LogError(f"{name}: truncated MATLAB file; a variable ends too early") from error
     except zlib.error as error:
         raise LogError(f"{name}: damaged MATLAB file: {error}; copy the log again") from error
     return b"".join(kept), total
+
+
+def _unpacked_parts(packed: bytes) -> Iterator[bytes]:
+    """Yield a zlib stream in parts; handed over in pieces, as zlib copies what is left of one."""
+    unpacker = zlib.decompressobj()
+    at, piece = 0, b""
+    while not unpacker.eof:
+        if not piece:
+            piece = packed[at : at + _PIECE]
+            at += len(piece)
+        part = unpacker.decompress(piece, _CHUNK)
+        piece = unpacker.unconsumed_tail
+        if not part and not piece and at == len(packed):
+            raise EOFError
+        yield part

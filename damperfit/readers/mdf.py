@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.readers.apart import groups_read_apart
+from damperfit.readers.child_process import Answer, groups_answer, read_groups_in_child
 from damperfit.readers.foreign import check_size, refusing_damage
 from damperfit.readers.grouping import Group, GroupChannel, group_tables
 
@@ -25,9 +25,10 @@ if TYPE_CHECKING:
     from damperfit.readers.options import ReadOptions
     from damperfit.readers.table import Table
 
-__all__ = ["EXTRA", "READS", "read_groups", "read_mdf"]
+__all__ = ["EXTRA", "IS_MEMORY_SAFE", "READS", "answer", "read_mdf"]
 
 EXTRA, READS = "mdf", "MDF"
+IS_MEMORY_SAFE = False
 
 _FIRST_BLOCK = 64
 _MAX_BLOCKS = 1_000_000
@@ -50,11 +51,11 @@ def read_mdf(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     if source.data.startswith(b"UnFinMF"):
         raise LogError(f"{name}: truncated MDF file: the recording was not finished")
     _check_blocks(source.data, name=name, limit=options.max_bytes)
-    groups = groups_read_apart(__name__, "asammdf", source, options)
+    groups = read_groups_in_child(__name__, "asammdf", source, options)
     return group_tables(groups, options, name=name)
 
 
-def read_groups(data: bytes, limit: int) -> list[Group]:
+def answer(data: bytes, limit: int) -> Answer:
     """Return the channel groups of a file; runs in a process of its own.
 
     Raises
@@ -67,7 +68,7 @@ def read_groups(data: bytes, limit: int) -> list[Group]:
     with refusing_damage(READS):
         file = asammdf.MDF(io.BytesIO(data), remove_source_from_channel_names=True)
         _check_rows(file, limit)
-        return [_group(file, index) for index in range(len(file.groups))]
+        return groups_answer([_group(file, index) for index in range(len(file.groups))])
 
 
 def _check_rows(file: Any, limit: int) -> None:

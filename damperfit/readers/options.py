@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import MISSING, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from fnmatch import fnmatch
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.quantities import find_unit, parse_quantity
+from damperfit.quantities import find_unit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -22,7 +22,6 @@ __all__ = [
     "Declarations",
     "Profile",
     "ReadOptions",
-    "make_profile",
 ]
 
 # Channel of a recording -> dimension of its unit.
@@ -41,7 +40,6 @@ EXTRAS = ("temperature", "velocity")
 SETTING_PATTERN = r"(?:setting|(?<![^\W_])s)[ _=-]?(\d+)(?![.]?\d)"
 
 _SIGNS = ("reverse_force", "reverse_displacement")
-_DIMENSIONS = {"sample_rate": "frequency", "pause": "time"}
 # What the user may call a character that is hard to see in a configuration.
 SEPARATORS = {",": ",", ";": ";", "|": "|", "\t": "\t", "tab": "\t", " ": " ", "blanks": " "}
 _WORDS = {
@@ -65,9 +63,11 @@ class Declarations:
     part_settings : tuple of int
         Settings of the tests in one file, in their order; empty when the log says them.
     columns : mapping of str to str or int
-        Column of a channel, by name or by number from 1, as in {"force": "Load cell"}.
+        Column of a channel, by name or by number from 1, as in {"force": "Load cell"}; empty text:
+        found by its name.
     units : mapping of str to str
-        Unit of a channel, whatever the log says, as in {"displacement": "mm"}.
+        Unit of a channel, whatever the log says, as in {"displacement": "mm"}; empty text: what
+        the log says.
     scales, offsets : mapping of str to float
         value = scale * logged + offset, in the channel's unit, as for volts.
     reverse_force, reverse_displacement : bool or str
@@ -151,7 +151,8 @@ class Declarations:
                         f"{did_you_mean(channel, known)}"
                     )
         for channel, unit in self.units.items():
-            find_unit(unit, CHANNELS[channel])
+            if unit:
+                find_unit(unit, CHANNELS[channel])
         for channel, scale in self.scales.items():
             if not (math.isfinite(scale) and scale != 0.0):
                 raise ConfigurationError(f"scales: {channel} is {scale}, expected other than 0")
@@ -181,7 +182,7 @@ def _check_encoding(encoding: str) -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Profile(Declarations):
+class Profile:
     """Declarations for the logs of one rig.
 
     Attributes
@@ -190,10 +191,34 @@ class Profile(Declarations):
         For notes and the command line.
     files : str
         Pattern of the names of its files, as in "ME*.txt"; empty: only when asked for by name.
+    declared : mapping of str to object
+        Attributes of `Declarations` that the profile gives, also where it gives the default.
+
+    Raises
+    ------
+    ConfigurationError
+        As for `Declarations`.
     """
 
     name: str
     files: str = ""
+    declared: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse declarations that mean nothing."""
+        self.put_over(Declarations())
+
+    def put_over(self, general: Declarations) -> dict[str, Any]:
+        """Return all declarations: this profile's, then the general ones; tables by channel."""
+        merged = {known.name: getattr(general, known.name) for known in fields(Declarations)}
+        for name, value in self.declared.items():
+            is_table = isinstance(merged.get(name), dict)
+            merged[name] = {**merged[name], **value} if is_table else value
+        try:
+            Declarations(**merged)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"rig.profiles.{self.name}: {error}") from error
+        return merged
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -226,97 +251,26 @@ class ReadOptions(Declarations):
         """Refuse options that mean nothing."""
         Declarations.__post_init__(self)
         if self.max_bytes <= 0:
-            raise ConfigurationError(f"max_bytes: found {self.max_bytes}, expected more than 0")
+            raise ConfigurationError(f"max_log_bytes: found {self.max_bytes}, expected more than 0")
         names = [profile.name for profile in self.profiles]
         if self.profile and self.profile not in names:
             raise ConfigurationError(
                 f"no profile {self.profile!r}; there are {', '.join(names) or 'none'}."
                 f"{did_you_mean(self.profile, names)}"
             )
+        for profile in self.profiles:
+            profile.put_over(self)
 
     def for_file(self, name: str) -> tuple[ReadOptions, tuple[str, ...]]:
         """Return the options with the declarations of the file's profile, and a note.
 
-        What a profile declares goes before what the options declare.
+        What a profile gives goes before what the options declare, the default too.
         """
         for profile in self.profiles:
             is_asked = profile.name == self.profile
             if is_asked or (not self.profile and profile.files and fnmatch(name, profile.files)):
-                changes = {f.name: _merged(self, profile, f) for f in fields(Declarations)}
-                return replace(self, **changes), (f"profile: {profile.name}",)
+                merged = profile.put_over(self)
+                # No other profile is put over this one.
+                options = replace(self, **merged, profile="", profiles=())
+                return options, (f"profile: {profile.name}",)
         return self, ()
-
-
-def _merged(options: Declarations, profile: Declarations, known: Any) -> Any:
-    default = {} if known.default is MISSING else known.default
-    ours, theirs = getattr(options, known.name), getattr(profile, known.name)
-    if isinstance(default, dict):
-        return {**ours, **theirs}
-    return ours if theirs == default else theirs
-
-
-def make_profile(name: str, values: Mapping[str, Any]) -> Profile:
-    """Return the profile that a table ``[rig.profiles.NAME]`` of a configuration describes.
-
-    Raises
-    ------
-    ConfigurationError
-        An unknown key, a value of another type, or one that `Declarations` refuses.
-
-    Examples
-    --------
-    >>> make_profile("logger", {"files": "ME*.txt", "scales": {"force": 980.665}}).scales
-    {'force': 980.665}
-    """
-    where = f"rig.profiles.{name}"
-    known = {f.name: f for f in fields(Profile) if f.name != "name"}
-    checked: dict[str, Any] = {}
-    for key, value in values.items():
-        if key not in known:
-            raise ConfigurationError(
-                f"{where}: unknown key {key!r}; there are {', '.join(known)}."
-                f"{did_you_mean(key, known)}"
-            )
-        checked[key] = _checked(value, known[key], f"{where}.{key}")
-    try:
-        return Profile(name=name, **checked)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{where}: {error}") from error
-
-
-def _checked(value: Any, known: Any, where: str) -> Any:
-    """Return a TOML value as the field's type, or refuse it."""
-    if known.name == "part_settings":
-        if isinstance(value, list | tuple) and all(_is_int(item) for item in value):
-            return tuple(value)
-        raise ConfigurationError(f"{where}: found {value!r}, expected a list of whole numbers")
-    if known.name in _SIGNS:
-        if value == "detect" or isinstance(value, bool):
-            return value
-        raise ConfigurationError(f"{where}: found {value!r}, expected true or false or 'detect'")
-    if known.default is MISSING:
-        return _checked_table(value, known.name, where)
-    if known.name in _DIMENSIONS and isinstance(value, str):
-        return parse_quantity(value, _DIMENSIONS[known.name])
-    if isinstance(known.default, float) and _is_int(value):
-        value = float(value)
-    if type(value) is not type(known.default):
-        expected = {str: "text", bool: "true or false", int: "a whole number"}
-        wanted = expected.get(type(known.default), "a number")
-        raise ConfigurationError(f"{where}: found {value!r}, expected {wanted}")
-    return value
-
-
-def _checked_table(value: Any, name: str, where: str) -> dict[str, Any]:
-    kinds = {"columns": (str, int), "units": (str,)}.get(name, (int, float))
-    is_fine = isinstance(value, dict) and all(
-        isinstance(item, kinds) and not isinstance(item, bool) for item in value.values()
-    )
-    if not is_fine:
-        wanted = {"columns": "names or numbers", "units": "unit names"}.get(name, "numbers")
-        raise ConfigurationError(f"{where}: found {value!r}, expected a table of {wanted}")
-    return dict(value)
-
-
-def _is_int(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)

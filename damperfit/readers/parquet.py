@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.readers.channels import visible
+from damperfit.readers.foreign import check_size, refusing_damage
 from damperfit.readers.table import Column, Samples, Table
 
 if TYPE_CHECKING:
@@ -52,21 +52,15 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     name = source.name
     if len(source.data) < 12 or not source.data.endswith(_MAGIC):
         raise LogError(f"{name}: truncated Parquet; the end of the file is missing")
-    try:
+    with refusing_damage("Parquet", name=name):
         file = parquet.ParquetFile(pa.BufferReader(source.data), page_checksum_verification=True)
         schema = file.schema_arrow
         metadata = _texts(schema.metadata)
         fields = [schema.field(i) for i in range(len(schema))]
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise LogError(f"{name}: damaged Parquet: {_first_line(error)}") from error
     groups = (file.metadata.row_group(i) for i in range(file.metadata.num_row_groups))
     n_rows = max(file.metadata.num_rows, sum(max(group.num_rows, 0) for group in groups))
     claimed = max(n_rows, 0) * 8 * 4  # four channels of float64 are all that is ever loaded
-    if claimed > options.max_bytes:
-        raise LogError(
-            f"{name}: {n_rows} rows, more than the limit of {options.max_bytes} bytes allows "
-            "(max_bytes)"
-        )
+    check_size(claimed, limit=options.max_bytes, what=f"a table of {n_rows} rows", name=name)
     return (
         Table(
             columns=tuple(_column(field) for field in fields),
@@ -119,11 +113,6 @@ def _texts(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
     return texts
 
 
-def _first_line(error: Exception) -> str:
-    found = (str(error).splitlines() or [""])[0] or type(error).__name__
-    return visible(found, limit=150)
-
-
 def _load(file: Any, fields: list[Any], wanted: Mapping[str, int], name: str) -> Samples:
     import pyarrow as pa
 
@@ -134,17 +123,13 @@ def _load(file: Any, fields: list[Any], wanted: Mapping[str, int], name: str) ->
         if not (is_number or pa.types.is_decimal(kind) or is_time):
             raise LogError(f"{name}: {channel} is of type {kind}, expected numbers")
     columns = sorted({fields[index].name for index in wanted.values()})
-    try:
+    with refusing_damage("Parquet", name=name):
         table = file.read(columns=columns, use_threads=False)
         _check_counts(file.metadata, table.num_rows, name)
         table.validate(full=True)
         channels = {
             channel: _floats(table.column(fields[index].name)) for channel, index in wanted.items()
         }
-    except (pa.ArrowException, OSError, ValueError, KeyError) as error:
-        raise LogError(
-            f"{name}: damaged Parquet: {_first_line(error)}; copy the log again"
-        ) from error
     return Samples(channels, lambda index: f"row {index + 1}")
 
 

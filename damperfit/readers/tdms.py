@@ -55,8 +55,13 @@ def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     nptdms = load_library("nptdms", extra="tdms", reads="TDMS", name=name)
     with refusing_damage("TDMS file", name=name):
         lengths = _lengths(nptdms, source.data)
-        limit = min(options.max_bytes, 8 * extent.n_stored)
-        check_size(sum(lengths.values()), limit=limit, what="values", name=name)
+        n_values = sum(lengths.values())
+        check_size(n_values, limit=options.max_bytes, what="the file", name=name)
+        if n_values > 8 * extent.n_stored:
+            raise LogError(
+                f"{name}: damaged TDMS file: {n_values} values are announced, and only "
+                f"{extent.n_stored} bytes are there; copy the log again"
+            )
         lost = _lost(nptdms, source.data, extent, lengths, limit=options.max_bytes)
         if lost and not options.allow_truncated:
             raise LogError(

@@ -7,72 +7,100 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from damperfit.report.closing import closing_sheet
-from damperfit.report.facts import Failure, ReportFacts
-from damperfit.report.held_out import held_out_sheet
-from damperfit.report.inspection import VERDICT_COLOURS, finding_lines, log_sheet
-from damperfit.report.ladder import check_lines, ladder_sheet, stroke_sheet
-from damperfit.report.markdown import markdown_report
-from damperfit.report.rows import Sheet, parameter_sheet
-from damperfit.report.spark import ASCII_LEVELS, BLOCK_LEVELS, sparkline
-from damperfit.report.terminal import terminal_table
+from damperfit.report.failures_and_warnings import Failure, ReportFacts
+from damperfit.report.mse_report import markdown_report
+from damperfit.report.rows.check_table import check_lines
+from damperfit.report.rows.force_by_setting_table import (
+    force_by_setting_sheet,
+    force_by_speed_sheet,
+)
+from damperfit.report.rows.held_out_table import held_out_sheet
+from damperfit.report.rows.identify_summary_table import summary_sheet
+from damperfit.report.rows.inspection_table import (
+    VERDICT_COLOURS,
+    finding_lines,
+    inspection_sheet,
+)
+from damperfit.report.rows.parameter_table import parameter_sheet
+from damperfit.report.rows.sheet import Sheet
+from damperfit.report.rows.sparkline import ASCII_LEVELS, BLOCK_LEVELS, sparkline
+from damperfit.report.terminal_table import terminal_table
 
 if TYPE_CHECKING:
-    from damperfit.report.family import (
-        Kin,
-        family_plot,
-        family_records,
-        family_sentence,
-        family_sheet,
-        kin_pressures,
+    from damperfit.report.page.page import html_report
+    from damperfit.report.plots.description import Plot
+    from damperfit.report.plots.figure_files import draw_plot
+    from damperfit.report.plots.report_plots import ReportPlots, report_plots
+    from damperfit.report.plots.simulated_cycle import draw_loops
+    from damperfit.report.plots.sweep import sweep_plot, sweep_pressure_plot
+    from damperfit.report.rows.cycle_table import (
+        cycle_force_sheet,
+        cycle_pressure_sheet,
+        cycle_sparklines,
     )
-    from damperfit.report.figures import draw_plot
-    from damperfit.report.page import Portfolio, html_report, portfolio
-    from damperfit.report.plots import Plot
+    from damperfit.report.rows.sweep_table import (
+        SweepMember,
+        sweep_records,
+        sweep_sentence,
+        sweep_sheet,
+    )
+    from damperfit.report.run_json import read_back, to_record
 
 __all__ = [
     "ASCII_LEVELS",
     "BLOCK_LEVELS",
     "VERDICT_COLOURS",
     "Failure",
-    "Kin",
     "Plot",
-    "Portfolio",
     "ReportFacts",
+    "ReportPlots",
     "Sheet",
+    "SweepMember",
     "check_lines",
-    "closing_sheet",
+    "cycle_force_sheet",
+    "cycle_pressure_sheet",
+    "cycle_sparklines",
+    "draw_loops",
     "draw_plot",
-    "family_plot",
-    "family_records",
-    "family_sentence",
-    "family_sheet",
     "finding_lines",
+    "force_by_setting_sheet",
+    "force_by_speed_sheet",
     "held_out_sheet",
     "html_report",
-    "kin_pressures",
-    "ladder_sheet",
-    "log_sheet",
+    "inspection_sheet",
     "markdown_report",
     "parameter_sheet",
-    "portfolio",
+    "read_back",
+    "report_plots",
     "sparkline",
-    "stroke_sheet",
+    "summary_sheet",
+    "sweep_plot",
+    "sweep_pressure_plot",
+    "sweep_records",
+    "sweep_sentence",
+    "sweep_sheet",
     "terminal_table",
+    "to_record",
 ]
 
 _LATE = {
-    "Kin": "damperfit.report.family",
-    "family_plot": "damperfit.report.family",
-    "family_records": "damperfit.report.family",
-    "family_sentence": "damperfit.report.family",
-    "family_sheet": "damperfit.report.family",
-    "kin_pressures": "damperfit.report.family",
-    "Plot": "damperfit.report.plots",
-    "Portfolio": "damperfit.report.page",
-    "draw_plot": "damperfit.report.figures",
-    "html_report": "damperfit.report.page",
-    "portfolio": "damperfit.report.page",
+    "Plot": "plots.description",
+    "ReportPlots": "plots.report_plots",
+    "SweepMember": "rows.sweep_table",
+    "cycle_force_sheet": "rows.cycle_table",
+    "cycle_pressure_sheet": "rows.cycle_table",
+    "cycle_sparklines": "rows.cycle_table",
+    "draw_loops": "plots.simulated_cycle",
+    "draw_plot": "plots.figure_files",
+    "html_report": "page.page",
+    "read_back": "run_json",
+    "report_plots": "plots.report_plots",
+    "sweep_plot": "plots.sweep",
+    "sweep_pressure_plot": "plots.sweep",
+    "sweep_records": "rows.sweep_table",
+    "sweep_sentence": "rows.sweep_table",
+    "sweep_sheet": "rows.sweep_table",
+    "to_record": "run_json",
 }
 
 
@@ -81,4 +109,4 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(_LATE[name]), name)
+    return getattr(import_module(f"{__name__}.{_LATE[name]}"), name)

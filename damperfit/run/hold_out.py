@@ -12,7 +12,7 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, LogError
-from damperfit.report.facts import Failure
+from damperfit.report import Failure
 from damperfit.run.logs import LogBatch, expand
 from damperfit.uncertainty import split_cycles
 

@@ -20,7 +20,7 @@ from damperfit.conditioning import condition, examine_raw
 from damperfit.errors import ConfigurationError, LogError, QualityError
 from damperfit.readers import read_logs
 from damperfit.recording import Finding
-from damperfit.report.facts import Failure
+from damperfit.report import Failure
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

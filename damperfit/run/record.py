@@ -17,7 +17,7 @@ from damperfit.checks import Check, missed_gates
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Outcome, Status, describe_cavitation, describe_searches
 from damperfit.quantities import engineering
-from damperfit.report import Failure, ReportFacts
+from damperfit.report import Failure, ReportFacts, to_record
 from damperfit.run.trust import confidence_record, unconfirmed_tares
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
 from damperfit.uncertainty import METHOD, Assessment, prediction_warnings
@@ -25,7 +25,6 @@ from damperfit.uncertainty import METHOD, Assessment, prediction_warnings
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from damperfit.adjustment import Click
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Campaign
     from damperfit.recording import Finding
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
 __all__ = [
     "Ending",
     "Judgement",
-    "click_document",
     "corrections",
     "ending_of",
     "failures_of",
@@ -187,7 +185,7 @@ def record(
         "configuration": configuration.document,
         "inputs": [_input(log) for log in batch.logs],
         "skipped": list(batch.skipped),
-        "failures": [asdict(failure) for failure in facts.failures],
+        "failures": [to_record(failure) for failure in facts.failures],
         "warnings": list(facts.warnings),
         "gaps": list(facts.gaps),
         "sentences": {
@@ -198,7 +196,7 @@ def record(
         },
         "gates_missed": list(facts.gates),
         "procedure": list(facts.procedure),
-        "checks": [asdict(check) for check in judgement.checks],
+        "checks": [to_record(check) for check in judgement.checks],
         **confidence_record(campaign, judgement.assessment),
         "held_out": [one.describe() for one in judgement.predictions],
         **_across(judgement.adjustment),
@@ -214,27 +212,11 @@ def _across(adjustment: Adjustment) -> dict[str, Any]:
     motion = {} if sine is None else {"amplitude_m": sine.amplitude, "frequency_Hz": sine.frequency}
     return {
         "trends": [
-            {**asdict(trend), "unit": PARAMETER_UNITS[trend.parameter]}
+            {**to_record(trend), "unit": PARAMETER_UNITS[trend.parameter]}
             for trend in adjustment.trends
         ],
-        "clicks": [click_document(click) for click in adjustment.clicks],
+        "clicks": [to_record(click) for click in adjustment.clicks],
         "clicks_motion": motion,
-    }
-
-
-def click_document(click: Click) -> dict[str, Any]:
-    """Return one change of force as JSON values."""
-    return {
-        "from": click.first,
-        "to": click.second,
-        "speed_m_per_s": click.speed,
-        "stroke": click.stroke,
-        "change_N": click.change,
-        "low_N": click.low,
-        "high_N": click.high,
-        "percent": click.percent,
-        "percent_low": click.percent_low,
-        "percent_high": click.percent_high,
     }
 
 

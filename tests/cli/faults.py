@@ -335,7 +335,7 @@ FAULTS: dict[str, Fault] = {
         _without_checksums, "without page checksums", ".parquet", is_good=True
     ),
     "F23 Parquet bomb": Fault(
-        _parquet_bomb, f"more than the limit of {LIMIT} bytes allows", ".parquet"
+        _parquet_bomb, f"more than the limit of {LIMIT} (rig.max_log_bytes)", ".parquet"
     ),
     "F24 gzip bomb": Fault(
         _gzip_bomb, f"more than the limit of {LIMIT} bytes when unpacked", ".csv.gz"

@@ -42,7 +42,7 @@ ELSEWHERE = {
     "F36 pipe": "test_a_pipe_is_refused_and_not_waited_for",
     "F36 device": "test_a_device_is_refused",
     "F37 changed while read": "test_a_file_replaced_while_it_is_read",
-    "F58 a reader killed": "test_a_reader_that_dies_or_never_ends_is_one_refused_log",
+    "F58 a reader killed": "test_a_log_that_breaks_its_child_costs_itself_alone",
     "F59 Ctrl-C": "test_the_command_ends_with_130_and_no_temporary_file",
     "F59 finished kept": "test_finished_settings_are_written_when_the_user_stops",
     "F61 full disk": "test_a_full_disk_leaves_the_old_results_whole",

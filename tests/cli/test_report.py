@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.report.page_sheets import cavitation_sheet
-from damperfit.report.run_record import told_checks, told_clicks, told_findings, told_trends
+from damperfit.report import to_record
+from damperfit.report.rows.cavitation_table import cavitation_sheet
+from damperfit.report.run_json import checks_in, clicks_in, findings_in, trends_in
 from damperfit.tables import read_results
 from tests.report_folder import make_results
 
@@ -87,10 +88,16 @@ def test_what_identify_tells_is_understood(run, logs):
     """The page reads run.json loosely, so it would not notice if a key were renamed."""
     assert run("identify", *(logs / f"setting_0{n}.csv" for n in (1, 2, 3))).code == 0
     record = json.loads(Path("results/run.json").read_text(encoding="utf-8"))
-    assert {check.name for check in told_checks(record)} == {c["name"] for c in record["checks"]}
-    assert len(told_clicks(record)) == len(record["clicks"]) > 0
-    assert [trend.parameter for trend in told_trends(record)] == ["r_m1", "r_m2", "k_e"]
-    assert all(told_findings(entry) for entry in record["inputs"] if entry["findings"])
+    assert {check.name for check in checks_in(record)} == {c["name"] for c in record["checks"]}
+    assert len(clicks_in(record)) == len(record["clicks"]) > 0
+    assert [trend.parameter for trend in trends_in(record)] == ["r_m1", "r_m2", "k_e"]
+    for key, read in (("checks", checks_in), ("clicks", clicks_in), ("trends", trends_in)):
+        units = [entry.pop("unit", None) for entry in record[key]]
+        assert (units[0] is not None) == (key == "trends")
+        # NaN is null in the file.
+        again = json.dumps([to_record(one) for one in read(record)]).replace("NaN", "null")
+        assert json.loads(again) == record[key]
+    assert all(findings_in(entry) for entry in record["inputs"] if entry["findings"])
     (row, *_) = cavitation_sheet(read_results(Path("results")).parameters).rows
     assert row[0] == "1"
     assert float(row[4]) > 5.0  # by how much R_m3 may rise, %

@@ -145,11 +145,8 @@ def test_values_arrive_where_they_are_used(tmp_path: Path) -> None:
     assert settings.reading.reverse_force is True
     assert settings.reading.reverse_displacement == "detect"
     (profile,) = settings.reading.profiles
-    assert (profile.name, profile.files, profile.scales) == (
-        "logger",
-        "ME*.txt",
-        {"force": 980.665},
-    )
+    assert (profile.name, profile.files) == ("logger", "ME*.txt")
+    assert profile.declared == {"scales": {"force": 980.665}}
     assert settings.identification.free == ("r_m1", "k_e")
     assert settings.identification.fixed == {"r_m2": 3e6, "f_f": 50.0}
     assert settings.output.max_mse_percent == 1.0

@@ -14,11 +14,11 @@ from damperfit.errors import ConfigurationError
 from damperfit.queries.one_simulation import choose_parameters
 from damperfit.queries.sweep import PAPER_SWEEPS, SWEPT_UNITS, parse_variation, run_sweep
 from damperfit.report import (
-    Kin,
-    family_plot,
-    family_sentence,
-    family_sheet,
-    kin_pressures,
+    SweepMember,
+    sweep_plot,
+    sweep_pressure_plot,
+    sweep_sentence,
+    sweep_sheet,
     terminal_table,
 )
 
@@ -38,7 +38,9 @@ def family(choice, settings):
     def make(text):
         variation = parse_variation(text)
         return [
-            Kin(m.factor, m.value, m.trial.frequency, m.trial.response, m.trial.characteristics)
+            SweepMember(
+                m.factor, m.value, m.trial.frequency, m.trial.response, m.trial.characteristics
+            )
             for m in run_sweep(choice, settings, variation=variation)
         ]
 
@@ -73,11 +75,11 @@ def test_valve_3_moves_rebound_only_and_cavitates_chamber_2(family):
     assert peaks(low)[0] < peaks(base)[0] < peaks(high)[0]
     assert [kin.cavitation > 0.0 for kin in (low, base, high)] == [False, False, True]
     assert high.figures.cavitation_shares[1] == high.cavitation
-    sentence = family_sentence("r_m3", [high, low, base])
+    sentence = sweep_sentence("r_m3", [high, low, base])
     assert sentence.startswith("r_m3 x0.5 to x1.5: peak rebound ")
     assert "cavitation: chamber 2 for " in sentence
-    assert kin_pressures(high, file_name="a", title="a").panels[0].bands
-    assert not kin_pressures(base, file_name="a", title="a").panels[0].bands
+    assert sweep_pressure_plot(high, file_name="a", title="a").panels[0].bands
+    assert not sweep_pressure_plot(base, file_name="a", title="a").panels[0].bands
 
 
 def test_soft_oil_opens_the_loop_about_four_times(family):
@@ -110,9 +112,9 @@ def test_rig_and_gas_are_varied_too(family, name):
 
 def test_table_and_plot_have_each_member(family):
     kin = family("r_m1=0.8,1,1.2")
-    sheet = family_sheet("r_m1", SWEPT_UNITS["r_m1"], kin)
+    sheet = sweep_sheet("r_m1", SWEPT_UNITS["r_m1"], kin)
     assert [row[0] for row in sheet.rows] == ["0.8", "1", "1.2"]
-    plot = family_plot("r_m1", kin, file_name="a", title="a")
+    plot = sweep_plot("r_m1", kin, file_name="a", title="a")
     lines = plot.panels[0].lines
     assert [line.label for line in lines] == ["r_m1 x0.8", "r_m1 x1", "r_m1 x1.2"]
     assert len({line.colour for line in lines}) == 3
@@ -127,8 +129,8 @@ def test_the_rows_and_sentences_are_as_agreed(family):
     for text in ("r_m1=0.8,1,1.2", "r_m3=0.5,1,1.5", "f_f=0,1,2", "amplitude=0.5,1", "p_0=1"):
         name = text.partition("=")[0]
         members = family(text)
-        console.print(terminal_table(family_sheet(name, SWEPT_UNITS[name], members)))
-        console.print(family_sentence(name, members) + "\n")
+        console.print(terminal_table(sweep_sheet(name, SWEPT_UNITS[name], members)))
+        console.print(sweep_sentence(name, members) + "\n")
     path = Path(__file__).parent / "golden" / "sweep.txt"
     if os.environ.get("DAMPERFIT_WRITE_GOLDEN"):
         path.write_text(out.getvalue(), encoding="utf-8")

@@ -147,7 +147,7 @@ def test_matlab_bomb_is_refused_before_it_is_unpacked(tmp_path) -> None:
     data = saved({"time_s": np.zeros((n, 1)), "x_mm": np.zeros((n, 1)), "f_N": np.zeros((n, 1))})
     assert len(data) < 32 * n / 100
     message = refusal(put(tmp_path, data, "a.mat"), ReadOptions(max_bytes=1_000_000))
-    assert "max_bytes" in message
+    assert "rig.max_log_bytes" in message
 
 
 def test_matlab_element_that_unpacks_to_more_than_it_says_is_counted(tmp_path) -> None:
@@ -265,20 +265,7 @@ def test_mdf_of_version_3_is_refused(tmp_path) -> None:
     assert "3.30" in refusal(put(tmp_path, data, "a.mdf"))
 
 
-# Libraries that may end the process
-
-
-def test_a_reader_that_dies_or_never_ends_is_one_refused_log(tmp_path, monkeypatch) -> None:
-    from damperfit.readers import apart, hdf5
-
-    pytest.importorskip("h5py")
-    path = put(tmp_path, binary_logs.matlab_73(SCENARIO), "a.mat")
-    monkeypatch.setattr(apart, "_CHILD", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
-    assert "its reader ended by" in refusal(path)
-    monkeypatch.setattr(apart, "_CHILD", "import time; time.sleep(60)")
-    monkeypatch.setattr(apart, "_TIME_LIMIT", 0.2)
-    assert "not read in 0.2 s" in refusal(path)
-    assert hdf5.READS in refusal(path)
+# Libraries that may end the process: see also test_child_process.py
 
 
 def test_modules_beside_a_log_are_never_imported(tmp_path, monkeypatch) -> None:
@@ -297,7 +284,7 @@ def test_hdf5_that_claims_terabytes_is_refused(tmp_path) -> None:
         for name in ("time_s", "displacement_mm", "force_N"):
             # Nothing is stored until something is written.
             file.create_dataset(name, shape=(1, 10**12), dtype="f8", chunks=(1, 1000))
-    assert "max_bytes" in refusal(put(tmp_path, sink.getvalue(), "a.mat"))
+    assert "rig.max_log_bytes" in refusal(put(tmp_path, sink.getvalue(), "a.mat"))
 
 
 # Excel

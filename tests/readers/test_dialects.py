@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, LogError
-from damperfit.readers import ReadOptions, make_profile, read_log, read_logs
+from damperfit.readers import Profile, ReadOptions, read_log, read_logs
 from tests.readers.scenarios import Scenario, text
 
 
@@ -22,6 +23,12 @@ def put(tmp_path):
         return path
 
     return write
+
+
+def profile_of(name: str, keys: dict) -> Profile:
+    """The profile that [rig.profiles.NAME] of a configuration describes."""
+    (profile,) = load_configuration(overlay={"rig": {"profiles": {name: keys}}}).reading.profiles
+    return profile
 
 
 # --- stand-alone logger ------------------------------------------------------------------------
@@ -43,7 +50,7 @@ Sample Number, Date/Time, CHANNEL0, CHANNEL1, Events\r
          8,   04/29/2022 12:01:05.510 PM, 0.0250, -2.9934, DAQ Resume\r
          9,   04/29/2022 12:01:05.515 PM, 0.0240, -2.9931, DAQ Pause\r
 """
-LOGGER_PROFILE = make_profile(
+LOGGER_PROFILE = profile_of(
     "logger",
     {
         "files": "ME*.txt",
@@ -238,7 +245,7 @@ def test_sampling_rate_of_the_preamble_stands_in_for_time(put) -> None:
 
 # --- Arduino rigs ------------------------------------------------------------------------------
 
-ARDUINO = make_profile(
+ARDUINO = profile_of(
     "arduino",
     {
         "columns": {"time": 1, "force": 2, "displacement": 3},
@@ -442,7 +449,7 @@ def test_gzip_bomb_stops_at_the_limit(put) -> None:
         (lambda packed: packed[:5], "truncated gzip"),
         (lambda packed: packed[:40] + b"\xff\xff" + packed[42:], "damaged gzip"),
         (lambda packed: packed[:-6] + b"\0" + packed[-5:], "damaged gzip"),
-        (lambda packed: packed + b"more", "damaged gzip: 4 odd bytes at its end"),
+        (lambda packed: packed + b"more", "damaged gzip: odd bytes at its end"),
         (gzip.compress, "a gzip inside a gzip"),
         (lambda _: gzip.compress(b""), "empty file inside the gzip"),
     ],
@@ -457,7 +464,7 @@ def test_damaged_gzip(put, damage, message) -> None:
 
 
 def test_a_profile_goes_before_the_general_declarations(put) -> None:
-    profile = make_profile("a", {"files": "*.csv", "units": {"force": "kN"}})
+    profile = profile_of("a", {"files": "*.csv", "units": {"force": "kN"}})
     options = ReadOptions(units={"force": "N", "displacement": "cm"}, profiles=(profile,))
     log = "time_s,displacement,force\n0,1,2\n1,2,3\n"
     recording = read_log(put(log), options)
@@ -467,7 +474,7 @@ def test_a_profile_goes_before_the_general_declarations(put) -> None:
 
 def test_the_first_profile_that_fits_is_taken(put) -> None:
     profiles = tuple(
-        make_profile(name, {"files": files, "reverse_force": is_reversed})
+        profile_of(name, {"files": files, "reverse_force": is_reversed})
         for name, files, is_reversed in (("a", "x*", True), ("b", "l*", True), ("c", "*", False))
     )
     recording = read_log(put(text(Scenario())), ReadOptions(profiles=profiles))
@@ -476,9 +483,9 @@ def test_the_first_profile_that_fits_is_taken(put) -> None:
 
 
 def test_quantities_of_a_profile_may_carry_units() -> None:
-    profile = make_profile("a", {"sample_rate": "1kHz", "pause": "500ms", "skip_lines": 2})
-    assert (profile.sample_rate, profile.pause, profile.skip_lines) == (1000.0, 0.5, 2)
-    assert make_profile("a", {"sample_rate": 200}).sample_rate == 200.0
+    profile = profile_of("a", {"sample_rate": "1kHz", "pause": "500ms", "skip_lines": 2})
+    assert profile.declared == {"sample_rate": 1000.0, "pause": 0.5, "skip_lines": 2}
+    assert profile_of("a", {"sample_rate": 200}).declared == {"sample_rate": 200.0}
 
 
 @pytest.mark.parametrize(
@@ -487,15 +494,15 @@ def test_quantities_of_a_profile_may_carry_units() -> None:
         ({"sample_rate": "1s"}, "no unit of frequency 's'"),
         ({"unit": {}}, "rig.profiles.a: unknown key 'unit'.*Did you mean 'units'"),
         ({"units": {"force": "mm"}}, "rig.profiles.a: no unit of force 'mm'"),
-        ({"units": "N"}, "rig.profiles.a.units: found 'N', expected a table of unit names"),
-        ({"scales": {"force": True}}, "expected a table of numbers"),
+        ({"units": "N"}, "rig.profiles.a.units: expected a valid dictionary, found 'N'"),
+        ({"scales": {"force": True}}, "scales.force: expected a valid number, found True"),
         ({"scales": {"force": 0.0}}, "scales: force is 0.0, expected other than 0"),
         ({"offsets": {"force": float("nan")}}, "offsets: force is nan"),
-        ({"columns": {"force": 1.5}}, "expected a table of names or numbers"),
-        ({"part_settings": [1.5]}, "expected a list of whole numbers"),
-        ({"skip_lines": "3"}, "rig.profiles.a.skip_lines: found '3', expected a whole number"),
-        ({"reverse_force": 1}, "expected true or false"),
-        ({"sample_rate": -1.0}, "sample_rate: found -1.0, expected 0 or more"),
+        ({"columns": {"force": 1.5}}, "columns.force: expected a valid string, found 1.5"),
+        ({"part_settings": [1.5]}, "part_settings.0: expected a valid integer, found 1.5"),
+        ({"skip_lines": "3"}, "rig.profiles.a.skip_lines: expected a valid integer, found '3'"),
+        ({"reverse_force": 1}, "expected true, false or 'detect', found 1"),
+        ({"sample_rate": -1.0}, "sample_rate: expected greater than or equal to 0, found -1.0"),
         (
             {"restarts": "lst"},
             "found 'lst', expected 'refuse' or 'split' or 'last'.*Did you mean 'last'",
@@ -509,7 +516,7 @@ def test_quantities_of_a_profile_may_carry_units() -> None:
 )
 def test_profiles_that_mean_nothing(values, message) -> None:
     with pytest.raises(ConfigurationError, match=message):
-        make_profile("a", values)
+        profile_of("a", values)
 
 
 def test_an_unknown_profile() -> None:

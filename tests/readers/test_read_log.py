@@ -195,7 +195,7 @@ def test_the_column_with_the_right_unit_is_taken(put) -> None:
         ({"columns": {"speed": 1}}, "no channel 'speed'"),
         ({"setting_pattern": "s(\\d+"}, "no regular expression"),
         ({"setting_pattern": "s\\d+"}, "no group"),
-        ({"max_bytes": 0}, "max_bytes"),
+        ({"max_bytes": 0}, "max_log_bytes: found 0"),
     ],
 )
 def test_options_that_mean_nothing(options, message) -> None:
@@ -253,7 +253,7 @@ FAULTS = {
         "'displacement_mm', 'forse_N', 'temperature_degC'. Did you mean 'forse_N'?",
     ),
     "no unit": (PLAIN.replace("force_N", "force"), "column 'force' has no unit"),
-    "unknown unit": (PLAIN.replace("force_N", "force (kips)"), "no unit of force 'kips'"),
+    "unknown unit": (PLAIN.replace("force_N", "force (stone)"), "no unit of force 'stone'"),
     "wrong unit": (PLAIN.replace("force_N", "force (mm)"), "no unit of force 'mm'"),
     "duplicate": (
         "time_s,force_N,displacement_mm,force_N\n0,1,2,3\n1,2,3,4\n",
@@ -352,7 +352,7 @@ def test_a_device_is_refused() -> None:
 
 
 def test_size_limit(put) -> None:
-    with pytest.raises(LogError, match=r"more than the limit of 50 \(max_bytes\)"):
+    with pytest.raises(LogError, match=r"more than the limit of 50 \(rig.max_log_bytes\)"):
         read_log(put(PLAIN), ReadOptions(max_bytes=50))
 
 
@@ -429,7 +429,9 @@ def test_parquet_bomb_is_refused_before_it_is_read(put) -> None:
     names = HEADER.split(",")
     data = parquet_bytes(pa.table([zeros] * 4, names=names))
     assert len(data) < 100_000
-    with pytest.raises(LogError, match="2000000 rows, more than the limit"):
+    with pytest.raises(
+        LogError, match="a table of 2000000 rows claims 64000000 bytes, more than the limit"
+    ):
         read_log(put(data, "log.parquet"), ReadOptions(max_bytes=10_000_000))
 
 
@@ -553,3 +555,19 @@ def test_any_bytes_give_a_recording_or_our_error(put, data, suffix) -> None:
         return
     assert np.isfinite(found.force).all()
     assert (np.diff(found.time) > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "newtons"),
+    [
+        ("force_daN", 10.0),
+        ("Load (kip)", 4448.2216152605),
+        ("Load [klbf]", 4448.2216152605),
+        ("force, tf", 9806.65),
+    ],
+)
+def test_large_units_of_force_in_a_name(tmp_path, name, newtons) -> None:
+    path = tmp_path / "log_s3.csv"
+    path.write_text(f"time_s;displacement_mm;{name}\n0;1;2\n1;2;3\n2;3;-4\n", encoding="utf-8")
+    expected = newtons * np.array([2.0, 3.0, -4.0])
+    np.testing.assert_allclose(read_log(path).force, expected, rtol=1e-14)

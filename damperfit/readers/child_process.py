@@ -1,0 +1,319 @@
+"""Reading in a process of its own, for libraries that may take the whole program with them.
+
+On damaged bytes asammdf ends by a segmentation fault, HDF5 takes all memory there is, and a small
+workbook may be written out to gigabytes. In a child that costs one log. A child gets the bytes on
+its standard input and answers with one line of JSON and bytes. It reads one log after the other,
+as loading a library takes longer than reading a log, within limits of memory and time for each.
+
+Traps. Damaged bytes may spoil memory without ending the process: a child that has refused a log is
+not asked again. What a child refuses for want of memory, or dies of, may come from the logs before:
+then a new one is asked. A child ends when nobody asks for a while, and with its parent.
+"""
+
+from __future__ import annotations
+
+import atexit
+import importlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from threading import Event, Lock, Timer
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+
+from damperfit.errors import LogError
+from damperfit.readers.foreign import check_library
+from damperfit.readers.grouping import Group, GroupChannel
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from damperfit.readers.files import Source
+    from damperfit.readers.options import ReadOptions
+
+__all__ = ["Answer", "ask_child", "groups_answer", "read_groups_in_child", "serve"]
+
+_TIME_LIMIT = 60  # s for a log, and 1 s for each megabyte; the slowest library takes 2 s to load
+_IDLE = 10.0  # s after which a child ends that nobody asks
+_OWN_MEMORY = 1 << 30  # bytes that Python and the library take before they see a log
+_OUT_OF_MEMORY = "memory"
+# The folder of a log, which may be the working folder, must not be looked in for modules.
+_CHILD = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from damperfit.readers.child_process import serve
+serve()
+"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """What a child found in a log.
+
+    Attributes
+    ----------
+    said : object
+        What JSON can hold.
+    parts : sequence of bytes
+        What it cannot.
+    """
+
+    said: Any
+    parts: Sequence[bytes]
+
+
+def ask_child(module: str, library: str, source: Source, options: ReadOptions) -> Answer:
+    """Return what ``answer`` of a module finds in a log.
+
+    Parameters
+    ----------
+    module : str
+        As in "damperfit.readers.mdf". It says what it READS, the EXTRA of the package that brings
+        the library, whether that IS_MEMORY_SAFE, and has a function ``answer(data, limit)``.
+    library : str
+        Module it needs, as in "asammdf".
+    source, options
+        As for the readers.
+
+    Raises
+    ------
+    LogError
+        The library is not installed; the child refuses the log, or dies of it.
+    """
+    reader = importlib.import_module(module)
+    check_library(library, extra=reader.EXTRA, reads=reader.READS, name=source.name)
+    while True:
+        child = _CHILDREN.take()
+        outcome = child.ask(module, source.data, options.max_bytes)
+        if isinstance(outcome, Answer):
+            _CHILDREN.give_back(child)
+            return outcome
+        if reader.IS_MEMORY_SAFE and outcome.is_judged:
+            _CHILDREN.give_back(child)
+        else:
+            child.end()
+        if outcome.is_judged or outcome.is_late or not child.is_worn:
+            raise LogError(f"{source.name}: {_reason(outcome, reader.READS, child.seconds)}")
+
+
+def read_groups_in_child(
+    module: str, library: str, source: Source, options: ReadOptions
+) -> list[Group]:
+    """Return the groups of channels that a module finds in a log; as `ask_child`."""
+    answer = ask_child(module, library, source, options)
+    values = (np.frombuffer(part, dtype=np.float64) for part in answer.parts)
+    return [
+        Group(
+            group["name"],
+            tuple(
+                GroupChannel(name, unit, length, partial(np.asarray, next(values)))
+                for name, unit, length in group["channels"]
+            ),
+            group["metadata"],
+        )
+        for group in answer.said
+    ]
+
+
+def groups_answer(groups: Sequence[Group]) -> Answer:
+    """Return groups of channels as a child sends them."""
+    said = [
+        {
+            "name": group.name,
+            "channels": [(c.name, c.unit, c.length) for c in group.channels],
+            "metadata": dict(group.metadata),
+        }
+        for group in groups
+    ]
+    return Answer(said, [c.load().tobytes() for group in groups for c in group.channels])
+
+
+@dataclass(frozen=True, slots=True)
+class _Failure:
+    """Why a log has no answer: the child's sentence, or how the child ended."""
+
+    refusal: str = ""
+    code: int = 0
+    is_late: bool = False
+
+    @property
+    def is_judged(self) -> bool:
+        """Whether the log itself was refused, and not for want of memory."""
+        return self.refusal not in {"", _OUT_OF_MEMORY}
+
+
+def _reason(failure: _Failure, reads: str, seconds: float) -> str:
+    if failure.refusal == _OUT_OF_MEMORY:
+        return f"{reads}: needs more memory than the limit (rig.max_log_bytes) allows"
+    if failure.refusal:
+        return failure.refusal
+    if failure.is_late:
+        return f"damaged {reads} file: not read in {seconds:g} s"
+    ending = f"code {failure.code}"
+    with suppress(ValueError):
+        ending = signal.Signals(-failure.code).name
+    return (
+        f"damaged {reads} file: its reader ended by {ending}; copy the log again, or raise the "
+        "limit of memory (rig.max_log_bytes)"
+    )
+
+
+class _Child:
+    """A process that reads logs, one after the other."""
+
+    def __init__(self) -> None:
+        root = str(Path(__file__).resolve().parents[2])
+        self._process = subprocess.Popen(  # noqa: S603  # our own command; the log comes as bytes
+            [sys.executable, "-P", "-c", _CHILD, root],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+        self._n_asked = 0
+        self.seconds = 0.0
+
+    @property
+    def is_alive(self) -> bool:
+        return self._process.poll() is None
+
+    def ask(self, module: str, data: bytes, limit: int) -> Answer | _Failure:
+        """Return the answer, or why there is none; then the child is not to be asked again."""
+        self._n_asked += 1
+        self.seconds = _TIME_LIMIT + len(data) // 1_000_000
+        head = json.dumps({"module": module, "limit": limit, "n_bytes": len(data)})
+        is_late = Event()
+        timer = Timer(self.seconds, self._stop, (is_late,))
+        timer.start()
+        try:
+            to_child = self._pipe(self._process.stdin)
+            to_child.write(head.encode() + b"\n")
+            to_child.write(data)
+            to_child.flush()
+            return self._answer()
+        except (OSError, ValueError):  # it is gone
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(1.0)
+            self.end()
+            return _Failure(code=self._process.returncode, is_late=is_late.is_set())
+        finally:
+            timer.cancel()
+
+    def _stop(self, is_late: Event) -> None:
+        is_late.set()
+        self._process.kill()
+
+    def _answer(self) -> Answer | _Failure:
+        out = self._pipe(self._process.stdout)
+        said = json.loads(out.readline())
+        if "refused" in said:
+            return _Failure(refusal=said["refused"])
+        parts = [out.read(n) for n in said["lengths"]]
+        if [len(part) for part in parts] != said["lengths"]:
+            raise OSError
+        return Answer(said["said"], parts)
+
+    @staticmethod
+    def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
+        assert pipe is not None
+        return pipe
+
+    @property
+    def is_worn(self) -> bool:
+        """Whether it has read logs before this one, which may be why it failed."""
+        return self._n_asked > 1
+
+    def end(self) -> None:
+        self._process.kill()
+        with suppress(OSError, ValueError):
+            self._process.communicate()
+
+
+class _Children:
+    """Children that wait to be asked, for the threads that read logs."""
+
+    def __init__(self) -> None:
+        self._idle: list[_Child] = []
+        self._of_others: list[_Child] = []
+        self._lock = Lock()
+
+    def take(self) -> _Child:
+        with self._lock:
+            while self._idle:
+                child = self._idle.pop()
+                if child.is_alive:
+                    return child
+                child.end()
+        return _Child()
+
+    def give_back(self, child: _Child) -> None:
+        with self._lock:
+            self._idle.append(child)
+
+    def end(self) -> None:
+        with self._lock:
+            while self._idle:
+                self._idle.pop().end()
+
+    def forget(self) -> None:
+        """Leave the children to the process that has started them, in a fork of it."""
+        self._of_others += self._idle
+        self._idle, self._lock = [], Lock()
+
+
+_CHILDREN = _Children()
+atexit.register(_CHILDREN.end)
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_CHILDREN.forget)
+
+
+def serve() -> None:
+    """Answer what is asked on standard input, in the child."""
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # a library that prints would spoil the answer
+    with suppress(ValueError, OSError):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what is left undone
+    while True:
+        # Not by a wait on the pipe, which not every system can.
+        idle = Timer(_IDLE, os._exit, (0,))
+        idle.daemon = True
+        idle.start()
+        head = sys.stdin.buffer.readline()
+        idle.cancel()
+        if not head:
+            os._exit(0)  # what a library does at exit is of no interest
+        asked = json.loads(head)
+        data = sys.stdin.buffer.read(asked["n_bytes"])
+        if len(data) < asked["n_bytes"]:
+            os._exit(0)
+        _limit_memory(_OWN_MEMORY + 3 * asked["limit"])
+        _send(asked["module"], data, asked["limit"], out)
+
+
+def _send(module: str, data: bytes, limit: int, out: IO[bytes]) -> None:
+    try:
+        answer = importlib.import_module(module).answer(data, limit)
+        said = {"said": answer.said, "lengths": [len(part) for part in answer.parts]}
+        out.write(json.dumps(said).encode() + b"\n")
+        out.writelines(answer.parts)
+    except LogError as error:
+        out.write(json.dumps({"refused": str(error)}).encode() + b"\n")
+    except MemoryError:
+        out.write(json.dumps({"refused": _OUT_OF_MEMORY}).encode() + b"\n")
+    out.flush()
+
+
+def _limit_memory(n_bytes: int) -> None:
+    with suppress(ImportError, ValueError, OSError):  # Windows has none
+        import resource
+
+        most = min(n_bytes, sys.maxsize)
+        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

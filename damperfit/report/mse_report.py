@@ -1,0 +1,132 @@
+"""The MSE report, report.md, as Markdown; everything that came from a log is escaped."""
+
+from __future__ import annotations
+
+import re
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+from damperfit.identification.sharing import listed_settings
+from damperfit.report.rows.check_table import check_sheet, check_summary
+from damperfit.report.rows.force_by_setting_table import force_by_setting_sheet
+from damperfit.report.rows.held_out_table import held_out_sheet
+from damperfit.report.rows.mse_table import grade_counts, mse_sheet
+from damperfit.report.rows.parameter_table import parameter_sheet
+from damperfit.report.rows.rounding import percent
+from damperfit.report.text import printable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from damperfit.report.failures_and_warnings import ReportFacts
+    from damperfit.report.rows.sheet import Sheet
+    from damperfit.tables import Tables
+
+__all__ = ["escape", "markdown_report"]
+
+# Everything Markdown or the HTML inside it could read as markup, and no more: the report is read as
+# it stands too. An underscore between letters is none; signs and numbers are lists at a start only.
+_SPECIAL = re.compile(r"([\\`*\[\]<>#|~&$@]|(?<![^\W_])_|_(?![^\W_]))")
+_LIST = re.compile(r"^(\d*)([-+.)])(?=\s|$|\2)")
+
+
+def escape(text: str) -> str:
+    r"""Return text that Markdown shows as it is, on one line, control characters as escapes.
+
+    Examples
+    --------
+    >>> print(escape("<b>|run_1 _2_\x1b[0m (+1 %)"))
+    \<b\>\|run_1 \_2\_\\x1b\[0m (+1 %)
+    """
+    shown = printable(" ".join(text.split()))
+    return _LIST.sub(r"\1\\\2", _SPECIAL.sub(r"\\\1", shown))
+
+
+def markdown_report(tables: Tables, facts: ReportFacts) -> str:
+    """Return the MSE report of a run.
+
+    Parameters
+    ----------
+    tables : Tables
+        Parameters and MSE.
+    facts : ReportFacts
+        Failures, warnings, procedure and the rest.
+    """
+    parameters = tables.parameters.to_pylist()
+    parts: list[Iterable[str]] = [
+        ["# MSE report", "", *_summary(parameters, facts)],
+        _section("Parameters", _table(parameter_sheet(parameters))),
+        _section("MSE by setting and log", _table(mse_sheet(tables.mse.to_pylist(), parameters))),
+        _section("Held out: predicted, not fitted", _table(held_out_sheet(facts.held_out))),
+        _section("Not done", _list(_missing(facts))),
+        _section("Gates not met", _list(facts.gates)),
+        _section("What to do", _list(f"{word}: {advice}" for word, advice in facts.advice)),
+        _section("Checks", _checks(facts)),
+        _section("Across the settings", (*_list(facts.across), *_clicks(tables))),
+        _section("Warnings", _list(facts.warnings)),
+        _section("Noise and lack of fit", _list(facts.trust)),
+        _section("Identifiability", _list(facts.identifiability)),
+        _section("Many starts", _list(facts.searches)),
+        _section("Cavitation", _list(facts.cavitation)),
+        _section("How it was done", _list((*facts.procedure, f"damperfit {facts.version}"))),
+    ]
+    return "\n".join(line for part in parts for line in part) + "\n"
+
+
+def _summary(parameters: Sequence[Mapping[str, Any]], facts: ReportFacts) -> Iterator[str]:
+    rows = [row for row in parameters if row["mse_percent"] is not None]
+    if facts.is_interrupted:
+        yield "**Interrupted: these are the settings that were finished.**"
+        yield ""
+    if not rows:
+        yield "No setting could be fitted."
+        return
+    values = {row["setting"]: row["mse_percent"] for row in rows}
+    worst = max(values, key=lambda setting: values[setting])
+    count = f"{len(rows)} setting{'s' if len(rows) > 1 else ''} fitted"
+    yield (
+        f"{count}: MSE median {percent(median(values.values()))} %, "
+        f"worst {percent(values[worst])} % at setting {worst}."
+    )
+    yield grade_counts(rows)
+
+
+def _checks(facts: ReportFacts) -> list[str]:
+    if not facts.checks:
+        return []
+    return [check_summary(facts.checks), "", *_table(check_sheet(facts.checks))]
+
+
+def _clicks(tables: Tables) -> list[str]:
+    """The force at the fastest named speed by setting, below the sentences."""
+    table = _table(force_by_setting_sheet(tables.adjustment.to_pylist()))
+    return ["", *table] if table else []
+
+
+def _missing(facts: ReportFacts) -> Iterator[str]:
+    yield from (failure.line for failure in facts.failures)
+    if facts.gaps:
+        yield f"no result for setting {listed_settings(facts.gaps)}"
+
+
+def _section(title: str, lines: Iterable[str]) -> list[str]:
+    """Return a titled section, or nothing when it would be empty."""
+    body = list(lines)
+    return ["", f"## {title}", "", *body] if body else []
+
+
+def _list(items: Iterable[str]) -> list[str]:
+    return [f"- {escape(item)}" for item in items]
+
+
+def _table(sheet: Sheet) -> list[str]:
+    if not sheet.rows:
+        return []
+    heads = [
+        f"{escape(heading)}{f' {unit}' if unit else ''}"
+        for heading, unit in zip(sheet.headings, sheet.units, strict=True)
+    ]
+    rules = ["---:" if is_number else "---" for is_number in sheet.is_number]
+    cells = [[escape(cell) for cell in row] for row in sheet.rows]
+    lines = [f"| {' | '.join(row)} |" for row in (heads, rules, *cells)]
+    return [*lines, *(line for note in sheet.notes for line in ("", escape(note)))]

@@ -1,0 +1,86 @@
+"""What the page says of one log: its verdict, its findings, its figures and its forces."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from damperfit.report.page.summary import setting_verdict
+from damperfit.report.rows.log_force_table import measured_and_simulated_sheet
+from damperfit.report.rows.parameter_table import parameter_line
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from damperfit.report.evaluated_log import EvaluatedLog
+    from damperfit.report.page.plot_data import Figure
+    from damperfit.report.rows.sheet import Sheet
+
+__all__ = ["LogSection", "log_section"]
+
+
+@dataclass(frozen=True, slots=True)
+class LogSection:
+    """One log on the page; its template is `log.html`.
+
+    Attributes
+    ----------
+    setting : int
+        Adjuster setting.
+    log : str
+        Name of the log.
+    verdict : str
+        How the fit of the setting went; empty where there is none.
+    facts : str
+        The test in a sentence.
+    findings, notes, reading : tuple of str
+        What matters, what is good to know, and how the log was read.
+    figures : tuple of Figure
+        Where its plots stand.
+    forces : Sheet or None
+        None when the log has no whole cycle.
+    """
+
+    setting: int
+    log: str
+    verdict: str
+    facts: str
+    findings: tuple[str, ...]
+    notes: tuple[str, ...]
+    reading: tuple[str, ...]
+    figures: tuple[Figure, ...]
+    forces: Sheet | None
+
+
+def log_section(
+    log: EvaluatedLog, figures: Sequence[Figure], row: Mapping[str, Any] | None
+) -> LogSection:
+    """Return the section of a log; ``row`` holds the parameters of its setting, if known."""
+    verdict = f"Fit of the setting: {setting_verdict(row)}. {parameter_line(row)}" if row else ""
+    return LogSection(
+        setting=log.signals.setting,
+        log=log.signals.log,
+        verdict=verdict,
+        facts=_facts(log),
+        findings=tuple(f"{f.severity}: {f.sentence}" for f in log.findings if f.severity != "note"),
+        notes=tuple(f.sentence for f in log.findings if f.severity == "note"),
+        reading=log.notes,
+        figures=tuple(figures),
+        forces=_forces(log),
+    )
+
+
+def _facts(log: EvaluatedLog) -> str:
+    frequency = f"{log.frequency:.3g} Hz" if math.isfinite(log.frequency) else "frequency unknown"
+    amplitude = f"amplitude {1e3 * log.amplitude:.3g} mm"
+    warmth = log.temperature
+    temperature = "temperature not logged" if warmth is None else f"{warmth:.1f} degC"
+    samples = f"{len(log.signals.time)} samples evaluated"
+    return f"{frequency}, {amplitude}, {temperature}, {samples}."
+
+
+def _forces(log: EvaluatedLog) -> Sheet | None:
+    if log.measured is None or log.simulated is None:
+        return None
+    return measured_and_simulated_sheet(log.measured, log.simulated, temperature=log.temperature)

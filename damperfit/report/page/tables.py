@@ -1,0 +1,31 @@
+"""Which tables stand on the page, and under which title; each is laid out in `report/rows`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from damperfit.report.rows.cavitation_table import cavitation_sheet
+from damperfit.report.rows.click_table import click_sheet
+from damperfit.report.rows.mse_table import mse_sheet
+from damperfit.report.rows.parameter_table import parameter_sheet
+from damperfit.report.run_json import clicks_in
+
+if TYPE_CHECKING:
+    from damperfit.report.rows.sheet import Sheet
+    from damperfit.tables import Results
+
+__all__ = ["page_tables"]
+
+
+def page_tables(results: Results) -> list[tuple[str, Sheet]]:
+    """Return the tables of a results folder by title, those without rows left out."""
+    rows = [row | {"outcome": row["outcome"] or "unknown"} for row in results.parameters]
+    settings = {row["setting"] for row in rows}
+    errors = [row for row in results.mse if row["setting"] in settings]
+    sheets = [
+        ("Parameters", parameter_sheet(rows)),
+        ("MSE by setting and log", mse_sheet(errors, rows)),
+        ("Change of force by click", click_sheet(clicks_in(results.record))),
+        ("How near to cavitation", cavitation_sheet(results.parameters)),
+    ]
+    return [(title, sheet) for title, sheet in sheets if sheet.rows]

@@ -1,0 +1,190 @@
+"""The plots of all settings together: parameters, MSE, the fan, forces (Figs 13-16)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from damperfit.characteristics import NAMED_SPEEDS
+from damperfit.report.plots.colours import SPEED_COLOURS
+from damperfit.report.plots.description import Line, Panel, Plot, setting_axis, thin
+from damperfit.report.plots.parameters import parameter_plots
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.adjustment import Trend
+    from damperfit.report.evaluated_log import EvaluatedLog
+
+    FloatArray = NDArray[np.float64]
+    Row = Mapping[str, Any]
+
+__all__ = ["campaign_plots"]
+
+_CYCLE_BUCKETS = 120
+_BOTH = (("simulated", "solid"), ("measured", "dotted"))
+
+
+def campaign_plots(
+    parameters: Sequence[Row],
+    mse: Sequence[Row],
+    views: Sequence[EvaluatedLog],
+    *,
+    colours: Mapping[int, str],
+    trends: Sequence[Trend] = (),
+) -> tuple[Plot, ...]:
+    """Return the plots that compare settings; those without data are left out.
+
+    Parameters
+    ----------
+    parameters, mse : sequence of mapping
+        Rows of the tables.
+    views : sequence of EvaluatedLog
+        Logs with their figures.
+    colours : mapping of int to str
+        Colour of each setting.
+    trends : sequence of Trend
+        Trends that the run found; where there is none, a quadratic is drawn.
+    """
+    plots = [*parameter_plots(parameters, colours, trends), *_errors(mse, colours)]
+    if views:
+        plots += [_fan(views, colours), _absolute(views, colours)]
+    if any(view.measured for view in views):
+        plots += [_peaks(views, colours)]
+        plots += _named_speeds(views)
+    return tuple(plots)
+
+
+def _errors(rows: Sequence[Row], colours: Mapping[int, str]) -> Iterator[Plot]:
+    whole = [row for row in rows if not row["log"] and _is_positive(row["mse_percent"])]
+    if not whole:
+        return
+    lines = [
+        Line(
+            np.array([float(row["setting"])]),
+            np.array([row["mse_percent"]]),
+            f"MSE, setting {row['setting']}",
+            colours[row["setting"]],
+            setting=row["setting"],
+            style="points",
+            in_legend=False,
+        )
+        for row in whole
+    ]
+    floor = [row for row in whole if _is_positive(row["noise_floor_percent"])]
+    if floor:
+        at = np.array([float(row["setting"]) for row in floor])
+        values = np.array([row["noise_floor_percent"] for row in floor])
+        lines.insert(0, Line(at, values, "noise floor", "muted", style="dashed"))
+    rules = ((1.0, "1 %: excellent below"), (5.0, "5 %: good below"))
+    ticks, x_range = setting_axis(row["setting"] for row in whole)
+    panel = Panel(
+        *("setting", "", "MSE", "%", tuple(lines)),
+        rules=rules,
+        is_log=True,
+        ticks=ticks,
+        x_range=x_range,
+    )
+    caption = (
+        "Dots: MSE, 100 % would be no better than the mean force. Dashed: noise floor, the MSE "
+        "that scatter of the force explains; above it: the model, or noise of the displacement."
+    )
+    yield Plot("mse", "MSE and noise floor against setting", (panel,), caption)
+
+
+def _is_positive(value: float | None) -> bool:
+    return value is not None and 0.0 < value < math.inf  # the axis is logarithmic
+
+
+def _fan(views: Sequence[EvaluatedLog], colours: Mapping[int, str]) -> Plot:
+    lines = []
+    for view in views:
+        signals, setting = view.signals, view.signals.setting
+        v = signals.velocity[view.cycle]
+        for force, (words, style) in zip(
+            (signals.force[view.cycle], signals.force_measured[view.cycle]), _BOTH, strict=True
+        ):
+            kept = thin(_CYCLE_BUCKETS, v, force)
+            label = f"setting {setting}, {words}"
+            lines.append(Line(v[kept], force[kept], label, colours[setting], setting, style))
+    panel = Panel("velocity", "m/s", "force", "N", tuple(lines))
+    caption = "Last cycle of every log; solid: simulated, dotted: measured."
+    return Plot("fan", "Force against velocity, all settings", (panel,), caption, _BOTH)
+
+
+def _absolute(views: Sequence[EvaluatedLog], colours: Mapping[int, str]) -> Plot:
+    lines = []
+    for view in views:
+        signals, setting = view.signals, view.signals.setting
+        v, force = signals.velocity[view.cycle], signals.force_measured[view.cycle]
+        kept = thin(_CYCLE_BUCKETS, v, force)
+        speed = np.abs(v[kept])
+        label = f"setting {setting}, measured"
+        lines.append(Line(speed, force[kept], label, colours[setting], setting, "thin"))
+    panel = Panel("absolute velocity", "m/s", "measured force", "N", tuple(lines))
+    caption = "Rebound above, bump below; both branches of each stroke show the hysteresis."
+    title = "Force against absolute velocity, measured"
+    return Plot("absolute_velocity", title, (panel,), caption, (("measured", "thin"),))
+
+
+def _peaks(views: Sequence[EvaluatedLog], colours: Mapping[int, str]) -> Plot:
+    """Peak force of each test; tests of one setting at several speeds are joined."""
+    lines = []
+    for setting in sorted({view.signals.setting for view in views}):
+        mine = [view for view in views if view.signals.setting == setting]
+        for words, style in (("measured", "dot_line"), ("simulated", "triangle_line")):
+            known = [figures for view in mine if (figures := getattr(view, words)) is not None]
+            for stroke in ("rebound", "bump"):
+                sign = 1.0 if stroke == "rebound" else -1.0
+                pairs = sorted(
+                    (
+                        sign * getattr(one, f"peak_speed_{stroke}"),
+                        getattr(one, f"peak_force_{stroke}"),
+                    )
+                    for one in known
+                )
+                if not pairs:
+                    continue
+                speeds, forces = (np.array(column) for column in zip(*pairs, strict=True))
+                label = f"setting {setting}, {words}, {stroke}"
+                lines.append(Line(speeds, forces, label, colours[setting], setting, style))
+    panel = Panel("peak velocity", "m/s", "peak force", "N", tuple(lines))
+    caption = (
+        "One pair per log, rebound right, bump left; dots: measured, triangles: simulated. "
+        "Logs of one setting at several speeds are joined."
+    )
+    key = (("measured", "points"), ("simulated", "triangles"))
+    return Plot("peak_force", "Peak force against peak velocity", (panel,), caption, key)
+
+
+def _named_speeds(views: Sequence[EvaluatedLog]) -> Iterator[Plot]:
+    lines = []
+    for speed, colour in zip(NAMED_SPEEDS, SPEED_COLOURS, strict=True):
+        found: dict[int, list[tuple[float, float]]] = {}
+        for view in views:
+            for forces in view.measured.speed_forces if view.measured else ():
+                if forces.speed == speed:
+                    pair = (forces.rebound, forces.bump)
+                    found.setdefault(view.signals.setting, []).append(pair)
+        if not found:
+            continue
+        at = np.array([float(setting) for setting in sorted(found)])
+        means = np.array([np.mean(found[setting], axis=0) for setting in sorted(found)])
+        for k, (word, style) in enumerate((("rebound", "dot_line"), ("bump", "triangle_line"))):
+            label = f"{word}, {speed:g} m/s"
+            lines.append(Line(at, means[:, k], label, colour, None, style))
+    if lines:
+        ticks, x_range = setting_axis(view.signals.setting for view in views)
+        panel = Panel(
+            *("setting", "", "measured force", "N", tuple(lines)), ticks=ticks, x_range=x_range
+        )
+        title = "Force against setting at named speeds"
+        caption = (
+            "Mean of the opening and the closing branch, and of the logs of a setting. "
+            "Dots: rebound, triangles: bump."
+        )
+        yield Plot("named_speeds", title, (panel,), caption)

@@ -1,0 +1,180 @@
+"""What is drawn, before anything draws it: plots as plain descriptions, and how to thin traces.
+
+A `Plot` has one or more `Panel` under one another, a panel has `Line`. The web page and the static
+figures draw the same descriptions, so a number cannot differ between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["Line", "Panel", "Plot", "setting_axis", "thin"]
+
+_MOST_TICKS = 20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Line:
+    """One trace.
+
+    Attributes
+    ----------
+    x, y : numpy.ndarray
+        Shape (n,), in the panel's units.
+    label : str
+        For the legend and the hover text; plain text, not yet escaped.
+    colour : str
+        "#rrggbb", "ink" or "muted".
+    setting : int or None
+        Adjuster setting whose trace it is; None belongs to all.
+    style : str
+        "solid", "wide", "thin", "dashed", "dotted"; "points", "triangles", "rings" and, off the
+        scale, "above" and "below"; "dot_line" and "triangle_line" join their marks.
+    in_legend : bool
+        The legend names it.
+    low, high : numpy.ndarray or None
+        Interval around y, same shape: bars at marks, a band along a line.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    label: str
+    colour: str
+    setting: int | None = None
+    style: str = "solid"
+    in_legend: bool = True
+    low: FloatArray | None = None
+    high: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Panel:
+    """One pair of axes.
+
+    Attributes
+    ----------
+    x_label, x_unit, y_label, y_unit : str
+        What the axes show.
+    lines : tuple of Line
+        Traces, the last one on top.
+    rules : tuple of (float, str)
+        Horizontal lines with a word at each.
+    bands : tuple of (float, float)
+        Ranges of x that are shaded.
+    is_log : bool
+        The y axis is logarithmic.
+    ticks : tuple of float
+        Where x is numbered; left to the renderer when empty.
+    x_range, y_range : (float, float) or None
+        What is shown; everything when None.
+    """
+
+    x_label: str
+    x_unit: str
+    y_label: str
+    y_unit: str
+    lines: tuple[Line, ...]
+    rules: tuple[tuple[float, str], ...] = ()
+    bands: tuple[tuple[float, float], ...] = ()
+    is_log: bool = False
+    ticks: tuple[float, ...] = ()
+    x_range: tuple[float, float] | None = None
+    y_range: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plot:
+    """A figure with a name.
+
+    Attributes
+    ----------
+    name : str
+        File name without suffix, unique in a report.
+    title : str
+        One line.
+    panels : tuple of Panel
+        From top to bottom, sharing x.
+    caption : str
+        What to see in it; may be empty.
+    key : tuple of (str, str)
+        Words and styles of a plot whose colours are the settings; the page has a key of the
+        settings at its top, a static figure gets one of its own. Then `Line.in_legend` is not
+        heeded.
+    """
+
+    name: str
+    title: str
+    panels: tuple[Panel, ...]
+    caption: str = ""
+    key: tuple[tuple[str, str], ...] = ()
+
+
+def setting_axis(
+    settings: Iterable[int],
+) -> tuple[tuple[float, ...], tuple[float, float] | None]:
+    """Return where an axis of settings is numbered, and what it shows.
+
+    Numbers stand at settings only, not at all where they would touch.
+
+    Examples
+    --------
+    >>> setting_axis([3, 1, 2])
+    ((1.0, 2.0, 3.0), (0.4, 3.6))
+    >>> setting_axis([0, 25, 26, 100])[0]
+    (0.0, 25.0, 100.0)
+    """
+    known = sorted(set(settings))
+    if not known:
+        return (), None
+    span = known[-1] - known[0]
+    ticks = known[:1]
+    for setting in known[1:]:
+        if setting - ticks[-1] >= span / _MOST_TICKS:
+            ticks.append(setting)
+    edge = max(0.6, 0.04 * span)
+    return tuple(float(tick) for tick in ticks), (known[0] - edge, known[-1] + edge)
+
+
+def thin(n_buckets: int, *signals: FloatArray) -> NDArray[np.intp]:
+    """Return the indices of samples that keep every peak of every signal.
+
+    The samples are cut into ``n_buckets`` runs of equal length. From each run the samples with the
+    lowest and the highest value of each signal are kept, and the first and last sample of all.
+    No extreme value is lost, unlike in taking every n-th sample.
+
+    Parameters
+    ----------
+    n_buckets : int
+        Runs; at most ``2 n_buckets len(signals) + 2`` indices are returned.
+    *signals : numpy.ndarray
+        Shape (n,) each, all of one length. NaN is passed over.
+
+    Examples
+    --------
+    >>> spike = np.zeros(1000); spike[777] = 5.0
+    >>> 777 in thin(10, spike)
+    True
+    """
+    n = len(signals[0])
+    if n <= 2 * n_buckets * len(signals) + 2:
+        return np.arange(n)
+    edges = np.linspace(0, n, n_buckets + 1).astype(np.intp)
+    kept = {0, n - 1}
+    for signal in signals:
+        low = np.where(np.isnan(signal), np.inf, signal)
+        high = np.where(np.isnan(signal), -np.inf, signal)
+        for start, stop in pairwise(edges):
+            kept.add(int(start + np.argmin(low[start:stop])))
+            kept.add(int(start + np.argmax(high[start:stop])))
+    return np.array(sorted(kept), dtype=np.intp)

@@ -1,0 +1,211 @@
+"""The plots of one log: the two loops, force and residual, pressures (the paper's Figs 7, 11, 12).
+
+Displacement in mm, velocity in m/s, force in N, pressure in bar; positive in rebound.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.report.plots.colours import CHAMBER_COLOURS, CHAMBER_STYLES
+from damperfit.report.plots.description import Line, Panel, Plot, thin
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from damperfit.report.evaluated_log import EvaluatedLog
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["cavitation_bands", "pressure_panel", "setting_plots"]
+
+_BUCKETS = 200  # of a whole log: peaks of every cycle survive
+_CYCLE_BUCKETS = 120  # of one cycle: finer than a screen shows
+_CLOUD = 800  # points of a residual plot, besides the peaks
+_BINS = 24  # of velocity, for the mean residual
+_FEW = 3  # samples: no mean of fewer
+_BAR = 1e5  # Pa
+
+
+def setting_plots(view: EvaluatedLog, *, name: str, colour: str) -> tuple[Plot, ...]:
+    """Return the plots of one log.
+
+    Parameters
+    ----------
+    view : EvaluatedLog
+        The log.
+    name : str
+        Prefix of the plots' names.
+    colour : str
+        Colour of the setting.
+    """
+    return (
+        _force_velocity(view, name, colour),
+        _force_displacement(view, name, colour),
+        _force_time(view, name, colour),
+        _residual(view, name, colour),
+        _pressures(view, name),
+    )
+
+
+def _title(view: EvaluatedLog, words: str) -> str:
+    return f"Setting {view.signals.setting}: {words}"
+
+
+def _loops(view: EvaluatedLog, signal: FloatArray, colour: str) -> tuple[Line, Line]:
+    """Return the last cycle: simulated in the setting's colour, measured thin on top of it."""
+    signals = view.signals
+    x, f = signal[view.cycle], signals.force[view.cycle]
+    measured = signals.force_measured[view.cycle]
+    part = thin(_CYCLE_BUCKETS, x, f, measured)
+    setting = signals.setting
+    return (
+        Line(x[part], f[part], "simulated", colour, setting=setting, style="wide"),
+        Line(x[part], measured[part], "measured", "ink", setting=setting, style="thin"),
+    )
+
+
+def _force_velocity(view: EvaluatedLog, name: str, colour: str) -> Plot:
+    panel = Panel("velocity", "m/s", "force", "N", _loops(view, view.signals.velocity, colour))
+    caption = "Last cycle; rebound to the right and up, bump to the left and down."
+    title = _title(view, "force against velocity")
+    return Plot(f"{name}_force_velocity", title, (panel,), caption)
+
+
+def _force_displacement(view: EvaluatedLog, name: str, colour: str) -> Plot:
+    lines = _loops(view, 1e3 * view.signals.displacement, colour)
+    panel = Panel("displacement", "mm", "force", "N", lines)
+    caption = "Last cycle."
+    if view.measured and view.simulated:
+        caption = (
+            f"Last cycle. Energy per cycle: {view.measured.energy:.4g} J measured, "
+            f"{view.simulated.energy:.4g} J simulated."
+        )
+    title = _title(view, "force against displacement")
+    return Plot(f"{name}_force_displacement", title, (panel,), caption)
+
+
+def _force_time(view: EvaluatedLog, name: str, colour: str) -> Plot:
+    signals = view.signals
+    residual = signals.force_measured - signals.force
+    kept = thin(_BUCKETS, signals.force_measured, signals.force, residual)
+    time = (signals.time - signals.time[0])[kept]
+    setting = signals.setting
+    forces = (
+        Line(time, signals.force[kept], "simulated", colour, setting=setting, style="wide"),
+        Line(time, signals.force_measured[kept], "measured", "ink", setting=setting, style="thin"),
+    )
+    left = Line(
+        time, residual[kept], "residual", colour, setting=setting, style="thin", in_legend=False
+    )
+    panels = (
+        Panel("time", "s", "force", "N", forces),
+        Panel("time", "s", "residual", "N", (left,)),
+    )
+    caption = "Below: measured less simulated."
+    return Plot(f"{name}_force_time", _title(view, "force over time"), panels, caption)
+
+
+def _residual(view: EvaluatedLog, name: str, colour: str) -> Plot:
+    signals = view.signals
+    residual = signals.force_measured - signals.force
+    # Peaks alone would make the cloud wider than it is.
+    some = np.arange(0, len(residual), max(1, len(residual) // _CLOUD))
+    kept = np.union1d(some, thin(_BUCKETS // 8, residual))
+    cloud = Line(
+        signals.velocity[kept],
+        residual[kept],
+        "residual",
+        colour,
+        setting=signals.setting,
+        style="points",
+    )
+    lines = (cloud, *_mean_residuals(view, residual))
+    panel = Panel("velocity", "m/s", "residual", "N", lines, rules=((0.0, ""),))
+    caption = (
+        "Measured less simulated. A cloud around zero is noise; where a mean leaves zero, "
+        "the model lacks something."
+    )
+    return Plot(f"{name}_residual", _title(view, "residual against velocity"), (panel,), caption)
+
+
+def _mean_residuals(view: EvaluatedLog, residual: FloatArray) -> tuple[Line, ...]:
+    """Return the mean of all samples by velocity, on the opening and on the closing branch."""
+    v = view.signals.velocity
+    if len(v) < _BINS or np.ptp(v) == 0.0:
+        return ()
+    edges = np.linspace(v.min(), v.max(), _BINS + 1)
+    place = np.clip(np.digitize(v, edges) - 1, 0, _BINS - 1)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    is_opening = np.gradient(np.abs(v)) > 0.0
+    lines = []
+    for part, word, style in ((is_opening, "opening", "solid"), (~is_opening, "closing", "dashed")):
+        count = np.bincount(place[part], minlength=_BINS)
+        total = np.bincount(place[part], weights=residual[part], minlength=_BINS)
+        seen = count >= _FEW
+        mean = total[seen] / count[seen]
+        label = f"mean, {word} branch"
+        lines.append(
+            Line(middle[seen], mean, label, "ink", setting=view.signals.setting, style=style)
+        )
+    return tuple(line for line in lines if len(line.x))
+
+
+def _pressures(view: EvaluatedLog, name: str) -> Plot:
+    signals = view.signals
+    time = signals.time[view.cycle] - signals.time[view.cycle.start]
+    pressures = signals.pressures[:, view.cycle]
+    panel = pressure_panel(time, pressures, setting=signals.setting)
+    caption = "No chamber cavitates."
+    if panel.bands:
+        parts = [
+            f"chamber {i} for {100.0 * float(np.mean(pressure <= 0.0)):.1f} %"
+            for i, pressure in enumerate(pressures, start=1)
+            if (pressure <= 0.0).any()
+        ]
+        caption = f"Shaded: cavitation, {' and '.join(parts)} of the cycle."
+    caption += f" Lowest pressure {pressures.min() / _BAR:.3g} bar."
+    title = _title(view, "chamber pressures, simulated")
+    return Plot(f"{name}_pressures", title, (panel,), caption)
+
+
+def pressure_panel(time: FloatArray, pressures: FloatArray, *, setting: int | None = None) -> Panel:
+    """Return the chamber pressures over one cycle, cavitation shaded.
+
+    Parameters
+    ----------
+    time : numpy.ndarray
+        Shape (n,), s.
+    pressures : numpy.ndarray
+        Shape (3, n), Pa.
+    setting : int, optional
+        Whose they are.
+    """
+    kept = thin(_CYCLE_BUCKETS, *pressures)
+    looks = zip(pressures, CHAMBER_COLOURS, CHAMBER_STYLES, strict=True)
+    words = ("chamber 1 (rod side)", "chamber 2 (full bore)", "chamber 3 (gas side)")
+    lines = tuple(
+        Line(time[kept], pressure[kept] / _BAR, word, colour, setting=setting, style=style)
+        for word, (pressure, colour, style) in zip(words, looks, strict=True)
+    )
+    bands = cavitation_bands(time, pressures)
+    return Panel("time", "s", "absolute pressure", "bar", lines, bands=bands)
+
+
+def cavitation_bands(time: FloatArray, pressures: FloatArray) -> tuple[tuple[float, float], ...]:
+    """Return begin and end of each stretch with a chamber at zero pressure.
+
+    Parameters
+    ----------
+    time : numpy.ndarray
+        Shape (n,).
+    pressures : numpy.ndarray
+        Shape (3, n).
+    """
+    is_inside = np.any(pressures <= 0.0, axis=0)
+    padded = np.concatenate(([False], is_inside, [False]))
+    begins = np.flatnonzero(~padded[:-1] & padded[1:])
+    ends = np.flatnonzero(padded[:-1] & ~padded[1:]) - 1
+    return tuple((float(time[a]), float(time[b])) for a, b in zip(begins, ends, strict=True))

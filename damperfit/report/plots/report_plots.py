@@ -1,0 +1,74 @@
+"""All plots of a results folder, in the order of the report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from damperfit.report.evaluated_log import evaluate_logs
+from damperfit.report.plots.all_settings import campaign_plots
+from damperfit.report.plots.colours import setting_colours
+from damperfit.report.plots.one_log import setting_plots
+from damperfit.report.run_json import trends_in
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from damperfit.report.evaluated_log import EvaluatedLog
+    from damperfit.report.plots.description import Plot
+    from damperfit.tables import Results
+
+__all__ = ["ReportPlots", "report_plots"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReportPlots:
+    """Everything that is drawn from a results folder.
+
+    Attributes
+    ----------
+    results : Results
+        The tables.
+    colours : mapping of int to str
+        Colour of each setting.
+    overall : tuple of Plot
+        All settings together.
+    by_log : tuple of (EvaluatedLog, tuple of Plot)
+        Each log.
+    """
+
+    results: Results
+    colours: Mapping[int, str]
+    overall: tuple[Plot, ...]
+    by_log: tuple[tuple[EvaluatedLog, tuple[Plot, ...]], ...]
+
+    @property
+    def plots(self) -> tuple[Plot, ...]:
+        """All plots in the order of the report."""
+        return (*self.overall, *(plot for _, plots in self.by_log for plot in plots))
+
+
+def report_plots(results: Results) -> ReportPlots:
+    """Lay out the plots of a results folder."""
+    logs = evaluate_logs(results)
+    colours = setting_colours(
+        [
+            *(row["setting"] for row in results.parameters),
+            *(row["setting"] for row in results.mse),
+            *(log.signals.setting for log in logs),
+        ]
+    )
+    overall = campaign_plots(
+        *(results.parameters, results.mse, logs),
+        colours=colours,
+        trends=trends_in(results.record),
+    )
+    by_log = []
+    counts: dict[int, int] = {}
+    for log in logs:
+        setting = log.signals.setting
+        counts[setting] = counts.get(setting, 0) + 1
+        more = f"_log_{counts[setting]}" if counts[setting] > 1 else ""
+        name = f"setting_{setting:02d}{more}"
+        by_log.append((log, setting_plots(log, name=name, colour=colours[setting])))
+    return ReportPlots(results, colours, overall, tuple(by_log))

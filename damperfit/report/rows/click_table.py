@@ -1,0 +1,38 @@
+"""The change of force from click to click, one row per click."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from damperfit.report.rows.notes_below_tables import simulated_clicks_at
+from damperfit.report.rows.rounding import NOTHING, with_interval
+from damperfit.report.rows.sheet import Sheet
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from damperfit.adjustment import Click
+
+__all__ = ["click_sheet"]
+
+
+def click_sheet(clicks: Sequence[Click]) -> Sheet:
+    """Return one row per click: the change of force at the highest speed told, by stroke."""
+    fastest = max((click.speed for click in clicks), default=0.0)
+    shown = [click for click in clicks if click.speed == fastest]
+    steps = sorted({(click.first, click.second) for click in shown})
+    cells = {(click.first, click.second, click.stroke): click for click in shown}
+
+    def told(step: tuple[int, int], stroke: str) -> str:
+        click = cells.get((*step, stroke))
+        return NOTHING if click is None else with_interval(click.change, click.high, plus="+")
+
+    return Sheet(
+        headings=("click", "rebound", "bump"),
+        units=("", "N", "N"),
+        rows=tuple(
+            (f"{step[0]} to {step[1]}", told(step, "rebound"), told(step, "bump")) for step in steps
+        ),
+        is_number=(False, True, True),
+        notes=(simulated_clicks_at(fastest),) if steps else (),
+    )

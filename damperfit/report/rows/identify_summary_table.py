@@ -1,0 +1,137 @@
+"""The rows that `identify` ends with: all of a run in a table of 80 columns.
+
+Parameters stand as value and standard error in the last digits, ``14.005(11)`` for 14.005 ± 0.011.
+What is the same at all settings moves below the table. Where 80 columns are not enough, the errors
+go first (values stay rounded by them), then the grade, which the MSE tells too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.report.rows.notes_below_tables import errors_and_flags, units_and_marks
+from damperfit.report.rows.parameter_table import PARAMETER_MARKS, PARAMETER_SCALES, has_offset
+from damperfit.report.rows.rounding import NOTHING, percent, rounded_by_error
+from damperfit.report.rows.sheet import Sheet, sheet_width
+from damperfit.report.rows.sparkline import BLOCK_LEVELS, setting_sparklines
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    Row = Mapping[str, Any]
+
+__all__ = ["summary_sheet"]
+
+_SAME = 1e-12
+_ADJUST = ("r_m1", "r_m2", "k_e")  # in columns of their own, equal at all settings or not
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """What a table shows of what it could."""
+
+    has_errors: bool
+    has_grade: bool
+    has_flags: bool
+
+
+_LOOKS = (
+    _Look(has_errors=True, has_grade=True, has_flags=True),
+    _Look(has_errors=False, has_grade=True, has_flags=True),
+    _Look(has_errors=False, has_grade=False, has_flags=True),
+    _Look(has_errors=False, has_grade=False, has_flags=False),
+)
+
+
+def summary_sheet(rows: Sequence[Row], *, columns: int = 80, levels: str = BLOCK_LEVELS) -> Sheet:
+    """Return one row per setting: parameters, MSE, grade, outcome, flags; sparklines below.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Rows of the table of parameters.
+    columns : int
+        Room for a row.
+    levels : str
+        Characters of the sparklines, from low to high.
+    """
+    names = [name for name in PARAMETER_NAMES if name != "f_0" or has_offset(rows)]
+    common = [name for name in names if name not in _ADJUST and _is_common(rows, name)]
+    names = [name for name in names if name not in common]
+    notes = (*_common_notes(rows, common), *setting_sparklines(rows, names, levels))
+    sheets = [_sheet(rows, names, look, (*notes, *_legend(rows, names, look))) for look in _LOOKS]
+    fitting = (sheet for sheet in sheets if sheet_width(sheet, gap=1) <= columns)
+    return next(fitting, sheets[-1])
+
+
+def _is_common(rows: Sequence[Row], name: str) -> bool:
+    """Whether all settings have one value, and not by fits of their own."""
+    values = [row[name] for row in rows if row[name] is not None]
+    held = {row[f"{name}_status"] for row in rows} <= {"fixed", "shared", None}
+    return bool(values) and held and max(values) - min(values) <= _SAME * abs(values[0])
+
+
+def _sheet(rows: Sequence[Row], names: Sequence[str], look: _Look, notes: tuple[str, ...]) -> Sheet:
+    scales = [PARAMETER_SCALES[name] for name in names]
+    has = (look.has_grade, True, look.has_flags)
+
+    def last(cells: tuple[str, str, str]) -> tuple[str, ...]:
+        return tuple(cell for cell, is_wanted in zip(cells, has, strict=True) if is_wanted)
+
+    return Sheet(
+        headings=(
+            *("set", *(scale.symbol for scale in scales), "MSE"),
+            *last(("grade", "outcome", "flags")),
+        ),
+        units=("", *(scale.short_unit for scale in scales), "%", *last(("", "", ""))),
+        rows=tuple(
+            (
+                str(row["setting"]),
+                *(_cell(row, name, has_error=look.has_errors) for name in names),
+                percent(row["mse_percent"]),
+                *last((row["grade"] or NOTHING, row["outcome"].replace("_", " "), _flags(row))),
+            )
+            for row in rows
+        ),
+        is_number=(True, *(True for _ in names), True, *(False for _ in last(("", "", "")))),
+        notes=notes,
+    )
+
+
+def _cell(row: Row, name: str, *, has_error: bool) -> str:
+    value, error, status = row[name], row[f"{name}_se"], row[f"{name}_status"]
+    if status == "not_identifiable":
+        return PARAMETER_MARKS[status]
+    factor = PARAMETER_SCALES[name].factor
+    text = rounded_by_error(
+        None if value is None else factor * value,
+        None if error is None else factor * error,
+        has_error=has_error,
+    )
+    mark = PARAMETER_MARKS.get(status or "", "")
+    return f"{text} {mark}" if mark else text
+
+
+def _flags(row: Row) -> str:
+    """Return what else to know of a setting, in a few characters."""
+    share = row.get("cavitation_fraction")
+    return f"cav. {100.0 * share:.0f} %" if share else ""
+
+
+def _common_notes(rows: Sequence[Row], names: Sequence[str]) -> Iterator[str]:
+    for name in names:
+        scale = PARAMETER_SCALES[name]
+        row = next(row for row in rows if row[name] is not None)
+        error = row[f"{name}_se"]
+        text = rounded_by_error(
+            scale.factor * row[name], None if error is None else scale.factor * error
+        )
+        how = {"shared": "shared by all settings", "fixed": "fixed"}[row[f"{name}_status"]]
+        yield f"{scale.symbol} = {scale.say(text)}, {how}"
+
+
+def _legend(rows: Sequence[Row], names: Sequence[str], look: _Look) -> tuple[str, ...]:
+    said = errors_and_flags(rows, names, shows_errors=look.has_errors)
+    return (*units_and_marks(rows, names), *said)

@@ -1,0 +1,170 @@
+"""What is in the logs, for people: one row a log with its verdict, and the findings below.
+
+The facts are those of `damperfit.run.logs.LogFacts`: JSON values, also of logs that were refused.
+"""
+
+from __future__ import annotations
+
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+from damperfit.report.rows.rounding import NOTHING, number
+from damperfit.report.rows.sheet import Sheet
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+__all__ = ["VERDICT_COLOURS", "finding_lines", "inspection_sheet"]
+
+VERDICT_COLOURS = {"good": "green", "warnings": "yellow", "refused": "red"}
+_WIDTH = 80
+_EACH = 3  # sentences of one kind of finding that are told one by one
+_HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
+
+
+def inspection_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
+    """Return one row per log: what was found in it, and whether it can be used."""
+    rows = []
+    for log in logs:
+        amplitude = log.get("amplitude_m")
+        used, found = log.get("cycles_used"), log.get("cycles_found")
+        n_read = log.get("n_samples_read")
+        rows.append(
+            (
+                str(log["name"]),
+                NOTHING if log.get("setting") is None else str(log["setting"]),
+                NOTHING if n_read is None else str(n_read),
+                number(log.get("sample_rate_Hz"), digits=4),
+                NOTHING if used is None else f"{used} of {found}",
+                number(log.get("frequency_Hz"), digits=4),
+                number(None if amplitude is None else 1e3 * amplitude, digits=4),
+                number(log.get("temperature_degC"), digits=3),
+                str(log.get("verdict", NOTHING)),
+            )
+        )
+    return Sheet(
+        headings=("log", "set", "samples", "rate", "cycles", "freq.", "ampl.", "temp.", "verdict"),
+        units=("", "", "", "Hz", "used", "Hz", "mm", "degC", ""),
+        rows=tuple(rows),
+        is_number=(False, *(True,) * 7, False),
+    )
+
+
+def finding_lines(logs: Sequence[Mapping[str, Any]], *, has_notes: bool = True) -> Iterator[str]:
+    """Yield the findings of all logs as lines of at most 80 columns, the worst first.
+
+    A sentence that is true of several logs is told once. Notes of several logs are told as the
+    range of their numbers, as each sentence differs; ``has_notes`` False leaves notes out.
+    """
+    yield _verdicts(logs)
+    for severity, heading in _HEADINGS.items():
+        told = _told(logs, severity)
+        if told:
+            yield from ("", heading)
+        for text in _grouped(told):
+            yield from _wrapped(text)
+    if has_notes:
+        yield from _note_lines(logs)
+        yield from _reading_lines(logs)
+
+
+def _verdicts(logs: Sequence[Mapping[str, Any]]) -> str:
+    counts = dict.fromkeys(VERDICT_COLOURS, 0)
+    for log in logs:
+        counts[log.get("verdict", "good")] += 1
+    words = {"good": "good", "warnings": "usable with warnings", "refused": "refused"}
+    parts = [f"{count} {words[verdict]}" for verdict, count in counts.items() if count]
+    return f"{len(logs)} log{'s' * (len(logs) != 1)}: {', '.join(parts)}"
+
+
+def _findings(log: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    found: list[Mapping[str, Any]] = log.get("findings", [])
+    return found
+
+
+def _told(logs: Sequence[Mapping[str, Any]], severity: str) -> dict[tuple[str, str], list[str]]:
+    """Return, by name and sentence, the logs that it is true of."""
+    told: dict[tuple[str, str], list[str]] = {}
+    for log in logs:
+        for one in _findings(log):
+            if one["severity"] == severity:
+                told.setdefault((one["name"], one["sentence"]), []).append(log["name"])
+    return told
+
+
+def _grouped(told: Mapping[tuple[str, str], list[str]]) -> Iterator[str]:
+    """Yield a line for each sentence; one for each name where it differs from log to log."""
+    kinds: dict[str, list[tuple[str, list[str]]]] = {}
+    for (name, sentence), names in told.items():
+        kinds.setdefault(name, []).append((sentence, names))
+    for name, found in kinds.items():
+        if len(found) <= _EACH:
+            yield from (f"{_named(names)}: {name}: {sentence}" for sentence, names in found)
+            continue
+        sentence, (first, *_) = found[0]
+        others = dict.fromkeys(log for _, names in found for log in names)
+        del others[first]
+        yield f"{first}: {name}: {sentence}. With other numbers in {', '.join(others)}"
+
+
+def _note_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    told = _told(logs, "note")
+    if not told:
+        return
+    yield from ("", "Notes")
+    by_name: dict[str, list[Mapping[str, Any]]] = {}
+    for log in logs:
+        for one in _findings(log):
+            if one["severity"] == "note":
+                by_name.setdefault(one["name"], []).append(one)
+    for name, found in by_name.items():
+        sentences = {one["sentence"] for one in found}
+        values = [one["value"] for one in found if one["value"] is not None]
+        if len(sentences) == 1 or not values:
+            text = found[0]["sentence"]
+        else:
+            text = _range(values, found[0]["unit"])
+        count = f" ({len(found)} of {len(logs)} logs)" if len(logs) > 1 else ""
+        yield from _wrapped(f"{name}: {text}{count}")
+
+
+def _range(values: Sequence[float], unit: str) -> str:
+    """Return the range of some numbers, lengths in mm and times in ms."""
+    unit, factor = {"m": ("mm", 1e3), "s": ("ms", 1e3)}.get(unit, (unit, 1.0))
+    low, high = (_short(factor * value) for value in (min(values), max(values)))
+    return f"{low if low == high else f'{low} to {high}'} {unit}".rstrip()
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+
+
+def _reading_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield what was assumed in reading, each assumption once."""
+    told: dict[str, list[str]] = {}
+    for log in logs:
+        sentences = {one["sentence"] for one in _findings(log)}
+        for note in log.get("notes", ()):
+            if note not in sentences:
+                told.setdefault(note, []).append(log["name"])
+    if told:
+        yield from ("", "Read as")
+    for note, names in told.items():
+        who = f" ({len(names)} of {len(logs)} logs)" if len(logs) > 1 else ""
+        yield from _wrapped(f"{note}{who}")
+
+
+def _named(names: Sequence[str]) -> str:
+    others = len(set(names)) - 1
+    return f"{names[0]} and {others} other log{'s' * (others > 1)}" if others else names[0]
+
+
+def _wrapped(text: str) -> list[str]:
+    return wrap(
+        " ".join(text.split()),
+        _WIDTH,
+        initial_indent="  ",
+        subsequent_indent="    ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

@@ -1,0 +1,76 @@
+"""The MSE, one row per setting and log; the grades counted; what makes a fit less than plain."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.report.rows.parameter_table import PARAMETER_SCALES
+from damperfit.report.rows.rounding import NOTHING, percent
+from damperfit.report.rows.sheet import Sheet
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    Row = Mapping[str, Any]
+
+__all__ = ["flags", "grade_counts", "mse_sheet"]
+
+
+def mse_sheet(everything: Sequence[Row], parameters: Sequence[Row]) -> Sheet:
+    """Return one row per setting and log: MSE, noise floor, grade; the outcome per setting."""
+    settings = {row["setting"]: row for row in parameters}
+    logs: dict[int, list[str]] = {}
+    for row in everything:
+        is_fitted_log = row["log"] and not _role(row)
+        logs.setdefault(row["setting"], []).extend([row["log"]] if is_fitted_log else [])
+    rows = []
+    for row in everything:
+        mine = logs[row["setting"]]
+        is_whole = not row["log"]
+        if mine == [row["log"]]:  # the row of its setting says the same
+            continue
+        setting = settings[row["setting"]]
+        name = row["log"] or (mine[0] if len(mine) == 1 else "all logs")
+        rows.append(
+            (
+                str(row["setting"]) if is_whole else "",
+                name,
+                percent(row["mse_percent"]),
+                percent(row["noise_floor_percent"]),
+                row["grade"] or NOTHING,
+                str(row["n_samples"]),
+                setting["outcome"].replace("_", " ") if is_whole else "",
+                flags(setting) if is_whole else _role(row),
+            )
+        )
+    return Sheet(
+        headings=("setting", "log", "MSE", "noise floor", "grade", "samples", "outcome", "flags"),
+        units=("", "", "%", "%", "", "", "", ""),
+        rows=tuple(rows),
+        is_number=(True, False, True, True, False, True, False, False),
+    )
+
+
+def grade_counts(rows: Iterable[Row]) -> str:
+    """Return how many rows of a table have each grade, as a sentence."""
+    grades = [row["grade"] for row in rows]
+    counts = [f"{grades.count(g)} {g}" for g in ("excellent", "good", "poor") if g in grades]
+    return f"Grades: {', '.join(counts)} (excellent below 1 %, good below 5 %)."
+
+
+def flags(row: Row) -> str:
+    """Return what makes a setting's parameters less than plainly fitted, in words."""
+    found = [
+        f"{PARAMETER_SCALES[name].symbol} {words}"
+        for status, words in (("at_bound", "at bound"), ("not_identifiable", "not identifiable"))
+        for name in PARAMETER_NAMES
+        if row.get(f"{name}_status") == status
+    ]
+    if row.get("cavitation_fraction"):
+        found.append(f"cavitates for {100.0 * row['cavitation_fraction']:.1f} % of the cycle")
+    return "; ".join(found)
+
+
+def _role(row: Row) -> str:
+    return "held out: predicted, not fitted" if row.get("role") == "held_out" else ""

@@ -1,0 +1,80 @@
+"""The sentences below the tables: what units, marks and columns mean."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    Row = Mapping[str, Any]
+
+__all__ = [
+    "ABSOLUTE_PRESSURES",
+    "BRANCHES",
+    "BRANCHES_AND_RATIO",
+    "DAMPING_SHARE",
+    "energy_and_temperature",
+    "errors_and_flags",
+    "force_and_click_at",
+    "simulated_clicks_at",
+    "stroke_and_click_at",
+    "units_and_marks",
+]
+
+DAMPING_SHARE = "% of the damping: of the force less the gas force at mid-stroke"
+ABSOLUTE_PRESSURES = "Absolute pressures, of the simulation on the motion of the logs."
+BRANCHES = "force at a speed: mean of both branches; hysteresis: opening less closing branch"
+BRANCHES_AND_RATIO = (
+    "Force at a speed: mean of the opening and the closing branch. Hysteresis: opening less "
+    "closing. Ratio: rebound over bump; none where the gas pushes both to one side."
+)
+_UNITS = "R_m1 in 1e3 s sqrt(N)/(m kg), R_m2 and R_m3 in 1e6 N s/(m2 kg)"
+_MARKS = {
+    "fixed": "f fixed",
+    "shared": "s shared by all settings",
+    "at_bound": "! ran into a bound",
+    "not_identifiable": "? these logs cannot tell it",
+}
+
+
+def units_and_marks(rows: Sequence[Row], names: Sequence[str]) -> tuple[str, ...]:
+    """Return what the units and the marks of a table of parameters mean."""
+    used = {row[f"{name}_status"] for row in rows for name in names}
+    marks = ", ".join(text for status, text in _MARKS.items() if status in used)
+    return (_UNITS, marks) if marks else (_UNITS,)
+
+
+def errors_and_flags(
+    rows: Sequence[Row], names: Sequence[str], *, shows_errors: bool
+) -> Iterator[str]:
+    """Yield how errors are written in the table that `identify` ends with, and its flags."""
+    has_errors = any(row[f"{name}_se"] for row in rows for name in names)
+    if shows_errors and has_errors:
+        yield "14.005(11) means 14.005 +- 0.011, one standard error"
+    elif has_errors:
+        yield "rounded by their standard errors, which stand in parameters.csv"
+    if any(row.get("cavitation_fraction") for row in rows):
+        yield "cav.: share of the cycle with a chamber at zero pressure"
+
+
+def force_and_click_at(speed: float) -> str:
+    """Return what a table of forces by setting shows; speed in m/s."""
+    return f"force at {speed:g} m/s and its change by click, with 95 % intervals"
+
+
+def stroke_and_click_at(stroke: str, speed: float) -> str:
+    """Return what a table of one stroke at several speeds shows; speed of the click in m/s."""
+    return f"{stroke}: force in N; click: its change at {speed:g} m/s"
+
+
+def simulated_clicks_at(speed: float) -> str:
+    """Return what a table of clicks shows; speed in m/s."""
+    return f"At {speed:g} m/s, simulated, with 95 % intervals."
+
+
+def energy_and_temperature(measured: float, simulated: float, temperature: float | None) -> str:
+    """Return energies per cycle in J and the temperature in degC as a sentence."""
+    warmth = "not logged" if temperature is None else f"{temperature:.1f} degC"
+    energies = f"{measured:.4g} J measured, {simulated:.4g} J simulated"
+    return f"Energy per cycle: {energies}. Temperature: {warmth}."

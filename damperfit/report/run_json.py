@@ -1,0 +1,247 @@
+"""Checks, trends, clicks and findings on their way into run.json and back: one class for both.
+
+Folders of other versions and damaged ones come here too, so nothing is taken on trust. What an
+entry lacks or has of another kind reads as not known: NaN, None, an empty text. An entry that lacks
+what it cannot do without is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, is_dataclass, replace
+from functools import cache
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
+
+from damperfit.adjustment import Click, Outlier, Trend, TrendPoint
+from damperfit.checks import Check
+from damperfit.recording import Finding
+from damperfit.report.failures_and_warnings import Failure
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = [
+    "checks_in",
+    "clicks_in",
+    "failures_in",
+    "findings_in",
+    "held_out_in",
+    "listed_in",
+    "number_in",
+    "read_back",
+    "sentences_in",
+    "to_record",
+    "trends_in",
+]
+
+_T = TypeVar("_T")
+
+# Names in run.json where they are not those of the fields.
+_KEYS: dict[type, dict[str, str]] = {
+    Click: {
+        "first": "from",
+        "second": "to",
+        "speed": "speed_m_per_s",
+        "change": "change_N",
+        "low": "low_N",
+        "high": "high_N",
+    },
+}
+# Fields without which an entry says nothing.
+_NEEDED: dict[type, frozenset[str]] = {
+    Check: frozenset({"name"}),
+    Click: frozenset({"first", "second", "speed"}),
+    Failure: frozenset({"message"}),
+    Finding: frozenset({"sentence"}),
+    Outlier: frozenset({"setting"}),
+    Trend: frozenset({"parameter"}),
+    TrendPoint: frozenset({"setting", "value"}),
+}
+
+
+class _UnreadableError(Exception):
+    """A value is not of its kind, and its kind has none that says so."""
+
+
+def to_record(one: Any) -> Any:
+    """Return a check, trend, click, finding or failure as what run.json holds.
+
+    Examples
+    --------
+    >>> to_record(Check("no_cavitation", True, "no chamber"))
+    {'name': 'no_cavitation', 'passed': True, 'reason': 'no chamber'}
+    """
+    if is_dataclass(one):
+        keys = _KEYS.get(type(one), {})
+        return {keys.get(f.name, f.name): to_record(getattr(one, f.name)) for f in fields(one)}
+    if isinstance(one, tuple):
+        return [to_record(item) for item in one]
+    return one
+
+
+def read_back(kind: type[_T], entry: object) -> _T | None:
+    """Return what `to_record` was given, or None where too much of it is missing.
+
+    Parameters
+    ----------
+    kind : type
+        Check, Trend, Click, Finding or Failure.
+    entry : object
+        As it stands in run.json; anything at all.
+
+    Examples
+    --------
+    >>> read_back(Check, {"name": "no_cavitation", "passed": "yes"})
+    Check(name='no_cavitation', passed=None, reason='')
+    >>> read_back(Check, {"reason": "of what?"}) is None
+    True
+    """
+    try:
+        found: _T = _read_class(kind, entry)
+    except _UnreadableError:
+        return None
+    return found
+
+
+def checks_in(record: Mapping[str, Any]) -> tuple[Check, ...]:
+    """Return the checks in the order of the record."""
+    return _all(Check, record, "checks")
+
+
+def trends_in(record: Mapping[str, Any]) -> tuple[Trend, ...]:
+    """Return the trends by parameter, their points by setting."""
+    return tuple(
+        replace(trend, points=tuple(sorted(trend.points, key=lambda point: point.setting)))
+        for trend in _all(Trend, record, "trends")
+    )
+
+
+def clicks_in(record: Mapping[str, Any]) -> tuple[Click, ...]:
+    """Return the changes of force by click."""
+    return _all(Click, record, "clicks")
+
+
+def findings_in(log: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """Return the findings of one entry of ``inputs``, the gravest first."""
+    order = {"refusal": 0, "warning": 1}
+    found = _all(Finding, log, "findings")
+    return tuple(sorted(found, key=lambda finding: order.get(finding.severity, 2)))
+
+
+def failures_in(record: Mapping[str, Any]) -> tuple[Failure, ...]:
+    """Return the logs and settings that have no result."""
+    return _all(Failure, record, "failures")
+
+
+def sentences_in(record: Mapping[str, Any], about: str) -> list[str]:
+    """Return what the run said of a subject, such as "identifiability"; older runs said nothing."""
+    told = record.get("sentences")
+    return [str(one) for one in listed_in(told, about)] if isinstance(told, dict) else []
+
+
+def held_out_in(record: Mapping[str, Any]) -> list[str]:
+    """Return one sentence for each log that was predicted and not fitted."""
+    return [
+        f"setting {entry.get('setting')}, {_text(entry.get('log'))}, "
+        f"{_text(entry.get('cycles'))} cycles: MSE {_number(entry.get('mse_percent')):.3g} % "
+        f"({_number(entry.get('expected_mse_percent')):.3g} % to expect), "
+        f"{_text(entry.get('verdict'))}"
+        for entry in listed_in(record, "held_out")
+        if isinstance(entry, dict)
+    ]
+
+
+def listed_in(record: Mapping[str, Any], key: str) -> list[Any]:
+    """Return a list of the record, empty where there is none."""
+    value = record.get(key)
+    return value if isinstance(value, list) else []
+
+
+def number_in(record: Mapping[str, Any], key: str) -> float | None:
+    """Return a finite number of the record, None where there is none."""
+    number = _number(record.get(key))
+    return number if math.isfinite(number) else None
+
+
+def _all(kind: type[_T], record: Mapping[str, Any], key: str) -> tuple[_T, ...]:
+    found = (read_back(kind, entry) for entry in listed_in(record, key))
+    return tuple(one for one in found if one is not None)
+
+
+@cache
+def _hints(kind: Any) -> dict[str, Any]:
+    return get_type_hints(kind)
+
+
+def _read_class(kind: Any, entry: object) -> Any:
+    if not isinstance(entry, dict):
+        raise _UnreadableError
+    keys, needed = _KEYS.get(kind, {}), _NEEDED.get(kind, frozenset())
+    values = {}
+    for name, hint in _hints(kind).items():
+        value = _read(hint, entry.get(keys.get(name, name)))
+        if name in needed and (value == "" or value != value):  # noqa: PLR0124 - NaN alone does
+            raise _UnreadableError
+        values[name] = value
+    return kind(**values)
+
+
+def _read(hint: Any, value: object) -> Any:
+    """Return a value as its kind, or what stands for an unknown one."""
+    if isinstance(hint, UnionType):
+        kinds = [kind for kind in get_args(hint) if kind is not NoneType]
+        like = next((kind for kind in kinds if _is_like(kind, value)), None)
+        if like is None and len(kinds) == len(get_args(hint)):
+            raise _UnreadableError
+        return None if like is None else _read(like, value)
+    if get_origin(hint) is tuple:
+        return _read_tuple(get_args(hint), value)
+    if isinstance(hint, type) and is_dataclass(hint):
+        return _read_class(hint, value)
+    return {str: _text, float: _number, int: _whole, bool: _is_true}[hint](value)
+
+
+def _read_tuple(kinds: tuple[Any, ...], value: object) -> tuple[Any, ...]:
+    items = value if isinstance(value, list) else []
+    if Ellipsis not in kinds:
+        if len(items) != len(kinds):
+            raise _UnreadableError
+        return tuple(_read(kind, item) for kind, item in zip(kinds, items, strict=True))
+    found = []
+    for item in items:
+        try:
+            found.append(_read(kinds[0], item))
+        except _UnreadableError:
+            continue
+    return tuple(found)
+
+
+def _is_like(kind: type, value: object) -> bool:
+    """Whether a value that may be unknown is known."""
+    if kind in {int, float}:
+        return math.isfinite(_number(value)) and (kind is float or type(value) is int)
+    return type(value) is kind
+
+
+def _number(value: object) -> float:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    try:
+        return float(value) if is_number else math.nan  # type: ignore[arg-type]
+    except OverflowError:  # JSON knows whole numbers of any length
+        return math.nan
+
+
+def _whole(value: object) -> int:
+    number = _number(value)
+    if not number.is_integer():  # NaN and infinity are none either
+        raise _UnreadableError
+    return int(number)
+
+
+def _is_true(value: object) -> bool:
+    return value is True
+
+
+def _text(value: object) -> str:
+    return value if isinstance(value, str) else "" if value is None else str(value)
