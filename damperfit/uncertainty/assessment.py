@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.blas import one_blas_thread
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.outcome import Outcome
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from damperfit.damper.parameters import Damper
     from damperfit.identification import Campaign
     from damperfit.uncertainty.evidence import Evidence
+    from damperfit.uncertainty.intervals import OnError
 
 __all__ = [
     "METHOD",
@@ -174,6 +176,7 @@ def assess(
     solver: SolverOptions = SolverOptions(tolerance=1e-2),
     jobs: int = 1,
     cancelled: Callable[[], bool] = lambda: False,
+    on_error: OnError | None = None,
 ) -> Assessment:
     """Judge every setting of a campaign.
 
@@ -192,16 +195,26 @@ def assess(
         Threads.
     cancelled : callable, optional
         Asked before each simulation of a profile; when it returns True no more are traced.
+    on_error : callable, optional
+        Told of a setting and the error that judging it has met; without it such an error is raised.
     """
-    from threadpoolctl import threadpool_limits
-
     evidence: list[Evidence] = []
     diagnoses: list[Diagnosis] = []
     doubted = ("f_f",) if campaign.sharing.friction_varies else ()
-    for seen in evidence_in_turns(campaign, damper, solver=solver, jobs=jobs):
-        diagnoses.extend(diagnose(one, doubted=doubted) for one in seen)
-        evidence.extend(without_curves(one) for one in seen)
-    known = uncertainties(evidence, campaign.sharing)
+    for seen in evidence_in_turns(campaign, damper, solver=solver, jobs=jobs, on_error=on_error):
+        for one in seen:
+            try:
+                diagnoses.append(diagnose(one, doubted=doubted))
+            except Exception as error:
+                if on_error is None:
+                    raise
+                on_error(one.fit.setting, error)
+            else:
+                evidence.append(without_curves(one))
+    known = uncertainties(evidence, campaign.sharing, on_error=on_error)
+    judged = {one.setting for one in known}
+    evidence = [one for one in evidence if one.fit.setting in judged]
+    diagnoses = [one for one in diagnoses if one.setting in judged]
     bench = Bench(damper, solver, cancelled, jobs)
 
     def doubtful(pair: tuple[Evidence, Uncertainty]) -> tuple[MisfitProfile, ...]:
@@ -209,8 +222,13 @@ def assess(
             return doubtful_profiles(*pair, campaign.sharing, bench)
         except (SimulationError, FitCancelledError):
             return ()
+        except Exception as error:
+            if on_error is None:
+                raise
+            on_error(pair[1].setting, error)
+            return ()
 
-    with ThreadPoolExecutor(max(1, jobs)) as pool, threadpool_limits(limits=1, user_api="blas"):
+    with ThreadPoolExecutor(max(1, jobs)) as pool, one_blas_thread():
         pairs = zip(evidence, known, strict=True)
         profiles = tuple(p for several in pool.map(doubtful, pairs) for p in several)
     return Assessment(
@@ -222,13 +240,18 @@ def assess(
 
 
 def evidence_in_turns(
-    campaign: Campaign, damper: Damper, *, solver: SolverOptions, jobs: int
+    campaign: Campaign,
+    damper: Damper,
+    *,
+    solver: SolverOptions,
+    jobs: int,
+    on_error: OnError | None = None,
 ) -> Iterator[tuple[Evidence, ...]]:
     """Yield the evidence of a campaign, a few settings at a time: it is large."""
     n_at_once = max(1, jobs)
     for start in range(0, len(campaign.fits), n_at_once):
         few = replace(campaign, fits=campaign.fits[start : start + n_at_once])
-        yield collect_evidence(few, damper, solver=solver, jobs=jobs)
+        yield collect_evidence(few, damper, solver=solver, jobs=jobs, on_error=on_error)
 
 
 def without_curves(evidence: Evidence) -> Evidence:

@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from damperfit.blas import one_blas_thread
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import ConfigurationError, SimulationError, did_you_mean
 from damperfit.identification.descent import FitCancelledError
@@ -16,7 +17,7 @@ from damperfit.uncertainty.profiles import MisfitProfile, Stride
 from damperfit.uncertainty.tracing import Line, trace_profile
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Iterable, Sequence
+    from collections.abc import Callable, Container, Iterable, Sequence
 
     from damperfit.identification import Campaign
 
@@ -47,6 +48,7 @@ def profile_campaign(
     *,
     names: Sequence[str],
     stride: Stride = Stride(),
+    on_error: Callable[[int, Exception], None] | None = None,
 ) -> Assessment:
     """Return the assessment with full profiles of some parameters at every setting.
 
@@ -65,18 +67,20 @@ def profile_campaign(
         Parameters.
     stride : Stride
         How closely.
+    on_error : callable, optional
+        Told of a setting and the error that it met; without it such an error is raised.
 
     Raises
     ------
     ConfigurationError
         A name is not known.
     """
-    from threadpoolctl import threadpool_limits
-
     check_profile_names(names)
+    known = {one.setting: one for one in assessment.uncertainties}
+    judged = tuple(fit for fit in campaign.fits if fit.setting in known)
+    campaign = replace(campaign, fits=judged)
     turns = evidence_in_turns(campaign, bench.damper, solver=bench.solver, jobs=bench.jobs)
     evidence = [without_curves(one) for seen in turns for one in seen]
-    known = {one.setting: one for one in assessment.uncertainties}
     mine = {one.fit.setting: one for one in evidence}
     sharing = campaign.sharing
     found: list[MisfitProfile] = []
@@ -86,14 +90,24 @@ def profile_campaign(
             return trace_profile(line, stride)
         except (SimulationError, FitCancelledError):
             return None
+        except Exception as error:
+            if on_error is None:
+                raise
+            on_error(line.setting, error)
+            return None
 
-    with ThreadPoolExecutor(max(1, bench.jobs)) as pool, threadpool_limits(1, user_api="blas"):
+    with ThreadPoolExecutor(max(1, bench.jobs)) as pool, one_blas_thread():
         for name in dict.fromkeys(names):
             if name in sharing.jointly:
                 try:
                     first = known[sharing.settings[0]]
                     traced = profile_jointly(name, evidence, first, sharing, bench, stride=stride)
                 except (SimulationError, FitCancelledError):
+                    traced = ()
+                except Exception as error:
+                    if on_error is None:
+                        raise
+                    on_error(sharing.settings[0], error)
                     traced = ()
             else:
                 lines = lines_of(name, mine, known, sharing, bench)
