@@ -259,7 +259,7 @@ def json_values(value: Any) -> Any:
 
 def _setting_failures(campaign: Campaign) -> Iterator[Failure]:
     for one in campaign.failures:
-        yield Failure("", "", one.setting, one.kind, one.message)
+        yield Failure("", "", one.setting, one.kind, one.message, one.trace)
 
 
 def _procedure(configuration: Configuration, campaign: Campaign) -> Iterator[str]:
