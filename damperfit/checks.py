@@ -16,7 +16,7 @@ from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import Status
 from damperfit.identification.setting import EXCELLENT
-from damperfit.identification.sharing import listed_settings
+from damperfit.identification.sharing import listed_runs, listed_settings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -33,6 +33,7 @@ __all__ = [
     "expand_checks",
     "missed_gates",
     "run_checks",
+    "unchecked",
 ]
 
 _EXPLAINED = 0.5  # share of the MSE
@@ -105,6 +106,11 @@ def _without_fits(name: str, subject: Subject) -> Check:
     if name == "every_setting_fitted":
         return Check(name, *_every_setting_fitted(subject))
     return Check(name, None, "no setting could be fitted")
+
+
+def unchecked() -> tuple[Check, ...]:
+    """Return the result of every check when an error of damperfit's kept it from looking."""
+    return tuple(Check(name, None, "not looked at for an internal error") for name in CHECKS)
 
 
 def expand_checks(names: Iterable[str]) -> tuple[str, ...]:
@@ -312,7 +318,9 @@ def _every_setting_fitted(subject: Subject) -> _Verdict:
     if not subject.campaign.is_complete:
         said.append("interrupted before every setting was done")
     if subject.campaign.gaps:
-        said.append(f"no result for {_listed(subject.campaign.gaps)}")
+        gaps = subject.campaign.gaps
+        plural = "s" if len(gaps) > 1 or gaps[0][0] < gaps[0][1] else ""
+        said.append(f"no result for setting{plural} {listed_runs(gaps)}")
     if said:
         return False, "; ".join(said)
     return (True, f"{_listed(done)} fitted") if done else (False, "no setting could be fitted")

@@ -6,7 +6,10 @@ The library raises; only ``damperfit.cli`` catches and exits.
 
 from __future__ import annotations
 
+import traceback
+from dataclasses import dataclass
 from difflib import get_close_matches
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -17,11 +20,14 @@ __all__ = [
     "ConfigurationError",
     "DamperfitError",
     "InstallationError",
+    "InternalError",
     "LogError",
+    "Mishap",
     "OutputError",
     "QualityError",
     "SimulationError",
     "did_you_mean",
+    "mishap_of",
 ]
 
 
@@ -63,6 +69,62 @@ class SimulationError(DamperfitError):
 
 class OutputError(DamperfitError):
     """Results cannot be written."""
+
+
+class InternalError(DamperfitError):
+    """A bug of damperfit's that one log or one setting has met; the others go on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mishap:
+    """What ended the work on one log or one setting, while the others went on.
+
+    Attributes
+    ----------
+    kind : str
+        The name of the error's class; "InternalError" for every one that damperfit did not mean to
+        raise, and "MemoryError".
+    message : str
+        One sentence: what, where, what to do.
+    trace : str
+        Where it happened, in many lines, for whoever mends it; empty where it was meant.
+    """
+
+    kind: str
+    message: str
+    trace: str = ""
+
+
+def mishap_of(error: Exception, task: str) -> Mishap:
+    """Return what to tell of an error that must not cost the others their results.
+
+    Parameters
+    ----------
+    error : Exception
+        What was raised.
+    task : str
+        What was being done, as in "reading the log".
+    """
+    if isinstance(error, DamperfitError):
+        return Mishap(type(error).__name__, str(error))
+    if isinstance(error, MemoryError):
+        said = f" ({error})" if str(error) else ""
+        advice = "give fewer or shorter logs at a time, or a lower --jobs"
+        return Mishap("MemoryError", f"not enough memory for {task}{said}; {advice}")
+    frames = traceback.extract_tb(error.__traceback__)
+    package = Path(__file__).parent
+    inside = [frame for frame in frames if package in Path(frame.filename).parents]
+    where = ""
+    if inside:
+        at = Path(inside[-1].filename).relative_to(package).as_posix()
+        where = f" (damperfit/{at}, line {inside[-1].lineno})"
+    said = " ".join(str(error).split()) or "no message"
+    return Mishap(
+        "InternalError",
+        f"internal error while {task}, {type(error).__name__}: {said}{where}; this is a bug in "
+        "damperfit: please report this line, with the log if it may be shown",
+        "".join(traceback.format_exception(error)),
+    )
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

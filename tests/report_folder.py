@@ -44,7 +44,7 @@ def make_results(folder: Path) -> Path:
         "version": "0.1.0",
         "schema_version": 1,
         "warnings": [f"{EVIL}: strange"],
-        "gaps": [4],
+        "gaps": [{"first": 4, "last": 4}],
         "procedure": ["Damper: rod 19 mm."],
         "inputs": [
             {"log": EVIL, "temperature_degC": 26.4, "notes": [f"note of {EVIL}"]},

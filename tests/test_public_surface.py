@@ -22,7 +22,6 @@ SURFACE = {
     "damperfit.run.record": [
         "Ending",
         "Judgement",
-        "corrections",
         "ending_of",
         "failures_of",
         "json_values",
@@ -65,6 +64,8 @@ SURFACE = {
         "FileSet",
         "check_writable",
         "file_set",
+        "reserved",
+        "settle",
         "write_text",
     ],
     "damperfit.characteristics": [
@@ -82,6 +83,7 @@ SURFACE = {
         "expand_checks",
         "missed_gates",
         "run_checks",
+        "unchecked",
     ],
     "damperfit.cli": [
         "main",
@@ -150,11 +152,14 @@ SURFACE = {
         "ConfigurationError",
         "DamperfitError",
         "InstallationError",
+        "InternalError",
         "LogError",
+        "Mishap",
         "OutputError",
         "QualityError",
         "SimulationError",
         "did_you_mean",
+        "mishap_of",
     ],
     "damperfit.identification": [
         "Campaign",
@@ -188,7 +193,26 @@ SURFACE = {
         "LogFacts",
         "available_cores",
         "expand",
+        "failure_of",
         "read_batch",
+    ],
+    "damperfit.run.judging": [
+        "judge",
+        "with_profiles",
+    ],
+    "damperfit.run.mishaps": [
+        "Mishaps",
+    ],
+    "damperfit.run.remarks": [
+        "MANY",
+        "corrections",
+        "gates_not_met",
+        "missing_logs",
+        "run_warnings",
+        "skipped_files",
+    ],
+    "damperfit.blas": [
+        "one_blas_thread",
     ],
     "damperfit.run.pipeline": [
         "RunResult",
@@ -233,6 +257,7 @@ SURFACE = {
         "cycle_sparklines",
         "draw_loops",
         "draw_plot",
+        "failure_lines",
         "finding_lines",
         "force_by_setting_sheet",
         "force_by_speed_sheet",

@@ -72,7 +72,7 @@ STATES = {
                 Failure("setting_02.csv", "runs/setting_02.csv", 2, "LogError", "empty file"),
             ),
             warnings=("there is no log of setting 2",),
-            gaps=(2,),
+            gaps=((2, 2),),
         ),
         (1, 2, 3),
     ),

@@ -255,7 +255,10 @@ def test_what_the_run_told_is_shown(copy):
         {"checks": 3, "trends": "a", "clicks": None, "inputs": [None, {"findings": [1, {}]}]},
         {"checks": [{}, 1, {"name": "a", "passed": "yes"}], "trends": [{"points": [{}]}]},
         {"trends": [{"parameter": "k_e", "points": [{"setting": 1, "value": 5e8}]}]},
-        {"clicks": [{"from": "a"}, {"from": 1, "to": 2}], "gaps": ["x", None, 3.5]},
+        {
+            "clicks": [{"from": "a"}, {"from": 1, "to": 2}],
+            "gaps": ["x", None, 3.5, {"first": 2}, {"first": "2", "last": 3}],
+        },
         {"configuration": 5, "procedure": [None, 3], "warnings": [{}], "failures": [1, {}]},
         {"configuration": {"rig": {"filter": [1], "centre": None, "reverse_force": "yes"}}},
         {"inputs": [{"log": "setting_01.csv", "temperature_degC": 10**400, "frequency_Hz": True}]},

@@ -19,6 +19,8 @@ from damperfit.adjustment.trends import Trend, find_trends
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from damperfit.damper.parameters import Damper
     from damperfit.identification import Campaign
     from damperfit.uncertainty import Assessment
@@ -60,6 +62,7 @@ def compare_settings(
     *,
     solver: SolverOptions = SolverOptions(tolerance=1e-2),
     jobs: int = 1,
+    on_error: Callable[[int, Exception], None] | None = None,
 ) -> Adjustment:
     """Lay the settings of a campaign beside each other; two simulated cycles a setting.
 
@@ -75,6 +78,8 @@ def compare_settings(
         How exactly to integrate.
     jobs : int
         Threads.
+    on_error : callable, optional
+        Told of a setting and the error that it met; without it such an error is raised.
     """
     if not campaign.fits:
         return Adjustment()
@@ -87,6 +92,7 @@ def compare_settings(
         speeds=named_speeds(sine),
         solver=solver,
         jobs=jobs,
+        on_error=on_error,
     )
     return Adjustment(
         trends=find_trends(campaign.fits, known),

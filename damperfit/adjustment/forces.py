@@ -28,7 +28,7 @@ from damperfit.simulation import Response, SolverOptions, simulate, sine_motion
 from damperfit.uncertainty import NORMAL_95
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -195,7 +195,7 @@ def named_speeds(sine: Sine) -> tuple[float, ...]:
     return tuple(speed for speed in NAMED_SPEEDS if speed < sine.peak_speed)
 
 
-def levels(
+def levels(  # noqa: PLR0913 - one more than usual, to be told of errors
     stages: Sequence[Stage],
     damper: Damper,
     sine: Sine,
@@ -203,6 +203,7 @@ def levels(
     speeds: Sequence[float],
     solver: SolverOptions = SolverOptions(),
     jobs: int = 1,
+    on_error: Callable[[int, Exception], None] | None = None,
 ) -> tuple[Level, ...]:
     """Return the forces of all settings at speeds, in both strokes; one simulation a setting.
 
@@ -220,6 +221,8 @@ def levels(
         How exactly to integrate.
     jobs : int
         Threads.
+    on_error : callable, optional
+        Told of a setting and the error that it met; without it such an error is raised.
 
     Returns
     -------
@@ -242,9 +245,14 @@ def levels(
                 sensitivities=(*stage.own, *stage.shared),
                 options=solver,
             )
+            return _levels_of(stage, response, sine.frequency, speeds)
         except SimulationError:
             return []
-        return _levels_of(stage, response, sine.frequency, speeds)
+        except Exception as error:
+            if on_error is None:
+                raise
+            on_error(stage.setting, error)
+            return []
 
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         return tuple(level for found in pool.map(one, stages) for level in found)

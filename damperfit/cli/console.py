@@ -9,9 +9,11 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from rich.console import RenderableType
+
+    from damperfit.report import Failure
 
 __all__ = [
     "one_line",
@@ -19,6 +21,8 @@ __all__ = [
     "print_lines",
     "print_renderable",
     "say",
+    "say_failures",
+    "say_lines",
     "screen_columns",
     "shield_streams",
     "silence_broken_pipe",
@@ -47,6 +51,22 @@ def say(text: str) -> None:
         sys.stderr.flush()
     except BrokenPipeError:
         _to_nowhere(sys.stderr)
+
+
+def say_failures(failures: Sequence[Failure], *, is_debug: bool) -> None:
+    """Write a line for each failure to stderr; where it happened too, if that is asked for."""
+    from damperfit.report import failure_lines
+
+    for line in failure_lines(failures):
+        say(f"damperfit: {line}")
+    for failure in failures if is_debug else ():
+        say_lines(failure.trace)
+
+
+def say_lines(text: str) -> None:
+    """Write several lines for people to stderr."""
+    for line in text.splitlines():
+        say(line)
 
 
 def print_json(document: Any) -> None:

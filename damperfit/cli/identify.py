@@ -15,6 +15,7 @@ from damperfit.cli.console import (
     print_lines,
     print_renderable,
     say,
+    say_failures,
     screen_columns,
     spark_levels,
 )
@@ -173,6 +174,7 @@ def identify(
     with stop_on_signal() as cancelled, progress(is_wanted=not quiet) as bar:
         watch = Watch(on_start=bar.start, on_fit=bar.advance, cancelled=cancelled)
         result = run(configuration, logs, jobs=jobs, setting=setting, watch=watch)
+    say_failures(result.facts.failures, is_debug=debug)
     _tell_people(result, configuration=configuration, is_quiet=quiet)
     if result.campaign.fits and (report or plots):
         folder = configuration.output.folder
@@ -215,10 +217,8 @@ def _append(path: Path, report: str) -> None:
 
 
 def _tell_people(result: RunResult, *, configuration: Configuration, is_quiet: bool) -> None:
-    from damperfit.run.record import corrections
+    from damperfit.run.remarks import corrections
 
-    for failure in result.facts.failures:
-        say(f"damperfit: {failure.line}")
     for gate in result.facts.gates:
         say(f"damperfit: {gate}")
     if is_quiet:

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from damperfit.cli.console import one_line, print_json, print_lines, print_renderable, say
+from damperfit.cli.console import (
+    one_line,
+    print_json,
+    print_lines,
+    print_renderable,
+    say,
+    say_failures,
+)
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -51,6 +58,7 @@ def inspect(
     from damperfit.configuration.loading import load_configuration
     from damperfit.run.logs import available_cores, expand, read_batch
     from damperfit.run.record import log_documents, reading_ending
+    from damperfit.run.remarks import skipped_files
 
     configuration = load_configuration(
         config,
@@ -65,11 +73,10 @@ def inspect(
     paths = expand(logs)
     workers = jobs or available_cores()
     batch = read_batch(paths, configuration, jobs=workers, setting=setting, keeps_traces=False)
-    for failure in batch.failures:
-        say(f"damperfit: {failure.line}")
+    say_failures(batch.failures, is_debug=debug)
     if not quiet:
-        for path in batch.skipped:
-            say(f"warning: {path}: a parameter table of damperfit, not a log; skipped")
+        for warning in skipped_files(batch):
+            say(f"warning: {warning}")
     if json:
         print_json(log_documents(batch))
     else:

@@ -14,6 +14,7 @@ from damperfit.cli.console import (
     print_lines,
     print_renderable,
     say,
+    say_lines,
     screen_columns,
 )
 from damperfit.cli.options import (
@@ -72,6 +73,8 @@ def settings(
     remarks = (*adjuster.remarks, *ladder.remarks)
     for remark in remarks:
         say(f"damperfit: {results}: {remark}")
+    for trace in ladder.traces if debug else ():
+        say_lines(trace)
     for note in ladder.notes:
         say(f"note: {note}")
     if json:

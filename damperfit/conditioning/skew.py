@@ -183,6 +183,8 @@ def _straight(at: FloatArray, trace: Trace) -> FloatArray:
     if len(at) < 3:
         return at
     cycle = np.rint((at - at[0]) * trace.frequency)
+    if np.ptp(cycle) == 0.0:  # a dwell crosses the end of one cycle several times
+        return at
     return np.asarray(at[0] + np.polyval(np.polyfit(cycle, at - at[0], 1), cycle))
 
 

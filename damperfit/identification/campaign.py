@@ -15,6 +15,7 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from damperfit.blas import one_blas_thread
 from damperfit.errors import ConfigurationError, LogError
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.failures import SettingFailure, attempted
@@ -75,8 +76,8 @@ class Campaign:
     searches: tuple[Search, ...] = ()
 
     @property
-    def gaps(self) -> tuple[int, ...]:
-        """Settings without a fit within a run of clicks.
+    def gaps(self) -> tuple[tuple[int, int], ...]:
+        """Runs of settings without a fit within a run of clicks: first and last of each.
 
         Where every other click or none but 1, 5, 10 was tested, those between are no gaps.
         """
@@ -84,7 +85,7 @@ class Campaign:
         steps = sorted(later - earlier for earlier, later in pairwise(done))
         if not steps or steps[len(steps) // 2] != 1:
             return ()
-        return tuple(sorted(set(range(done[0], done[-1])) - set(done)))
+        return tuple((a + 1, b - 1) for a, b in pairwise(done) if b - a > 1)
 
 
 def identify(
@@ -128,8 +129,6 @@ def identify(
     LogError
         No trace, or one without a setting.
     """
-    from threadpoolctl import threadpool_limits
-
     check_options(options)
     if not traces:
         raise LogError("identify: there is no log to fit; give one trace or more")
@@ -143,7 +142,7 @@ def identify(
     )
     # BLAS threads spin between the small products of a fit and take the core that the next
     # setting's thread needs: 200 logs on two cores took 4.9 s with them and 2.8 s without.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         campaign = PROCEDURES[options.procedure](task)
     said = [f"setting {one.setting}: {one.warning}" for one in campaign.searches if one.warning]
     said.extend(_implausible(options))

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import traceback
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from damperfit.errors import (
     ConfigurationError,
-    DamperfitError,
     InstallationError,
     SimulationError,
+    mishap_of,
 )
 from damperfit.identification.descent import FitCancelledError
 
@@ -21,8 +19,6 @@ if TYPE_CHECKING:
 __all__ = ["SettingError", "SettingFailure", "attempted"]
 
 _INTERNAL = "InternalError"
-_OUT_OF_MEMORY = "out of memory while this setting was fitted; give shorter logs or a lower --jobs."
-_PACKAGE = Path(__file__).parents[1]
 
 Found = TypeVar("Found")
 
@@ -39,11 +35,14 @@ class SettingFailure:
         Name of the error class; InternalError where it is none of damperfit's own.
     message : str
         One sentence: what, where, what to do.
+    trace : str
+        Of an internal error, where it happened, for whoever mends it.
     """
 
     setting: int
     kind: str
     message: str
+    trace: str = ""
 
     @property
     def is_internal(self) -> bool:
@@ -73,21 +72,6 @@ def attempted(setting: int, fit: Callable[[], Found]) -> Found | SettingFailure:
         return fit()
     except (FitCancelledError, ConfigurationError, InstallationError):
         raise
-    except DamperfitError as error:
-        return SettingFailure(setting, type(error).__name__, str(error))
-    except MemoryError:
-        return SettingFailure(setting, MemoryError.__name__, _OUT_OF_MEMORY)
     except Exception as error:  # noqa: BLE001 - a bug that one setting meets leaves the others
-        return SettingFailure(setting, _INTERNAL, _described(error))
-
-
-def _described(error: Exception) -> str:
-    """What to report of a bug: the error and the last line of damperfit that led to it."""
-    frames = traceback.extract_tb(error.__traceback__)
-    mine = [frame for frame in frames if _PACKAGE in Path(frame.filename).parents]
-    where = f" ({Path(mine[-1].filename).name}, line {mine[-1].lineno})" if mine else ""
-    said = " ".join(str(error).split()) or "no message"
-    return (
-        f"internal error, {type(error).__name__}: {said}{where}; this is a bug in damperfit: "
-        "please report this line together with the logs of this setting."
-    )
+        mishap = mishap_of(error, "fitting")
+        return SettingFailure(setting, mishap.kind, mishap.message, mishap.trace)

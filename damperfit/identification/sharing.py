@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING
 from damperfit.identification.gas_content import GAS_NAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from damperfit.identification.gas_content import GasLaw
 
-__all__ = ["Sharing", "listed_settings"]
+__all__ = ["Sharing", "listed_runs", "listed_settings"]
 
 # Frictions further from their middle than this share are not one. Noise alone moves those of the
 # sample runs by 0.8 %.
 _ALIKE = 0.2
+_MANY = 20  # runs of settings that a sentence names
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,12 +92,25 @@ def listed_settings(settings: Iterable[int]) -> str:
     >>> listed_settings([1, 2, 5, 6, 7])
     '1, 2, 5-7'
     """
-    runs: list[list[int]] = []
+    runs: list[tuple[int, int]] = []
     for setting in sorted(settings):
-        if runs and setting == runs[-1][-1] + 1:
-            runs[-1].append(setting)
+        if runs and setting == runs[-1][1] + 1:
+            runs[-1] = (runs[-1][0], setting)
         else:
-            runs.append([setting])
-    return ", ".join(
-        f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs
-    )
+            runs.append((setting, setting))
+    return listed_runs(runs)
+
+
+def listed_runs(runs: Sequence[tuple[int, int]]) -> str:
+    """Return runs of whole numbers, each given by its first and last; of many, the first ones.
+
+    Examples
+    --------
+    >>> listed_runs([(4, 4), (7, 8), (10, 900000)])
+    '4, 7, 8, 10-900000'
+    """
+    said = [
+        f"{a}-{b}" if b - a > 1 else ", ".join(map(str, range(a, b + 1))) for a, b in runs[:_MANY]
+    ]
+    more = sum(b - a + 1 for a, b in runs[_MANY:])
+    return ", ".join(said) + (f" and {more} more" if more else "")

@@ -23,7 +23,7 @@ from damperfit.adjustment import (
 )
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.parameters import PARAMETER_NAMES, Damper, Parameters
-from damperfit.errors import ConfigurationError
+from damperfit.errors import ConfigurationError, Mishap, mishap_of
 from damperfit.identification.sharing import listed_settings
 from damperfit.quantities import parse_quantity
 from damperfit.simulation import refuse_amplitude
@@ -100,6 +100,8 @@ class Ladder:
         The answer, where a force was asked for.
     remarks : tuple of str
         Settings that could not be simulated.
+    traces : tuple of str
+        Where internal errors among them happened.
     notes : tuple of str
         What a reader must know of the forces; nothing is missing.
     """
@@ -109,6 +111,7 @@ class Ladder:
     wanted: Wanted | None
     remarks: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    traces: tuple[str, ...] = ()
 
 
 def parse_question(
@@ -212,6 +215,11 @@ def climb(adjuster: Adjuster, question: Question, *, jobs: int = 1) -> Ladder:
             f"{at}: not reached by {adjuster.source}, which peaks at {sine.peak_speed:.3g} m/s; "
             "give a lower --velocity, or a larger --amplitude or --frequency"
         )
+    mishaps: dict[int, Mishap] = {}
+
+    def take(setting: int, error: Exception) -> None:
+        mishaps[setting] = mishap_of(error, f"simulating setting {setting}")
+
     found = levels(
         adjuster.stages,
         adjuster.damper,
@@ -219,10 +227,13 @@ def climb(adjuster: Adjuster, question: Question, *, jobs: int = 1) -> Ladder:
         speeds=speeds,
         solver=adjuster.solver,
         jobs=jobs,
+        on_error=take,
     )
     done = {level.setting for level in found}
     remarks = tuple(
-        f"setting {stage.setting} cannot be simulated at {adjuster.source}"
+        mishaps[stage.setting].message
+        if stage.setting in mishaps
+        else f"setting {stage.setting} cannot be simulated at {adjuster.source}"
         for stage in adjuster.stages
         if stage.setting not in done
     )
@@ -232,7 +243,9 @@ def climb(adjuster: Adjuster, question: Question, *, jobs: int = 1) -> Ladder:
             raise ConfigurationError("one setting does not tell which gives a force; fit more logs")
         wanted = which_setting([x for x in found if x.stroke == question.stroke], question.force)
     changes = clicks(found, adjuster.damper)
-    return Ladder(found, changes, wanted, remarks, tuple(_cavitation_notes(adjuster, found)))
+    notes = tuple(_cavitation_notes(adjuster, found))
+    traces = tuple(mishaps[setting].trace for setting in sorted(mishaps))
+    return Ladder(found, changes, wanted, remarks, notes, traces)
 
 
 def _cavitation_notes(adjuster: Adjuster, found: Sequence[Level]) -> Iterator[str]:

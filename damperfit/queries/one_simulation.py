@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from damperfit.atomic import settle
 from damperfit.characteristics import Characteristics, characterise
 from damperfit.conditioning import condition
 from damperfit.configuration.options import parameter_value
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.damper.reference import REFERENCE_SOURCE, reference_parameters
-from damperfit.errors import ConfigurationError
+from damperfit.errors import ConfigurationError, DamperfitError, InternalError, mishap_of
 from damperfit.identification.model_versus_log import motion_of
 from damperfit.readers import read_log
 from damperfit.simulation import (
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from damperfit.configuration.options import Configuration
+    from damperfit.recording import Trace
     from damperfit.simulation import Motion
 
 __all__ = ["DEFAULT_TABLE", "Choice", "SimulatedTest", "choose_parameters", "simulate_test"]
@@ -119,6 +121,7 @@ def choose_parameters(
 
 
 def _of_setting(setting: int, table: Path | None) -> tuple[Parameters, str]:
+    settle(DEFAULT_TABLE.parent)  # what an interrupted run put there may be none of the results
     if table is None and not DEFAULT_TABLE.exists():
         return reference_parameters(setting), f"setting {setting} of the {REFERENCE_SOURCE}"
     path = table or DEFAULT_TABLE
@@ -147,6 +150,8 @@ def simulate_test(
     ------
     LogError
         The log cannot be read or evaluated.
+    InternalError
+        Reading it has met a bug of damperfit's.
     ConfigurationError
         The stroke is longer than a chamber.
     SimulationError
@@ -158,7 +163,7 @@ def simulate_test(
         response = simulate(choice.parameters, configuration.damper, motion, options=solver)
         frequency, steady = configuration.rig.frequency, response
     else:
-        trace = condition(read_log(log, configuration.reading), configuration.conditioning)
+        trace = _trace(log, configuration)
         response = simulate(
             choice.parameters, configuration.damper, motion_of(trace), options=solver
         )
@@ -171,6 +176,16 @@ def simulate_test(
             figures, speed_forces=(), hysteresis_rebound=math.nan, hysteresis_bump=math.nan
         )
     return SimulatedTest(choice, words, frequency, response, figures)
+
+
+def _trace(log: Path, configuration: Configuration) -> Trace:
+    try:
+        return condition(read_log(log, configuration.reading), configuration.conditioning)
+    except (DamperfitError, MemoryError):
+        raise
+    except Exception as error:
+        mishap = mishap_of(error, f"reading {log.name}")
+        raise InternalError(mishap.message) from error
 
 
 def _wave(configuration: Configuration) -> tuple[Motion, str]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from damperfit.report.failures_and_warnings import Failure, ReportFacts
+from damperfit.report.failures_and_warnings import Failure, ReportFacts, failure_lines
 from damperfit.report.mse_report import markdown_report
 from damperfit.report.rows.check_table import check_lines
 from damperfit.report.rows.force_by_setting_table import (
@@ -62,6 +62,7 @@ __all__ = [
     "cycle_sparklines",
     "draw_loops",
     "draw_plot",
+    "failure_lines",
     "finding_lines",
     "force_by_setting_sheet",
     "force_by_speed_sheet",

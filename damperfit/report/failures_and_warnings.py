@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from damperfit.uncertainty import Prediction
 
 from damperfit.checks import Check
 
-__all__ = ["Failure", "ReportFacts"]
+__all__ = ["Failure", "ReportFacts", "failure_lines"]
+
+_MANY = 5  # tests of one file that fail alike and are told one by one
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,9 +30,11 @@ class Failure:
     setting : int or None
         Adjuster setting, when known.
     kind : str
-        Name of the error class.
+        Name of the error class; the README lists them.
     message : str
         One sentence: what, where, found, expected, what to do.
+    trace : str
+        Of an internal error, where it happened, for whoever mends it.
     """
 
     log: str
@@ -36,6 +42,7 @@ class Failure:
     setting: int | None
     kind: str
     message: str
+    trace: str = ""
 
     @property
     def place(self) -> str:
@@ -47,12 +54,40 @@ class Failure:
         """Whether only strict quality refused the log: a gate that was missed, no failure."""
         return self.kind == "QualityError"
 
+    def describe(self) -> dict[str, Any]:
+        """Return the failure for run.json."""
+        return {
+            "log": self.log,
+            "path": self.path,
+            "setting": self.setting,
+            "kind": self.kind,
+            "message": self.message,
+        }
+
     @property
     def line(self) -> str:
         """The failure as one line, its place first."""
         place = self.place
         has_place = not place or place in self.message
         return self.message if has_place else f"{place}: {self.message}"
+
+
+def failure_lines(failures: Sequence[Failure]) -> list[str]:
+    """Return a line for each failure; one for all tests of a file that fail in the same way.
+
+    A logger that leaves out the setting does so in each of a file's hundreds of tests.
+    """
+    alike: dict[tuple[str, str, str], list[Failure]] = {}
+    for one in failures:
+        said = one.message.replace(one.log, "", 1) if one.log else one.message
+        alike.setdefault((one.path or one.place, one.kind, said), []).append(one)
+    lines = []
+    for first, *others in alike.values():
+        if len(others) < _MANY:
+            lines += [one.line for one in (first, *others)]
+        else:
+            lines.append(f"{first.line} (and {len(others)} other tests of this file alike)")
+    return lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +104,8 @@ class ReportFacts:
         Logs and settings without a result.
     warnings : tuple of str
         What the reader should know before believing the numbers.
-    gaps : tuple of int
-        Settings between the lowest and the highest one that have no result.
+    gaps : tuple of (int, int)
+        Runs of settings without a result, first and last, between the lowest and the highest one.
     gates : tuple of str
         Gates that were not met, one sentence each.
     advice : tuple of (str, str)
@@ -99,7 +134,7 @@ class ReportFacts:
     procedure: tuple[str, ...] = ()
     failures: tuple[Failure, ...] = ()
     warnings: tuple[str, ...] = ()
-    gaps: tuple[int, ...] = ()
+    gaps: tuple[tuple[int, int], ...] = ()
     gates: tuple[str, ...] = ()
     advice: tuple[tuple[str, str], ...] = ()
     trust: tuple[str, ...] = ()

@@ -6,7 +6,8 @@ import re
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from damperfit.identification.sharing import listed_settings
+from damperfit.identification.sharing import listed_runs
+from damperfit.report.failures_and_warnings import failure_lines
 from damperfit.report.rows.check_table import check_sheet, check_summary
 from damperfit.report.rows.force_by_setting_table import force_by_setting_sheet
 from damperfit.report.rows.held_out_table import held_out_sheet
@@ -104,9 +105,9 @@ def _clicks(tables: Tables) -> list[str]:
 
 
 def _missing(facts: ReportFacts) -> Iterator[str]:
-    yield from (failure.line for failure in facts.failures)
+    yield from failure_lines(facts.failures)
     if facts.gaps:
-        yield f"no result for setting {listed_settings(facts.gaps)}"
+        yield f"no result for setting {listed_runs(facts.gaps)}"
 
 
 def _section(title: str, lines: Iterable[str]) -> list[str]:

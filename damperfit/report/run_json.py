@@ -26,6 +26,7 @@ __all__ = [
     "clicks_in",
     "failures_in",
     "findings_in",
+    "gaps_in",
     "held_out_in",
     "listed_in",
     "number_in",
@@ -132,6 +133,19 @@ def findings_in(log: Mapping[str, Any]) -> tuple[Finding, ...]:
 def failures_in(record: Mapping[str, Any]) -> tuple[Failure, ...]:
     """Return the logs and settings that have no result."""
     return _all(Failure, record, "failures")
+
+
+def gaps_in(record: Mapping[str, Any]) -> tuple[tuple[int, int], ...]:
+    """Return the runs of settings without a result, first and last of each."""
+    told = listed_in(record, "gaps")
+    ends = [(one.get("first"), one.get("last")) for one in told if isinstance(one, dict)]
+    # Before 0.2 every setting was listed.
+    ends += [(one, one) for one in told]
+    return tuple(
+        (first, last)
+        for first, last in ends
+        if type(first) is int and type(last) is int and first <= last
+    )
 
 
 def sentences_in(record: Mapping[str, Any], about: str) -> list[str]:

@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
-from damperfit.errors import ConfigurationError, LogError
-from damperfit.report import Failure
-from damperfit.run.logs import LogBatch, expand
+from damperfit.errors import ConfigurationError, Mishap, mishap_of
+from damperfit.run.logs import LogBatch, expand, failure_of
 from damperfit.uncertainty import split_cycles
 
 if TYPE_CHECKING:
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
 
     from damperfit.identification import Campaign
     from damperfit.recording import Trace
+    from damperfit.report import Failure
     from damperfit.uncertainty import HoldOutOptions, Prediction
 
 __all__ = ["Parted", "named_files", "note_unpredicted", "part"]
@@ -107,8 +107,9 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
     for trace in (trace for trace in batch.traces if trace.name not in names):
         try:
             rest, last = split_cycles(trace, options.cycles) if options.cycles else (trace, None)
-        except LogError as error:
-            failures.append(_failure(batch, trace, str(error)))
+        except Exception as error:  # noqa: BLE001 - the other logs go on
+            mishap = mishap_of(error, f"holding out cycles of {trace.name}")
+            failures.append(_failure(batch, trace, mishap))
             continue
         fitted.append(rest)
         held_out.extend([last] if last is not None else [])
@@ -117,27 +118,43 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
 
 
 def note_unpredicted(
-    parted: Parted, campaign: Campaign, predictions: Sequence[Prediction]
+    parted: Parted,
+    campaign: Campaign,
+    predictions: Sequence[Prediction],
+    known: Sequence[Failure] = (),
 ) -> LogBatch:
-    """Return the batch with the held-out logs that could not be predicted among its failures."""
+    """Return the batch with the held-out logs that could not be predicted among its failures.
+
+    Logs of which it is known already why are not told again.
+    """
     done = {id(prediction.trace) for prediction in predictions}
+    told = {failure.log for failure in known}
     fitted = {fit.setting for fit in campaign.fits}
     lost = tuple(
         _failure(
             parted.batch,
             trace,
-            f"{trace.name}: held out, but cannot be predicted: setting {trace.setting} "
-            + ("cannot be simulated on it" if trace.setting in fitted else "has no fit"),
+            _unpredicted(trace, is_fitted=trace.setting in fitted),
         )
         for trace in parted.held_out
-        if id(trace) not in done
+        if id(trace) not in done and trace.name not in told
     )
     return replace(parted.batch, failures=(*parted.batch.failures, *lost))
 
 
-def _failure(batch: LogBatch, trace: Trace, message: str) -> Failure:
+def _unpredicted(trace: Trace, *, is_fitted: bool) -> Mishap:
+    kind, why = (
+        ("SimulationError", "cannot be simulated on it")
+        if is_fitted
+        else ("PredictionError", "has no fit")
+    )
+    said = f"{trace.name}: held out, but cannot be predicted: setting {trace.setting} {why}"
+    return Mishap(kind, said)
+
+
+def _failure(batch: LogBatch, trace: Trace, mishap: Mishap) -> Failure:
     path = next((log.path for log in batch.logs if log.log == trace.name), "")
-    return Failure(trace.name, path, trace.setting, "LogError", message)
+    return failure_of(mishap, trace.name, path, trace.setting)
 
 
 def _fits(pattern: str, *names: str) -> bool:

@@ -16,8 +16,16 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from damperfit.blas import one_blas_thread
 from damperfit.conditioning import condition, examine_raw
-from damperfit.errors import ConfigurationError, LogError, QualityError
+from damperfit.errors import (
+    ConfigurationError,
+    InstallationError,
+    LogError,
+    Mishap,
+    QualityError,
+    mishap_of,
+)
 from damperfit.readers import read_logs
 from damperfit.recording import Finding
 from damperfit.report import Failure
@@ -31,7 +39,7 @@ if TYPE_CHECKING:
 _LARGE = 1_000_000  # bytes
 _READ_APART = {".mat", ".mdf", ".mf4", ".h5", ".hdf5"}
 
-__all__ = ["LogBatch", "LogFacts", "available_cores", "expand", "read_batch"]
+__all__ = ["LogBatch", "LogFacts", "available_cores", "expand", "failure_of", "read_batch"]
 
 # First line of this project's own parameter tables (truth.csv, parameters.csv), which a pattern
 # such as sample_runs/*.csv catches beside the logs.
@@ -168,8 +176,6 @@ def read_batch(
     cancelled : callable
         Asked before each log; once it says True, the remaining logs are left out.
     """
-    from threadpoolctl import threadpool_limits
-
     is_table = {path: _is_parameter_table(path) for path in paths}
     logs = [path for path in paths if not is_table[path]]
 
@@ -179,7 +185,7 @@ def read_batch(
 
     # BLAS threads spin between small products and take the core of the next log.
     workers = jobs if any(_gains_by_threads(path) for path in logs) else 1
-    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(workers) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(workers) as pool:
         taken = [part for parts in pool.map(one, logs, _distinct_names(logs)) for part in parts]
     return LogBatch(
         traces=tuple(part.trace for part in taken if part.trace is not None),
@@ -243,9 +249,11 @@ def _take_file(
     """Read one file, which may hold several tests."""
     try:
         recordings = read_logs(path, configuration.reading)
-    except (LogError, MemoryError) as error:
+    except _USAGE:
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever it is, the other logs go on
         known = LogFacts(name, _shown(str(path)), _hash(path), {"name": name, "setting": setting})
-        return [_failed(known, error)]
+        return [_failed(known, error, task="reading the log")]
     parts = [replace(part, name=part.name.replace(path.name, name, 1)) for part in recordings]
     return [_take_test(part, path, configuration, setting=setting) for part in parts]
 
@@ -268,8 +276,10 @@ def _take_test(
         if recording.setting is None:
             recording = replace(recording, setting=_known(setting, recording.name))
         trace = condition(recording, configuration.conditioning)
-    except (LogError, MemoryError) as error:
-        return _failed(known, error, examine_raw(recording))
+    except _USAGE:
+        raise
+    except Exception as error:  # noqa: BLE001
+        return _failed(known, error, _seen_raw(recording), task="conditioning the log")
     sentences = (one.sentence for one in trace.findings)
     facts = trace.describe() | {
         "n_samples_read": len(recording.time),
@@ -285,15 +295,41 @@ def _take_test(
 
 
 # Names of the finding that says why a log is refused, by the class of the error.
-_REFUSALS = {"ConditioningError": "unusable", "QualityError": "strict"}
+_REFUSALS = {
+    "ConditioningError": "unusable",
+    "QualityError": "strict",
+    "InternalError": "internal_error",
+}
+# What is wrong with the whole command, not with one log.
+_USAGE = (ConfigurationError, InstallationError)
 
 
-def _failed(known: LogFacts, error: Exception, findings: tuple[Finding, ...] = ()) -> _Taken:
-    message = str(error) or "not enough memory to read the log"
-    setting, kind = known.facts["setting"], type(error).__name__
-    failure = Failure(known.log, known.path, setting, kind, message)
-    sentence = message.removeprefix(f"{known.log}: ")
-    refusal = Finding(_REFUSALS.get(kind, "unreadable"), "refusal", sentence)
+def failure_of(
+    mishap: Mishap, log: str = "", path: str = "", setting: int | None = None
+) -> Failure:
+    """Return what is told of a log or a setting that something ended the work on."""
+    return Failure(log, path, setting, mishap.kind, mishap.message, mishap.trace)
+
+
+def _seen_raw(recording: Recording) -> tuple[Finding, ...]:
+    """Return what a log shows that cannot be evaluated, if it can be looked at."""
+    try:
+        return examine_raw(recording)
+    except Exception:  # noqa: BLE001 - why it cannot be evaluated is told already
+        return ()
+
+
+def _failed(
+    known: LogFacts,
+    error: Exception,
+    findings: tuple[Finding, ...] = (),
+    *,
+    task: str = "reading the log",
+) -> _Taken:
+    mishap = mishap_of(error, task)
+    failure = failure_of(mishap, known.log, known.path, known.facts["setting"])
+    sentence = mishap.message.removeprefix(f"{known.log}: ")
+    refusal = Finding(_REFUSALS.get(mishap.kind, "unreadable"), "refusal", sentence)
     told = {"findings": [asdict(one) for one in (refusal, *findings)], "verdict": "refused"}
     return _Taken(replace(known, facts=known.facts | told), failure=failure)
 

@@ -12,29 +12,28 @@ import json
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
-from damperfit.adjustment import compare_settings
-from damperfit.atomic import check_writable, file_set
-from damperfit.checks import Subject, run_checks
+from damperfit.atomic import check_writable, file_set, reserved
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, compare, identify
 from damperfit.report import markdown_report
 from damperfit.run.hold_out import Parted, named_files, note_unpredicted, part
+from damperfit.run.judging import assessed, judge, with_profiles
 from damperfit.run.logs import available_cores, expand, read_batch
+from damperfit.run.mishaps import Mishaps
 from damperfit.run.record import (
     Ending,
     Judgement,
     ending_of,
-    failures_of,
     provenance,
     record,
     report_facts,
 )
 from damperfit.tables import make_tables, profiles_table, write_responses, write_table
-from damperfit.uncertainty import Bench, assess, predict, profile_campaign, reconsider
+from damperfit.uncertainty import Bench
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -46,7 +45,8 @@ if TYPE_CHECKING:
     from damperfit.damper.parameters import Parameters
     from damperfit.identification import Comparison, Fit
     from damperfit.recording import Trace
-    from damperfit.report import ReportFacts
+    from damperfit.report import Failure, ReportFacts
+    from damperfit.run.logs import LogBatch
     from damperfit.tables import Tables
 
 __all__ = ["RunResult", "Watch", "run"]
@@ -160,45 +160,89 @@ def run(
     paths = tuple(dict.fromkeys((*paths, *chain.from_iterable(named.values()))))
     check_writable(folder)
     workers = jobs or available_cores()
-    with clock.lap("read_s"):
-        batch = read_batch(
-            paths, configuration, jobs=workers, setting=setting, cancelled=watch.cancelled
-        )
-    if not batch.logs and not watch.cancelled():
-        raise ConfigurationError("no logs among the files given: they are all parameter tables")
-    parted = Parted(batch) if watch.cancelled() else part(batch, configuration.hold_out, named)
+    with reserved(folder):
+        with clock.lap("read_s"):
+            batch = read_batch(
+                paths, configuration, jobs=workers, setting=setting, cancelled=watch.cancelled
+            )
+        if not batch.logs and not watch.cancelled():
+            raise ConfigurationError("no logs among the files given: they are all parameter tables")
+        parted = Parted(batch) if watch.cancelled() else part(batch, configuration.hold_out, named)
+        return _run(configuration, parted, clock=clock, jobs=workers, watch=watch)
+
+
+def _run(
+    configuration: Configuration, parted: Parted, *, clock: _Clock, jobs: int, watch: Watch
+) -> RunResult:
+    """Fit, judge and write what was read."""
     batch = parted.batch
     watch.on_start(len({trace.setting for trace in batch.traces}))
     with clock.lap("fit_s"):
-        campaign = _identify(configuration, batch.traces, jobs=workers, watch=watch)
-    campaign, judgement = _judge(
-        configuration, parted, campaign, clock=clock, jobs=workers, watch=watch
-    )
+        campaign = _identify(configuration, batch.traces, jobs=jobs, watch=watch)
+    mishaps = Mishaps(batch)
+    bench = Bench(configuration.damper, configuration.identification.solver, watch.cancelled, jobs)
+    with clock.lap("judge_s"):
+        assessment = assessed(campaign, bench, mishaps)
+    if configuration.profile and campaign.fits and not watch.cancelled():
+        with clock.lap("profile_s"):
+            assessment = with_profiles(
+                campaign, assessment, bench, mishaps, names=configuration.profile
+            )
+    with clock.lap("judge_s"):
+        campaign, judgement = judge(configuration, parted, campaign, assessment, mishaps, jobs=jobs)
     if not watch.cancelled():
-        batch = note_unpredicted(parted, campaign, judgement.predictions)
-    origin = provenance(configuration, batch, campaign, judgement.predictions)
-    facts = report_facts(
-        configuration, batch, campaign, judgement, is_interrupted=watch.cancelled()
+        batch = note_unpredicted(parted, campaign, judgement.predictions, mishaps.failures)
+    told = _Told(
+        configuration,
+        batch,
+        campaign,
+        judgement,
+        provenance(configuration, batch, campaign, judgement.predictions),
+        is_interrupted=watch.cancelled(),
     )
-    ending = ending_of(campaign, facts)
-    result = RunResult(
-        ending=ending,
-        campaign=campaign,
-        tables=make_tables(
-            campaign,
-            assessment=judgement.assessment,
-            predictions=judgement.predictions,
-            adjustment=judgement.adjustment,
-            expected=configuration.rig.settings,
-            provenance=origin,
-        ),
-        facts=facts,
-        record=record(configuration, batch, facts, campaign, judgement, ending=ending),
-        profiles=_profiles(configuration, judgement, origin),
-    )
-    if campaign.fits or not facts.is_interrupted:
-        _write(configuration, result, origin, clock=clock, jobs=workers)
-    return result
+    if not campaign.fits and watch.cancelled():
+        return told.result(mishaps.failures)
+    return _write(told, mishaps, clock=clock, jobs=jobs)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Told:
+    """All that a run has found, from which its account is made."""
+
+    configuration: Configuration
+    batch: LogBatch
+    campaign: Campaign
+    judgement: Judgement
+    origin: Mapping[str, Any]
+    is_interrupted: bool
+
+    def result(self, mishaps: tuple[Failure, ...]) -> RunResult:
+        judgement = replace(self.judgement, failures=mishaps)
+        facts = report_facts(
+            self.configuration,
+            self.batch,
+            self.campaign,
+            judgement,
+            is_interrupted=self.is_interrupted,
+        )
+        ending = ending_of(self.campaign, facts)
+        return RunResult(
+            ending=ending,
+            campaign=self.campaign,
+            tables=make_tables(
+                self.campaign,
+                assessment=judgement.assessment,
+                predictions=judgement.predictions,
+                adjustment=judgement.adjustment,
+                expected=self.configuration.rig.settings,
+                provenance=self.origin,
+            ),
+            facts=facts,
+            record=record(
+                self.configuration, self.batch, facts, self.campaign, judgement, ending=ending
+            ),
+            profiles=_profiles(self.configuration, judgement, self.origin),
+        )
 
 
 @dataclass(slots=True)
@@ -236,56 +280,6 @@ def _identify(
     )
 
 
-def _judge(
-    configuration: Configuration,
-    parted: Parted,
-    campaign: Campaign,
-    *,
-    clock: _Clock,
-    jobs: int,
-    watch: Watch,
-) -> tuple[Campaign, Judgement]:
-    """Intervals, verdicts, trends and checks of a campaign; profiles where they were asked for.
-
-    The profiles first: one that is flat has the last word on its parameter.
-    """
-    solver = configuration.identification.solver
-    with clock.lap("judge_s"):
-        assessment = assess(
-            campaign, configuration.damper, solver=solver, jobs=jobs, cancelled=watch.cancelled
-        )
-    if configuration.profile and campaign.fits and not watch.cancelled():
-        bench = Bench(configuration.damper, solver, watch.cancelled, jobs)
-        with clock.lap("profile_s"):
-            assessment = profile_campaign(campaign, assessment, bench, names=configuration.profile)
-    with clock.lap("judge_s"):
-        campaign = reconsider(campaign, assessment)
-        adjustment = compare_settings(
-            campaign, assessment, configuration.damper, solver=solver, jobs=jobs
-        )
-        subject = Subject(
-            campaign,
-            assessment,
-            adjustment,
-            missing=tuple(
-                f"{one.place} {'left out' if one.is_left_out else 'failed'}"
-                for one in failures_of(configuration, parted.batch, campaign)
-            ),
-            temperature=configuration.rig.temperature,
-            temperature_tolerance=configuration.rig.temperature_tolerance,
-        )
-        checks = run_checks(subject)
-        predictions = predict(
-            campaign,
-            assessment,
-            parted.held_out,
-            damper=configuration.damper,
-            solver=solver,
-            jobs=jobs,
-        )
-    return campaign, Judgement(assessment, adjustment, checks, predictions)
-
-
 def _profiles(
     configuration: Configuration, judgement: Judgement, origin: Mapping[str, Any]
 ) -> pa.Table | None:
@@ -297,15 +291,20 @@ def _profiles(
 
 
 def _comparisons(
-    configuration: Configuration, campaign: Campaign, *, jobs: int
-) -> Iterator[Comparison]:
+    configuration: Configuration, campaign: Campaign, mishaps: Mishaps, *, jobs: int
+) -> Iterator[Comparison | None]:
     """Simulate each log once more, a few at a time and no more: they are large."""
+    take = mishaps.at_log("simulating the response of")
 
-    def one(pair: tuple[Parameters, Trace]) -> Comparison:
+    def one(pair: tuple[Parameters, Trace]) -> Comparison | None:
         parameters, trace = pair
-        return compare(
-            parameters, trace, configuration.damper, solver=configuration.identification.solver
-        )
+        try:
+            return compare(
+                parameters, trace, configuration.damper, solver=configuration.identification.solver
+            )
+        except Exception as error:  # noqa: BLE001 - the other logs have their signals
+            take(trace, error)
+            return None
 
     pairs = [(fit.parameters, log.trace) for fit in campaign.fits for log in fit.logs]
     with ThreadPoolExecutor(max_workers=jobs) as pool:
@@ -313,35 +312,32 @@ def _comparisons(
             yield from pool.map(one, pairs[start : start + 2 * jobs])
 
 
-def _write(
-    configuration: Configuration,
-    result: RunResult,
-    origin: Mapping[str, Any],
-    *,
-    clock: _Clock,
-    jobs: int,
-) -> None:
+def _write(told: _Told, mishaps: Mishaps, *, clock: _Clock, jobs: int) -> RunResult:
     """Write all files as a set, run.json last."""
+    configuration, campaign = told.configuration, told.campaign
     with file_set(configuration.output.folder) as files:
         with clock.lap("write_s"):
+            # First, for what fails in it is told in the others.
+            write_responses(
+                files.path("responses.parquet"),
+                campaign,
+                _comparisons(configuration, campaign, mishaps, jobs=jobs),
+                provenance=told.origin,
+            )
+            result = told.result(mishaps.failures)
             for name, table in result.written.items():
                 for suffix in (".parquet", ".csv"):
                     write_table(files.path(name + suffix), table, suffix=suffix)
             for name in _ON_REQUEST - result.written.keys():
                 for suffix in (".parquet", ".csv"):
                     files.without(name + suffix)
-            write_responses(
-                files.path("responses.parquet"),
-                result.campaign,
-                _comparisons(configuration, result.campaign, jobs=jobs),
-                provenance=origin,
-            )
             report = markdown_report(result.tables, result.facts)
             files.path("report.md").write_bytes(report.encode("utf-8", "backslashreplace"))
-        result.record["files"] = {name: _sha256(files.path(name)) for name in tuple(files.names)}
+        result.record["files"] = {name: _sha256(files.path(name)) for name in sorted(files.names)}
         result.record["timings"] = clock.read()
         text = json.dumps(result.record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
         files.path("run.json").write_bytes(text.encode("utf-8", "backslashreplace"))
+    return result
 
 
 def _sha256(path: Path) -> str:

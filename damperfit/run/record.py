@@ -7,7 +7,7 @@ that a bad log beside them changes no byte. `record` is run.json and tells every
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
@@ -18,23 +18,22 @@ from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Outcome, Status, describe_cavitation, describe_searches
 from damperfit.quantities import engineering
 from damperfit.report import Failure, ReportFacts, to_record
+from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
 from damperfit.run.trust import confidence_record, unconfirmed_tares
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
 from damperfit.uncertainty import METHOD, Assessment, prediction_warnings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Campaign
-    from damperfit.recording import Finding
     from damperfit.run.logs import LogBatch, LogFacts
     from damperfit.uncertainty import Prediction
 
 __all__ = [
     "Ending",
     "Judgement",
-    "corrections",
     "ending_of",
     "failures_of",
     "json_values",
@@ -70,19 +69,22 @@ class Judgement:
         The checklist.
     predictions : tuple of Prediction
         How well what was held out is predicted.
+    failures : tuple of Failure
+        Settings and logs that could not be judged.
     """
 
     assessment: Assessment = Assessment()
     adjustment: Adjustment = Adjustment()
     checks: tuple[Check, ...] = ()
     predictions: tuple[Prediction, ...] = ()
+    failures: tuple[Failure, ...] = ()
 
 
 def failures_of(
     configuration: Configuration, batch: LogBatch, campaign: Campaign
 ) -> tuple[Failure, ...]:
     """Return the logs and settings without a result."""
-    return (*batch.failures, *_setting_failures(campaign), *_missing(configuration, batch))
+    return (*batch.failures, *_setting_failures(campaign), *missing_logs(configuration, batch))
 
 
 def report_facts(
@@ -103,9 +105,9 @@ def report_facts(
             *((assessment.gas.sentence,) if assessment.gas is not None else ()),
             *_method(campaign, assessment),
         ),
-        failures=failures_of(configuration, batch, campaign),
+        failures=(*failures_of(configuration, batch, campaign), *judgement.failures),
         warnings=(
-            *_warnings(batch, campaign),
+            *run_warnings(batch, campaign),
             *unconfirmed_tares(campaign, assessment),
             *assessment.warnings,
             *prediction_warnings(judgement.predictions),
@@ -119,7 +121,7 @@ def report_facts(
         checks=judgement.checks,
         gaps=campaign.gaps,
         gates=(
-            *_missed_gates(configuration, batch, campaign),
+            *gates_not_met(configuration, batch, campaign),
             *missed_gates(judgement.checks, configuration.output.checks),
         ),
         advice=tuple(sorted((outcome.value, outcome.advice) for outcome in outcomes)),
@@ -185,9 +187,9 @@ def record(
         "configuration": configuration.document,
         "inputs": [_input(log) for log in batch.logs],
         "skipped": list(batch.skipped),
-        "failures": [to_record(failure) for failure in facts.failures],
+        "failures": [failure.describe() for failure in facts.failures],
         "warnings": list(facts.warnings),
-        "gaps": list(facts.gaps),
+        "gaps": [{"first": first, "last": last} for first, last in facts.gaps],
         "sentences": {
             "noise_and_lack_of_fit": list(facts.trust),
             "identifiability": list(facts.identifiability),
@@ -226,7 +228,7 @@ def log_documents(batch: LogBatch) -> dict[str, Any]:
         {
             "logs": [_input(log) for log in batch.logs],
             "skipped": list(batch.skipped),
-            "failures": [asdict(failure) for failure in batch.failures],
+            "failures": [failure.describe() for failure in batch.failures],
         }
     )
     return document
@@ -257,82 +259,7 @@ def json_values(value: Any) -> Any:
 
 def _setting_failures(campaign: Campaign) -> Iterator[Failure]:
     for one in campaign.failures:
-        yield Failure("", "", one.setting, one.kind, one.message)
-
-
-def _missing(configuration: Configuration, batch: LogBatch) -> Iterator[Failure]:
-    """Yield the settings that the configuration expects and no log claims to be."""
-    present = {log.facts.get("setting") for log in batch.logs}
-    for setting in sorted(set(configuration.rig.settings) - present):
-        message = f"setting {setting}: no log, but the configuration expects one in rig.settings"
-        yield Failure("", "", setting, "LogError", message)
-
-
-def _warnings(batch: LogBatch, campaign: Campaign) -> Iterator[str]:
-    for path in batch.skipped:
-        yield f"{path}: a parameter table of damperfit, not a log; skipped"
-    yield from _twin_warnings(batch)
-    yield from _log_warnings(campaign)
-    yield from campaign.warnings
-    if campaign.sharing.friction_varies and campaign.sharing.f_f_range is not None:
-        low, high = campaign.sharing.f_f_range
-        how = "--share r_m3" if campaign.sharing.jointly else "--free r_m1,r_m2,k_e,f_f"
-        yield (
-            f"friction goes from {low:.3g} to {high:.3g} N over the settings: one value for all "
-            f"does not hold; free it ({how})"
-        )
-    for fit in campaign.fits:
-        yield from (f"setting {fit.setting}: {warning}" for warning in fit.warnings)
-
-
-def _twin_warnings(batch: LogBatch) -> Iterator[str]:
-    """One line for each set of files with the same bytes; the tests in one file are no twins."""
-    twins: dict[str, dict[str, str]] = {}
-    for log in batch.logs:
-        twins.setdefault(log.sha256 or log.path, {}).setdefault(log.path, log.log)
-    for first, *others in (list(names.values()) for names in twins.values()):
-        if len(others) == 1:
-            yield f"{others[0]}: holds the same bytes as {first}; both are used"
-        elif others:
-            n = len(others) - 1
-            yield f"{others[0]} and {n} other log{'s' * (n > 1)}: hold the same bytes as {first}"
-
-
-def _log_warnings(campaign: Campaign) -> Iterator[str]:
-    """One line for each kind of warning, with the numbers of its first log."""
-    yield from _by_kind(campaign, lambda finding: finding.severity == "warning")
-
-
-def corrections(campaign: Campaign) -> Iterator[str]:
-    """Yield what was put right in the logs that were fitted, one line for each kind."""
-    yield from _by_kind(campaign, lambda finding: finding.is_correction)
-
-
-def _by_kind(campaign: Campaign, is_meant: Callable[[Finding], bool]) -> Iterator[str]:
-    logs: dict[str, list[tuple[str, str]]] = {}
-    for fit in campaign.fits:
-        for log in fit.logs:
-            for one in filter(is_meant, log.trace.findings):
-                logs.setdefault(one.name, []).append((log.trace.name, one.sentence))
-    for (name, sentence), *others in logs.values():
-        also = f" and {len(others)} other log{'s' if len(others) > 1 else ''}" if others else ""
-        yield f"{name}{also}: {sentence}"
-
-
-def _missed_gates(
-    configuration: Configuration, batch: LogBatch, campaign: Campaign
-) -> Iterator[str]:
-    refused = [failure.log for failure in batch.failures if failure.is_left_out]
-    if refused:
-        n = len(refused) - 1
-        others = f" and {n} other log{'s' * (n > 1)}" if n else ""
-        yield f"strict quality: {refused[0]}{others} left out for warnings"
-    limit = configuration.output.max_mse_percent
-    for fit in campaign.fits:
-        if limit > 0.0 and not fit.mse_percent <= limit:  # "not <=" catches NaN too
-            yield f"setting {fit.setting}: MSE {fit.mse_percent:.3g} % is above {limit:g} %"
-        if not fit.outcome.is_minimum:
-            yield f"setting {fit.setting}: the fit did not converge ({fit.outcome.value})"
+        yield Failure("", "", one.setting, one.kind, one.message, one.trace)
 
 
 def _procedure(configuration: Configuration, campaign: Campaign) -> Iterator[str]:

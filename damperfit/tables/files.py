@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from damperfit.atomic import settle
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.errors import ConfigurationError
 from damperfit.tables.arrays import float_array, repeated
@@ -31,7 +32,7 @@ __all__ = ["read_parameters", "safe_cell", "write_responses", "write_table"]
 def write_responses(
     path: Path,
     campaign: Campaign,
-    comparisons: Iterable[Comparison],
+    comparisons: Iterable[Comparison | None],
     *,
     provenance: Mapping[str, Any] | None = None,
 ) -> int:
@@ -43,9 +44,10 @@ def write_responses(
         Where to write.
     campaign : Campaign
         The fits.
-    comparisons : iterable of Comparison
-        What `damperfit.identification.compare` gives for each log of each fit, in their order.
-        It is taken one by one, so that memory need not grow with the number of logs.
+    comparisons : iterable of Comparison or None
+        What `damperfit.identification.compare` gives for each log of each fit, in their order; a
+        log with None is left out. It is taken one by one, so that memory need not grow with the
+        number of logs.
     provenance : mapping, optional
         Facts for the schema's ``damperfit`` entry, as JSON values.
 
@@ -63,6 +65,8 @@ def write_responses(
         path, schema, write_page_checksum=True, use_dictionary=repeating
     ) as writer:
         for (setting, trace), seen in zip(logs, comparisons, strict=True):
+            if seen is None:
+                continue
             table = _response_table(schema, setting, trace, seen)
             writer.write_table(table, row_group_size=max(table.num_rows, 1))
             n_rows += table.num_rows
@@ -155,7 +159,10 @@ def read_parameters(path: Path) -> dict[int, Parameters]:
     ------
     ConfigurationError
         The file is missing, is no table, or lacks a column.
+    OutputError
+        Writing was interrupted in its folder, and the earlier table cannot be put back.
     """
+    settle(path.parent)
     try:
         rows = _read_rows(path)
         known = {int(row["setting"]): [row.get(name) for name in PARAMETER_NAMES] for row in rows}

@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from damperfit.atomic import settle
 from damperfit.errors import ConfigurationError
 from damperfit.tables.columns import SCHEMA_VERSION, column_kinds
 
@@ -108,11 +109,14 @@ def read_results(
     ------
     ConfigurationError
         There is no such folder, or neither parameters nor responses can be read from it.
+    OutputError
+        Writing was interrupted there, and the earlier results cannot be put back.
     """
     if not folder.is_dir():
         raise ConfigurationError(
             f"{folder}: no such folder; expected the results of damperfit identify"
         )
+    settle(folder)
     remarks: list[str] = []
     record = _record(folder / "run.json", remarks)
     _check_version(record, remarks)

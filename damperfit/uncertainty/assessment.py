@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.blas import one_blas_thread
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.outcome import Outcome, Status
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from damperfit.damper.parameters import Damper
     from damperfit.identification import Campaign
     from damperfit.uncertainty.information import Evidence
+    from damperfit.uncertainty.intervals import OnError
 
 __all__ = [
     "METHOD",
@@ -187,6 +189,7 @@ def assess(
     solver: SolverOptions = SolverOptions(tolerance=1e-2),
     jobs: int = 1,
     cancelled: Callable[[], bool] = lambda: False,
+    on_error: OnError | None = None,
 ) -> Assessment:
     """Judge every setting of a campaign.
 
@@ -205,16 +208,26 @@ def assess(
         Threads.
     cancelled : callable, optional
         Asked before each simulation of a profile; when it returns True no more are traced.
+    on_error : callable, optional
+        Told of a setting and the error that judging it has met; without it such an error is raised.
     """
-    from threadpoolctl import threadpool_limits
-
     evidence: list[Evidence] = []
     diagnoses: list[Diagnosis] = []
     doubted = ("f_f",) if campaign.sharing.friction_varies else ()
-    for seen in _evidence_in_turns(campaign, damper, solver=solver, jobs=jobs):
-        diagnoses.extend(diagnose(one, doubted=doubted) for one in seen)
-        evidence.extend(_without_curves(one) for one in seen)
-    known = uncertainties(evidence, campaign.sharing)
+    for seen in _evidence_in_turns(campaign, damper, solver=solver, jobs=jobs, on_error=on_error):
+        for one in seen:
+            try:
+                diagnoses.append(diagnose(one, doubted=doubted))
+            except Exception as error:
+                if on_error is None:
+                    raise
+                on_error(one.fit.setting, error)
+            else:
+                evidence.append(_without_curves(one))
+    known = uncertainties(evidence, campaign.sharing, on_error=on_error)
+    judged = {one.setting for one in known}
+    evidence = [one for one in evidence if one.fit.setting in judged]
+    diagnoses = [one for one in diagnoses if one.setting in judged]
     bench = Bench(damper, solver, cancelled, jobs)
 
     def doubtful(pair: tuple[Evidence, Uncertainty]) -> tuple[MisfitProfile, ...]:
@@ -222,8 +235,13 @@ def assess(
             return doubtful_profiles(*pair, campaign.sharing, bench)
         except (SimulationError, FitCancelledError):
             return ()
+        except Exception as error:
+            if on_error is None:
+                raise
+            on_error(pair[1].setting, error)
+            return ()
 
-    with ThreadPoolExecutor(max(1, jobs)) as pool, threadpool_limits(limits=1, user_api="blas"):
+    with ThreadPoolExecutor(max(1, jobs)) as pool, one_blas_thread():
         pairs = zip(evidence, known, strict=True)
         profiles = tuple(p for several in pool.map(doubtful, pairs) for p in several)
     return Assessment(
@@ -241,6 +259,7 @@ def profile_campaign(
     *,
     names: Sequence[str],
     stride: Stride = Stride(),
+    on_error: OnError | None = None,
 ) -> Assessment:
     """Return the assessment with full profiles of some parameters at every setting.
 
@@ -259,18 +278,20 @@ def profile_campaign(
         Parameters.
     stride : Stride
         How closely.
+    on_error : callable, optional
+        Told of a setting and the error that it met; without it such an error is raised.
 
     Raises
     ------
     ConfigurationError
         A name is not known.
     """
-    from threadpoolctl import threadpool_limits
-
     check_profile_names(names)
+    known = {one.setting: one for one in assessment.uncertainties}
+    judged = tuple(fit for fit in campaign.fits if fit.setting in known)
+    campaign = replace(campaign, fits=judged)
     turns = _evidence_in_turns(campaign, bench.damper, solver=bench.solver, jobs=bench.jobs)
     evidence = [_without_curves(one) for seen in turns for one in seen]
-    known = {one.setting: one for one in assessment.uncertainties}
     mine = {one.fit.setting: one for one in evidence}
     sharing = campaign.sharing
     found: list[MisfitProfile] = []
@@ -280,14 +301,24 @@ def profile_campaign(
             return trace_profile(line, stride)
         except (SimulationError, FitCancelledError):
             return None
+        except Exception as error:
+            if on_error is None:
+                raise
+            on_error(line.setting, error)
+            return None
 
-    with ThreadPoolExecutor(max(1, bench.jobs)) as pool, threadpool_limits(1, user_api="blas"):
+    with ThreadPoolExecutor(max(1, bench.jobs)) as pool, one_blas_thread():
         for name in dict.fromkeys(names):
             if name in sharing.jointly:
                 try:
                     first = known[sharing.settings[0]]
                     traced = profile_jointly(name, evidence, first, sharing, bench, stride=stride)
                 except (SimulationError, FitCancelledError):
+                    traced = ()
+                except Exception as error:
+                    if on_error is None:
+                        raise
+                    on_error(sharing.settings[0], error)
                     traced = ()
             else:
                 lines = lines_of(name, mine, known, sharing, bench)
@@ -307,13 +338,18 @@ def profile_campaign(
 
 
 def _evidence_in_turns(
-    campaign: Campaign, damper: Damper, *, solver: SolverOptions, jobs: int
+    campaign: Campaign,
+    damper: Damper,
+    *,
+    solver: SolverOptions,
+    jobs: int,
+    on_error: OnError | None = None,
 ) -> Iterator[tuple[Evidence, ...]]:
     """Yield the evidence of a campaign, a few settings at a time: it is large."""
     n_at_once = max(1, jobs)
     for start in range(0, len(campaign.fits), n_at_once):
         few = replace(campaign, fits=campaign.fits[start : start + n_at_once])
-        yield collect_evidence(few, damper, solver=solver, jobs=jobs)
+        yield collect_evidence(few, damper, solver=solver, jobs=jobs, on_error=on_error)
 
 
 def _without_curves(evidence: Evidence) -> Evidence:

@@ -33,7 +33,7 @@ from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.information import Evidence, gather
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from damperfit.identification import Campaign, Fit, Sharing
 
     FloatArray = NDArray[np.float64]
+    OnError = Callable[[int, Exception], None]
 
 __all__ = [
     "NORMAL_95",
@@ -124,10 +125,12 @@ def collect_evidence(
     *,
     solver: SolverOptions = SolverOptions(tolerance=1e-2),
     jobs: int = 1,
+    on_error: OnError | None = None,
 ) -> tuple[Evidence, ...]:
     """Return the evidence of every setting, by rising setting; one simulation for each log.
 
-    A setting that cannot be simulated at its fitted point is left out.
+    A setting that cannot be simulated at its fitted point is left out. So is one with another
+    error, where ``on_error`` is there to be told of it.
     """
 
     def one(fit: Fit) -> Evidence | None:
@@ -135,13 +138,20 @@ def collect_evidence(
             return gather(fit, damper, solver=solver)
         except SimulationError:
             return None
+        except Exception as error:
+            if on_error is None:
+                raise
+            on_error(fit.setting, error)
+            return None
 
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         found = pool.map(one, campaign.fits)
         return tuple(evidence for evidence in found if evidence is not None)
 
 
-def uncertainties(evidence: Sequence[Evidence], sharing: Sharing) -> tuple[Uncertainty, ...]:
+def uncertainties(
+    evidence: Sequence[Evidence], sharing: Sharing, *, on_error: OnError | None = None
+) -> tuple[Uncertainty, ...]:
     """Return errors and intervals for every setting.
 
     Parameters
@@ -150,16 +160,23 @@ def uncertainties(evidence: Sequence[Evidence], sharing: Sharing) -> tuple[Uncer
         Of all settings of the campaign.
     sharing : Sharing
         How the shared parameters were found.
+    on_error : callable, optional
+        Told of a setting and the error that it met; the setting is then left out.
     """
     rows = _shared_rows(evidence, sharing)
     parts = [row @ one.scores @ row.T for row, one in zip(rows, evidence, strict=True)]
     # Summed without the setting's own: a difference of sums could turn negative by rounding.
     nothing = np.zeros((len(sharing.variables),) * 2)
     others = [np.sum([nothing, *parts[:k], *parts[k + 1 :]], axis=0) for k in range(len(parts))]
-    return tuple(
-        _of_setting(one, sharing, row, rest)
-        for one, row, rest in zip(evidence, rows, others, strict=True)
-    )
+    found = []
+    for one, row, rest in zip(evidence, rows, others, strict=True):
+        try:
+            found.append(_of_setting(one, sharing, row, rest))
+        except Exception as error:
+            if on_error is None:
+                raise
+            on_error(one.fit.setting, error)
+    return tuple(found)
 
 
 def shared_covariance(evidence: Sequence[Evidence], sharing: Sharing) -> FloatArray:

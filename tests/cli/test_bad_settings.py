@@ -91,7 +91,7 @@ def test_a_short_stroke_at_the_lowest_setting_leaves_the_others(
         (
             np.linalg.LinAlgError("SVD did not converge"),
             "InternalError",
-            "internal error, LinAlgError: SVD did not converge",
+            "internal error while fitting, LinAlgError: SVD did not converge",
         ),
     ],
 )
@@ -121,7 +121,7 @@ def test_where_that_is_the_only_setting_the_code_is_3(
     break_short_strokes(ValueError("shapes"))
     ended = run("identify", short_stroke)
     assert ended.code == 3
-    assert "internal error, ValueError: shapes" in ended.err
+    assert "internal error while fitting, ValueError: shapes" in ended.err
 
 
 def test_rigid_oil_is_told_everywhere_with_its_lower_limit(run, tmp_path, rigid) -> None:

@@ -99,8 +99,10 @@ def test_a_bug_that_one_setting_meets_is_told_and_leaves_the_others(
     assert failure.is_internal
     assert failure.kind == "InternalError"
     said = failure.message
-    assert said.startswith("internal error, LinAlgError: Singular matrix (descent.py, line ")
-    assert "please report this line together with the logs of this setting" in said
+    where = "(damperfit/identification/descent.py, line "
+    assert said.startswith(f"internal error while fitting, LinAlgError: Singular matrix {where}")
+    assert "please report this line, with the log if it may be shown" in said
+    assert "Traceback" in failure.trace
 
 
 @pytest.mark.parametrize("error", [ValueError("odd\nshape"), ZeroDivisionError(), MemoryError()])
@@ -111,9 +113,9 @@ def test_any_error_stays_with_its_setting(logs, break_at, error: Exception) -> N
     said = campaign.failures[0].message
     assert "\n" not in said
     if isinstance(error, MemoryError):
-        assert said.startswith("out of memory")
+        assert said.startswith("not enough memory for fitting")
     else:
-        assert said.startswith(f"internal error, {type(error).__name__}: ")
+        assert said.startswith(f"internal error while fitting, {type(error).__name__}: ")
 
 
 @pytest.mark.parametrize("procedure", PROCEDURES)

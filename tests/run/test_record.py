@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from damperfit.run.logs import LogBatch, LogFacts
-from damperfit.run.record import _twin_warnings
+from damperfit.run.remarks import _twin_warnings
 
 
 def _warned(*logs: tuple[str, str, str]) -> list[str]:

@@ -82,10 +82,21 @@ static PyMethodDef METHODS[] = {
      "-> (code, steps, rejected, newton, sample). Fills the last four buffers."},
     {NULL, NULL, 0, NULL}};
 
-static struct PyModuleDef MODULE = {PyModuleDef_HEAD_INIT, "_core", "The compiled damper model.",
-                                    0, METHODS, NULL, NULL, NULL, NULL};
+/* Two phases, so that every interpreter of a process has a module of its own. From 3.12 on one with
+   a lock of its own needs to be told that this will do; 3.11 refuses slots that it does not know,
+   and this file is compiled once for both. */
+enum { MULTIPLE_INTERPRETERS = 3 }; /* Py_mod_multiple_interpreters */
+#define PER_INTERPRETER_GIL ((void *)2) /* Py_MOD_PER_INTERPRETER_GIL_SUPPORTED */
+
+static PyModuleDef_Slot SLOTS[] = {{MULTIPLE_INTERPRETERS, PER_INTERPRETER_GIL}, {0, NULL}};
+static PyModuleDef_Slot NO_SLOTS[] = {{0, NULL}};
+
+#define DEFINITION(slots) \
+    {PyModuleDef_HEAD_INIT, "_core", "The compiled damper model.", 0, METHODS, slots, NULL, NULL, NULL}
+static struct PyModuleDef MODULE = DEFINITION(SLOTS);
+static struct PyModuleDef MODULE_3_11 = DEFINITION(NO_SLOTS);
 
 PyMODINIT_FUNC PyInit__core(void)
 {
-    return PyModule_Create(&MODULE);
+    return PyModuleDef_Init(Py_Version >= 0x030C0000 ? &MODULE : &MODULE_3_11);
 }

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from damperfit.identification.sharing import listed_settings
+from damperfit.identification.sharing import listed_runs
 from damperfit.report.rows.check_table import CHECK_WORDS
 from damperfit.report.rows.mse_table import flags, grade_counts
 from damperfit.report.rows.rounding import number, percent
@@ -15,6 +15,7 @@ from damperfit.report.run_json import (
     checks_in,
     failures_in,
     findings_in,
+    gaps_in,
     held_out_in,
     listed_in,
     sentences_in,
@@ -116,9 +117,8 @@ def summary(results: Results, logs: Sequence[EvaluatedLog]) -> Summary:
 
 def _not_done(record: Mapping[str, Any]) -> Iterator[str]:
     yield from (failure.message for failure in failures_in(record))
-    gaps = [one for one in listed_in(record, "gaps") if isinstance(one, int)]
-    if gaps:
-        yield f"no result for setting {listed_settings(gaps)}"
+    if gaps := gaps_in(record):
+        yield f"no result for setting {listed_runs(gaps)}"
 
 
 def _verdicts(results: Results) -> Iterator[str]:

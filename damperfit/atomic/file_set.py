@@ -1,29 +1,29 @@
 """Write a set of files whole or not at all.
 
 Every file is first written completely beside its target under a temporary name and flushed to
-disk. Only when all of them stand are they renamed over their targets, the last one last, and the
-folder is flushed. A crash, a full disk or a failed rename leaves the old files as they were.
-`os.replace` replaces a symbolic link instead of writing through it.
+disk. Only when all of them stand are they renamed over their targets, under a lock and a journal of
+what stood there before. A full disk or a failed rename puts the old files back; after a crash or a
+power cut the next command that looks into the folder does. `os.replace` replaces a symbolic link
+instead of writing through it.
 """
 
 from __future__ import annotations
 
 import os
-import re
-import shutil
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from damperfit.atomic.journal import Journal, draft, flush, keep_copy, temporary
+from damperfit.atomic.owner import Owner, new_owner
+from damperfit.atomic.recovery import explain, settled
 from damperfit.errors import ConfigurationError, OutputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 __all__ = ["FileSet", "check_writable", "file_set", "write_text"]
-
-_TEMPORARY = re.compile(r"\.(?P<name>.+)\.(?P<pid>\d+)\.damperfit-(?:new|old)")
 
 
 @dataclass
@@ -33,6 +33,8 @@ class FileSet:
     folder: Path
     names: list[str] = field(default_factory=list)
     gone: list[str] = field(default_factory=list)
+    owner: Owner = field(default_factory=new_owner)
+    is_open: bool = False  # an exchange has begun and was neither ended nor undone
 
     def path(self, name: str) -> Path:
         """Return the temporary path to write ``name`` to; it becomes part of the set.
@@ -51,7 +53,7 @@ class FileSet:
             raise OutputError(f"{name!r} is no plain file name; no file is written elsewhere")
         if name not in self.names:
             self.names.append(name)
-        return self._temporary(name, "new")
+        return self._temporary(self.names.index(name), "new")
 
     def without(self, name: str) -> None:
         """Make a file of an earlier set go when this one appears, if it is there.
@@ -61,48 +63,65 @@ class FileSet:
         name : str
             File name inside the folder, without any folder part.
         """
-        if name not in self.names and os.path.lexists(self.folder / name):
+        if name not in (*self.names, *self.gone):
             self.gone.append(name)
 
-    def _temporary(self, name: str, kind: str) -> Path:
-        return self.folder / f".{name}.{os.getpid()}.damperfit-{kind}"
+    def _temporary(self, number: int, kind: str) -> Path:
+        return temporary(self.folder, self.owner.text, number, kind)
 
     def commit(self) -> None:
-        """Flush all files and rename them over their targets; `file_set` calls it."""
-        for name in self.names:
-            _flush(self._temporary(name, "new"))
+        """Flush all files and exchange them for their targets; `file_set` calls it."""
+        for number in range(len(self.names)):
+            flush(self._temporary(number, "new"))
+        with settled(self.folder):
+            journal = self._prepared()
+            try:
+                journal.begin(self.folder)
+            except FileExistsError as error:  # only where the file system has no locks
+                raise OutputError(
+                    f"cannot write to {self.folder}: another run is writing there; earlier "
+                    "results there are untouched"
+                ) from error
+            self.is_open = True
+            try:
+                for number, name in enumerate(self.names):
+                    os.replace(self._temporary(number, "new"), self.folder / name)
+                for name in self.gone:
+                    (self.folder / name).unlink(missing_ok=True)
+                journal.end(self.folder)
+            except BaseException:
+                journal.undo(self.folder)
+                raise
+            finally:
+                self.is_open = journal.stands(self.folder)
+
+    def _prepared(self) -> Journal:
+        """Keep what stands there under second names, and return what tells of it."""
+        replaced, created = {}, {}
+        for number, name in enumerate((*self.names, *self.gone)):
             target = self.folder / name
             if target.exists() and not target.is_file():  # a folder, a device, a pipe
                 raise OutputError(f"cannot write {target}: it exists and is not a regular file")
-        for name in (*self.names, *self.gone):
-            _keep_copy(self.folder / name, self._temporary(name, "old"))
-        done: list[str] = []
-        try:
-            for name in self.names:
-                os.replace(self._temporary(name, "new"), self.folder / name)
-                done.append(name)
-            for name in self.gone:
-                (self.folder / name).unlink(missing_ok=True)
-                done.append(name)
-        except BaseException:
-            for name in done:
-                self._take_back(name)
-            raise
-        _flush_folder(self.folder)
-
-    def _take_back(self, name: str) -> None:
-        old = self._temporary(name, "old")
-        if os.path.lexists(old):
-            os.replace(old, self.folder / name)
-        else:
-            (self.folder / name).unlink(missing_ok=True)
+            if os.path.lexists(target):
+                keep_copy(target, self._temporary(number, "old"))
+                replaced[name] = number
+            elif name in self.names:
+                created[name] = number
+        return Journal(self.owner.text, replaced, created)
 
     def discard(self) -> None:
-        """Remove what is left of temporary files; `file_set` calls it."""
-        for name in (*self.names, *self.gone):
+        """Remove what is left of temporary files; `file_set` calls it.
+
+        Where an exchange could not be undone they are kept: the next run needs them.
+        """
+        if self.is_open:
+            return
+        for number in range(len(self.names) + len(self.gone)):
             for kind in ("new", "old"):
                 with suppress(OSError):
-                    self._temporary(name, kind).unlink(missing_ok=True)
+                    self._temporary(number, kind).unlink(missing_ok=True)
+        with suppress(OSError):
+            draft(self.folder, self.owner.text).unlink(missing_ok=True)
 
 
 @contextmanager
@@ -110,7 +129,7 @@ def file_set(folder: Path) -> Iterator[FileSet]:
     """Open a set of files in ``folder``; they replace the old ones when the block ends well.
 
     The folder is made when it does not exist. When the block raises, no target has changed and
-    no temporary file is left.
+    no temporary file is left. Sets of several runs are exchanged one after the other.
 
     Raises
     ------
@@ -120,11 +139,15 @@ def file_set(folder: Path) -> Iterator[FileSet]:
     files = FileSet(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        _remove_leftovers(folder)
         yield files
         files.commit()
     except OSError as error:
-        raise OutputError(_explain(folder, error)) from error
+        if files.is_open:
+            raise OutputError(
+                f"cannot write to {folder}: {error.strerror or error}; the next command that "
+                "looks there puts the earlier results back"
+            ) from error
+        raise OutputError(explain(folder, error)) from error
     finally:
         files.discard()
 
@@ -158,54 +181,3 @@ def check_writable(folder: Path) -> None:
         raise ConfigurationError(f"cannot write to {folder}: {nearest} is not a folder")
     if not os.access(nearest, os.W_OK | os.X_OK):
         raise OutputError(f"cannot write to {folder}: {nearest} is write-protected")
-
-
-def _explain(folder: Path, error: OSError) -> str:
-    reason = error.strerror or str(error)
-    return f"cannot write to {folder}: {reason}; earlier results there are untouched"
-
-
-def _flush(path: Path) -> None:
-    with path.open("rb+") as file:
-        os.fsync(file.fileno())
-
-
-def _flush_folder(folder: Path) -> None:
-    """Make renames durable; Windows and some network file systems cannot, and need not."""
-    with suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
-
-
-def _keep_copy(target: Path, old: Path) -> None:
-    old.unlink(missing_ok=True)
-    if not os.path.lexists(target):
-        return
-    try:
-        os.link(target, old, follow_symlinks=False)
-    except (OSError, NotImplementedError):  # file systems without hard links
-        shutil.copy2(target, old, follow_symlinks=False)
-
-
-def _remove_leftovers(folder: Path) -> None:
-    """Remove what a killed run left; a run that is still alive keeps its temporary files."""
-    for path in folder.iterdir():
-        found = _TEMPORARY.fullmatch(path.name)
-        if found and not _is_running(int(found["pid"])):
-            with suppress(OSError):
-                path.unlink()
-
-
-def _is_running(pid: int) -> bool:
-    if pid == os.getpid() or os.name != "posix":  # os.kill would end the process on Windows
-        return True
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
-        return True
-    return True

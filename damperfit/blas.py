@@ -1,0 +1,67 @@
+"""The linear algebra library on one thread, for as long as anybody has threads of his own.
+
+BLAS threads spin between small products and take the core that another setting or log needs. Their
+number belongs to the process: where two runs overlap in it, the first lowers it, the last puts it
+back. Each by itself would put back what it found, and leave one thread for good.
+"""
+
+from __future__ import annotations
+
+import threading
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["one_blas_thread"]
+
+_lock = threading.Lock()
+_usual: dict[str, tuple[Any, int]] = {}  # libraries by their files, and threads they had
+_holders: list[object] = []
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Keep BLAS at one thread; the last of those who overlap gives it its threads back."""
+    from threadpoolctl import ThreadpoolController
+
+    holder = object()
+    own: list[tuple[Any, int]] = []
+    with _lock:
+        # One may have been loaded since somebody else came.
+        libraries = ThreadpoolController().select(user_api="blas").lib_controllers
+        _holders.append(holder)
+        for library in libraries:
+            usual = library.get_num_threads()
+            if getattr(library, "threading_layer", "") == "openmp":  # each thread has its own
+                own.append((library, usual))
+            elif library.filepath in _usual:
+                continue
+            else:
+                _usual[library.filepath] = (library, usual)
+            _set(library, 1)
+    try:
+        yield
+    finally:
+        with _lock:
+            _holders.remove(holder)
+            for library, threads in own:
+                _set(library, threads)
+            if not _holders:
+                for library, threads in _usual.values():
+                    _set(library, threads)
+                _usual.clear()
+
+
+def _set(library: Any, threads: int) -> None:
+    """Set the number of a library's threads from whatever thread this is.
+
+    Newer threadpoolctl lets only the thread that was first to ask; the last to end may be another.
+    """
+    clear = getattr(library, "clear_controlling_thread", None)
+    if clear is not None:
+        clear(force=True)
+    library.set_num_threads(threads)
+    if clear is not None:
+        clear(force=True)

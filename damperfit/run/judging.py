@@ -1,0 +1,159 @@
+"""A campaign judged: intervals, verdicts, trends, checks, predictions; profiles where asked for.
+
+What fails at one setting or log costs that one its judgement, and no other.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING
+
+from damperfit.adjustment import Adjustment, compare_settings
+from damperfit.checks import Subject, run_checks, unchecked
+from damperfit.run.record import Judgement, failures_of
+from damperfit.run.remarks import MANY
+from damperfit.uncertainty import (
+    Assessment,
+    Bench,
+    assess,
+    predict,
+    profile_campaign,
+    reconsider,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from damperfit.checks import Check
+    from damperfit.configuration.options import Configuration
+    from damperfit.identification import Campaign
+    from damperfit.recording import Trace
+    from damperfit.run.hold_out import Parted
+    from damperfit.run.mishaps import Mishaps
+    from damperfit.uncertainty import Prediction
+
+__all__ = ["assessed", "judge", "with_profiles"]
+
+_TASK = "judging"
+
+
+def assessed(campaign: Campaign, bench: Bench, mishaps: Mishaps) -> Assessment:
+    """Return how far the fits may be trusted; a setting that cannot be judged is left out."""
+    return mishaps.spared(
+        "judging the fits",
+        lambda: assess(
+            campaign,
+            bench.damper,
+            solver=bench.solver,
+            jobs=bench.jobs,
+            cancelled=bench.cancelled,
+            on_error=mishaps.at_setting(_TASK),
+        ),
+        Assessment(),
+    )
+
+
+def with_profiles(
+    campaign: Campaign,
+    assessment: Assessment,
+    bench: Bench,
+    mishaps: Mishaps,
+    *,
+    names: Sequence[str],
+) -> Assessment:
+    """Return the assessment with the profiles that were asked for.
+
+    They come before the statuses: one that is flat has the last word on its parameter.
+    """
+    return mishaps.spared(
+        "following profiles",
+        lambda: profile_campaign(
+            campaign, assessment, bench, names=names, on_error=mishaps.at_setting(_TASK)
+        ),
+        assessment,
+    )
+
+
+def judge(
+    configuration: Configuration,
+    parted: Parted,
+    campaign: Campaign,
+    assessment: Assessment,
+    mishaps: Mishaps,
+    *,
+    jobs: int,
+) -> tuple[Campaign, Judgement]:
+    """Return the campaign with the statuses that its errors allow, and what was found of it.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        The complete configuration.
+    parted : Parted
+        The logs, and which of them were held out.
+    campaign : Campaign
+        The fits.
+    assessment : Assessment
+        Their errors, and the profiles that were asked for.
+    mishaps : Mishaps
+        Takes what goes wrong.
+    jobs : int
+        Threads.
+    """
+    damper, solver = configuration.damper, configuration.identification.solver
+    judged = reconsider(campaign, assessment)
+    adjustment = mishaps.spared(
+        "comparing the settings",
+        lambda: compare_settings(
+            judged,
+            assessment,
+            damper,
+            solver=solver,
+            jobs=jobs,
+            on_error=mishaps.at_setting(_TASK),
+        ),
+        Adjustment(),
+    )
+    checks = mishaps.spared(
+        "checking the run",
+        lambda: _checks(configuration, parted, judged, assessment, adjustment),
+        unchecked(),
+    )
+    take = mishaps.at_log("predicting")
+
+    def predicted(trace: Trace) -> tuple[Prediction, ...]:
+        try:
+            return predict(judged, assessment, (trace,), damper=damper, solver=solver)
+        except Exception as error:  # noqa: BLE001 - the other logs are predicted
+            take(trace, error)
+            return ()
+
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        found = [one for few in pool.map(predicted, parted.held_out) for one in few]
+    predictions = tuple(sorted(found, key=lambda one: one.setting))
+    return judged, Judgement(assessment, adjustment, checks, predictions)
+
+
+def _checks(
+    configuration: Configuration,
+    parted: Parted,
+    campaign: Campaign,
+    assessment: Assessment,
+    adjustment: Adjustment,
+) -> tuple[Check, ...]:
+    lost = failures_of(configuration, parted.batch, campaign)
+    missing = [
+        f"{one.place} {'left out' if one.is_left_out else 'failed'}" if one.place else one.message
+        for one in lost[:MANY]
+    ]
+    if len(lost) > MANY:
+        missing.append(f"and {len(lost) - MANY} more")
+    subject = Subject(
+        campaign,
+        assessment,
+        adjustment,
+        missing=tuple(missing),
+        temperature=configuration.rig.temperature,
+        temperature_tolerance=configuration.rig.temperature_tolerance,
+    )
+    return run_checks(subject)

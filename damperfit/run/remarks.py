@@ -1,0 +1,146 @@
+"""What a run warns of, what it put right, and what is missing; of many alike the first alone.
+
+Hundreds of logs or settings with the same flaw are one sentence: which, and how many more.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from damperfit.identification.sharing import listed_settings
+from damperfit.report import Failure
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.identification import Campaign
+    from damperfit.recording import Finding
+    from damperfit.run.logs import LogBatch
+
+__all__ = [
+    "MANY",
+    "corrections",
+    "gates_not_met",
+    "missing_logs",
+    "run_warnings",
+    "skipped_files",
+]
+
+MANY = 20  # sentences of one kind that are told one by one; a damper has some twenty settings
+
+
+def run_warnings(batch: LogBatch, campaign: Campaign) -> Iterator[str]:
+    """Yield what the reader should know before believing the numbers.
+
+    Parameters
+    ----------
+    batch : LogBatch
+        What was read.
+    campaign : Campaign
+        The fits.
+    """
+    yield from skipped_files(batch)
+    yield from _twin_warnings(batch)
+    yield from _log_warnings(campaign)
+    yield from campaign.warnings
+    if campaign.sharing.friction_varies and campaign.sharing.f_f_range is not None:
+        low, high = campaign.sharing.f_f_range
+        how = "--share r_m3" if campaign.sharing.jointly else "--free r_m1,r_m2,k_e,f_f"
+        yield (
+            f"friction goes from {low:.3g} to {high:.3g} N over the settings: one value for all "
+            f"does not hold; free it ({how})"
+        )
+    yield from _at_settings([(fit.setting, said) for fit in campaign.fits for said in fit.warnings])
+
+
+def skipped_files(batch: LogBatch) -> Iterator[str]:
+    """Yield which files are no logs; of many, the first and how many."""
+    if len(batch.skipped) > MANY:
+        n = len(batch.skipped) - 1
+        yield f"{batch.skipped[0]} and {n} other files: parameter tables of damperfit; skipped"
+        return
+    for path in batch.skipped:
+        yield f"{path}: a parameter table of damperfit, not a log; skipped"
+
+
+def _at_settings(said: Sequence[tuple[int, str]]) -> Iterator[str]:
+    """Yield a sentence on each setting; of many, the first, and which others have one."""
+    if len(said) > MANY:
+        (first, sentence), others = said[0], {setting for setting, _ in said[1:]}
+        yield f"setting {first}: {sentence} (with other numbers at {listed_settings(others)})"
+        return
+    yield from (f"setting {setting}: {sentence}" for setting, sentence in said)
+
+
+def _twin_warnings(batch: LogBatch) -> Iterator[str]:
+    """One line for each set of files with the same bytes; the tests in one file are no twins."""
+    twins: dict[str, dict[str, str]] = {}
+    for log in batch.logs:
+        twins.setdefault(log.sha256 or log.path, {}).setdefault(log.path, log.log)
+    sets = [list(names.values()) for names in twins.values() if len(names) > 1]
+    for first, *others in sets[:MANY]:
+        if len(others) == 1:
+            yield f"{others[0]}: holds the same bytes as {first}; both are used"
+        else:
+            n = len(others) - 1
+            yield f"{others[0]} and {n} other log{'s' * (n > 1)}: hold the same bytes as {first}"
+    if len(sets) > MANY:
+        yield f"and so do the logs of {len(sets) - MANY} other sets"
+
+
+def _log_warnings(campaign: Campaign) -> Iterator[str]:
+    """One line for each kind of warning, with the numbers of its first log."""
+    yield from _by_kind(campaign, lambda finding: finding.severity == "warning")
+
+
+def corrections(campaign: Campaign) -> Iterator[str]:
+    """Yield what was put right in the logs that were fitted, one line for each kind."""
+    yield from _by_kind(campaign, lambda finding: finding.is_correction)
+
+
+def _by_kind(campaign: Campaign, is_meant: Callable[[Finding], bool]) -> Iterator[str]:
+    logs: dict[str, list[tuple[str, str]]] = {}
+    for fit in campaign.fits:
+        for log in fit.logs:
+            for one in filter(is_meant, log.trace.findings):
+                logs.setdefault(one.name, []).append((log.trace.name, one.sentence))
+    for (name, sentence), *others in logs.values():
+        also = f" and {len(others)} other log{'s' if len(others) > 1 else ''}" if others else ""
+        yield f"{name}{also}: {sentence}"
+
+
+def gates_not_met(
+    configuration: Configuration, batch: LogBatch, campaign: Campaign
+) -> Iterator[str]:
+    """Yield the gates on logs, MSE and convergence that were not met, one sentence each."""
+    refused = [failure.log for failure in batch.failures if failure.is_left_out]
+    if refused:
+        n = len(refused) - 1
+        others = f" and {n} other log{'s' * (n > 1)}" if n else ""
+        yield f"strict quality: {refused[0]}{others} left out for warnings"
+    limit = configuration.output.max_mse_percent
+    above, unsound = [], []
+    for fit in campaign.fits:
+        if limit > 0.0 and not fit.mse_percent <= limit:  # "not <=" catches NaN too
+            above.append((fit.setting, f"MSE {fit.mse_percent:.3g} % is above {limit:g} %"))
+        if not fit.outcome.is_minimum:
+            unsound.append((fit.setting, f"the fit did not converge ({fit.outcome.value})"))
+    if len(above) > MANY or len(unsound) > MANY:
+        yield from _at_settings(above)
+        yield from _at_settings(unsound)
+    else:
+        yield from _at_settings(sorted([*above, *unsound], key=lambda one: one[0]))
+
+
+def missing_logs(configuration: Configuration, batch: LogBatch) -> Iterator[Failure]:
+    """Yield the settings that the configuration expects and no log claims to be; many as one."""
+    present = {log.facts.get("setting") for log in batch.logs}
+    missing = sorted(set(configuration.rig.settings) - present)
+    why = "no log, but the configuration expects one in rig.settings"
+    if len(missing) > MANY:
+        message = f"settings {listed_settings(missing)}: {why} for each"
+        yield Failure("", "", None, "MissingLogError", message)
+        return
+    for setting in missing:
+        yield Failure("", "", setting, "MissingLogError", f"setting {setting}: {why}")

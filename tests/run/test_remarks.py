@@ -1,0 +1,125 @@
+"""What a run says of hundreds of logs, tests and settings is one sentence; of a few, each."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from damperfit.configuration.loading import load_configuration
+from damperfit.report import Failure, failure_lines
+from damperfit.run.logs import LogBatch, LogFacts
+from damperfit.run.record import Judgement, ending_of, record, report_facts
+from damperfit.run.remarks import (
+    MANY,
+    gates_not_met,
+    missing_logs,
+    run_warnings,
+    skipped_files,
+)
+from damperfit.tables import make_tables
+from tests.fakes import campaign, fit
+
+NO_LOGS = LogBatch((), (), (), (), 0)
+
+
+def _fits(n: int, **how):
+    return campaign(*(fit(setting, **how) for setting in range(1, n + 1)))
+
+
+def test_a_gap_of_900_000_settings_is_one_range_everywhere() -> None:
+    few = [fit(setting) for setting in (1, 2, 3, 4, 6)]
+    found = campaign(*few, replace(fit(20), setting=900_000))
+    assert found.gaps == ((5, 5), (7, 899_999))
+    configuration = load_configuration()
+    facts = report_facts(configuration, NO_LOGS, found, Judgement(), is_interrupted=False)
+    told = record(configuration, NO_LOGS, facts, found, Judgement(), ending=ending_of(found, facts))
+    assert told["gaps"] == [{"first": 5, "last": 5}, {"first": 7, "last": 899_999}]
+    assert len(json.dumps(told)) < 100_000
+    assert len(make_tables(found).parameters) == 6
+
+
+def test_gaps_stand_in_report_and_page_whoever_wrote_them() -> None:
+    from damperfit.report.run_json import gaps_in
+
+    assert gaps_in({"gaps": [{"first": 6, "last": 899_999}]}) == ((6, 899_999),)
+    assert gaps_in({"gaps": [4, 7]}) == ((4, 4), (7, 7))  # an earlier version
+    assert gaps_in({"gaps": [{"first": 7, "last": 6}, {"first": 1}, "x", None, True]}) == ()
+    assert gaps_in({"gaps": 3}) == ()
+
+
+@pytest.mark.parametrize(("n", "lines"), [(MANY, MANY), (MANY + 1, 1)])
+def test_gates_of_many_settings_are_one_line(n, lines) -> None:
+    configuration = load_configuration(overlay={"output": {"max_mse_percent": 0.001}})
+    said = list(gates_not_met(configuration, NO_LOGS, _fits(n, mse=0.5)))
+    assert len(said) == lines
+    assert said[0].startswith("setting 1: MSE 0.5 % is above 0.001 %")
+    if lines == 1:
+        assert said[0].endswith(f"(with other numbers at 2-{n})")
+
+
+@pytest.mark.parametrize(("n", "lines"), [(MANY, MANY), (MANY + 1, 1)])
+def test_warnings_of_many_fits_are_one_line(n, lines) -> None:
+    found = _fits(n)
+    fits = tuple(replace(one, warnings=(f"{one.setting} trials failed.",)) for one in found.fits)
+    said = list(run_warnings(NO_LOGS, replace(found, fits=fits)))
+    assert len(said) == lines
+    assert said[0].startswith("setting 1: 1 trials failed.")
+
+
+@pytest.mark.parametrize(("n", "lines"), [(MANY, MANY), (MANY + 1, 1)])
+def test_many_files_that_are_no_logs_are_one_line(n, lines) -> None:
+    batch = replace(NO_LOGS, skipped=tuple(f"truth_{k}.csv" for k in range(n)))
+    said = list(skipped_files(batch))
+    assert len(said) == lines
+    if lines == 1:
+        assert said == ["truth_0.csv and 20 other files: parameter tables of damperfit; skipped"]
+
+
+@pytest.mark.parametrize(("n", "lines"), [(MANY, MANY), (MANY + 1, 1)])
+def test_many_settings_without_a_log_are_one_failure(n, lines) -> None:
+    configuration = load_configuration(overlay={"rig": {"settings": list(range(1, n + 1))}})
+    said = list(missing_logs(configuration, NO_LOGS))
+    assert len(said) == lines
+    assert {one.kind for one in said} == {"MissingLogError"}
+    if lines == 1:
+        assert said[0].line == (
+            f"settings 1-{n}: no log, but the configuration expects one in rig.settings for each"
+        )
+
+
+@pytest.mark.parametrize(("n", "lines"), [(MANY, MANY), (MANY + 1, MANY + 1), (200, MANY + 1)])
+def test_many_sets_of_twins_are_a_few_lines(n, lines) -> None:
+    logs = tuple(
+        LogFacts(f"{name}{k}.csv", f"{name}{k}.csv", str(k), {}) for k in range(n) for name in "ab"
+    )
+    said = list(run_warnings(replace(NO_LOGS, logs=logs), campaign()))
+    assert len(said) == lines
+    if n > MANY:
+        assert said[-1] == f"and so do the logs of {n - MANY} other sets"
+
+
+@pytest.mark.parametrize(("n", "lines"), [(5, 5), (6, 1), (300, 1)])
+def test_the_tests_of_one_file_that_fail_alike_are_one_line(n, lines) -> None:
+    def failure(k: int) -> Failure:
+        name = f"long.dat part {k}"
+        said = f"{name}: the log does not say its adjuster setting"
+        return Failure(name, "runs/long.dat", None, "LogError", said)
+
+    other = Failure("b.csv", "runs/b.csv", 2, "LogError", "b.csv: empty file")
+    said = failure_lines([*(failure(k) for k in range(1, n + 1)), other])
+    assert len(said) == lines + 1
+    assert said[-1] == "b.csv: empty file"
+    if lines == 1:
+        assert said[0] == (
+            "long.dat part 1: the log does not say its adjuster setting "
+            f"(and {n - 1} other tests of this file alike)"
+        )
+
+
+def test_files_that_fail_alike_have_a_line_each() -> None:
+    failures = [
+        Failure(f"{k}.csv", f"{k}.csv", None, "LogError", f"{k}.csv: empty file") for k in range(9)
+    ]
+    assert failure_lines(failures) == [f"{k}.csv: empty file" for k in range(9)]
