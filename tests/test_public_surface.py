@@ -76,12 +76,14 @@ SURFACE = {
     ],
     "damperfit.checks": [
         "CHECKS",
-        "CHECK_LISTS",
         "Check",
         "Subject",
+        "run_checks",
+    ],
+    "damperfit.gates": [
+        "CHECK_LISTS",
         "expand_checks",
         "missed_gates",
-        "run_checks",
     ],
     "damperfit.cli": [
         "main",
@@ -104,6 +106,7 @@ SURFACE = {
     "damperfit.configuration.loading": [
         "configuration_toml",
         "load_configuration",
+        "redeclared",
     ],
     "damperfit.damper.appendices": [
         "LinearValves",
@@ -135,6 +138,7 @@ SURFACE = {
         "incompressible_force",
     ],
     "damperfit.damper.parameters": [
+        "DAMPER_RANGES",
         "Damper",
         "PARAMETER_NAMES",
         "PURDY_DAMPER",
@@ -190,8 +194,14 @@ SURFACE = {
         "expand",
         "read_batch",
     ],
+    "damperfit.run.earlier": [
+        "FIGURES",
+        "PAGE",
+        "forget_figures",
+    ],
     "damperfit.run.pipeline": [
         "RunResult",
+        "UnwrittenError",
         "Watch",
         "run",
     ],
@@ -202,6 +212,7 @@ SURFACE = {
         "find_unit",
         "is_unit",
         "parse_quantity",
+        "says_absolute_or_gauge",
         "units_of",
     ],
     "damperfit.readers": [
@@ -216,6 +227,7 @@ SURFACE = {
         "Recording",
         "SEVERITIES",
         "Trace",
+        "natural_order",
     ],
     "damperfit.report": [
         "ASCII_LEVELS",
@@ -300,6 +312,7 @@ SURFACE = {
         "grade",
         "make_tables",
         "profiles_table",
+        "read_facts",
         "read_parameters",
         "read_results",
         "safe_cell",
@@ -310,10 +323,16 @@ SURFACE = {
     ],
     "damperfit.queries.one_simulation": [
         "Choice",
-        "DEFAULT_TABLE",
         "SimulatedTest",
         "choose_parameters",
+        "damper_of",
         "simulate_test",
+    ],
+    "damperfit.queries.origin": [
+        "Origin",
+        "configured_as",
+        "motion_of_tests",
+        "origin_of",
     ],
     "damperfit.uncertainty": [
         "Assessment",

@@ -19,9 +19,10 @@ from typing import TYPE_CHECKING, Any
 from damperfit.adjustment import compare_settings
 from damperfit.atomic import check_writable, file_set
 from damperfit.checks import Subject, run_checks
-from damperfit.errors import ConfigurationError
+from damperfit.errors import ConfigurationError, OutputError
 from damperfit.identification import Campaign, compare, identify
 from damperfit.report import markdown_report
+from damperfit.run.earlier import PAGE, forget_figures
 from damperfit.run.hold_out import Parted, named_files, note_unpredicted, part
 from damperfit.run.logs import available_cores, expand, read_batch
 from damperfit.run.record import (
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
     from damperfit.report import ReportFacts
     from damperfit.tables import Tables
 
-__all__ = ["RunResult", "Watch", "run"]
+__all__ = ["RunResult", "UnwrittenError", "Watch", "run"]
 
 # Tables that are written only when they were asked for.
 _ON_REQUEST = {"profiles"}
@@ -119,6 +120,20 @@ class RunResult:
         }
 
 
+class UnwrittenError(OutputError):
+    """The results cannot be written; what was found is not lost with them.
+
+    Attributes
+    ----------
+    result : RunResult
+        What the run found.
+    """
+
+    def __init__(self, message: str, result: RunResult) -> None:
+        super().__init__(message)
+        self.result = result
+
+
 def run(
     configuration: Configuration,
     logs: Sequence[str],
@@ -151,7 +166,8 @@ def run(
     ConfigurationError
         A path or pattern names no file; nothing was touched.
     OutputError
-        The results cannot be written; earlier results are untouched.
+        The results cannot be written; earlier results are untouched. At the end of a run it is an
+        `UnwrittenError` that holds the result.
     """
     clock = _Clock()
     folder = configuration.output.folder
@@ -197,7 +213,10 @@ def run(
         profiles=_profiles(configuration, judgement, origin),
     )
     if campaign.fits or not facts.is_interrupted:
-        _write(configuration, result, origin, clock=clock, jobs=workers)
+        try:
+            _write(configuration, result, origin, clock=clock, jobs=workers)
+        except OutputError as error:
+            raise UnwrittenError(str(error), result) from error
     return result
 
 
@@ -273,6 +292,7 @@ def _judge(
             ),
             temperature=configuration.rig.temperature,
             temperature_tolerance=configuration.rig.temperature_tolerance,
+            undeclared=configuration.undeclared,
         )
         checks = run_checks(subject)
         predictions = predict(
@@ -321,8 +341,9 @@ def _write(
     clock: _Clock,
     jobs: int,
 ) -> None:
-    """Write all files as a set, run.json last."""
-    with file_set(configuration.output.folder) as files:
+    """Write all files as a set, run.json last; page and figures of an earlier run go."""
+    folder = configuration.output.folder
+    with file_set(folder) as files:
         with clock.lap("write_s"):
             for name, table in result.written.items():
                 for suffix in (".parquet", ".csv"):
@@ -336,12 +357,14 @@ def _write(
                 _comparisons(configuration, result.campaign, jobs=jobs),
                 provenance=origin,
             )
+            files.without(PAGE)
             report = markdown_report(result.tables, result.facts)
             files.path("report.md").write_bytes(report.encode("utf-8", "backslashreplace"))
         result.record["files"] = {name: _sha256(files.path(name)) for name in tuple(files.names)}
         result.record["timings"] = clock.read()
         text = json.dumps(result.record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
         files.path("run.json").write_bytes(text.encode("utf-8", "backslashreplace"))
+    forget_figures(folder)
 
 
 def _sha256(path: Path) -> str:
