@@ -1,7 +1,7 @@
 """Named checks of a run, each passed, failed or not looked at, with the reason.
 
-A check that cannot be looked at has passed None and says why. As a gate it counts as not met: what
-nobody looked at must not be let through. A reason names the settings it speaks of.
+A check that cannot be looked at has passed None and says why. A reason names the settings it speaks
+of. Which checks must be passed is the matter of `damperfit.gates`.
 """
 
 from __future__ import annotations
@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment import Adjustment
-from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.damper.parameters import DAMPER_RANGES, PARAMETER_NAMES
 from damperfit.identification import Status
 from damperfit.identification.setting import EXCELLENT
 from damperfit.identification.sharing import listed_runs, listed_settings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable
 
     from damperfit.identification import Campaign, Fit
     from damperfit.recording import Trace
@@ -27,11 +26,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CHECKS",
-    "CHECK_LISTS",
     "Check",
     "Subject",
-    "expand_checks",
-    "missed_gates",
     "run_checks",
     "unchecked",
 ]
@@ -75,6 +71,8 @@ class Subject:
         Logs and settings without a result, by name, and why: failed or left out.
     temperature, temperature_tolerance : float
         What the test should be held at, degrees Celsius.
+    undeclared : tuple of str
+        Figures of the damper that nobody declared: the paper's are taken.
     """
 
     campaign: Campaign
@@ -83,6 +81,7 @@ class Subject:
     missing: tuple[str, ...] = ()
     temperature: float = 26.0
     temperature_tolerance: float = 1.0
+    undeclared: tuple[str, ...] = ()
 
     @property
     def fits(self) -> tuple[Fit, ...]:
@@ -111,43 +110,6 @@ def _without_fits(name: str, subject: Subject) -> Check:
 def unchecked() -> tuple[Check, ...]:
     """Return the result of every check when an error of damperfit's kept it from looking."""
     return tuple(Check(name, None, "not looked at for an internal error") for name in CHECKS)
-
-
-def expand_checks(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the names of checks that names of checks and of lists stand for, each once.
-
-    Raises
-    ------
-    ConfigurationError
-        No check and no list has that name.
-
-    Examples
-    --------
-    >>> expand_checks(["no_cavitation", "no_cavitation"])
-    ('no_cavitation',)
-    """
-    found: list[str] = []
-    for name in names:
-        if name not in CHECKS and name not in CHECK_LISTS:
-            known = (*CHECKS, *CHECK_LISTS)
-            raise ConfigurationError(
-                f"no check {name!r}; there are {', '.join(CHECKS)} and the lists "
-                f"{', '.join(CHECK_LISTS)}.{did_you_mean(name, known)}"
-            )
-        found.extend(CHECK_LISTS.get(name, (name,)))
-    return tuple(dict.fromkeys(found))
-
-
-def missed_gates(checks: Sequence[Check], gates: Iterable[str]) -> tuple[str, ...]:
-    """Return one sentence for each gate that is not met, or that could not be looked at."""
-    results = {check.name: check for check in checks}
-    said = []
-    for name in gates:
-        check = results[name]
-        if not check.passed:
-            how = "check" if check.passed is False else "check not looked at:"
-            said.append(f"{how} {name}: {check.reason}")
-    return tuple(said)
 
 
 def _mse_below_1_percent(subject: Subject) -> _Verdict:
@@ -308,8 +270,22 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
         return False, f"outside {window}: {', '.join(outside)}"
     if unknown:
         count = f"{len(unknown)} of {len(subject.traces)} logs"
-        return None, f"no temperature in {count} ({unknown[0]}); the test asks for {window}"
+        return None, (
+            f"no temperature in {count} ({unknown[0]}); the test asks for {window}; a rig that has "
+            "none says rig.temperature_tolerance = inf"
+        )
     return True, f"all logs within {window}"
+
+
+def _damper_declared(subject: Subject) -> _Verdict:
+    names = subject.undeclared
+    if len(names) == len(DAMPER_RANGES):
+        return None, "no damper is declared: the paper's is taken; give its [damper] by --config"
+    if names:
+        return False, (
+            f"[damper] is declared, but not {', '.join(names)}: there the paper's damper is taken"
+        )
+    return True, "every key of [damper] is declared"
 
 
 def _every_setting_fitted(subject: Subject) -> _Verdict:
@@ -378,18 +354,5 @@ CHECKS: dict[str, Callable[[Subject], _Verdict]] = {
     "every_click_counts": _every_click_counts,
     "temperature_in_window": _temperature_in_window,
     "no_log_warnings": _no_log_warnings,
-}
-
-# What the paper looked at by hand: the MSE at every setting (its section 6), cavitation (6.2), the
-# run of the parameters over the settings (Figs 14 to 16), and the temperature of the test.
-CHECK_LISTS: dict[str, tuple[str, ...]] = {
-    "purdy2000": (
-        "every_setting_fitted",
-        "mse_below_1_percent",
-        "no_parameter_at_bound",
-        "no_cavitation",
-        "trend_monotone",
-        "no_outlier_setting",
-        "temperature_in_window",
-    ),
+    "damper_declared": _damper_declared,
 }

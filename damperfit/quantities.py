@@ -28,12 +28,15 @@ __all__ = [
     "find_unit",
     "is_unit",
     "parse_quantity",
+    "says_absolute_or_gauge",
     "units_of",
 ]
 
 _INCH = 0.0254  # m, exact (international yard and pound agreement, 1959)
 _POUND = 0.45359237  # kg, exact (the same)
 _GRAVITY = 9.80665  # m/s^2, exact (standard gravity, CGPM 1901)
+_ATMOSPHERE = 101325.0  # Pa, exact (standard atmosphere, CGPM 1954): what a gauge counts from
+_PSI = _POUND * _GRAVITY / _INCH**2
 
 
 class QuantityError(ConfigurationError, ValueError):
@@ -51,7 +54,8 @@ class Unit:
     dimension : str
         As in "length" or "force".
     factor, offset : float
-        To SI (temperature: to degrees Celsius). Only temperatures have an offset.
+        To SI (temperature: to degrees Celsius). Only temperatures and gauge pressures have an
+        offset.
 
     Examples
     --------
@@ -105,7 +109,24 @@ _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
         "MPa": 1e6,
         "GPa": 1e9,
         "bar": 1e5,
-        "psi": _POUND * _GRAVITY / _INCH**2,
+        "psi": _PSI,
+    },
+    # Where it matters what a pressure counts from; without a letter it is absolute.
+    "absolute pressure": {
+        "bar": 1e5,
+        "bara barA bar(a) bar(abs)": 1e5,
+        "barg barG bar(g)": (1e5, _ATMOSPHERE),
+        "psi": _PSI,
+        "psia psiA psi(a)": _PSI,
+        "psig psiG psi(g)": (_PSI, _ATMOSPHERE),
+        "MPa": 1e6,
+        "MPaa MPa(a)": 1e6,
+        "MPag MPa(g)": (1e6, _ATMOSPHERE),
+        "kPa": 1e3,
+        "kPaa kPa(a)": 1e3,
+        "kPag kPa(g)": (1e3, _ATMOSPHERE),
+        "Pa": 1.0,
+        "Paa Pa(a)": 1.0,
     },
     "frequency": {"Hz": 1.0, "kHz": 1e3},
     "temperature": {
@@ -134,6 +155,7 @@ def _build(dimension: str) -> dict[str, Unit]:
     return units
 
 
+_BARE_PRESSURES = {"bar", "psi", "MPa", "kPa", "Pa"}
 _UNITS = {dimension: _build(dimension) for dimension in _TABLE}
 _QUANTITY = re.compile(
     r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[^\d\s.+-].*?)?\s*",
@@ -171,8 +193,8 @@ def find_unit(name: str, dimension: str) -> Unit:
     name : str
         As in "mm" or "°C"; case matters.
     dimension : str
-        "length", "force", "time", "pressure", "frequency", "temperature", "velocity", "density"
-        or "voltage".
+        "length", "force", "time", "pressure", "absolute pressure", "frequency", "temperature",
+        "velocity", "density" or "voltage".
 
     Raises
     ------
@@ -253,6 +275,19 @@ def parse_quantity(text: str | float, dimension: str) -> float:
     if not math.isfinite(value):
         raise QuantityError(f"{text} is no finite {dimension}")
     return value
+
+
+def says_absolute_or_gauge(text: str) -> bool:
+    """Say whether the unit of a pressure tells what it counts from.
+
+    Examples
+    --------
+    >>> says_absolute_or_gauge("12 barg"), says_absolute_or_gauge("12bar")
+    (True, False)
+    """
+    found = _QUANTITY.fullmatch(text)
+    units = _UNITS["absolute pressure"].keys() - _BARE_PRESSURES
+    return found is not None and found["unit"] in units
 
 
 def _converted(digits: str, name: str | None, dimension: str) -> float:

@@ -6,6 +6,7 @@ rebound (rod out, tension). Readers make recordings, conditioning turns them int
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -17,9 +18,21 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["SEVERITIES", "FilterDesign", "Finding", "Recording", "Trace"]
+__all__ = ["SEVERITIES", "FilterDesign", "Finding", "Recording", "Trace", "natural_order"]
 
 SEVERITIES = ("note", "warning", "refusal")
+
+
+def natural_order(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Return the sort key of a log's name that puts run_2 before run_10.
+
+    Examples
+    --------
+    >>> sorted(["run_10", "run_2", "2_run"], key=natural_order)
+    ['2_run', 'run_2', 'run_10']
+    """
+    parts = re.split(r"([0-9]+)", name)  # every second part is digits
+    return tuple((1, int(p), "") if i % 2 else (0, 0, p) for i, p in enumerate(parts))
 
 
 @dataclass(frozen=True, slots=True)

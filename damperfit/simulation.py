@@ -16,6 +16,7 @@ signed, because P_1 falls below P_3 for a fraction of a per cent of a cycle.
 
 from __future__ import annotations
 
+import math
 from dataclasses import astuple, dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -51,7 +52,7 @@ _ENDINGS = {
     1: "the state or the displacement is not a finite number",
     2: "the integrator needs more than {limit} steps between two samples",
     3: "the stroke leaves no volume in a chamber or in the gas",
-    4: "a parameter, the sample interval or a solver option is zero, negative or not finite",
+    4: "a parameter or a solver option is zero, negative or not finite",
 }
 
 
@@ -92,12 +93,37 @@ class Motion:
         Shape (n,); m and m/s, positive in rebound.
     start_time : float
         Time of the first sample, s.
+
+    Raises
+    ------
+    SimulationError
+        The channels differ in length, hold no sample or one that is no finite number, or the
+        interval is not above 0.
     """
 
     interval: float
     displacement: FloatArray
     velocity: FloatArray
     start_time: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no motion."""
+        shapes = (np.shape(self.displacement), np.shape(self.velocity))
+        if shapes[0] != shapes[1] or len(shapes[0]) != 1 or not shapes[0][0]:
+            raise SimulationError(
+                "motion: expected one axis of equal length, one sample or more, found "
+                f"displacement of shape {shapes[0]} and velocity of shape {shapes[1]}"
+            )
+        if not 0.0 < self.interval < math.inf:
+            raise SimulationError(
+                f"motion: expected an interval above 0, found {self.interval:g} s"
+            )
+        for name in ("displacement", "velocity"):
+            bad = np.flatnonzero(~np.isfinite(getattr(self, name)))
+            if len(bad):
+                raise SimulationError(
+                    f"motion: {name} is no finite number at sample {bad[0]} (counted from 0)"
+                )
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +190,13 @@ def sine_motion(amplitude: float, frequency: float, *, cycles: float, sample_rat
         Length of the motion in cycles.
     sample_rate : float
         Samples per second, Hz.
+
+    Raises
+    ------
+    ConfigurationError
+        Frequency, cycles or sample rate are not above 0, or the amplitude is not finite.
     """
+    _refuse_wave(amplitude, frequency, cycles, sample_rate)
     phase = 2.0 * np.pi * frequency * _times(cycles / frequency, sample_rate)
     velocity = amplitude * 2.0 * np.pi * frequency * np.cos(phase)
     return Motion(1.0 / sample_rate, amplitude * np.sin(phase), velocity)
@@ -174,6 +206,7 @@ def triangle_motion(
     amplitude: float, frequency: float, *, cycles: float, sample_rate: float
 ) -> Motion:
     """Return a triangle wave that starts upwards from 0, sampled like `sine_motion`."""
+    _refuse_wave(amplitude, frequency, cycles, sample_rate)
     phase = frequency * _times(cycles / frequency, sample_rate) + 0.25
     part = phase - np.floor(phase)
     displacement = amplitude * (1.0 - 4.0 * np.abs(part - 0.5))
@@ -258,6 +291,17 @@ def simulate(
         sensitivities=dict(zip(names, rows, strict=True)),
         work=Work(steps, rejected, newton),
     )
+
+
+def _refuse_wave(amplitude: float, frequency: float, cycles: float, sample_rate: float) -> None:
+    if not math.isfinite(amplitude):
+        raise ConfigurationError(f"amplitude: expected a finite number, found {amplitude:g} m")
+    wanted = {"frequency": (frequency, " Hz"), "cycles": (cycles, "")}
+    for name, (value, unit) in (wanted | {"sample_rate": (sample_rate, " Hz")}).items():
+        if not 0.0 < value < math.inf:
+            raise ConfigurationError(
+                f"{name}: expected a finite number above 0, found {value:g}{unit}"
+            )
 
 
 def _times(duration: float, sample_rate: float) -> FloatArray:

@@ -9,16 +9,10 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment import Adjustment, Click, Outlier, Trend
-from damperfit.checks import (
-    CHECK_LISTS,
-    CHECKS,
-    Check,
-    Subject,
-    expand_checks,
-    missed_gates,
-    run_checks,
-)
+from damperfit.checks import CHECKS, Check, Subject, run_checks
+from damperfit.damper.parameters import DAMPER_RANGES
 from damperfit.errors import ConfigurationError
+from damperfit.gates import CHECK_LISTS, expand_checks, missed_gates
 from damperfit.identification import LogFit, Outcome
 from damperfit.recording import Finding
 from damperfit.uncertainty import Assessment, Diagnosis
@@ -109,6 +103,7 @@ FAILING = {
         "outside 26 +- 1 degC: setting 3 (setting_03.csv, 28.3 degC)",
     ),
     "no_log_warnings": (subject(with_trace(3, findings=(FINDING, NOTE))), "clipping at setting 3"),
+    "damper_declared": (subject(undeclared=("gas_length",)), "but not gas_length: there the paper"),
 }
 UNSEEN = {
     "residuals_white": (subject(diagnoses=[diagnosis(1, noise=np.nan)]), "at setting 1"),
@@ -122,6 +117,10 @@ UNSEEN = {
     "temperature_in_window": (
         subject(fit(1), with_trace(2, temperature=None)),
         "no temperature in 1 of 2 logs (setting_02.csv)",
+    ),
+    "damper_declared": (
+        subject(undeclared=tuple(DAMPER_RANGES)),
+        "no damper is declared: the paper's is taken",
     ),
 }
 
@@ -225,3 +224,22 @@ def test_a_gate_that_nobody_looked_at_is_not_met() -> None:
         "check b: bad",
         "check not looked at: c: no data",
     )
+
+
+def test_a_check_can_be_left_out_of_a_list() -> None:
+    whole = CHECK_LISTS["purdy2000"]
+    assert expand_checks(["purdy2000", "-temperature_in_window"]) == whole[:-1]
+    assert expand_checks(["-temperature_in_window", "purdy2000"]) == whole[:-1]
+    assert expand_checks(["no_cavitation", "purdy2000", "-purdy2000"]) == ()
+    with pytest.raises(ConfigurationError, match="leaves out what was not asked for"):
+        expand_checks(["no_cavitation", "-temperature_in_window"])
+    with pytest.raises(ConfigurationError, match="Did you mean 'no_cavitation'"):
+        expand_checks(["purdy2000", "-no_cavitatoin"])
+
+
+def test_a_list_goes_without_what_the_test_declares_pointless() -> None:
+    pointless = ("temperature_in_window",)
+    assert expand_checks(["purdy2000"], pointless=pointless) == CHECK_LISTS["purdy2000"][:-1]
+    assert expand_checks(pointless, pointless=pointless) == pointless  # asked for by its own name
+    both = ["purdy2000", "-temperature_in_window"]
+    assert expand_checks(both, pointless=pointless) == CHECK_LISTS["purdy2000"][:-1]

@@ -77,13 +77,15 @@ SURFACE = {
     ],
     "damperfit.checks": [
         "CHECKS",
-        "CHECK_LISTS",
         "Check",
         "Subject",
-        "expand_checks",
-        "missed_gates",
         "run_checks",
         "unchecked",
+    ],
+    "damperfit.gates": [
+        "CHECK_LISTS",
+        "expand_checks",
+        "missed_gates",
     ],
     "damperfit.cli": [
         "main",
@@ -106,6 +108,7 @@ SURFACE = {
     "damperfit.configuration.loading": [
         "configuration_toml",
         "load_configuration",
+        "redeclared",
     ],
     "damperfit.damper.appendices": [
         "LinearValves",
@@ -137,6 +140,7 @@ SURFACE = {
         "incompressible_force",
     ],
     "damperfit.damper.parameters": [
+        "DAMPER_RANGES",
         "Damper",
         "PARAMETER_NAMES",
         "PURDY_DAMPER",
@@ -197,8 +201,14 @@ SURFACE = {
         "read_batch",
     ],
     "damperfit.run.judging": [
+        "assessed",
         "judge",
         "with_profiles",
+    ],
+    "damperfit.run.earlier": [
+        "FIGURES",
+        "PAGE",
+        "forget_figures",
     ],
     "damperfit.run.mishaps": [
         "Mishaps",
@@ -216,6 +226,7 @@ SURFACE = {
     ],
     "damperfit.run.pipeline": [
         "RunResult",
+        "UnwrittenError",
         "Watch",
         "run",
     ],
@@ -226,6 +237,7 @@ SURFACE = {
         "find_unit",
         "is_unit",
         "parse_quantity",
+        "says_absolute_or_gauge",
         "units_of",
     ],
     "damperfit.readers": [
@@ -240,6 +252,7 @@ SURFACE = {
         "Recording",
         "SEVERITIES",
         "Trace",
+        "natural_order",
     ],
     "damperfit.report": [
         "ASCII_LEVELS",
@@ -325,6 +338,7 @@ SURFACE = {
         "grade",
         "make_tables",
         "profiles_table",
+        "read_facts",
         "read_parameters",
         "read_results",
         "safe_cell",
@@ -335,10 +349,16 @@ SURFACE = {
     ],
     "damperfit.queries.one_simulation": [
         "Choice",
-        "DEFAULT_TABLE",
         "SimulatedTest",
         "choose_parameters",
+        "damper_of",
         "simulate_test",
+    ],
+    "damperfit.queries.origin": [
+        "Origin",
+        "configured_as",
+        "motion_of_tests",
+        "origin_of",
     ],
     "damperfit.uncertainty": [
         "Assessment",

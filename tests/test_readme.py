@@ -24,6 +24,7 @@ from PIL import Image
 from damperfit.configuration.loading import load_configuration
 from damperfit.readers import read_log
 from damperfit.report import draw_plot, report_plots
+from damperfit.run.record import Ending
 from damperfit.tables import read_results
 
 ROOT = Path(__file__).parents[1]
@@ -72,10 +73,25 @@ def _damperfit(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
 
 def test_the_first_screen_is_the_two_commands() -> None:
     assert "pip install . && damperfit identify sample_runs/*.csv" == FIRST
-    assert "pip install -e .[test] && pytest" == SECOND
+    assert "pip install -e '.[test]' && pytest" == SECOND
+    # Quoted, so that zsh takes no brackets for a pattern; in two lines for PowerShell.
+    assert COMMANDS[2:4] == SECOND.split(" && ")
     assert TEXT.index(SECOND) < TEXT.index("## ")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert "test" in project["optional-dependencies"]
+
+
+@pytest.mark.skipif(shutil.which("grep") is None, reason="no grep here")
+def test_ci_runs_the_command_that_the_readme_shows() -> None:
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    pattern = re.search(r"grep -m1 -oE '(.+)' README\.md", script)
+    assert pattern is not None
+    found = _run(["grep", "-m1", "-oE", pattern[1], str(README)], ROOT)
+    assert found.stdout == SECOND + "\n"
+    assert 'bash -c "${command%&& pytest} --quiet"' in script
+    split = f'command="{SECOND}"; printf %s "${{command%&& pytest}}"'
+    assert _run(["bash", "-c", split], ROOT).stdout == COMMANDS[2] + " "
+    assert shlex.split(COMMANDS[2]) == ["pip", "install", "-e", ".[test]"]
 
 
 def test_the_first_command_gives_the_output_shown(clone) -> None:
@@ -158,7 +174,7 @@ def test_the_configuration_shown_is_a_configuration(tmp_path) -> None:
 
 def test_every_exit_code_is_explained() -> None:
     table = TEXT[TEXT.index("## Exit codes") :]
-    for code in (0, 1, 2, 3, 4, 130):
+    for code in sorted({ending.value for ending in Ending} | {0, 2, 70}):
         assert f"| {code} |" in table
 
 

@@ -34,8 +34,8 @@ from damperfit.cli.options import (
     TruncatedOption,
     VersionOption,
     assignments,
+    configured,
     names_of,
-    overlay,
     rig_entries,
 )
 from damperfit.cli.report import check_kind, write_report
@@ -137,7 +137,6 @@ def identify(
     """
     from damperfit.cli.interrupt import stop_on_signal
     from damperfit.cli.progress import progress
-    from damperfit.configuration.loading import load_configuration
     from damperfit.report import (
         check_lines,
         held_out_sheet,
@@ -145,38 +144,51 @@ def identify(
         summary_sheet,
         terminal_table,
     )
-    from damperfit.run.pipeline import Watch, run
+    from damperfit.run.pipeline import UnwrittenError, Watch, run
 
     check_kind("--plots", plots)
+    if max_mse == 0.0:
+        raise ConfigurationError(
+            "--max-mse 0: expected more than 0, as every fit leaves some misfit; for no gate leave "
+            "the option out (output.max_mse_percent = 0)"
+        )
     summary = _summary_file() if github_summary else None
-    configuration = load_configuration(
+    configuration = configured(
         config,
-        overlay=overlay(
-            ("identification", "free", free.split(",") if free is not None else None),
-            ("identification", "fix", assignments(fix or [], option="--fix") or None),
-            ("identification", "procedure", procedure),
-            ("identification", "share", share.split(",") if share is not None else None),
-            ("identification", "bulk_modulus", bulk_modulus),
-            ("identification", "starts", starts),
-            ("identification", "profile", ",".join(profile).split(",") if profile else None),
-            ("identification", "hold_out", hold_out or None),
-            ("identification", "hold_out_cycles", hold_out_cycles),
-            ("rig", "strict", strict or None),
-            *rig_entries(rig),
-            ("rig", "skew", skew),
-            ("rig", "profile", rig_profile),
-            ("rig", "allow_truncated", allow_truncated or None),
-            ("output", "max_mse_percent", max_mse),
-            ("output", "checks", names_of(check) if check else None),
-            ("output", "folder", str(out) if out is not None else None),
-        ),
+        ("--free", "identification.free", free.split(",") if free is not None else None),
+        ("--fix", "identification.fix", assignments(fix or [], option="--fix") or None),
+        ("--procedure", "identification.procedure", procedure),
+        ("--share", "identification.share", share.split(",") if share is not None else None),
+        ("--bulk-modulus", "identification.bulk_modulus", bulk_modulus),
+        ("--starts", "identification.starts", starts),
+        ("--profile", "identification.profile", ",".join(profile).split(",") if profile else None),
+        ("--hold-out", "identification.hold_out", hold_out or None),
+        ("--hold-out-cycles", "identification.hold_out_cycles", hold_out_cycles),
+        ("--strict", "rig.strict", strict or None),
+        *rig_entries(rig),
+        ("--skew", "rig.skew", skew),
+        ("--rig-profile", "rig.profile", rig_profile),
+        ("--allow-truncated", "rig.allow_truncated", allow_truncated or None),
+        ("--max-mse", "output.max_mse_percent", max_mse),
+        ("--check", "output.checks", names_of(check) if check else None),
+        ("--out", "output.folder", str(out) if out is not None else None),
     )
+    procedure_used = configuration.identification.procedure
+    if share is not None and procedure_used != "joint":
+        raise ConfigurationError(
+            f"--share {share} cannot act: only procedure joint fits shared parameters, found "
+            f"procedure {procedure_used}; add --procedure joint"
+        )
+    lost: UnwrittenError | None = None
     with stop_on_signal() as cancelled, progress(is_wanted=not quiet) as bar:
         watch = Watch(on_start=bar.start, on_fit=bar.advance, cancelled=cancelled)
-        result = run(configuration, logs, jobs=jobs, setting=setting, watch=watch)
+        try:
+            result = run(configuration, logs, jobs=jobs, setting=setting, watch=watch)
+        except UnwrittenError as error:
+            result, lost = error.result, error
     say_failures(result.facts.failures, is_debug=debug)
-    _tell_people(result, configuration=configuration, is_quiet=quiet)
-    if result.campaign.fits and (report or plots):
+    _tell_people(result, configuration=configuration, is_quiet=quiet, is_written=lost is None)
+    if result.campaign.fits and (report or plots) and lost is None:
         folder = configuration.output.folder
         write_report(folder, folder, page=report, figures=plots)
     if summary is not None:
@@ -191,8 +203,12 @@ def identify(
         if result.facts.held_out:
             held_out = held_out_sheet(result.facts.held_out, is_narrow=True)
             print_renderable(terminal_table(held_out))
+        damper = wrap(configuration.damper_sentence, screen_columns())
         lines = map(one_line, check_lines(result.facts.checks))
-        print_lines(["", *(part for line in lines for part in wrap(line, screen_columns()))])
+        checks = (part for line in lines for part in wrap(line, screen_columns()))
+        print_lines([*damper, "", *checks])
+    if lost is not None:
+        raise lost
     return result.ending.value
 
 
@@ -216,19 +232,23 @@ def _append(path: Path, report: str) -> None:
         raise OutputError(f"--github-summary: cannot write {path}: {error.strerror}") from error
 
 
-def _tell_people(result: RunResult, *, configuration: Configuration, is_quiet: bool) -> None:
+def _tell_people(
+    result: RunResult, *, configuration: Configuration, is_quiet: bool, is_written: bool
+) -> None:
     from damperfit.run.remarks import corrections
 
     for gate in result.facts.gates:
         say(f"damperfit: {gate}")
     if is_quiet:
         return
-    for line in corrections(result.campaign):
+    for line in (*configuration.notes, *corrections(result.campaign)):
         say(f"note: {line}")
     for warning in result.facts.warnings:
         say(f"warning: {warning}")
     for sentence in result.facts.untold:
         say(f"note: {sentence}")
+    if not is_written:
+        return
     profiles = ", the profiles in profiles.csv" if configuration.profile else ""
     say(f"damperfit: {_summary(result, configuration.output.folder)}{profiles}")
 

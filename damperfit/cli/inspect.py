@@ -26,7 +26,7 @@ from damperfit.cli.options import (
     StrictOption,
     TruncatedOption,
     VersionOption,
-    overlay,
+    configured,
     rig_entries,
 )
 
@@ -55,20 +55,17 @@ def inspect(
 
     Example: damperfit inspect runs/*.csv
     """
-    from damperfit.configuration.loading import load_configuration
     from damperfit.run.logs import available_cores, expand, read_batch
     from damperfit.run.record import log_documents, reading_ending
     from damperfit.run.remarks import skipped_files
 
-    configuration = load_configuration(
+    configuration = configured(
         config,
-        overlay=overlay(
-            *rig_entries(rig),
-            ("rig", "strict", strict or None),
-            ("rig", "skew", skew),
-            ("rig", "profile", rig_profile),
-            ("rig", "allow_truncated", allow_truncated or None),
-        ),
+        *rig_entries(rig),
+        ("--strict", "rig.strict", strict or None),
+        ("--skew", "rig.skew", skew),
+        ("--rig-profile", "rig.profile", rig_profile),
+        ("--allow-truncated", "rig.allow_truncated", allow_truncated or None),
     )
     paths = expand(logs)
     workers = jobs or available_cores()

@@ -12,7 +12,9 @@ from damperfit import __version__
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
+
+    from damperfit.configuration.options import Configuration
 
 __all__ = [
     "ConfigOption",
@@ -29,8 +31,9 @@ __all__ = [
     "TruncatedOption",
     "VersionOption",
     "assignments",
+    "configured",
     "names_of",
-    "overlay",
+    "refuse_beside",
     "rig_entries",
 ]
 
@@ -72,7 +75,9 @@ JobsOption = Annotated[
 ]
 SettingOption = Annotated[
     int | None,
-    typer.Option("--setting", metavar="N", help="Setting of the logs that do not say theirs."),
+    typer.Option(
+        "--setting", min=0, metavar="N", help="Setting of the logs that do not say theirs."
+    ),
 ]
 StrictOption = Annotated[
     bool, typer.Option("--strict", help="Refuse logs that have a warning; ends with code 4.")
@@ -102,7 +107,7 @@ RigOption = Annotated[
 
 
 def rig_entries(texts: Iterable[str] | None) -> list[tuple[str, str, Any]]:
-    """Return KEY=VALUE texts as entries of [rig] for `overlay`; KEY may be dotted.
+    """Return KEY=VALUE texts as entries of [rig] for `configured`; KEY may be dotted.
 
     A value is what it would be in TOML; what is no TOML (kN) is text.
 
@@ -125,7 +130,7 @@ def rig_entries(texts: Iterable[str] | None) -> list[tuple[str, str, Any]]:
         for name, entry in found.items():
             is_table = isinstance(entry, dict) and isinstance(keys.get(name), dict)
             keys[name] = keys[name] | entry if is_table else entry
-    return [("rig", name, entry) for name, entry in keys.items()]
+    return [(f"--rig {name}", f"rig.{name}", entry) for name, entry in keys.items()]
 
 
 def assignments(texts: Iterable[str], *, option: str) -> dict[str, str]:
@@ -158,10 +163,38 @@ def names_of(texts: Iterable[str]) -> list[str]:
     return [name.strip() for text in texts for name in text.split(",")]
 
 
-def overlay(*entries: tuple[str, str, Any]) -> dict[str, dict[str, Any]]:
-    """Return (section, key, value) entries as a configuration; None means not given."""
+def configured(config: Path | None, *entries: tuple[str, str, Any]) -> Configuration:
+    """Return the configuration of a file and the command line.
+
+    Parameters
+    ----------
+    config : pathlib.Path or None
+        TOML file.
+    entries : tuple of str, str, any
+        Option as typed, key that it sets as in "rig.skew", value; None means not given.
+    """
+    from damperfit.configuration.loading import load_configuration
+
     sections: dict[str, dict[str, Any]] = {}
-    for section, key, value in entries:
+    options: dict[str, str] = {}
+    for option, place, value in entries:
         if value is not None:
+            section, _, key = place.partition(".")
             sections.setdefault(section, {})[key] = value
-    return sections
+            options[place] = option
+    return load_configuration(config, overlay=sections, options=options)
+
+
+def refuse_beside(option: str, others: Mapping[str, Any], *, why: str) -> None:
+    """Refuse options that cannot act beside another one.
+
+    Raises
+    ------
+    ConfigurationError
+        One of the others was given.
+    """
+    given = [name for name, value in others.items() if value is not None]
+    if given:
+        raise ConfigurationError(
+            f"{given[0]} cannot act beside {option}: {why}; leave one of the two out"
+        )

@@ -16,7 +16,8 @@ from damperfit.cli.options import (
     QuietOption,
     VersionOption,
     assignments,
-    overlay,
+    configured,
+    refuse_beside,
 )
 from damperfit.errors import ConfigurationError
 
@@ -25,19 +26,17 @@ if TYPE_CHECKING:
 
 __all__ = ["simulate"]
 
-_FEW = 200  # samples a cycle: at 33 the force at 0.05 m/s is 5 N off, at 333 it is not
-
 
 def simulate(
     setting: Annotated[
-        int | None, typer.Option(metavar="N", help="Setting whose parameters are used.")
+        int | None, typer.Option(min=0, metavar="N", help="Setting whose parameters are used.")
     ] = None,
     parameters: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Parameters table (.parquet, .csv).  [results/parameters.parquet if there is "
-            "one, else the shipped reference set]",
+            help="Parameters table (.parquet, .csv) or results folder.  [results, if it is there, "
+            "else the shipped reference set]",
         ),
     ] = None,
     set_: Annotated[
@@ -57,6 +56,10 @@ def simulate(
         str | None, typer.Option(metavar="RATE", help="As in 1000Hz; a bare number is Hz.")
     ] = None,
     wave: Annotated[str | None, typer.Option(metavar="NAME", help="sine or triangle.")] = None,
+    max_steps: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Samples or steps that are not too many.  [5000000]"),
+    ] = None,
     displacement: Annotated[
         Path | None,
         typer.Option(metavar="LOG", help="Drive with the displacement of a log, not a wave."),
@@ -77,36 +80,41 @@ def simulate(
 
     Example: damperfit simulate --setting 10 --amplitude 32mm --frequency 1.5Hz
     """
-    from damperfit.configuration.loading import load_configuration
-    from damperfit.queries.one_simulation import choose_parameters, simulate_test
+    from damperfit.queries.one_simulation import choose_parameters, damper_of, simulate_test
 
-    configuration = load_configuration(
+    if displacement is not None:
+        of_a_wave = {"--amplitude": amplitude, "--frequency": frequency, "--cycles": cycles}
+        of_a_wave |= {"--sample-rate": sample_rate, "--wave": wave, "--max-steps": max_steps}
+        refuse_beside("--displacement", of_a_wave, why="the log is the motion")
+    given = configured(
         config,
-        overlay=overlay(
-            ("rig", "amplitude", amplitude),
-            ("rig", "frequency", frequency),
-            ("simulation", "cycles", cycles),
-            ("simulation", "sample_rate", sample_rate),
-            ("simulation", "wave", wave),
-        ),
+        ("--amplitude", "rig.amplitude", amplitude),
+        ("--frequency", "rig.frequency", frequency),
+        ("--cycles", "simulation.cycles", cycles),
+        ("--sample-rate", "simulation.sample_rate", sample_rate),
+        ("--wave", "simulation.wave", wave),
+        ("--max-steps", "simulation.max_steps", max_steps),
     )
     _check_suffix("--out", out, (".csv", ".parquet"))
     _check_suffix("--plot", plot, (".png", ".svg", ".pdf"))
     replaced = assignments(set_ or [], option="--set")
-    choice = choose_parameters(setting, table=parameters, replaced=replaced)
+    choice = choose_parameters(
+        setting, table=parameters, replaced=replaced, folder=given.output.folder
+    )
+    configuration, damper = damper_of(choice, given, config=config)
     if displacement is not None and not displacement.exists():
         raise ConfigurationError(f"--displacement {displacement}: no such file")
     trial = simulate_test(choice, configuration, log=displacement)
     if not quiet:
+        say(f"damperfit: {damper}")
         say(f"damperfit: {choice.source}")
-        if trial.samples_a_cycle < _FEW:
-            say(
-                f"warning: {trial.samples_a_cycle:.3g} samples a cycle: peaks, hysteresis and "
-                f"forces at a speed are coarse; {_FEW} or more are wanted (--sample-rate)"
-            )
+        for note in configuration.notes:
+            say(f"note: {note}")
+        for warning in trial.warnings:
+            say(f"warning: {warning}")
     _write(trial, out=out, plot=plot)
     if json:
-        print_json(_document(trial))
+        print_json(_document(trial, damper))
     elif not quiet or out is None:
         _show(trial)
     return 0
@@ -157,11 +165,13 @@ def _show(trial: SimulatedTest) -> None:
     print_lines(["", "last cycle", *cycle])
 
 
-def _document(trial: SimulatedTest) -> Any:
+def _document(trial: SimulatedTest, damper: str) -> Any:
     from damperfit.run.record import json_values
 
     document = {
         "setting": trial.choice.setting,
+        "damper": damper,
+        "warnings": list(trial.warnings),
         "source": trial.choice.source,
         "motion": trial.motion,
         "frequency_Hz": trial.frequency,

@@ -16,7 +16,7 @@ from damperfit.cli.options import (
     QuietOption,
     VersionOption,
     assignments,
-    overlay,
+    configured,
 )
 from damperfit.cli.report import check_kind
 from damperfit.errors import ConfigurationError
@@ -36,7 +36,7 @@ _PAPER_NUMBERS = {"r_m1": 4, "r_m2": 5, "r_m3": 6, "k_e": 8, "f_f": 9}
 
 def sweep(
     setting: Annotated[
-        int | None, typer.Option(metavar="N", help="Setting whose parameters are varied.")
+        int | None, typer.Option(min=0, metavar="N", help="Setting whose parameters are varied.")
     ] = None,
     vary: Annotated[
         list[str] | None,
@@ -56,6 +56,10 @@ def sweep(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Replace a parameter.")
     ] = None,
+    max_steps: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Samples or steps that are not too many.  [5000000]"),
+    ] = None,
     figures: Annotated[
         str, typer.Option(metavar="KIND", help="Figures as png, svg or pdf.")
     ] = "png",
@@ -72,8 +76,7 @@ def sweep(
 
     Example: damperfit sweep --setting 10 --vary r_m1=0.8,1,1.2
     """
-    from damperfit.configuration.loading import load_configuration
-    from damperfit.queries.one_simulation import choose_parameters
+    from damperfit.queries.one_simulation import choose_parameters, damper_of
     from damperfit.queries.sweep import PAPER_SWEEPS, parse_variation
 
     check_kind("--figures", figures)
@@ -82,19 +85,26 @@ def sweep(
     variations = [parse_variation(text) for text in vary or []]
     if len({variation.name for variation in variations}) < len(variations):
         raise ConfigurationError("--vary: a name is given twice; put its factors into one list")
-    configuration = load_configuration(config, overlay=overlay())
+    given = configured(config, ("--max-steps", "simulation.max_steps", max_steps))
     replaced = assignments(set_ or [], option="--set")
     number = 10 if paper and setting is None else setting
-    choice = choose_parameters(number, table=parameters, replaced=replaced)
+    choice = choose_parameters(
+        number, table=parameters, replaced=replaced, folder=given.output.folder
+    )
+    configuration, damper = damper_of(choice, given, config=config)
     if not quiet:
+        say(f"damperfit: {damper}")
         say(f"damperfit: {choice.source}")
+        for note in configuration.notes:
+            say(f"note: {note}")
     wanted = [(v, False) for v in variations] + [(v, True) for v in PAPER_SWEEPS if paper]
     sweeps = [(v, _members(choice, configuration, v), is_paper) for v, is_paper in wanted]
     records, plots = _lay_out(sweeps)
     _write(out, records, plots, kind=figures)
     if json:
         sentences = [_sentence(variation, members) for variation, members, _ in sweeps]
-        print_json({"source": choice.source, "rows": records, "sentences": sentences})
+        told = {"damper": damper, "source": choice.source}
+        print_json(told | {"rows": records, "sentences": sentences})
     else:
         for variation, members, _ in sweeps:
             _show(variation, members)

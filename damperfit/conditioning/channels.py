@@ -5,14 +5,16 @@ rounded to steps stays at its top value for L samples and is at most 4 q (a para
 rounding) below it L/2 samples further on; a clipped one has gone on like the motion. The same
 distance tells a channel that stands still from one whose steps are coarse.
 
-Limits, all measured on logs without noise at settings 1, 10 and 20 of the reference set, 500 Hz:
+What the faults cost near the limits (`python -m tests.conditioning.limits`; the largest error at
+settings 1, 10 and 20 of the reference set, 500 Hz, no noise):
 
-- clipped at 98 % of its peak the force costs 0.5 % of R_m2 and 0.7 % of K_e, at 95 % 2 and 3 %;
-- rounded to 500 steps over the stroke the displacement costs 1 % of K_e, to 250 steps 3 %, and
-  more with noise on top, which acts through the velocity and does not average out. The force costs
-  1 % at 125 steps; noise of half a step or more turns that into scatter, which intervals cover;
-- one spike as large as the force's range costs 5 % of K_e, twenty of a tenth 2 %, five of 2 % of it
-  0.2 %.
+- clipped at 98 % of its peak the force costs 0.6 % of R_m2 and 1.7 % of K_e, at 95 % 2 and 8 %;
+- rounded to 1000 steps over the stroke the displacement costs 0.4 % of K_e, to 500 steps 5 %, to
+  250 6 %: it acts through the velocity and does not average out, and `displacement_noise` sees it
+  too. The force costs 0.3 % at 125 steps, 0.4 % at 62; noise of half a step or more turns that into
+  scatter, which intervals cover;
+- one spike as large as the force's range costs 4 % of K_e, twenty of a tenth as much, five of 2 %
+  of it 0.3 %.
 """
 
 from __future__ import annotations

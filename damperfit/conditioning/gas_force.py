@@ -15,8 +15,8 @@ it, and so does cavitation. `python -m tests.conditioning.corrections_grid` prin
 
 ``rebound_curvature`` and ``bump_curvature`` are the part of the force that grows with v^2 at peak
 speed, over half the range of the force, positive when the stroke is progressive. The model's
-valves make both positive and rebound's larger: a_p1^3 against a_r^3 through valve 1. A
-magneto-rheological damper's are negative (-0.6 to -1.7 measured).
+valves make both positive and rebound's larger: a_p1^3 against a_r^3 through valve 1. Those of a
+magneto-rheological damper are negative.
 """
 
 from __future__ import annotations

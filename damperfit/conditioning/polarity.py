@@ -35,7 +35,7 @@ _CLEAR_ENERGY = 0.1
 # K_e from 3e8 on, and 0.4 to 1.5 with cavitation or soft oil; none was below -0.1.
 _CERTAIN = (0.5, 1.7)
 # Sum of both curvatures: -0.5 and more for the model's valves (friction alone, 5 mm of stroke,
-# 4 N of noise), -1.5 to -2.9 for measured magneto-rheological dampers.
+# 4 N of noise); a damper that yields first and flows then, as magneto-rheological ones, has less.
 _LEAST_CURVATURE = -0.6
 TARED = 0.25  # below this share of the gas force there is none to be seen
 _CHANNELS = ("displacement", "force")

@@ -3,8 +3,9 @@
 Sensor noise is about as strong just above the motion's harmonics as near half the sample rate. A
 low-pass in the rig takes it away up there by several powers of ten, in both channels. The ratio of
 the two levels, as medians over the lines of the spectrum so that harmonics do not count, was
-measured on made-up logs at 300 to 1000 Hz: 0.8 to 1.5 for displacement and 0.8 to 28 for force
-(noise of 0.3 to 4 N) without a filter, 550 to 930 and 17 000 to 38 000 behind 30 or 60 Hz.
+measured on made-up logs (`python -m tests.conditioning.limits --filters`): without a filter 0.7 to
+1.4 for displacement and 1 to 20 for force; behind 30 or 60 Hz up to 990 and 56 000, but 4 and 130
+where the noise that is left is below the last digit of the log. Such a filter is not seen.
 """
 
 from __future__ import annotations

@@ -23,9 +23,9 @@ from damperfit.configuration.schema import build_configuration
 from damperfit.errors import ConfigurationError, did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-__all__ = ["configuration_toml", "load_configuration"]
+__all__ = ["configuration_toml", "load_configuration", "redeclared"]
 
 _MAX_BYTES = 1_000_000  # a configuration is a page; anything larger is some other file
 _COMMAND_LINE = "command line"
@@ -34,7 +34,10 @@ _ENTRY = re.compile(r"(?P<key>\w+) = (?P<value>[^#]*[^#\s])(?P<comment>\s*#.*)?$
 
 
 def load_configuration(
-    path: str | Path | None = None, *, overlay: Mapping[str, Mapping[str, Any]] | None = None
+    path: str | Path | None = None,
+    *,
+    overlay: Mapping[str, Mapping[str, Any]] | None = None,
+    options: Mapping[str, str] | None = None,
 ) -> Configuration:
     """Return the configuration in force.
 
@@ -44,12 +47,15 @@ def load_configuration(
         TOML file; its keys replace those of defaults.toml.
     overlay : mapping, optional
         Sections and keys that replace those of the file, as from the command line.
+    options : mapping of str to str, optional
+        The option that was typed for a key of ``overlay``, as in {"rig.skew": "--skew"}: a mistake
+        in its value is told by this name.
 
     Raises
     ------
     ConfigurationError
         The file cannot be read, or a key or value in it is wrong; the message names file, line
-        and key.
+        and key, or the option.
     """
     layers = [_Layer("defaults.toml", _defaults_text())]
     if path is not None:
@@ -58,16 +64,43 @@ def load_configuration(
     for layer in layers:
         layer.values = _parse(layer)
     if overlay:
-        layers.append(_Layer(_COMMAND_LINE, "", overlay))
+        layers.append(_Layer(_COMMAND_LINE, "", overlay, options or {}))
     for layer in layers:
         _check_keys(layer, known=layers[0].values)
         if layer.name == _COMMAND_LINE:
             _put_over_profiles(document, layer.values.get("rig", {}))
         _merge(document, layer.values)
+    declared = {
+        f"{section}.{key}"
+        for layer in layers[1:]
+        for section, values in layer.values.items()
+        for key in values
+    }
     try:
-        return build_configuration(document)
+        return build_configuration(document, declared=frozenset(declared))
     except ValidationError as error:
         raise ConfigurationError(_explain(error, layers)) from error
+    except ConfigurationError as error:
+        raise ConfigurationError(_with_place(str(error), layers)) from error
+
+
+def redeclared(
+    configuration: Configuration, sections: Mapping[str, Mapping[str, Any]]
+) -> Configuration:
+    """Return the configuration with other values of some keys, as if these had been declared.
+
+    Raises
+    ------
+    ConfigurationError
+        A value is wrong.
+    """
+    document = deepcopy(configuration.document)
+    _merge(document, sections)
+    keys = {f"{section}.{key}" for section, values in sections.items() for key in values}
+    try:
+        return build_configuration(document, declared=configuration.declared | keys)
+    except ValidationError as error:
+        raise ConfigurationError(_explain(error, [_Layer("run.json", "", sections)])) from error
 
 
 @dataclass(slots=True)
@@ -77,6 +110,14 @@ class _Layer:
     name: str
     text: str
     values: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, str] = field(default_factory=dict)
+
+    def name_of(self, section: str, *keys: str) -> str:
+        """Return what a reader looks for: the option that was typed, else file, line and key."""
+        option = self.options.get(".".join((section, *keys[:1])))
+        if option is not None:
+            return ".".join((option, *keys[1:]))
+        return f"{self.place(section, *keys)}: {'.'.join((section, *keys))}"
 
     def place(self, *keys: str) -> str:
         """Return file and line of a key inside others, as far as the text tells."""
@@ -168,12 +209,22 @@ def _explain(error: ValidationError, layers: Sequence[_Layer]) -> str:
     """Return the first thing that is wrong, with the layer it came from."""
     first = error.errors(include_url=False)[0]
     keys = [str(part) for part in first["loc"]]
+    reason = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
+    if len(keys) == 1:  # of several keys: the one it begins with, where the last of them was given
+        return _explain_section(keys[0], reason, layers)
     # pydantic ends with the branch of a union that it tried, which is no key.
     source = max(reversed(layers), key=lambda layer: _depth(layer.values, keys))
     keys = keys[: max(_depth(source.values, keys), 1)]
-    reason = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
     found = "" if isinstance(first["input"], dict) else f", found {first['input']!r}"
-    return f"{source.place(*keys)}: {'.'.join(keys)}: {reason}{found}"
+    return f"{source.name_of(*keys)}: {reason}{found}"
+
+
+def _explain_section(section: str, reason: str, layers: Sequence[_Layer]) -> str:
+    named = [key for key in layers[0].values[section] if re.search(rf"\b{key}\b", reason)]
+    if not named:
+        return f"{section}: {reason}"
+    key = max(named, key=lambda name: layers.index(_source(layers, section, name)))
+    return f"{_source(layers, section, key).place(section, key)}: {section}.{reason}"
 
 
 def _depth(values: Any, keys: Sequence[str]) -> int:
@@ -186,6 +237,35 @@ def _depth(values: Any, keys: Sequence[str]) -> int:
         else:
             return depth
     return len(keys)
+
+
+def _source(layers: Sequence[_Layer], section: str, key: str) -> _Layer:
+    """Return the last layer that gives a key."""
+    giving = [layer for layer in layers if key in layer.values.get(section, {})]
+    return (giving or layers)[-1 if giving else 0]
+
+
+def _with_place(message: str, layers: Sequence[_Layer]) -> str:
+    """Return a mistake that only shows when values meet, with the place of the value it quotes."""
+    quoted = {word for pair in re.findall(r"'([^']*)'|= (\S+?):", message) for word in pair if word}
+    for layer in reversed(layers[1:]):
+        for section, values in layer.values.items():
+            for key, value in values.items():
+                if quoted & set(_leaves(value)):
+                    return f"{layer.name_of(section, key)}: {message}"
+    return message
+
+
+def _leaves(value: object) -> Iterator[str]:
+    """Yield the texts that a value consists of, keys too."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from (str(key), *_leaves(item))
+    elif isinstance(value, list | tuple):
+        for item in value:
+            yield from _leaves(item)
+    else:
+        yield str(value)
 
 
 def configuration_toml(configuration: Configuration) -> str:

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from damperfit.conditioning import ConditionOptions
-from damperfit.damper.parameters import PARAMETER_NAMES, Damper
+from damperfit.damper.parameters import DAMPER_RANGES, PARAMETER_NAMES, Damper
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import FitOptions
-from damperfit.quantities import parse_quantity
+from damperfit.quantities import parse_quantity, says_absolute_or_gauge
 from damperfit.readers import ReadOptions
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import HoldOutOptions
@@ -68,12 +68,15 @@ class SimulationOptions:
         "sine" or "triangle".
     solver : SolverOptions
         How exactly to integrate.
+    max_steps : int
+        Samples or steps of the integrator beyond which a simulation is refused.
     """
 
     cycles: float
     sample_rate: float
     wave: str
     solver: SolverOptions
+    max_steps: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +122,8 @@ class Configuration:
         Defaults of `simulate`.
     output : OutputOptions
         Folder and gates.
+    declared : frozenset of str
+        Keys that somebody gave, as in "damper.rod_diameter"; the others are defaults.
     document : dict
         The same as one TOML document, quantities as they were written.
     """
@@ -132,7 +137,44 @@ class Configuration:
     profile: tuple[str, ...]
     simulation: SimulationOptions
     output: OutputOptions
+    declared: frozenset[str] = field(compare=False)
     document: dict[str, Any] = field(compare=False, repr=False)
+
+    @property
+    def undeclared(self) -> tuple[str, ...]:
+        """Keys of [damper] that nobody gave."""
+        return tuple(name for name in DAMPER_RANGES if f"damper.{name}" not in self.declared)
+
+    @property
+    def damper_sentence(self) -> str:
+        """The damper's main figures, and whose they are."""
+        one = self.damper
+        is_assumed = len(self.undeclared) == len(DAMPER_RANGES)
+        assumed = " (the paper's: [damper] is not declared)" if is_assumed else ""
+        return (
+            f"Damper: rod {1e3 * one.rod_diameter:g} mm, piston {1e3 * one.piston_diameter:g} mm, "
+            f"gas piston {1e3 * one.gas_piston_diameter:g} mm, chambers "
+            f"{1e3 * one.chamber_1_length:g} and {1e3 * one.chamber_2_length:g} mm, gas "
+            f"{1e3 * one.gas_length:g} mm at {one.gas_pressure / 1e5:.5g} bar absolute, exponent "
+            f"{one.gas_exponent:g}, oil {one.oil_density:g} kg/m3{assumed}."
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed of the damper, a sentence each."""
+        said = []
+        if 0 < len(self.undeclared) < len(DAMPER_RANGES):
+            said.append(
+                f"[damper] leaves {', '.join(self.undeclared)} to the paper's damper: declare "
+                "what your damper has (damperfit config prints every key)"
+            )
+        pressure = self.document["damper"]["gas_pressure"]
+        if isinstance(pressure, str) and not says_absolute_or_gauge(pressure):
+            said.append(
+                f"damper.gas_pressure = {pressure} is taken as absolute; a gauge shows 1.013 bar "
+                "less: say which, as in 12bara or 12barg"
+            )
+        return tuple(said)
 
 
 def parameter_value(name: str, value: str | float) -> float:

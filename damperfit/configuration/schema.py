@@ -6,21 +6,23 @@ The schema has no defaults: every key stands in defaults.toml. Quantities are te
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_type_hints
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
+    ValidationInfo,
     create_model,
     field_validator,
     model_validator,
 )
 
-from damperfit.checks import expand_checks
 from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
 from damperfit.configuration.options import (
     Configuration,
@@ -29,10 +31,11 @@ from damperfit.configuration.options import (
     SimulationOptions,
     parameter_value,
 )
-from damperfit.damper.parameters import Damper
+from damperfit.damper.parameters import DAMPER_RANGES, Damper
 from damperfit.errors import did_you_mean
+from damperfit.gates import expand_checks
 from damperfit.identification import FitOptions, check_options
-from damperfit.quantities import parse_quantity
+from damperfit.quantities import parse_quantity, says_absolute_or_gauge
 from damperfit.readers import Profile, ReadOptions
 from damperfit.readers.options import Declarations
 from damperfit.simulation import SolverOptions
@@ -62,13 +65,38 @@ def _known_or_detect(value: object) -> object:
     raise ValueError("expected true, false or 'detect'")
 
 
+_ASKED_BELOW = 2e5  # Pa: a gauge reading taken as absolute is here a third too low, or more
+_LONGEST = 2.0  # m, beyond any rig's amplitude: mm were meant
+
+
+def _gas_pressure(value: object) -> object:
+    """Return an absolute pressure; ask what a low one counts from."""
+    if not isinstance(value, str | float | int) or isinstance(value, bool):
+        return value
+    pressure = parse_quantity(value, "absolute pressure")
+    is_told = isinstance(value, str) and says_absolute_or_gauge(value)
+    is_low = pressure == 0.0 or DAMPER_RANGES["gas_pressure"][0] <= pressure < _ASKED_BELOW
+    if is_low and not is_told:
+        raise ValueError(
+            "is it absolute, or does it count from the atmosphere? expected a unit that says so, "
+            "as in 'bara' or 'barg'"
+        )
+    return pressure
+
+
+def _not_in_mm(length: float) -> float:
+    if length > _LONGEST:
+        raise ValueError(f"expected at most {_LONGEST:g} m; a bare number is in m, as in '32mm'")
+    return length
+
+
 _Sign = Annotated[bool | str, BeforeValidator(_known_or_detect)]
 _Positive = Field(gt=0.0, allow_inf_nan=False)
 _NotNegative = Field(ge=0.0, allow_inf_nan=False)
 _Length = Annotated[float, _quantity("length"), _Positive]
+_Dimension = Annotated[float, _quantity("length")]
 _Force = Annotated[float, _quantity("force"), _Positive]
-_Pressure = Annotated[float, _quantity("pressure"), _Positive]
-_Density = Annotated[float, _quantity("density"), _Positive]
+_Amplitude = Annotated[_Length, AfterValidator(_not_in_mm)]
 _Frequency = Annotated[float, _quantity("frequency"), _Positive]
 _Speed = Annotated[float, _quantity("velocity"), _NotNegative]
 
@@ -78,22 +106,30 @@ class _Section(BaseModel):
 
 
 class _DamperSection(_Section):
-    rod_diameter: _Length
-    piston_diameter: _Length
-    gas_piston_diameter: _Length
-    chamber_1_length: _Length
-    chamber_2_length: _Length
-    gas_length: _Length
-    oil_density: _Density
-    gas_pressure: _Pressure
-    gas_exponent: Annotated[float, _Positive]
+    rod_diameter: _Dimension
+    piston_diameter: _Dimension
+    gas_piston_diameter: _Dimension
+    chamber_1_length: _Dimension
+    chamber_2_length: _Dimension
+    gas_length: _Dimension
+    oil_density: Annotated[float, _quantity("density")]
+    gas_pressure: Annotated[float, BeforeValidator(_gas_pressure)]
+    gas_exponent: float
+
+    @field_validator("*")
+    @classmethod
+    def _is_plausible(cls, value: float, info: ValidationInfo) -> float:
+        low, high, unit = DAMPER_RANGES[str(info.field_name)]
+        if not low <= value <= high:
+            raise ValueError(f"expected {low:g} to {high:g}{' ' + unit if unit else ''}")
+        return value
 
     @model_validator(mode="after")
     def _rod_fits(self) -> _DamperSection:
         if self.rod_diameter >= self.piston_diameter:
             raise ValueError(
-                f"rod_diameter {self.rod_diameter:g} m must be smaller than "
-                f"piston_diameter {self.piston_diameter:g} m"
+                f"rod_diameter: expected less than piston_diameter, {self.piston_diameter:g} m, "
+                f"found {self.rod_diameter:g} m"
             )
         return self
 
@@ -156,7 +192,7 @@ _ProfileSection: Any = create_model(
 
 
 class _RigSection(_DeclaredKeys):
-    amplitude: _Length
+    amplitude: _Amplitude
     frequency: _Frequency
     settings: list[int]
     strict: bool
@@ -287,10 +323,11 @@ class _SimulationSection(_Section):
     cycles: Annotated[float, Field(ge=1.0, le=10_000.0)]
     sample_rate: _Frequency
     tolerance: _Force
+    max_steps: Annotated[int, Field(ge=1)]
 
     def build(self, dead_band: float) -> SimulationOptions:
         solver = SolverOptions(tolerance=self.tolerance, dead_band=dead_band)
-        return SimulationOptions(self.cycles, self.sample_rate, self.wave, solver)
+        return SimulationOptions(self.cycles, self.sample_rate, self.wave, solver, self.max_steps)
 
 
 class _OutputSection(_Section):
@@ -298,9 +335,10 @@ class _OutputSection(_Section):
     max_mse_percent: Annotated[float, _NotNegative]
     checks: list[str]
 
-    def build(self) -> OutputOptions:
-        names = (name.strip() for name in self.checks)
-        return OutputOptions(Path(self.folder), self.max_mse_percent, expand_checks(names))
+    def build(self, rig: _RigSection) -> OutputOptions:
+        pointless = () if math.isfinite(rig.temperature_tolerance) else ("temperature_in_window",)
+        checks = expand_checks((name.strip() for name in self.checks), pointless=pointless)
+        return OutputOptions(Path(self.folder), self.max_mse_percent, checks)
 
 
 class _Document(_Section):
@@ -312,8 +350,17 @@ class _Document(_Section):
     output: _OutputSection
 
 
-def build_configuration(document: dict[str, Any]) -> Configuration:
-    """Return the settings that a complete TOML document describes.
+def build_configuration(
+    document: dict[str, Any], *, declared: frozenset[str] = frozenset()
+) -> Configuration:
+    """Return the configuration that a complete TOML document describes.
+
+    Parameters
+    ----------
+    document : dict
+        Every key of defaults.toml.
+    declared : frozenset of str
+        Keys that somebody gave, as in "damper.rod_diameter".
 
     Raises
     ------
@@ -333,6 +380,7 @@ def build_configuration(document: dict[str, Any]) -> Configuration:
         hold_out=checked.identification.build_hold_out(),
         profile=checked.identification.build_profile(),
         simulation=checked.simulation.build(checked.identification.dead_band),
-        output=checked.output.build(),
+        output=checked.output.build(checked.rig),
+        declared=declared,
         document=document,
     )

@@ -28,7 +28,23 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-__all__ = ["PARAMETER_NAMES", "PURDY_DAMPER", "Damper", "Parameters"]
+from damperfit.errors import ConfigurationError
+
+__all__ = ["DAMPER_RANGES", "PARAMETER_NAMES", "PURDY_DAMPER", "Damper", "Parameters"]
+
+# What any damper has, from a model car's to a bridge's, with room to spare, in SI. What lies
+# outside was misread: mm as m, bar as Pa. Pressures are absolute, hence never nothing.
+DAMPER_RANGES: dict[str, tuple[float, float, str]] = {
+    "rod_diameter": (1e-3, 0.5, "m"),
+    "piston_diameter": (2e-3, 1.0, "m"),
+    "gas_piston_diameter": (2e-3, 1.0, "m"),
+    "chamber_1_length": (2e-3, 5.0, "m"),
+    "chamber_2_length": (2e-3, 5.0, "m"),
+    "gas_length": (1e-3, 5.0, "m"),
+    "oil_density": (500.0, 2000.0, "kg/m3"),
+    "gas_pressure": (1e4, 1e8, "Pa"),
+    "gas_exponent": (0.5, 3.0, ""),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +53,11 @@ class Damper:
 
     The paper does not print P_0 and gamma. P_0 = 0.46 MPa is recovered from its section 6.2
     (R_m3 = 2.597e6 lies 15 % below the onset of cavitation); gamma = 1.4 is nitrogen's.
+
+    Raises
+    ------
+    ConfigurationError
+        A value is outside `DAMPER_RANGES`, or the rod is as wide as the piston.
     """
 
     rod_diameter: float = 0.019
@@ -48,6 +69,21 @@ class Damper:
     oil_density: float = 770.0
     gas_pressure: float = 4.6e5
     gas_exponent: float = 1.4
+
+    def __post_init__(self) -> None:
+        """Refuse what is no damper."""
+        for name, (low, high, unit) in DAMPER_RANGES.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                in_unit = f" {unit}" if unit else ""
+                raise ConfigurationError(
+                    f"{name}: expected {low:g} to {high:g}{in_unit}, found {value:g}{in_unit}"
+                )
+        if self.rod_diameter >= self.piston_diameter:
+            raise ConfigurationError(
+                f"rod_diameter: expected less than piston_diameter, "
+                f"{self.piston_diameter:g} m, found {self.rod_diameter:g} m"
+            )
 
     @property
     def piston_area(self) -> float:

@@ -28,6 +28,7 @@ from damperfit.identification.plausible import PLAUSIBLE
 from damperfit.identification.procedure_input import ProcedureInput, closed_form_start, ordered
 from damperfit.identification.setting import Fit, Judged, describe_fit
 from damperfit.identification.sharing import Sharing
+from damperfit.recording import natural_order
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -308,6 +309,10 @@ def _collect(
     )
 
 
+def _by_name(trace: Trace) -> tuple[object, ...]:
+    return natural_order(trace.name), trace.name, trace.start_time
+
+
 def _by_setting(traces: Sequence[Trace]) -> dict[int, tuple[Trace, ...]]:
     groups: dict[int, list[Trace]] = defaultdict(list)
     for trace in traces:
@@ -317,7 +322,4 @@ def _by_setting(traces: Sequence[Trace]) -> dict[int, tuple[Trace, ...]]:
                 "name it setting_N, or give --setting N."
             )
         groups[trace.setting].append(trace)
-    return {
-        setting: tuple(sorted(groups[setting], key=lambda t: (t.name, t.start_time)))
-        for setting in sorted(groups)
-    }
+    return {setting: tuple(sorted(groups[setting], key=_by_name)) for setting in sorted(groups)}

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.closed_forms import gas_pressure
-from damperfit.errors import SimulationError
+from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification.model_versus_log import motion_of
 from damperfit.simulation import Motion, SolverOptions, simulate
 
@@ -219,7 +219,7 @@ def _root(lowest: Callable[[float], float], guess: float) -> float:
             low, high = guess / (1.0 + step), guess * (1.0 + step)
             if at(low) * at(high) <= 0.0:
                 return float(brentq(at, low, high, xtol=_TOLERANCE * guess))
-    except SimulationError:
+    except (SimulationError, ConfigurationError):  # no such motion, or no such damper
         pass
     return math.nan
 

@@ -67,7 +67,8 @@ def starting_values(
     solution = np.zeros(columns.shape[1])
     if free:
         solution[free] = nnls(columns[:, free] / scale[free], force)[0] / scale[free]
-    floor = _SMALL_SHARE * float(np.std(force)) / scale
+    with np.errstate(over="ignore"):  # a parameter held far off: the simulation will say so
+        floor = _SMALL_SHARE * float(np.std(force)) / scale
     offset = 0.0
     if len(solution) > 4:
         offset = float(solution[4] - solution[5])

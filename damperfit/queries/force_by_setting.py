@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from damperfit.damper.parameters import PARAMETER_NAMES, Damper, Parameters
 from damperfit.errors import ConfigurationError, Mishap, mishap_of
 from damperfit.identification.sharing import listed_settings
 from damperfit.quantities import parse_quantity
+from damperfit.queries.origin import Origin, configured_as, motion_of_tests
 from damperfit.simulation import refuse_amplitude
 from damperfit.tables import read_results
 
@@ -171,24 +171,25 @@ def read_adjuster(
     folder : pathlib.Path
         What `identify` wrote.
     config : pathlib.Path, optional
-        Configuration to take the damper from instead of the run's own.
+        Configuration; its damper is taken where the run does not tell its own.
     amplitude, frequency : str, optional
         Motion instead of the test's own.
 
     Raises
     ------
     ConfigurationError
-        There is no such folder, no setting in it has parameters, or the motion is none.
+        There is no such folder, no setting in it has parameters, ``config`` declares another
+        damper, or the motion is none.
     """
     results = read_results(folder, parts=("parameters",))
     remarks = list(results.remarks)
-    configuration = _configuration(config, results.record, remarks)
+    configuration = _configuration(folder, config, results.record, remarks)
     stages = tuple(_stages(results.parameters, results.record, remarks))
     if not stages:
         raise ConfigurationError(
             f"{folder}: no setting has all parameters; run damperfit identify LOGS first"
         )
-    own = _tested(results.record, {stage.setting for stage in stages})
+    own = motion_of_tests(results.record, {stage.setting for stage in stages})
     if own is None and not (amplitude and frequency):
         own = Sine(configuration.rig.amplitude, configuration.rig.frequency)
         remarks.append("the motion of the test is not known: the nominal one is taken")
@@ -259,22 +260,17 @@ def _cavitation_notes(adjuster: Adjuster, found: Sequence[Level]) -> Iterator[st
 
 
 def _configuration(
-    config: Path | None, record: Mapping[str, Any], remarks: list[str]
+    folder: Path, config: Path | None, record: Mapping[str, Any], remarks: list[str]
 ) -> Configuration:
     """Return the configuration that has the run's damper, whatever else is in its document."""
-    if config is not None:
-        return load_configuration(config)
+    given = load_configuration(config)
     document = record.get("configuration")
     damper = document.get("damper") if isinstance(document, dict) else None
-    if not isinstance(damper, dict):
+    if isinstance(damper, dict):
+        return configured_as(given, Origin(str(folder / "run.json"), damper), config=config)
+    if config is None:
         remarks.append("the damper of the run is not known: the paper's is taken; give --config")
-        return load_configuration()
-    try:
-        return load_configuration(overlay={"damper": damper})
-    except ConfigurationError as error:
-        raise ConfigurationError(
-            f"the damper in run.json cannot be used ({error}); give --config"
-        ) from error
+    return given
 
 
 def _stages(
@@ -324,25 +320,6 @@ def _stage(
     if not np.all(np.isfinite(covariance)):
         raise ValueError("a correlation or an error is missing")
     return Stage(setting, parameters, own, shared, covariance)
-
-
-def _tested(record: Mapping[str, Any], settings: set[int]) -> Sine | None:
-    """Return the median motion of the logs that were fitted, as far as run.json tells."""
-    inputs = record.get("inputs")
-    logs = [
-        (float(log["amplitude_m"]), float(log["frequency_Hz"]))
-        for log in (inputs if isinstance(inputs, list) else ())
-        if isinstance(log, dict)
-        and log.get("setting") in settings
-        and all(_is_size(log.get(key)) for key in ("amplitude_m", "frequency_Hz"))
-    ]
-    if not logs:
-        return None
-    return Sine(median(amplitude for amplitude, _ in logs), median(rate for _, rate in logs))
-
-
-def _is_size(value: object) -> bool:
-    return isinstance(value, int | float) and math.isfinite(value) and value > 0.0
 
 
 def _motion(own: Sine | None, amplitude: str | None, frequency: str | None) -> tuple[Sine, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,8 +14,15 @@ from damperfit.conditioning import condition
 from damperfit.configuration.options import parameter_value
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.damper.reference import REFERENCE_SOURCE, reference_parameters
-from damperfit.errors import ConfigurationError, DamperfitError, InternalError, mishap_of
+from damperfit.errors import (
+    ConfigurationError,
+    DamperfitError,
+    InternalError,
+    SimulationError,
+    mishap_of,
+)
 from damperfit.identification.model_versus_log import motion_of
+from damperfit.queries.origin import configured_as, origin_of
 from damperfit.readers import read_log
 from damperfit.simulation import (
     Response,
@@ -32,9 +40,10 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.simulation import Motion
 
-__all__ = ["DEFAULT_TABLE", "Choice", "SimulatedTest", "choose_parameters", "simulate_test"]
+__all__ = ["Choice", "SimulatedTest", "choose_parameters", "damper_of", "simulate_test"]
 
-DEFAULT_TABLE = Path("results/parameters.parquet")
+_FEW_SAMPLES = 200  # a cycle: at 33 the force at 0.05 m/s is 5 N off, at 333 it is not
+_PILOT_SAMPLES = 100  # of one cycle: the integrator's own steps are more
 _WAVES = {"sine": sine_motion, "triangle": triangle_motion}
 _NEEDED = tuple(name for name in PARAMETER_NAMES if name != "f_0")
 
@@ -51,11 +60,14 @@ class Choice:
         Adjuster setting, None when all parameters were given one by one.
     source : str
         One sentence for people.
+    table : pathlib.Path or None
+        Where they stand; None for the reference set, and when all were given.
     """
 
     parameters: Parameters
     setting: int | None
     source: str
+    table: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,6 +95,24 @@ class SimulatedTest:
     characteristics: Characteristics
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know before believing the figures, a sentence each."""
+        said = []
+        if self.samples_a_cycle < _FEW_SAMPLES:
+            said.append(
+                f"{self.samples_a_cycle:.3g} samples a cycle: peaks, hysteresis and forces at a "
+                f"speed are coarse; {_FEW_SAMPLES} or more are wanted (--sample-rate)"
+            )
+        for chamber, share in enumerate(self.characteristics.cavitation_shares, start=1):
+            if share > 0.0:
+                said.append(
+                    f"chamber {chamber} is empty for {100.0 * share:.3g} % of the cycle: these are "
+                    "the forces of a damper that cavitates; a slower motion or more gas keeps it "
+                    "full"
+                )
+        return tuple(said)
+
+    @property
     def samples_a_cycle(self) -> float:
         """How finely a cycle is sampled."""
         interval = float(self.response.time[1] - self.response.time[0])
@@ -90,7 +120,11 @@ class SimulatedTest:
 
 
 def choose_parameters(
-    setting: int | None, *, table: Path | None, replaced: Mapping[str, str]
+    setting: int | None,
+    *,
+    table: Path | None,
+    replaced: Mapping[str, str],
+    folder: Path = Path("results"),
 ) -> Choice:
     """Return the parameters to simulate with.
 
@@ -99,9 +133,12 @@ def choose_parameters(
     setting : int or None
         Adjuster setting; not needed when all five parameters are replaced.
     table : pathlib.Path or None
-        Parameters table; None takes `DEFAULT_TABLE` when it exists, else the reference set.
+        Parameters table or results folder; None takes the table in ``folder`` when there is one,
+        else the reference set.
     replaced : mapping of str to str
         Values that replace the setting's, as text with or without a unit.
+    folder : pathlib.Path
+        Where `identify` writes its results.
 
     Raises
     ------
@@ -110,26 +147,72 @@ def choose_parameters(
     """
     values = {name: parameter_value(name, text) for name, text in replaced.items()}
     if set(_NEEDED) <= values.keys():
+        if table is not None:
+            raise ConfigurationError(
+                f"--parameters {table}: nothing is taken from it, as --set gives all five; leave "
+                "one of the two out"
+            )
         return Choice(Parameters(**values), setting, "parameters: all given by --set")
     if setting is None:
         missing = ", ".join(name for name in _NEEDED if name not in values)
         raise ConfigurationError(f"no parameters for {missing}: give --setting N or --set them all")
-    parameters, source = _of_setting(setting, table)
+    path = _table(table, folder)
+    if path is None:
+        parameters = reference_parameters(setting)
+        source = f"setting {setting} of the {REFERENCE_SOURCE}"
+    else:
+        known = read_parameters(path)
+        if setting not in known:
+            there = ", ".join(str(number) for number in sorted(known)) or "none"
+            raise ConfigurationError(
+                f"{path}: no parameters of setting {setting}; there are {there}"
+            )
+        parameters, source = known[setting], f"setting {setting} of {path}"
     if values:
         source = f"{source}; replaced: {', '.join(values)}"
-    return Choice(replace(parameters, **values), setting, f"parameters: {source}")
+    return Choice(replace(parameters, **values), setting, f"parameters: {source}", path)
 
 
-def _of_setting(setting: int, table: Path | None) -> tuple[Parameters, str]:
-    settle(DEFAULT_TABLE.parent)  # what an interrupted run put there may be none of the results
-    if table is None and not DEFAULT_TABLE.exists():
-        return reference_parameters(setting), f"setting {setting} of the {REFERENCE_SOURCE}"
-    path = table or DEFAULT_TABLE
-    known = read_parameters(path)
-    if setting not in known:
-        there = ", ".join(str(number) for number in sorted(known)) or "none"
-        raise ConfigurationError(f"{path}: no parameters of setting {setting}; there are {there}")
-    return known[setting], f"setting {setting} of {path}"
+def _table(given: Path | None, folder: Path) -> Path | None:
+    """Return the parameters table that is meant; a folder means the one in it."""
+    names = ("parameters.parquet", "parameters.csv")
+    if given is None or given.is_dir():
+        settle(given or folder)  # what an interrupted run put there may be none of the results
+        there = (given or folder) / names[0], (given or folder) / names[1]
+        found = next((path for path in there if path.exists()), None)
+        if found is None and given is not None:
+            raise ConfigurationError(f"{given}: no {names[0]} in this folder")
+        return found
+    return given
+
+
+def damper_of(
+    choice: Choice, configuration: Configuration, *, config: Path | None = None
+) -> tuple[Configuration, str]:
+    """Return the configuration with the damper that the parameters belong to, and a line on it.
+
+    Parameters
+    ----------
+    choice : Choice
+        Whose parameters.
+    configuration : Configuration
+        As the user gave it.
+    config : pathlib.Path, optional
+        The file it came from, for the message.
+
+    Raises
+    ------
+    ConfigurationError
+        The user declares another damper than the one that was fitted.
+    """
+    if choice.table is None:
+        return configuration, configuration.damper_sentence
+    origin = origin_of(choice.table)
+    meant = configured_as(configuration, origin, config=config)
+    sentence = meant.damper_sentence.rstrip(".")
+    if origin.damper is None:
+        return meant, f"{sentence}; {origin.place} does not say whose parameters these are."
+    return meant, f"{sentence}, that of {origin.place}."
 
 
 def simulate_test(
@@ -153,12 +236,14 @@ def simulate_test(
     InternalError
         Reading it has met a bug of damperfit's.
     ConfigurationError
-        The stroke is longer than a chamber.
+        The stroke is longer than a chamber, or the work is more than `simulation.max_steps`.
     SimulationError
         The model cannot be integrated, or the response is shorter than one cycle.
     """
     solver = configuration.simulation.solver
     if log is None:
+        refuse_amplitude(configuration.rig.amplitude, configuration.damper)
+        _refuse_work(choice.parameters, configuration)
         motion, words = _wave(configuration)
         response = simulate(choice.parameters, configuration.damper, motion, options=solver)
         frequency, steady = configuration.rig.frequency, response
@@ -190,7 +275,6 @@ def _trace(log: Path, configuration: Configuration) -> Trace:
 
 def _wave(configuration: Configuration) -> tuple[Motion, str]:
     rig, options = configuration.rig, configuration.simulation
-    refuse_amplitude(rig.amplitude, configuration.damper)
     motion = _WAVES[options.wave](
         rig.amplitude,
         rig.frequency,
@@ -198,10 +282,30 @@ def _wave(configuration: Configuration) -> tuple[Motion, str]:
         sample_rate=options.sample_rate,
     )
     words = (
-        f"{options.wave} of {1e3 * rig.amplitude:g} mm at {rig.frequency:g} Hz, "
+        f"{options.wave} of {1e3 * rig.amplitude:.4g} mm at {rig.frequency:.4g} Hz, "
         f"last of {options.cycles:g} cycles"
     )
     return motion, words
+
+
+def _refuse_work(parameters: Parameters, configuration: Configuration) -> None:
+    """Estimate samples and steps before any are made, the steps from one cycle."""
+    rig, options = configuration.rig, configuration.simulation
+    n_samples = options.cycles * options.sample_rate / rig.frequency
+    n_steps = n_samples
+    if n_samples <= options.max_steps:
+        rate = rig.frequency * min(_PILOT_SAMPLES, options.sample_rate / rig.frequency)
+        cycle = _WAVES[options.wave](rig.amplitude, rig.frequency, cycles=1, sample_rate=rate)
+        with suppress(SimulationError):  # the simulation itself will say why
+            pilot = simulate(parameters, configuration.damper, cycle, options=options.solver)
+            n_steps = max(n_samples, options.cycles * pilot.work.steps)
+    if n_steps > options.max_steps:
+        raise ConfigurationError(
+            f"{options.cycles:g} cycles at {rig.frequency:g} Hz take about {n_samples:.3g} samples "
+            f"and {n_steps:.3g} steps of the integrator, expected at most {options.max_steps} "
+            "(simulation.max_steps); take fewer --cycles or a lower --sample-rate, or allow more "
+            f"with --max-steps {math.ceil(1.1 * n_steps)}"
+        )
 
 
 def _part(response: Response, window: slice) -> Response:

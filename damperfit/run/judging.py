@@ -155,5 +155,6 @@ def _checks(
         missing=tuple(missing),
         temperature=configuration.rig.temperature,
         temperature_tolerance=configuration.rig.temperature_tolerance,
+        undeclared=configuration.undeclared,
     )
     return run_checks(subject)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import glob
 import hashlib
 import os
-import re
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -27,7 +26,7 @@ from damperfit.errors import (
     mishap_of,
 )
 from damperfit.readers import read_logs
-from damperfit.recording import Finding
+from damperfit.recording import Finding, natural_order
 from damperfit.report import Failure
 
 if TYPE_CHECKING:
@@ -102,7 +101,11 @@ def expand(patterns: Iterable[str]) -> tuple[Path, ...]:
     for pattern in patterns:
         for path in _matches(pattern):
             found.setdefault(os.path.realpath(path), path)
-    return tuple(sorted(found.values(), key=lambda path: (_natural(path.name), str(path))))
+    return tuple(sorted(found.values(), key=_by_number))
+
+
+def _by_number(path: Path) -> tuple[object, ...]:
+    return natural_order(path.name), natural_order(str(path))
 
 
 def _matches(pattern: str) -> list[Path]:
@@ -137,12 +140,6 @@ def _may_exist(path: Path) -> bool:
     return True
 
 
-def _natural(name: str) -> list[tuple[int, int, str]]:
-    """Sort key that puts run_2 before run_10."""
-    parts = re.split(r"(\d+)", name)  # every second part is digits
-    return [(1, int(p), "") if i % 2 else (0, 0, p) for i, p in enumerate(parts)]
-
-
 def available_cores() -> int:
     """Return the number of cores this process may use."""
     with suppress(AttributeError):  # macOS and Windows have no affinity
@@ -172,7 +169,7 @@ def read_batch(
     setting : int, optional
         Setting of the logs that do not say theirs.
     keeps_traces : bool
-        False: only the facts are wanted, and memory does not grow with the number of logs.
+        False: only the facts are wanted; no samples are kept.
     cancelled : callable
         Asked before each log; once it says True, the remaining logs are left out.
     """

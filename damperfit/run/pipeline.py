@@ -17,9 +17,10 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from damperfit.atomic import check_writable, file_set, reserved
-from damperfit.errors import ConfigurationError
+from damperfit.errors import ConfigurationError, OutputError
 from damperfit.identification import Campaign, compare, identify
 from damperfit.report import markdown_report
+from damperfit.run.earlier import PAGE, forget_figures
 from damperfit.run.hold_out import Parted, named_files, note_unpredicted, part
 from damperfit.run.judging import assessed, judge, with_profiles
 from damperfit.run.logs import available_cores, expand, read_batch
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
     from damperfit.run.logs import LogBatch
     from damperfit.tables import Tables
 
-__all__ = ["RunResult", "Watch", "run"]
+__all__ = ["RunResult", "UnwrittenError", "Watch", "run"]
 
 # Tables that are written only when they were asked for.
 _ON_REQUEST = {"profiles"}
@@ -119,6 +120,20 @@ class RunResult:
         }
 
 
+class UnwrittenError(OutputError):
+    """The results cannot be written; what was found is not lost with them.
+
+    Attributes
+    ----------
+    result : RunResult
+        What the run found.
+    """
+
+    def __init__(self, message: str, result: RunResult) -> None:
+        super().__init__(message)
+        self.result = result
+
+
 def run(
     configuration: Configuration,
     logs: Sequence[str],
@@ -151,7 +166,8 @@ def run(
     ConfigurationError
         A path or pattern names no file; nothing was touched.
     OutputError
-        The results cannot be written; earlier results are untouched.
+        The results cannot be written; earlier results are untouched. At the end of a run it is an
+        `UnwrittenError` that holds the result.
     """
     clock = _Clock()
     folder = configuration.output.folder
@@ -202,7 +218,10 @@ def _run(
     )
     if not campaign.fits and watch.cancelled():
         return told.result(mishaps.failures)
-    return _write(told, mishaps, clock=clock, jobs=jobs)
+    try:
+        return _write(told, mishaps, clock=clock, jobs=jobs)
+    except OutputError as error:
+        raise UnwrittenError(str(error), told.result(mishaps.failures)) from error
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -313,9 +332,10 @@ def _comparisons(
 
 
 def _write(told: _Told, mishaps: Mishaps, *, clock: _Clock, jobs: int) -> RunResult:
-    """Write all files as a set, run.json last."""
+    """Write all files as a set, run.json last; page and figures of an earlier run go."""
     configuration, campaign = told.configuration, told.campaign
-    with file_set(configuration.output.folder) as files:
+    folder = configuration.output.folder
+    with file_set(folder) as files:
         with clock.lap("write_s"):
             # First, for what fails in it is told in the others.
             write_responses(
@@ -331,12 +351,14 @@ def _write(told: _Told, mishaps: Mishaps, *, clock: _Clock, jobs: int) -> RunRes
             for name in _ON_REQUEST - result.written.keys():
                 for suffix in (".parquet", ".csv"):
                     files.without(name + suffix)
+            files.without(PAGE)
             report = markdown_report(result.tables, result.facts)
             files.path("report.md").write_bytes(report.encode("utf-8", "backslashreplace"))
         result.record["files"] = {name: _sha256(files.path(name)) for name in sorted(files.names)}
         result.record["timings"] = clock.read()
         text = json.dumps(result.record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
         files.path("run.json").write_bytes(text.encode("utf-8", "backslashreplace"))
+    forget_figures(folder)
     return result
 
 

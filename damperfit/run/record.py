@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
 from damperfit.adjustment import Adjustment
-from damperfit.checks import Check, missed_gates
+from damperfit.checks import Check
 from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.gates import missed_gates
 from damperfit.identification import Outcome, Status, describe_cavitation, describe_searches
 from damperfit.quantities import engineering
 from damperfit.report import Failure, ReportFacts, to_record
@@ -264,11 +265,8 @@ def _setting_failures(campaign: Campaign) -> Iterator[Failure]:
 
 def _procedure(configuration: Configuration, campaign: Campaign) -> Iterator[str]:
     """Yield how the parameters were found, one sentence each."""
-    damper = configuration.damper
-    yield (
-        f"Damper: rod {1e3 * damper.rod_diameter:g} mm, piston {1e3 * damper.piston_diameter:g} "
-        f"mm, gas {damper.gas_pressure / 1e5:g} bar absolute, exponent {damper.gas_exponent:g}."
-    )
+    yield configuration.damper_sentence
+    yield from (f"Note: {note}." for note in configuration.notes)
     if not campaign.fits:
         return
     fit = campaign.fits[0]

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 __all__ = ["SampleOptions", "make_samples"]
 
+_MADE_UP = "# rig: synthetic (damperfit samples)"
+_HEAD_BYTES = 200
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleOptions:
@@ -178,7 +181,7 @@ def _log_text(cycle: SteadyCycle, setting: int, options: SampleOptions) -> str:
     preamble = (
         "# damperfit rig log",
         f"# setting: {setting}",
-        "# rig: synthetic (damperfit samples)",
+        _MADE_UP,
         "time_s,displacement_mm,force_N,temperature_degC",
     )
     return "\n".join([*preamble, *(",".join(row) for row in zip(*columns, strict=True)), ""])
@@ -224,6 +227,15 @@ logged at {options.sample_rate:g} Hz. The machine is
 """
 
 
+def _is_sample(path: Path) -> bool:
+    """Whether a log was made by this module: one that a rig wrote is never touched."""
+    try:
+        with path.open("rb") as file:
+            return file.read(_HEAD_BYTES).decode("ascii", "replace").find(_MADE_UP) >= 0
+    except OSError:
+        return False
+
+
 def make_samples(
     folder: str | Path,
     options: SampleOptions | None = None,
@@ -236,7 +248,8 @@ def make_samples(
     Parameters
     ----------
     folder : str or Path
-        Made when it does not exist; files of the same name are replaced.
+        Made when it does not exist; files of the same name are replaced, and made-up logs of
+        other settings go.
     options : SampleOptions, optional
         Test, instruments, damper; the default is the paper's test at 500 Hz.
     parameters : mapping of int to Parameters, optional
@@ -264,7 +277,11 @@ def make_samples(
         raise ConfigurationError(f"samples: no parameters given for settings {missing}")
     source = reference_parameters if parameters is None else parameters.__getitem__
     truth = {setting: source(setting) for setting in options.settings}
+    names = [f"setting_{setting:02d}.csv" for setting in truth]
     with file_set(Path(folder)) as files:
+        for path in Path(folder).glob("setting_*.csv"):
+            if path.name not in names and _is_sample(path):  # truth.csv will not speak of it
+                files.without(path.name)
         for setting, true in truth.items():
             cycle = steady_cycle(
                 true, options.damper, amplitude=options.amplitude, frequency=options.frequency

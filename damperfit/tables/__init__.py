@@ -6,7 +6,13 @@ responses out, `files` writes and reads. Tables are Arrow tables; ``Tables.frame
 """
 
 from damperfit.tables.columns import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables, table_schema
-from damperfit.tables.files import read_parameters, safe_cell, write_responses, write_table
+from damperfit.tables.files import (
+    read_facts,
+    read_parameters,
+    safe_cell,
+    write_responses,
+    write_table,
+)
 from damperfit.tables.reading import LogSignals, Results, read_results
 from damperfit.tables.results import (
     MISSING,
@@ -30,6 +36,7 @@ __all__ = [
     "grade",
     "make_tables",
     "profiles_table",
+    "read_facts",
     "read_parameters",
     "read_results",
     "safe_cell",

@@ -8,6 +8,7 @@ all; the functions here write to whatever path they are given.
 from __future__ import annotations
 
 import csv
+import json
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from damperfit.identification import Campaign, Comparison
     from damperfit.recording import Trace
 
-__all__ = ["read_parameters", "safe_cell", "write_responses", "write_table"]
+__all__ = ["read_facts", "read_parameters", "safe_cell", "write_responses", "write_table"]
 
 
 def write_responses(
@@ -179,6 +180,16 @@ def read_parameters(path: Path) -> dict[int, Parameters]:
         ) from error
     except (ValueError, TypeError, csv.Error, pa.ArrowException) as error:
         raise ConfigurationError(f"{path}: no parameters table: {error}") from error
+
+
+def read_facts(path: Path) -> dict[str, Any]:
+    """Return what a Parquet table tells of the run that wrote it; empty where it tells nothing."""
+    try:
+        entry = (pq.read_schema(path).metadata or {}).get(b"damperfit", b"{}")
+        facts = json.loads(entry)
+    except (OSError, ValueError, RecursionError, pa.ArrowException):
+        return {}
+    return facts if isinstance(facts, dict) else {}
 
 
 def _read_rows(path: Path) -> list[dict[str, Any]]:

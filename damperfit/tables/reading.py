@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 
 from damperfit.atomic import settle
 from damperfit.errors import ConfigurationError
+from damperfit.recording import natural_order
 from damperfit.tables.columns import SCHEMA_VERSION, column_kinds
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ def read_results(
     parameters = _rows(folder, "parameters", remarks) if "parameters" in parts else ()
     mse = _rows(folder, "mse", remarks) if "mse" in parts else ()
     signals = _logs(folder, remarks) if "responses" in parts else ()
-    logs = tuple(sorted(signals, key=lambda log: (log.setting, log.log)))
+    logs = tuple(sorted(signals, key=lambda log: (log.setting, natural_order(log.log))))
     if not parameters and not logs:
         raise ConfigurationError(
             f"{folder}: nothing to show, {'; '.join(remarks) or 'its tables are empty'}; "

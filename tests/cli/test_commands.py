@@ -203,7 +203,7 @@ def test_the_readme_documents_every_command_and_option(run) -> None:
     [
         (("--rig", "unit.force=kN"), "Did you mean 'units'?"),
         (("--rig", "units.forse=kN"), "no channel 'forse'"),
-        (("--rig", "skip_lines=a"), "rig.skip_lines"),
+        (("--rig", "skip_lines=a"), "--rig skip_lines: expected a valid integer, found 'a'"),
         (("--rig", "a b=1"), "'a b' is no key"),
         (("--rig", "decimal"), "expected NAME=VALUE"),
         (("--rig", "decimal=,", "--rig", "decimal=."), "given twice"),

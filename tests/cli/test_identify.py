@@ -183,7 +183,7 @@ def test_a_gate_that_is_not_met_is_code_4_and_everything_is_written(run, logs, t
         (["LOG", "--fix", "k_e=soft"], "k_e = soft"),
         (["LOG", "--free", "r_m1", "--fix", "r_m1=1e4"], "both free and fixed"),
         (["LOG", "--procedure", "papr"], "Did you mean 'paper'"),
-        (["LOG", "--max-mse", "nan"], "max_mse"),
+        (["LOG", "--max-mse", "nan"], "--max-mse"),
         (["LOG", "--jobs", "0"], "--jobs"),
         (["LOG", "--out", "a_file"], "not a folder"),
         (["TRUTH"], "parameter tables"),

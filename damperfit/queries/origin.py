@@ -1,0 +1,153 @@
+"""Whose parameters a table holds: the damper and the motion of the run that wrote it."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+from damperfit.adjustment import Sine
+from damperfit.configuration.loading import load_configuration, redeclared
+from damperfit.damper.parameters import DAMPER_RANGES
+from damperfit.errors import ConfigurationError
+from damperfit.tables import read_facts
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from damperfit.configuration.options import Configuration
+
+__all__ = ["Origin", "configured_as", "motion_of_tests", "origin_of"]
+
+_MOTION = ("amplitude", "frequency")
+_SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """What the run that wrote a table tells of itself.
+
+    Attributes
+    ----------
+    place : str
+        Where that stands, for people.
+    damper : mapping or None
+        Its [damper], as it was written; None: it does not tell.
+    motion : Sine or None
+        The motion that was tested.
+    """
+
+    place: str
+    damper: Mapping[str, Any] | None = None
+    motion: Sine | None = None
+
+
+def origin_of(table: Path) -> Origin:
+    """Return what a parameters table, or run.json beside it, tells of damper and motion."""
+    facts = read_facts(table)
+    beside = _record(table.parent / "run.json")
+    for place, known in ((table, facts), (table.parent / "run.json", beside)):
+        document = known.get("configuration")
+        damper = document.get("damper") if isinstance(document, dict) else None
+        if isinstance(document, dict) and isinstance(damper, dict):
+            motion = motion_of_tests(beside) or _nominal(document.get("rig"))
+            return Origin(str(place), damper, motion)
+    return Origin(str(table))
+
+
+def configured_as(
+    configuration: Configuration, origin: Origin, *, config: Path | None = None
+) -> Configuration:
+    """Return the configuration with the damper of a run, and its motion unless one was declared.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        As the user gave it.
+    origin : Origin
+        Whose parameters are used.
+    config : pathlib.Path, optional
+        The file it came from, for the message.
+
+    Raises
+    ------
+    ConfigurationError
+        The user declares another damper, or that of the run cannot be used.
+    """
+    if origin.damper is None:
+        return configuration
+    try:
+        own = load_configuration(overlay={"damper": origin.damper}).damper
+    except ConfigurationError as error:
+        if config is not None:
+            return configuration
+        raise ConfigurationError(
+            f"the damper in {origin.place} cannot be used ({error}); give --config"
+        ) from error
+    for name, (_, _, unit) in DAMPER_RANGES.items():
+        found, fitted = getattr(configuration.damper, name), getattr(own, name)
+        is_declared = f"damper.{name}" in configuration.declared
+        if is_declared and not math.isclose(found, fitted, rel_tol=_SAME):
+            raise ConfigurationError(
+                f"--config {config}: damper.{name} is {_said(found, unit)}, but the parameters of "
+                f"{origin.place} were fitted with {_said(fitted, unit)} and hold for that damper "
+                "alone; leave --config out, or identify anew with it"
+            )
+    sections: dict[str, Mapping[str, Any]] = {"damper": origin.damper}
+    if origin.motion is not None:
+        sections["rig"] = {
+            name: getattr(origin.motion, name)
+            for name in _MOTION
+            if f"rig.{name}" not in configuration.declared
+        }
+    return redeclared(configuration, sections)
+
+
+def _said(value: float, unit: str) -> str:
+    return f"{value:g} {unit}".rstrip()
+
+
+def motion_of_tests(record: Mapping[str, Any], settings: set[int] | None = None) -> Sine | None:
+    """Return the median motion of the logs that were fitted, as far as run.json tells.
+
+    Parameters
+    ----------
+    record : mapping
+        run.json.
+    settings : set of int, optional
+        Settings that have parameters; None takes all logs that were not refused.
+    """
+    inputs = record.get("inputs")
+    logs = [
+        (float(log["amplitude_m"]), float(log["frequency_Hz"]))
+        for log in (inputs if isinstance(inputs, list) else ())
+        if isinstance(log, dict)
+        and (settings is None or log.get("setting") in settings)
+        and all(_is_size(log.get(key)) for key in ("amplitude_m", "frequency_Hz"))
+    ]
+    if not logs:
+        return None
+    return Sine(median(amplitude for amplitude, _ in logs), median(rate for _, rate in logs))
+
+
+def _is_size(value: object) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value) and value > 0.0
+
+
+def _nominal(rig: object) -> Sine | None:
+    """Return the nominal test of a run whose logs are not known."""
+    if not isinstance(rig, dict) or not set(_MOTION) <= rig.keys():
+        return None
+    values = load_configuration(overlay={"rig": {name: rig[name] for name in _MOTION}}).rig
+    return Sine(values.amplitude, values.frequency)
+
+
+def _record(path: Path) -> dict[str, Any]:
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return document if isinstance(document, dict) else {}

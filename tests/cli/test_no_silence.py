@@ -1,0 +1,221 @@
+"""What cannot act, cannot be done or is not to be trusted is said, and one run stands alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from damperfit.cli import main
+from damperfit.configuration.loading import load_configuration
+from damperfit.errors import ConfigurationError
+from damperfit.run.pipeline import UnwrittenError
+from damperfit.run.pipeline import run as run_pipeline
+
+GIVEN = [
+    word
+    for name in ("r_m1=1.8e4", "r_m2=3.527e6", "r_m3=2.597e6", "k_e=365MPa", "f_f=50N")
+    for word in ("--set", name)
+]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["identify", "LOG", "--share", "r_m3"], "--share r_m3 cannot act: only procedure joint"),
+        (["identify", "LOG", "--max-mse", "0"], "--max-mse 0: expected more than 0"),
+        (["identify", "LOG", "--setting=-3"], "'--setting'"),
+        (["inspect", "LOG", "--setting=-3"], "'--setting'"),
+        (["simulate", "--setting=-3"], "'--setting'"),
+        (["sweep", "--setting=-3", "--vary", "r_m1=1,2"], "'--setting'"),
+        (["identify", "LOG", "--rig", "amplitude=32"], "--rig amplitude: expected at most 2 m"),
+        (["identify", "LOG", "--procedure", "papre"], "--procedure: no procedure 'papre'"),
+        (["identify", "LOG", "--free", "r_m1,ke"], "--free: no parameter 'ke'"),
+        (["identify", "LOG", "--fix", "ke=1"], "--fix: no parameter 'ke'"),
+        (["identify", "LOG", "--check", "nothing"], "--check: no check 'nothing'"),
+        (["identify", "LOG", "--hold-out-cycles", "1.5"], "--hold-out-cycles: expected a share"),
+        (["identify", "LOG", "--starts", "0"], "--starts: expected greater than or equal to 1"),
+        (["identify", "LOG", "--skew", "2mm"], "--skew: no unit of time 'mm'"),
+        (["identify", "LOG", "--rig-profile", "lab"], "--rig-profile: no profile 'lab'"),
+        (["simulate", *GIVEN, "--parameters", "LOG"], "nothing is taken from it"),
+        *(
+            (
+                ["simulate", *GIVEN, "--displacement", "LOG", option, value],
+                f"{option} cannot act beside --displacement",
+            )
+            for option, value in (
+                ("--amplitude", "3mm"),
+                ("--frequency", "1Hz"),
+                ("--cycles", "3"),
+                ("--sample-rate", "1kHz"),
+                ("--wave", "sine"),
+                ("--max-steps", "9"),
+            )
+        ),
+    ],
+)
+def test_what_cannot_be_or_cannot_act_is_code_2(run, logs, tmp_path, arguments, says) -> None:
+    log = str(logs / "setting_01.csv")
+    ended = run(*(log if word == "LOG" else word for word in arguments))
+    assert ended.code == 2
+    assert says in ended.err
+    assert len(ended.err.splitlines()) == 1
+    assert ended.out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_just_inside_they_act(run, logs) -> None:
+    log = logs / "setting_01.csv"
+    assert run("identify", log, "--share", "r_m3", "--procedure", "joint").code == 0
+    assert run("identify", log, "--max-mse", "1e-9").code == 4
+    assert run("identify", log, "--setting", "0", "--rig", "amplitude=2").code == 0
+    assert run("simulate", *GIVEN, "--displacement", log).code == 0
+
+
+def test_a_mistake_in_a_file_is_told_with_its_line_also_where_values_meet(tmp_path) -> None:
+    path = tmp_path / "mine.toml"
+    for text, says in (
+        ("[identification]\nprocedure = 'papre'\n", "mine.toml:2: identification.procedure: no "),
+        ("[output]\n\nchecks = ['nothing']\n", "mine.toml:3: output.checks: no check"),
+        ("[damper]\npiston_diameter = '18mm'\n", "mine.toml:2: damper.rod_diameter: expected less"),
+    ):
+        path.write_text(text)
+        with pytest.raises(ConfigurationError) as caught:
+            load_configuration(path)
+        assert says in str(caught.value)
+        assert "defaults.toml" not in str(caught.value)
+
+
+def test_the_work_is_estimated_before_it_is_done(run) -> None:
+    """0.0001 Hz ran for 29 s, unasked."""
+    ended = run("simulate", *GIVEN, "--frequency", "0.0001Hz")
+    assert ended.code == 2
+    for words in ("4e+07 samples", "expected at most 5000000", "--max-steps 44000000"):
+        assert words in ended.err
+    # 4 cycles of 25 samples: the integrator takes more steps than that.
+    few = ("simulate", *GIVEN, "--sample-rate", "37.5Hz", "--max-steps")
+    steps = int(run(*few, "100").err.split("--max-steps ")[1])
+    assert 500 < steps < 10_000
+    assert run(*few, str(steps)).code == 0
+    assert run(*few, str(int(steps / 1.2))).code == 2
+    # The samples alone: 4 cycles of 1000.
+    many = ("simulate", *GIVEN, "--frequency", "1Hz", "--sample-rate", "100kHz", "--max-steps")
+    assert run(*many, "400000").code == 0
+    assert run(*many, "399999").code == 2
+    assert run("sweep", "--paper", "--max-steps", "100").code == 2
+
+
+def test_cavitation_is_said(run) -> None:
+    assert "warning" not in run("simulate", "--setting", "1").err
+    ended = run("simulate", "--setting", "1", "--frequency", "15Hz", "--sample-rate", "5kHz")
+    assert "chamber 2 is empty for" in ended.err
+    document = run("simulate", "--setting", "1", "--frequency", "15Hz", "--json", "--quiet")
+    assert len(json.loads(document.out)["warnings"]) >= 2
+    assert document.err == ""
+
+
+def test_a_parameter_held_far_off_leaks_no_warning(spawn, logs) -> None:
+    ended = spawn("identify", logs / "setting_01.csv", "--fix", "r_m1=1e99")
+    assert "RuntimeWarning" not in ended.err
+    assert "Traceback" not in ended.err
+    assert ended.code in {0, 1, 3}
+
+
+@pytest.fixture
+def drawn(run, logs, tmp_path) -> Path:
+    """Results with a page and figures, and two files of somebody else's."""
+    done = run("identify", logs / "setting_0[12].csv", "--report", "--plots", "svg", "--quiet")
+    assert done.code == 0
+    folder = tmp_path / "results"
+    (folder / "figures" / "my_notes.svg").write_text("mine")
+    (folder / "notes.txt").write_text("mine")
+    assert (folder / "report.html").exists()
+    assert len(list((folder / "figures").glob("*.svg"))) > 10
+    return folder
+
+
+def test_a_folder_holds_one_run_only(run, logs, drawn) -> None:
+    assert run("identify", logs / "setting_03.csv", "--quiet").code == 0
+    assert not (drawn / "report.html").exists()
+    assert [path.name for path in (drawn / "figures").iterdir()] == ["my_notes.svg"]
+    assert (drawn / "notes.txt").exists()
+    (drawn / "figures" / "my_notes.svg").unlink()
+    assert run("identify", logs / "setting_03.csv", "--plots", "png", "--quiet").code == 0
+    assert {path.suffix for path in (drawn / "figures").iterdir()} == {".png"}
+    assert run("identify", logs / "setting_02.csv", "--quiet").code == 0
+    assert not (drawn / "figures").exists()
+
+
+def test_every_figure_that_is_drawn_would_go(drawn, run, logs) -> None:
+    """A figure with a new name must be known to `damperfit.run.earlier`."""
+    shutil.rmtree(drawn)
+    assert run("identify", logs / "setting_*.csv", "--plots", "svg", "--quiet").code == 0
+    assert run("identify", logs / "setting_*.csv", "--quiet").code == 0
+    assert not (drawn / "figures").exists()
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no links to devices there")
+def test_results_that_cannot_be_written_are_still_shown(run, logs, monkeypatch, tmp_path) -> None:
+    def full(*_args, **_how):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("damperfit.run.pipeline.write_responses", full)
+    ended = run("identify", logs / "setting_01.csv", "--report")
+    assert ended.code == 1
+    assert "No space left on device" in ended.err.splitlines()[-1]
+    assert "excellent" in ended.out
+    assert "results in results" not in ended.err
+    assert list((tmp_path / "results").iterdir()) == []
+    document = json.loads(run("identify", logs / "setting_01.csv", "--json").out)
+    assert document["parameters"][0]["setting"] == 1
+    configuration = load_configuration()
+    with pytest.raises(UnwrittenError) as caught:
+        run_pipeline(configuration, [str(logs / "setting_01.csv")])
+    assert len(caught.value.result.campaign.fits) == 1
+
+
+def test_samples_leave_no_log_that_truth_does_not_know(run, tmp_path) -> None:
+    few = ("--cycles", "3", "--quiet")
+    assert run("samples", "s", "--settings", "1-3", *few).code == 0
+    (tmp_path / "s" / "setting_09.csv").write_text("# rig: Bench 7\n")
+    assert run("samples", "s", "--settings", "2", *few).code == 0
+    names = sorted(path.name for path in (tmp_path / "s").iterdir())
+    assert names == ["README.md", "setting_02.csv", "setting_09.csv", "truth.csv"]
+
+
+def test_logs_stand_in_the_order_of_their_numbers(run, logs, tmp_path) -> None:
+    for folder in ("run_10", "run_2"):
+        (tmp_path / folder).mkdir()
+        shutil.copy(logs / "setting_01.csv", tmp_path / folder / "one.csv")
+    for number in (10, 2):
+        shutil.copy(logs / "setting_02.csv", tmp_path / f"b_{number}.csv")
+    ended = run("identify", "run_*/*.csv", "b_*.csv", "--json", "--quiet", "--plots", "svg")
+    names = [row["log"] for row in json.loads(ended.out)["mse"] if row["log"]]
+    assert names == ["run_2/one.csv", "run_10/one.csv", "b_2.csv", "b_10.csv"]
+    figures = {path.name for path in (tmp_path / "results" / "figures").iterdir()}
+    assert any("setting_02" in name for name in figures)
+
+
+def test_a_rig_without_temperature_is_not_failed_by_a_list(logs, tmp_path, capsys) -> None:
+    rows = (logs / "setting_01.csv").read_text().splitlines()
+    cut = [row if row.startswith("#") else row.rpartition(",")[0] for row in rows]
+    (tmp_path / "cold_s1.csv").write_text("\n".join(cut) + "\n")
+    log, out = str(tmp_path / "cold_s1.csv"), str(tmp_path / "r")
+    config = tmp_path / "c.toml"
+    config.write_text('[rig]\ntemperature_tolerance = inf\n[output]\nchecks = ["purdy2000"]\n')
+
+    def missed(*more: str) -> str:
+        capsys.readouterr()
+        main(["identify", log, "--out", out, *more])
+        return capsys.readouterr().err
+
+    gate = "check not looked at: temperature_in_window"
+    told = missed("--check", "purdy2000")
+    assert gate in told
+    assert "rig.temperature_tolerance = inf" in told
+    assert gate not in missed("--check", "purdy2000,-temperature_in_window")
+    assert gate not in missed("--config", str(config))
+    assert gate in missed("--config", str(config), "--check", "temperature_in_window")

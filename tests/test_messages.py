@@ -1,0 +1,120 @@
+"""Every option, key and command that a message names is one that exists."""
+
+from __future__ import annotations
+
+import ast
+import re
+import tomllib
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+import typer
+
+import damperfit
+from damperfit.cli.main import app
+from damperfit.readers.options import Profile
+
+SOURCE = Path(damperfit.__file__).parent
+FILES = sorted(p for p in SOURCE.rglob("*.py") if p.name != "build_backend.py")
+DEFAULTS = tomllib.loads((SOURCE / "configuration" / "defaults.toml").read_text(encoding="utf-8"))
+COMMANDS = typer.main.get_command(app).commands
+OPTIONS = {name for command in COMMANDS.values() for p in command.params for name in p.opts}
+OTHERS = {"--help", "--force-reinstall"}  # typer's and pip's
+# Names of fields of our own dataclasses that read like keys and are none.
+NO_KEYS = {"max_bytes"}
+
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*[a-z]")
+KEY = re.compile(
+    rf"(?<![\w./])({'|'.join(DEFAULTS)})\.([a-z_][a-z_0-9]*)(?![\w\0])(?:\.([a-z_0-9]+))?"
+)
+IN_SECTION = re.compile(rf"\[({'|'.join(DEFAULTS)})\] ([a-z]+_[a-z_]+)")
+COMMAND = re.compile(r"(?:run|as|of|see|by|Example:|\() ?damperfit ([a-z]+)\b")
+
+
+def _texts(path: Path) -> list[tuple[int, str]]:
+    """Every string of a module that is no docstring, with the parts of an f-string put together."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    silent: set[int] = set()
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):  # docstrings, also those of fields
+            silent |= {id(one.value) for one in body if isinstance(one, ast.Expr)}
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            silent |= {id(part) for part in node.values}
+            whole = "".join(
+                part.value if isinstance(part, ast.Constant) else "\0" for part in node.values
+            )
+            found.append((node.lineno, whole))
+        elif isinstance(node, ast.Constant) and id(node) not in silent:
+            value = node.value.decode("latin-1") if isinstance(node.value, bytes) else node.value
+            if isinstance(value, str):
+                found.append((node.lineno, value))
+    return found
+
+
+def unknown_names(text: str) -> list[str]:
+    """Return what a text names that does not exist."""
+    bad = [option for option in OPTION.findall(text) if option not in OPTIONS | OTHERS]
+    profile = {field.name for field in fields(Profile)}
+    for section, key, inner in KEY.findall(text):
+        if key not in DEFAULTS[section]:
+            bad.append(f"{section}.{key}")
+        elif key in {"columns", "units", "scales", "offsets"} and inner not in {
+            "", "time", "displacement", "force", "velocity", "temperature", "setting"
+        }:  # fmt: skip
+            bad.append(f"{section}.{key}.{inner}")
+    bad += [f"[{s}] {key}" for s, key in IN_SECTION.findall(text) if key not in DEFAULTS[s]]
+    bad += [f"damperfit {name}" for name in COMMAND.findall(text) if name not in COMMANDS]
+    in_brackets = re.findall(r"\(([a-z]+_[a-z_]+)\)", text)
+    known = {key for keys in DEFAULTS.values() for key in keys} | profile
+    bad += [name for name in in_brackets if name in NO_KEYS or name not in known]
+    return bad
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(SOURCE)))
+def test_messages_name_what_exists(path) -> None:
+    wrong = {
+        f"{path.name}:{line}": names
+        for line, text in _texts(path)
+        if (names := unknown_names(text))
+    }
+    assert wrong == {}
+
+
+def test_names_are_found_at_all() -> None:
+    texts = [text for path in FILES for _, text in _texts(path)]
+    assert len({option for text in texts for option in OPTION.findall(text)}) > 25
+    assert len({match[:2] for text in texts for match in KEY.findall(text)}) > 12
+    assert sum(bool(COMMAND.search(text)) for text in texts) > 5
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "give --settings-file N",
+        "see rig.max_bytes",
+        "set [rig] max_log_size = 3",
+        "Name it: rig.columns.forse = 'NAME'",
+        "more than the limit (max_bytes)",
+        "run damperfit identfy LOGS first",
+    ],
+)
+def test_what_does_not_exist_is_found(text) -> None:
+    assert unknown_names(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "give --setting N",
+        "see rig.max_log_bytes",
+        "set [rig] max_log_bytes = 3",
+        "Name it: rig.columns.force = 'NAME'",
+        "run damperfit identify LOGS first",
+    ],
+)
+def test_what_exists_passes(text) -> None:
+    assert unknown_names(text) == []
