@@ -7,13 +7,16 @@ The library raises; only ``damperfit.cli`` catches and exits.
 from __future__ import annotations
 
 import traceback
+from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable, Iterator
+
+    OnError = Callable[[int, Exception], None]
 
 __all__ = [
     "ConditioningError",
@@ -28,6 +31,7 @@ __all__ = [
     "SimulationError",
     "did_you_mean",
     "mishap_of",
+    "sparing",
 ]
 
 
@@ -125,6 +129,25 @@ def mishap_of(error: Exception, task: str) -> Mishap:
         "damperfit: please report this line, with the log if it may be shown",
         "".join(traceback.format_exception(error)),
     )
+
+
+@contextmanager
+def sparing(setting: int, on_error: OnError | None) -> Iterator[None]:
+    """Tell an error that one setting meets to whoever takes it; without a taker it is raised.
+
+    Parameters
+    ----------
+    setting : int
+        Which setting is worked on.
+    on_error : callable or None
+        Called with the setting and the error.
+    """
+    try:
+        yield
+    except Exception as error:
+        if on_error is None:
+            raise
+        on_error(setting, error)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -164,6 +164,7 @@ SURFACE = {
         "SimulationError",
         "did_you_mean",
         "mishap_of",
+        "sparing",
     ],
     "damperfit.identification": [
         "Campaign",

@@ -19,9 +19,8 @@ from damperfit.adjustment.trends import Trend, find_trends
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from damperfit.damper.parameters import Damper
+    from damperfit.errors import OnError
     from damperfit.identification import Campaign
     from damperfit.uncertainty import Assessment
 
@@ -62,7 +61,7 @@ def compare_settings(
     *,
     solver: SolverOptions = SolverOptions(tolerance=1e-2),
     jobs: int = 1,
-    on_error: Callable[[int, Exception], None] | None = None,
+    on_error: OnError | None = None,
 ) -> Adjustment:
     """Lay the settings of a campaign beside each other; two simulated cycles a setting.
 

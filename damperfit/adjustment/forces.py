@@ -15,6 +15,7 @@ from __future__ import annotations
 import itertools
 import math
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING
@@ -23,15 +24,16 @@ import numpy as np
 
 from damperfit.characteristics import NAMED_SPEEDS, signals_at_speeds
 from damperfit.damper.parameters import Damper, Parameters
-from damperfit.errors import SimulationError
+from damperfit.errors import SimulationError, sparing
 from damperfit.simulation import Response, SolverOptions, simulate, sine_motion
 from damperfit.uncertainty import NORMAL_95
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
+    from damperfit.errors import OnError
     from damperfit.identification import Fit
     from damperfit.recording import Trace
     from damperfit.uncertainty import Uncertainty
@@ -203,7 +205,7 @@ def levels(  # noqa: PLR0913 - one more than usual, to be told of errors
     speeds: Sequence[float],
     solver: SolverOptions = SolverOptions(),
     jobs: int = 1,
-    on_error: Callable[[int, Exception], None] | None = None,
+    on_error: OnError | None = None,
 ) -> tuple[Level, ...]:
     """Return the forces of all settings at speeds, in both strokes; one simulation a setting.
 
@@ -237,7 +239,7 @@ def levels(  # noqa: PLR0913 - one more than usual, to be told of errors
     )
 
     def one(stage: Stage) -> list[Level]:
-        try:
+        with sparing(stage.setting, on_error), suppress(SimulationError):
             response = simulate(
                 stage.parameters,
                 damper,
@@ -246,13 +248,7 @@ def levels(  # noqa: PLR0913 - one more than usual, to be told of errors
                 options=solver,
             )
             return _levels_of(stage, response, sine.frequency, speeds)
-        except SimulationError:
-            return []
-        except Exception as error:
-            if on_error is None:
-                raise
-            on_error(stage.setting, error)
-            return []
+        return []
 
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         return tuple(level for found in pool.map(one, stages) for level in found)

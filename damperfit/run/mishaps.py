@@ -15,6 +15,7 @@ from damperfit.run.logs import failure_of
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from damperfit.errors import OnError
     from damperfit.recording import Trace
     from damperfit.report import Failure
     from damperfit.run.logs import LogBatch
@@ -46,7 +47,7 @@ class Mishaps:
             )
         )
 
-    def at_setting(self, task: str) -> Callable[[int, Exception], None]:
+    def at_setting(self, task: str) -> OnError:
         """Return what takes a setting and the error that a task, as in "judging", has met there."""
 
         def take(setting: int, error: Exception) -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.blas import one_blas_thread
-from damperfit.errors import SimulationError
+from damperfit.errors import SimulationError, sparing
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.setting import NOT_FIT_TO_SHARE
@@ -40,9 +41,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from damperfit.damper.parameters import Damper
+    from damperfit.errors import OnError
     from damperfit.identification import Campaign
     from damperfit.uncertainty.information import Evidence
-    from damperfit.uncertainty.intervals import OnError
 
 __all__ = [
     "METHOD",
@@ -216,13 +217,8 @@ def assess(
     doubted = ("f_f",) if campaign.sharing.friction_varies else ()
     for seen in _evidence_in_turns(campaign, damper, solver=solver, jobs=jobs, on_error=on_error):
         for one in seen:
-            try:
+            with sparing(one.fit.setting, on_error):
                 diagnoses.append(diagnose(one, doubted=doubted))
-            except Exception as error:
-                if on_error is None:
-                    raise
-                on_error(one.fit.setting, error)
-            else:
                 evidence.append(_without_curves(one))
     known = uncertainties(evidence, campaign.sharing, on_error=on_error)
     judged = {one.setting for one in known}
@@ -231,15 +227,9 @@ def assess(
     bench = Bench(damper, solver, cancelled, jobs)
 
     def doubtful(pair: tuple[Evidence, Uncertainty]) -> tuple[MisfitProfile, ...]:
-        try:
+        with sparing(pair[1].setting, on_error), suppress(SimulationError, FitCancelledError):
             return doubtful_profiles(*pair, campaign.sharing, bench)
-        except (SimulationError, FitCancelledError):
-            return ()
-        except Exception as error:
-            if on_error is None:
-                raise
-            on_error(pair[1].setting, error)
-            return ()
+        return ()
 
     with ThreadPoolExecutor(max(1, jobs)) as pool, one_blas_thread():
         pairs = zip(evidence, known, strict=True)
@@ -297,29 +287,19 @@ def profile_campaign(
     found: list[MisfitProfile] = []
 
     def one(line: Line) -> MisfitProfile | None:
-        try:
+        with sparing(line.setting, on_error), suppress(SimulationError, FitCancelledError):
             return trace_profile(line, stride)
-        except (SimulationError, FitCancelledError):
-            return None
-        except Exception as error:
-            if on_error is None:
-                raise
-            on_error(line.setting, error)
-            return None
+        return None
 
     with ThreadPoolExecutor(max(1, bench.jobs)) as pool, one_blas_thread():
         for name in dict.fromkeys(names):
             if name in sharing.jointly:
-                try:
-                    first = known[sharing.settings[0]]
-                    traced = profile_jointly(name, evidence, first, sharing, bench, stride=stride)
-                except (SimulationError, FitCancelledError):
-                    traced = ()
-                except Exception as error:
-                    if on_error is None:
-                        raise
-                    on_error(sharing.settings[0], error)
-                    traced = ()
+                lowest = sharing.settings[0]
+                traced: tuple[MisfitProfile, ...] = ()
+                with sparing(lowest, on_error), suppress(SimulationError, FitCancelledError):
+                    traced = profile_jointly(
+                        name, evidence, known[lowest], sharing, bench, stride=stride
+                    )
             else:
                 lines = lines_of(name, mine, known, sharing, bench)
                 traced = tuple(p for p in pool.map(one, lines) if p is not None)

@@ -20,28 +20,29 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.errors import SimulationError
+from damperfit.errors import SimulationError, sparing
 from damperfit.identification.gas_content import GAS_NAMES
 from damperfit.identification.outcome import Status
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.information import Evidence, gather
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from damperfit.damper.parameters import Damper
+    from damperfit.errors import OnError
     from damperfit.identification import Campaign, Fit, Sharing
 
     FloatArray = NDArray[np.float64]
-    OnError = Callable[[int, Exception], None]
 
 __all__ = [
     "NORMAL_95",
@@ -134,15 +135,9 @@ def collect_evidence(
     """
 
     def one(fit: Fit) -> Evidence | None:
-        try:
+        with sparing(fit.setting, on_error), suppress(SimulationError):
             return gather(fit, damper, solver=solver)
-        except SimulationError:
-            return None
-        except Exception as error:
-            if on_error is None:
-                raise
-            on_error(fit.setting, error)
-            return None
+        return None
 
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         found = pool.map(one, campaign.fits)
@@ -170,12 +165,8 @@ def uncertainties(
     others = [np.sum([nothing, *parts[:k], *parts[k + 1 :]], axis=0) for k in range(len(parts))]
     found = []
     for one, row, rest in zip(evidence, rows, others, strict=True):
-        try:
+        with sparing(one.fit.setting, on_error):
             found.append(_of_setting(one, sharing, row, rest))
-        except Exception as error:
-            if on_error is None:
-                raise
-            on_error(one.fit.setting, error)
     return tuple(found)
 
 
