@@ -286,7 +286,7 @@ def simulate_network(
         Passages between the chambers.
     values : mapping of str to float
         SI, by the names of ``network.numbers``. Of the body's own only ``k_e`` and ``f_f`` are
-        needed: free gas and offset are 0, pressure, exponent and volume of the gas the damper's.
+        needed: free gas and offset are 0, the gas is the damper's, the mounting rigid.
     damper : Damper
         Geometry, oil and gas.
     motion : Motion
@@ -324,6 +324,9 @@ def simulate_network(
         "gas_pressure": damper.gas_pressure,
         "gas_exponent": damper.gas_exponent,
         "gas_volume": damper.gas_volume,
+        "series_stiffness": 0.0,
+        "play": 0.0,
+        "drag": 0.0,
     }
     known = network.numbers
     numbers = at_rest | dict(values)

@@ -24,6 +24,15 @@ p_open, R and width     rounded blow-off                shim stack
 The oil in chambers 1 and 2 is compressible; with free gas (volume share phi at P_0) it follows
 1/(1 + e) = 1 - (P - P_0)/K_e + phi (P_0/P - 1), e = m/(rho_0 V) - 1, isothermally, and never
 reaches zero pressure. Without, it follows (4), (7), (11), (12) of the paper and is clamped at zero.
+
+The mounting (rod ends, frame, load cell) may be elastic, with play: a spring k_s that pulls when it
+is stretched by more than half the play. The piston is then where the forces balance::
+
+    k_s dz(x - y) = P_1 a_p1 - P_2 a_p2 + a_r P_amb + f_f sgn(dy/dt) + drag dy/dt
+    dz(u) = u - clip(u, +-play/2)
+
+and what the load cell reads is the left side. ``series_stiffness`` 0 is a rigid mounting without
+play.
 """
 
 from __future__ import annotations
@@ -49,7 +58,18 @@ __all__ = [
 ]
 
 # In the order of core/network.h: what every network has, whatever its passages.
-BODY_NUMBERS = ("k_e", "free_gas", "f_f", "f_0", "gas_pressure", "gas_exponent", "gas_volume")
+BODY_NUMBERS = (
+    "k_e",
+    "free_gas",
+    "f_f",
+    "f_0",
+    "gas_pressure",
+    "gas_exponent",
+    "gas_volume",
+    "series_stiffness",
+    "play",
+    "drag",
+)
 
 # What the compiled core has room for (core/network.h).
 MOST_PASSAGES = 16

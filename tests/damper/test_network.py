@@ -149,8 +149,15 @@ def test_golden_values(name):
         assert response.pressures[:, index] / 1e5 == pytest.approx(bars, abs=2.1e-4)
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_the_slow_twin_agrees_on_a_rough_motion(name):
+@pytest.mark.parametrize(
+    "name", [name if name in "be" else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
+)
+@pytest.mark.parametrize(
+    "mounting",
+    [(0.0, 0.0, 0.0), (2e6, 0.0, 60.0), (3e5, 7e-4, 60.0)],
+    ids=["rigid", "elastic", "play"],
+)
+def test_the_slow_twin_agrees_on_a_rough_motion(name, mounting):
     network, values, damper, (amplitude, frequency) = CASES[name]
     network = dataclasses.replace(network, ambient_pressure=101325.0)
     values = {
@@ -158,6 +165,7 @@ def test_the_slow_twin_agrees_on_a_rough_motion(name):
         "gas_exponent": damper.gas_exponent,
         "gas_volume": damper.gas_volume,
     } | values
+    values |= dict(zip(("series_stiffness", "play", "drag"), mounting, strict=True))
     w = 2 * math.pi * frequency
 
     def x(t):
@@ -173,29 +181,65 @@ def test_the_slow_twin_agrees_on_a_rough_motion(name):
         displacement=np.array([x(t) for t in time]),
         velocity=np.array([v(t) for t in time]),
     )
-    response = simulate_network(network, values, damper, motion, options=SHARP)
+    options = dataclasses.replace(SHARP, tolerance=1e-4)
+    response = simulate_network(network, values, damper, motion, options=options)
     force, pressures = twin.solve(network, values, damper, (x, v), time)
-    # At a reversal a step of 1 mN still leaves some hundredths of a newton.
-    assert np.max(np.abs(response.force - force)) < 0.1
-    assert np.sqrt(np.mean((response.force - force) ** 2)) < 0.01
-    assert np.max(np.abs(response.pressures[2] - pressures[2])) < 20.0
+    # Behind a mounting the two start with the piston elsewhere, which a reversal makes forget.
+    seen = slice(150 if mounting[0] else 0, None)
+    gap = np.abs(response.force - force)[seen]
+    assert np.max(gap) < 0.05
+    assert np.sqrt(np.mean(gap**2)) < 0.005
+    assert np.max(np.abs(response.pressures[2] - pressures[2])[seen]) < 2.0
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_sensitivities_by_every_number_are_those_of_central_differences(name):
-    network, values, damper, _ = CASES[name]
+    _, values, damper, _ = CASES[name]
     base = {
         "free_gas": 0.0,
         "f_0": 0.0,
         "gas_pressure": damper.gas_pressure,
         "gas_exponent": damper.gas_exponent,
         "gas_volume": damper.gas_volume,
+        "series_stiffness": 0.0,
+        "play": 0.0,
+        "drag": 0.0,
     } | values
-    exact = run(name, cycles=1, per_cycle=300, options=SMOOTH, sensitivities=network.numbers)
+    check_slopes(name, base)
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in "be" else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
+)
+@pytest.mark.parametrize("mounting", [(1e6, 0.0), (3e5, 7e-4)])
+def test_sensitivities_hold_behind_an_elastic_mounting_with_play(name, mounting):
+    _, values, damper, _ = CASES[name]
+    held = {"series_stiffness": mounting[0], "play": mounting[1], "drag": 40.0}
+    base = {
+        "free_gas": 0.0,
+        "f_0": 0.0,
+        "gas_pressure": damper.gas_pressure,
+        "gas_exponent": damper.gas_exponent,
+        "gas_volume": damper.gas_volume,
+    }
+    check_slopes(name, base | values | held, held, passed=20)
+
+
+def check_slopes(name, base, held=None, *, passed=0):
+    """Hold exact sensitivities of a case, with some numbers changed, to central differences.
+
+    `passed` samples are let through: a play that closes, or a friction that lets go, within a
+    sample is a corner there, at which a difference is the slope of neither side.
+    """
+    bar = 1e-4
+    network, held = CASES[name][0], held or {}
+    exact = run(
+        name, cycles=1, per_cycle=300, options=SMOOTH, sensitivities=network.numbers, **held
+    )
     for number in network.numbers:
-        if number == "free_gas" and base[number] == 0.0:
-            continue  # two laws meet there; the limit is tested below
-        size = base[number] or 100.0
+        if number in {"free_gas", "series_stiffness", "play", "drag"} and base[number] == 0.0:
+            continue  # two laws meet there; the limits are tested below
+        size = base[number] or {"drag": 1.0}.get(number, 100.0)
         best = math.inf
         scale = np.max(np.abs(exact.sensitivities[number]))
         for step in (1e-2, 1e-3, 1e-4):
@@ -205,14 +249,16 @@ def test_sensitivities_by_every_number_are_those_of_central_differences(name):
                     cycles=1,
                     per_cycle=300,
                     options=SMOOTH,
-                    **{number: base[number] + sign * step * size},
+                    **held | {number: base[number] + sign * step * size},
                 ).force
                 for sign in (1, -1)
             ]
             slope = (ends[0] - ends[1]) / (2 * step * size)
-            best = min(best, np.max(np.abs(slope - exact.sensitivities[number])) / scale)
+            gaps = np.sort(np.abs(slope - exact.sensitivities[number])) / scale
+            best = min(best, gaps[-1 - passed])
         assert scale > 0.0, number
-        assert best < 1e-4, (number, best)
+        assert best < bar, (number, best)
+        assert gaps[-1] < 0.05, (number, gaps[-1])
 
 
 def test_the_papers_network_is_the_papers_model():
@@ -348,7 +394,7 @@ def test_starts_away_from_the_middle_keep_the_oil():
 
 
 def test_wild_numbers_end_in_a_sentence_or_a_force():
-    """Newton stays safe at every root and corner: it may give up far from any damper, never hang."""
+    """Newton stays safe at every root and corner: it may give up, far from any damper."""
     rng = np.random.default_rng(11)
     network, values, damper, (amplitude, frequency) = CASES["b"]
     motion = sine_motion(amplitude, frequency, cycles=1, sample_rate=300 * frequency)
@@ -418,7 +464,7 @@ def test_more_passages_than_the_core_holds_are_refused():
     values = {"k_e": 1e9, "f_f": 0.0, "a": 1e5}
     fits = Network("many", tuple(Passage(1, 3, resistance="a") for _ in range(16)))
     simulate_network(fits, values, PURDY_DAMPER, motion)
-    with pytest.raises(ConfigurationError, match="many has 17 passages and 8 numbers"):
+    with pytest.raises(ConfigurationError, match="many has 17 passages and 11 numbers"):
         Network("many", (*fits.passages, Passage(1, 3, resistance="a")))
 
 
@@ -429,10 +475,10 @@ def test_more_numbers_than_the_core_holds_are_refused():
         return Passage(1, 3, **{kind: next(names) for kind in kinds})
 
     three = ("orifice", "resistance", "opening")
-    full = tuple(passage(three) for _ in range(11))  # 33 of 40; 7 are the body's
+    full = tuple(passage(three) for _ in range(10))  # 30 of 40; 10 are the body's
     motion = sine_motion(0.01, 1.0, cycles=1, sample_rate=100)
-    values = {"k_e": 1e9, "f_f": 0.0} | {f"n{k}": 1e5 for k in range(33)}
+    values = {"k_e": 1e9, "f_f": 0.0} | {f"n{k}": 1e5 for k in range(30)}
     network = Network("full", full)
     simulate_network(network, values, PURDY_DAMPER, motion, sensitivities=network.numbers)
-    with pytest.raises(ConfigurationError, match="12 passages and 41 numbers"):
+    with pytest.raises(ConfigurationError, match="11 passages and 41 numbers"):
         Network("over", (*full, passage(("resistance",))))

@@ -66,13 +66,41 @@ def pressures(masses, x, network, values, damper):
     return p1, p2, p3
 
 
+DEAD_BAND = 1e-4  # m/s, that of the core
+
+
+def speed_of(excess, friction, drag):
+    """Speed at which friction and drag take the force that is left, m/s; drag must not be 0."""
+    within = friction / DEAD_BAND + drag
+    if abs(excess) <= friction + drag * DEAD_BAND:
+        return excess / within
+    return math.copysign((abs(excess) - friction) / drag, excess)
+
+
+def pull_of(stretch, values):
+    """Force of the mounting, N."""
+    beyond = abs(stretch) - values["play"] / 2
+    return math.copysign(values["series_stiffness"] * max(0.0, beyond), stretch)
+
+
 def solve(network, values, damper, motion, time, rtol=1e-9):
-    """Force (n,) and pressures (3, n) at `time` for x(t), v(t) = motion, from x(time[0]) = 0."""
+    """Force (n,) and pressures (3, n) at `time` for x(t), v(t) = motion, from x(time[0]) = 0.
+
+    An elastic mounting makes the piston's position a third state, whose speed is what friction and
+    drag leave of the balance of forces.
+    """
     values = {"free_gas": 0.0, "f_0": 0.0} | values
     known = {"": 0.0} | values
+    rod, bore = damper.rod_area, damper.piston_area
+    n_oil = 1 if network.has_floating_piston else 2
+    is_elastic = values["series_stiffness"] > 0.0
 
-    def rates(t, masses):
-        p = pressures(masses, motion[0](t), network, values, damper)
+    def oil_force(p):
+        return p[0] * (bore - rod) - p[1] * bore + rod * network.ambient_pressure
+
+    def rates(t, state):
+        y = state[-1] if is_elastic else motion[0](t)
+        p = pressures(state[:n_oil], y, network, values, damper)
         change = [0.0, 0.0, 0.0]
         for way in network.passages:
             w = flow_through(
@@ -85,18 +113,22 @@ def solve(network, values, damper, motion, time, rtol=1e-9):
             )
             change[way.start - 1] -= w
             change[way.end - 1] += w
-        return change[:n_oil]
+        if not is_elastic:
+            return change[:n_oil]
+        excess = pull_of(motion[0](t) - y, values) - oil_force(p)
+        return [*change[:n_oil], speed_of(excess, values["f_f"], values["drag"])]
 
-    n_oil = 1 if network.has_floating_piston else 2
-    rod, bore = damper.rod_area, damper.piston_area
     start = [
         damper.oil_density * damper.chamber_1_length * (bore - rod),
         damper.oil_density * damper.chamber_2_length * bore,
-    ]
+    ][:n_oil]
+    if is_elastic:
+        level = rod * (network.ambient_pressure - values["gas_pressure"])
+        start.append(-level / values["series_stiffness"] + values["play"] / 2)
     done = solve_ivp(
         rates,
         (time[0], time[-1]),
-        start[:n_oil],
+        start,
         method="Radau",
         t_eval=time,
         rtol=rtol,
@@ -104,11 +136,16 @@ def solve(network, values, damper, motion, time, rtol=1e-9):
         max_step=2e-3,
     )
     assert done.success
-    x = [motion[0](t) for t in time]
+    where = done.y[-1] if is_elastic else np.array([motion[0](t) for t in time])
     p = np.array(
-        [pressures(m, at, network, values, damper) for m, at in zip(done.y.T, x, strict=True)]
+        [
+            pressures(m, at, network, values, damper)
+            for m, at in zip(done.y[:n_oil].T, where, strict=True)
+        ]
     ).T
+    if is_elastic:
+        stretch = [motion[0](t) - y for t, y in zip(time, where, strict=True)]
+        return np.array([pull_of(u, values) for u in stretch]), p
     v = np.array([motion[1](t) for t in time])
-    friction = values["f_f"] * np.clip(v / 1e-4, -1, 1)
-    force = p[0] * (bore - rod) - p[1] * bore + friction + rod * network.ambient_pressure
-    return force, p
+    friction = values["f_f"] * np.clip(v / DEAD_BAND, -1, 1) + values["drag"] * v
+    return oil_force(p) + friction, p

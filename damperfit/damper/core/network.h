@@ -1,4 +1,5 @@
-/* A damper as a network: two oil chambers, a gas chamber, and passages between any two of them.
+/* A damper as a network: two oil chambers, a gas chamber, and passages between any two of them,
+ * held by a mounting that may be elastic and may have play.
  *
  * No allocation, no globals, no input or output. The state is a plain struct: a simulation is
  * `df_begin` once and `df_advance` from sample to sample, and so is an exported model.
@@ -23,7 +24,10 @@ enum {
     DF_NUMBER_OFFSET,   /* N */
     DF_NUMBER_P_0,      /* Pa */
     DF_NUMBER_GAMMA,
-    DF_NUMBER_V_GAS, /* m3 at x = 0 */
+    DF_NUMBER_V_GAS,     /* m3 at x = 0 */
+    DF_NUMBER_STIFFNESS, /* of rod ends, frame and load cell in series, N/m; 0: rigid */
+    DF_NUMBER_PLAY,      /* whole gap of the joints, m */
+    DF_NUMBER_DRAG,      /* of the seals, N s/m */
     DF_FIRST_PASSAGE_NUMBER
 };
 
@@ -47,12 +51,18 @@ typedef struct {
     double numbers[DF_MOST_NUMBERS];
 } df_network;
 
+/* The state: oil in chambers 1 and 2, and where the piston is. A rigid mounting holds it at x. */
+enum { DF_M1, DF_M2, DF_PISTON, DF_STATES };
+
 /* Pressures, flows and their slopes at one instant. */
 typedef struct {
-    double P[3];              /* as they act */
-    double slope[3][2];       /* of P by m1 and m2 */
-    double fill[2];           /* m/(rho_0 V) - 1 */
-    double F[2], J[2][2];     /* dm/dt and its slopes */
+    double P[3];                            /* as they act */
+    double slope[3][DF_STATES];             /* of P by the states */
+    double fill[2];                         /* m/(rho_0 V) - 1 */
+    double F[DF_STATES], J[2][DF_STATES];   /* d(state)/dt; slopes of the masses' */
+    double pull, pull_slope;                /* mounting: its force, N, and that by its stretch */
+    double speed;                           /* of the piston, m/s */
+    double grip, brake;                     /* share of f_f; slope of all friction by speed, N s/m */
     df_flow flow[DF_MOST_PASSAGES];
     double drop[DF_MOST_PASSAGES];
 } df_balance;
@@ -60,18 +70,19 @@ typedef struct {
 /* The running state between samples. */
 typedef struct {
     int which[DF_MOST_NUMBERS], n_which; /* sensitivities asked for: places among the numbers */
-    double m[2], F[2];
-    double S[DF_MOST_NUMBERS][2], G[DF_MOST_NUMBERS][2]; /* dm/d(number), d/dt of it */
+    double y[DF_STATES], F[DF_STATES];
+    double S[DF_MOST_NUMBERS][DF_STATES], G[DF_MOST_NUMBERS][DF_STATES]; /* dy/d(number), d/dt of it */
     df_balance b;
     df_gas_point gas;
-    double fill_mid[2], fill_old[2], t_mid, t_old; /* for the next prediction */
+    /* For the next prediction: fills of the chambers and the stretch of the mounting. */
+    double guide_mid[DF_STATES], guide_old[DF_STATES], t_mid, t_old;
     double wish;                                   /* next step, s */
     double x, v;
 } df_state;
 
 /* All chambers at one pressure at x, with the oil mass of the damper at x = 0. */
-int df_begin(const df_network *network, double x, double v, const int *which, int n_which,
-             df_state *state);
+int df_begin(const df_network *network, const df_options *options, double x, double v,
+             const int *which, int n_which, df_state *state);
 
 /* From the state's x and v to those given, a time `interval` later, along the cubic Hermite piece. */
 int df_advance(const df_network *network, const df_options *options, double x, double v,
