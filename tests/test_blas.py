@@ -11,9 +11,9 @@ import pytest
 import scipy.linalg  # noqa: F401 - it brings a BLAS of its own
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from damperfit.blas import one_blas_thread
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, identify
+from damperfit.identification.blas_threads import one_blas_thread
 from tests.fakes import trace
 
 
@@ -80,7 +80,7 @@ def test_two_runs_that_overlap_in_threads_leave_it_as_it_was() -> None:
 def test_a_library_that_is_loaded_meanwhile_is_lowered_and_put_back() -> None:
     code = (
         "from threadpoolctl import threadpool_info\n"
-        "from damperfit.blas import one_blas_thread\n"
+        "from damperfit.identification.blas_threads import one_blas_thread\n"
         "def seen(): return [i['num_threads'] for i in threadpool_info() "
         "if i['user_api'] == 'blas']\n"
         "with one_blas_thread():\n"

@@ -9,10 +9,17 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment import Adjustment, Click, Outlier, Trend
-from damperfit.checks import CHECKS, Check, Subject, run_checks
+from damperfit.checks import (
+    CHECK_LISTS,
+    CHECKS,
+    Check,
+    Subject,
+    expand_checks,
+    missed_gates,
+    run_checks,
+)
 from damperfit.damper.parameters import DAMPER_RANGES
 from damperfit.errors import ConfigurationError
-from damperfit.gates import CHECK_LISTS, expand_checks, missed_gates
 from damperfit.identification import LogFit, Outcome
 from damperfit.recording import Finding
 from damperfit.uncertainty import Assessment, Diagnosis

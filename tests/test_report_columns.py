@@ -15,7 +15,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from damperfit.characteristics import Characteristics, SpeedForce
 from damperfit.checks import Check
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Cavitation
@@ -30,6 +29,7 @@ from damperfit.report import (
     report_plots,
     summary_sheet,
 )
+from damperfit.simulation import Characteristics, SpeedForce
 from damperfit.tables import Tables, make_tables, read_results, table_schema
 from damperfit.uncertainty import Prediction
 from tests.fakes import campaign, fit, trace

@@ -22,10 +22,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.characteristics import NAMED_SPEEDS, signals_at_speeds
 from damperfit.damper.parameters import Damper, Parameters
 from damperfit.errors import SimulationError, sparing
-from damperfit.simulation import Response, SolverOptions, simulate, sine_motion
+from damperfit.simulation import (
+    NAMED_SPEEDS,
+    Response,
+    SolverOptions,
+    signals_at_speeds,
+    simulate,
+    sine_motion,
+)
 from damperfit.uncertainty import NORMAL_95
 
 if TYPE_CHECKING:

@@ -23,6 +23,7 @@ from pydantic import (
     model_validator,
 )
 
+from damperfit.checks import expand_checks
 from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
 from damperfit.configuration.options import (
     Configuration,
@@ -33,7 +34,6 @@ from damperfit.configuration.options import (
 )
 from damperfit.damper.parameters import DAMPER_RANGES, Damper
 from damperfit.errors import did_you_mean
-from damperfit.gates import expand_checks
 from damperfit.identification import FitOptions, check_options
 from damperfit.quantities import parse_quantity, says_absolute_or_gauge
 from damperfit.readers import Profile, ReadOptions

@@ -16,3 +16,22 @@ def simulate(
     max_steps_per_sample: int,
     /,
 ) -> tuple[int, int, int, int, int]: ...
+def simulate_network(
+    body: Buffer,
+    numbers: Buffer,
+    passages: Buffer,
+    displacement: Buffer,
+    velocity: Buffer,
+    which: Buffer,
+    pressures: Buffer,
+    masses: Buffer,
+    force: Buffer,
+    sensitivities: Buffer,
+    interval: float,
+    rounding: float,
+    has_floating_piston: bool,
+    tolerance: float,
+    dead_band: float,
+    max_steps_per_sample: int,
+    /,
+) -> tuple[int, int, int, int, int]: ...

@@ -15,8 +15,8 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from damperfit.blas import one_blas_thread
 from damperfit.errors import ConfigurationError, LogError
+from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.failures import SettingFailure, attempted
 from damperfit.identification.first_pass import first_pass

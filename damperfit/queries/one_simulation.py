@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from damperfit.atomic import settle
-from damperfit.characteristics import Characteristics, characterise
 from damperfit.conditioning import condition
 from damperfit.configuration.options import parameter_value
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
@@ -25,7 +24,9 @@ from damperfit.identification.model_versus_log import motion_of
 from damperfit.queries.origin import configured_as, origin_of
 from damperfit.readers import read_log
 from damperfit.simulation import (
+    Characteristics,
     Response,
+    characterise,
     refuse_amplitude,
     simulate,
     sine_motion,

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.characteristics import Characteristics, characterise
 from damperfit.errors import SimulationError
 from damperfit.report.run_json import findings_in, listed_in, number_in
-from damperfit.simulation import Response
+from damperfit.simulation import Characteristics, Response, characterise
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

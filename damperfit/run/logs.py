@@ -15,7 +15,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from damperfit.blas import one_blas_thread
 from damperfit.conditioning import condition, examine_raw
 from damperfit.errors import (
     ConfigurationError,
@@ -25,6 +24,7 @@ from damperfit.errors import (
     QualityError,
     mishap_of,
 )
+from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.readers import read_logs
 from damperfit.recording import Finding, natural_order
 from damperfit.report import Failure

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
 from damperfit.adjustment import Adjustment
-from damperfit.checks import Check
+from damperfit.checks import Check, missed_gates
 from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.gates import missed_gates
 from damperfit.identification import Outcome, Status, describe_cavitation, describe_searches
 from damperfit.quantities import engineering
 from damperfit.report import Failure, ReportFacts, to_record

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.blas import one_blas_thread
 from damperfit.errors import SimulationError, sparing
+from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.setting import NOT_FIT_TO_SHARE

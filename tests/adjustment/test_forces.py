@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment import Sine, Stage, clicks, levels, named_speeds, stage_of
-from damperfit.characteristics import characterise, signals_at_speeds
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
 from damperfit.identification import Status
-from damperfit.simulation import SolverOptions, simulate, sine_motion
+from damperfit.simulation import (
+    SolverOptions,
+    characterise,
+    signals_at_speeds,
+    simulate,
+    sine_motion,
+)
 from damperfit.uncertainty import Uncertainty
 from tests import fakes
 

@@ -20,9 +20,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from damperfit import simulation
 from damperfit.cli import main
 from damperfit.readers import ReadOptions, read_log
+from damperfit.simulation import compiled_core
 from tests.cli.faults import FAULTS, LIMIT, NAMES, Good, file_name
 
 TESTS = Path(__file__).parents[1]
@@ -194,7 +194,7 @@ def test_f29_a_cut_log_is_kept_on_request(run, good, tmp_path) -> None:
 
 def test_f60_a_core_that_does_not_load_is_one_sentence(run, logs, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "damperfit.damper._core", None)  # its import fails
-    monkeypatch.setattr(simulation, "_installed_core_simulate", lambda: None)
+    monkeypatch.setattr(compiled_core, "_installed_core", lambda: None)
     ended = run("identify", logs / "setting_01.csv")
     assert ended.code == 2
     assert "pip install --force-reinstall damperfit" in ended.err

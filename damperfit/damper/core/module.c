@@ -3,7 +3,7 @@
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
-#include "core.h"
+#include "network.h"
 
 enum { GEOMETRY, PARAMETERS, X, V, WHICH, PRESSURES, MASSES, FORCE, SENSITIVITIES, N_BUFFERS };
 
@@ -75,10 +75,102 @@ static PyObject *simulate(PyObject *self, PyObject *args)
     return answer;
 }
 
+enum { BODY, NUMBERS, PASSAGES, NET_X, NET_V, NET_WHICH, NET_PRESSURES, NET_MASSES, NET_FORCE,
+       NET_SENSITIVITIES, N_NETWORK_BUFFERS };
+
+static const char *const NETWORK_NAMES[N_NETWORK_BUFFERS] = {
+    "body", "numbers", "passages", "displacement", "velocity", "which",
+    "pressures", "masses", "force", "sensitivities"};
+
+/* Rows of seven integers: from, to, p_open, R, S, width, two_way. */
+#define PASSAGE_ROW 7
+
+static int network_sizes_fit(const Py_buffer *b)
+{
+    const Py_ssize_t d = (Py_ssize_t)sizeof(double), row = b[NET_X].len;
+    const Py_ssize_t n_which = b[NET_WHICH].len / (Py_ssize_t)sizeof(int);
+    const Py_ssize_t expected[N_NETWORK_BUFFERS] = {
+        6 * d, b[NUMBERS].len, b[PASSAGES].len, row - row % d, row, n_which * (Py_ssize_t)sizeof(int),
+        3 * row, 2 * row, row, n_which * row};
+    for (int k = 0; k < N_NETWORK_BUFFERS; k++) {
+        if (b[k].len != expected[k]) {
+            PyErr_Format(PyExc_ValueError, "%s: %zd bytes, expected %zd", NETWORK_NAMES[k], b[k].len,
+                         expected[k]);
+            return 0;
+        }
+    }
+    if (b[NUMBERS].len % d == 0 && b[NUMBERS].len <= DF_MOST_NUMBERS * d &&
+        b[PASSAGES].len % (Py_ssize_t)(PASSAGE_ROW * sizeof(int)) == 0 &&
+        b[PASSAGES].len <= (Py_ssize_t)(DF_MOST_PASSAGES * PASSAGE_ROW * sizeof(int)))
+        return 1;
+    PyErr_Format(PyExc_ValueError, "a network has at most %d passages and %d numbers", DF_MOST_PASSAGES,
+                 DF_MOST_NUMBERS);
+    return 0;
+}
+
+static PyObject *run_network(const Py_buffer *b, double interval, double rounding, int floating,
+                             const df_options *options)
+{
+    const double *body = b[BODY].buf, *numbers = b[NUMBERS].buf;
+    const int *rows = b[PASSAGES].buf;
+    df_network q = {body[0], body[1], body[2], body[3], body[4], body[5], rounding, floating,
+                    (int)(b[PASSAGES].len / (Py_ssize_t)(PASSAGE_ROW * sizeof(int))), {{0}},
+                    (int)(b[NUMBERS].len / (Py_ssize_t)sizeof(double)), {0}};
+    for (int k = 0; k < q.n_passages; k++, rows += PASSAGE_ROW) {
+        const df_passage passage = {rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]};
+        q.passages[k] = passage;
+    }
+    for (int k = 0; k < q.n_numbers; k++)
+        q.numbers[k] = numbers[k];
+    const df_motion motion = {(size_t)b[NET_X].len / sizeof(double), interval, b[NET_X].buf, b[NET_V].buf};
+    const df_result result = {b[NET_PRESSURES].buf, b[NET_MASSES].buf, b[NET_FORCE].buf,
+                              b[NET_SENSITIVITIES].buf, b[NET_WHICH].buf,
+                              (int)(b[NET_WHICH].len / (Py_ssize_t)sizeof(int))};
+    df_work work;
+    int code;
+    Py_BEGIN_ALLOW_THREADS
+    code = df_simulate_network(&q, options, &motion, &result, &work);
+    Py_END_ALLOW_THREADS
+    return Py_BuildValue("(illln)", code, work.steps, work.rejected, work.newton,
+                         (Py_ssize_t)work.failed_sample);
+}
+
+static PyObject *simulate_network(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[N_NETWORK_BUFFERS];
+    double interval, rounding;
+    int floating;
+    df_options options;
+    if (!PyArg_ParseTuple(args, "OOOOOOOOOOddpddl:simulate_network", &o[0], &o[1], &o[2], &o[3], &o[4],
+                          &o[5], &o[6], &o[7], &o[8], &o[9], &interval, &rounding, &floating,
+                          &options.tolerance, &options.dead_band, &options.max_steps_per_sample))
+        return NULL;
+    Py_buffer buffers[N_NETWORK_BUFFERS];
+    PyObject *answer = NULL;
+    int got = 0;
+    for (; got < N_NETWORK_BUFFERS; got++) {
+        const int flags =
+            got >= NET_PRESSURES ? PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE : PyBUF_C_CONTIGUOUS;
+        if (PyObject_GetBuffer(o[got], &buffers[got], flags))
+            break;
+    }
+    if (got == N_NETWORK_BUFFERS && network_sizes_fit(buffers))
+        answer = run_network(buffers, interval, rounding, floating, &options);
+    while (got-- > 0)
+        PyBuffer_Release(&buffers[got]);
+    return answer;
+}
+
 static PyMethodDef METHODS[] = {
     {"simulate", simulate, METH_VARARGS,
      "simulate(geometry, parameters, displacement, velocity, which, pressures, masses, force,\n"
      "         sensitivities, interval, tolerance, dead_band, max_steps_per_sample)\n"
+     "-> (code, steps, rejected, newton, sample). Fills the last four buffers."},
+    {"simulate_network", simulate_network, METH_VARARGS,
+     "simulate_network(body, numbers, passages, displacement, velocity, which, pressures, masses,\n"
+     "                 force, sensitivities, interval, rounding, floating_piston, tolerance,\n"
+     "                 dead_band, max_steps_per_sample)\n"
      "-> (code, steps, rejected, newton, sample). Fills the last four buffers."},
     {NULL, NULL, 0, NULL}};
 

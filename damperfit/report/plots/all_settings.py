@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.characteristics import NAMED_SPEEDS
 from damperfit.report.plots.colours import SPEED_COLOURS
 from damperfit.report.plots.description import Line, Panel, Plot, setting_axis, thin
 from damperfit.report.plots.parameters import parameter_plots
+from damperfit.simulation import NAMED_SPEEDS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -12,8 +12,7 @@ from damperfit.report.rows.sheet import Sheet
 from damperfit.report.rows.sparkline import BLOCK_LEVELS, sparkline
 
 if TYPE_CHECKING:
-    from damperfit.characteristics import Characteristics
-    from damperfit.simulation import Response
+    from damperfit.simulation import Characteristics, Response
 
 __all__ = ["cycle_force_sheet", "cycle_pressure_sheet", "cycle_sparklines"]
 

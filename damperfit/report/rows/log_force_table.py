@@ -9,7 +9,7 @@ from damperfit.report.rows.rounding import number
 from damperfit.report.rows.sheet import Sheet
 
 if TYPE_CHECKING:
-    from damperfit.characteristics import Characteristics
+    from damperfit.simulation import Characteristics
 
 __all__ = ["measured_and_simulated_sheet"]
 

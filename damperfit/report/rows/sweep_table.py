@@ -11,8 +11,7 @@ from damperfit.report.rows.sheet import Sheet
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from damperfit.characteristics import Characteristics
-    from damperfit.simulation import Response
+    from damperfit.simulation import Characteristics, Response
 
 __all__ = ["SweepMember", "sweep_records", "sweep_sentence", "sweep_sheet"]
 

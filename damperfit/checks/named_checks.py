@@ -1,7 +1,7 @@
 """Named checks of a run, each passed, failed or not looked at, with the reason.
 
 A check that cannot be looked at has passed None and says why. A reason names the settings it speaks
-of. Which checks must be passed is the matter of `damperfit.gates`.
+of. Which checks must be passed is the matter of `damperfit.checks.gates`.
 """
 
 from __future__ import annotations

@@ -7,10 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from damperfit.characteristics import characterise
 from damperfit.damper.parameters import PURDY_DAMPER, Parameters
 from damperfit.errors import SimulationError
-from damperfit.simulation import Response, simulate, sine_motion, triangle_motion
+from damperfit.simulation import Response, characterise, simulate, sine_motion, triangle_motion
 
 # The middle column of the golden table (theory, section 4).
 SET_M = Parameters(r_m1=1.8e4, r_m2=3.527e6, r_m3=2.597e6, k_e=3.65e8, f_f=50.0)

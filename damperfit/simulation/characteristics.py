@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.simulation import Response
+    from damperfit.simulation.response import Response
 
     FloatArray = NDArray[np.float64]
 

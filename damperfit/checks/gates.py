@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from damperfit.checks import CHECKS
+from damperfit.checks.named_checks import CHECKS
 from damperfit.errors import ConfigurationError, did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from damperfit.checks import Check
+    from damperfit.checks.named_checks import Check
 
 __all__ = ["CHECK_LISTS", "expand_checks", "missed_gates"]
 

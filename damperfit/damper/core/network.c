@@ -1,0 +1,872 @@
+/* Integration of a network by the method of stepper.c, for any passages between its chambers.
+ *
+ * stepper.c is the paper's network with everything that this one leaves open written out; a test
+ * holds both to the same numbers.
+ */
+#include "network.h"
+#include "tableau.h"
+
+#include <math.h>
+
+#define NEWTON_LIMIT 30
+#define NEWTON_FREE 4 /* corrections that are trusted before the residual must fall */
+/* As in stepper.c: what a Newton correction may be at the end, of the smallest D across a root. */
+#define SHARE_DONE 1e-4
+#define PA_DONE 1e-3
+#define ROUNDING_SHARE 4e-16 /* of K: what doubles make of a pressure that is K (m/(rho V) - 1) */
+
+/* A step of the friction's speed is stopped in its dead band once: stick or slip, it is seen there. */
+#define PULL_DONE 1e-4 /* N */
+
+/* What one position of the piston gives. */
+typedef struct {
+    double full[2];    /* rho_0 V: kg at P_0 */
+    double inverse[2];
+    double swept;      /* oil that the piston's motion itself takes from the gas chamber, kg */
+} chambers;
+
+static double number(const df_network *q, int place)
+{
+    return place < 0 ? 0.0 : q->numbers[place];
+}
+
+static df_passage_law law_of(const df_network *q, const df_passage *p)
+{
+    const df_passage_law law = {number(q, p->p_open), number(q, p->R), number(q, p->S),
+                                number(q, p->width), p->two_way};
+    return law;
+}
+
+static df_geometry gas_geometry(const df_network *q)
+{
+    const df_geometry g = {q->a_1, q->a_2, q->a_2 - q->a_1, q->V_1, q->V_2,
+                           q->numbers[DF_NUMBER_V_GAS], q->rho_0};
+    return g;
+}
+
+static df_parameters gas_parameters(const df_network *q)
+{
+    const df_parameters p = {0.0, 0.0, 0.0, q->numbers[DF_NUMBER_K], 0.0, 0.0,
+                             q->numbers[DF_NUMBER_P_0], q->numbers[DF_NUMBER_GAMMA]};
+    return p;
+}
+
+/* Chambers whose oil is a state. */
+static int n_oil(const df_network *q)
+{
+    return q->has_floating_piston ? 1 : 2;
+}
+
+static int is_elastic(const df_network *q)
+{
+    return q->numbers[DF_NUMBER_STIFFNESS] > 0.0;
+}
+
+static int fill_chambers(const df_network *q, double x, chambers *c)
+{
+    const double V1 = q->V_1 - x * q->a_1, V2 = q->V_2 + x * q->a_2;
+    if (!(V1 > 0.0 && V2 > 0.0))
+        return isfinite(x) ? DF_CHAMBER_EMPTY : DF_NOT_FINITE;
+    c->full[0] = q->rho_0 * V1;
+    c->full[1] = q->rho_0 * V2;
+    c->inverse[0] = 1.0 / c->full[0];
+    c->inverse[1] = 1.0 / c->full[1];
+    c->swept = q->has_floating_piston ? q->rho_0 * q->a_2 * x : 0.0;
+    return DF_OK;
+}
+
+/* Oil that has left the gas chamber, kg. */
+static double taken(const df_network *q, const chambers *c, const double m[2])
+{
+    const double first = m[0] - q->rho_0 * q->V_1;
+    return q->has_floating_piston ? first + c->swept : first + (m[1] - q->rho_0 * q->V_2);
+}
+
+/* Pressure of oil with free gas by its fill e = m/(rho_0 V) - 1, and the slope by e. Without gas
+ * eqs (4), (7), (11), (12) with the clamp; with gas it never reaches zero:
+ * 1/(1 + e) = 1 - (P - P_0)/K + phi (P_0/P - 1). */
+static df_law oil_pressure(const df_network *q, double e)
+{
+    const double K = q->numbers[DF_NUMBER_K], P_0 = q->numbers[DF_NUMBER_P_0];
+    const double phi = q->numbers[DF_NUMBER_PHI];
+    df_law law = {0.0, 0.0};
+    if (phi == 0.0) {
+        const double P = K * e + P_0;
+        if (P > 0.0) {
+            law.value = P;
+            law.slope = K;
+        }
+        return law;
+    }
+    /* b = P_0/K - phi + e/(1 + e), without the cancellation of 1 - 1/(1 + e) */
+    const double volume = 1.0 / (1.0 + e), b = P_0 / K - phi + e * volume;
+    const double gas = 4.0 * phi * P_0 / K, root = sqrt(b * b + gas);
+    law.value = 0.5 * K * (b >= 0.0 ? b + root : gas / (root - b));
+    law.slope = law.value * volume * volume / root;
+    return law;
+}
+
+/* Derivative of an oil pressure by a number at constant mass. */
+static double oil_pressure_by(const df_network *q, double P, int place)
+{
+    const double K = q->numbers[DF_NUMBER_K], P_0 = q->numbers[DF_NUMBER_P_0];
+    const double phi = q->numbers[DF_NUMBER_PHI];
+    double slope;
+    if (!(P > 0.0))
+        return 0.0; /* clamped */
+    if (place == DF_NUMBER_K)
+        slope = (P - P_0) / (K * K);
+    else if (place == DF_NUMBER_PHI)
+        slope = P_0 / P - 1.0;
+    else if (place == DF_NUMBER_P_0)
+        slope = 1.0 / K + phi / P;
+    else
+        return 0.0;
+    return slope / (1.0 / K + phi * P_0 / (P * P));
+}
+
+static double gas_pressure_by(const df_network *q, double P3, double s, int place)
+{
+    const df_geometry g = gas_geometry(q);
+    const df_parameters p = gas_parameters(q);
+    double by_P_0, by_gamma;
+    df_gas_slopes(&g, &p, P3, s, &by_P_0, &by_gamma);
+    if (place == DF_NUMBER_P_0)
+        return by_P_0;
+    if (place == DF_NUMBER_GAMMA)
+        return by_gamma;
+    if (place == DF_NUMBER_V_GAS) {
+        const double V = q->numbers[DF_NUMBER_V_GAS];
+        return P3 * q->numbers[DF_NUMBER_GAMMA] * (1.0 / V - 1.0 / (V + s / q->rho_0));
+    }
+    return 0.0;
+}
+
+/* Derivatives of the three pressures by a number at constant masses. */
+static void pressures_by(const df_network *q, const df_balance *b, double s, int place, double P[3])
+{
+    P[0] = oil_pressure_by(q, b->P[0], place);
+    P[2] = gas_pressure_by(q, b->P[2], s, place);
+    P[1] = q->has_floating_piston ? P[2] : oil_pressure_by(q, b->P[1], place);
+}
+
+/* Pressures, flows, and the Jacobian of the mass balances. */
+static void evaluate(const df_network *q, const chambers *c, const df_gas_point *gas,
+                     const double y[DF_STATES], df_balance *b)
+{
+    const df_law P3 = df_gas_pressure(gas, taken(q, c, y));
+    const double grow[2] = {q->rho_0 * q->a_1 * c->inverse[0], -q->rho_0 * q->a_2 * c->inverse[1]};
+    const int n = n_oil(q);
+    for (int i = 0; i < 2; i++) {
+        b->F[i] = b->J[i][0] = b->J[i][1] = b->J[i][2] = 0.0;
+        b->slope[2][i] = i < n ? P3.slope : 0.0;
+    }
+    b->slope[2][DF_PISTON] = q->has_floating_piston ? P3.slope * q->rho_0 * q->a_2 : 0.0;
+    b->P[2] = P3.value;
+    for (int i = 0; i < n; i++) {
+        b->fill[i] = (y[i] - c->full[i]) * c->inverse[i];
+        const df_law P = oil_pressure(q, b->fill[i]);
+        b->P[i] = P.value;
+        b->slope[i][i] = P.slope * c->inverse[i];
+        b->slope[i][1 - i] = 0.0;
+        b->slope[i][DF_PISTON] = P.slope * (1.0 + b->fill[i]) * grow[i];
+    }
+    if (q->has_floating_piston) {
+        b->fill[1] = 0.0;
+        b->P[1] = b->P[2];
+        for (int j = 0; j < DF_STATES; j++)
+            b->slope[1][j] = b->slope[2][j];
+    }
+    for (int k = 0; k < q->n_passages; k++) {
+        const df_passage *p = &q->passages[k];
+        const df_passage_law law = law_of(q, p);
+        const int from = p->from - 1, to = p->to - 1;
+        b->drop[k] = b->P[from] - b->P[to];
+        b->flow[k] = df_passage_flow(&law, b->drop[k], q->rounding);
+        for (int j = 0; j < DF_STATES; j++) {
+            const double by_state = b->flow[k].by_D * (b->slope[from][j] - b->slope[to][j]);
+            if (from < n)
+                b->J[from][j] -= by_state;
+            if (to < n)
+                b->J[to][j] += by_state;
+        }
+        if (from < n)
+            b->F[from] -= b->flow[k].w;
+        if (to < n)
+            b->F[to] += b->flow[k].w;
+    }
+}
+
+/* The elastic mounting: stretch x - y beyond half the play, and friction by the piston's speed. */
+static void hold(const df_network *q, const df_options *o, double stretch, double speed, df_balance *b)
+{
+    const double k = q->numbers[DF_NUMBER_STIFFNESS], half = 0.5 * q->numbers[DF_NUMBER_PLAY];
+    const double beyond = fabs(stretch) - half;
+    b->pull = beyond > 0.0 ? copysign(k * beyond, stretch) : 0.0;
+    b->pull_slope = beyond > 0.0 ? k : 0.0;
+    b->grip = df_friction_share(speed, o->dead_band);
+    b->brake = q->numbers[DF_NUMBER_DRAG];
+    if (fabs(speed) < o->dead_band)
+        b->brake += q->numbers[DF_NUMBER_FRICTION] / o->dead_band;
+    b->speed = speed;
+}
+
+static double oil_force(const df_network *q, const double P[3])
+{
+    return P[0] * q->a_1 - P[1] * q->a_2;
+}
+
+/* Slope of the oil's force by a state. */
+static double oil_force_by(const df_network *q, const df_balance *b, int state)
+{
+    return b->slope[0][state] * q->a_1 - b->slope[1][state] * q->a_2;
+}
+
+/* Inverse of the Newton matrix: I - h diagonal J for the masses and, where the mounting is elastic,
+ * the equilibrium 0 = pull - oil - rod - friction as third row. */
+typedef struct {
+    double a[DF_STATES][DF_STATES];
+} inverse3;
+
+static void invert(const df_network *q, const df_balance *b, double hd, inverse3 *i)
+{
+    const double a11 = 1.0 - hd * b->J[0][0], a12 = -hd * b->J[0][1];
+    const double a21 = -hd * b->J[1][0], a22 = 1.0 - hd * b->J[1][1];
+    const double r = 1.0 / (a11 * a22 - a12 * a21);
+    const double A[2][2] = {{a22 * r, -a12 * r}, {-a21 * r, a11 * r}};
+    for (int j = 0; j < DF_STATES; j++)
+        i->a[DF_PISTON][j] = i->a[j][DF_PISTON] = 0.0;
+    if (!is_elastic(q)) {
+        for (int j = 0; j < 2; j++) {
+            i->a[j][0] = A[j][0];
+            i->a[j][1] = A[j][1];
+        }
+        return;
+    }
+    /* By the Schur complement of the masses. */
+    const double right[2] = {-hd * b->J[0][DF_PISTON], -hd * b->J[1][DF_PISTON]};
+    const double below[2] = {oil_force_by(q, b, 0), oil_force_by(q, b, 1)};
+    const double corner = b->pull_slope + oil_force_by(q, b, DF_PISTON) + b->brake / hd;
+    const double AR[2] = {A[0][0] * right[0] + A[0][1] * right[1], A[1][0] * right[0] + A[1][1] * right[1]};
+    const double BA[2] = {below[0] * A[0][0] + below[1] * A[1][0], below[0] * A[0][1] + below[1] * A[1][1]};
+    const double s = 1.0 / (corner - below[0] * AR[0] - below[1] * AR[1]);
+    for (int j = 0; j < 2; j++) {
+        for (int k = 0; k < 2; k++)
+            i->a[j][k] = A[j][k] + AR[j] * s * BA[k];
+        i->a[j][DF_PISTON] = -AR[j] * s;
+        i->a[DF_PISTON][j] = -s * BA[j];
+    }
+    i->a[DF_PISTON][DF_PISTON] = s;
+}
+
+static void apply(const inverse3 *i, const double r[DF_STATES], double e[DF_STATES])
+{
+    for (int j = 0; j < DF_STATES; j++)
+        e[j] = i->a[j][0] * r[0] + i->a[j][1] * r[1] + i->a[j][2] * r[2];
+}
+
+static double change_of(const df_network *q, const df_balance *b, int k, const double e[DF_STATES])
+{
+    const int from = q->passages[k].from - 1, to = q->passages[k].to - 1;
+    double change = 0.0;
+    for (int j = 0; j < DF_STATES; j++)
+        change += (b->slope[from][j] - b->slope[to][j]) * e[j];
+    return change;
+}
+
+/* A passage with an orifice is curved like a root, and plain Newton jumps to and fro across it. The
+ * correction is moved so that D follows the flow, in which the law is smooth, for as many passages
+ * between different chambers as there are masses; those that turn most come first. */
+static void follow_the_roots(const df_network *q, const df_balance *b, double e[DF_STATES])
+{
+    int chosen[2] = {-1, -1}, n_chosen = 0;
+    double wanted[2] = {0.0, 0.0};
+    for (int turn = 0; turn < n_oil(q); turn++) {
+        double most = 0.02;
+        int best = -1;
+        for (int k = 0; k < q->n_passages; k++) {
+            const df_passage *p = &q->passages[k];
+            if (p->S < 0 || b->flow[k].by_D == 0.0)
+                continue;
+            if (n_chosen && p->from + p->to == q->passages[chosen[0]].from + q->passages[chosen[0]].to)
+                continue;
+            const double u = fabs(b->drop[k]) - number(q, p->p_open);
+            const double share = fabs(change_of(q, b, k, e)) / (fabs(u) + q->rounding);
+            if (share > most) {
+                most = share;
+                best = k;
+            }
+        }
+        if (best < 0)
+            break;
+        const df_passage_law law = law_of(q, &q->passages[best]);
+        const double w = b->flow[best].w + b->flow[best].by_D * change_of(q, b, best, e);
+        if (law.two_way ? law.p_open > 0.0 && w * b->flow[best].w <= 0.0 : w <= 0.0)
+            break; /* about to close: nothing curved on that side */
+        chosen[n_chosen] = best;
+        wanted[n_chosen++] = df_passage_drop(&law, w, q->rounding) - b->drop[best];
+    }
+    if (n_chosen == 0)
+        return;
+    double row[2][2];
+    for (int i = 0; i < n_chosen; i++) {
+        const int from = q->passages[chosen[i]].from - 1, to = q->passages[chosen[i]].to - 1;
+        for (int j = 0; j < 2; j++)
+            row[i][j] = b->slope[from][j] - b->slope[to][j];
+        wanted[i] -= change_of(q, b, chosen[i], e); /* what is to be added */
+    }
+    if (n_chosen == 2) {
+        const double det = row[0][0] * row[1][1] - row[0][1] * row[1][0];
+        if (fabs(det) > 1e-12 * (fabs(row[0][0] * row[1][1]) + fabs(row[0][1] * row[1][0]))) {
+            e[0] += (wanted[0] * row[1][1] - wanted[1] * row[0][1]) / det;
+            e[1] += (row[0][0] * wanted[1] - row[1][0] * wanted[0]) / det;
+        }
+        return;
+    }
+    const int j = fabs(row[0][0]) >= fabs(row[0][1]) ? 0 : 1;
+    if (row[0][j] != 0.0)
+        e[j] += wanted[0] / row[0][j];
+}
+
+/* Smallest D across an orifice: how near the last correction must come, see SHARE_DONE. */
+static double nearest_root(const df_network *q, const df_balance *b)
+{
+    double least = INFINITY;
+    for (int k = 0; k < q->n_passages; k++) {
+        if (q->passages[k].S >= 0 && b->flow[k].by_D > 0.0)
+            least = fmin(least, fabs(fabs(b->drop[k]) - number(q, q->passages[k].p_open)));
+    }
+    return isfinite(least) ? fmax(least, q->rounding) : 0.0;
+}
+
+/* One implicit stage: y = known + hd F(y), the mounting in equilibrium. Returns 0 when it converged. */
+static int solve_stage(const df_network *q, const df_options *o, double x, const df_gas_point *gas,
+                       const double known[DF_STATES], double hd, double y[DF_STATES], chambers *c,
+                       df_balance *b, inverse3 *inverse, df_work *work, int *code)
+{
+    const double K = q->numbers[DF_NUMBER_K], share_done = fmin(SHARE_DONE, 0.01 * o->tolerance);
+    const int elastic = is_elastic(q);
+    double before = INFINITY, step[DF_STATES] = {0.0, 0.0, 0.0};
+    for (int k = 0; k < NEWTON_LIMIT; k++) {
+        if (k == 0 || elastic) {
+            *code = fill_chambers(q, y[DF_PISTON], c);
+            if (*code != DF_OK)
+                return 1;
+        }
+        evaluate(q, c, gas, y, b);
+        work->newton++;
+        double r[DF_STATES] = {known[0] + hd * b->F[0] - y[0], known[1] + hd * b->F[1] - y[1], 0.0};
+        const double stiff[2] = {K * c->inverse[0], K * c->inverse[1]};
+        double speed = 0.0, size = fmax(stiff[0] * fabs(r[0]), stiff[1] * fabs(r[1]));
+        if (elastic) {
+            speed = (y[DF_PISTON] - known[DF_PISTON]) / hd;
+            hold(q, o, x - y[DF_PISTON], speed, b);
+            r[DF_PISTON] = b->pull - oil_force(q, b->P) - q->rod_force -
+                           q->numbers[DF_NUMBER_FRICTION] * b->grip - q->numbers[DF_NUMBER_DRAG] * speed;
+            size = fmax(size, fabs(r[DF_PISTON]) / q->a_2);
+        }
+        if (!(size < INFINITY))
+            return 1;
+        if (k > NEWTON_FREE && size > before) { /* half the way back */
+            for (int i = 0; i < DF_STATES; i++) {
+                step[i] *= 0.5;
+                y[i] -= step[i];
+            }
+            continue;
+        }
+        before = size;
+        invert(q, b, hd, inverse);
+        double e[DF_STATES];
+        apply(inverse, r, e);
+        const double far = fmax(stiff[0] * fabs(e[0]), stiff[1] * fabs(e[1]));
+        if (!(far < INFINITY) || !isfinite(e[DF_PISTON]))
+            return 1;
+        const double then = speed + e[DF_PISTON] / hd;
+        const int crosses = elastic && fabs(b->grip) == 1.0 && speed * then < 0.0;
+        const int converged = far <= PA_DONE + ROUNDING_SHARE * K + share_done * nearest_root(q, b) &&
+                              !crosses && q->numbers[DF_NUMBER_STIFFNESS] * fabs(e[DF_PISTON]) <= PULL_DONE;
+        if (crosses && q->numbers[DF_NUMBER_FRICTION] > 0.0) {
+            /* Beyond the dead band lies another branch: stop inside and look. */
+            const double share = -speed / (then - speed);
+            for (int i = 0; i < DF_STATES; i++)
+                e[i] *= share;
+            before = INFINITY;
+        } else if (!converged) {
+            follow_the_roots(q, b, e);
+        }
+        for (int i = 0; i < DF_STATES; i++) {
+            y[i] += e[i];
+            step[i] = e[i];
+        }
+        if (converged) {
+            for (int i = 0; i < DF_STATES; i++)
+                b->F[i] = (y[i] - known[i]) / hd;
+            for (int i = 0; i < 3; i++)
+                b->P[i] = fmax(b->P[i] + b->slope[i][0] * e[0] + b->slope[i][1] * e[1] +
+                                   b->slope[i][2] * e[2], 0.0);
+            if (elastic) {
+                *code = fill_chambers(q, y[DF_PISTON], c);
+                if (*code != DF_OK)
+                    return 1;
+                b->pull -= b->pull_slope * e[DF_PISTON];
+            }
+            for (int i = 0; i < n_oil(q); i++)
+                b->fill[i] = (y[i] - c->full[i]) * c->inverse[i];
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* dF/d(number) at constant masses, and that of the mounting's balance of forces. */
+static void balance_by(const df_network *q, const df_balance *b, double s, int place, double F[DF_STATES])
+{
+    double P[3];
+    pressures_by(q, b, s, place, P);
+    F[0] = F[1] = 0.0;
+    F[DF_PISTON] = -oil_force(q, P);
+    if (place == DF_NUMBER_FRICTION)
+        F[DF_PISTON] -= b->grip;
+    else if (place == DF_NUMBER_DRAG)
+        F[DF_PISTON] -= b->speed;
+    else if (place == DF_NUMBER_STIFFNESS)
+        F[DF_PISTON] += b->pull / q->numbers[DF_NUMBER_STIFFNESS];
+    else if (place == DF_NUMBER_PLAY && b->pull != 0.0)
+        F[DF_PISTON] -= 0.5 * copysign(b->pull_slope, b->pull);
+    for (int k = 0; k < q->n_passages; k++) {
+        const df_passage *p = &q->passages[k];
+        const df_flow *f = &b->flow[k];
+        double w = f->by_D * (P[p->from - 1] - P[p->to - 1]);
+        w += p->p_open == place ? f->by_open : 0.0;
+        w += p->R == place ? f->by_R : 0.0;
+        w += p->S == place ? f->by_S : 0.0;
+        w += p->width == place ? f->by_width : 0.0;
+        if (p->from <= n_oil(q))
+            F[p->from - 1] -= w;
+        if (p->to <= n_oil(q))
+            F[p->to - 1] += w;
+    }
+}
+
+static int moves_the_state(const df_network *q, int place)
+{
+    if (place == DF_NUMBER_OFFSET)
+        return 0;
+    return is_elastic(q) || (place != DF_NUMBER_FRICTION && place != DF_NUMBER_DRAG &&
+                             place != DF_NUMBER_STIFFNESS && place != DF_NUMBER_PLAY);
+}
+
+typedef struct {
+    double x0, x1, v0, v1, interval;
+} piece;
+
+static double hermite(const piece *c, double t)
+{
+    const double u = t / c->interval, w = 1.0 - u;
+    return w * w * ((1.0 + 2.0 * u) * c->x0 + c->interval * u * c->v0) +
+           u * u * ((1.0 + 2.0 * w) * c->x1 - c->interval * w * c->v1);
+}
+
+/* Weights at t of the values at t0, t1, t2 on their parabola. */
+static void parabola(double t, double t0, double t1, double t2, double w[3])
+{
+    const double r = 1.0 / ((t1 - t0) * (t2 - t0) * (t2 - t1));
+    w[0] = (t - t1) * (t - t2) * (t2 - t1) * r;
+    w[1] = -(t - t0) * (t - t2) * (t2 - t0) * r;
+    w[2] = 1.0 - w[0] - w[1];
+}
+
+enum { STEP_TAKEN, STEP_REFUSED };
+
+/* The sensitivities of a converged stage, by its own Newton matrix. */
+static void carry_slopes(const df_network *q, const df_state *now, const df_balance *b,
+                         const inverse3 *inverse, double s, double h, int stage,
+                         double S[][DF_STATES], double G[][DF_STAGES][DF_STATES])
+{
+    const double hd = h * DF_DIAGONAL;
+    for (int j = 0; j < now->n_which; j++) {
+        if (!moves_the_state(q, now->which[j]))
+            continue;
+        double slope[DF_STATES], past[DF_STATES], r[DF_STATES];
+        balance_by(q, b, s, now->which[j], slope);
+        for (int i = 0; i < DF_STATES; i++) {
+            past[i] = now->S[j][i];
+            for (int k = 0; k < stage; k++)
+                past[i] += h * DF_A[stage][k] * G[j][k][i];
+            r[i] = past[i] + hd * slope[i];
+        }
+        /* Friction is by the speed (y - known)/hd, whose known part has a slope too. */
+        r[DF_PISTON] = is_elastic(q) ? slope[DF_PISTON] + b->brake / hd * past[DF_PISTON] : 0.0;
+        apply(inverse, r, S[j]);
+        for (int i = 0; i < DF_STATES; i++)
+            G[j][stage][i] = (S[j][i] - past[i]) / hd;
+    }
+}
+
+/* What is predicted from step to step, smoother than the states themselves. */
+static void guide_of(const df_network *q, const df_balance *b, double x, const double y[DF_STATES],
+                     double guide[DF_STATES])
+{
+    guide[0] = b->fill[0];
+    guide[1] = b->fill[1];
+    guide[DF_PISTON] = is_elastic(q) ? x - y[DF_PISTON] : 0.0;
+}
+
+/* The first guess of a stage, on the parabola through what is known. */
+static void guess_state(const df_network *q, const df_state *now, double guide[][DF_STATES],
+                        int stage, double x, double h, double y[DF_STATES])
+{
+    double w[3], g[DF_STATES];
+    if (stage == 1)
+        parabola(DF_C[1] * h, now->t_old, now->t_mid, 0.0, w);
+    else
+        parabola(DF_C[2] * h, now->t_mid, 0.0, DF_C[1] * h, w);
+    for (int i = 0; i < DF_STATES; i++)
+        g[i] = stage == 1 ? w[0] * now->guide_old[i] + w[1] * now->guide_mid[i] + w[2] * guide[0][i]
+                          : w[0] * now->guide_mid[i] + w[1] * guide[0][i] + w[2] * guide[1][i];
+    y[DF_PISTON] = x - g[DF_PISTON];
+    chambers c;
+    if (fill_chambers(q, y[DF_PISTON], &c) != DF_OK) {
+        y[DF_PISTON] = now->y[DF_PISTON];
+        if (fill_chambers(q, y[DF_PISTON], &c) != DF_OK)
+            return;
+    }
+    y[0] = c.full[0] * (1.0 + g[0]);
+    y[1] = n_oil(q) == 2 ? c.full[1] * (1.0 + g[1]) : now->y[1];
+}
+
+/* One step of length h from time t of the piece; a refused step leaves `now` alone. */
+static int take_step(const df_network *q, const df_options *o, const piece *motion, double t, double h,
+                     df_state *now, df_work *work, double *error, int *code)
+{
+    const double hd = h * DF_DIAGONAL;
+    double F[DF_STAGES][DF_STATES], guide[DF_STAGES][DF_STATES], y[DF_STATES];
+    double G[DF_MOST_NUMBERS][DF_STAGES][DF_STATES], S[DF_MOST_NUMBERS][DF_STATES];
+    df_balance b = now->b;
+    inverse3 inverse = {{{0.0}}};
+    chambers c;
+    guide_of(q, &now->b, hermite(motion, t), now->y, guide[0]);
+    for (int i = 0; i < DF_STATES; i++) {
+        F[0][i] = now->F[i];
+        for (int j = 0; j < now->n_which; j++)
+            G[j][0][i] = now->G[j][i];
+    }
+    for (int k = 1; k < DF_STAGES; k++) {
+        const double x = hermite(motion, t + DF_C[k] * h);
+        double known[DF_STATES];
+        for (int i = 0; i < DF_STATES; i++) {
+            known[i] = now->y[i];
+            for (int l = 0; l < k; l++)
+                known[i] += h * DF_A[k][l] * F[l][i];
+        }
+        guess_state(q, now, guide, k, x, h, y);
+        if (solve_stage(q, o, x, &now->gas, known, hd, y, &c, &b, &inverse, work, code))
+            return STEP_REFUSED;
+        for (int i = 0; i < DF_STATES; i++)
+            F[k][i] = b.F[i];
+        guide_of(q, &b, x, y, guide[k]);
+        carry_slopes(q, now, &b, &inverse, taken(q, &c, y), h, k, S, G);
+    }
+    double r[DF_STATES] = {0.0, 0.0, 0.0}, e[DF_STATES];
+    for (int k = 0; k < DF_STAGES; k++) {
+        r[0] += h * DF_E[k] * F[k][0];
+        r[1] += h * DF_E[k] * F[k][1];
+    }
+    apply(&inverse, r, e);
+    const double K = q->numbers[DF_NUMBER_K];
+    *error = fmax(q->a_1 * K * c.inverse[0] * fabs(e[0]), q->a_2 * K * c.inverse[1] * fabs(e[1])) / o->tolerance;
+    if (!(*error <= 1.0))
+        return STEP_REFUSED;
+    now->b = b;
+    for (int i = 0; i < DF_STATES; i++) {
+        now->y[i] = y[i];
+        now->F[i] = F[DF_STAGES - 1][i];
+        now->guide_old[i] = guide[0][i];
+        now->guide_mid[i] = guide[1][i];
+    }
+    for (int j = 0; j < now->n_which; j++) {
+        if (!moves_the_state(q, now->which[j]))
+            continue;
+        for (int i = 0; i < DF_STATES; i++) {
+            now->S[j][i] = S[j][i];
+            now->G[j][i] = G[j][DF_STAGES - 1][i];
+        }
+    }
+    now->t_old = -h;
+    now->t_mid = (DF_C[1] - 1.0) * h;
+    return STEP_TAKEN;
+}
+
+static int passage_is_sound(const df_network *q, const df_passage *p)
+{
+    const int places[4] = {p->p_open, p->R, p->S, p->width};
+    for (int i = 0; i < 4; i++) {
+        if (places[i] >= q->n_numbers || (places[i] >= 0 && places[i] < DF_FIRST_PASSAGE_NUMBER))
+            return 0;
+        if (number(q, places[i]) < 0.0)
+            return 0;
+    }
+    const double R = number(q, p->R), S = number(q, p->S);
+    /* A rounded orifice would have an infinite slope at D = 0. */
+    if (!(R + S > 0.0) || (number(q, p->width) > 0.0 && !(R > 0.0)))
+        return 0;
+    if (p->from < 1 || p->from > 3 || p->to < 1 || p->to > 3 || p->from == p->to)
+        return 0;
+    return !q->has_floating_piston || p->from + p->to != 5; /* 2 and 3 are one */
+}
+
+static int network_is_sound(const df_network *q)
+{
+    const double *n = q->numbers;
+    double all = q->rod_force;
+    if (q->n_numbers < DF_FIRST_PASSAGE_NUMBER || q->n_numbers > DF_MOST_NUMBERS ||
+        q->n_passages < 1 || q->n_passages > DF_MOST_PASSAGES)
+        return 0;
+    for (int i = 0; i < q->n_numbers; i++)
+        all += n[i];
+    if (!isfinite(all) || !(n[DF_NUMBER_K] > 0.0 && n[DF_NUMBER_PHI] >= 0.0 && n[DF_NUMBER_P_0] > 0.0 &&
+                            n[DF_NUMBER_GAMMA] > 0.0 && n[DF_NUMBER_V_GAS] > 0.0 && q->rounding > 0.0 &&
+                            n[DF_NUMBER_FRICTION] >= 0.0 && n[DF_NUMBER_STIFFNESS] >= 0.0 &&
+                            n[DF_NUMBER_PLAY] >= 0.0 && n[DF_NUMBER_DRAG] >= 0.0 &&
+                            q->a_1 > 0.0 && q->a_2 > q->a_1 && q->rho_0 > 0.0))
+        return 0;
+    for (int k = 0; k < q->n_passages; k++) {
+        if (!passage_is_sound(q, &q->passages[k]))
+            return 0;
+    }
+    return 1;
+}
+
+/* Fill all chambers at one pressure P, and the gas for it. */
+static int fill_at(const df_network *q, const chambers *c, double P, df_state *now, double *growth)
+{
+    const df_geometry g = gas_geometry(q);
+    const df_parameters p = gas_parameters(q);
+    const double K = q->numbers[DF_NUMBER_K], P_0 = p.P_0, phi = q->numbers[DF_NUMBER_PHI];
+    const double volume = 1.0 - (P - P_0) / K + phi * (P_0 / P - 1.0);
+    const double by_P = 1.0 / K + phi * P_0 / (P * P); /* -d volume/dP */
+    *growth = 0.0;
+    now->y[1] = q->rho_0 * q->V_2;
+    for (int i = 0; i < n_oil(q); i++) {
+        /* Without free gas the law is in the density, with it in the specific volume. */
+        now->y[i] = phi == 0.0 ? c->full[i] * (1.0 + (P - P_0) / K) : c->full[i] / volume;
+        *growth += phi == 0.0 ? c->full[i] / K : c->full[i] * by_P / (volume * volume);
+    }
+    return df_gas_expand(&g, &p, taken(q, c, now->y), &now->gas) ? DF_CHAMBER_EMPTY : DF_OK;
+}
+
+/* One pressure in all chambers, the mounting in equilibrium without friction; P by Newton. */
+static int equalise(const df_network *q, double x, df_state *now, chambers *c)
+{
+    const double k = q->numbers[DF_NUMBER_STIFFNESS];
+    double P = q->numbers[DF_NUMBER_P_0], growth = 0.0;
+    now->y[DF_PISTON] = x;
+    for (int turn = 0; turn < 100; turn++) {
+        const double force = (q->a_1 - q->a_2) * P + q->rod_force;
+        const double moved = now->y[DF_PISTON];
+        if (k > 0.0 && force != 0.0)
+            now->y[DF_PISTON] = x - force / k - copysign(0.5 * q->numbers[DF_NUMBER_PLAY], force);
+        int code = fill_chambers(q, now->y[DF_PISTON], c);
+        if (code == DF_OK)
+            code = fill_at(q, c, P, now, &growth);
+        if (code != DF_OK)
+            return code;
+        const df_law gas = df_gas_pressure(&now->gas, taken(q, c, now->y));
+        const double change = (gas.value - P) / (1.0 - gas.slope * growth);
+        P = fmax(P + change, 0.1 * P);
+        if (fabs(change) <= 1e-12 * P && fabs(now->y[DF_PISTON] - moved) <= 1e-15)
+            break;
+    }
+    return DF_OK;
+}
+
+/* The sensitivities of such a start, by the implicit function theorem. */
+static void start_slopes(const df_network *q, const chambers *c, df_state *now)
+{
+    const df_balance *b = &now->b;
+    const double k = b->pull_slope, a_r = q->a_2 - q->a_1, s = taken(q, c, now->y);
+    for (int j = 0; j < now->n_which; j++) {
+        double direct[3], slope[DF_STATES], own = 0.0, growth = 0.0, by_y = b->slope[2][DF_PISTON];
+        pressures_by(q, b, s, now->which[j], direct);
+        balance_by(q, b, s, now->which[j], slope);
+        for (int i = 0; i < n_oil(q); i++) {
+            own += direct[i] / b->slope[i][i];
+            growth += 1.0 / b->slope[i][i];
+            by_y -= b->slope[2][i] * b->slope[i][DF_PISTON] / b->slope[i][i];
+        }
+        /* k dy = a_r dP + what the mounting's own numbers do; y moves P in turn. */
+        const double pushed = k > 0.0 ? (slope[DF_PISTON] + oil_force(q, direct)) / k : 0.0;
+        const double lever = k > 0.0 ? by_y * a_r / k : 0.0;
+        const double by_s = b->slope[2][0];
+        const double change = (direct[2] - by_s * own + by_y * pushed) / (1.0 - by_s * growth - lever);
+        now->S[j][1] = 0.0;
+        now->S[j][DF_PISTON] = k > 0.0 ? pushed + a_r * change / k : 0.0;
+        for (int i = 0; i < n_oil(q); i++)
+            now->S[j][i] = (change - direct[i] - b->slope[i][DF_PISTON] * now->S[j][DF_PISTON]) / b->slope[i][i];
+        for (int i = 0; i < 2; i++)
+            now->G[j][i] = b->J[i][0] * now->S[j][0] + b->J[i][1] * now->S[j][1] + slope[i];
+        now->G[j][DF_PISTON] = 0.0;
+    }
+}
+
+int df_begin(const df_network *q, const df_options *o, double x, double v, const int *which,
+             int n_which, df_state *now)
+{
+    chambers c;
+    if (!network_is_sound(q) || n_which < 0 || n_which > q->n_numbers || !(o->tolerance > 0.0 && o->dead_band > 0.0))
+        return DF_BAD_ARGUMENT;
+    for (int j = 0; j < n_which; j++) {
+        if (which[j] < 0 || which[j] >= q->n_numbers)
+            return DF_BAD_ARGUMENT;
+        now->which[j] = which[j];
+    }
+    now->n_which = n_which;
+    if (!isfinite(v))
+        return DF_NOT_FINITE;
+    const int code = equalise(q, x, now, &c);
+    if (code != DF_OK)
+        return code;
+    evaluate(q, &c, &now->gas, now->y, &now->b);
+    hold(q, o, x - now->y[DF_PISTON], 0.0, &now->b);
+    start_slopes(q, &c, now);
+    guide_of(q, &now->b, x, now->y, now->guide_mid);
+    for (int i = 0; i < DF_STATES; i++) {
+        now->F[i] = i < 2 ? now->b.F[i] : 0.0;
+        now->guide_old[i] = now->guide_mid[i];
+    }
+    now->t_old = -2.0;
+    now->t_mid = -1.0;
+    now->wish = 0.0;
+    now->x = x;
+    now->v = v;
+    return DF_OK;
+}
+
+int df_advance(const df_network *q, const df_options *o, double x, double v, double interval,
+               df_state *now, df_work *work)
+{
+    const df_geometry g = gas_geometry(q);
+    const df_parameters p = gas_parameters(q);
+    const piece motion = {now->x, x, now->v, v, interval};
+    double t = 0.0;
+    long tries = 0;
+    if (!(interval > 0.0 && o->tolerance > 0.0 && o->dead_band > 0.0))
+        return DF_BAD_ARGUMENT;
+    if (!isfinite(x) || !isfinite(v))
+        return DF_NOT_FINITE;
+    if (now->wish <= 0.0)
+        now->wish = 0.05 * interval;
+    while (t < interval) {
+        const double left = interval - t, wish = now->wish;
+        const int last = wish >= left * (1.0 - 1e-9);
+        const double h = last ? left : (2.0 * wish > left ? 0.5 * left : wish);
+        double error = INFINITY;
+        chambers c;
+        int code = fill_chambers(q, is_elastic(q) ? now->y[DF_PISTON] : hermite(&motion, t), &c);
+        if (code != DF_OK)
+            return code;
+        const double s = taken(q, &c, now->y);
+        if (!df_gas_is_near(&now->gas, s) && df_gas_expand(&g, &p, s, &now->gas))
+            return DF_CHAMBER_EMPTY;
+        if (++tries > o->max_steps_per_sample)
+            return DF_STEP_LIMIT;
+        if (take_step(q, o, &motion, t, h, now, work, &error, &code) == STEP_TAKEN) {
+            work->steps++;
+            t = last ? interval : t + h;
+            if (wish < interval || error > 0.5) {
+                const double grow = 0.9 / cbrt(error + 1e-10);
+                const double next = h * (grow > 5.0 ? 5.0 : grow);
+                now->wish = (last && grow > 1.0 && next < wish) ? wish : next;
+            }
+        } else {
+            /* An elastic mounting may throw a guess of the piston out of its chambers. */
+            if (code != DF_OK && (!is_elastic(q) || h < 1e-9 * interval))
+                return code;
+            work->rejected++;
+            const double shrink = error < INFINITY ? 0.9 / cbrt(error) : 0.2;
+            now->wish = h * (shrink < 0.1 ? 0.1 : shrink);
+        }
+    }
+    now->x = x;
+    now->v = v;
+    return isfinite(now->b.P[0]) && isfinite(now->b.P[1]) && isfinite(now->b.P[2]) ? DF_OK : DF_NOT_FINITE;
+}
+
+static double slope_of_force(const df_network *q, const df_state *now, int j, double s, double friction)
+{
+    const df_balance *b = &now->b;
+    const int place = now->which[j];
+    if (place == DF_NUMBER_OFFSET)
+        return 1.0;
+    if (is_elastic(q)) {
+        double own = 0.0;
+        if (place == DF_NUMBER_STIFFNESS)
+            own = b->pull / q->numbers[DF_NUMBER_STIFFNESS];
+        else if (place == DF_NUMBER_PLAY && b->pull != 0.0)
+            own = -0.5 * copysign(b->pull_slope, b->pull);
+        return own - b->pull_slope * now->S[j][DF_PISTON];
+    }
+    if (place == DF_NUMBER_FRICTION)
+        return friction;
+    if (place == DF_NUMBER_DRAG)
+        return now->v;
+    if (place == DF_NUMBER_STIFFNESS || place == DF_NUMBER_PLAY)
+        return 0.0;
+    double P[3];
+    pressures_by(q, b, s, place, P);
+    for (int i = 0; i < 2; i++)
+        P[i] += b->slope[i][0] * now->S[j][0] + b->slope[i][1] * now->S[j][1];
+    return oil_force(q, P);
+}
+
+double df_force(const df_network *q, const df_options *o, const df_state *now, double *slopes)
+{
+    const df_balance *b = &now->b;
+    const double friction = df_friction_share(now->v, o->dead_band);
+    const double piston = is_elastic(q) ? now->y[DF_PISTON] : now->x;
+    const double shift = q->has_floating_piston ? q->rho_0 * q->a_2 * piston : now->y[1] - q->rho_0 * q->V_2;
+    const double s = now->y[0] - q->rho_0 * q->V_1 + shift;
+    for (int j = 0; j < now->n_which; j++)
+        slopes[j] = slope_of_force(q, now, j, s, friction);
+    const double offset = q->numbers[DF_NUMBER_OFFSET];
+    if (is_elastic(q))
+        return b->pull + offset;
+    return oil_force(q, b->P) + q->rod_force + q->numbers[DF_NUMBER_FRICTION] * friction +
+           q->numbers[DF_NUMBER_DRAG] * now->v + offset;
+}
+
+static void write_sample(const df_network *q, const df_options *o, const df_state *now,
+                         const df_result *r, size_t i, size_t n)
+{
+    double slopes[DF_MOST_NUMBERS];
+    r->force[i] = df_force(q, o, now, slopes);
+    for (int k = 0; k < 3; k++)
+        r->pressures[(size_t)k * n + i] = now->b.P[k];
+    for (int k = 0; k < 2; k++)
+        r->masses[(size_t)k * n + i] = now->y[k];
+    for (int j = 0; j < r->n_which; j++)
+        r->sensitivities[(size_t)j * n + i] = slopes[j];
+}
+
+int df_simulate_network(const df_network *q, const df_options *o, const df_motion *motion,
+                        const df_result *r, df_work *work)
+{
+    df_state now;
+    work->steps = work->rejected = work->newton = 0;
+    work->failed_sample = 0;
+    if (motion->n < 1 || r->n_which < 0 || !(motion->interval > 0.0))
+        return DF_BAD_ARGUMENT;
+    int code = df_begin(q, o, motion->x[0], motion->v[0], r->which, r->n_which, &now);
+    if (code != DF_OK)
+        return code;
+    write_sample(q, o, &now, r, 0, motion->n);
+    for (size_t i = 1; i < motion->n; i++) {
+        work->failed_sample = i;
+        code = df_advance(q, o, motion->x[i], motion->v[i], motion->interval, &now, work);
+        if (code != DF_OK)
+            return code;
+        write_sample(q, o, &now, r, i, motion->n);
+    }
+    work->failed_sample = motion->n;
+    return DF_OK;
+}

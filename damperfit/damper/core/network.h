@@ -1,0 +1,102 @@
+/* A damper as a network: two oil chambers, a gas chamber, and passages between any two of them,
+ * held by a mounting that may be elastic and may have play.
+ *
+ * No allocation, no globals, no input or output. The state is a plain struct: a simulation is
+ * `df_begin` once and `df_advance` from sample to sample, and so is an exported model.
+ */
+#ifndef DAMPERFIT_NETWORK_H
+#define DAMPERFIT_NETWORK_H
+
+#include "core.h"
+#include "passages.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { DF_MOST_PASSAGES = 16, DF_MOST_NUMBERS = 40 };
+
+/* The numbers that every network has; those of its passages follow. */
+enum {
+    DF_NUMBER_K,        /* bulk modulus of the oil, Pa */
+    DF_NUMBER_PHI,      /* free gas in the oil at P_0, share of the oil's volume */
+    DF_NUMBER_FRICTION, /* Coulomb, N */
+    DF_NUMBER_OFFSET,   /* N */
+    DF_NUMBER_P_0,      /* Pa */
+    DF_NUMBER_GAMMA,
+    DF_NUMBER_V_GAS,     /* m3 at x = 0 */
+    DF_NUMBER_STIFFNESS, /* of rod ends, frame and load cell in series, N/m; 0: rigid */
+    DF_NUMBER_PLAY,      /* whole gap of the joints, m */
+    DF_NUMBER_DRAG,      /* of the seals, N s/m */
+    DF_FIRST_PASSAGE_NUMBER
+};
+
+/* Chambers 1 and 2 hold oil, 3 the gas; with a floating piston 2 is at the gas pressure too. */
+typedef struct {
+    int from, to;              /* 1, 2 or 3 */
+    int p_open, R, S, width;   /* places among the numbers, -1 where the term is absent */
+    int two_way;
+} df_passage;
+
+typedef struct {
+    double a_1, a_2;       /* annulus, full bore: m2 */
+    double V_1, V_2;       /* oil in chambers 1 and 2 at x = 0: m3 */
+    double rho_0;          /* kg/m3 */
+    double rod_force;      /* ambient pressure on the rod, a_r P_amb: N */
+    double rounding;       /* of the root at D = 0, Pa */
+    int has_floating_piston;
+    int n_passages;
+    df_passage passages[DF_MOST_PASSAGES];
+    int n_numbers;
+    double numbers[DF_MOST_NUMBERS];
+} df_network;
+
+/* The state: oil in chambers 1 and 2, and where the piston is. A rigid mounting holds it at x. */
+enum { DF_M1, DF_M2, DF_PISTON, DF_STATES };
+
+/* Pressures, flows and their slopes at one instant. */
+typedef struct {
+    double P[3];                            /* as they act */
+    double slope[3][DF_STATES];             /* of P by the states */
+    double fill[2];                         /* m/(rho_0 V) - 1 */
+    double F[DF_STATES], J[2][DF_STATES];   /* d(state)/dt; slopes of the masses' */
+    double pull, pull_slope;                /* mounting: its force, N, and that by its stretch */
+    double speed;                           /* of the piston, m/s */
+    double grip, brake;                     /* share of f_f; slope of all friction by speed, N s/m */
+    df_flow flow[DF_MOST_PASSAGES];
+    double drop[DF_MOST_PASSAGES];
+} df_balance;
+
+/* The running state between samples. */
+typedef struct {
+    int which[DF_MOST_NUMBERS], n_which; /* sensitivities asked for: places among the numbers */
+    double y[DF_STATES], F[DF_STATES];
+    double S[DF_MOST_NUMBERS][DF_STATES], G[DF_MOST_NUMBERS][DF_STATES]; /* dy/d(number), d/dt of it */
+    df_balance b;
+    df_gas_point gas;
+    /* For the next prediction: fills of the chambers and the stretch of the mounting. */
+    double guide_mid[DF_STATES], guide_old[DF_STATES], t_mid, t_old;
+    double wish;                                   /* next step, s */
+    double x, v;
+} df_state;
+
+/* All chambers at one pressure at x, with the oil mass of the damper at x = 0. */
+int df_begin(const df_network *network, const df_options *options, double x, double v,
+             const int *which, int n_which, df_state *state);
+
+/* From the state's x and v to those given, a time `interval` later, along the cubic Hermite piece. */
+int df_advance(const df_network *network, const df_options *options, double x, double v,
+               double interval, df_state *state, df_work *work);
+
+/* The force of a state and its derivatives by the numbers asked for. */
+double df_force(const df_network *network, const df_options *options, const df_state *state,
+                double *slopes);
+
+/* The whole motion; `result->which` names places among the numbers. */
+int df_simulate_network(const df_network *network, const df_options *options,
+                        const df_motion *motion, const df_result *result, df_work *work);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

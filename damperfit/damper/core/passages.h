@@ -1,0 +1,35 @@
+/* The law of a passage between two chambers, with its slopes by everything it depends on.
+ *
+ *   D       pressure of the chamber it leaves less that of the chamber it enters   Pa
+ *   p_open  preload: closed up to here                                             Pa
+ *   R       laminar resistance                                                     N s/(m2 kg)
+ *   S       orifice, S = 1/(C_d A sqrt(2 rho))                                     s sqrt(N)/(m kg)
+ *   width   how gradually a stack of discs lifts off its seat                      Pa
+ *   w       mass flow                                                              kg/s
+ *
+ *   D = p_open + R w + (S w)^2,   w = 0 up to p_open
+ *   w = 2 s/(R + r), r = sqrt(R^2 + 4 S^2 s)                       no cancellation; R or S may be 0
+ *   s = u^2/sqrt(u^2 + eps^2), u = D - p_open > 0                  the root rounded within eps
+ *   s = sp(D - p_open) - sp(-p_open), sp(u) = width ln(1 + e^(u/width))         where width > 0
+ */
+#ifndef DAMPERFIT_PASSAGES_H
+#define DAMPERFIT_PASSAGES_H
+
+#include <math.h>
+
+typedef struct {
+    double p_open, R, S, width;
+    int two_way; /* the same law backwards; otherwise closed for D < 0 */
+} df_passage_law;
+
+/* Mass flow and its derivatives. */
+typedef struct {
+    double w, by_D, by_open, by_R, by_S, by_width;
+} df_flow;
+
+df_flow df_passage_flow(const df_passage_law *law, double D, double eps);
+
+/* The D at which a passage that is open would carry w: the inverse of the law, without width. */
+double df_passage_drop(const df_passage_law *law, double w, double eps);
+
+#endif

@@ -1,0 +1,31 @@
+"""A model and a displacement to the damper's response; the only door to the compiled core."""
+
+from damperfit.simulation.characteristics import (
+    NAMED_SPEEDS,
+    Characteristics,
+    SpeedForce,
+    characterise,
+    signals_at_speeds,
+)
+from damperfit.simulation.motion import Motion, refuse_amplitude, sine_motion, triangle_motion
+from damperfit.simulation.network_model import simulate_network
+from damperfit.simulation.paper_model import SENSITIVITY_NAMES, simulate
+from damperfit.simulation.response import Response, SolverOptions, Work
+
+__all__ = [
+    "NAMED_SPEEDS",
+    "SENSITIVITY_NAMES",
+    "Characteristics",
+    "Motion",
+    "Response",
+    "SolverOptions",
+    "SpeedForce",
+    "Work",
+    "characterise",
+    "refuse_amplitude",
+    "signals_at_speeds",
+    "simulate",
+    "simulate_network",
+    "sine_motion",
+    "triangle_motion",
+]

@@ -1,0 +1,139 @@
+"""Motions that drive a damper: sampled displacement and velocity, sines, triangles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.errors import ConfigurationError, SimulationError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from damperfit.damper.parameters import Damper
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["Motion", "refuse_amplitude", "sine_motion", "triangle_motion"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """A displacement as uniform samples of position and velocity.
+
+    Between samples x is the cubic Hermite piece of (x, v). With v from a cubic spline through x
+    that is the spline itself.
+
+    Attributes
+    ----------
+    interval : float
+        Sample interval, s.
+    displacement, velocity : numpy.ndarray
+        Shape (n,); m and m/s, positive in rebound.
+    start_time : float
+        Time of the first sample, s.
+
+    Raises
+    ------
+    SimulationError
+        The channels differ in length, hold no sample or one that is no finite number, or the
+        interval is not above 0.
+    """
+
+    interval: float
+    displacement: FloatArray
+    velocity: FloatArray
+    start_time: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no motion."""
+        shapes = (np.shape(self.displacement), np.shape(self.velocity))
+        if shapes[0] != shapes[1] or len(shapes[0]) != 1 or not shapes[0][0]:
+            raise SimulationError(
+                "motion: expected one axis of equal length, one sample or more, found "
+                f"displacement of shape {shapes[0]} and velocity of shape {shapes[1]}"
+            )
+        if not 0.0 < self.interval < math.inf:
+            raise SimulationError(
+                f"motion: expected an interval above 0, found {self.interval:g} s"
+            )
+        for name in ("displacement", "velocity"):
+            bad = np.flatnonzero(~np.isfinite(getattr(self, name)))
+            if len(bad):
+                raise SimulationError(
+                    f"motion: {name} is no finite number at sample {bad[0]} (counted from 0)"
+                )
+
+
+def refuse_amplitude(amplitude: float, damper: Damper) -> None:
+    """Refuse an amplitude, m, that leaves the shorter chamber no volume.
+
+    Raises
+    ------
+    ConfigurationError
+        It is the chamber's length or more.
+    """
+    room = min(damper.chamber_1_length, damper.chamber_2_length)
+    if amplitude >= room:
+        raise ConfigurationError(
+            f"amplitude {1e3 * amplitude:g} mm is beyond the damper's travel; expected less "
+            f"than the shorter chamber, {1e3 * room:g} mm"
+        )
+
+
+def sine_motion(amplitude: float, frequency: float, *, cycles: float, sample_rate: float) -> Motion:
+    """Return x = A sin(2 pi f t), sampled from t = 0 to the end of the last cycle.
+
+    Parameters
+    ----------
+    amplitude, frequency : float
+        A in m and f in Hz.
+    cycles : float
+        Length of the motion in cycles.
+    sample_rate : float
+        Samples per second, Hz.
+
+    Raises
+    ------
+    ConfigurationError
+        Frequency, cycles or sample rate are not above 0, or the amplitude is not finite.
+    """
+    _refuse_wave(amplitude, frequency, cycles, sample_rate)
+    phase = 2.0 * np.pi * frequency * _times(cycles / frequency, sample_rate)
+    velocity = amplitude * 2.0 * np.pi * frequency * np.cos(phase)
+    return Motion(1.0 / sample_rate, amplitude * np.sin(phase), velocity)
+
+
+def triangle_motion(
+    amplitude: float, frequency: float, *, cycles: float, sample_rate: float
+) -> Motion:
+    """Return a triangle wave that starts upwards from 0, sampled like `sine_motion`."""
+    _refuse_wave(amplitude, frequency, cycles, sample_rate)
+    phase = frequency * _times(cycles / frequency, sample_rate) + 0.25
+    part = phase - np.floor(phase)
+    displacement = amplitude * (1.0 - 4.0 * np.abs(part - 0.5))
+    speed = 4.0 * amplitude * frequency
+    velocity = np.where(part < 0.5, speed, -speed)
+    # At a corner the velocity is the mean of both sides.
+    at_corner = np.isclose(part, 0.0, atol=1e-9) | np.isclose(part, 0.5, atol=1e-9)
+    at_corner |= np.isclose(part, 1.0, atol=1e-9)
+    return Motion(1.0 / sample_rate, displacement, np.where(at_corner, 0.0, velocity))
+
+
+def _refuse_wave(amplitude: float, frequency: float, cycles: float, sample_rate: float) -> None:
+    if not math.isfinite(amplitude):
+        raise ConfigurationError(f"amplitude: expected a finite number, found {amplitude:g} m")
+    wanted = {"frequency": (frequency, " Hz"), "cycles": (cycles, "")}
+    for name, (value, unit) in (wanted | {"sample_rate": (sample_rate, " Hz")}).items():
+        if not 0.0 < value < math.inf:
+            raise ConfigurationError(
+                f"{name}: expected a finite number above 0, found {value:g}{unit}"
+            )
+
+
+def _times(duration: float, sample_rate: float) -> FloatArray:
+    n = int(np.floor(duration * sample_rate + 1e-9)) + 1
+    return np.arange(n, dtype=np.float64) / sample_rate

@@ -1,0 +1,151 @@
+"""A network of passages in plain words, slow and obvious: the twin of core/network.c.
+
+Nothing is shared with the core: the law of a passage is solved from D = p_open + R w + (S w)^2 by
+its quadratic, the state is integrated by SciPy's Radau.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+__all__ = ["flow_through", "solve"]
+
+
+def flow_through(drop, *, opening, resistance, orifice, width, is_two_way):
+    """Mass flow of one passage, kg/s."""
+    if drop < 0 and is_two_way:
+        return -flow_through(
+            -drop,
+            opening=opening,
+            resistance=resistance,
+            orifice=orifice,
+            width=width,
+            is_two_way=False,
+        )
+    if width > 0:
+        left = width * (
+            np.logaddexp(0, (drop - opening) / width) - np.logaddexp(0, -opening / width)
+        )
+    else:
+        left = drop - opening
+    if left <= 0:
+        return 0.0
+    if orifice == 0:
+        return left / resistance
+    # S^2 w^2 + R w - left = 0, its positive root
+    return (-resistance + math.sqrt(resistance**2 + 4 * orifice**2 * left)) / (2 * orifice**2)
+
+
+def oil_pressure(mass, volume, values, damper):
+    rest, bulk, phi = values["gas_pressure"], values["k_e"], values["free_gas"]
+    if phi == 0:
+        return max(0.0, bulk * (mass / (damper.oil_density * volume) - 1) + rest)
+    # 1 - (P - P_0)/K + phi (P_0/P - 1) = V rho_0/m, times P: a quadratic in P
+    s = volume * damper.oil_density / mass
+    middle = 1 + rest / bulk - phi - s
+    return bulk / 2 * (middle + math.sqrt(middle**2 + 4 * phi * rest / bulk))
+
+
+def pressures(masses, x, network, values, damper):
+    rod, bore = damper.rod_area, damper.piston_area
+    volume_1 = damper.chamber_1_length * (bore - rod) - x * (bore - rod)
+    volume_2 = damper.chamber_2_length * bore + x * bore
+    left_1 = masses[0] - damper.oil_density * damper.chamber_1_length * (bore - rod)
+    left_2 = masses[-1] - damper.oil_density * damper.chamber_2_length * bore
+    gas = values["gas_volume"]
+    if network.has_floating_piston:
+        now = gas + bore * x + left_1 / damper.oil_density
+    else:
+        now = gas + (left_1 + left_2) / damper.oil_density
+    p3 = values["gas_pressure"] * (gas / now) ** values["gas_exponent"]
+    p1 = oil_pressure(masses[0], volume_1, values, damper)
+    p2 = p3 if network.has_floating_piston else oil_pressure(masses[-1], volume_2, values, damper)
+    return p1, p2, p3
+
+
+DEAD_BAND = 1e-4  # m/s, that of the core
+
+
+def speed_of(excess, friction, drag):
+    """Speed at which friction and drag take the force that is left, m/s; drag must not be 0."""
+    within = friction / DEAD_BAND + drag
+    if abs(excess) <= friction + drag * DEAD_BAND:
+        return excess / within
+    return math.copysign((abs(excess) - friction) / drag, excess)
+
+
+def pull_of(stretch, values):
+    """Force of the mounting, N."""
+    beyond = abs(stretch) - values["play"] / 2
+    return math.copysign(values["series_stiffness"] * max(0.0, beyond), stretch)
+
+
+def solve(network, values, damper, motion, time, rtol=1e-9):
+    """Force (n,) and pressures (3, n) at `time` for x(t), v(t) = motion, from x(time[0]) = 0.
+
+    An elastic mounting makes the piston's position a third state, whose speed is what friction and
+    drag leave of the balance of forces.
+    """
+    values = {"free_gas": 0.0, "f_0": 0.0} | values
+    known = {"": 0.0} | values
+    rod, bore = damper.rod_area, damper.piston_area
+    n_oil = 1 if network.has_floating_piston else 2
+    is_elastic = values["series_stiffness"] > 0.0
+
+    def oil_force(p):
+        return p[0] * (bore - rod) - p[1] * bore + rod * network.ambient_pressure
+
+    def rates(t, state):
+        y = state[-1] if is_elastic else motion[0](t)
+        p = pressures(state[:n_oil], y, network, values, damper)
+        change = [0.0, 0.0, 0.0]
+        for way in network.passages:
+            w = flow_through(
+                p[way.start - 1] - p[way.end - 1],
+                opening=known[way.opening],
+                resistance=known[way.resistance],
+                orifice=known[way.orifice],
+                width=known[way.width],
+                is_two_way=way.is_two_way,
+            )
+            change[way.start - 1] -= w
+            change[way.end - 1] += w
+        if not is_elastic:
+            return change[:n_oil]
+        excess = pull_of(motion[0](t) - y, values) - oil_force(p)
+        return [*change[:n_oil], speed_of(excess, values["f_f"], values["drag"])]
+
+    start = [
+        damper.oil_density * damper.chamber_1_length * (bore - rod),
+        damper.oil_density * damper.chamber_2_length * bore,
+    ][:n_oil]
+    if is_elastic:
+        level = rod * (network.ambient_pressure - values["gas_pressure"])
+        start.append(-level / values["series_stiffness"] + values["play"] / 2)
+    done = solve_ivp(
+        rates,
+        (time[0], time[-1]),
+        start,
+        method="Radau",
+        t_eval=time,
+        rtol=rtol,
+        atol=rtol * 1e-2,
+        max_step=2e-3,
+    )
+    assert done.success
+    where = done.y[-1] if is_elastic else np.array([motion[0](t) for t in time])
+    p = np.array(
+        [
+            pressures(m, at, network, values, damper)
+            for m, at in zip(done.y[:n_oil].T, where, strict=True)
+        ]
+    ).T
+    if is_elastic:
+        stretch = [motion[0](t) - y for t, y in zip(time, where, strict=True)]
+        return np.array([pull_of(u, values) for u in stretch]), p
+    v = np.array([motion[1](t) for t in time])
+    friction = values["f_f"] * np.clip(v / DEAD_BAND, -1, 1) + values["drag"] * v
+    return oil_force(p) + friction, p
