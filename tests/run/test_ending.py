@@ -10,7 +10,8 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.identification import Outcome
 from damperfit.report.failures_and_warnings import Failure, ReportFacts
 from damperfit.run.logs import LogBatch
-from damperfit.run.record import Ending, _missed_gates, ending_of, reading_ending
+from damperfit.run.record import Ending, ending_of, reading_ending
+from damperfit.run.remarks import gates_not_met
 from tests.fakes import campaign, fit
 
 FAILED = Failure("a.csv", "a.csv", 1, "LogError", "a.csv: broken")
@@ -71,7 +72,7 @@ def test_reading_alone_ends_alike(n_good, failures, ending) -> None:
 def gates(*fits, failures=(), limit=0.0) -> list[str]:
     plain = load_configuration()
     asked = replace(plain, output=replace(plain.output, max_mse_percent=limit))
-    return list(_missed_gates(asked, LogBatch((), (), failures, (), 1), campaign(*fits)))
+    return list(gates_not_met(asked, LogBatch((), (), failures, (), 1), campaign(*fits)))
 
 
 @pytest.mark.parametrize(("mse", "is_met"), [(0.99, True), (1.0, True), (1.01, False)])

@@ -10,19 +10,12 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.identification import Outcome, Sharing
-from damperfit.recording import Finding
+from damperfit.recording import Finding, natural_order
 from damperfit.report.failures_and_warnings import Failure
-from damperfit.run.logs import LogBatch, LogFacts, _distinct_names, _natural
+from damperfit.run.logs import LogBatch, LogFacts, _distinct_names
 from damperfit.run.pipeline import _sha256
-from damperfit.run.record import (
-    Judgement,
-    _missing,
-    _procedure,
-    _warnings,
-    corrections,
-    json_values,
-    report_facts,
-)
+from damperfit.run.record import Judgement, _procedure, json_values, report_facts
+from damperfit.run.remarks import corrections, missing_logs, run_warnings
 from tests.fakes import campaign, fit
 
 PLAIN = load_configuration()
@@ -42,13 +35,13 @@ TURNED = Finding("direction", "note", "force reversed", is_correction=True)
 def test_a_warning_of_many_logs_is_one_line_with_the_first_one_s_numbers() -> None:
     note = Finding("skew", "note", "not late")
     one = [with_findings(1, note, CLIPPED)]
-    assert list(_warnings(EMPTY, campaign(*one))) == ["setting_01.csv: the force is clipped"]
+    assert list(run_warnings(EMPTY, campaign(*one))) == ["setting_01.csv: the force is clipped"]
     two = [*one, with_findings(2, CLIPPED)]
-    assert list(_warnings(EMPTY, campaign(*two))) == [
+    assert list(run_warnings(EMPTY, campaign(*two))) == [
         "setting_01.csv and 1 other log: the force is clipped"
     ]
     three = [*two, with_findings(3, CLIPPED, TURNED)]
-    assert list(_warnings(EMPTY, campaign(*three))) == [
+    assert list(run_warnings(EMPTY, campaign(*three))) == [
         "setting_01.csv and 2 other logs: the force is clipped"
     ]
     assert list(corrections(campaign(*three))) == ["setting_03.csv: force reversed"]
@@ -57,7 +50,7 @@ def test_a_warning_of_many_logs_is_one_line_with_the_first_one_s_numbers() -> No
 def test_what_was_skipped_and_what_the_fits_say_is_told() -> None:
     batch = replace(EMPTY, skipped=("truth.csv",))
     done = campaign(replace(fit(4), warnings=("trial points failed",)), warnings=("rough",))
-    assert list(_warnings(batch, done)) == [
+    assert list(run_warnings(batch, done)) == [
         "truth.csv: a parameter table of damperfit, not a log; skipped",
         "rough",
         "setting 4: trial points failed",
@@ -77,7 +70,7 @@ def test_what_was_skipped_and_what_the_fits_say_is_told() -> None:
 def test_friction_varies_from_a_fifth_of_its_middle_on(high, certain, jointly, said) -> None:
     sharing = Sharing(jointly=jointly, f_f_range=(50.0, high), is_f_f_range_certain=certain)
     done = campaign(fit(1), sharing=sharing)
-    told = list(_warnings(EMPTY, done))
+    told = list(run_warnings(EMPTY, done))
     assert len(told) == bool(said)
     assert said in "".join(told)
     (line,) = (one for one in _procedure(PLAIN, done) if one.startswith("f_f"))
@@ -88,7 +81,10 @@ def test_friction_varies_from_a_fifth_of_its_middle_on(high, certain, jointly, s
 def test_the_procedure_is_told_with_every_value_that_holds_for_all() -> None:
     done = campaign(fit(1, status={"r_m3": "fixed"}), with_findings(2, TURNED))
     assert list(_procedure(PLAIN, done)) == [
-        "Damper: rod 19 mm, piston 28.5 mm, gas 4.6 bar absolute, exponent 1.4.",
+        (
+            "Damper: rod 19 mm, piston 28.5 mm, gas piston 40 mm, chambers 133 and 133 mm, gas 50 mm "
+            "at 4.6 bar absolute, exponent 1.4, oil 770 kg/m3 (the paper's: [damper] is not declared)."
+        ),
         "Filter: no filter",
         "Procedure: paper.",
         "Put right: setting_02.csv: force reversed.",
@@ -111,13 +107,13 @@ def test_advice_is_given_for_every_ending_but_a_good_one() -> None:
 def test_settings_that_are_expected_and_missing_are_failures_of_their_own() -> None:
     wanted = replace(PLAIN, rig=replace(PLAIN.rig, settings=(1, 2, 5)))
     batch = replace(EMPTY, logs=(LogFacts("a.csv", "a.csv", "", {"setting": 2}),))
-    assert [one.setting for one in _missing(wanted, batch)] == [1, 5]
-    (one, _) = _missing(wanted, batch)
+    assert [one.setting for one in missing_logs(wanted, batch)] == [1, 5]
+    (one, _) = missing_logs(wanted, batch)
     assert one == Failure(
         "",
         "",
         1,
-        "LogError",
+        "MissingLogError",
         "setting 1: no log, but the configuration expects one in rig.settings",
     )
 
@@ -135,7 +131,7 @@ def test_equal_names_are_told_apart_by_their_folders_and_others_stay_short() -> 
 
 def test_numbers_in_names_are_sorted_as_numbers() -> None:
     names = ["run_10.csv", "run_9.csv", "run_b.csv", "Run_1.csv", "run_9b.csv"]
-    assert sorted(names, key=_natural) == [
+    assert sorted(names, key=natural_order) == [
         "Run_1.csv", "run_9.csv", "run_9b.csv", "run_10.csv", "run_b.csv",
     ]  # fmt: skip
 
