@@ -82,8 +82,9 @@ def test_the_procedure_is_told_with_every_value_that_holds_for_all() -> None:
     done = campaign(fit(1, status={"r_m3": "fixed"}), with_findings(2, TURNED))
     assert list(_procedure(PLAIN, done)) == [
         (
-            "Damper: rod 19 mm, piston 28.5 mm, gas piston 40 mm, chambers 133 and 133 mm, gas 50 mm "
-            "at 4.6 bar absolute, exponent 1.4, oil 770 kg/m3 (the paper's: [damper] is not declared)."
+            "Damper: rod 19 mm, piston 28.5 mm, gas piston 40 mm, chambers 133 and 133 mm, gas "
+            "50 mm at 4.6 bar absolute, exponent 1.4, oil 770 kg/m3 (the paper's: [damper] is not "
+            "declared)."
         ),
         "Filter: no filter",
         "Procedure: paper.",
