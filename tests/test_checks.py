@@ -169,6 +169,54 @@ def test_a_click_that_hardens_bump_counts() -> None:
     assert result("every_click_counts", seen).passed is True
 
 
+def test_the_run_of_each_parameter_is_told() -> None:
+    ways = (("r_m1", "rising"), ("r_m2", "falling"), ("k_e", "flat"))
+    seen = subject(trends=[trend(parameter=name, direction=way) for name, way in ways])
+    assert result("trend_monotone", seen).reason == (
+        "with the setting r_m1 rises, r_m2 falls, k_e stays, within errors and scatter"
+    )
+    assert result("no_outlier_setting", seen).reason == (
+        "no setting is off the trend of r_m1, r_m2, k_e"
+    )
+
+
+def test_one_force_without_an_error_leaves_the_clicks_unseen() -> None:
+    seen = subject(clicks=[click(), click(low=math.nan)])
+    check = result("every_click_counts", seen)
+    assert check.passed is None
+    assert check.reason == "the errors of the forces are not known"
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "passed"), [(-0.1, 9.0, False), (0.1, 9.0, True), (-9.0, -0.1, True)]
+)
+def test_a_click_counts_from_its_error_on(low, high, passed) -> None:
+    check = result("every_click_counts", subject(clicks=[click(low=low, high=high)]))
+    assert check.passed is passed
+    assert "the force at 0.3 m/s" in check.reason
+
+
+@pytest.mark.parametrize(("mse", "passed"), [(0.99, True), (1.0, False)])
+def test_an_mse_is_below_one_per_cent_or_not(mse, passed) -> None:
+    check = result("mse_below_1_percent", subject(fit(1, mse=0.2), fit(2, mse=mse)))
+    assert check.passed is passed
+    assert f"{mse:.3g} % at setting 2" in check.reason
+
+
+@pytest.mark.parametrize(("noise", "passed"), [(0.49, False), (0.51, True)])
+def test_noise_must_explain_half_of_a_structured_mse(noise, passed) -> None:
+    seen = subject(fit(1), diagnoses=[diagnosis(1, mse=1.0, noise=noise, is_structured=True)])
+    assert result("noise_floor_explained", seen).passed is passed
+
+
+@pytest.mark.parametrize(
+    ("off", "passed"), [(0.95, True), (1.05, False), (-0.95, True), (-1.05, False)]
+)
+def test_a_temperature_is_in_its_window_or_not(off, passed) -> None:
+    seen = subject(with_trace(3, temperature=26.0 + off))
+    assert result("temperature_in_window", seen).passed is passed
+
+
 def test_a_fault_counts_before_a_log_that_tells_nothing() -> None:
     seen = subject(with_trace(1, temperature=None), with_trace(2, temperature=30.0))
     assert result("temperature_in_window", seen).passed is False

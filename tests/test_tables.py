@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from damperfit.adjustment import Adjustment, Click, Level
 from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER, Parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Outcome, compare
@@ -66,6 +67,22 @@ def test_every_number_column_says_its_unit_and_every_column_its_meaning() -> Non
     units = {f.name: f.metadata[b"unit"].decode() for f in tables.parameters.schema}
     assert units["k_e"] == units["k_e_ci_low"] == "Pa"
     assert units["r_m1"] == "s sqrt(N)/(m kg)"
+    # A pressure drop over a mass flow: N/m2 over kg/s.
+    assert units["r_m2"] == units["r_m3"] == units["r_m3_se"] == "N s/(m2 kg)"
+    assert units["f_f"] == units["f_0"] == units["f_0_ci_low"] == "N"
+    assert units["lowest_pressure"] == units["safe_gas_pressure"] == "Pa"
+    assert units["lowest_pressure_displacement"] == "m"
+    assert units["lowest_pressure_velocity"] == "m/s"
+
+
+def test_where_the_lowest_pressure_is_stands_in_its_own_columns() -> None:
+    row = make_tables(campaign(fit(1))).parameters.to_pylist()[0]
+    assert row["lowest_pressure"] == 7e4
+    assert row["lowest_pressure_chamber"] == 2
+    assert row["lowest_pressure_displacement"] == 0.001
+    assert row["lowest_pressure_velocity"] == 0.3
+    assert row["r_m3_cavitation_margin"] == 0.176
+    assert row["safe_gas_pressure"] == 3.9e5
 
 
 def test_the_schema_of_run_json_is_the_schema_of_the_files() -> None:
@@ -268,3 +285,28 @@ def test_a_table_that_is_none_is_refused_in_a_sentence(
         return
     with pytest.raises(ConfigurationError, match=says):
         read_parameters(path)
+
+
+def test_a_change_of_force_stands_in_the_row_of_the_harder_setting_number_by_number() -> None:
+    first, second = (
+        Level(setting, 0.3, "bump", -100.0 * setting, 2.0, 2.0, np.zeros(0)) for setting in (1, 2)
+    )
+    click = Click(1, 2, 0.3, "bump", -100.0, -105.5, -94.5, 90.0, 84.0, 96.0)
+    told = Adjustment(levels=(first, second), clicks=(click,))
+    plain, changed = make_tables(campaign(fit(1), fit(2)), adjustment=told).adjustment.to_pylist()
+    assert plain == {
+        "setting": 1, "speed_m_per_s": 0.3, "stroke": "bump", "force_N": -100.0, "force_se_N": 2.0,
+        "force_ci_low_N": first.low, "force_ci_high_N": first.high, "change_N": None,
+        "change_ci_low_N": None, "change_ci_high_N": None, "change_percent": None,
+        "change_percent_ci_low": None, "change_percent_ci_high": None,
+    }  # fmt: skip
+    assert first.high - first.low == pytest.approx(7.84, abs=1e-3)
+    assert changed["setting"] == 2
+    assert [changed[name] for name in list(changed)[7:]] == [
+        -100.0,
+        -105.5,
+        -94.5,
+        90.0,
+        84.0,
+        96.0,
+    ]

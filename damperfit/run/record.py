@@ -278,7 +278,7 @@ def _procedure(configuration: Configuration, campaign: Campaign) -> Iterator[str
         said = f"{name} = {engineering(value, digits=5)} {unit}"
         if fit.status[name] == Status.SHARED:
             spread = _friction_spread(campaign) if name == "f_f" else ""
-            yield f"{said} is shared by all configuration, found from the logs{spread}."
+            yield f"{said} is shared by all settings, found from the logs{spread}."
         elif fit.status[name] == Status.FIXED and (name != "f_0" or value != 0.0):
             yield f"{said} is fixed."
 

@@ -216,7 +216,7 @@ def _gain(column: FloatArray, absorbed: FloatArray, residuals: FloatArray) -> tu
     """Return by how much a signature lowers the sum of squares, and its amount."""
     left = column - absorbed @ (absorbed.T @ column)
     power = float(left @ left)
-    if power < 1e-12 * float(column @ column):
+    if power <= 1e-12 * float(column @ column):
         return 0.0, 0.0  # the fit absorbs it whole
     amount = float(left @ residuals) / power
     return amount * amount * power, amount

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from damperfit.adjustment import find_trends
+from damperfit.identification import Status
+from tests.adjustment import ladders
 from tests.adjustment.ladders import CLICKS, SMOOTH, SUBSETS, reference_trends, trend_of
 
 ALL = SUBSETS["all 20"]
@@ -47,6 +52,31 @@ def test_k_e_is_erratic_about_the_quadratic_of_the_paper() -> None:
     assert 0.07 < trend.scatter < 0.13
     assert "it is erratic" in trend.sentence
     assert not reference_trends(ALL, seed=0)["r_m1"].is_erratic
+
+
+@pytest.mark.parametrize(
+    ("error", "swing", "is_erratic"),
+    [
+        (0.01, 0.028, False),  # the scatter is three errors at 0.0293
+        (0.01, 0.031, True),
+        (0.001, 0.0175, False),  # and two per cent at 0.0185
+        (0.001, 0.0195, True),
+    ],
+)
+def test_a_parameter_is_erratic_from_three_errors_and_two_per_cent_on(error, swing, *, is_erratic):
+    values = {s: 5e8 * float(np.exp(swing * (-1.0) ** s)) for s in ALL}
+    pairs = [ladders._fitted(s, {"k_e": value}, {"k_e": error}) for s, value in values.items()]
+    (trend,) = (
+        one
+        for one in find_trends([fit for fit, _ in pairs], {u.setting: u for _, u in pairs})
+        if one.parameter == "k_e"
+    )
+    assert trend.is_erratic is is_erratic
+    times = f"{trend.scatter / error:.0f} times its own error"
+    assert (f"it is erratic: it scatters by {100 * trend.scatter:.2g} %" in trend.sentence) is (
+        is_erratic
+    )
+    assert (times in trend.sentence) is is_erratic
 
 
 @pytest.mark.parametrize("shape", SMOOTH)
@@ -116,12 +146,6 @@ def test_four_settings_have_a_trend_and_no_outliers() -> None:
 
 
 def test_a_parameter_without_a_sound_value_is_left_out() -> None:
-    from dataclasses import replace
-
-    from damperfit.adjustment import find_trends
-    from damperfit.identification import Status
-    from tests.adjustment import ladders
-
     pairs = [ladders._fitted(s, {"r_m1": EXPONENTIAL[s - 1]}, {"r_m1": 1e-3}) for s in ALL]
     fits = [fit for fit, _ in pairs]
     fits[4] = replace(fits[4], status={**fits[4].status, "r_m1": Status.AT_BOUND})

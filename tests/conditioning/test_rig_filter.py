@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
 from damperfit.conditioning import ConditionOptions, condition
+from damperfit.conditioning.rig_filter import _fall
 from tests.identification.rig import recording
 
 
@@ -30,3 +32,13 @@ def test_a_filtered_log_is_suspected_until_it_is_declared(corner: float) -> None
     assert "rig.filter" in condition(log).warnings[0]
     declared = ConditionOptions(rig_filter="causal", rig_filter_corner=corner)
     assert condition(log, declared).warnings == ()
+
+
+def test_the_noise_far_above_the_motion_is_looked_at_alone() -> None:
+    """White noise with the motion's own lines: level by level the same near and far."""
+    rng = np.random.default_rng(1)
+    noise = rng.standard_normal(20_000)
+    assert _fall(noise, 1e-3) == pytest.approx(1.0, abs=0.15)
+    quiet = sosfilt(butter(4, 60.0, fs=1000.0, output="sos"), noise)
+    assert _fall(quiet, 1e-3) > 1e3
+    assert _fall(noise[:50], 1e-3) == 0.0

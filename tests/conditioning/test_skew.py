@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning.skew import take_back
+from damperfit.conditioning.skew import _around, estimate_skew, take_back
 from damperfit.conditioning.timebase import UniformLog
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
@@ -17,6 +17,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, simulate, sine_motion
+from tests import fakes
 from tests.identification.rig import recording
 
 FIT = FitOptions("plain", ("r_m1", "r_m2", "k_e"), {"r_m3": 2.597e6, "f_f": 50.0})
@@ -163,6 +164,14 @@ def test_where_it_cannot_be_told_it_says_so_and_changes_nothing(case) -> None:
     assert np.array_equal(plain.force, auto.force)
 
 
+@pytest.mark.parametrize(("friction", "is_told"), [(11.0, False), (14.0, True)])
+def test_friction_must_stand_out_fifty_times_of_the_noise(friction, *, is_told) -> None:
+    # The squares that the jump explains go with its own: 43 and 69 times the noise's variance.
+    finding = skew_of(late_log(10, 0.002, f_f=friction, noise=8.0))
+    assert (finding.value is not None) is is_told
+    assert ("no friction stands out" in finding.sentence) is not is_told
+
+
 @pytest.mark.parametrize("delay", [0.0031, -0.0031, 0.002])
 def test_taking_back_moves_the_force_alone(delay) -> None:
     t = 5.0 + np.arange(2000) / 500.0
@@ -178,3 +187,30 @@ def test_taking_back_moves_the_force_alone(delay) -> None:
 def test_a_skew_without_meaning_is_refused(skew) -> None:
     with pytest.raises(ConfigurationError, match=r"skew: found .* 'auto' or at most 0\.1 s"):
         ConditionOptions(skew=skew)
+
+
+def test_delays_are_tried_alike_on_both_sides() -> None:
+    tried = _around(3e-3, 2e-3, 5e-4)
+    assert tried == pytest.approx(1e-3 + 5e-4 * np.arange(9))
+
+
+def test_its_uncertainty_is_a_fraction_of_a_millisecond() -> None:
+    told = []
+    for noise in (1.0, 8.0, 16.0):
+        sentence = skew_of(late_log(10, 0.002, noise=noise, rate=2000.0)).sentence
+        told.append(float(re.findall(r"\+- ([\d.]+) ms", sentence)[0]))
+    # Half of the friction's own width, what the smooth part leans, and the samples' distance.
+    assert all(0.1 < one < 0.6 for one in told)
+
+
+@pytest.mark.parametrize(("n", "is_enough"), [(7, False), (8, True)])
+def test_forty_samples_beside_the_ends_are_enough(n, *, is_enough) -> None:
+    """At 100 Hz an end has two samples on each side and its own: eight ends have 40."""
+    turns = np.arange((n + 1) * 100) / 100.0
+    x, v = np.sin(2.0 * np.pi * turns), np.cos(2.0 * np.pi * turns)
+    trace = replace(
+        fakes.trace(1), start_time=0.0, interval=0.01, displacement=0.03 * x, velocity=0.2 * v,
+        force=300.0 * v, first=10, stop=10 + n * 100, frequency=1.0,
+    )  # fmt: skip
+    log = UniformLog(0.0, 0.01, trace.displacement, trace.force)
+    assert ("too few samples" in estimate_skew(log, trace).reason) is not is_enough

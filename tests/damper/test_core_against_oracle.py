@@ -130,6 +130,32 @@ def test_solvers_agree_at_their_tightest(method, rtol):
     assert np.max(np.abs(response.force - twin.force)) < 1e-3
 
 
+@pytest.mark.parametrize("setting", [1, 20])
+@pytest.mark.parametrize("name", ["r_m1", "r_m2", "r_m3", "k_e"])
+def test_however_coarse_the_steps_sensitivities_are_those_of_the_scheme(setting, name):
+    """With 100 N allowed a step there is one for each sample, and differences see the same steps.
+
+    Newton must still end within a ten-thousandth of the pressure drop: its last correction turns
+    the sensitivities by half of its share.
+    """
+    truth, options = reference_parameters(setting), SolverOptions(tolerance=100.0)
+    motion = sine_motion(0.032, 1.5, cycles=2, sample_rate=1000.0)
+    value = getattr(truth, name)
+    up, down = (
+        simulate(
+            dataclasses.replace(truth, **{name: value * (1.0 + h)}),
+            PURDY_DAMPER,
+            motion,
+            options=options,
+        ).force
+        for h in (1e-3, -1e-3)
+    )
+    slope = (up - down) / (2e-3 * value)
+    response = simulate(truth, PURDY_DAMPER, motion, sensitivities=(name,), options=options)
+    gap = np.max(np.abs(response.sensitivities[name] - slope))
+    assert gap < 1e-4 * np.max(np.abs(slope))
+
+
 @pytest.mark.parametrize("parameters", [SET_M, reference_parameters(20)])
 def test_error_falls_with_the_tolerance(parameters):
     """N16: a hundredth of the tolerance gives a tenth of the error or less."""

@@ -13,10 +13,20 @@ from damperfit.conditioning import condition
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
 from damperfit.errors import ConfigurationError
-from damperfit.identification import PROCEDURES, FitOptions, Outcome, compare, identify
+from damperfit.identification import (
+    PROCEDURES,
+    Campaign,
+    FitOptions,
+    Outcome,
+    compare,
+    identify,
+    joint_procedure,
+)
+from damperfit.identification.joint_fit import JointSolution, fit_jointly
 from damperfit.identification.options import PROCEDURE_NAMES
 from damperfit.readers import read_log
-from damperfit.uncertainty import assess
+from damperfit.uncertainty import assess, collect_evidence
+from damperfit.uncertainty.intervals import shared_covariance, shared_curvature
 from tests.identification.rig import trace, traces
 
 SAMPLES = Path(__file__).parents[2] / "sample_runs"
@@ -132,3 +142,51 @@ def test_what_is_not_shared_is_the_settings_own() -> None:
         assert fit.status["r_m3"] == "shared"
         assert fit.status["f_f"] == "fitted"
         assert fit.parameters.f_f == pytest.approx(frictions[fit.setting], rel=0.02)
+
+
+@pytest.fixture(scope="module")
+def three() -> Campaign:
+    logs = traces([1, 10, 20], noise=4.0, duration=5.0)
+    return identify(logs, PURDY_DAMPER, FitOptions("joint"))
+
+
+def test_rough_errors_of_the_joint_fit_are_those_of_the_judging(monkeypatch) -> None:
+    """They say which shared parameter the logs do not tell; a third of them would tell all."""
+    solutions = []
+
+    def kept(*arguments):
+        solutions.append(fit_jointly(*arguments))
+        return solutions[-1]
+
+    monkeypatch.setattr(joint_procedure, "fit_jointly", kept)
+    campaign = identify(traces([1, 20], noise=4.0, duration=5.0), PURDY_DAMPER, FitOptions("joint"))
+    (solution,) = solutions
+    judged = assess(campaign, PURDY_DAMPER).uncertainties[0].intervals
+    for name in SHARED:
+        relative = judged[name].error / getattr(campaign.fits[0].parameters, name)
+        # By sign changes and by the autocorrelation: alike within a third.
+        assert solution.errors[name] == pytest.approx(relative, rel=0.4)
+
+
+@pytest.mark.parametrize(("error", "status"), [(0.32, "shared"), (0.35, "not_identifiable")])
+def test_a_shared_parameter_is_told_by_three_errors(error: float, status: str) -> None:
+    agreed = reference_parameters(5)
+    solution = JointSolution({5: agreed}, 1, True, 1.0, {}, {}, {}, {"r_m3": error, "f_f": 0.01})
+    found = joint_procedure._statuses(solution, SHARED, is_gas=False)
+    assert found == {"r_m3": status, "f_f": "shared"}
+    far = replace(agreed, f_f=1e7)
+    beyond = replace(solution, parameters={5: far})
+    assert joint_procedure._statuses(beyond, SHARED, is_gas=True)["f_f"] == "at_bound"
+    assert joint_procedure._statuses(beyond, SHARED, is_gas=True)["k_e"] == "shared"
+
+
+def test_a_setting_outside_of_the_joint_fit_lends_it_no_weight(three) -> None:
+    evidence = collect_evidence(three, PURDY_DAMPER)
+    sharing = replace(three.sharing, settings=(1, 20))
+    whole = shared_covariance(evidence, sharing)
+    without = shared_covariance([evidence[0], evidence[2]], sharing)
+    assert whole == pytest.approx(without, rel=1e-9)
+    # It would have had some.
+    assert not np.allclose(shared_covariance(evidence, three.sharing), without, rtol=0.1)
+    curvature = shared_curvature(evidence, sharing)
+    assert curvature == pytest.approx(shared_curvature([evidence[0], evidence[2]], sharing))

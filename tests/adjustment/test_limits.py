@@ -1,0 +1,215 @@
+"""Limits of trends, outliers and wanted forces: a case just inside and one just outside."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.adjustment import Sine, find_trends, named_speeds, which_setting
+from damperfit.adjustment.curves import LEAST_SCATTER, Points, fit_curve, scatter_of
+from damperfit.adjustment.selection import (
+    _Candidate,
+    _is_jump,
+    _most_outliers,
+    _third_difference,
+    _worst,
+    choose,
+)
+from tests.adjustment import ladders
+from tests.adjustment.test_wanted import ladder
+
+TWENTY = np.arange(1.0, 21.0)
+
+
+def points(logs, errors=1e-3, settings=None) -> Points:
+    settings = np.arange(1.0, len(logs) + 1.0) if settings is None else np.array(settings, float)
+    spread = np.full(len(settings), errors)
+    return Points(settings, np.asarray(logs, float), spread, settings[0], settings[-1])
+
+
+@pytest.mark.parametrize(("n", "degree"), [(3, None), (4, 1), (5, 1), (6, 2)])
+def test_a_trend_takes_four_settings_and_a_quadratic_six(n, degree) -> None:
+    # K_e has the paper's quadratic where it leaves three degrees of freedom.
+    settings = tuple(range(1, n + 1))
+    trend = ladders.trend_of(5e8 + 1e7 * np.arange(n) ** 2, settings, name="k_e", seed=3)
+    assert trend.degree == degree
+    assert ("too few for a trend (4 are needed)" in trend.sentence) is (degree is None)
+
+
+@pytest.mark.parametrize(("n", "is_judged"), [(4, False), (5, True)])
+def test_an_outlier_takes_five_settings(n, is_judged) -> None:
+    settings = tuple(range(1, n + 1))
+    trend = ladders.trend_of(np.full(n, 1e4), settings, error=1e-3)
+    assert trend.outliers_judged is is_judged
+    assert ("too few settings to tell one off the trend (5 are needed)" in trend.sentence) is (
+        not is_judged
+    )
+
+
+@pytest.mark.parametrize(
+    ("n", "degree", "most"),
+    [(4, 0, 0), (5, 0, 1), (7, 1, 1), (8, 1, 2), (20, 1, 2), (5, 1, 1), (5, 2, 0), (20, 4, 2)],
+)
+def test_so_many_settings_may_be_left_out(n, degree, most) -> None:
+    assert _most_outliers(n, degree) == most
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_the_worst_are_those_without_which_least_squares_are_least(n) -> None:
+    """Against trying every choice."""
+    from itertools import combinations
+
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        some = points(0.1 * rng.standard_normal(9), settings=np.sort(rng.choice(20, 9, False)))
+        found = _worst(some, "log", 1, tau=0.01, n=n)
+        rest = {}
+        for left in combinations(range(9), n):
+            kept = np.setdiff1d(np.arange(9), left)
+            fit = np.polyfit(some.settings[kept], some.logs[kept], 1)
+            rest[left] = np.sum((some.logs[kept] - np.polyval(fit, some.settings[kept])) ** 2)
+        assert found == min(rest, key=rest.get)
+
+
+def test_divided_differences_are_those_of_a_cubic() -> None:
+    at = np.array([1.0, 2.0, 4.0, 7.0])
+    assert _third_difference(at, 5.0 * at**3 - at**2 + 3.0) == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("scale", ["linear", "log", "reciprocal", "from_first", "from_last"])
+def test_a_curve_of_each_scale_is_found_again(scale) -> None:
+    s = TWENTY
+    argument = {
+        "from_first": np.log(s),
+        "from_last": np.log(21.0 - s),
+    }.get(scale, s / 20.0)
+    values = 2.0 + 0.7 * argument
+    truth = {"linear": values, "reciprocal": 1.0 / values}.get(scale, np.exp(values))
+    curve = fit_curve(points(np.log(1e8 * truth)), scale, 1)
+    assert curve.logs(s) == pytest.approx(np.log(1e8 * truth), abs=1e-9)
+    assert curve.scatter == LEAST_SCATTER
+    assert (curve.degree, curve.freedom) == (1, 18)
+
+
+@pytest.mark.parametrize("scale", ["linear", "log", "reciprocal", "from_first", "from_last"])
+def test_slopes_of_a_curve_are_those_by_differences(scale) -> None:
+    curve = fit_curve(points(0.1 * np.sqrt(TWENTY)), scale, 2)
+    slopes = curve.slopes(TWENTY)
+    for k in range(3):
+        step = 1e-6 * np.eye(3)[k]
+        up, down = (
+            replace(curve, coefficients=curve.coefficients + sign * step).logs(TWENTY)
+            for sign in (1.0, -1.0)
+        )
+        assert slopes[:, k] == pytest.approx((up - down) / 2e-6, abs=1e-7)
+    variances = [row @ curve.covariance @ row for row in slopes]
+    assert curve.errors(TWENTY) == pytest.approx(np.sqrt(variances))
+
+
+def test_the_scatter_makes_the_mean_square_one() -> None:
+    rng = np.random.default_rng(1)
+    residuals, errors = 0.05 * rng.standard_normal(30), np.full(30, 0.02)
+    tau = scatter_of(residuals, errors, 27)
+    assert np.sum(residuals**2 / (errors**2 + tau**2)) == pytest.approx(27.0, rel=2e-3)
+    assert scatter_of(1e-4 * residuals, errors, 27) == LEAST_SCATTER
+    assert scatter_of(residuals, errors, 0) == LEAST_SCATTER
+
+
+@pytest.mark.parametrize(("last", "n"), [(200, 200), (202, 5)])
+def test_gaps_are_filled_over_two_hundred_clicks(last, n) -> None:
+    settings = (1, 2, 3, 100, last)
+    trend = ladders.trend_of(np.array([1.0, 1.1, 1.2, 1.5, 1.9]), settings)
+    found = [point.setting for point in trend.points]
+    assert found == (list(range(1, last + 1)) if n == last else list(settings))
+
+
+LINE = "straight line"
+COUNTED = "straight line of logarithms, counted from the"
+STEPS = np.arange(20.0)
+
+
+@pytest.mark.parametrize(
+    ("shape", "verb", "ends", "kind"),
+    [
+        (1.0 + 0.1 * STEPS, "rises", ("10.00e3", "29.00e3"), LINE),
+        (np.exp(-0.1 * STEPS), "falls", ("10.00e3", "1.496e3"), f"{LINE} in its logarithm"),
+        (1.0 / (1.0 + 0.1 * STEPS), "falls", ("10.00e3", "3.448e3"), f"{LINE} in its reciprocal"),
+        ((1.0 + STEPS) ** 1.5, "rises", ("10.00e3", "894.4e3"), f"{COUNTED} first setting"),
+        ((20.0 - STEPS) ** 1.5, "falls", ("894.4e3", "10.00e3"), f"{COUNTED} last setting"),
+        (np.ones(20), "does not change", ("10.00e3", "10.00e3"), "constant"),
+    ],
+)  # fmt: skip
+def test_the_sentence_names_direction_range_and_curve(shape, verb, ends, kind) -> None:
+    pairs = [
+        ladders._fitted(s, {"r_m1": 1e4 * float(value)}, {"r_m1": 1e-3})
+        for s, value in enumerate(shape, start=1)
+    ]
+    trends = find_trends([fit for fit, _ in pairs], {u.setting: u for _, u in pairs})
+    (trend,) = (one for one in trends if one.parameter == "r_m1")
+    assert trend.sentence == (
+        f"R_m1 {verb} with the setting, {ends[0]} at setting 1, {ends[1]} at 20 ({kind}), "
+        "within 0.3 %"
+    )
+
+
+def test_only_at_an_end_may_a_setting_just_go_on_getting_steeper() -> None:
+    smooth = points(0.01 * np.arange(8.0) ** 3, settings=range(1, 9))
+    curve = fit_curve(smooth, "log", 3)
+
+    def jumps(place):
+        return _is_jump(smooth, _Candidate(0.0, curve, (place,)), place)
+
+    assert [jumps(place) for place in range(8)] == [False, *[True] * 6, False]
+    broken = replace(smooth, logs=smooth.logs + np.r_[np.zeros(7), 3.0])
+    assert _is_jump(broken, _Candidate(0.0, curve, (7,)), 7)
+
+
+def test_values_that_are_not_sound_are_passed_over_and_those_behind_them_count() -> None:
+    pairs = [ladders._fitted(s, {"r_m1": 1e4}, {"r_m1": 1e-3}) for s in range(1, 8)]
+    fits = [fit for fit, _ in pairs]
+    fits[0] = replace(fits[0], status={**fits[0].status, "r_m1": "at_bound"})
+    known = {u.setting: u for _, u in pairs if u.setting != 3}
+    (trend, *_) = find_trends(fits, known)
+    found = {point.setting: point.found for point in trend.points}
+    assert min(found) == 2
+    assert max(found) == 7
+    assert found[3] is None
+    assert found[7] == pytest.approx(1e4)
+
+
+def test_speeds_are_those_below_the_peak() -> None:
+    assert Sine(0.032, 1.5).peak_speed == pytest.approx(0.3016, abs=1e-4)
+    assert named_speeds(Sine(0.0318, 1.5)) == (0.05, 0.1, 0.13, 0.26)
+
+
+def test_between_settings_apart_the_curve_itself_is_in_doubt() -> None:
+    forces = [100.0, 200.0, 500.0]
+    near = which_setting(ladder(forces, error=1.0), 300.0).answers[0]
+    apart = which_setting(ladder(forces, settings=[1, 11, 21], error=1.0), 300.0).answers[0]
+    assert (apart.below, apart.above, apart.force_below, apart.force_above) == (11, 21, 200, 500)
+    assert near.high - near.low < 0.1
+    assert (apart.high - apart.low) / 10.0 > 3.0 * (near.high - near.low)
+
+
+def test_an_end_within_its_interval_gives_the_force() -> None:
+    forces = ladder([100.0, 200.0, 300.0], error=2.0)
+    inside, outside = which_setting(forces, 303.8), which_setting(forces, 304.1)
+    assert [one.position for one in inside.answers] == [3.0]
+    assert outside.answers == ()
+    assert inside.hardest == outside.hardest == (3, 300.0)
+    assert inside.weakest == (1, 100.0)
+    crossed = which_setting(forces, 299.5).answers
+    assert [one.position for one in crossed] == pytest.approx([2.995], abs=0.01)
+
+
+def test_of_curves_for_a_constant_with_scatter_one_in_twenty_is_none() -> None:
+    """Choosing among five scales costs what it gains; without that price it is one in five."""
+    rng = np.random.default_rng(11)
+    settings = np.arange(1.0, 13.0)
+    degrees = []
+    for _ in range(60):
+        found = choose(points(0.02 * rng.standard_normal(12), settings=settings))
+        degrees.append(found.curve.degree)
+    assert np.mean(np.array(degrees) > 0) < 0.2

@@ -1,0 +1,81 @@
+"""Every exit code, and every kind of error that leads to it."""
+
+from __future__ import annotations
+
+import errno
+import sys
+
+import pytest
+import typer
+
+from damperfit import errors
+from damperfit.cli import main
+
+door = sys.modules["damperfit.cli.main"]  # the package has the function under this name
+CODES = {
+    "DamperfitError": 1,
+    "ConditioningError": 1,
+    "ConfigurationError": 2,
+    "InstallationError": 2,
+    "InternalError": 1,
+    "LogError": 1,
+    "OutputError": 1,
+    "QualityError": 4,
+    "SimulationError": 1,
+}
+
+
+def test_every_deliberate_error_has_its_code() -> None:
+    raised = {name for name in errors.__all__ if name.endswith("Error")}
+    assert set(CODES) == raised
+    for name, code in CODES.items():
+        assert getattr(errors, name).exit_code == code
+
+
+RAISED = [
+    *(
+        pytest.param(getattr(errors, name)("what, where, what to do"), code, "what, where", id=name)
+        for name, code in CODES.items()
+    ),
+    pytest.param(RuntimeError("oops"), 70, "internal error, RuntimeError: oops", id="bug"),
+    pytest.param(
+        ZeroDivisionError("x"), 70, "this is a bug, --debug shows where", id="another bug"
+    ),
+    pytest.param(OSError(errno.EACCES, "denied"), 70, "internal error", id="other trouble"),
+    pytest.param(
+        OSError(errno.ENOSPC, "No space"), 1, "cannot write the output: No space", id="disk"
+    ),
+    pytest.param(MemoryError(), 1, "out of memory; give fewer or shorter logs", id="memory"),
+    pytest.param(KeyboardInterrupt(), 130, "interrupted", id="interrupt"),
+    pytest.param(typer.Abort(), 130, "interrupted", id="abort"),
+    pytest.param(typer.BadParameter("no such thing."), 2, "no such thing; see", id="usage"),
+    pytest.param(BrokenPipeError(), 0, "", id="reader has left"),
+]
+
+
+@pytest.mark.parametrize(("error", "code", "says"), RAISED)
+def test_what_a_command_raises_ends_in_one_line_and_a_code(
+    error, code, says, monkeypatch, capsys
+) -> None:
+    def fail(*_arguments, **_options):
+        raise error
+
+    monkeypatch.setattr(door, "app", fail)
+    monkeypatch.setattr(door, "silence_broken_pipe", lambda: None)
+    assert main(["config"]) == code
+    seen = capsys.readouterr()
+    assert seen.out == ""
+    assert "Traceback" not in seen.err
+    assert says in seen.err
+    assert seen.err.count("\n") == bool(says)
+
+
+@pytest.mark.parametrize("code", [None, 0, 1, 3, 4])
+def test_what_a_command_returns_is_the_code(code, monkeypatch) -> None:
+    monkeypatch.setattr(door, "app", lambda *_, **__: code)
+    assert main(["config"]) == (code or 0)
+
+
+def test_without_arguments_the_help_is_shown(capsys) -> None:
+    assert main([]) == 0
+    assert "Usage: damperfit" in capsys.readouterr().out

@@ -1,0 +1,57 @@
+"""What commands say when they are done, without a fit or a figure."""
+
+from __future__ import annotations
+
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from damperfit.cli import main
+from damperfit.identification import Outcome
+from tests.fakes import campaign, fit
+
+identify = sys.modules["damperfit.cli.identify"]
+report = sys.modules["damperfit.cli.report"]
+
+
+def test_arguments_are_those_behind_the_program_s_name(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(sys, "argv", ["damperfit", "--version"])
+    assert main() == 0
+    assert capsys.readouterr().out.startswith("damperfit ")
+    monkeypatch.setattr(sys, "argv", ["damperfit", "config", "--nonsense"])
+    assert main() == 2
+    assert "--nonsense" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("n", "more"), [(1, ""), (2, " and 1 figures"), (10, " and 9 figures")])
+def test_a_report_counts_its_figures(n, more, run, tmp_path, monkeypatch) -> None:
+    files = [tmp_path / f"{k}.html" for k in range(n)]
+    monkeypatch.setattr(report, "write_report", lambda *_, **__: ((), files))
+    ended = run("report", tmp_path)
+    assert (ended.code, ended.err) == (0, f"damperfit: {files[0]} written{more}\n")
+    monkeypatch.setattr(report, "write_report", lambda *_, **__: (("x is missing",), files))
+    ended = run("report", tmp_path, "--quiet")
+    assert (ended.code, ended.err) == (1, f"damperfit: {tmp_path}: x is missing\n")
+
+
+@pytest.mark.parametrize(("n", "word"), [(1, "1 setting fitted"), (3, "3 settings fitted")])
+def test_the_settings_fitted_are_counted(n, word) -> None:
+    facts = SimpleNamespace(failures=(), warnings=(), gates=(), is_interrupted=False, gaps=())
+    fits = campaign(*(fit(k + 1) for k in range(n)))
+    result = SimpleNamespace(campaign=fits, facts=facts, ending=Outcome.CONVERGED)
+    assert word in identify._summary(result, "results")
+
+
+@pytest.mark.parametrize(("spare", "is_kept"), [(1, True), (0, False)])
+def test_a_summary_of_a_mebibyte_is_refused_and_said_to_be(spare, is_kept, tmp_path) -> None:
+    path, text = tmp_path / "summary.md", "x" * (identify._SUMMARY_BYTES - spare)
+    identify._append(path, text)
+    written = path.read_text(encoding="utf-8")
+    assert (written == text) is is_kept
+    assert len(written) < 2**20
+
+
+def test_figures_of_the_paper_have_its_numbers() -> None:
+    sweep = sys.modules["damperfit.cli.sweep"]
+    assert sweep._PAPER_NUMBERS == {"r_m1": 4, "r_m2": 5, "r_m3": 6, "k_e": 8, "f_f": 9}

@@ -1,0 +1,338 @@
+"""Which tests may notice a mutant: those that run its line, the fastest and the nearest first.
+
+A line at the top of a module or class runs when the module is imported, by whichever test comes
+first. Its tests are those that run a function in which the name is read that the line defines, or
+one of the names that are made from it.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import json
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+
+from coverage import CoverageData
+
+__all__ = ["Plan", "Selection", "Trace"]
+
+_ABROAD = 3.0  # a test of another package counts as so much slower
+_IMPORT = "import "
+_CACHED = ("@cache", "lru_cache")  # what one test has made, the next one finds
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Tests in the order to run them, with the seconds they took."""
+
+    tests: tuple[tuple[str, float], ...]
+
+    def batches(self, budget: float) -> list[list[str]]:
+        """Return the tests in three heaps of rising cost, no more than the budget in all."""
+        limits, heaps, spent = [2.0, 10.0, budget], [[], [], []], 0.0
+        for name, seconds in self.tests:
+            spent += seconds
+            if spent > budget and heaps[0]:
+                break
+            place = next((k for k, limit in enumerate(limits) if spent <= limit), 2)
+            heaps[place].append(name)
+        return [heap for heap in heaps if heap]
+
+
+@dataclass
+class Trace:
+    """One traced run: the tree that was traced, which tests ran which line, and how long they took.
+
+    A later trace may hold some test files only: those that had changed.
+    """
+
+    folder: Path
+
+    @cached_property
+    def tree(self) -> Path:
+        return self.folder / "tree"
+
+    @cached_property
+    def times(self) -> dict[str, dict]:
+        return json.loads((self.folder / "times.json").read_text(encoding="utf-8"))
+
+    @cached_property
+    def test_files(self) -> set[str]:
+        return {name.split("::")[0] for name in self.times["tests"]}
+
+    @cached_property
+    def by_fixture(self) -> dict[str, set[str]]:
+        found = defaultdict(set)
+        for name, test in self.times["tests"].items():
+            for fixture in test["fixtures"]:
+                found[fixture].add(name)
+        return found
+
+    @cached_property
+    def data(self) -> CoverageData:
+        data = CoverageData(basename=str(self.folder / "data"))
+        data.read()
+        return data
+
+    @cached_property
+    def measured(self) -> dict[str, str]:
+        """Paths of the package's files in the traced tree, with their names in the data."""
+        found = {}
+        for name in self.data.measured_files():
+            parts = Path(name).parts
+            start = len(parts) - 1 - parts[::-1].index("damperfit")
+            found["/".join(parts[start:])] = name
+        return found
+
+    def contexts(self, path: str, text: str) -> dict[int, set[str]]:
+        """Return the contexts of each line of a file as it is now; new lines take their place's."""
+        old = self._as_it_was(path, text)
+        if old is None:
+            return {}
+        known = self.data.contexts_by_lineno(self.measured[old])
+        before = (self.tree / old).read_text(encoding="utf-8").splitlines()
+        now = text.splitlines()
+        found: dict[int, set[str]] = {}
+        matcher = difflib.SequenceMatcher(None, before, now, autojunk=False)
+        for tag, i, j, k, n in matcher.get_opcodes():
+            for line in range(k, n):
+                if tag == "equal":
+                    lines = range(i + line - k, i + line - k + 1)
+                else:
+                    lines = range(i, j) if j > i else range(max(i - 1, 0), i + 1)
+                found[line + 1] = {c for one in lines for c in known.get(one + 1, ())}
+        return found
+
+    def _as_it_was(self, path: str, text: str) -> str | None:
+        """Return the path that a file had when it was traced: its own, or that of one alike."""
+        if path in self.measured:
+            return path
+        lines = set(text.splitlines())
+        alike = {
+            old: len(lines & set((self.tree / old).read_text(encoding="utf-8").splitlines()))
+            for old in self.measured
+        }
+        best = max(alike, key=lambda old: alike[old], default=None)
+        return best if best is not None and alike[best] > len(lines) / 2 else None
+
+
+@dataclass(eq=False)
+class Selection:
+    """What the traces of the suite tell of the tree as it is now; the newest come last."""
+
+    root: Path
+    traces: Sequence[Trace]
+
+    def __post_init__(self) -> None:
+        self.tests, self.fixtures, self.owner = {}, {}, {}
+        for trace in self.traces:
+            self.owner |= dict.fromkeys(trace.test_files, trace)
+            self.fixtures |= trace.times["fixtures"]
+        for trace in self.traces:
+            for name, test in trace.times["tests"].items():
+                file = name.split("::")[0]
+                if self.owner[file] is trace and (self.root / file).is_file():
+                    self.tests[name] = test
+        self._contexts: dict[str, dict[int, set[str]]] = {}
+
+    @cached_property
+    def by_file(self) -> dict[str, set[str]]:
+        found = defaultdict(set)
+        for name in self.tests:
+            found[name.split("::")[0]].add(name)
+        return found
+
+    @cached_property
+    def cached(self) -> set[str]:
+        """Files of tests that keep what they once made."""
+        return {
+            file
+            for file in self.by_file
+            if any(word in (self.root / file).read_text(encoding="utf-8") for word in _CACHED)
+        }
+
+    def contexts(self, path: str) -> dict[int, set[str]]:
+        """Return, by line, the tests that run it, and "import FILE" for files that do so."""
+        if path not in self._contexts:
+            text = (self.root / path).read_text(encoding="utf-8")
+            found = defaultdict(set)
+            for trace in self.traces:
+                for line, contexts in trace.contexts(path, text).items():
+                    found[line] |= self._owned(trace, contexts)
+            self._contexts[path] = found
+        return self._contexts[path]
+
+    def _owned(self, trace: Trace, contexts: set[str]) -> set[str]:
+        found = set()
+        for context in contexts:
+            names = trace.by_fixture.get(context, {context})
+            for name in names:
+                file = name.removeprefix(_IMPORT).split("::")[0]
+                if self.owner.get(file) is trace:
+                    found.add(name)
+        return found
+
+    def of_lines(self, path: str, first: int, last: int, *, is_body: bool = True) -> set[str]:
+        """Return the tests that run one of these lines, not counting imports of the module."""
+        found: set[str] = set()
+        by_line = self.contexts(path)
+        for line in range(first, last + 1):
+            for context in by_line.get(line, ()):
+                if context in self.tests:
+                    found.add(context)
+                elif context.startswith(_IMPORT) and is_body:
+                    found |= self.by_file.get(context.removeprefix(_IMPORT), set())
+        for file in {name.split("::")[0] for name in found} & self.cached:
+            found |= self.by_file[file]
+        return found
+
+    def plan(self, path: str, first: int, last: int) -> Plan:
+        """Return the tests for a change of these lines."""
+        if not path.endswith(".py"):
+            return self._ordered({n for n in self.tests if n.startswith("tests/damper/")}, path)
+        tree = self._modules[path]
+        function = _function_at(tree, first)
+        if function is not None:
+            own = self.of_lines(path, first, last)
+            return self._ordered(own, path)
+        names = _defined(tree, first)
+        if any(name.startswith("def ") for name in names):  # a default, or a decorator
+            own = {
+                name
+                for start, stop in self._bodies(tree, names)
+                for name in self.of_lines(path, start, stop)
+            }
+            return self._ordered(own, path)
+        found = self._readers(path, names) | self.of_lines(path, first, last, is_body=False)
+        return self._ordered(found | self._naming(names), path)
+
+    def _naming(self, names: set[str]) -> set[str]:
+        """Return the tests of files that name a constant themselves."""
+        constants = {name for name in names if name.isupper()}
+        return {
+            name
+            for file, tests in self.by_file.items()
+            if any(constant in self._text(file) for constant in constants)
+            for name in tests
+        }
+
+    @cache  # noqa: B019 - lives as long as the run
+    def _text(self, file: str) -> str:
+        return (self.root / file).read_text(encoding="utf-8")
+
+    @cached_property
+    def _modules(self) -> dict[str, ast.Module]:
+        return {
+            file.relative_to(self.root).as_posix(): ast.parse(file.read_text(encoding="utf-8"))
+            for file in sorted((self.root / "damperfit").rglob("*.py"))
+        }
+
+    def _bodies(self, tree: ast.Module, names: set[str]) -> list[tuple[int, int]]:
+        wanted = {name.removeprefix("def ") for name in names}
+        return [
+            (node.body[0].lineno, node.end_lineno or node.lineno)
+            for node in ast.walk(tree)
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name in wanted
+        ]
+
+    def _readers(self, path: str, names: set[str]) -> set[str]:
+        """Return the tests of functions that read these names, also through other constants."""
+        names, found = set(names), set()
+        for _ in range(4):
+            more = set()
+            for file, tree in self._modules.items():
+                is_own = file == path
+                imported = {
+                    alias.name
+                    for node in ast.walk(tree)
+                    if isinstance(node, ast.ImportFrom)
+                    for alias in node.names
+                }
+                seen = names if is_own else names & imported
+                attributes = {name for name in names if name.islower()}
+                for statement in tree.body:
+                    for part in _parts(statement):
+                        if not _reads(part, seen, attributes):
+                            continue
+                        if isinstance(part, ast.FunctionDef):
+                            body = part.body[0].lineno, part.end_lineno or part.lineno
+                            found |= self.of_lines(file, *body)
+                        else:
+                            more |= _names_of(part)
+                            if isinstance(part, ast.Assign | ast.AnnAssign):
+                                span = part.lineno, part.end_lineno or part.lineno
+                                found |= self.of_lines(file, *span, is_body=False)
+            if more <= names:
+                break
+            names |= more
+        return found
+
+    def _ordered(self, names: set[str], path: str) -> Plan:
+        area = path.split("/")[1].removesuffix(".py")
+        stem = Path(path).stem
+        paid: set[str] = set()
+
+        def cost(name: str) -> float:
+            test = self.tests[name]
+            fixtures = sum(self.fixtures.get(key, 0.0) for key in test["fixtures"])
+            file = name.partition("::")[0]
+            is_near = area in file or stem in file
+            return (test["seconds"] + 0.5 * fixtures) * (1.0 if is_near else _ABROAD) + 0.02
+
+        rows = []
+        for name in sorted(names, key=cost):
+            test = self.tests[name]
+            fresh = set(test["fixtures"]) - paid
+            paid |= fresh
+            rows.append((name, test["seconds"] + sum(self.fixtures.get(key, 0.0) for key in fresh)))
+        return Plan(tuple(rows))
+
+
+def _function_at(tree: ast.Module, line: int) -> ast.AST | None:
+    """Return the function in whose body a line stands; defaults and decorators are outside."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and (
+            node.body[0].lineno <= line <= (node.end_lineno or node.lineno)
+        ):
+            return node
+    return None
+
+
+def _parts(statement: ast.stmt) -> list[ast.stmt]:
+    if isinstance(statement, ast.ClassDef):
+        return [part for inner in statement.body for part in _parts(inner)]
+    return [statement]
+
+
+def _names_of(statement: ast.stmt) -> set[str]:
+    targets = []
+    if isinstance(statement, ast.Assign):
+        targets = statement.targets
+    elif isinstance(statement, ast.AnnAssign | ast.AugAssign):
+        targets = [statement.target]
+    return {node.id for one in targets for node in ast.walk(one) if isinstance(node, ast.Name)}
+
+
+def _defined(tree: ast.Module, line: int) -> set[str]:
+    """Return what the statement at a line defines; a field or an enum's member by its own name."""
+    for statement in tree.body:
+        for part in _parts(statement):
+            first = min([part.lineno, *(d.lineno for d in getattr(part, "decorator_list", ()))])
+            if first <= line <= (part.end_lineno or part.lineno):
+                if isinstance(part, ast.FunctionDef | ast.AsyncFunctionDef):
+                    return {f"def {part.name}"}
+                return _names_of(part)
+    return set()
+
+
+def _reads(part: ast.stmt, names: set[str], attributes: set[str]) -> bool:
+    for node in ast.walk(part):
+        if isinstance(node, ast.Name) and node.id in names and isinstance(node.ctx, ast.Load):
+            return True
+        if isinstance(node, ast.Attribute) and (node.attr in attributes or node.attr in names):
+            return True
+    return False

@@ -1,0 +1,142 @@
+"""What a run warns of and how it says what was done, word by word."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from damperfit.configuration.loading import load_configuration
+from damperfit.identification import Outcome, Sharing
+from damperfit.recording import Finding, natural_order
+from damperfit.report.failures_and_warnings import Failure
+from damperfit.run.logs import LogBatch, LogFacts, _distinct_names
+from damperfit.run.pipeline import _sha256
+from damperfit.run.record import Judgement, _procedure, json_values, report_facts
+from damperfit.run.remarks import corrections, missing_logs, run_warnings
+from tests.fakes import campaign, fit
+
+PLAIN = load_configuration()
+EMPTY = LogBatch((), (), (), (), 0)
+
+
+def with_findings(setting, *findings):
+    one = fit(setting)
+    log = one.logs[0]
+    return replace(one, logs=(replace(log, trace=replace(log.trace, findings=findings)),))
+
+
+CLIPPED = Finding("force_clipping", "warning", "the force is clipped")
+TURNED = Finding("direction", "note", "force reversed", is_correction=True)
+
+
+def test_a_warning_of_many_logs_is_one_line_with_the_first_one_s_numbers() -> None:
+    note = Finding("skew", "note", "not late")
+    one = [with_findings(1, note, CLIPPED)]
+    assert list(run_warnings(EMPTY, campaign(*one))) == ["setting_01.csv: the force is clipped"]
+    two = [*one, with_findings(2, CLIPPED)]
+    assert list(run_warnings(EMPTY, campaign(*two))) == [
+        "setting_01.csv and 1 other log: the force is clipped"
+    ]
+    three = [*two, with_findings(3, CLIPPED, TURNED)]
+    assert list(run_warnings(EMPTY, campaign(*three))) == [
+        "setting_01.csv and 2 other logs: the force is clipped"
+    ]
+    assert list(corrections(campaign(*three))) == ["setting_03.csv: force reversed"]
+
+
+def test_what_was_skipped_and_what_the_fits_say_is_told() -> None:
+    batch = replace(EMPTY, skipped=("truth.csv",))
+    done = campaign(replace(fit(4), warnings=("trial points failed",)), warnings=("rough",))
+    assert list(run_warnings(batch, done)) == [
+        "truth.csv: a parameter table of damperfit, not a log; skipped",
+        "rough",
+        "setting 4: trial points failed",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("high", "certain", "jointly", "said"),
+    [
+        (73.0, True, (), ""),  # 20 % of the sum: 50 and 75
+        (77.0, True, (), "friction goes from 50 to 77 N over the settings"),
+        (77.0, True, (), "does not hold; free it (--free r_m1,r_m2,k_e,f_f)"),
+        (77.0, True, ("r_m3", "f_f"), "does not hold; free it (--share r_m3)"),
+        (77.0, False, (), ""),
+    ],
+)
+def test_friction_varies_from_a_fifth_of_its_middle_on(high, certain, jointly, said) -> None:
+    sharing = Sharing(jointly=jointly, f_f_range=(50.0, high), is_f_f_range_certain=certain)
+    done = campaign(fit(1), sharing=sharing)
+    told = list(run_warnings(EMPTY, done))
+    assert len(told) == bool(said)
+    assert said in "".join(told)
+    (line,) = (one for one in _procedure(PLAIN, done) if one.startswith("f_f"))
+    word = "it varies" if said else "it hardly varies"
+    assert line.endswith(f"; {word}: fitted by themselves the settings have 50 to {high:.3g} N.")
+
+
+def test_the_procedure_is_told_with_every_value_that_holds_for_all() -> None:
+    done = campaign(fit(1, status={"r_m3": "fixed"}), with_findings(2, TURNED))
+    assert list(_procedure(PLAIN, done)) == [
+        (
+            "Damper: rod 19 mm, piston 28.5 mm, gas piston 40 mm, chambers 133 and 133 mm, gas "
+            "50 mm at 4.6 bar absolute, exponent 1.4, oil 770 kg/m3 (the paper's: [damper] is not "
+            "declared)."
+        ),
+        "Filter: no filter",
+        "Procedure: paper.",
+        "Put right: setting_02.csv: force reversed.",
+        "r_m3 = 2.5970e6 N s/(m2 kg) is fixed.",
+        "f_f = 50.000 N is shared by all settings, found from the logs.",
+    ]
+    assert len(list(_procedure(PLAIN, campaign()))) == 1
+    offset = list(_procedure(PLAIN, campaign(fit(1, f_0=-12.5))))[-1]
+    assert offset == "f_0 = -12.500 N is fixed."
+
+
+def test_advice_is_given_for_every_ending_but_a_good_one() -> None:
+    ends = (Outcome.CONVERGED, Outcome.CAVITATING, Outcome.NO_DESCENT)
+    done = campaign(*(fit(n, outcome=one) for n, one in enumerate(ends, start=1)))
+    facts = report_facts(PLAIN, EMPTY, done, Judgement(), is_interrupted=False)
+    assert facts.advice == tuple(sorted((one.value, one.advice) for one in ends[1:]))
+    assert not facts.is_interrupted
+
+
+def test_settings_that_are_expected_and_missing_are_failures_of_their_own() -> None:
+    wanted = replace(PLAIN, rig=replace(PLAIN.rig, settings=(1, 2, 5)))
+    batch = replace(EMPTY, logs=(LogFacts("a.csv", "a.csv", "", {"setting": 2}),))
+    assert [one.setting for one in missing_logs(wanted, batch)] == [1, 5]
+    (one, _) = missing_logs(wanted, batch)
+    assert one == Failure(
+        "",
+        "",
+        1,
+        "MissingLogError",
+        "setting 1: no log, but the configuration expects one in rig.settings",
+    )
+
+
+def test_json_has_no_number_that_is_none() -> None:
+    told = json_values({"a": [1.5, float("nan"), (float("inf"), 2)], 3: True, "b": "x"})
+    assert told == {"a": [1.5, None, [None, 2]], "3": True, "b": "x"}
+
+
+def test_equal_names_are_told_apart_by_their_folders_and_others_stay_short() -> None:
+    assert _distinct_names([Path("x/a.csv"), Path("y/b.csv")]) == ["a.csv", "b.csv"]
+    names = _distinct_names([Path("x/a.csv"), Path("y/a.csv"), Path("y/b.csv")])
+    assert names == ["x/a.csv", "y/a.csv", "b.csv"]
+
+
+def test_numbers_in_names_are_sorted_as_numbers() -> None:
+    names = ["run_10.csv", "run_9.csv", "run_b.csv", "Run_1.csv", "run_9b.csv"]
+    assert sorted(names, key=natural_order) == [
+        "Run_1.csv", "run_9.csv", "run_9b.csv", "run_10.csv", "run_b.csv",
+    ]  # fmt: skip
+
+
+def test_a_file_is_known_by_its_hash(tmp_path) -> None:
+    (tmp_path / "a").write_bytes(b"abc")
+    assert _sha256(tmp_path / "a") == hashlib.sha256(b"abc").hexdigest()

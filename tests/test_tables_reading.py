@@ -1,0 +1,42 @@
+"""What is remarked on when results are read that a run did not write whole."""
+
+from __future__ import annotations
+
+import hashlib
+
+import pytest
+
+from damperfit.tables.columns import column_kinds
+from damperfit.tables.reading import _check_files, _rows
+
+
+@pytest.mark.parametrize("n_missing", [0, 1, 6, 7, 9])
+def test_columns_that_are_missing_are_named_and_the_rest_counted(tmp_path, n_missing) -> None:
+    names = list(column_kinds("parameters"))
+    kept = names[: len(names) - n_missing]
+    row = ",".join("1" if name == "setting" else "" for name in kept)
+    text = f"{','.join(kept)}\n{row}\n"
+    (tmp_path / "parameters.csv").write_text(text, encoding="utf-8")
+    remarks: list[str] = []
+    (found,) = _rows(tmp_path, "parameters", remarks)
+    assert remarks[0] == "parameters.parquet is missing"
+    assert found["setting"] == 1
+    assert set(found) == set(names)
+    missing = names[len(names) - n_missing :]
+    more = f" and {n_missing - 6} more" if n_missing > 6 else ""
+    told = [f"parameters.csv has no column {', '.join(missing[:6])}{more}"]
+    assert remarks[1:] == (told if missing else [])
+
+
+def test_every_file_of_another_run_is_named_and_what_is_no_table_is_passed_over(tmp_path) -> None:
+    for name in ("a.parquet", "b.parquet", "c.parquet", "d.txt"):
+        (tmp_path / name).write_bytes(name.encode())
+    right = hashlib.sha256(b"b.parquet").hexdigest()
+    files = {
+        "report.md": "0", "d.txt": "0", "../a.parquet": "0", "missing.parquet": "0", "a.parquet": 3,
+        "b.parquet": right, "c.parquet": "0",
+    }  # fmt: skip
+    remarks: list[str] = []
+    _check_files(tmp_path, {"files": files}, remarks, ("a", "b", "c", "d", "missing"))
+    assert [remark.partition(" ")[0] for remark in remarks] == ["a.parquet", "c.parquet"]
+    assert remarks[1].endswith(" is not the file that the run wrote (see run.json)")

@@ -1,0 +1,186 @@
+"""Every limit of a verdict with a case just inside and one just outside, from made-up residuals."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.identification import Outcome
+from damperfit.recording import Finding
+from damperfit.uncertainty import Prediction
+from damperfit.uncertainty.flaws import seek_flaws
+from damperfit.uncertainty.information import Evidence, LogEvidence
+from damperfit.uncertainty.prediction import prediction_warnings
+from damperfit.uncertainty.residuals import _independent_phases, diagnose
+from tests import fakes
+
+OMEGA = 2.0 * np.pi * 1.5
+
+
+def even(trace, k: int) -> np.ndarray:
+    """A harmonic that no flaw has much of, of mean square one."""
+    turns = OMEGA * trace.interval * np.arange(trace.first, trace.stop)
+    return np.sqrt(2.0) * np.cos(k * turns)
+
+
+def evidence(residuals, *, gas=None, trace=None, names=("setting_01.csv",)) -> Evidence:
+    """One setting whose fit could absorb the 12th harmonic alone."""
+    trace = trace or fakes.trace(1)
+    fit = fakes.fit(1, status={"r_m3": "shared"}, logs=names)
+    fit = replace(fit, logs=(replace(fit.logs[0], trace=trace),))
+    n = len(residuals)
+    jacobian = np.zeros((n, 6))
+    jacobian[:, 0] = even(trace, 12)
+    force = trace.force[trace.window]
+    gas = np.zeros((n, 2)) if gas is None else np.column_stack([gas, np.zeros(n)])
+    log = LogEvidence(residuals, jacobian, gas, force, np.ones(3))
+    nothing = np.zeros((6, 6))
+    return Evidence(fit, nothing, nothing, nothing, np.zeros(6), (log,))
+
+
+def named(residuals, **more) -> list[str]:
+    repeats = float(np.mean(residuals**2))
+    return [hint.name for hint in seek_flaws(evidence(residuals, **more), repeats)]
+
+
+@pytest.mark.parametrize(("share", "is_named"), [(0.46, False), (0.54, True)])
+def test_a_flaw_is_named_that_explains_half_of_what_repeats(share: float, *, is_named) -> None:
+    trace = fakes.trace(1)
+    rest = even(trace, 14)
+    residuals = math.sqrt(share) + math.sqrt(1.0 - share) * (rest - rest.mean())
+    assert named(residuals) == (["offset"] if is_named else [])
+
+
+@pytest.mark.parametrize(("share", "is_tied"), [(0.83, False), (0.87, True)])
+def test_a_second_flaw_is_named_that_explains_nearly_as_much(share: float, *, is_tied) -> None:
+    rest = even(fakes.trace(1), 14)
+    gas = math.sqrt(share) + math.sqrt(1.0 - share) * (rest - rest.mean())
+    found = named(np.full(len(rest), 3.0), gas=gas)
+    assert found == (["offset", "gas_pressure"] if is_tied else ["offset"])
+
+
+def test_the_amount_of_a_flaw_is_that_of_its_unit() -> None:
+    rest = even(fakes.trace(1), 14)
+    (gas,) = seek_flaws(evidence(0.25 * rest, gas=rest), 0.0625)
+    assert (gas.name, gas.amount) == ("gas_pressure", pytest.approx(25.0))
+    assert gas.words == "a wrong gas pressure (25 % more than configured)"
+    (gas,) = seek_flaws(evidence(-0.25 * rest, gas=rest), 0.0625)
+    assert gas.words == "a wrong gas pressure (25 % less than configured)"
+    assert gas.share == pytest.approx(1.0, abs=2e-3)
+
+
+def folded(rng, span: int = 1, *, cycles: int = 200, phases: int = 400) -> np.ndarray:
+    noise = rng.standard_normal(cycles * phases + span - 1)
+    return np.convolve(noise, np.ones(span), "valid").reshape(cycles, phases)
+
+
+@pytest.mark.parametrize(("span", "expected"), [(1, 400.0), (5, 117.6)])
+def test_correlated_phases_count_by_the_sum_of_squared_correlations(span, expected) -> None:
+    # 400 phases; a moving mean of five: 1 + 2 (0.64 + 0.36 + 0.16 + 0.04) = 3.4.
+    found = _independent_phases(folded(np.random.default_rng(3), span))
+    assert found == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize("loud", [0.5, 0.25])
+def test_noise_in_part_of_the_cycle_counts_by_that_part(loud: float) -> None:
+    noise = folded(np.random.default_rng(4))
+    noise[:, int(loud * 400) :] *= 1e-3
+    assert _independent_phases(noise) == pytest.approx(400.0 * loud, rel=0.05)
+
+
+@pytest.mark.parametrize(("span", "quiet"), [(4, 1.0), (1, 0.2)])
+def test_the_mean_square_of_a_mean_cycle_scatters_as_that_many_squares_do(span, quiet) -> None:
+    """By draws: n independent squares have the relative variance 2/n."""
+    rng = np.random.default_rng(5)
+    shape = np.r_[np.full(200, 1.0), np.full(200, quiet)]
+    powers, told = [], []
+    for _ in range(1000):
+        noise = folded(rng, span, cycles=12) * shape
+        powers.append(np.mean(noise.mean(axis=0) ** 2))
+        told.append(_independent_phases(noise))
+    drawn = 2.0 / (np.std(powers) / np.mean(powers)) ** 2
+    # Few cycles make the correlation of noise look larger than it is: 133 for 158.
+    assert np.median(told) == pytest.approx(drawn, rel=0.2)
+
+
+def repeating(size: float, *, noise: float, cycles: int = 10, seed: int = 1) -> Evidence:
+    """Residuals of white noise with a 14th harmonic of this root mean square in every cycle."""
+    base = fakes.trace(1)
+    n, period = 333 * cycles + 1, 333.0
+    v = 0.3 * np.cos(2.0 * np.pi * np.arange(n) / period)
+    trace = replace(
+        base, displacement=0.032 * np.sin(2.0 * np.pi * np.arange(n) / period), velocity=v,
+        force=2500.0 * v, first=0, stop=n - 1, cycle_starts=period * np.arange(cycles + 1.0),
+        frequency=1.0 / (period * base.interval), n_cycles_found=cycles,
+    )  # fmt: skip
+    rng = np.random.default_rng(seed)
+    wave = np.sqrt(2.0) * np.cos(14.0 * 2.0 * np.pi * np.arange(n - 1) / period)
+    return evidence(size * wave + noise * rng.standard_normal(n - 1), trace=trace)
+
+
+@pytest.mark.parametrize(("size", "is_structured"), [(0.17, False), (0.25, True)])
+def test_what_repeats_is_a_misfit_where_chance_has_it_once_in_a_million(size, *, is_structured):
+    # 333 phases of 10 cycles: F is 1.42 in one case of a million, so 0.42/10 of the noise repeats:
+    # a root mean square of 0.205 of the noise.
+    found = [diagnose(repeating(size, noise=1.0, seed=seed)).is_structured for seed in range(8)]
+    assert found == [is_structured] * 8
+
+
+@pytest.mark.parametrize(("share", "is_structured"), [(0.7e-7, False), (1.4e-7, True)])
+def test_a_misfit_of_less_than_the_integrator_makes_is_none(share, *, is_structured) -> None:
+    variance = 0.5 * (2500.0 * 0.3) ** 2
+    found = diagnose(repeating(math.sqrt(share * variance), noise=1e-4))
+    assert found.is_structured is is_structured
+
+
+def test_a_misfit_points_to_the_first_fault_of_its_log_and_counts_the_others() -> None:
+    seen = repeating(2.0, noise=0.1)
+    log = seen.fit.logs[0]
+    faults = tuple(
+        Finding(name, severity, "a sentence")
+        for name, severity in (
+            ("force_stuck", "note"), ("skew", "warning"), ("direction", "warning"),
+            ("force_clipping", "warning"), ("temperature", "warning"),
+        )
+    )  # fmt: skip
+    trace = replace(log.trace, findings=faults)
+    seen = replace(seen, fit=replace(seen.fit, logs=(replace(log, trace=trace),)))
+    said = diagnose(seen).sentence
+    assert said.endswith("; first look at the warning direction of setting_01.csv and 2 more")
+
+
+def prediction(ratio: float, **more) -> Prediction:
+    plain = Prediction(3, fakes.trace(3), False, 0.2 * ratio, 0.1, 0.15, 0.2)
+    return replace(plain, **more)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "verdict"),
+    [
+        (1.96, "predicted as well as fitted"),
+        (2.04, "worse than fitted: 2 times the MSE to expect"),
+        (9.8, "worse than fitted: 9.8 times the MSE to expect"),
+        (10.4, "not predicted: 10 times the MSE to expect"),
+    ],
+)
+def test_a_prediction_is_worse_from_twice_and_none_from_ten_times(ratio, verdict) -> None:
+    one = prediction(ratio)
+    assert one.verdict == verdict
+    assert one.is_failed is (ratio > 2.0)
+    assert one.describe()["verdict"] == verdict
+
+
+def test_the_worst_of_the_predictions_that_fail_is_named() -> None:
+    good, bad, worse = prediction(1.9), prediction(3.0), prediction(5.0)
+    worse = replace(worse, trace=fakes.trace(4))
+    assert prediction_warnings([good]) == ()
+    (said,) = prediction_warnings([good, bad, worse])
+    assert said.startswith("2 of 3 held-out logs are not met as the fitted ones are")
+    assert "most setting_04.csv: worse than fitted: 5 times" in said
+
+
+def test_a_fake_fit_has_converged() -> None:
+    assert fakes.fit(1).outcome is Outcome.CONVERGED

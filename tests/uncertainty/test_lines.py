@@ -1,0 +1,122 @@
+"""Which parameters of a setting get a short profile by themselves, and on which scale."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER
+from damperfit.identification import Sharing, Status
+from damperfit.uncertainty import profile_walk
+from damperfit.uncertainty.profile_walk import doubtful_profiles
+from damperfit.uncertainty.profiles import Bench, is_doubtful, lines_of
+from tests import fakes
+from tests.uncertainty.test_limits import evidence
+from tests.uncertainty.test_words import known, profile
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "is_in_doubt"),
+    [
+        (0.09, "fitted", False),
+        (0.11, "fitted", True),
+        (0.01, "at_bound", True),
+        (0.01, "not_identifiable", True),
+    ],
+)
+def test_an_interval_is_doubtful_from_a_tenth_on(error, status, *, is_in_doubt) -> None:
+    fit = fakes.fit(1, status={"k_e": status})
+    assert is_doubtful("k_e", fit, known(error=error)) is is_in_doubt
+    assert not is_doubtful("f_f", fit, known(error=1.0))  # has no interval
+
+
+def profiled(monkeypatch, *, status, errors, sharing, budget=100, cost=1):
+    """Names of the parameters that are followed, in turn."""
+    seen = evidence(np.ones(333))
+    fit = replace(
+        seen.fit,
+        status=seen.fit.status | {n: Status(word) for n, word in status.items()},
+        evaluations=budget,
+    )
+    uncertainty = known(names=tuple(errors))
+    uncertainty = replace(uncertainty, covariance=np.diag(np.square(list(errors.values()))))
+    monkeypatch.setattr(profile_walk, "lines_of", lambda name, *_: [name])
+    monkeypatch.setattr(
+        profile_walk,
+        "trace_profile",
+        lambda name, _: replace(profile(1.0, 2.0, name=name), evaluations=cost),
+    )
+    bench = Bench(PURDY_DAMPER)
+    return doubtful_profiles(replace(seen, fit=fit), uncertainty, sharing, bench)
+
+
+def test_what_is_in_doubt_is_followed_and_what_has_failed_first(monkeypatch) -> None:
+    found = profiled(
+        monkeypatch,
+        status={"k_e": "not_identifiable", "f_f": "at_bound"},
+        errors={"r_m1": 0.01, "r_m2": 0.2, "r_m3": 0.3},
+        sharing=Sharing(r_m3_from=1),
+    )
+    assert [one.name for one in found] == ["k_e", "f_f", "r_m2", "r_m3"]
+    assert [one.is_shared for one in found] == [False, False, False, True]
+    assert all(one.is_doubtful for one in found)
+
+
+def test_a_mean_friction_has_no_profile_in_one_setting(monkeypatch) -> None:
+    found = profiled(
+        monkeypatch,
+        status={"f_f": "not_identifiable", "k_e": "not_identifiable"},
+        errors={"r_m1": 0.2},
+        sharing=Sharing(f_f_from=(1, 2)),
+    )
+    assert [one.name for one in found] == ["k_e", "r_m1"]
+
+
+def test_profiles_end_with_their_budget(monkeypatch) -> None:
+    found = profiled(
+        monkeypatch, status={}, errors=dict.fromkeys(PARAMETER_NAMES[:4], 0.5),
+        sharing=Sharing(), budget=100, cost=60,
+    )  # fmt: skip
+    assert [one.name for one in found] == ["r_m1", "r_m2"]  # 70, then 10: no more than a look
+
+
+def line(name, *, sharing=None, free=("r_m1", "r_m2", "k_e"), error=0.02, **status):
+    seen = evidence(np.ones(333))
+    fit = replace(
+        seen.fit, status=seen.fit.status | {n: Status(word) for n, word in status.items()}
+    )
+    seen = replace(seen, fit=fit, information=4.0 * np.eye(6), scores=16.0 * np.eye(6))
+    its = known(names=(*free, *(() if name in free else (name,))), error=error)
+    bench = Bench(PURDY_DAMPER)
+    return list(lines_of(name, {1: seen}, {1: its}, sharing or Sharing(), bench))
+
+
+def test_the_scale_of_a_line_is_its_curvature_over_its_variance() -> None:
+    (own,) = line("r_m2")
+    assert own.error == pytest.approx(0.02)
+    assert own.scale == pytest.approx(0.25 / 0.02**2)
+    assert own.misfit.free == ("r_m1", "r_m2", "k_e")
+    (offset,) = line("f_0", free=("r_m1", "f_0"), f_0="fitted")
+    assert offset.error == pytest.approx(0.0002)  # counted in units of 100 N
+    # At its bound a parameter has no error: the sandwich of what is free stands in, 16/16.
+    (bound,) = line("f_f", free=("r_m1", "r_m2", "k_e"), f_f="at_bound")
+    assert bound.error == pytest.approx(1.0)
+    assert bound.misfit.free == ("r_m1", "r_m2", "k_e", "f_f")
+    assert line("r_m3", r_m3="fixed") == []
+
+
+def test_a_shared_parameter_is_followed_where_it_comes_from() -> None:
+    free = ("r_m1", "r_m2", "k_e", "r_m3", "f_f")
+    here = Sharing(free=free, r_m3_from=1, f_f_from=(1, 2), is_refined=True)
+    (r_m3,) = line("r_m3", sharing=here)
+    assert r_m3.misfit.free == ("r_m1", "r_m2", "r_m3", "k_e")
+    assert r_m3.error == pytest.approx(0.02)
+    (f_f,) = line("f_f", sharing=here)
+    assert f_f.misfit.free == ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
+    assert f_f.error == pytest.approx(1.0)
+    elsewhere = replace(here, r_m3_from=2, f_f_from=(2,))
+    assert line("r_m3", sharing=elsewhere) == line("f_f", sharing=elsewhere) == []
+    jointly = Sharing(free=free, jointly=("r_m3", "f_f"), settings=(1,))
+    assert line("r_m3", sharing=jointly) == line("f_f", sharing=jointly) == []

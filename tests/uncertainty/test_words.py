@@ -1,0 +1,299 @@
+"""What is said of intervals, profiles and residuals, word by word, from known numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.identification import Outcome, Sharing
+from damperfit.recording import Finding
+from damperfit.run.trust import _profile, confidence_record, unconfirmed_tares
+from damperfit.uncertainty import Assessment, Diagnosis, Interval, Uncertainty, reconsider
+from damperfit.uncertainty.correlated_noise import _is_positive, cycle_covariance
+from damperfit.uncertainty.gas import GasContent
+from damperfit.uncertainty.intervals import make_interval
+from damperfit.uncertainty.profiles import MisfitProfile, ProfilePoint, signed_root
+from damperfit.uncertainty.residuals import scatter_between_cycles
+from damperfit.uncertainty.verdicts import doubts, verdicts
+from tests import fakes
+
+
+def diagnosis(setting, *, mse=0.02, noise=0.018, is_structured=False, words="") -> Diagnosis:
+    said = words or f"sentence of {setting}"
+    return Diagnosis(setting, mse, noise, is_structured, 0.0, 1.0, (), said)
+
+
+def profile(low, high, *, name="r_m3", setting=1, better=0.0, **more) -> MisfitProfile:
+    at = fakes.fit(setting).parameters
+    points = (ProfilePoint(1.0, 4.0, at), ProfilePoint(2.0, better, at), ProfilePoint(3.0, 5.0, at))
+    return MisfitProfile(setting, name, points, low, high, True, 17, **more)
+
+
+def known(setting=1, *, error=0.01, names=("r_m1", "r_m2", "k_e", "r_m3"), tie=0.0) -> Uncertainty:
+    at = fakes.fit(setting).parameters
+    covariance = error**2 * np.eye(len(names))
+    if tie:
+        covariance[0, 1] = covariance[1, 0] = tie * error**2
+    intervals = {name: make_interval(name, getattr(at, name), error) for name in names}
+    return Uncertainty(setting, intervals, names, covariance, ("r_m3",))
+
+
+def test_settings_without_a_misfit_share_one_sentence() -> None:
+    structured = diagnosis(5, is_structured=True)
+    single = diagnosis(6, noise=math.nan)
+    quiet = [diagnosis(n, noise=noise) for n, noise in ((1, 0.018), (2, 0.015), (3, 0.019))]
+    told = Assessment(diagnoses=(*quiet, structured, single)).sentences
+    assert told == (
+        "setting 5: sentence of 5",
+        (
+            "settings 1-3: nothing repeats from cycle to cycle that the model lacks; noise makes "
+            "75 % of the MSE or more"
+        ),
+        "setting 6: sentence of 6",
+    )
+    (one,) = Assessment(diagnoses=(quiet[0],)).sentences
+    assert one.startswith("setting 1: nothing repeats from cycle to cycle")
+    assert one.endswith("noise makes 90 % of the MSE or more")
+
+
+def test_a_misfit_of_several_settings_is_one_warning_led_by_the_worst() -> None:
+    several = [diagnosis(n, mse=mse, is_structured=True) for n, mse in ((1, 0.2), (2, 0.5))]
+    quiet = diagnosis(3, mse=0.9)
+    assert Assessment(diagnoses=(quiet,)).warnings == ()
+    assert Assessment(diagnoses=(several[0], quiet)).warnings == ("setting 1: sentence of 1.",)
+    assert Assessment(diagnoses=(*several, quiet)).warnings == (
+        "settings 1, 2, most at 2: sentence of 2.",
+    )
+
+
+def test_the_gas_content_is_told_with_both_intervals() -> None:
+    found = GasContent(
+        volume_ratio=0.0123, stiffness=4.56e8,
+        volume_ratio_interval=Interval(0.001, 0.0101, 0.0145, math.nan),
+        stiffness_interval=Interval(1e7, 4.36e8, 4.76e8, math.nan),
+        correlation=0.5, pressures={}, rises={},
+    )  # fmt: skip
+    assert found.sentence == (
+        "gas content: V_r = 1.23 % of the oil's volume (95 % from 1.01 to 1.45 %) at the working "
+        "pressure, K_B/C = 456 MPa (436 to 476 MPa)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "shape"),
+    [
+        (1.0, 3.0, "closed"),
+        (1.0, None, "flat upward"),
+        (None, 3.0, "flat downward"),
+        (None, None, "flat both ways"),
+    ],
+)
+def test_a_profile_is_flat_where_it_sets_no_limit(low, high, shape) -> None:
+    one = profile(low, high)
+    assert one.shape == shape
+    assert replace(one, is_complete=False).shape == "not finished"
+
+
+@pytest.mark.parametrize(("rise", "is_better"), [(-0.45, False), (-0.55, True)])
+def test_another_minimum_is_better_from_half_a_unit(rise, *, is_better) -> None:
+    found = profile(1.0, 3.0, better=rise).better
+    assert (found is not None) is is_better
+    assert found is None or found.value == 2.0
+
+
+@pytest.mark.parametrize(("rise", "root"), [(3.8416, 1.96), (-0.25, -0.5), (0.0, 0.0)])
+def test_the_signed_root_of_a_rise(rise, root) -> None:
+    assert signed_root(rise) == pytest.approx(root)
+
+
+def test_an_offset_has_a_straight_interval_and_all_others_one_of_factors() -> None:
+    offset = make_interval("f_0", -3.0, 0.5)
+    assert (offset.low, offset.high) == pytest.approx((-3.98, -2.02), abs=1e-4)
+    assert offset.error == 0.5
+    resistance = make_interval("r_m1", 2.0, 0.5)
+    factor = math.exp(0.5 * 1.959964)
+    assert (resistance.low, resistance.high) == pytest.approx((2.0 / factor, 2.0 * factor))
+    assert resistance.error == 1.0
+
+
+@pytest.mark.parametrize(
+    ("shape", "before", "after", "outcome"),
+    [
+        ((None, 3.0), "fitted", "not_identifiable", "NOT_IDENTIFIABLE"),
+        ((1.0, None), "fitted", "not_identifiable", "NOT_IDENTIFIABLE"),
+        ((None, None), "shared", "not_identifiable", "CONVERGED"),
+        ((1.0, 3.0), "fitted", "fitted", "CONVERGED"),
+        ((None, 3.0), "at_bound", "at_bound", "CONVERGED"),
+        ((None, 3.0), "fixed", "fixed", "CONVERGED"),
+    ],
+)
+def test_a_profile_without_a_limit_has_the_last_word(shape, before, after, outcome) -> None:
+    fit = fakes.fit(1, status={"r_m3": before})
+    judged = Assessment(uncertainties=(known(),), profiles=(profile(*shape),))
+    (found,) = reconsider(fakes.campaign(fit), judged).fits
+    assert found.status["r_m3"] == after
+    assert found.outcome is Outcome[outcome]
+
+
+def test_an_error_as_large_as_the_value_unfits_what_is_shared_alone() -> None:
+    fit = fakes.fit(1)
+    campaign = replace(fakes.campaign(fit), sharing=Sharing(r_m3_from=1))
+    judged = Assessment(uncertainties=(known(error=0.4),))
+    (found,) = reconsider(campaign, judged).fits
+    changed = {name for name in fit.status if found.status[name] != fit.status[name]}
+    assert changed == {"r_m3"}
+    held = replace(campaign, fits=(replace(fit, status={**fit.status, "r_m3": "fixed"}),))
+    assert reconsider(held, judged).fits[0].status["r_m3"] == "fixed"
+
+
+def test_of_profiles_elsewhere_only_that_of_the_shared_r_m3_speaks_for_a_setting() -> None:
+    shared = profile(1.0, 3.0, setting=1, is_shared=True)
+    other = profile(1.0, 3.0, setting=1, name="k_e")
+    alone = profile(1.0, 3.0, setting=1, name="r_m3")
+    friction = profile(1.0, 3.0, setting=1, name="f_f", is_shared=True)
+    assert Assessment(profiles=(shared, other, friction)).telling(2) == {"r_m3": shared}
+    assert Assessment(profiles=(alone,)).telling(2) == {}
+    assert Assessment(profiles=(shared, other)).telling(1) == {"r_m3": shared, "k_e": other}
+    partial = replace(other, is_partial=True)
+    assert Assessment(profiles=(partial,)).telling(1) == {}
+
+
+def test_a_limit_from_below_says_that_any_higher_value_fits() -> None:
+    fit = fakes.fit(1, status={"r_m3": "not_identifiable"})
+    seen = {"r_m3": profile(5e4, None)}
+    assert verdicts(fit, known(), Sharing(r_m3_from=1), seen)["r_m3"] == (
+        "not identifiable upward: at least 5e+04 (95 %), and any higher value fits these logs as "
+        "well; 2.597e+06 is used for all settings; fix it, or fit faster logs of more force"
+    )
+
+
+@pytest.mark.parametrize(
+    ("seen", "end"),
+    [
+        (None, "95 % from 2.547e+06 to 2.648e+06); 2.597e+06 is used for all settings"),
+        (profile(None, 5e4), "; 2.597e+06 is used for all settings, in place of nothing: any"),
+    ],
+)
+def test_a_limit_from_above_says_that_the_fallback_stands_for_nothing(seen, end) -> None:
+    fit = fakes.fit(1, status={"r_m3": "not_identifiable"})
+    sharing = Sharing(r_m3_from=1)
+    said = verdicts(fit, known(), sharing, {} if seen is None else {"r_m3": seen})["r_m3"]
+    assert said.startswith("these logs do not tell it (")
+    assert end in said
+    alone = verdicts(fit, known(), Sharing(), {})["r_m3"]
+    assert "used for all settings" not in alone
+
+
+@pytest.mark.parametrize(
+    ("seen", "said"),
+    [
+        (profile(1.0, 3.0), "95 % from 1 to 3 by its profile"),
+        (profile(None, 3.0), "flat downward, only an upper limit: 95 % below 3"),
+        (profile(1.0, None), "flat upward, only a lower limit: 95 % above 1"),
+        (profile(None, None), "flat upward and downward: no limit at all"),
+    ],
+)
+def test_what_a_profile_has_seen_is_said(seen, said) -> None:
+    at_bound = fakes.fit(1, status={"r_m3": "at_bound"})
+    told = verdicts(at_bound, known(), Sharing(), {"r_m3": seen})["r_m3"]
+    assert told == (
+        f"ran to the edge of its plausible range: {said}; fix it, or check units and signs"
+    )
+    fitted = fakes.fit(1, status={"r_m3": "fitted"})
+    told = verdicts(fitted, known(), Sharing(), {"r_m3": seen})["r_m3"]
+    assert told == f"fitted, {said}"
+    shared = verdicts(fakes.fit(1), known(), Sharing(), {})
+    assert shared["r_m3"] == "shared by all settings, 95 % from 2.547e+06 to 2.648e+06"
+    assert shared["f_0"] == "held at the value given"
+    assert shared["f_f"] == "no interval: the fit did not end at a minimum"
+
+
+def test_ties_at_several_settings_are_one_sentence_with_their_range() -> None:
+    fits = [fakes.fit(n) for n in (1, 2, 3)]
+    by = {n: known(n, tie=tie) for n, tie in ((1, 0.961), (2, 0.98), (3, 0.5))}
+    (said,) = doubts(fits, by, Sharing(), {})
+    assert said == (
+        "r_m1 and r_m2 are tied at setting 1, 2 (correlation +0.96 to +0.98): an error of the one "
+        "is an error of the other"
+    )
+    by[2] = known(2, tie=0.963)
+    (said,) = doubts(fits, by, Sharing(), {})
+    assert "tied at setting 1, 2 (correlation +0.96): an error" in said
+
+
+def test_the_record_of_a_profile_has_both_limits_beside_those_of_the_errors() -> None:
+    told = _profile(profile(1.5, 3.5), Assessment(uncertainties=(known(),)))
+    interval = known().intervals["r_m3"]
+    assert (told["ci_low"], told["ci_high"]) == (1.5, 3.5)
+    assert (told["sandwich_ci_low"], told["sandwich_ci_high"]) == (interval.low, interval.high)
+    assert (told["shape"], told["points"], told["evaluations"]) == ("closed", 3, 17)
+    partial = _profile(profile(1.5, 3.5, is_partial=True), Assessment(uncertainties=(known(),)))
+    assert partial["sandwich_ci_low"] is partial["sandwich_ci_high"] is None
+
+
+def test_the_record_of_trust_has_a_place_for_everything() -> None:
+    judged = Assessment(
+        uncertainties=(known(),), diagnoses=(diagnosis(1),), profiles=(profile(1.5, 3.5),)
+    )
+    told = confidence_record(fakes.campaign(fakes.fit(1)), judged)
+    (trust,) = told["uncertainty"]
+    assert (trust["setting"], trust["shared"]) == (1, ["r_m3"])
+    assert trust["parameters"] == ["r_m1", "r_m2", "k_e", "r_m3"]
+    assert trust["verdicts"]["f_0"] == "held at the value given"
+    assert trust["residuals"]["sentence"] == "sentence of 1"
+    assert trust["cavitation"]["chamber"] == 2
+    assert [one["ci_low"] for one in told["profiles"]] == [1.5]
+    assert told["gas_content"] is None
+
+
+def test_a_tare_that_the_fit_does_not_need_is_told_of_its_settings() -> None:
+    tare = Finding("tare", "warning", "tared")
+    note = Finding("skew", "note", "not late")
+
+    def said(*findings, settings=(1,), **more):
+        fits = []
+        for n in settings:
+            fit = fakes.fit(n)
+            log = replace(fit.logs[0], trace=replace(fit.logs[0].trace, findings=findings))
+            fits.append(replace(fit, logs=(log,)))
+        judged = Assessment(diagnoses=tuple(diagnosis(n, **more) for n in settings))
+        return list(unconfirmed_tares(fakes.campaign(*fits), judged))
+
+    assert said(note) == said(replace(tare, severity="note")) == []
+    assert said(note, tare, is_structured=True) == said(tare, noise=math.nan) == []
+    (one,) = said(note, tare)
+    assert one == (
+        "setting 1: the warning tare is not confirmed: the fit meets the force to its noise "
+        "without an offset"
+    )
+    (three,) = said(note, tare, settings=(1, 2, 4))
+    assert three.startswith("settings 1, 2, 4: the warning tare is not confirmed")
+
+
+def test_two_cycles_are_enough_to_scatter_and_one_is_not() -> None:
+    rng = np.random.default_rng(2)
+    scores = rng.standard_normal((400, 2))
+    found = cycle_covariance([scores], [np.array([0.0, 200.0, 400.0])])
+    sums = scores.reshape(2, 200, 2).sum(axis=1)
+    assert found == pytest.approx(2.0 * np.cov(sums.T))
+    two = replace(
+        fakes.trace(1), first=0, stop=666, cycle_starts=np.array([0.0, 333.0, 666.0])
+    )  # fmt: skip
+    residuals = np.repeat([1.0, -1.0], 333)
+    assert scatter_between_cycles(residuals, two) == pytest.approx(2.0)
+    assert math.isnan(scatter_between_cycles(residuals[:333], fakes.trace(1)))
+
+
+@pytest.mark.parametrize(
+    ("rows", "is_positive"),
+    [
+        ([[1.0, 0.5], [0.5, 1.0]], True),
+        ([[1.0, 1.5], [1.5, 1.0]], False),
+        ([[0.0, 0.0], [0.0, 1.0]], False),
+    ],
+)
+def test_a_covariance_is_positive(rows, *, is_positive) -> None:
+    assert _is_positive(np.array(rows)) is is_positive
