@@ -47,7 +47,7 @@ ELSEWHERE = {
     "F59 finished kept": "test_finished_settings_are_written_when_the_user_stops",
     "F61 full disk": "test_a_full_disk_leaves_the_old_results_whole",
     "F61 failed rename": "test_a_rename_that_fails_takes_the_earlier_ones_back",
-    "F61 killed": "test_a_run_killed_at_any_moment_leaves_every_file_whole",
+    "F61 killed": "test_a_run_killed_at_any_call_leaves_one_whole_set",
     "F61 read-only": "test_a_read_only_folder_is_one_line",
     "F62 a link for a file": "test_an_output_that_is_a_link_is_replaced_and_its_target_kept",
     "F62 a link for the folder": "test_a_linked_folder_is_written_to_where_it_points",

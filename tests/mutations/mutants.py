@@ -34,7 +34,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "readers": ("damperfit/readers",),
     "tables": ("damperfit/tables",),
     "report": ("damperfit/report",),
-    "checks": ("damperfit/checks.py",),
+    "checks": ("damperfit/checks",),
     "exit codes": ("damperfit/errors.py", "damperfit/cli"),
     "run": ("damperfit/run",),
 }
