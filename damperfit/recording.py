@@ -1,5 +1,7 @@
 """What a rig wrote (`Recording`), what is remarkable in it (`Finding`), what is fitted (`Trace`).
 
+A trace is the whole motion that the model runs through; its `Stretch`es are what is compared.
+
 Both hold SI floats and the project's signs: displacement, velocity and force are positive in
 rebound (rod out, tension). Readers make recordings, conditioning turns them into traces.
 """
@@ -10,15 +12,24 @@ import re
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    import numpy as np
     from numpy.typing import NDArray
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["SEVERITIES", "FilterDesign", "Finding", "Recording", "Trace", "natural_order"]
+__all__ = [
+    "SEVERITIES",
+    "FilterDesign",
+    "Finding",
+    "Recording",
+    "Stretch",
+    "Trace",
+    "natural_order",
+]
 
 SEVERITIES = ("note", "warning", "refusal")
 
@@ -131,8 +142,70 @@ class FilterDesign:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """A part of a trace in which model and measurement are compared.
+
+    Attributes
+    ----------
+    kind : str
+        "steady": whole cycles of one motion that repeats. "moving": motion that does not.
+    first, stop : int
+        Samples ``first:stop`` of the trace.
+    cycle_starts : numpy.ndarray
+        Shape (n_cycles + 1,), fractional sample positions of the cycle boundaries, so that cycles
+        can be laid over each other. Empty where nothing repeats.
+    frequency : float
+        Cycles per second, Hz; of a moving stretch half its turns per second.
+    amplitude : float
+        Half the stroke, m; of a moving stretch half of the whole range.
+    peak_speed : float
+        Largest speed, m/s.
+    """
+
+    kind: str
+    first: int
+    stop: int
+    cycle_starts: FloatArray
+    frequency: float
+    amplitude: float
+    peak_speed: float
+
+    @property
+    def n_cycles(self) -> int:
+        """Number of whole cycles that repeat."""
+        return max(len(self.cycle_starts) - 1, 0)
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples that are compared."""
+        return self.stop - self.first
+
+    @property
+    def window(self) -> slice:
+        """Its samples of the trace, as a slice."""
+        return slice(self.first, self.stop)
+
+    def describe(self, trace: Trace) -> dict[str, Any]:
+        """Return the facts of the stretch, for tables and run.json."""
+        ends = [trace.start_time + k * trace.interval for k in (self.first, self.stop)]
+        return {
+            "kind": self.kind,
+            "start_s": ends[0],
+            "stop_s": ends[1],
+            "n_samples": self.n_samples,
+            "cycles": self.n_cycles,
+            "frequency_Hz": self.frequency,
+            "amplitude_m": self.amplitude,
+            "peak_speed_m_per_s": self.peak_speed,
+        }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Trace:
-    """A uniform, filtered log with its steady whole cycles marked.
+    """A uniform, filtered log with the stretches that are compared marked.
+
+    The model runs through all of it, run-up and changes of speed included; what is compared are
+    the stretches alone.
 
     Attributes
     ----------
@@ -145,15 +218,10 @@ class Trace:
     interval : float
         Sample interval, s.
     displacement, velocity, force : numpy.ndarray
-        Shape (n,); m, m/s, N. Filtered; displacement is the model's x (centre removed);
+        Shape (n,); m, m/s, N. Filtered alike; displacement is the model's x (centre removed);
         force is as compared with the model.
-    first, stop : int
-        Samples ``first:stop`` are the steady whole cycles that are evaluated.
-    cycle_starts : numpy.ndarray
-        Shape (n_cycles + 1,), fractional sample positions of the cycle boundaries inside the
-        window, so that cycles can be laid over each other.
-    frequency, amplitude : float
-        Cycles per second in the window, Hz, and half the stroke, m.
+    stretches : tuple of Stretch
+        What is evaluated, in order of time, without overlap; one at least.
     centre : float
         Displacement that is x = 0 of the model, as the log counts it, m.
     n_cycles_found : int
@@ -161,7 +229,7 @@ class Trace:
     model_filter : FilterDesign
         What a simulated force (and its sensitivities) must pass before it is compared.
     temperature : float or None
-        Mean over the window, degrees Celsius.
+        Mean over the stretches, degrees Celsius.
     notes : tuple of str
         What conditioning assumed or noticed, one plain sentence each.
     findings : tuple of Finding
@@ -175,11 +243,7 @@ class Trace:
     displacement: FloatArray
     velocity: FloatArray
     force: FloatArray
-    first: int
-    stop: int
-    cycle_starts: FloatArray
-    frequency: float
-    amplitude: float
+    stretches: tuple[Stretch, ...]
     centre: float
     n_cycles_found: int
     model_filter: FilterDesign
@@ -193,14 +257,42 @@ class Trace:
         return tuple(one.sentence for one in self.findings if one.severity == "warning")
 
     @property
-    def n_cycles(self) -> int:
-        """Number of steady whole cycles that are evaluated."""
-        return len(self.cycle_starts) - 1
+    def fastest(self) -> Stretch:
+        """The stretch with the largest speed, which stands for the log where one must."""
+        return max(self.stretches, key=lambda stretch: stretch.peak_speed)
 
     @property
-    def window(self) -> slice:
-        """Samples that are evaluated, as a slice."""
-        return slice(self.first, self.stop)
+    def frequency(self) -> float:
+        """Cycles per second of the fastest stretch, Hz."""
+        return self.fastest.frequency
+
+    @property
+    def amplitude(self) -> float:
+        """Half the stroke of the fastest stretch, m."""
+        return self.fastest.amplitude
+
+    @property
+    def n_cycles(self) -> int:
+        """Number of steady whole cycles that are evaluated."""
+        return sum(stretch.n_cycles for stretch in self.stretches)
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples that are compared."""
+        return sum(stretch.n_samples for stretch in self.stretches)
+
+    @property
+    def compared(self) -> slice | NDArray[np.int64]:
+        """What picks the compared samples out of the trace's, in order of time."""
+        if len(self.stretches) == 1:
+            return self.stretches[0].window
+        return np.concatenate([np.arange(one.first, one.stop) for one in self.stretches])
+
+    @property
+    def places(self) -> tuple[slice, ...]:
+        """Where each stretch lies among the compared samples."""
+        ends = np.cumsum([stretch.n_samples for stretch in self.stretches]).tolist()
+        return tuple(map(slice, [0, *ends[:-1]], ends))
 
     def describe(self) -> dict[str, Any]:
         """Return the scalar facts of the trace, for tables and run.json."""
@@ -213,6 +305,7 @@ class Trace:
             "centre_m": self.centre,
             "cycles_found": self.n_cycles_found,
             "cycles_used": self.n_cycles,
+            "stretches": [stretch.describe(self) for stretch in self.stretches],
             "temperature_degC": self.temperature,
             "notes": list(self.notes),
             "warnings": list(self.warnings),

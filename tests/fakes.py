@@ -6,7 +6,7 @@ import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.identification import Campaign, Cavitation, Fit, LogFit, Outcome, Status
-from damperfit.recording import FilterDesign, Trace
+from damperfit.recording import FilterDesign, Stretch, Trace
 
 __all__ = ["campaign", "fit", "trace"]
 
@@ -27,11 +27,17 @@ def trace(setting: int, name: str | None = None) -> Trace:
         displacement=x,
         velocity=v,
         force=2500.0 * v - 130.0,
-        first=333,
-        stop=666,
-        cycle_starts=np.array([333.0, 666.3]),
-        frequency=1.5,
-        amplitude=0.032,
+        stretches=(
+            Stretch(
+                kind="steady",
+                first=333,
+                stop=666,
+                cycle_starts=np.array([333.0, 666.3]),
+                frequency=1.5,
+                amplitude=0.032,
+                peak_speed=float(np.abs(v[333:666]).max()),
+            ),
+        ),
         centre=0.0,
         n_cycles_found=3,
         model_filter=FilterDesign(np.empty((0, 6)), is_zero_phase=False, description="no filter"),

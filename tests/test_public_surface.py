@@ -255,6 +255,7 @@ SURFACE = {
         "Finding",
         "Recording",
         "SEVERITIES",
+        "Stretch",
         "Trace",
         "natural_order",
     ],

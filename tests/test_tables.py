@@ -224,7 +224,7 @@ def test_responses_hold_the_window_of_each_log_in_a_row_group_of_its_own(tmp_pat
     table = file.read_row_group(1)
     trace = done.fits[0].logs[1].trace
     assert set(table["log"].to_pylist()) == {"b.csv"}
-    np.testing.assert_array_equal(table["force_measured_N"], trace.force[trace.window])
+    np.testing.assert_array_equal(table["force_measured_N"], trace.force[trace.compared])
     np.testing.assert_allclose(table["time_s"][0].as_py(), 10.0 + 333 / 500.0)
     assert min(table["pressure_1_Pa"].to_pylist()) > 0.0
 

@@ -88,7 +88,7 @@ def _removed(told: str, level: ForceLevel, options: ConditionOptions) -> str:
 
 def describe_middle(trace: Trace, options: ConditionOptions) -> Finding:
     """Return where mid-stroke is in the log, or how far a declared centre is from it."""
-    window = trace.displacement[trace.window]
+    window = trace.displacement[trace.compared]
     off = 0.5 * float(window.max() + window.min())
     centre = 1e3 * trace.centre
     if options.centre is not None:

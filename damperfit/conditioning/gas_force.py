@@ -82,7 +82,7 @@ def gas_force(gas: GasFacts, displacement: FloatArray) -> FloatArray:
 
 
 def force_level(trace: Trace, gas: GasFacts) -> ForceLevel:
-    """Return the force level of a trace's window.
+    """Return the force level of what is compared of a trace.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def force_level(trace: Trace, gas: GasFacts) -> ForceLevel:
     gas : GasFacts
         Of the damper.
     """
-    x, v, f = (channel[trace.window] for channel in _channels(trace))
+    x, v, f = (channel[trace.compared] for channel in _channels(trace))
     half_range = max(0.5 * float(np.ptp(f)), 1e-300)
     constant, rebound, bump = _branches(x, v, f)
     ends, at = _reversals(x, v, f)

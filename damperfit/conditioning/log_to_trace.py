@@ -61,7 +61,7 @@ from damperfit.conditioning.skew import take_back
 from damperfit.conditioning.timebase import UniformLog, make_uniform
 from damperfit.conditioning.velocity import check_velocity
 from damperfit.errors import ConditioningError
-from damperfit.recording import FilterDesign, Recording, Trace
+from damperfit.recording import FilterDesign, Recording, Stretch, Trace
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -167,11 +167,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         displacement=displacement[keep] - centre,
         velocity=velocity[keep].copy(),
         force=force[keep].copy(),
-        first=round(float(starts[0])),
-        stop=round(float(starts[-1])),
-        cycle_starts=starts,
-        frequency=(len(starts) - 1) / float(starts[-1] - starts[0]) / log.interval,
-        amplitude=cycles.amplitude,
+        stretches=(_steady(starts, velocity[keep], log.interval, cycles.amplitude),),
         centre=sign * centre,
         n_cycles_found=cycles.n_found,
         model_filter=model_filter,
@@ -179,6 +175,20 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         notes=_notes(options),
     )
     return _Traced(trace, log, logged, cycles)
+
+
+def _steady(starts: FloatArray, velocity: FloatArray, interval: float, amplitude: float) -> Stretch:
+    """Return the stretch between the first and the last of these boundaries of cycles."""
+    first, stop = round(float(starts[0])), round(float(starts[-1]))
+    return Stretch(
+        kind="steady",
+        first=first,
+        stop=stop,
+        cycle_starts=starts,
+        frequency=(len(starts) - 1) / float(starts[-1] - starts[0]) / interval,
+        amplitude=amplitude,
+        peak_speed=float(np.abs(velocity[first:stop]).max()),
+    )
 
 
 def _filtered(

@@ -81,7 +81,7 @@ def examine_motion(
             "noise_floor", "note", f"{text}: a right model reaches about this MSE", floor, "%"
         )
     if trace.n_cycles >= _ENOUGH:
-        if float(np.ptp(trace.force[trace.window])) > 0.0:
+        if float(np.ptp(trace.force[trace.compared])) > 0.0:
             yield _force_drift(trace)
         yield _stroke_drift(trace)
 
@@ -116,8 +116,9 @@ def _displacement_noise(
 ) -> Iterator[Finding]:
     if options.rig_filter != "none" or 1.0 / (trace.frequency * trace.interval) < _TELLING:
         return  # the rig's filter has taken most of it; at few samples a cycle motion looks alike
-    first = round((trace.start_time - log.start_time) / log.interval) + trace.first
-    noise = noise_of(log.displacement[first : first + trace.stop - trace.first])
+    stretch = trace.fastest
+    first = round((trace.start_time - log.start_time) / log.interval) + stretch.first
+    noise = noise_of(log.displacement[first : first + stretch.n_samples])
     rate = 1.0 / trace.interval
     corner = options.filter_corner if options.filter != "none" else 0.5 * rate
     passed = noise * math.sqrt(2.0 * corner / rate) * corner / math.sqrt(3.0)
@@ -156,16 +157,16 @@ def _unsteady(log: UniformLog, trace: Trace, cycles: Cycles) -> Iterator[Finding
             )
             yield Finding("unsteady_cycles", "warning", text, float(cycles.n_elsewhere))
         return
+    begin = trace.start_time + trace.fastest.cycle_starts[0] * trace.interval
     text = (
-        f"only {steady} of {found} cycles in a row are steady, from time "
-        f"{trace.start_time + trace.cycle_starts[0] * trace.interval:.6g} s; amplitude or period "
-        "wander in the others; hold the test steady, or log one test a file"
+        f"only {steady} of {found} cycles in a row are steady, from time {begin:.6g} s; amplitude "
+        "or period wander in the others; hold the test steady, or log one test a file"
     )
     yield Finding("unsteady_cycles", "warning", text, 100.0 * (1.0 - steady / found), "%")
 
 
 def _trimmed(log: UniformLog, trace: Trace) -> Finding:
-    ends = trace.start_time - log.start_time + trace.interval * trace.cycle_starts[[0, -1]]
+    ends = trace.start_time - log.start_time + trace.interval * trace.fastest.cycle_starts[[0, -1]]
     ahead = max(0.0, float(ends[0]))
     behind = max(0.0, len(log.force) * log.interval - float(ends[1]))
     text = (
@@ -199,7 +200,7 @@ def _amplitude(metadata: Mapping[str, str], trace: Trace, options: ConditionOpti
 
 
 def _force_range(trace: Trace) -> Iterator[Finding]:
-    half = 0.5 * float(np.ptp(trace.force[trace.window]))
+    half = 0.5 * float(np.ptp(trace.force[trace.compared]))
     if half < _LITTLE:
         text = f"the force swings by +-{half:.3g} N, little for a damper; was kN read as N?"
         yield Finding("force_range", "warning", text, half, "N")
@@ -233,10 +234,12 @@ def _said(metadata: Mapping[str, str], keys: tuple[str, ...], dimension: str) ->
 
 
 def _harmonics(trace: Trace) -> Finding:
-    starts = trace.cycle_starts
-    turns = (np.arange(trace.first, trace.stop) - starts[0]) * (trace.n_cycles / np.ptp(starts))
+    stretch = trace.fastest
+    starts = stretch.cycle_starts
+    turns = np.arange(stretch.first, stretch.stop) - starts[0]
+    turns = turns * (stretch.n_cycles / np.ptp(starts))
     wave = np.exp(-2j * np.pi * turns)
-    x = trace.displacement[trace.window] - np.mean(trace.displacement[trace.window])
+    x = trace.displacement[stretch.window] - np.mean(trace.displacement[stretch.window])
     first = abs(wave @ x)
     second, third = (100.0 * abs(wave**k @ x) / first for k in (2, 3))
     shape = ""
@@ -274,7 +277,7 @@ def _scatter(trace: Trace) -> Finding:
 def _force_drift(trace: Trace) -> Finding:
     tops, bottoms = _extremes(trace.force, trace)
     half = 0.5 * float(np.mean(tops) - np.mean(bottoms))
-    drift, error = _trend(_cycle_means(trace.force, trace.cycle_starts))
+    drift, error = _trend(_cycle_means(trace.force, trace.fastest.cycle_starts))
     share = 100.0 * drift / half
     text = (
         f"the mean force drifts by {drift:+.3g} N over the cycles, {abs(share):.2g} % of the peak"
@@ -303,7 +306,7 @@ def _stroke_drift(trace: Trace) -> Finding:
 
 def _extremes(values: FloatArray, trace: Trace) -> tuple[FloatArray, FloatArray]:
     """Return the highest and the lowest value of each cycle."""
-    edges = np.rint(trace.cycle_starts).astype(np.int64)
+    edges = np.rint(trace.fastest.cycle_starts).astype(np.int64)
     inside = values[: edges[-1]]
     return np.maximum.reduceat(inside, edges[:-1]), np.minimum.reduceat(inside, edges[:-1])
 

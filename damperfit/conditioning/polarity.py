@@ -94,7 +94,7 @@ def find_signs(trace: Trace, recording: Recording, level: ForceLevel | None) -> 
 
 def _energy(trace: Trace) -> tuple[float, float]:
     """Return mean(f v) over mean(|f v|), and J per cycle."""
-    power = trace.force[trace.window] * trace.velocity[trace.window]
+    power = trace.force[trace.compared] * trace.velocity[trace.compared]
     mean = float(np.mean(power))
     return mean / max(float(np.mean(np.abs(power))), 1e-300), mean / trace.frequency
 

@@ -62,7 +62,7 @@ def examine(
     options : ConditionOptions
         What was declared of the rig.
     """
-    ends = trace.start_time + trace.interval * trace.cycle_starts[[0, -1]]
+    ends = trace.start_time + trace.interval * trace.fastest.cycle_starts[[0, -1]]
     first, stop = np.searchsorted(recording.time, ends)
     window = slice(int(first), int(stop) + 1)
     return (

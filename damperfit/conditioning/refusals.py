@@ -110,9 +110,10 @@ def refuse_swapped(trace: Trace) -> None:
 
 def _harmonic_share(trace: Trace, values: FloatArray) -> float:
     """Return the share of a channel's power that is in harmonics 2 to 7 of the motion."""
-    turn = 2.0 * np.pi * trace.frequency * trace.interval * np.arange(trace.stop - trace.first)
+    stretch = trace.fastest
+    turn = 2.0 * np.pi * stretch.frequency * trace.interval * np.arange(stretch.n_samples)
     wave = np.exp(1j * turn)
-    part = values[trace.window] - np.mean(values[trace.window])
+    part = values[stretch.window] - np.mean(values[stretch.window])
     power = []
     for _ in range(7):
         part = part * wave  # turns the next harmonic to rest

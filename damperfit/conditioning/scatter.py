@@ -24,21 +24,33 @@ from damperfit.recording import FilterDesign
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from damperfit.recording import Trace
+    from damperfit.recording import Stretch, Trace
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["noise_floor"]
+__all__ = ["noise_floor", "scatter_between_cycles"]
 
 
 def noise_floor(trace: Trace) -> float:
-    """Return the scatter of the force between cycles, percent of its variance, eq. (22).
+    """Return the noise of the compared force, percent of its variance, eq. (22).
 
-    NaN for a single cycle, and where the force does not vary.
+    NaN where a stretch has but a single cycle, and where the force does not vary.
     """
-    if trace.n_cycles < 2:
+    variance = float(np.var(trace.force[trace.compared]))
+    if not variance > 0.0:
         return math.nan
-    starts = trace.cycle_starts
+    noise = sum(one.n_samples * scatter_between_cycles(trace, one) for one in trace.stretches)
+    return 100.0 * noise / trace.n_samples / variance
+
+
+def scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
+    """Return the mean square of what the force differs by from cycle to cycle, N^2.
+
+    NaN for a single cycle.
+    """
+    if stretch.n_cycles < 2:
+        return math.nan
+    starts = stretch.cycle_starts
     n_phases = max(8, round(float(np.mean(np.diff(starts)))))
     phases = np.arange(n_phases) / n_phases
     positions = starts[:-1, None] + np.diff(starts)[:, None] * phases
@@ -52,8 +64,7 @@ def noise_floor(trace: Trace) -> float:
         for i in range(4)
         for j in range(4)
     )
-    variance = float(np.var(trace.force[trace.window]))
-    return 100.0 * scatter / kept / variance if variance > 0.0 else math.nan
+    return float(scatter / kept)
 
 
 def _cubic(positions: FloatArray, n: int) -> tuple[list[FloatArray], NDArray[np.int64]]:

@@ -173,7 +173,8 @@ def _ends(trace: Trace) -> tuple[FloatArray, FloatArray]:
     v = trace.velocity
     is_out = v > 0.0  # a sample at rest, v = 0, belongs to what follows a rebound
     before = np.flatnonzero(is_out[:-1] != is_out[1:])
-    before = before[(before >= trace.first) & (before < trace.stop - 1)]
+    stretch = trace.fastest
+    before = before[(before >= stretch.first) & (before < stretch.stop - 1)]
     part = v[before] / (v[before] - v[before + 1])
     at = trace.start_time + (before + part) * trace.interval
     return _straight(at[is_out[before]], trace), _straight(at[~is_out[before]], trace)

@@ -39,13 +39,14 @@ def check_velocity(trace: Trace, recording: Recording) -> tuple[Finding, ...]:
     """
     if recording.velocity is None:
         return ()
-    index = np.arange(trace.first, trace.stop)
+    stretch = trace.fastest
+    index = np.arange(stretch.first, stretch.stop)
     time = trace.start_time + index * trace.interval
     logged = np.interp(time, recording.time, np.clip(recording.velocity, -_FASTEST, _FASTEST))
     if recording.reverse_displacement:
         logged = -logged
     turn = np.exp(-2j * np.pi * trace.frequency * time)
-    ours = complex(np.mean(trace.velocity[trace.window] * turn))
+    ours = complex(np.mean(trace.velocity[stretch.window] * turn))
     theirs = complex(np.mean((logged - np.mean(logged)) * turn))
     share = 2.0 * abs(theirs) ** 2 / max(float(np.var(logged)), 1e-300)
     if not share >= _ALIKE:

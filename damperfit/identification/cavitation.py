@@ -91,19 +91,18 @@ def examine_cavitation(
     solver : SolverOptions
         How exactly to integrate.
     """
-    emptiest = min(seen, key=lambda pair: float(pair[1].pressures[:, pair[0].window].min()))
+    emptiest = min(seen, key=lambda pair: float(pair[1].pressures[:, pair[0].compared].min()))
     trace, response = emptiest
-    pressures = response.pressures[:, trace.window]
+    pressures = response.pressures[:, trace.compared]
     chamber, sample = _emptiest(pressures)
-    moment = trace.first + sample
-    empty = [(r.pressures[:, t.window] <= 0.0).any(axis=0) for t, r in seen]
+    moment = int(np.arange(len(trace.force))[trace.compared][sample])
+    empty = [(r.pressures[:, t.compared] <= 0.0).any(axis=0) for t, r in seen]
     line = _nearness(parameters, trace, response, damper)
-    motion = _two_cycles(trace)
-    period = _period(trace)
+    motion, n = _shortest(trace, moment)
 
     def lowest(trial: Parameters, gas: float) -> float:
         at = replace(damper, gas_pressure=gas)
-        filled = simulate(trial, at, motion, options=solver).pressures[:2, -period:]
+        filled = simulate(trial, at, motion, options=solver).pressures[:2, -n:]
         # The pressure is clamped at zero; the share of time spent there gives the root a slope.
         share = float(np.mean((filled <= 0.0).any(axis=0)))
         return -gas * share if share else float(np.min(filled))
@@ -189,11 +188,11 @@ def _emptiest(pressures: NDArray[np.float64]) -> tuple[int, int]:
 
 def _nearness(parameters: Parameters, trace: Trace, response: Response, damper: Damper) -> float:
     """Largest (P_3 - P_2)/P_3 of the cycle: 1 at the onset of cavitation, small far from it."""
-    p_2, p_3 = response.pressures[1:, trace.window]
+    p_2, p_3 = response.pressures[1:, trace.compared]
     if float(p_2.min()) > 0.0:
         return max(float(np.max(1.0 - p_2 / p_3)), 1e-300)
     # While the clamp holds, the drop over valve 3 is not seen: take that of incompressible oil.
-    x, v = trace.displacement[trace.window], trace.velocity[trace.window]
+    x, v = trace.displacement[trace.compared], trace.velocity[trace.compared]
     drop = damper.oil_density * parameters.r_m3 * damper.piston_area * v
     return max(float(np.max(drop / gas_pressure(damper, x))), 1e-300)
 
@@ -224,12 +223,16 @@ def _root(lowest: Callable[[float], float], guess: float) -> float:
     return math.nan
 
 
-def _period(trace: Trace) -> int:
-    return round((trace.stop - trace.first) / trace.n_cycles)
+def _shortest(trace: Trace, moment: int) -> tuple[Motion, int]:
+    """The motion that leads to a moment of a trace, and how many of its last samples count.
 
-
-def _two_cycles(trace: Trace) -> Motion:
-    """The last two cycles of a trace: the first one forgets the start."""
-    part = slice(max(0, trace.stop - 2 * _period(trace)), trace.stop)
+    Of steady cycles the last two: the first of them forgets the start.
+    """
+    stretch = next(one for one in trace.stretches if one.first <= moment < one.stop)
+    first, n = 0, stretch.n_samples
+    if stretch.n_cycles:
+        n = round(n / stretch.n_cycles)
+        first = max(0, stretch.stop - 2 * n)
+    part = slice(first, stretch.stop)
     whole = motion_of(trace)
-    return Motion(whole.interval, whole.displacement[part], whole.velocity[part])
+    return Motion(whole.interval, whole.displacement[part], whole.velocity[part]), n

@@ -100,13 +100,13 @@ class Misfit:
 
     @property
     def deviation(self) -> float:
-        """Standard deviation of all measured forces in the windows, N."""
-        return float(np.std(np.concatenate([t.force[t.window] for t in self.traces])))
+        """Standard deviation of all measured forces that are compared, N."""
+        return float(np.std(np.concatenate([t.force[t.compared] for t in self.traces])))
 
     @property
     def n_samples(self) -> int:
         """Samples compared."""
-        return sum(t.stop - t.first for t in self.traces)
+        return sum(trace.n_samples for trace in self.traces)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,7 +132,7 @@ class Solution:
         sign at every other sample; those behind a low-pass of B Hz 1.15 B times a second, where
         2 B samples a second are independent.
     is_cavitating : bool
-        Whether a chamber is at zero pressure somewhere in the windows.
+        Whether a chamber is at zero pressure somewhere in what is compared.
     """
 
     parameters: Parameters
@@ -158,7 +158,7 @@ def approach(misfit: Misfit, start: Parameters) -> Solution:
     FitCancelledError
         When the caller asked to stop.
     """
-    strongest = max(misfit.traces, key=lambda trace: float(np.std(trace.force[trace.window])))
+    strongest = max(misfit.traces, key=lambda trace: float(np.std(trace.force[trace.compared])))
     rough = replace(misfit, traces=(strongest,))
     return _descended(rough, misfit.free, start, _ROUGH).solution
 
@@ -364,10 +364,10 @@ def _evaluate(
         )
         _refuse_wild(response)
         rows = np.stack([response.force, *response.sensitivities.values()])
-        rows = apply_filter(trace.model_filter, rows)[:, trace.window]
-        rows[0] -= trace.force[trace.window]
+        rows = apply_filter(trace.model_filter, rows)[:, trace.compared]
+        rows[0] -= trace.force[trace.compared]
         parts.append(rows * scale)
-        is_cavitating |= bool((response.pressures[:2, trace.window] <= 0.0).any())
+        is_cavitating |= bool((response.pressures[:2, trace.compared] <= 0.0).any())
     whole = parts[0] if len(parts) == 1 else np.hstack(parts)
     return whole[0], whole[1:].T, is_cavitating
 

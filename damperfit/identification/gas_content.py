@@ -86,14 +86,14 @@ def working_pressure(misfit: Misfit, parameters: Parameters) -> float:
     work, volume = 0.0, 0.0
     for trace in misfit.traces:
         seen = compare(parameters, trace, damper, solver=misfit.solver).response
-        x = trace.displacement[trace.window]
+        x = trace.displacement[trace.compared]
         volumes = np.stack(
             [
                 damper.chamber_1_volume - x * damper.annulus_area,
                 damper.chamber_2_volume + x * damper.piston_area,
             ]
         )
-        work += float(np.sum(seen.pressures[:2, trace.window] * volumes))
+        work += float(np.sum(seen.pressures[:2, trace.compared] * volumes))
         volume += float(np.sum(volumes))
     return work / volume
 

@@ -319,8 +319,8 @@ def describe_fit(setting: int, judged: Judged, misfit: Misfit) -> Fit:
     logs, seen, misses, floors = [], [], [], []
     for trace in misfit.traces:
         comparison = compare(parameters, trace, misfit.damper, solver=misfit.solver)
-        window = trace.window
-        measured, simulated = trace.force[window], comparison.force[window]
+        part = trace.compared
+        measured, simulated = trace.force[part], comparison.force[part]
         logs.append(LogFit(trace, normalised_mse(measured, simulated), noise_floor(trace)))
         seen.append((trace, comparison.response))
         misses.append(simulated - measured)

@@ -87,7 +87,7 @@ def cavitation_limit(traces: Sequence[Trace], damper: Damper) -> float:
     """Return an R_m3 that keeps chamber 2 full in rebound: 0.8 P_3/(rho_0 a_p2 v) at its least."""
     limits = []
     for trace in traces:
-        x, v = trace.displacement[trace.window], trace.velocity[trace.window]
+        x, v = trace.displacement[trace.compared], trace.velocity[trace.compared]
         flow = damper.oil_density * damper.piston_area * np.maximum(v, 1e-6)
         limits.append(float(np.min(gas_pressure(damper, x) / flow)))
     return _CAVITATION_DISTANCE * min(limits)
@@ -105,7 +105,7 @@ def scan_bulk_modulus(
             force = compare(trial, trace, damper, solver=solver).force
         except SimulationError:
             continue
-        mse = normalised_mse(trace.force[trace.window], force[trace.window])
+        mse = normalised_mse(trace.force[trace.compared], force[trace.compared])
         if mse < least:
             best, least = trial, mse
     return best
@@ -115,8 +115,8 @@ def _stack(traces: Sequence[Trace], damper: Damper) -> tuple[np.ndarray, np.ndar
     """Thinned rows of the closed form's matrix, with two columns for an offset of either sign."""
     rows, forces = [], []
     for trace in traces:
-        stride = max(1, (trace.stop - trace.first) // _SAMPLES_A_LOG)
-        part = slice(trace.first, trace.stop, stride)
+        stride = max(1, trace.n_samples // _SAMPLES_A_LOG)
+        part = np.arange(len(trace.force))[trace.compared][::stride]
         columns, offset = incompressible_design(
             damper, trace.displacement[part], trace.velocity[part]
         )

@@ -253,8 +253,8 @@ def simulate_test(
         response = simulate(
             choice.parameters, configuration.damper, motion_of(trace), options=solver
         )
-        frequency, steady = trace.frequency, _part(response, trace.window)
-        words = f"displacement of {trace.name}, last of {trace.n_cycles} steady cycles"
+        frequency, steady = trace.frequency, _part(response, trace.fastest.window)
+        words = f"displacement of {trace.name}, last of {trace.fastest.n_cycles} steady cycles"
     figures = characterise(steady, frequency)
     if log is None and configuration.simulation.wave == "triangle":
         # It holds one speed a stroke: what lies below is passed in the jump, between two samples.

@@ -75,17 +75,17 @@ def write_responses(
 
 
 def _response_table(schema: pa.Schema, setting: int, trace: Trace, seen: Comparison) -> pa.Table:
-    window = trace.window
-    n = window.stop - window.start
+    part = trace.compared
+    n = trace.n_samples
     arrays = [
         repeated(setting, n),
         repeated(trace.name, n),
-        float_array(seen.response.time[window]),
-        float_array(trace.displacement[window]),
-        float_array(trace.velocity[window]),
-        float_array(trace.force[window]),
-        float_array(seen.force[window]),
-        *(float_array(pressure[window]) for pressure in seen.response.pressures),
+        float_array(seen.response.time[part]),
+        float_array(trace.displacement[part]),
+        float_array(trace.velocity[part]),
+        float_array(trace.force[part]),
+        float_array(seen.force[part]),
+        *(float_array(pressure[part]) for pressure in seen.response.pressures),
     ]
     return pa.Table.from_arrays(arrays, schema=schema)
 

@@ -173,7 +173,7 @@ def _mse_rows(campaign: Campaign, predictions: Sequence[Prediction]) -> Iterator
 
 def _of_log(seen: LogFit | Prediction) -> tuple[str, float, float, int]:
     trace = seen.trace
-    return trace.name, seen.mse_percent, seen.noise_floor_percent, trace.stop - trace.first
+    return trace.name, seen.mse_percent, seen.noise_floor_percent, trace.n_samples
 
 
 def _mse_row(

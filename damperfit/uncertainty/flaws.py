@@ -137,13 +137,13 @@ _FLAWS: Mapping[str, _Flaw] = {
 
 
 def _signatures(trace: Trace, seen: LogEvidence) -> dict[str, list[FloatArray]]:
-    """Force that one unit of each flaw adds, behind the filter, over the window."""
+    """Force that one unit of each flaw adds, behind the filter, where it is compared."""
     x, v = trace.displacement, trace.velocity
-    peak = float(np.max(np.abs(v[trace.window])))
-    stroke = float(np.max(np.abs(x[trace.window])))
+    peak = float(np.max(np.abs(v[trace.compared])))
+    stroke = float(np.max(np.abs(x[trace.compared])))
 
     def passed(values: FloatArray) -> FloatArray:
-        return apply_filter(trace.model_filter, values)[trace.window]
+        return apply_filter(trace.model_filter, values)[trace.compared]
 
     rate = np.gradient(seen.force, trace.interval)
     pressure = np.abs(seen.force - seen.force.mean())

@@ -25,10 +25,13 @@ from damperfit.uncertainty.correlated_noise import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from damperfit.damper.parameters import Damper
     from damperfit.identification import Fit
+    from damperfit.recording import Trace
 
     FloatArray = NDArray[np.float64]
 
@@ -40,7 +43,7 @@ _LONGEST_CORRELATION = 0.25
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogEvidence:
-    """One log at the fitted point, over its steady cycles, n samples.
+    """One log at the fitted point, over its compared samples, n of them.
 
     Attributes
     ----------
@@ -101,36 +104,48 @@ def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions())
     """
     values = [getattr(fit.parameters, name) for name in PARAMETER_NAMES[:-1]]
     slopes = np.array([*values, 1.0, damper.gas_pressure, damper.gas_exponent])
-    logs, covariances = [], []
+    logs: list[LogEvidence] = []
+    covariances: list[FloatArray] = []
     for trace in (log.trace for log in fit.logs):
         seen = compare(
             fit.parameters, trace, damper, sensitivities=SENSITIVITY_NAMES, solver=solver
         )
-        window = trace.window
-        columns = (seen.sensitivities[:, window] * slopes[:, None]).T
+        part = trace.compared
+        columns = (seen.sensitivities[:, part] * slopes[:, None]).T
         logs.append(
             LogEvidence(
-                residuals=trace.force[window] - seen.force[window],
+                residuals=trace.force[part] - seen.force[part],
                 jacobian=np.ascontiguousarray(columns[:, :6]),
                 gas=columns[:, 6:],
-                force=seen.force[window],
-                pressures=seen.response.pressures[:, window].min(axis=1),
+                force=seen.force[part],
+                pressures=seen.response.pressures[:, part].min(axis=1),
             )
         )
-        period = 1.0 / (trace.frequency * trace.interval)
-        longest = round(_LONGEST_CORRELATION * period)
-        lag = correlation_length(logs[-1].residuals, longest=longest)
-        covariances.append(score_covariance(_scores(logs[-1]), lag))
+        covariances.extend(_covariances(trace, logs[-1]))
     scores = [_scores(log) for log in logs]
-    edges = [log.trace.cycle_starts - log.trace.first for log in fit.logs]
+    pieces, edges = [], []
+    for log, of_log in zip(fit.logs, scores, strict=True):
+        for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
+            pieces.append(of_log[place])
+            edges.append(stretch.cycle_starts - stretch.first)
     return Evidence(
         fit=fit,
         information=np.asarray(sum(log.jacobian.T @ log.jacobian for log in logs)),
         scores=np.asarray(sum(covariances)),
-        cycle_scores=cycle_covariance(scores, edges),
+        cycle_scores=cycle_covariance(pieces, edges),
         gradient=np.asarray(sum(part.sum(axis=0) for part in scores)),
         logs=tuple(logs),
     )
+
+
+def _covariances(trace: Trace, seen: LogEvidence) -> Iterator[FloatArray]:
+    """Covariance of the summed scores of each stretch: nothing is correlated across a gap."""
+    scores = _scores(seen)
+    for stretch, place in zip(trace.stretches, trace.places, strict=True):
+        period = 1.0 / (stretch.frequency * trace.interval)
+        longest = round(_LONGEST_CORRELATION * period)
+        lag = correlation_length(seen.residuals[place], longest=longest)
+        yield score_covariance(scores[place], lag)
 
 
 def _scores(log: LogEvidence) -> FloatArray:

@@ -60,11 +60,11 @@ class Prediction:
     setting : int
         Adjuster setting.
     trace : Trace
-        What was predicted; its window holds the held-out cycles only.
+        What was predicted; its stretches hold the held-out cycles only.
     is_part : bool
         Whether the other cycles of the same log were fitted.
     mse_percent, noise_floor_percent : float
-        Eq. (22) over the window, and the part that is scatter between its cycles; NaN for a
+        Eq. (22) over them, and the part that is scatter between its cycles; NaN for a
         single cycle.
     fitted_mse_percent : float
         Eq. (22) over the logs that were fitted.
@@ -139,8 +139,9 @@ def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[str, ...]:
 def split_cycles(trace: Trace, cycles: float) -> tuple[Trace, Trace]:
     """Return a log without its last steady cycles, and with these alone.
 
-    The last ones, in one piece: where a log drifts, from warming or gas, it shows there, and the
-    filter's memory joins the two parts at one place only.
+    The last ones of each stretch, in one piece: where a log drifts, from warming or gas, it shows
+    there, and the filter's memory joins the two parts at one place only. A stretch with too few
+    cycles to part is fitted whole.
 
     Parameters
     ----------
@@ -158,18 +159,24 @@ def split_cycles(trace: Trace, cycles: float) -> tuple[Trace, Trace]:
     --------
     15 cycles with ``cycles=0.2`` or 3: twelve are fitted, three predicted.
     """
-    n = trace.n_cycles
-    held = max(1, round(cycles * n)) if cycles < 1.0 else round(cycles)
-    if held >= n:
+    fitted, held_out = [], []
+    for stretch in trace.stretches:
+        n = stretch.n_cycles
+        held = max(1, round(cycles * n)) if cycles < 1.0 else round(cycles)
+        if held < n:
+            edge, starts = round(float(stretch.cycle_starts[n - held])), stretch.cycle_starts
+            fitted.append(replace(stretch, stop=edge, cycle_starts=starts[: n - held + 1]))
+            held_out.append(replace(stretch, first=edge, cycle_starts=starts[n - held :]))
+        else:
+            fitted.append(stretch)
+    if not held_out:
+        n = max(stretch.n_cycles for stretch in trace.stretches)
+        held = max(1, round(cycles))
         raise LogError(
             f"{trace.name}: {n} steady cycle{'s' if n > 1 else ''}, of which {held} are to be held "
             "out: none is left to fit; hold out fewer, or give a longer log"
         )
-    edge = round(float(trace.cycle_starts[n - held]))
-    return (
-        replace(trace, stop=edge, cycle_starts=trace.cycle_starts[: n - held + 1]),
-        replace(trace, first=edge, cycle_starts=trace.cycle_starts[n - held :]),
-    )
+    return replace(trace, stretches=tuple(fitted)), replace(trace, stretches=tuple(held_out))
 
 
 def predict(
@@ -223,9 +230,12 @@ def predict(
 
 
 def _prediction(fit: Fit, trace: Trace, seen: Comparison, fitted_noise: float) -> Prediction:
-    measured, simulated = trace.force[trace.window], seen.force[trace.window]
-    scatter = scatter_between_cycles(measured - simulated, trace)
-    noise = 100.0 * scatter / float(np.var(measured))
+    measured, simulated = trace.force[trace.compared], seen.force[trace.compared]
+    scatter = sum(
+        stretch.n_samples * scatter_between_cycles((measured - simulated)[place], stretch)
+        for stretch, place in zip(trace.stretches, trace.places, strict=True)
+    )
+    noise = 100.0 * scatter / trace.n_samples / float(np.var(measured))
     return Prediction(
         setting=fit.setting,
         trace=trace,

@@ -21,9 +21,11 @@ from damperfit.uncertainty.correlated_noise import autocorrelation
 from damperfit.uncertainty.flaws import Hint, seek_flaws
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
-    from damperfit.recording import Trace
+    from damperfit.recording import Stretch
     from damperfit.uncertainty.information import Evidence
 
     FloatArray = NDArray[np.float64]
@@ -98,7 +100,7 @@ def diagnose(evidence: Evidence, *, doubted: tuple[str, ...] = ()) -> Diagnosis:
     """
     fit = evidence.fit
     repeats, noise, ratio, bar = _split(evidence)
-    variance = np.var(np.concatenate([log.trace.force[log.trace.window] for log in fit.logs]))
+    variance = np.var(np.concatenate([log.trace.force[log.trace.compared] for log in fit.logs]))
     is_structured = bool(ratio > bar and repeats > _NEGLIGIBLE * variance)
     hints = seek_flaws(evidence, repeats, doubted=doubted) if is_structured else ()
     noise_percent = float(min(100.0 * noise / variance, fit.mse_percent))
@@ -149,21 +151,20 @@ def _split(evidence: Evidence) -> tuple[float, float, float, float]:
     from scipy.special import fdtri
 
     repeats, noise, expected, n_samples, phases, others = 0.0, 0.0, 0.0, 0, 0.0, 0.0
-    for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True):
-        trace = log.trace
-        n = len(seen.residuals)
+    for stretch, _, residuals in _parts(evidence):
+        n, n_cycles = len(residuals), stretch.n_cycles
         n_samples += n
-        if trace.n_cycles < 2:
+        if n_cycles < 2:
             return math.nan, math.nan, math.nan, math.nan
-        folded = _fold(seen.residuals, trace)
-        scatter = scatter_between_cycles(seen.residuals, trace)
+        folded = _fold(residuals, stretch)
+        scatter = scatter_between_cycles(residuals, stretch)
         mean_power = float(np.mean(folded.mean(axis=0) ** 2))
-        repeats += n * (mean_power - scatter / trace.n_cycles)
-        expected += n * scatter / trace.n_cycles
+        repeats += n * (mean_power - scatter / n_cycles)
+        expected += n * scatter / n_cycles
         noise += n * scatter
         independent = _independent_phases(folded)
         phases += independent
-        others += independent * (trace.n_cycles - 1)
+        others += independent * (n_cycles - 1)
     bar = float(fdtri(phases, others, 1.0 - _CHANCE))
     ratio = 1.0 + repeats / max(expected, 1e-300)
     return repeats / n_samples, noise / n_samples, ratio, bar
@@ -190,24 +191,31 @@ def _independent_phases(folded: FloatArray) -> float:
     return float(max(n_phases / (2.0 * float(rho @ rho) - 1.0) / uneven, 1.0))
 
 
-def scatter_between_cycles(residuals: FloatArray, trace: Trace) -> float:
+def _parts(evidence: Evidence) -> Iterator[tuple[Stretch, float, FloatArray]]:
+    """Yield every stretch of every log with its sample interval, s, and its residuals."""
+    for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True):
+        for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
+            yield stretch, log.trace.interval, seen.residuals[place]
+
+
+def scatter_between_cycles(residuals: FloatArray, stretch: Stretch) -> float:
     """Return the mean square of what differs from cycle to cycle, N^2: noise of both channels.
 
     Parameters
     ----------
     residuals : numpy.ndarray
-        Shape (n,), over the window of the trace.
-    trace : Trace
-        The log; NaN for one with a single cycle.
+        Shape (n,), over the stretch.
+    stretch : Stretch
+        Steady cycles; NaN for a single one.
     """
-    if trace.n_cycles < 2:
+    if stretch.n_cycles < 2:
         return math.nan
-    return float(np.mean(np.var(_fold(residuals, trace), axis=0, ddof=1)))
+    return float(np.mean(np.var(_fold(residuals, stretch), axis=0, ddof=1)))
 
 
-def _fold(residuals: FloatArray, trace: Trace) -> FloatArray:
+def _fold(residuals: FloatArray, stretch: Stretch) -> FloatArray:
     """Residuals over cycles and phases, shape (cycles, phases)."""
-    starts = trace.cycle_starts - trace.first
+    starts = stretch.cycle_starts - stretch.first
     n_phases = max(8, round(float(np.mean(np.diff(starts)))))
     positions = starts[:-1, None] + np.diff(starts)[:, None] * (np.arange(n_phases) / n_phases)
     nearest = np.clip(np.rint(positions).astype(np.int64), 0, len(residuals) - 1)
@@ -215,23 +223,23 @@ def _fold(residuals: FloatArray, trace: Trace) -> FloatArray:
 
 
 def _correlation(evidence: Evidence) -> float:
-    """Autocorrelation at a lag of one cycle, the largest of the logs."""
+    """Autocorrelation at a lag of one cycle, the largest of the stretches."""
     values = []
-    for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True):
-        period = round(1.0 / (log.trace.frequency * log.trace.interval))
-        if 2 * period < len(seen.residuals):
-            rho = autocorrelation(seen.residuals, period)[period]
-            values.append(float(rho) * len(seen.residuals) / (len(seen.residuals) - period))
+    for stretch, interval, residuals in _parts(evidence):
+        period = round(1.0 / (stretch.frequency * interval))
+        if 2 * period < len(residuals):
+            rho = autocorrelation(residuals, period)[period]
+            values.append(float(rho) * len(residuals) / (len(residuals) - period))
     return max(values, default=math.nan)
 
 
 def _runs_ratio(evidence: Evidence) -> float:
     """Sign changes of the residual over those of its scatter about the mean cycle."""
     found, expected = 0, 0
-    for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True):
-        if log.trace.n_cycles < 2:
+    for stretch, _, residuals in _parts(evidence):
+        if stretch.n_cycles < 2:
             return math.nan
-        folded = _fold(seen.residuals, log.trace)
+        folded = _fold(residuals, stretch)
         found += int(np.count_nonzero(np.diff(np.signbit(folded), axis=1)))
         about = np.signbit(folded - folded.mean(axis=0))
         expected += int(np.count_nonzero(np.diff(about, axis=1)))

@@ -58,7 +58,7 @@ def force_by_lsoda(values: dict[str, float], trace: Trace) -> FloatArray:
 
 def misfit(values: dict[str, float], trace: Trace) -> FloatArray:
     """Return the residual in the window, N."""
-    return (force_by_lsoda(values, trace) - trace.force)[trace.window]
+    return (force_by_lsoda(values, trace) - trace.force)[trace.compared]
 
 
 def fit_with_scipy(trace: Trace, start: dict[str, float]) -> dict[str, float]:

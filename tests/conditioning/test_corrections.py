@@ -81,7 +81,7 @@ def test_every_sign_convention_gives_the_same_trace(setting, mirror) -> None:
     trace = condition(mirrored(log, MIRRORS[mirror]), PURDY)
     assert trace.centre == pytest.approx(0.0417 + MIRRORS[mirror][0] * plain.centre, abs=1e-12)
     for name in ("displacement", "velocity", "force"):
-        a, b = getattr(plain, name)[plain.window], getattr(trace, name)[trace.window]
+        a, b = getattr(plain, name)[plain.compared], getattr(trace, name)[trace.compared]
         assert np.abs(a - b).max() < 1e-9 * np.abs(a).max()
     told = [one.name for one in trace.findings if one.is_correction]
     x, f = MIRRORS[mirror]
@@ -105,7 +105,7 @@ def test_other_gas_oil_seals_strokes_and_dampers(damper, parameters, amplitude, 
     options = ConditionOptions(gas=gas_of(damper))
     plain = condition(log, options)
     trace = condition(mirrored(log, MIRRORS[mirror]), options)
-    assert trace.force[trace.window] == pytest.approx(plain.force[plain.window], abs=1e-6)
+    assert trace.force[trace.compared] == pytest.approx(plain.force[plain.compared], abs=1e-6)
 
 
 def test_the_level_is_the_gas_force_at_every_setting() -> None:
@@ -327,14 +327,14 @@ def test_the_level_is_known_where_samples_fall_right_on_the_reversals() -> None:
     velocity = np.tile(np.concatenate([np.arange(10, -11, -1), np.arange(-9, 10)]) / 10.0, 6)
     displacement = np.cumsum(velocity) / 500.0
     n = len(velocity)
+    known = trace(1)
+    stretch = replace(known.fastest, first=0, stop=n, cycle_starts=np.array([0.0, n - 1.0]))
     seen = replace(
-        trace(1),
+        known,
         displacement=displacement - displacement.mean(),
         velocity=velocity,
         force=-130.0 + 50.0 * np.sign(velocity) + 200.0 * velocity,
-        first=0,
-        stop=n,
-        cycle_starts=np.array([0.0, n - 1.0]),
+        stretches=(stretch,),
     )
     level = force_level(seen, gas_of(PURDY_DAMPER))
     assert level.reversals == pytest.approx(-130.0, abs=20.0)

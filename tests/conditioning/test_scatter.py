@@ -32,7 +32,7 @@ def test_it_is_what_noise_costs_a_perfect_model(kind, cycles, rate):
     impulse = np.zeros(2001)
     impulse[1000] = 1.0
     left = np.sum(apply_filter(trace.model_filter, impulse) ** 2)
-    expected = 100.0 * 4.0**2 * left / np.var(trace.force[trace.window])
+    expected = 100.0 * 4.0**2 * left / np.var(trace.force[trace.compared])
     # 150 logs: the mean is known to 0.3 %, to 2 % where only two cycles are left.
     assert np.mean(found) == pytest.approx(expected, rel=0.06 if trace.n_cycles < 5 else 0.02)
 
@@ -45,7 +45,7 @@ def test_a_force_that_drifts_is_scatter():
     log = smooth_log(15.0, 1000.0)
     trace = condition(replace(log, force=log.force + 20.0 * (log.time - log.time.mean())))
     middles = 20.0 / 1.5 * np.arange(trace.n_cycles)
-    expected = 100.0 * np.var(middles, ddof=1) / np.var(trace.force[trace.window])
+    expected = 100.0 * np.var(middles, ddof=1) / np.var(trace.force[trace.compared])
     assert noise_floor(trace) == pytest.approx(expected, rel=0.01)
 
 

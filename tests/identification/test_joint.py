@@ -69,7 +69,7 @@ def test_it_is_the_minimum_of_one_big_least_squares() -> None:
     fits = identify(logs, PURDY_DAMPER, options).fits
     separate = identify(logs, PURDY_DAMPER).fits
     rms = [
-        np.sqrt(fit.mse_percent / 100.0) * np.std(log.force[log.window])
+        np.sqrt(fit.mse_percent / 100.0) * np.std(log.force[log.compared])
         for fit, log in zip(separate, logs, strict=True)
     ]
 
@@ -80,7 +80,7 @@ def test_it_is_the_minimum_of_one_big_least_squares() -> None:
             named = dict(zip((*OWN, *SHARED), values, strict=True))
             y = replace(fits[k].parameters, **named)
             force = compare(y, log, PURDY_DAMPER, solver=options.solver).force
-            parts.append((force - log.force)[log.window] / rms[k])
+            parts.append((force - log.force)[log.compared] / rms[k])
         return np.concatenate(parts)
 
     start = [np.log(getattr(reference_parameters(s), name)) for s in (2, 9, 17) for name in OWN] + [

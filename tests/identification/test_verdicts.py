@@ -44,7 +44,7 @@ def test_the_mse_of_a_fit_is_that_of_its_comparison() -> None:
     log = trace(7, noise=4.0)
     fit = identify([log], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN)).fits[0]
     force = compare(fit.parameters, log, PURDY_DAMPER, solver=SolverOptions(tolerance=1e-2)).force
-    expected = normalised_mse(log.force[log.window], force[log.window])
+    expected = normalised_mse(log.force[log.compared], force[log.compared])
     assert fit.mse_percent == pytest.approx(expected, rel=1e-9)
     assert fit.logs[0].mse_percent == pytest.approx(expected, rel=1e-9)
 

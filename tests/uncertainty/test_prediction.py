@@ -97,10 +97,11 @@ def test_the_last_cycles_are_held_out_and_nothing_is_lost(cycles: float, held: i
     assert trace.n_cycles == 6
     rest, last = split_cycles(trace, cycles)
     assert (rest.n_cycles, last.n_cycles) == (6 - held, held)
-    assert (rest.first, rest.stop, last.stop) == (trace.first, last.first, trace.stop)
-    assert rest.cycle_starts[-1] == last.cycle_starts[0] == trace.cycle_starts[6 - held]
+    (whole,), (rest,), (last,) = trace.stretches, rest.stretches, last.stretches
+    assert (rest.first, rest.stop, last.stop) == (whole.first, last.first, whole.stop)
+    assert rest.cycle_starts[-1] == last.cycle_starts[0] == whole.cycle_starts[6 - held]
     assert np.concatenate([rest.cycle_starts, last.cycle_starts[1:]]) == pytest.approx(
-        trace.cycle_starts
+        whole.cycle_starts
     )
     assert rest.stop == pytest.approx(rest.cycle_starts[-1], abs=0.5)
 
@@ -115,7 +116,7 @@ def test_the_fit_does_not_see_what_is_held_out() -> None:
     trace = condition(recording(10, noise=4.0, duration=6.0))
     rest, last = split_cycles(trace, 3)
     spoilt = trace.force.copy()
-    spoilt[last.window] += 500.0
+    spoilt[last.compared] += 500.0
     for part in (rest, replace(rest, force=spoilt)):
         found = identify([part], PURDY_DAMPER).fits[0].parameters
         assert found.r_m1 == pytest.approx(reference_parameters(10).r_m1, rel=0.02)
