@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SEVERITIES",
+    "Drive",
     "FilterDesign",
     "Finding",
     "Recording",
@@ -142,6 +143,23 @@ class FilterDesign:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Drive:
+    """The displacement as the damper answers it: sensor noise taken off, the motion left whole.
+
+    Attributes
+    ----------
+    displacement, velocity : numpy.ndarray
+        Shape (n,); m, m/s.
+    corner : float
+        Frequency above which noise was taken off, Hz; infinite where nothing was.
+    """
+
+    displacement: FloatArray
+    velocity: FloatArray
+    corner: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Stretch:
     """A part of a trace in which model and measurement are compared.
 
@@ -220,6 +238,8 @@ class Trace:
     displacement, velocity, force : numpy.ndarray
         Shape (n,); m, m/s, N. Filtered alike; displacement is the model's x (centre removed);
         force is as compared with the model.
+    drive : Drive
+        Displacement (centre removed) and velocity that drive the model.
     stretches : tuple of Stretch
         What is evaluated, in order of time, without overlap; one at least.
     centre : float
@@ -243,6 +263,7 @@ class Trace:
     displacement: FloatArray
     velocity: FloatArray
     force: FloatArray
+    drive: Drive
     stretches: tuple[Stretch, ...]
     centre: float
     n_cycles_found: int

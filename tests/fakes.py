@@ -6,7 +6,7 @@ import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.identification import Campaign, Cavitation, Fit, LogFit, Outcome, Status
-from damperfit.recording import FilterDesign, Stretch, Trace
+from damperfit.recording import Drive, FilterDesign, Stretch, Trace
 
 __all__ = ["campaign", "fit", "trace"]
 
@@ -27,6 +27,7 @@ def trace(setting: int, name: str | None = None) -> Trace:
         displacement=x,
         velocity=v,
         force=2500.0 * v - 130.0,
+        drive=Drive(x, v, np.inf),
         stretches=(
             Stretch(
                 kind="steady",

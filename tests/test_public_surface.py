@@ -251,6 +251,7 @@ SURFACE = {
         "read_logs",
     ],
     "damperfit.recording": [
+        "Drive",
         "FilterDesign",
         "Finding",
         "Recording",

@@ -39,6 +39,7 @@ from damperfit.conditioning.corrections import (
 )
 from damperfit.conditioning.cycles import Cycles, find_cycles
 from damperfit.conditioning.derivatives import differentiate
+from damperfit.conditioning.drive import make_drive
 from damperfit.conditioning.filters import (
     apply_filter,
     complete_causal,
@@ -61,7 +62,7 @@ from damperfit.conditioning.skew import take_back
 from damperfit.conditioning.timebase import UniformLog, make_uniform
 from damperfit.conditioning.velocity import check_velocity
 from damperfit.errors import ConditioningError
-from damperfit.recording import FilterDesign, Recording, Stretch, Trace
+from damperfit.recording import Drive, FilterDesign, Recording, Stretch, Trace
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -154,9 +155,10 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     assert cycles is not None
     refuse_fast(recording, log, cycles, options)
 
+    stretches = (_steady(starts, velocity, log.interval, cycles.amplitude),)
+    drive = make_drive(log, displacement, velocity, stretches, options)
     lead = edge + math.ceil(cycles.period) + 1
     keep = slice(max(0, int(starts[0]) - lead), math.ceil(starts[-1]) + edge + 2)
-    starts = starts - keep.start
     sign = -1.0 if recording.reverse_displacement else 1.0  # the log's own count
     centre = cycles.centre if options.centre is None else sign * options.centre
     trace = Trace(
@@ -167,11 +169,12 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         displacement=displacement[keep] - centre,
         velocity=velocity[keep].copy(),
         force=force[keep].copy(),
-        stretches=(_steady(starts, velocity[keep], log.interval, cycles.amplitude),),
+        drive=Drive(drive.displacement[keep] - centre, drive.velocity[keep].copy(), drive.corner),
+        stretches=tuple(_moved(stretch, -keep.start) for stretch in stretches),
         centre=sign * centre,
         n_cycles_found=cycles.n_found,
         model_filter=model_filter,
-        temperature=_mean_temperature(recording, log, starts + keep.start),
+        temperature=_mean_temperature(recording, log, starts),
         notes=_notes(options),
     )
     return _Traced(trace, log, logged, cycles)
@@ -188,6 +191,16 @@ def _steady(starts: FloatArray, velocity: FloatArray, interval: float, amplitude
         frequency=(len(starts) - 1) / float(starts[-1] - starts[0]) / interval,
         amplitude=amplitude,
         peak_speed=float(np.abs(velocity[first:stop]).max()),
+    )
+
+
+def _moved(stretch: Stretch, by: int) -> Stretch:
+    """Return a stretch counted from another sample."""
+    return replace(
+        stretch,
+        first=stretch.first + by,
+        stop=stretch.stop + by,
+        cycle_starts=stretch.cycle_starts + by,
     )
 
 

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning.channels import noise_of
+from damperfit.conditioning.drive import content_beyond
 from damperfit.conditioning.filters import gain_at
 from damperfit.conditioning.scatter import noise_floor
 from damperfit.quantities import parse_quantity
@@ -44,6 +45,7 @@ _SCATTER = 1.0  # %
 _FORCE_DRIFT = 1.0  # % of the peak force
 _STROKE_DRIFT = 5.0  # % of the amplitude
 _VELOCITY_NOISE = 0.35  # % of the peak velocity
+_BEYOND_HALF = 2.0  # % of the speed; noise of 8 um at 500 Hz makes 0.2, a triangle 15
 _TELLING = 20.0  # samples in a cycle, from which on noise can be told from motion
 _SURE = 4.0  # standard errors
 _ENOUGH = 4  # cycles, to tell a trend from scatter
@@ -67,6 +69,7 @@ def examine_motion(
     yield _sample_rate(trace, options)
     yield from _filter_loss(trace)
     yield from _displacement_noise(log, trace, options)
+    yield from _drive(trace, options)
     yield _cycles(trace)
     yield from _unsteady(log, trace, cycles)
     yield _trimmed(log, trace)
@@ -132,6 +135,32 @@ def _displacement_noise(
         return
     text += "; K_e comes out too low by more than 1 % at soft settings; use a quieter sensor"
     yield Finding("displacement_noise", "warning", text, 1e6 * noise, "um")
+
+
+def _drive(trace: Trace, options: ConditionOptions) -> Iterator[Finding]:
+    """Say what drives the model where it is not what is compared, or not what the damper saw."""
+    if options.rig_filter == "none":
+        if trace.drive.displacement is not trace.displacement and trace.drive.corner > (
+            options.filter_corner
+        ):
+            text = (
+                f"the motion has content beyond {options.filter_corner:g} Hz: the model is driven "
+                f"by the displacement with noise above {trace.drive.corner:.3g} Hz taken off"
+            )
+            yield Finding("drive", "note", text, trace.drive.corner, "Hz")
+        return
+    half = 0.5 * options.rig_filter_corner
+    share = 100.0 * max(
+        content_beyond(trace.displacement[stretch.window], trace.interval, half)
+        for stretch in trace.stretches
+    )
+    if share > _BEYOND_HALF:
+        text = (
+            f"{share:.2g} % of the speed is beyond {half:g} Hz, half the corner of the rig's "
+            "filter: the corners of the motion are lost, and the model is driven without them; "
+            "log without that filter"
+        )
+        yield Finding("drive", "warning", text, share, "%")
 
 
 def _cycles(trace: Trace) -> Finding:

@@ -44,7 +44,7 @@ class Comparison:
 
 def motion_of(trace: Trace) -> Motion:
     """Return the motion that drives the model for a trace."""
-    return Motion(trace.interval, trace.displacement, trace.velocity, trace.start_time)
+    return Motion(trace.interval, trace.drive.displacement, trace.drive.velocity, trace.start_time)
 
 
 def compare(

@@ -1,0 +1,97 @@
+"""The displacement that drives the model: as filtered on a sine, with its corners on a triangle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.conditioning import ConditionOptions, condition
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.reference import reference_parameters
+from damperfit.identification import compare, normalised_mse
+from damperfit.recording import Drive
+from damperfit.simulation import SolverOptions
+from tests.conditioning.logs import recording, sine_log, static_force
+from tests.oracles.motions import logged
+
+
+def at_the_truth(trace, setting=10):
+    seen = compare(
+        reference_parameters(setting), trace, PURDY_DAMPER, solver=SolverOptions(tolerance=1e-3)
+    )
+    return normalised_mse(trace.force[trace.compared], seen.force[trace.compared])
+
+
+@pytest.mark.parametrize("noise", [0.0, 3e-6, 10e-6, 60e-6])
+@pytest.mark.parametrize("rate", [300.0, 1000.0, 5000.0])
+def test_a_sine_drives_as_it_is_compared(noise, rate):
+    log = sine_log(rate=rate, cycles=8.0)
+    random = np.random.default_rng(1)
+    noisy = log.displacement + noise * random.standard_normal(len(log.time))
+    trace = condition(replace(log, displacement=noisy))
+    assert trace.drive.corner == 30.0
+    np.testing.assert_array_equal(trace.drive.displacement, trace.displacement)
+    np.testing.assert_array_equal(trace.drive.velocity, trace.velocity)
+
+
+def with_harmonic(share, *, order=40, rate=1000.0):
+    """A sine with a wave of 60 Hz whose velocity is this share of the sine's."""
+    time = np.arange(8000) / rate
+    turn = 2.0 * np.pi * 1.5 * time
+    x = 0.032 * (np.sin(turn) + share / order * np.sin(order * turn))
+    v = 0.032 * 2.0 * np.pi * 1.5 * (np.cos(turn) + share * np.cos(order * turn))
+    random = np.random.default_rng(1)
+    return recording(time, x + 1e-6 * random.standard_normal(len(time)), static_force(v))
+
+
+@pytest.mark.parametrize(("share", "is_raised"), [(0.0025, False), (0.0035, True), (0.05, True)])
+def test_motion_beyond_the_compared_filter_is_kept_from_3_in_1000_on(share, is_raised):
+    trace = condition(with_harmonic(share))
+    assert (trace.drive.corner > 60.0) is is_raised
+    lost = trace.drive.velocity - trace.velocity
+    assert bool(np.std(lost) > 0.8 * share * 0.3 / np.sqrt(2.0)) is is_raised
+
+
+def test_hum_of_the_sensor_is_no_motion():
+    log = sine_log(rate=1000.0, cycles=15.0)
+    hum = 2e-5 * np.sin(2.0 * np.pi * 50.0 * log.time)  # 6 mm/s, 2 % of the peak velocity
+    assert condition(replace(log, displacement=log.displacement + hum)).drive.corner == 30.0
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ConditionOptions(filter="none"),
+        ConditionOptions(rig_filter="zero_phase"),
+        ConditionOptions(rig_filter="causal"),
+    ],
+)
+def test_what_is_not_ours_to_filter_drives_as_it_is(options):
+    trace = condition(with_harmonic(0.05), options)
+    np.testing.assert_array_equal(trace.drive.displacement, trace.displacement)
+
+
+def test_a_triangle_keeps_its_corners():
+    trace = condition(logged("triangle"))
+    compared = Drive(trace.displacement, trace.velocity, 30.0)
+    # 0.0003 % of that is the force's noise.
+    assert at_the_truth(trace) < 0.0007
+    assert at_the_truth(replace(trace, drive=compared)) > 0.1
+    without_noise = condition(logged("triangle", force_noise=0.0, displacement_noise=0.0))
+    assert at_the_truth(without_noise) < 0.0004
+
+
+@pytest.mark.parametrize(("share", "is_told"), [(0.015, False), (0.025, True)])
+def test_motion_beyond_half_the_rigs_corner_is_told(share, is_told):
+    log = with_harmonic(share, order=15)  # 22.5 Hz, which the filter passes
+    trace = condition(log, ConditionOptions(rig_filter="zero_phase", rig_filter_corner=40.0))
+    told = [one for one in trace.findings if one.name == "drive"]
+    assert [one.severity for one in told] == ["warning"] * is_told
+
+
+def test_a_corner_that_rises_is_told():
+    told = [one for one in condition(with_harmonic(0.05)).findings if one.name == "drive"]
+    assert [one.severity for one in told] == ["note"]
+    assert not [one for one in condition(sine_log()).findings if one.name == "drive"]
