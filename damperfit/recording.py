@@ -8,6 +8,7 @@ rebound (rod out, tension). Readers make recordings, conditioning turns them int
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,7 @@ __all__ = [
     "Finding",
     "Recording",
     "Stretch",
+    "StretchFigures",
     "Trace",
     "natural_order",
 ]
@@ -159,6 +161,44 @@ class Drive:
     corner: float
 
 
+@dataclass(frozen=True, slots=True)
+class StretchFigures:
+    """What is read off a stretch: of steady cycles the mean, else the extremes of the motion.
+
+    Attributes
+    ----------
+    peak_force_rebound, peak_force_bump : float
+        Largest and smallest measured force, N (bump is negative).
+    peak_speed_rebound, peak_speed_bump : float
+        Largest speed of each stroke, m/s, positive.
+    energy : float
+        Work taken up in a cycle, of a moving stretch in all of it, J.
+    hysteresis_speed : float
+        Speed at which the hysteresis is taken, m/s: half of the lower peak speed.
+    hysteresis_rebound, hysteresis_bump : float
+        Opening minus closing force there, N; NaN where nothing repeats.
+    """
+
+    peak_force_rebound: float
+    peak_force_bump: float
+    peak_speed_rebound: float
+    peak_speed_bump: float
+    energy: float
+    hysteresis_speed: float
+    hysteresis_rebound: float
+    hysteresis_bump: float
+
+    def describe(self) -> dict[str, float | None]:
+        """Return the figures for run.json."""
+        units = {"peak_force": "N", "peak_speed": "m_per_s", "energy": "J", "hysteresis": "N"}
+        named = {"hysteresis_speed": "hysteresis_speed_m_per_s"}
+        told = {}
+        for name, value in asdict(self).items():
+            unit = next(unit for start, unit in units.items() if name.startswith(start))
+            told[named.get(name, f"{name}_{unit}")] = value if math.isfinite(value) else None
+        return told
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretch:
     """A part of a trace in which model and measurement are compared.
@@ -178,6 +218,15 @@ class Stretch:
         Half the stroke, m; of a moving stretch half of the whole range.
     peak_speed : float
         Largest speed, m/s.
+    smeared : tuple of int
+        Samples at its beginning and at its end in which the filter still holds the other motion
+        beside it. The model's force holds it alike, but cycles differ there.
+    noise : float
+        Standard deviation of the compared force's noise, N; NaN where it is not known.
+    noise_source : str
+        What tells it: "scatter between cycles", or "above the filter" where too few repeat.
+    figures : StretchFigures or None
+        Peak forces and speeds, energy and hysteresis as measured.
     """
 
     kind: str
@@ -187,6 +236,10 @@ class Stretch:
     frequency: float
     amplitude: float
     peak_speed: float
+    smeared: tuple[int, int] = (0, 0)
+    noise: float = math.nan
+    noise_source: str = ""
+    figures: StretchFigures | None = None
 
     @property
     def n_cycles(self) -> int:
@@ -215,6 +268,9 @@ class Stretch:
             "frequency_Hz": self.frequency,
             "amplitude_m": self.amplitude,
             "peak_speed_m_per_s": self.peak_speed,
+            "noise_N": self.noise if math.isfinite(self.noise) else None,
+            "noise_source": self.noise_source or None,
+            **(self.figures.describe() if self.figures else {}),
         }
 
 

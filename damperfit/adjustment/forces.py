@@ -53,6 +53,7 @@ __all__ = [
     "Sine",
     "Stage",
     "clicks",
+    "fastest_sine",
     "levels",
     "named_speeds",
     "sine_of",
@@ -61,6 +62,8 @@ __all__ = [
 
 STROKES = ("rebound", "bump")
 _SAMPLES_PER_CYCLE = 1000  # forces at a speed move by less than 0.01 N from there to 4000
+_AS_FAST = 0.05  # rigs repeat a speed to 1 %
+_SINE = 0.1  # peak speed of a sine by its frequency against the one found; a triangle's is 36 % off
 _CYCLES = 2  # the steady cycle is reached within one
 
 
@@ -184,10 +187,33 @@ class Click:
 
 
 def sine_of(traces: Sequence[Trace]) -> Sine:
-    """Return the sine that stands for the tests: their median amplitude and frequency."""
-    return Sine(
-        median(trace.amplitude for trace in traces), median(trace.frequency for trace in traces)
+    """Return the sine that stands for the tests: that of the fastest speed that was run."""
+    return fastest_sine(
+        [
+            (stretch.amplitude, stretch.frequency, stretch.peak_speed)
+            for trace in traces
+            for stretch in trace.stretches
+        ]
     )
+
+
+def fastest_sine(tested: Sequence[tuple[float, float, float]]) -> Sine:
+    """Return the sine of the fastest motion, the middle one of those as fast.
+
+    A motion that is no sine (a triangle, a road) stands for the sine of its stroke and speed.
+
+    Parameters
+    ----------
+    tested : sequence of (float, float, float)
+        Amplitude, frequency and peak speed of each motion: m, Hz, m/s.
+    """
+    fastest = max(speed for *_, speed in tested)
+    near = [one for one in tested if one[2] >= (1.0 - _AS_FAST) * fastest]
+    amplitude = median(one[0] for one in near)
+    frequency = median(one[1] for one in near)
+    by_speed = fastest / (2.0 * math.pi * amplitude)
+    is_sine = abs(frequency / by_speed - 1.0) <= _SINE
+    return Sine(amplitude, frequency if is_sine else by_speed)
 
 
 def stage_of(fit: Fit, known: Uncertainty | None) -> Stage:

@@ -86,6 +86,7 @@ def _show(batch: LogBatch, *, has_notes: bool) -> None:
         VERDICT_COLOURS,
         finding_lines,
         inspection_sheet,
+        stretch_sheet,
         terminal_table,
     )
 
@@ -93,5 +94,8 @@ def _show(batch: LogBatch, *, has_notes: bool) -> None:
     if not facts:
         return
     print_renderable(terminal_table(inspection_sheet(facts), colours=VERDICT_COLOURS))
+    if (stretches := stretch_sheet(facts)).rows:
+        print_lines([""])
+        print_renderable(terminal_table(stretches))
     lines = (one_line(line) for line in finding_lines(facts, has_notes=has_notes))
     print_lines(["", *lines])

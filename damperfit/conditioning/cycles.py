@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
-__all__ = ["Cycles", "find_cycles"]
+__all__ = ["Cycles", "crossings", "find_cycles"]
 
 _HYSTERESIS = 0.25  # of the amplitude
 _MIN_SHARE = 0.1  # of all cycles; noise has many, but hardly two alike in a row
@@ -83,8 +83,8 @@ def find_cycles(
         if abs(run.middle) < 1e-6 * amplitude:
             break
     assert run is not None
-    falling = _crossings(level - displacement, -velocity, _HYSTERESIS * amplitude)
-    rising = _crossings(displacement - level, velocity, _HYSTERESIS * amplitude)
+    falling = crossings(level - displacement, -velocity, _HYSTERESIS * amplitude)
+    rising = crossings(displacement - level, velocity, _HYSTERESIS * amplitude)
     first, last = run.boundaries[0] - 0.75 * run.period, run.boundaries[-1] + 0.75 * run.period
     return Cycles(
         rising=run.boundaries,
@@ -111,7 +111,7 @@ class _Run:
 def _steady_run(
     offset: FloatArray, velocity: FloatArray, hysteresis: float, steadiness: float
 ) -> _Run | None:
-    boundaries = _crossings(offset, velocity, hysteresis)
+    boundaries = crossings(offset, velocity, hysteresis)
     if len(boundaries) < 2:
         return None
     periods = np.diff(boundaries)
@@ -150,8 +150,16 @@ def _longest(is_steady: NDArray[np.bool_]) -> tuple[int, int]:
     return int(starts[best]), int(stops[best])
 
 
-def _crossings(offset: FloatArray, velocity: FloatArray, hysteresis: float) -> FloatArray:
-    """Return fractional positions where the offset rises through zero, from -h to +h."""
+def crossings(offset: FloatArray, velocity: FloatArray, hysteresis: float) -> FloatArray:
+    """Return fractional positions where the offset rises through zero, from -h to +h.
+
+    Parameters
+    ----------
+    offset, velocity : numpy.ndarray
+        Shape (n,); m and metres per sample interval.
+    hysteresis : float
+        h, m.
+    """
     outside = np.flatnonzero(np.abs(offset) > hysteresis)
     is_above = offset[outside] > 0.0
     reached = outside[1:][is_above[1:] & ~is_above[:-1]]

@@ -15,6 +15,9 @@ sample rate. A filter of gain H then errs in the velocity by::
 
 and the corner with the least E is taken. It is never below that of the compared filter, and stays
 there where that filter takes less than 0.3 % off the velocity: on a sine both are the same.
+
+Each stretch has its own corner. Beside a break of the motion, where one speed goes over to another,
+the drive is wider: a jump of the velocity must not be smeared into what is compared.
 """
 
 from __future__ import annotations
@@ -24,8 +27,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from damperfit.conditioning.channels import noise_of
 from damperfit.conditioning.derivatives import differentiate
-from damperfit.conditioning.filters import apply_filter, design_filter
+from damperfit.conditioning.filters import apply_filter, design_filter, fading_samples
 from damperfit.recording import Drive
 
 if TYPE_CHECKING:
@@ -34,6 +38,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.conditioning.options import ConditionOptions
+    from damperfit.conditioning.stretches import Found
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Stretch
 
@@ -49,6 +54,7 @@ _STEP = 0.5  # octaves between the corners tried
 # the true parameters a triangle of 0.2 m/s at 1 kHz misses 0.0002 % behind 350 Hz, 0.0012 % raw.
 _HIGHEST = 0.35
 _TOP = (0.3, 0.45)  # of the sample rate, where a motion has nothing
+_NOISE_BETWEEN = 0.005
 _HALF = math.log(2.0)  # median over mean of the power of noise
 _CLEAR = 8.0  # a line of pure noise is so much above its mean once in 3000
 
@@ -65,7 +71,7 @@ def make_drive(
     log: UniformLog,
     filtered: FloatArray,
     velocity: FloatArray,
-    stretches: Sequence[Stretch],
+    found: Sequence[Found],
     options: ConditionOptions,
 ) -> Drive:
     """Return the displacement and velocity that drive the model.
@@ -78,25 +84,66 @@ def make_drive(
         Its displacement behind the compared filter, shape (n,), m.
     velocity : numpy.ndarray
         Of that, m/s.
-    stretches : sequence of Stretch
+    found : sequence of Found
         What is compared, in samples of the log.
     options : ConditionOptions
         Filter and rig facts. What the rig has filtered cannot be had back: it drives as it is.
     """
-    corner = None
-    if options.rig_filter == "none" and options.filter != "none":
-        rest = log.displacement - filtered
-        corner = max(
-            _corner(rest, velocity, stretch, options, interval=log.interval)
-            for stretch in stretches
-        )
-    if corner is None or corner <= options.filter_corner:
-        return Drive(filtered, velocity, corner or math.inf)
+    if options.rig_filter != "none" or options.filter == "none":
+        return Drive(filtered, velocity, math.inf)
+    rest = log.displacement - filtered
+    corners = [
+        _corner(rest, velocity, one.stretch, options, interval=log.interval) for one in found
+    ]
+    lowest = options.filter_corner
+    is_whole = all(math.isinf(one.begin) and math.isinf(one.end) for one in found)
+    if is_whole and max(corners) <= lowest:
+        return Drive(filtered, velocity, lowest)
+    wide = max(corners) if is_whole else _between(log, velocity, options)
+    x, v = _passed(log, max(wide, lowest), options)
+    passed = {lowest: (filtered, velocity)}
+    for one, corner in zip(found, corners, strict=True):
+        if corner not in passed:
+            passed[corner] = _passed(log, corner, options)
+        inside = _inside(one, len(x), options, interval=log.interval)
+        x[inside], v[inside] = (channel[inside] for channel in passed[corner])
+    return Drive(x, v, max(corners))
+
+
+def _inside(one: Found, n: int, options: ConditionOptions, *, interval: float) -> slice:
+    """Return where a stretch is far enough from what went before and comes behind."""
+    design = design_filter(
+        "zero_phase", options.filter_corner, sample_rate=1.0 / interval, order=options.filter_order
+    )
+    reach = fading_samples(design)
+    first = max(0, math.ceil(one.begin) + reach) if math.isfinite(one.begin) else 0
+    stop = math.floor(one.end) - reach if math.isfinite(one.end) else n
+    return slice(first, max(first, stop))
+
+
+def _between(log: UniformLog, velocity: FloatArray, options: ConditionOptions) -> float:
+    """Return the corner where one motion goes over to another, Hz.
+
+    A change of speed must reach the model as it was, and what noise does there is soon forgotten:
+    the highest corner at which the noise of the velocity is half a per cent of the fastest speed.
+    """
+    noise = noise_of(log.displacement)
+    rate = 1.0 / log.interval
+    allowed = _NOISE_BETWEEN * float(np.abs(velocity).max())
+    density = 2.0 * noise**2 / rate
+    corner = (3.0 * allowed**2 / max(density * 4.0 * math.pi**2, 1e-300)) ** (1.0 / 3.0)
+    return float(max(min(corner, _HIGHEST * rate), options.filter_corner))
+
+
+def _passed(
+    log: UniformLog, corner: float, options: ConditionOptions
+) -> tuple[FloatArray, FloatArray]:
+    """Return displacement and velocity behind a filter of this corner."""
     design = design_filter(
         "zero_phase", corner, sample_rate=1.0 / log.interval, order=options.filter_order
     )
     displacement = apply_filter(design, log.displacement)
-    return Drive(displacement, differentiate(displacement, log.interval), corner)
+    return displacement, differentiate(displacement, log.interval)
 
 
 def _corner(

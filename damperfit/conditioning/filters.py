@@ -45,6 +45,7 @@ __all__ = [
     "complete_causal",
     "completed",
     "design_filter",
+    "fading_samples",
     "gain_at",
     "settling_samples",
 ]
@@ -162,6 +163,11 @@ def gain_at(design: FilterDesign, frequency: float, *, sample_rate: float) -> fl
 def settling_samples(design: FilterDesign) -> int:
     """Return after how many samples an edge is forgotten to 1e-8, from the slowest pole."""
     return int(_constants(design.sections.tobytes())[1])
+
+
+def fading_samples(design: FilterDesign) -> int:
+    """Return after how many samples an edge is forgotten to 1e-3, from the slowest pole."""
+    return int(_constants(design.sections.tobytes())[2])
 
 
 def _sections(order: int, corner: float, sample_rate: float) -> FloatArray:

@@ -39,12 +39,14 @@ from damperfit.conditioning.corrections import (
 )
 from damperfit.conditioning.cycles import Cycles, find_cycles
 from damperfit.conditioning.derivatives import differentiate
-from damperfit.conditioning.drive import make_drive
+from damperfit.conditioning.drive import content_beyond, make_drive
+from damperfit.conditioning.figures import with_figures
 from damperfit.conditioning.filters import (
     apply_filter,
     complete_causal,
     completed,
     design_filter,
+    fading_samples,
     settling_samples,
 )
 from damperfit.conditioning.options import ConditionOptions
@@ -58,19 +60,32 @@ from damperfit.conditioning.refusals import (
     refuse_stroke,
     refuse_swapped,
 )
+from damperfit.conditioning.scatter import with_noise
 from damperfit.conditioning.skew import take_back
+from damperfit.conditioning.stretches import (
+    Edges,
+    Found,
+    find_moving,
+    find_runs,
+    steady_stretch,
+)
 from damperfit.conditioning.timebase import UniformLog, make_uniform
 from damperfit.conditioning.velocity import check_velocity
 from damperfit.errors import ConditioningError
 from damperfit.recording import Drive, FilterDesign, Recording, Stretch, Trace
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     FloatArray = NDArray[np.float64]
 
 __all__ = ["condition"]
 
+# Speed beyond half the corner, over all of it: noise behind the filter has 0.95, a random walk
+# 0.65, a road up to 15 Hz nothing.
+_NOISE = 0.5
 _SPLINE_EDGE = 14  # samples; 0.268^14 = 1e-8, how an end condition fades in a cubic spline
 
 
@@ -119,7 +134,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         traced = _trace(righted, options, skew)
     if skew != 0.0 or righted is not recording:
         level = level_of(traced.trace, options)
-    trace = traced.trace
+    trace = with_figures(traced.trace)
     refuse_stroke(trace, options)
     told = (
         describe_middle(trace, options),
@@ -137,7 +152,7 @@ class _Traced(NamedTuple):
     trace: Trace
     log: UniformLog
     logged: UniformLog
-    cycles: Cycles
+    cycles: Cycles | None
 
 
 def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Traced:
@@ -151,16 +166,30 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     velocity = differentiate(displacement, log.interval)
     cycles = find_cycles(displacement, velocity * log.interval, steadiness=options.steadiness)
     edge = max(settling_samples(model_filter), _SPLINE_EDGE)
-    starts = _window(recording, log, cycles, edge)
-    assert cycles is not None
-    refuse_fast(recording, log, cycles, options)
-
-    stretches = (_steady(starts, velocity, log.interval, cycles.amplitude),)
-    drive = make_drive(log, displacement, velocity, stretches, options)
-    lead = edge + math.ceil(cycles.period) + 1
-    keep = slice(max(0, int(starts[0]) - lead), math.ceil(starts[-1]) + edge + 2)
+    found, n_found = _several(displacement, velocity, log, model_filter, options)
+    # The model starts where the motion does, or a little before it.
+    edge_ahead = found[0].stretch.first - math.floor(_begin(found[0])) + edge if found else 0
+    starts = None
+    if len(found) <= 1 and not (found and found[0].stretch.kind == "moving"):
+        try:
+            starts = _window(recording, log, cycles, edge)
+        except ConditioningError:
+            # A short run in the middle of a log needs no run-in and no edges of the filter.
+            if not found or n_found < MIN_CYCLES:
+                raise
+    if starts is not None and cycles is not None:
+        refuse_fast(recording, log, cycles, options)
+        stretch = steady_stretch(starts, velocity, log.interval, cycles.amplitude)
+        found, n_found = (Found(stretch, -math.inf, math.inf),), cycles.n_found
+        edge_ahead = edge + math.ceil(cycles.period) + 1
+    else:
+        cycles = None
+    drive = make_drive(log, displacement, velocity, found, options)
+    stretches = [one.stretch for one in found]
+    keep = slice(max(0, stretches[0].first - edge_ahead), stretches[-1].stop + edge + 2)
     sign = -1.0 if recording.reverse_displacement else 1.0  # the log's own count
-    centre = cycles.centre if options.centre is None else sign * options.centre
+    middle = cycles.centre if cycles else _middle(displacement, stretches)
+    centre = middle if options.centre is None else sign * options.centre
     trace = Trace(
         name=recording.name,
         setting=recording.setting,
@@ -172,26 +201,53 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         drive=Drive(drive.displacement[keep] - centre, drive.velocity[keep].copy(), drive.corner),
         stretches=tuple(_moved(stretch, -keep.start) for stretch in stretches),
         centre=sign * centre,
-        n_cycles_found=cycles.n_found,
+        n_cycles_found=n_found,
         model_filter=model_filter,
-        temperature=_mean_temperature(recording, log, starts),
+        temperature=_mean_temperature(recording, log, stretches),
         notes=_notes(options),
     )
-    return _Traced(trace, log, logged, cycles)
+    is_ours = options.rig_filter == "none" and options.filter != "none"
+    rest = (log.force - force)[keep] if is_ours else np.empty(0)
+    return _Traced(with_noise(trace, rest), log, logged, cycles)
 
 
-def _steady(starts: FloatArray, velocity: FloatArray, interval: float, amplitude: float) -> Stretch:
-    """Return the stretch between the first and the last of these boundaries of cycles."""
-    first, stop = round(float(starts[0])), round(float(starts[-1]))
-    return Stretch(
-        kind="steady",
-        first=first,
-        stop=stop,
-        cycle_starts=starts,
-        frequency=(len(starts) - 1) / float(starts[-1] - starts[0]) / interval,
-        amplitude=amplitude,
-        peak_speed=float(np.abs(velocity[first:stop]).max()),
+def _several(
+    displacement: FloatArray,
+    velocity: FloatArray,
+    log: UniformLog,
+    model_filter: FilterDesign,
+    options: ConditionOptions,
+) -> tuple[tuple[Found, ...], int]:
+    """Return the stretches of a log that is not one steady run, and its cycles; none where it is.
+
+    Noise of a sensor at rest is no motion: nearly all of its speed is far up.
+    """
+    interval = log.interval
+    reach = fading_samples(model_filter)
+    edges = Edges(beside=math.ceil(0.25 * reach), ends=max(reach, _SPLINE_EDGE))
+    found, n_found = find_runs(
+        displacement, velocity, interval=interval, steadiness=options.steadiness, edges=edges
     )
+    if found:
+        return found, n_found
+    half = 0.5 * (
+        options.filter_corner if options.rig_filter == "none" else options.rig_filter_corner
+    )
+    if content_beyond(displacement, interval, min(half, 0.1 / interval)) > _NOISE:
+        return (), n_found
+    return find_moving(displacement, velocity, interval=interval, edges=edges), n_found
+
+
+def _begin(one: Found) -> float:
+    """Return where the motion of the first stretch begins, samples."""
+    return max(one.begin, 0.0)
+
+
+def _middle(displacement: FloatArray, stretches: Sequence[Stretch]) -> float:
+    """Return mid-stroke of the widest stretch."""
+    widest = max(stretches, key=lambda stretch: stretch.amplitude)
+    part = displacement[widest.window]
+    return 0.5 * float(part.max() + part.min())
 
 
 def _moved(stretch: Stretch, by: int) -> Stretch:
@@ -274,10 +330,15 @@ def _untouched(cycles: Cycles, n: int, edge: int) -> tuple[float, float]:
     return begin + cycles.period + edge, end - edge
 
 
-def _mean_temperature(recording: Recording, log: UniformLog, starts: FloatArray) -> float | None:
+def _mean_temperature(
+    recording: Recording, log: UniformLog, stretches: Sequence[Stretch]
+) -> float | None:
     if recording.temperature is None:
         return None
-    span = log.start_time + starts[[0, -1]] * log.interval
+    ends = np.array([stretches[0].first, stretches[-1].stop], dtype=np.float64)
+    if stretches[0].n_cycles and len(stretches) == 1:
+        ends = stretches[0].cycle_starts[[0, -1]]
+    span = log.start_time + ends * log.interval
     inside = (recording.time >= span[0]) & (recording.time <= span[1])
     return float(np.mean(recording.temperature[inside]))
 

@@ -60,7 +60,7 @@ _AMPLITUDE_KEYS = ("amplitude", "test amplitude", "amplitude_mm", "amplitude (mm
 def examine_motion(
     log: UniformLog,
     trace: Trace,
-    cycles: Cycles,
+    cycles: Cycles | None,
     options: ConditionOptions,
     *,
     metadata: Mapping[str, str],
@@ -70,20 +70,25 @@ def examine_motion(
     yield from _filter_loss(trace)
     yield from _displacement_noise(log, trace, options)
     yield from _drive(trace, options)
-    yield _cycles(trace)
-    yield from _unsteady(log, trace, cycles)
+    if cycles is None:
+        yield _stretches(trace)
+    else:
+        yield _cycles(trace)
+        yield from _unsteady(log, trace, cycles)
+        yield _frequency(metadata, trace, options)
+        yield _amplitude(metadata, trace, options)
     yield _trimmed(log, trace)
-    yield _frequency(metadata, trace, options)
-    yield _amplitude(metadata, trace, options)
     yield from _force_range(trace)
-    yield _harmonics(trace)
-    if trace.n_cycles >= 2 and math.isfinite(floor := noise_floor(trace)):
+    fastest = trace.fastest.n_cycles
+    if fastest:
+        yield _harmonics(trace)
+    if fastest >= 2 and math.isfinite(floor := noise_floor(trace)):
         yield _scatter(trace)
         text = f"the force differs from cycle to cycle by {floor:.2g} % of its variance"
         yield Finding(
             "noise_floor", "note", f"{text}: a right model reaches about this MSE", floor, "%"
         )
-    if trace.n_cycles >= _ENOUGH:
+    if fastest >= _ENOUGH:
         if float(np.ptp(trace.force[trace.compared])) > 0.0:
             yield _force_drift(trace)
         yield _stroke_drift(trace)
@@ -163,6 +168,19 @@ def _drive(trace: Trace, options: ConditionOptions) -> Iterator[Finding]:
         yield Finding("drive", "warning", text, share, "%")
 
 
+def _stretches(trace: Trace) -> Finding:
+    parts = ", ".join(
+        f"{one.n_cycles} cycles of {one.frequency:.3g} Hz to {one.peak_speed:.3g} m/s"
+        if one.n_cycles
+        else f"{one.n_samples * trace.interval:.3g} s of motion that does not repeat, to "
+        f"{one.peak_speed:.3g} m/s"
+        for one in trace.stretches
+    )
+    n = len(trace.stretches)
+    text = f"{n} stretch{'es' * (n > 1)} evaluated: {parts}"
+    return Finding("stretches", "note", text, float(n))
+
+
 def _cycles(trace: Trace) -> Finding:
     text = (
         f"{trace.n_cycles} of {trace.n_cycles_found} whole cycles evaluated (left out: run-in, "
@@ -195,9 +213,12 @@ def _unsteady(log: UniformLog, trace: Trace, cycles: Cycles) -> Iterator[Finding
 
 
 def _trimmed(log: UniformLog, trace: Trace) -> Finding:
-    ends = trace.start_time - log.start_time + trace.interval * trace.fastest.cycle_starts[[0, -1]]
-    ahead = max(0.0, float(ends[0]))
-    behind = max(0.0, len(log.force) * log.interval - float(ends[1]))
+    first, last = trace.stretches[0], trace.stretches[-1]
+    begin = float(first.cycle_starts[0]) if first.n_cycles else first.first
+    end = float(last.cycle_starts[-1]) if last.n_cycles else last.stop
+    lead = trace.start_time - log.start_time
+    ahead = max(0.0, lead + trace.interval * begin)
+    behind = max(0.0, len(log.force) * log.interval - lead - trace.interval * end)
     text = (
         f"{ahead:.3g} s at the beginning and {behind:.3g} s at the end are not evaluated (rest, "
         "run-up, coast-down, run-in, filter edges)"
@@ -296,7 +317,7 @@ def _scatter(trace: Trace) -> Finding:
         f"peak force scatters by {rebound:.2g} % (rebound) and {bump:.2g} % (bump) over the cycles"
     )
     # The standard deviation of n cycles is itself uncertain by 1/sqrt(2(n-1)).
-    sure = _SCATTER * (1.0 + 2.0 / math.sqrt(2.0 * (trace.n_cycles - 1)))
+    sure = _SCATTER * (1.0 + 2.0 / math.sqrt(2.0 * (trace.fastest.n_cycles - 1)))
     if worst <= sure:
         return Finding("cycle_scatter", "note", text, worst, "%")
     text += f"; a good rig has {_SCATTER:g} % or less: check play, temperature, air in the oil"

@@ -45,7 +45,11 @@ __all__ = ["bridge_spikes", "examine", "examine_raw"]
 
 
 def examine(
-    recording: Recording, log: UniformLog, trace: Trace, cycles: Cycles, options: ConditionOptions
+    recording: Recording,
+    log: UniformLog,
+    trace: Trace,
+    cycles: Cycles | None,
+    options: ConditionOptions,
 ) -> tuple[Finding, ...]:
     """Return what is remarkable in a log.
 
@@ -58,17 +62,20 @@ def examine(
     trace : Trace
         Its steady cycles.
     cycles : Cycles
-        What was found before the ends were trimmed.
+        What was found before the ends were trimmed; None where the log is no single steady run.
     options : ConditionOptions
         What was declared of the rig.
     """
-    ends = trace.start_time + trace.interval * trace.fastest.cycle_starts[[0, -1]]
+    fastest = trace.fastest
+    ends = np.array([fastest.first, fastest.stop], dtype=np.float64)
+    ends = fastest.cycle_starts[[0, -1]] if fastest.n_cycles else ends
+    ends = trace.start_time + trace.interval * ends
     first, stop = np.searchsorted(recording.time, ends)
     window = slice(int(first), int(stop) + 1)
     return (
         *recording.findings,
         *log.findings,
-        *_channels(recording, window, period=1.0 / (trace.frequency * trace.interval)),
+        *_channels(recording, window, period=_period(trace)),
         *examine_motion(log, trace, cycles, options, metadata=recording.metadata),
         *_temperature(recording, window, options.nominal),
         *_rig_filter(log, options),
@@ -78,6 +85,11 @@ def examine(
 def examine_raw(recording: Recording) -> tuple[Finding, ...]:
     """Return what can be said of a log whose cycles are not known, as it was refused."""
     return (*recording.findings, *_channels(recording, slice(None), period=0.0))
+
+
+def _period(trace: Trace) -> float:
+    """Return the samples of a cycle; 0 where nothing repeats."""
+    return 1.0 / (trace.frequency * trace.interval) if trace.fastest.n_cycles else 0.0
 
 
 def _channels(recording: Recording, window: slice, *, period: float) -> Iterator[Finding]:
@@ -102,7 +114,7 @@ def bridge_spikes(recording: Recording, trace: Trace) -> Recording:
     trace : Trace
         What became of it; its cycles tell a spike from what happens in each of them.
     """
-    period = 1.0 / (trace.frequency * trace.interval)
+    period = _period(trace)
     found: list[Finding] = []
     bridged: dict[str, Any] = {}
     for name, other, unit, factor in (

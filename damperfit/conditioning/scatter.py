@@ -8,16 +8,21 @@ Cycles are laid over each other on the phase between their boundaries. At phase 
 Reading the force between samples by a four-point cubic w averages its noise; s^2 is divided by what
 that leaves, mean of w^T R w, where R is the autocorrelation of white noise behind the trace's
 filter. A perfect model has this error or a little more: displacement noise is not in it.
+
+Where nothing repeats, the noise is taken for white and read from the fifth differences of what the
+filter takes off, in which the jumps of friction are few; behind it is what the filter passes.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.conditioning.channels import noise_of
 from damperfit.conditioning.filters import apply_filter, settling_samples
 from damperfit.recording import FilterDesign
 
@@ -28,7 +33,9 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["noise_floor", "scatter_between_cycles"]
+__all__ = ["noise_floor", "scatter_between_cycles", "with_noise"]
+
+_FEWEST_PHASES = 8
 
 
 def noise_floor(trace: Trace) -> float:
@@ -39,20 +46,65 @@ def noise_floor(trace: Trace) -> float:
     variance = float(np.var(trace.force[trace.compared]))
     if not variance > 0.0:
         return math.nan
-    noise = sum(one.n_samples * scatter_between_cycles(trace, one) for one in trace.stretches)
+    noise = sum(one.n_samples * _known(trace, one) for one in trace.stretches)
     return 100.0 * noise / trace.n_samples / variance
+
+
+def _known(trace: Trace, stretch: Stretch) -> float:
+    """Mean square of the noise of a stretch, N^2: by its cycles, or by what was found above them.
+
+    A log of a single cycle and no more is not called known by its spectrum alone.
+    """
+    scatter = scatter_between_cycles(trace, stretch)
+    is_single = stretch.n_cycles == 1 and len(trace.stretches) == 1
+    return scatter if is_single or math.isfinite(scatter) else stretch.noise**2
+
+
+def with_noise(trace: Trace, rest: FloatArray) -> Trace:
+    """Return a trace with the noise of each stretch.
+
+    Parameters
+    ----------
+    trace : Trace
+        Its stretches do not know their noise yet.
+    rest : numpy.ndarray
+        Shape (n,), N: what the filter has taken off the force, empty where the rig has filtered.
+    """
+    return replace(trace, stretches=tuple(_noisy(trace, one, rest) for one in trace.stretches))
+
+
+def _noisy(trace: Trace, stretch: Stretch, rest: FloatArray) -> Stretch:
+    noise = math.sqrt(scatter_between_cycles(trace, stretch))
+    if math.isfinite(noise):
+        return replace(stretch, noise=noise, noise_source="scatter between cycles")
+    if not len(rest):
+        return stretch
+    noise = noise_of(rest[stretch.window]) * math.sqrt(_passed(trace.model_filter))
+    return replace(stretch, noise=noise, noise_source="above the filter")
+
+
+def _passed(design: FilterDesign) -> float:
+    """Return the share of white noise's variance that a filter passes."""
+    reach = settling_samples(design) + 1
+    impulse = np.zeros(2 * reach + 1)
+    impulse[reach] = 1.0
+    return float(np.sum(apply_filter(design, impulse) ** 2))
 
 
 def scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
     """Return the mean square of what the force differs by from cycle to cycle, N^2.
 
-    NaN for a single cycle.
+    NaN for a single cycle, and where the filter holds another motion through most of it.
     """
     if stretch.n_cycles < 2:
         return math.nan
     starts = stretch.cycle_starts
     n_phases = max(8, round(float(np.mean(np.diff(starts)))))
     phases = np.arange(n_phases) / n_phases
+    ahead, behind = stretch.smeared
+    phases = phases[(phases * n_phases >= ahead) & ((1.0 - phases) * n_phases > behind)]
+    if len(phases) < _FEWEST_PHASES:
+        return math.nan
     positions = starts[:-1, None] + np.diff(starts)[:, None] * phases
     weights, index = _cubic(positions, len(trace.force))
     folded = np.sum([w * trace.force[index + k] for k, w in enumerate(weights)], axis=0)

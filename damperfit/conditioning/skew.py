@@ -181,7 +181,7 @@ def _ends(trace: Trace) -> tuple[FloatArray, FloatArray]:
 
 
 def _straight(at: FloatArray, trace: Trace) -> FloatArray:
-    if len(at) < 3:
+    if len(at) < 3 or not trace.fastest.n_cycles:
         return at
     cycle = np.rint((at - at[0]) * trace.frequency)
     if np.ptp(cycle) == 0.0:  # a dwell crosses the end of one cycle several times

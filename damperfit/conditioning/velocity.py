@@ -37,7 +37,7 @@ def check_velocity(trace: Trace, recording: Recording) -> tuple[Finding, ...]:
     recording : Recording
         With the logged one, and with what was reversed of the displacement.
     """
-    if recording.velocity is None:
+    if recording.velocity is None or not trace.fastest.n_cycles:
         return ()
     stretch = trace.fastest
     index = np.arange(stretch.first, stretch.stop)

@@ -25,6 +25,7 @@ from damperfit.identification.plausible import (
     points_inside,
 )
 from damperfit.identification.trust_region import Stopping
+from damperfit.identification.weights import weights
 from damperfit.simulation import SolverOptions, simulate
 
 if TYPE_CHECKING:
@@ -118,7 +119,7 @@ class Solution:
     parameters : Parameters
         Best point found.
     mse_percent : float
-        Eq. (22) there.
+        Eq. (22) there, each stretch with its weight.
     jacobian : numpy.ndarray
         Shape (n, k): derivative of the residuals by u, in the order of the free parameters.
     evaluations, failed_trials : int
@@ -354,7 +355,7 @@ def _evaluate(
     """Return residuals (n,), their derivative by what is free (n, k), both scaled; cavitation."""
     parts = []
     is_cavitating = False
-    for trace in misfit.traces:
+    for trace, weight in zip(misfit.traces, weights(misfit.traces), strict=True):
         response = simulate(
             parameters,
             misfit.damper,
@@ -366,7 +367,7 @@ def _evaluate(
         rows = np.stack([response.force, *response.sensitivities.values()])
         rows = apply_filter(trace.model_filter, rows)[:, trace.compared]
         rows[0] -= trace.force[trace.compared]
-        parts.append(rows * scale)
+        parts.append(rows * (scale if weight is None else scale * weight))
         is_cavitating |= bool((response.pressures[:2, trace.compared] <= 0.0).any())
     whole = parts[0] if len(parts) == 1 else np.hstack(parts)
     return whole[0], whole[1:].T, is_cavitating

@@ -20,6 +20,7 @@ from damperfit.identification.descent import (
 )
 from damperfit.identification.minimiser import inverse_information
 from damperfit.identification.model_versus_log import compare, normalised_mse
+from damperfit.identification.one_speed import ONE_SPEED, untold
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.plausible import PLAUSIBLE
 from damperfit.identification.starting import cavitation_limit
@@ -165,6 +166,8 @@ def fit_setting(misfit: Misfit, start: Parameters, *, spent: int = 0) -> Judged:
         When the model cannot be integrated at any start.
     """
     first = _attempt(misfit, start, spent)
+    if names := untold(misfit.traces, misfit.free):
+        return _unspoken(first, names)
     if is_sound(first) or "r_m3" not in misfit.free:
         return first
     limit = cavitation_limit(misfit.traces, misfit.damper)
@@ -195,6 +198,15 @@ def lacks_k_e_alone(judged: Judged) -> bool:
     )
     is_full = not judged.solution.is_cavitating and judged.status["k_e"] == Status.NOT_IDENTIFIABLE
     return others and is_full and judged.solution.mse_percent < EXCELLENT
+
+
+def _unspoken(judged: Judged, names: tuple[str, ...]) -> Judged:
+    """The same, of parameters that these logs cannot tell."""
+    lost = {name: Status.NOT_IDENTIFIABLE for name in names if judged.status[name] is Status.FITTED}
+    outcome = judged.outcome
+    if outcome in {Outcome.CONVERGED, Outcome.CAVITATING}:
+        outcome = Outcome.NOT_IDENTIFIABLE
+    return replace(judged, status=judged.status | lost, outcome=outcome)
 
 
 def _is_explained(judged: Judged) -> bool:
@@ -339,7 +351,10 @@ def describe_fit(setting: int, judged: Judged, misfit: Misfit) -> Fit:
         evaluations=judged.solution.evaluations,
         cavitation=examine_cavitation(parameters, seen, misfit.damper, solver=misfit.solver),
         logs=tuple(logs),
-        warnings=_warnings(judged.solution),
+        warnings=(
+            *_warnings(judged.solution),
+            *((ONE_SPEED,) if untold(misfit.traces, misfit.free) else ()),
+        ),
     )
 
 

@@ -5,17 +5,16 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass
-from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from damperfit.adjustment import Sine
+from damperfit.adjustment import Sine, fastest_sine
 from damperfit.configuration.loading import load_configuration, redeclared
 from damperfit.damper.parameters import DAMPER_RANGES
 from damperfit.errors import ConfigurationError
 from damperfit.tables import read_facts
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
     from damperfit.configuration.options import Configuration
@@ -111,7 +110,7 @@ def _said(value: float, unit: str) -> str:
 
 
 def motion_of_tests(record: Mapping[str, Any], settings: set[int] | None = None) -> Sine | None:
-    """Return the median motion of the logs that were fitted, as far as run.json tells.
+    """Return the fastest motion of the logs that were fitted, as far as run.json tells.
 
     Parameters
     ----------
@@ -121,19 +120,30 @@ def motion_of_tests(record: Mapping[str, Any], settings: set[int] | None = None)
         Settings that have parameters; None takes all logs that were not refused.
     """
     inputs = record.get("inputs")
-    logs = [
-        (float(log["amplitude_m"]), float(log["frequency_Hz"]))
+    tested = [
+        motion
         for log in (inputs if isinstance(inputs, list) else ())
-        if isinstance(log, dict)
-        and (settings is None or log.get("setting") in settings)
-        and all(_is_size(log.get(key)) for key in ("amplitude_m", "frequency_Hz"))
+        if isinstance(log, dict) and (settings is None or log.get("setting") in settings)
+        for motion in _motions(log)
     ]
-    if not logs:
-        return None
-    return Sine(median(amplitude for amplitude, _ in logs), median(rate for _, rate in logs))
+    return fastest_sine(tested) if tested else None
 
 
-def _is_size(value: object) -> bool:
+def _motions(log: Mapping[str, Any]) -> Iterator[tuple[float, float, float]]:
+    """Yield amplitude, frequency and peak speed of each stretch of a log; older runs tell one."""
+    stretches = log.get("stretches")
+    for one in stretches if isinstance(stretches, list) else [log]:
+        if not isinstance(one, dict):
+            continue
+        told: tuple[Any, ...] = (one.get("amplitude_m"), one.get("frequency_Hz"))
+        if not all(map(_is_size, told)):
+            continue
+        size, rate = map(float, told)
+        speed: Any = one.get("peak_speed_m_per_s")
+        yield size, rate, float(speed) if _is_size(speed) else 2.0 * math.pi * size * rate
+
+
+def _is_size(value: Any) -> bool:
     return isinstance(value, int | float) and math.isfinite(value) and value > 0.0
 
 

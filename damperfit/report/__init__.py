@@ -20,6 +20,7 @@ from damperfit.report.rows.inspection_table import (
     VERDICT_COLOURS,
     finding_lines,
     inspection_sheet,
+    stretch_sheet,
 )
 from damperfit.report.rows.parameter_table import parameter_sheet
 from damperfit.report.rows.sheet import Sheet
@@ -74,6 +75,7 @@ __all__ = [
     "read_back",
     "report_plots",
     "sparkline",
+    "stretch_sheet",
     "summary_sheet",
     "sweep_plot",
     "sweep_pressure_plot",

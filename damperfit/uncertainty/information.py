@@ -1,9 +1,10 @@
 """What the logs of one setting say about all parameters at the fitted point.
 
 One more simulation of the setting, with every sensitivity. In u (ln y, and f_0 in N), with the
-residual r = f - f_hat in N and its Jacobian J = d f_hat/du, both behind the filter::
+residual r = f - f_hat in N and its Jacobian J = d f_hat/du, both behind the filter, and the weights
+w of the stretches (1 where their noise is alike)::
 
-    information  H = J^T J       scores  g_t = J_t r_t       M = covariance of sum g_t
+    information  H = J^T w^2 J    scores  g_t = w_t^2 J_t r_t    M = covariance of sum g_t
 
 A fit of any subset of the parameters has, to first order, the error H_ff^-1 (sum g)_f.
 """
@@ -17,6 +18,7 @@ import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification.model_versus_log import compare
+from damperfit.identification.weights import weights
 from damperfit.simulation import SENSITIVITY_NAMES, SolverOptions
 from damperfit.uncertainty.correlated_noise import (
     correlation_length,
@@ -49,6 +51,8 @@ class LogEvidence:
     ----------
     residuals : numpy.ndarray
         Shape (n,), measured minus modelled force, N.
+    weights : numpy.ndarray
+        Shape (n,), what the fit multiplied them by.
     jacobian : numpy.ndarray
         Shape (n, 6): derivative of the modelled force by u, in the order of `PARAMETER_NAMES`.
     gas : numpy.ndarray
@@ -60,6 +64,7 @@ class LogEvidence:
     """
 
     residuals: FloatArray
+    weights: FloatArray
     jacobian: FloatArray
     gas: FloatArray
     force: FloatArray
@@ -106,7 +111,8 @@ def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions())
     slopes = np.array([*values, 1.0, damper.gas_pressure, damper.gas_exponent])
     logs: list[LogEvidence] = []
     covariances: list[FloatArray] = []
-    for trace in (log.trace for log in fit.logs):
+    traces = [log.trace for log in fit.logs]
+    for trace, weight in zip(traces, weights(traces), strict=True):
         seen = compare(
             fit.parameters, trace, damper, sensitivities=SENSITIVITY_NAMES, solver=solver
         )
@@ -115,6 +121,7 @@ def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions())
         logs.append(
             LogEvidence(
                 residuals=trace.force[part] - seen.force[part],
+                weights=np.ones(trace.n_samples) if weight is None else weight,
                 jacobian=np.ascontiguousarray(columns[:, :6]),
                 gas=columns[:, 6:],
                 force=seen.force[part],
@@ -130,7 +137,7 @@ def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions())
             edges.append(stretch.cycle_starts - stretch.first)
     return Evidence(
         fit=fit,
-        information=np.asarray(sum(log.jacobian.T @ log.jacobian for log in logs)),
+        information=np.asarray(sum(_information(log) for log in logs)),
         scores=np.asarray(sum(covariances)),
         cycle_scores=cycle_covariance(pieces, edges),
         gradient=np.asarray(sum(part.sum(axis=0) for part in scores)),
@@ -149,4 +156,9 @@ def _covariances(trace: Trace, seen: LogEvidence) -> Iterator[FloatArray]:
 
 
 def _scores(log: LogEvidence) -> FloatArray:
-    return log.jacobian * log.residuals[:, None]
+    return log.jacobian * (log.weights**2 * log.residuals)[:, None]
+
+
+def _information(log: LogEvidence) -> FloatArray:
+    weighted = log.jacobian * log.weights[:, None]
+    return np.asarray(weighted.T @ weighted)

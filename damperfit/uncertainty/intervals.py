@@ -316,7 +316,7 @@ def _joint_rows(
 
 def _weight(evidence: Evidence) -> float:
     """One over the mean square of the residuals, 1/N^2."""
-    squares = sum(float(log.residuals @ log.residuals) for log in evidence.logs)
+    squares = sum(float(np.sum((log.weights * log.residuals) ** 2)) for log in evidence.logs)
     return sum(len(log.residuals) for log in evidence.logs) / max(squares, 1e-300)
 
 

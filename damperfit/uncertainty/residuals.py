@@ -35,6 +35,8 @@ __all__ = ["Diagnosis", "diagnose", "scatter_between_cycles"]
 # The repeating power of pure noise over its scatter is F-distributed; beyond the bar once in as
 # many settings.
 _CHANCE = 1e-6
+# Misfit over noise where nothing repeats: noise of the displacement may double it.
+_MUCH = 4.0
 # Below this share of the force's variance, 0.1 N of 300 N, the integrator's error repeats too.
 _NEGLIGIBLE = 1e-7
 # Warnings on a log that leave a misfit in every cycle, in the order to look at them: no tare can be
@@ -153,9 +155,9 @@ def _split(evidence: Evidence) -> tuple[float, float, float, float]:
     repeats, noise, expected, n_samples, phases, others = 0.0, 0.0, 0.0, 0, 0.0, 0.0
     for stretch, _, residuals in _parts(evidence):
         n, n_cycles = len(residuals), stretch.n_cycles
-        n_samples += n
         if n_cycles < 2:
-            return math.nan, math.nan, math.nan, math.nan
+            continue
+        n_samples += n
         folded = _fold(residuals, stretch)
         scatter = scatter_between_cycles(residuals, stretch)
         mean_power = float(np.mean(folded.mean(axis=0) ** 2))
@@ -165,9 +167,25 @@ def _split(evidence: Evidence) -> tuple[float, float, float, float]:
         independent = _independent_phases(folded)
         phases += independent
         others += independent * (n_cycles - 1)
+    if not n_samples:
+        return _unrepeated(evidence)
     bar = float(fdtri(phases, others, 1.0 - _CHANCE))
     ratio = 1.0 + repeats / max(expected, 1e-300)
     return repeats / n_samples, noise / n_samples, ratio, bar
+
+
+def _unrepeated(evidence: Evidence) -> tuple[float, float, float, float]:
+    """The same where nothing repeats: misfit and noise by what was found above the filter's band.
+
+    Noise of the displacement is not in that; it makes less than the force's in a usual log.
+    """
+    parts = list(_parts(evidence))
+    if any(stretch.n_cycles for stretch, *_ in parts):
+        return math.nan, math.nan, math.nan, math.nan
+    n = sum(len(residuals) for *_, residuals in parts)
+    noise = sum(len(residuals) * stretch.noise**2 for stretch, _, residuals in parts) / n
+    whole = sum(float(residuals @ residuals) for *_, residuals in parts) / n
+    return whole - noise, noise, whole / max(noise, 1e-300), _MUCH
 
 
 def _independent_phases(folded: FloatArray) -> float:
@@ -238,9 +256,9 @@ def _runs_ratio(evidence: Evidence) -> float:
     found, expected = 0, 0
     for stretch, _, residuals in _parts(evidence):
         if stretch.n_cycles < 2:
-            return math.nan
+            continue
         folded = _fold(residuals, stretch)
         found += int(np.count_nonzero(np.diff(np.signbit(folded), axis=1)))
         about = np.signbit(folded - folded.mean(axis=0))
         expected += int(np.count_nonzero(np.diff(about, axis=1)))
-    return found / max(expected, 1)
+    return found / expected if expected else math.nan

@@ -337,14 +337,14 @@ def test_no_window_of_temperature_asks_for_none():
 
 def test_unsteady_cycles_are_told():
     t = np.arange(15_000) / 500.0
-    size = np.where((t > 10) & (t < 16), 1.0, 1.0 + 0.3 * np.sin(2 * np.pi * 0.37 * t))
+    size = np.where((t > 10) & (t < 21), 1.0, 1.0 + 0.3 * np.sin(2 * np.pi * 0.37 * t))
     recording = Recording(
         "log.csv", "log.csv", "", 1, t, 0.03 * size * np.sin(3 * np.pi * t), np.cos(3 * np.pi * t)
     )
     finding = warned(recording, ConditionOptions())["unsteady_cycles"]
     (steady, found) = map(int, re.findall(r"only (\d+) of (\d+) cycles", finding.sentence)[0])
     assert found == 45
-    assert 8 <= steady <= 9  # six seconds at 1.5 Hz; crossings used to be counted, one more
+    assert 15 <= steady <= 17  # 11 s at 1.5 Hz; crossings used to be counted, one more
     assert finding.value == pytest.approx(100.0 * (1.0 - steady / found))
 
 

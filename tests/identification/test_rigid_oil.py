@@ -131,7 +131,7 @@ def _curvature(fit: Fit, free: tuple[str, ...]) -> float:
                 log,
                 PURDY_DAMPER,
                 solver=SolverOptions(tolerance=1e-5),
-            ).force[log.window]
+            ).force[log.compared]
             for s in (step, -step)
         )
         columns.append((up - down) / (2.0 * step))
@@ -155,7 +155,7 @@ def test_the_lower_limit_is_where_the_misfit_has_risen_by_a_95_percent_limit(
     assert high is None
     place = uncertainty.names.index("k_e")
     log = fit.logs[0].trace
-    square = np.sum((log.force[log.window] - np.mean(log.force[log.window])) ** 2) / 100.0
+    square = np.sum((log.force[log.compared] - np.mean(log.force[log.compared])) ** 2) / 100.0
     scale = _curvature(fit, free) / uncertainty.covariance[place, place]
     least = _held_at(fit, fit.parameters.k_e, free)
 

@@ -94,23 +94,24 @@ def road(
     *,
     reach: float = 0.042,
     low: float = 0.2,
-    high: float = 4.0,
-    duration: float = 20.0,
+    high: float = 6.0,
+    duration: float = 15.0,
     seed: int = 3,
 ) -> Drive:
-    """Random motion between two frequencies that reaches so far, with as much speed at each."""
+    """Random motion between two frequencies that reaches so far out and in."""
     random = np.random.default_rng(seed)
     rates = np.arange(low, high, 1.0 / duration)
-    sizes = random.standard_normal(len(rates)) / rates
+    sizes = random.standard_normal(len(rates)) / np.sqrt(rates)
     phases = random.uniform(0.0, 2.0 * math.pi, len(rates))
     time = np.arange(0.0, duration, 1e-3)
     waves = np.sin(2.0 * np.pi * rates[:, None] * time + phases[:, None])
     whole = sizes @ waves
-    sizes *= reach / np.abs(whole).max()
+    sizes *= 2.0 * reach / np.ptp(whole)
+    middle = 0.5 * reach * 2.0 * (whole.max() + whole.min()) / np.ptp(whole)
     omega = 2.0 * np.pi * rates
 
     def displacement(t: float) -> float:
-        return float(sizes @ np.sin(omega * t + phases))
+        return float(sizes @ np.sin(omega * t + phases)) - middle
 
     def velocity(t: float) -> float:
         return float((sizes * omega) @ np.cos(omega * t + phases))

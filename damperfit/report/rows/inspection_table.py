@@ -14,9 +14,10 @@ from damperfit.report.rows.sheet import Sheet
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-__all__ = ["VERDICT_COLOURS", "finding_lines", "inspection_sheet"]
+__all__ = ["VERDICT_COLOURS", "finding_lines", "inspection_sheet", "stretch_sheet"]
 
 VERDICT_COLOURS = {"good": "green", "warnings": "yellow", "refused": "red"}
+_NOISE_FROM = {"scatter between cycles": "cycles", "above the filter": "spectrum"}
 _WIDTH = 80
 _EACH = 3  # sentences of one kind of finding that are told one by one
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
@@ -47,6 +48,43 @@ def inspection_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
         units=("", "", "", "Hz", "used", "Hz", "mm", "degC", ""),
         rows=tuple(rows),
         is_number=(False, *(True,) * 7, False),
+    )
+
+
+def stretch_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
+    """Return one row per stretch of the logs that are no single steady run; no rows without."""
+    rows: list[tuple[str, ...]] = []
+    for log in logs:
+        stretches = log.get("stretches", [])
+        if len(stretches) == 1 and stretches[0]["kind"] == "steady":
+            continue
+        rows += [_stretch_row(str(log["name"]), one) for one in stretches]
+    return Sheet(
+        headings=(
+            "log", "from", "to", "kind", "cycles", "freq.", "ampl.", "speed", "rebound", "bump",
+            "energy", "noise", "by",
+        ),
+        units=("", "s", "s", "", "", "Hz", "mm", "m/s", "N", "N", "J", "N", ""),
+        rows=tuple(rows),
+        is_number=(False, True, True, False, *(True,) * 8, False),
+    )  # fmt: skip
+
+
+def _stretch_row(name: str, one: Mapping[str, Any]) -> tuple[str, ...]:
+    return (
+        name,
+        number(one["start_s"], digits=4),
+        number(one["stop_s"], digits=4),
+        str(one["kind"]),
+        str(one["cycles"]) if one["cycles"] else NOTHING,
+        number(one["frequency_Hz"], digits=3),
+        number(1e3 * one["amplitude_m"], digits=3),
+        number(one["peak_speed_m_per_s"], digits=3),
+        number(one.get("peak_force_rebound_N"), digits=4),
+        number(one.get("peak_force_bump_N"), digits=4),
+        number(one.get("energy_J"), digits=3),
+        number(one["noise_N"], digits=2),
+        _NOISE_FROM.get(one["noise_source"], NOTHING),
     )
 
 

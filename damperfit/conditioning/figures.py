@@ -1,0 +1,76 @@
+"""What a test engineer reads off each stretch: peak forces and speeds, energy, hysteresis.
+
+From the measured force behind the filter. Of steady cycles the mean over them; of a motion that
+does not repeat the largest and the smallest force, and the energy of all of it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.recording import StretchFigures
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from damperfit.recording import Stretch, Trace
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["with_figures"]
+
+
+def with_figures(trace: Trace) -> Trace:
+    """Return a trace whose stretches hold their figures."""
+    return replace(
+        trace,
+        stretches=tuple(replace(one, figures=_figures(trace, one)) for one in trace.stretches),
+    )
+
+
+def _figures(trace: Trace, stretch: Stretch) -> StretchFigures:
+    v, f = trace.velocity[stretch.window], trace.force[stretch.window]
+    edges = np.array([0, len(f)])
+    if stretch.n_cycles:
+        edges = np.clip(np.rint(stretch.cycle_starts).astype(np.int64) - stretch.first, 0, len(f))
+    begins = edges[:-1]
+    stop = int(edges[-1])
+
+    def largest(values: FloatArray) -> float:
+        return float(np.mean(np.maximum.reduceat(values[:stop], begins)))
+
+    speeds = largest(v), largest(-v)
+    half = 0.5 * min(speeds)
+    hysteresis = (math.nan, math.nan)
+    if stretch.n_cycles:
+        hysteresis = _hysteresis(v, f, half), _hysteresis(-v, f, half)
+    return StretchFigures(
+        peak_force_rebound=largest(f),
+        peak_force_bump=-largest(-f),
+        peak_speed_rebound=speeds[0],
+        peak_speed_bump=speeds[1],
+        energy=float(np.sum(f[:stop] * v[:stop])) * trace.interval / len(begins),
+        hysteresis_speed=half,
+        hysteresis_rebound=hysteresis[0],
+        hysteresis_bump=hysteresis[1],
+    )
+
+
+def _hysteresis(speed: FloatArray, force: FloatArray, at: float) -> float:
+    """Return the mean force where the speed rises through a value, less that where it falls."""
+    beyond = speed - at
+    before, behind = beyond[:-1], beyond[1:]
+    branches = []
+    for places in (
+        np.flatnonzero((before < 0.0) & (behind >= 0.0)),
+        np.flatnonzero((before >= 0.0) & (behind < 0.0)),
+    ):
+        if not len(places):
+            return math.nan
+        share = before[places] / (before[places] - behind[places])
+        branches.append(float(np.mean(force[places] + share * (force[places + 1] - force[places]))))
+    return branches[0] - branches[1]

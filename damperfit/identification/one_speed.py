@@ -1,0 +1,48 @@
+"""Logs that hold one speed: what a triangle wave alone cannot tell.
+
+At constant speed a stroke shows one level of force, and two levels cannot tell R_m1, R_m2, R_m3 and
+f_f. What is left are the corners, a few milliseconds in which the elasticity of the oil settles; a
+descent finds a minimum there that is several of its errors away from the truth.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from damperfit.recording import Trace
+
+__all__ = ["ONE_SPEED", "untold"]
+
+ONE_SPEED = (
+    "the logs hold one speed, so that the valves and friction cannot be told apart: "
+    "add a log or a stretch at another speed, or hold R_m3 and f_f (--fix)."
+)
+
+_LEVELS = 2  # one in rebound, one in bump
+_NEAR = 0.1  # of the speed
+# Of the samples. A triangle has 0.96 and more, a sine 0.29; beside 10 % of another speed 0.9.
+_SHARE = 0.9
+
+
+def untold(traces: Sequence[Trace], free: Sequence[str]) -> tuple[str, ...]:
+    """Return the free parameters that logs of one speed do not tell; none where they do.
+
+    Parameters
+    ----------
+    traces : sequence of Trace
+        The logs of a setting.
+    free : sequence of str
+        What is fitted.
+    """
+    unknown = [name for name in free if name != "k_e"]
+    if len(unknown) <= _LEVELS:
+        return ()
+    speed = np.abs(np.concatenate([trace.drive.velocity[trace.compared] for trace in traces]))
+    usual = float(np.median(speed))
+    is_one = float(np.mean(np.abs(speed - usual) <= _NEAR * usual)) > _SHARE
+    return tuple(free) if is_one else ()
