@@ -190,15 +190,20 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     sign = -1.0 if recording.reverse_displacement else 1.0  # the log's own count
     middle = cycles.centre if cycles else _middle(displacement, stretches)
     centre = middle if options.centre is None else sign * options.centre
+    x, v = displacement[keep] - centre, velocity[keep].copy()
+    # One array where both are the same: most logs are steady sines.
+    own = Drive(x, v, drive.corner)
+    if drive.displacement is not displacement:
+        own = Drive(drive.displacement[keep] - centre, drive.velocity[keep].copy(), drive.corner)
     trace = Trace(
         name=recording.name,
         setting=recording.setting,
         start_time=log.start_time + keep.start * log.interval,
         interval=log.interval,
-        displacement=displacement[keep] - centre,
-        velocity=velocity[keep].copy(),
+        displacement=x,
+        velocity=v,
         force=force[keep].copy(),
-        drive=Drive(drive.displacement[keep] - centre, drive.velocity[keep].copy(), drive.corner),
+        drive=own,
         stretches=tuple(_moved(stretch, -keep.start) for stretch in stretches),
         centre=sign * centre,
         n_cycles_found=n_found,

@@ -41,6 +41,8 @@ __all__ = ["Evidence", "LogEvidence", "gather"]
 
 # Residuals still correlated after this share of a cycle repeat with the cycle: a misfit, no noise.
 _LONGEST_CORRELATION = 0.25
+# s; where nothing repeats, a chamber that cavitates remembers noise for as long as it is empty.
+_LONGEST_MOVING = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,8 +151,9 @@ def _covariances(trace: Trace, seen: LogEvidence) -> Iterator[FloatArray]:
     """Covariance of the summed scores of each stretch: nothing is correlated across a gap."""
     scores = _scores(seen)
     for stretch, place in zip(trace.stretches, trace.places, strict=True):
-        period = 1.0 / (stretch.frequency * trace.interval)
-        longest = round(_LONGEST_CORRELATION * period)
+        period = 1.0 / stretch.frequency
+        longest = _LONGEST_CORRELATION * period if stretch.n_cycles else _LONGEST_MOVING
+        longest = round(longest / trace.interval)
         lag = correlation_length(seen.residuals[place], longest=longest)
         yield score_covariance(scores[place], lag)
 

@@ -33,7 +33,7 @@ def steps(tmp_path_factory):
 def test_inspect_shows_the_stretches(steps, run):
     told = run("inspect", steps / "setting_10.csv")
     assert told.code == 0
-    table = [line for line in told.out.splitlines() if "steady" in line and "setting_10" in line]
+    table = told.out.split("stretches")[1].split("\n\n")[0].splitlines()[2:]
     assert len(table) == 4
     document = json.loads(run("inspect", steps / "setting_10.csv", "--json").out)
     stretches = document["logs"][0]["stretches"]

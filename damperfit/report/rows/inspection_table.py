@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["VERDICT_COLOURS", "finding_lines", "inspection_sheet", "stretch_sheet"]
 
 VERDICT_COLOURS = {"good": "green", "warnings": "yellow", "refused": "red"}
-_NOISE_FROM = {"scatter between cycles": "cycles", "above the filter": "spectrum"}
+_NOISE_NOTE = "* read above the filter's band; otherwise from the scatter between cycles"
 _WIDTH = 80
 _EACH = 3  # sentences of one kind of finding that are told one by one
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
@@ -58,33 +58,41 @@ def stretch_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
         stretches = log.get("stretches", [])
         if len(stretches) == 1 and stretches[0]["kind"] == "steady":
             continue
-        rows += [_stretch_row(str(log["name"]), one) for one in stretches]
+        names = [str(log["name"]), *("" for _ in stretches[1:])]
+        rows += [_stretch_row(name, one) for name, one in zip(names, stretches, strict=False)]
     return Sheet(
         headings=(
-            "log", "from", "to", "kind", "cycles", "freq.", "ampl.", "speed", "rebound", "bump",
-            "energy", "noise", "by",
+            "stretches",
+            "from",
+            "cycles",
+            "freq.",
+            "ampl.",
+            "speed",
+            "rebound",
+            "bump",
+            "energy",
+            "noise",
         ),
-        units=("", "s", "s", "", "", "Hz", "mm", "m/s", "N", "N", "J", "N", ""),
+        units=("", "s", "", "Hz", "mm", "m/s", "N", "N", "J", "N"),
         rows=tuple(rows),
-        is_number=(False, True, True, False, *(True,) * 8, False),
-    )  # fmt: skip
+        is_number=(False, *(True,) * 9),
+        notes=(_NOISE_NOTE,) if any("*" in row[-1] for row in rows) else (),
+    )
 
 
 def _stretch_row(name: str, one: Mapping[str, Any]) -> tuple[str, ...]:
+    is_spectral = one["noise_source"] == "above the filter"
     return (
         name,
         number(one["start_s"], digits=4),
-        number(one["stop_s"], digits=4),
-        str(one["kind"]),
-        str(one["cycles"]) if one["cycles"] else NOTHING,
+        str(one["cycles"]) if one["cycles"] else "moving",
         number(one["frequency_Hz"], digits=3),
         number(1e3 * one["amplitude_m"], digits=3),
         number(one["peak_speed_m_per_s"], digits=3),
         number(one.get("peak_force_rebound_N"), digits=4),
         number(one.get("peak_force_bump_N"), digits=4),
         number(one.get("energy_J"), digits=3),
-        number(one["noise_N"], digits=2),
-        _NOISE_FROM.get(one["noise_source"], NOTHING),
+        number(one["noise_N"], digits=2) + "*" * is_spectral,
     )
 
 
