@@ -76,11 +76,14 @@ class LogFit:
         Eq. (22) over the log's steady whole cycles.
     noise_floor_percent : float
         What scatter between the cycles alone costs in the same measure; NaN for a single cycle.
+    stretch_mse_percent : tuple of float
+        Eq. (22) over each stretch of the log alone, by the stretch's own variance.
     """
 
     trace: Trace
     mse_percent: float
     noise_floor_percent: float
+    stretch_mse_percent: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -333,7 +336,9 @@ def describe_fit(setting: int, judged: Judged, misfit: Misfit) -> Fit:
         comparison = compare(parameters, trace, misfit.damper, solver=misfit.solver)
         part = trace.compared
         measured, simulated = trace.force[part], comparison.force[part]
-        logs.append(LogFit(trace, normalised_mse(measured, simulated), noise_floor(trace)))
+        alone = tuple(normalised_mse(measured[at], simulated[at]) for at in trace.places)
+        mse = normalised_mse(measured, simulated)
+        logs.append(LogFit(trace, mse, noise_floor(trace), alone))
         seen.append((trace, comparison.response))
         misses.append(simulated - measured)
         floors.append(logs[-1].noise_floor_percent / 100.0 * np.var(measured) * len(measured))

@@ -200,12 +200,27 @@ def record(
         "procedure": list(facts.procedure),
         "checks": [to_record(check) for check in judgement.checks],
         **confidence_record(campaign, judgement.assessment),
+        "stretches": [entry for fit in campaign.fits for entry in _stretches(fit)],
         "held_out": [one.describe() for one in judgement.predictions],
         **_across(judgement.adjustment),
         "schema": describe_tables(),
     }
     cleaned: dict[str, Any] = json_values(document)
     return cleaned
+
+
+def _stretches(fit: Fit) -> Iterator[dict[str, Any]]:
+    """Yield what was compared of each log of a setting, stretch by stretch."""
+    for log in fit.logs:
+        errors = log.stretch_mse_percent
+        for stretch, mse in zip(log.trace.stretches, errors, strict=False):
+            told = stretch.describe(log.trace)
+            yield {
+                "setting": fit.setting,
+                "log": log.trace.name,
+                "mse_percent": mse,
+                **{name: told[name] for name in ("kind", "start_s", "noise_N", "noise_source")},
+            }
 
 
 def _across(adjustment: Adjustment) -> dict[str, Any]:

@@ -94,7 +94,7 @@ def road(
     *,
     reach: float = 0.042,
     low: float = 0.2,
-    high: float = 6.0,
+    high: float = 3.0,
     duration: float = 15.0,
     seed: int = 3,
 ) -> Drive:
