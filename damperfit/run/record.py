@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from damperfit.configuration.options import Configuration
-    from damperfit.identification import Campaign
+    from damperfit.identification import Campaign, Fit
     from damperfit.run.logs import LogBatch, LogFacts
     from damperfit.uncertainty import Prediction
 

@@ -22,7 +22,7 @@ OMEGA = 2.0 * np.pi * 1.5
 
 def even(trace, k: int) -> np.ndarray:
     """A harmonic that no flaw has much of, of mean square one."""
-    turns = OMEGA * trace.interval * np.arange(trace.first, trace.stop)
+    turns = OMEGA * trace.interval * np.arange(len(trace.force))[trace.compared]
     return np.sqrt(2.0) * np.cos(k * turns)
 
 
@@ -34,9 +34,9 @@ def evidence(residuals, *, gas=None, trace=None, names=("setting_01.csv",)) -> E
     n = len(residuals)
     jacobian = np.zeros((n, 6))
     jacobian[:, 0] = even(trace, 12)
-    force = trace.force[trace.window]
+    force = trace.force[trace.compared]
     gas = np.zeros((n, 2)) if gas is None else np.column_stack([gas, np.zeros(n)])
-    log = LogEvidence(residuals, jacobian, gas, force, np.ones(3))
+    log = LogEvidence(residuals, np.ones(n), jacobian, gas, force, np.ones(3))
     nothing = np.zeros((6, 6))
     return Evidence(fit, nothing, nothing, nothing, np.zeros(6), (log,))
 
@@ -111,10 +111,16 @@ def repeating(size: float, *, noise: float, cycles: int = 10, seed: int = 1) -> 
     base = fakes.trace(1)
     n, period = 333 * cycles + 1, 333.0
     v = 0.3 * np.cos(2.0 * np.pi * np.arange(n) / period)
+    stretch = replace(
+        base.fastest,
+        first=0,
+        stop=n - 1,
+        cycle_starts=period * np.arange(cycles + 1.0),
+        frequency=1.0 / (period * base.interval),
+    )
     trace = replace(
         base, displacement=0.032 * np.sin(2.0 * np.pi * np.arange(n) / period), velocity=v,
-        force=2500.0 * v, first=0, stop=n - 1, cycle_starts=period * np.arange(cycles + 1.0),
-        frequency=1.0 / (period * base.interval), n_cycles_found=cycles,
+        force=2500.0 * v, stretches=(stretch,), n_cycles_found=cycles,
     )  # fmt: skip
     rng = np.random.default_rng(seed)
     wave = np.sqrt(2.0) * np.cos(14.0 * 2.0 * np.pi * np.arange(n - 1) / period)

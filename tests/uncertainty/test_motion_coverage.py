@@ -1,0 +1,19 @@
+"""Intervals of logs that are no steady sine hold the truth as often as they say: 50 campaigns."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.uncertainty.motion_coverage import NAMES, covered
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("motion", ["steps", "sweep", "road"])
+def test_95_percent_intervals_cover_90_to_98_of_100(motion):
+    hits, ratio, bias = covered(motion, 50, jobs=2)
+    # 45 to 49 of 50, and what chance makes of that: fewer than 41 come once in a thousand.
+    assert np.all(hits >= 41), dict(zip(NAMES, hits, strict=True))
+    assert 0.90 <= hits.sum() / (50 * len(NAMES)) <= 0.99
+    assert np.all(ratio > 0.7)
+    assert np.all(np.abs(bias) < 0.001)
