@@ -120,11 +120,17 @@ def find_runs(
     runs = list(_runs(seen, steadiness))
     if sum(stop - first + 2 for first, stop in runs) < _SHARE * n_passages:
         return (), n_passages // 2
-    found = []
+    found: list[Found] = []
     for first, stop in runs:
         run = _run(seen, first, stop)
         one = _of_run(run, displacement, velocity, interval=interval, edges=edges)
-        if one is not None:
+        if one is None:
+            continue
+        # Two runs may both claim the cycle that leads over from one to the other.
+        if found and one.stretch.first < found[-1].stretch.stop:
+            longer = max(one, found.pop(), key=lambda each: each.stretch.n_samples)
+            found.append(longer)
+        else:
             found.append(one)
     return tuple(found), n_passages // 2
 

@@ -170,3 +170,35 @@ def test_the_figures_of_each_stretch_are_those_of_its_law():
         assert told.hysteresis_speed == pytest.approx(0.5 * peak, rel=0.01)
         assert abs(told.hysteresis_rebound) < 5.0
         assert stretch.describe(condition(log))["energy_J"] == told.energy
+
+
+def patched(seed):
+    """A log of sines, squares, rests, triangles, walks and growing sines, one after the other."""
+    random = np.random.default_rng(seed)
+    rate = float(random.choice([80, 200, 500, 1000]))
+    parts = []
+    for _ in range(random.integers(1, 6)):
+        kind, duration = random.integers(0, 6), random.uniform(0.05, 3)
+        t = np.arange(max(int(duration * rate), 1)) / rate
+        frequency, size = random.uniform(0.2, 12), random.choice([0.001, 0.01, 0.04])
+        wave = np.sin(6.28 * frequency * t)
+        walk = 1e-3 * np.cumsum(random.standard_normal(len(t)))
+        motions = (wave, np.sign(wave), 0.0 * t, np.arcsin(wave), walk / size, t * wave)
+        parts.append(size * motions[kind])
+    x = np.concatenate(parts)
+    x = x + random.choice([0, 1e-6, 1e-5]) * random.standard_normal(len(x))
+    v = np.gradient(x, 1.0 / rate) if len(x) > 2 else x
+    force = 1500.0 * v + 50.0 * np.sign(v) + random.standard_normal(len(x))
+    return recording(np.arange(len(x)) / rate, x, force)
+
+
+@pytest.mark.parametrize("seed", range(0, 200, 5))
+def test_stretches_never_overlap_and_lie_in_the_trace(seed):
+    try:
+        trace = condition(patched(seed))
+    except ConditioningError:
+        return
+    ends = [0, *(end for one in trace.stretches for end in (one.first, one.stop))]
+    assert ends == sorted(ends)
+    assert ends[-1] <= len(trace.force)
+    assert all(one.n_samples > 0 for one in trace.stretches)
