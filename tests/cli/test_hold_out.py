@@ -123,7 +123,7 @@ def test_a_pattern_that_leaves_nothing_is_refused(run, two_amplitudes, pattern, 
 def test_cycles_are_a_share_or_a_whole_number(run, logs, cycles):
     ended = run("identify", f"{logs}/*.csv", "--hold-out-cycles", cycles)
     assert ended.code == 2
-    assert "hold_out_cycles" in ended.err
+    assert "--hold-out-cycles: expected" in ended.err
 
 
 def test_a_setting_that_is_only_held_out_is_a_failure_of_that_log(run, two_amplitudes):

@@ -57,7 +57,7 @@ def test_profiles_are_written_on_request_and_go_with_the_next_run(logs, tmp_path
         (("--profile", "f_f", "--fix", "f_f=50N"), "f_f is both fixed and to be profiled"),
         (("--bulk-modulus", "appendix1"), "expected procedure joint, found paper"),
         (("--bulk-modulus", "appendix2", "--procedure", "joint"), "Did you mean 'appendix1'"),
-        (("--starts", "0"), "identification.starts"),
+        (("--starts", "0"), "--starts: expected"),
     ],
 )
 def test_what_cannot_be_is_refused_before_any_log_is_read(run, logs, options, text) -> None:
