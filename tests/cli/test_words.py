@@ -55,3 +55,26 @@ def test_a_summary_of_a_mebibyte_is_refused_and_said_to_be(spare, is_kept, tmp_p
 def test_figures_of_the_paper_have_its_numbers() -> None:
     sweep = sys.modules["damperfit.cli.sweep"]
     assert sweep._PAPER_NUMBERS == {"r_m1": 4, "r_m2": 5, "r_m3": 6, "k_e": 8, "f_f": 9}
+
+
+@pytest.mark.parametrize(("shares", "title"), [((0.0, 0.0, 0.0), None), ((0.0, 0.2, 0.1), "x1")])
+def test_pressures_are_drawn_of_the_member_that_cavitates_most(shares, title, monkeypatch) -> None:
+    sweep = sys.modules["damperfit.cli.sweep"]
+    drawn = []
+    monkeypatch.setattr("damperfit.report.sweep_plot", lambda *_, **__: "loops")
+    monkeypatch.setattr("damperfit.report.sweep_records", lambda *_: [])
+    monkeypatch.setattr(
+        "damperfit.report.sweep_pressure_plot", lambda one, **said: drawn.append((one, said))
+    )
+    members = [
+        SimpleNamespace(factor=factor, cavitation=share)
+        for factor, share in zip((0.5, 1.0, 2.0), shares, strict=True)
+    ]
+    variation = SimpleNamespace(name="r_m1")
+    sweep._lay_out([(variation, members, False)])
+    if title is None:
+        assert drawn == []
+    else:
+        ((one, said),) = drawn
+        assert (one.factor, said["title"]) == (1.0, f"Chamber pressures, r_m1 {title}")
+        assert said["file_name"] == "sweep_r_m1_pressures"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from damperfit.identification import Outcome, Sharing
 from damperfit.recording import Finding, natural_order
 from damperfit.report.failures_and_warnings import Failure
 from damperfit.run.logs import LogBatch, LogFacts, _distinct_names
-from damperfit.run.pipeline import _sha256
+from damperfit.run.pipeline import _Clock, _sha256
 from damperfit.run.record import Judgement, _procedure, json_values, report_facts
 from damperfit.run.remarks import corrections, missing_logs, run_warnings
 from tests.fakes import campaign, fit
@@ -140,3 +141,13 @@ def test_numbers_in_names_are_sorted_as_numbers() -> None:
 def test_a_file_is_known_by_its_hash(tmp_path) -> None:
     (tmp_path / "a").write_bytes(b"abc")
     assert _sha256(tmp_path / "a") == hashlib.sha256(b"abc").hexdigest()
+
+
+def test_the_time_of_a_part_is_summed_to_tenths_of_milliseconds(monkeypatch) -> None:
+    ticks = iter([0.0, 10.0, 10.00044, 20.0, 21.0, 30.0, 30.00016])
+    monkeypatch.setattr(time, "perf_counter", lambda: next(ticks))
+    clock = _Clock()
+    for name in ("read_s", "fit_s", "read_s"):
+        with clock.lap(name):
+            pass
+    assert clock.laps == {"read_s": 0.0006, "fit_s": 1.0}
