@@ -5,13 +5,16 @@ from __future__ import annotations
 import io
 import logging
 import struct
+import zlib
 
 import numpy as np
 import pytest
 
 from damperfit.errors import LogError
-from damperfit.readers import ReadOptions, excel, read_log, read_logs
+from damperfit.readers import ReadOptions, excel, matlab, read_log, read_logs, rows
+from damperfit.readers.files import _read_up_to
 from damperfit.readers.foreign import load_library
+from damperfit.readers.grouping import Group, GroupChannel, group_tables
 from tests.readers import binary_logs
 from tests.readers.scenarios import Scenario
 
@@ -34,7 +37,7 @@ def refusal(path, options: ReadOptions = ReadOptions()) -> str:
     return str(caught.value)
 
 
-def test_a_library_is_silenced_and_no_other(monkeypatch) -> None:
+def test_a_library_is_silenced_and_no_other() -> None:
     own = ("colorsys", "colorsys.inside")
     others = ("colorsysmore", "other.colorsys", "other")
     before = {name: logging.getLogger(name).level for name in (*own, *others)}
@@ -133,3 +136,135 @@ def test_the_limit_counts_all_vectors_of_a_file(put, spare) -> None:
         assert f"the file up to 'time_s' claims {3 * 8 * n} bytes" in refusal(
             path, ReadOptions(max_bytes=limit)
         )
+
+
+# Groups of channels, as TDMS and MDF have them.
+
+
+def group(name: str, *channels: str, is_cut: bool = False, n: tuple[int, ...] = ()) -> Group:
+    lengths = n or (9,) * len(channels)
+    return Group(
+        name,
+        tuple(
+            GroupChannel(one, None, k, lambda k=k: np.arange(float(k)))
+            for one, k in zip(channels, lengths, strict=True)
+        ),
+        is_cut=is_cut,
+    )
+
+
+TEST = ("time_s", "displacement_mm", "force_N")
+
+
+@pytest.mark.parametrize(
+    ("groups", "n_tests", "left_out"),
+    [
+        ((group("a", *TEST),), 1, ""),
+        ((group("a", *TEST), group("b", *TEST)), 2, ""),
+        ((group("a", *TEST), group("b", "noise")), 1, "b"),
+        ((group("a", *TEST[:2]), group("b", TEST[2])), 1, ""),  # a test together
+        ((group("a", *TEST), group("b")), 1, ""),  # no numbers, nothing lost
+    ],
+)
+def test_groups_that_are_no_tests_are_named(groups, n_tests, left_out) -> None:
+    tables = group_tables(groups, ReadOptions(), name="a")
+    assert len(tables) == n_tests
+    said = [note for table in tables for note in table.notes if "left out" in note]
+    assert said == ([f"groups left out, as they are no tests: {left_out!r}"] if left_out else [])
+
+
+@pytest.mark.parametrize(("is_cut", "last"), [(True, 8), (True, 9), (False, 9), (False, 8)])
+def test_channels_of_different_length_are_kept_of_a_cut_file_alone(is_cut, last) -> None:
+    (table,) = group_tables(
+        [group("a", *TEST, is_cut=is_cut, n=(9, 9, last))], ReadOptions(), name="a"
+    )
+    wanted = {"time": 0, "displacement": 1, "force": 2}
+    if last == 8 and not is_cut:
+        with pytest.raises(LogError, match="different length: time 9, displacement 9, force 8"):
+            table.load(wanted)
+        return
+    samples = table.load(wanted)
+    assert {len(values) for values in samples.channels.values()} == {last}
+    assert any(f"the first {last} values" in note for note in samples.notes) is (last == 8)
+
+
+# Bytes that come in pieces, of a file or out of a packed variable.
+
+
+class Slow(io.BytesIO):
+    """A file that gives three bytes at a time, as one on a network may."""
+
+    def read(self, n: int = -1) -> bytes:
+        return super().read(min(n, 3))
+
+
+@pytest.mark.parametrize("n", [0, 2, 3, 4, 10, 11, 50])
+def test_a_file_that_is_read_in_pieces_is_read_whole_up_to_the_limit(n) -> None:
+    assert _read_up_to(Slow(b"0123456789"), n) == b"0123456789"[:n]
+
+
+def test_the_first_bytes_of_a_variable_are_kept_and_all_are_counted() -> None:
+    whole = bytes(range(256)) * (3 * matlab._CHUNK // 256)
+    packed = zlib.compress(whole)
+    for keep in (10, matlab._CHUNK, matlab._CHUNK + 5, len(whole), len(whole) + 1):
+        kept, total = matlab._unpack(packed, name="a", limit=len(whole), keep=keep)
+        assert (kept, total) == (whole[:keep], len(whole))
+    with pytest.raises(LogError, match="more than the limit"):
+        matlab._unpack(packed, name="a", limit=len(whole) - 1, keep=10)
+
+
+# Tests in one file.
+
+
+@pytest.mark.parametrize(("n", "is_read"), [(1000, True), (1001, False)])
+def test_more_than_a_thousand_tests_are_a_clock_that_jumps(put, n, is_read) -> None:
+    rows = "".join(f"{100 * k + i},{i},{i}\n" for k in range(n) for i in range(2))
+    path = put(f"time_s,displacement_mm,force_N\n{rows}".encode(), "a_s1.csv")
+    options = ReadOptions(pause=50.0)
+    if is_read:
+        assert len(read_logs(path, options)) == n
+    else:
+        assert f"time jumps {n - 1} times" in refusal(path, options)
+
+
+# Text: what a row or a declaration gets wrong.
+
+
+def test_a_declared_column_that_is_not_there_is_told_with_the_nearest(put) -> None:
+    path = put(b"time_s,displacement_mm,Load cell N,other_N\n0,1,2,3\n1,2,3,4\n", "a_s1.csv")
+    said = refusal(path, ReadOptions(columns={"force": "Load cel N"}))
+    assert said.endswith("Did you mean 'Load cell N'?")
+    assert "Did you mean" not in refusal(path, ReadOptions(columns={"force": "zzz"}))
+
+
+def test_a_row_whose_quote_does_not_close_is_dropped_whatever_it_holds(put) -> None:
+    lines = ["0,0,0,ok", '1,1,1,"no end', '2,2,2,"said, twice"', "3,3,3,ok"]
+    path = put("\n".join(["time_s,displacement_mm,force_N,remark", *lines, ""]).encode(), "a_s1.csv")
+    recording = read_log(path, ReadOptions(bad_rows="drop"))
+    assert list(recording.time) == [0.0, 2.0, 3.0]
+    (found,) = recording.findings
+    assert (found.name, found.value) == ("rows_dropped", 1.0)
+    assert found.sentence.endswith("a_s1.csv, line 3: a quote opens and does not close in the line")
+
+
+@pytest.mark.parametrize(
+    ("times", "is_fast"),
+    [
+        (("0", "1", "2"), True),
+        (("11:56:20.0", "11:56:21.0", "11:56:22.0"), True),
+        (("0", "1", "2 s"), False),
+    ],
+)
+def test_rows_are_read_one_by_one_only_where_something_is_wrong(
+    put, monkeypatch, times, is_fast
+) -> None:
+    def slow(*_):
+        raise LogError("one by one")
+
+    monkeypatch.setattr(rows, "_load_slow", slow)
+    text = "".join(f"{time},{i},{i}\n" for i, time in enumerate(times))
+    path = put(f"time_s,displacement_mm,force_N\n{text}".encode(), "a_s1.csv")
+    if is_fast:
+        assert list(read_log(path).time) == [0.0, 1.0, 2.0]
+    else:
+        assert refusal(path) == "one by one"

@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 from damperfit.configuration.loading import load_configuration
+from damperfit.identification import Outcome
 from damperfit.report import Failure, failure_lines
 from damperfit.run.logs import LogBatch, LogFacts
 from damperfit.run.record import Judgement, ending_of, record, report_facts
@@ -57,6 +58,14 @@ def test_gates_of_many_settings_are_one_line(n, lines) -> None:
     assert said[0].startswith("setting 1: MSE 0.5 % is above 0.001 %")
     if lines == 1:
         assert said[0].endswith(f"(with other numbers at 2-{n})")
+
+
+@pytest.mark.parametrize(("n", "lines"), [(MANY, MANY), (MANY + 1, 1)])
+def test_fits_of_many_settings_that_did_not_converge_are_one_line(n, lines) -> None:
+    configuration = load_configuration()
+    said = list(gates_not_met(configuration, NO_LOGS, _fits(n, outcome=Outcome.EVALUATION_LIMIT)))
+    assert len(said) == lines
+    assert said[0].startswith("setting 1: the fit did not converge (")
 
 
 @pytest.mark.parametrize(("n", "lines"), [(MANY, MANY), (MANY + 1, 1)])

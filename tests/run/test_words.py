@@ -16,7 +16,8 @@ from damperfit.report.failures_and_warnings import Failure
 from damperfit.run.logs import LogBatch, LogFacts, _distinct_names
 from damperfit.run.pipeline import _Clock, _sha256
 from damperfit.run.record import Judgement, _procedure, json_values, report_facts
-from damperfit.run.remarks import corrections, missing_logs, run_warnings
+from damperfit.run.mishaps import Mishaps
+from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
 from tests.fakes import campaign, fit
 
 PLAIN = load_configuration()
@@ -144,10 +145,33 @@ def test_a_file_is_known_by_its_hash(tmp_path) -> None:
 
 
 def test_the_time_of_a_part_is_summed_to_tenths_of_milliseconds(monkeypatch) -> None:
-    ticks = iter([0.0, 10.0, 10.00044, 20.0, 21.0, 30.0, 30.00016])
+    ticks = iter([10.0, 10.00044, 20.0, 21.0, 30.0, 30.00016])
     monkeypatch.setattr(time, "perf_counter", lambda: next(ticks))
     clock = _Clock()
     for name in ("read_s", "fit_s", "read_s"):
         with clock.lap(name):
             pass
     assert clock.laps == {"read_s": 0.0006, "fit_s": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("n", "others"), [(1, ""), (2, " and 1 other log"), (3, " and 2 other logs")]
+)
+def test_logs_that_strict_quality_left_out_are_counted(n, others) -> None:
+    refused = [Failure(f"{k}.csv", "", k, "QualityError", "spikes") for k in range(n)]
+    failed = Failure("x.csv", "", 9, "LogError", "empty file")
+    batch = replace(EMPTY, failures=(failed, *refused))
+    said = [f"strict quality: 0.csv{others} left out for warnings"]
+    assert list(gates_not_met(PLAIN, batch, campaign(fit(1)))) == said
+    assert list(gates_not_met(PLAIN, replace(batch, failures=(failed,)), campaign(fit(1)))) == []
+
+
+def test_mishaps_are_told_by_setting_and_those_of_the_whole_run_last() -> None:
+    mishaps = Mishaps(EMPTY)
+    mishaps.spared("comparing", lambda: 1 / 0, None)
+    for setting in (12, 3, 7):
+        mishaps.at_setting("judging")(setting, ValueError("x"))
+    mishaps.at_setting("profiling")(3, ValueError("x"))
+    told = [(one.setting, one.message.split(":")[0]) for one in mishaps.failures]
+    assert [setting for setting, _ in told] == [3, 3, 7, 12, None]
+    assert told[0] < told[1]
