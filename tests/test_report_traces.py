@@ -1,4 +1,4 @@
-"""What figures and lines of the report hold, by known answers: who is drawn, how, and who is not."""
+"""What figures and lines of the report hold, by known answers: what is drawn and how."""
 
 from __future__ import annotations
 

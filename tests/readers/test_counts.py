@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from damperfit.errors import LogError
-from damperfit.readers import ReadOptions, excel, matlab, read_log, read_logs, rows
+from damperfit.readers import ReadOptions, excel, matlab, mdf, read_log, read_logs, rows
 from damperfit.readers.files import _read_up_to
 from damperfit.readers.foreign import load_library
 from damperfit.readers.grouping import Group, GroupChannel, group_tables
@@ -239,7 +239,9 @@ def test_a_declared_column_that_is_not_there_is_told_with_the_nearest(put) -> No
 
 def test_a_row_whose_quote_does_not_close_is_dropped_whatever_it_holds(put) -> None:
     lines = ["0,0,0,ok", '1,1,1,"no end', '2,2,2,"said, twice"', "3,3,3,ok"]
-    path = put("\n".join(["time_s,displacement_mm,force_N,remark", *lines, ""]).encode(), "a_s1.csv")
+    path = put(
+        "\n".join(["time_s,displacement_mm,force_N,remark", *lines, ""]).encode(), "a_s1.csv"
+    )
     recording = read_log(path, ReadOptions(bad_rows="drop"))
     assert list(recording.time) == [0.0, 2.0, 3.0]
     (found,) = recording.findings
@@ -268,3 +270,43 @@ def test_rows_are_read_one_by_one_only_where_something_is_wrong(
         assert list(read_log(path).time) == [0.0, 1.0, 2.0]
     else:
         assert refusal(path) == "one by one"
+
+
+def test_a_table_without_rows_is_no_log(tmp_path) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    path = tmp_path / "a_s1.parquet"
+    for n in (0, 2):
+        parquet.write_table(pa.table({name: np.arange(float(n)) for name in TEST}), path)
+        if n:
+            assert len(read_log(path).force) == n
+        else:
+            assert refusal(path).startswith("a_s1.parquet: no data rows")
+
+
+def block(kind: bytes, *links: int) -> bytes:
+    head = kind + bytes(4) + struct.pack("<QQ", 24 + 8 * len(links), len(links))
+    return head + struct.pack(f"<{len(links)}Q", *links)
+
+
+@pytest.mark.parametrize("n_links", [1, 2])
+def test_a_block_of_mdf_that_two_name_hides_no_damage_behind_it(n_links) -> None:
+    first = mdf._FIRST_BLOCK
+    text = first + 24 + 8 * (1 + n_links)
+    last = text + 24
+    data = bytes(first) + block(b"##HD", last, *[text] * n_links) + block(b"##TX")
+    mdf._check_blocks(data + block(b"##TX"), name="a", limit=1)
+    with pytest.raises(LogError, match=f"no block at byte {last}"):
+        mdf._check_blocks(data + bytes(24), name="a", limit=1)
+    with pytest.raises(LogError, match="truncated"):
+        mdf._check_blocks(data + block(b"##TX")[:-1], name="a", limit=1)
+
+
+@pytest.mark.parametrize("field", ["", "nan", "-inf", "1e999", "x"])
+def test_one_row_that_says_no_number_is_dropped_alone(put, field) -> None:
+    lines = ["0,0,0", f"1,1,{field}", "2,2,2", "3,3,3"]
+    path = put("\n".join(["time_s,displacement_mm,force_N", *lines, ""]).encode(), "a_s1.csv")
+    recording = read_log(path, ReadOptions(bad_rows="drop"))
+    assert list(recording.force) == [0.0, 2.0, 3.0]
+    assert [found.value for found in recording.findings] == [1.0]

@@ -10,6 +10,8 @@ import pytest
 from damperfit.configuration.loading import load_configuration
 from damperfit.identification import Outcome
 from damperfit.report import Failure, failure_lines
+from damperfit.run import judging
+from damperfit.run.hold_out import Parted
 from damperfit.run.logs import LogBatch, LogFacts
 from damperfit.run.record import Judgement, ending_of, record, report_facts
 from damperfit.run.remarks import (
@@ -96,6 +98,15 @@ def test_many_settings_without_a_log_are_one_failure(n, lines) -> None:
         assert said[0].line == (
             f"settings 1-{n}: no log, but the configuration expects one in rig.settings for each"
         )
+
+
+@pytest.mark.parametrize(("n", "more"), [(MANY, []), (MANY + 1, ["and 1 more"])])
+def test_checks_are_told_of_a_few_lost_logs_and_how_many_more(n, more, monkeypatch) -> None:
+    failures = tuple(Failure(f"{k}.csv", "", k, "LogError", "empty") for k in range(n))
+    monkeypatch.setattr(judging, "run_checks", lambda subject: subject.missing)
+    batch = replace(NO_LOGS, failures=failures)
+    missing = judging._checks(load_configuration(), Parted(batch), campaign(fit(1)), None, None)
+    assert list(missing) == [f"{k}.csv failed" for k in range(MANY)] + more
 
 
 @pytest.mark.parametrize(("n", "lines"), [(MANY, MANY), (MANY + 1, MANY + 1), (200, MANY + 1)])

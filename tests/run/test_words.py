@@ -6,18 +6,20 @@ import hashlib
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from damperfit.configuration.loading import load_configuration
-from damperfit.identification import Outcome, Sharing
+from damperfit.identification import Outcome, Sharing, Status
 from damperfit.recording import Finding, natural_order
 from damperfit.report.failures_and_warnings import Failure
 from damperfit.run.logs import LogBatch, LogFacts, _distinct_names
+from damperfit.run.mishaps import Mishaps
 from damperfit.run.pipeline import _Clock, _sha256
 from damperfit.run.record import Judgement, _procedure, json_values, report_facts
-from damperfit.run.mishaps import Mishaps
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
+from damperfit.run.trust import _profile, unconfirmed_tares
 from tests.fakes import campaign, fit
 
 PLAIN = load_configuration()
@@ -175,3 +177,60 @@ def test_mishaps_are_told_by_setting_and_those_of_the_whole_run_last() -> None:
     told = [(one.setting, one.message.split(":")[0]) for one in mishaps.failures]
     assert [setting for setting, _ in told] == [3, 3, 7, 12, None]
     assert told[0] < told[1]
+
+
+TARE = Finding("tare", "warning", "the force has an offset of 120 N")
+
+
+@pytest.mark.parametrize(
+    ("is_structured", "noise", "is_said"), [(False, 0.1, True), (True, 0.1, False)]
+)
+def test_a_tare_is_unconfirmed_where_the_fit_meets_the_force_to_its_noise(
+    is_structured, noise, is_said
+) -> None:
+    one = with_findings(1, TARE)
+    found = SimpleNamespace(setting=1, is_structured=is_structured, noise_percent=noise)
+    said = list(unconfirmed_tares(campaign(one), SimpleNamespace(diagnoses=(found,))))
+    expected = (
+        "setting 1: the warning tare is not confirmed: the fit meets the force to its noise "
+        "without an offset"
+    )
+    assert said == [expected] * is_said
+
+
+def test_a_tare_is_not_doubted_without_noise_warning_or_a_fixed_offset() -> None:
+    sound = SimpleNamespace(setting=1, is_structured=False, noise_percent=0.1)
+    unknown = SimpleNamespace(setting=1, is_structured=False, noise_percent=float("nan"))
+    warned = with_findings(1, TARE)
+    noted = with_findings(1, replace(TARE, severity="note"))
+    free = replace(warned, status={**warned.status, "f_0": Status.FITTED})
+    for one, diagnoses in (
+        (warned, (unknown,)),
+        (warned, ()),
+        (noted, (sound,)),
+        (with_findings(1, CLIPPED), (sound,)),
+        (free, (sound,)),
+    ):
+        assert not list(unconfirmed_tares(campaign(one), SimpleNamespace(diagnoses=diagnoses)))
+    both = campaign(warned, with_findings(2, TARE))
+    (said,) = unconfirmed_tares(
+        both,
+        SimpleNamespace(
+            diagnoses=(sound, SimpleNamespace(setting=2, is_structured=False, noise_percent=0.1))
+        ),
+    )
+    assert said.startswith("settings 1, 2: ")
+
+
+@pytest.mark.parametrize("is_partial", [False, True])
+def test_a_profile_stands_beside_the_interval_of_errors_unless_others_were_held(is_partial) -> None:
+    profile = SimpleNamespace(
+        setting=3, name="k_e", shape="closed", low=1.0, high=4.0, points=(0, 0), evaluations=9,
+        is_shared=False, is_partial=is_partial,
+    )  # fmt: skip
+    others = SimpleNamespace(setting=2, intervals={"k_e": SimpleNamespace(low=7.0, high=8.0)})
+    own = SimpleNamespace(setting=3, intervals={"k_e": SimpleNamespace(low=1.5, high=3.5)})
+    told = _profile(profile, SimpleNamespace(uncertainties=(others, own)))
+    sandwich = (None, None) if is_partial else (1.5, 3.5)
+    assert (told["sandwich_ci_low"], told["sandwich_ci_high"]) == sandwich
+    assert (told["ci_low"], told["ci_high"], told["points"]) == (1.0, 4.0, 2)
