@@ -192,3 +192,17 @@ def test_notes_and_what_was_assumed_are_left_out_on_request() -> None:
     assert told[told.index("Notes") + 1] == "  gaps: 5 gaps (1 of 2 logs)"
     assert told[told.index("Read as") + 1] == "  time in ms (2 of 2 logs)"
     assert list(finding_lines(logs, has_notes=False)) == told[: told.index("Notes") - 1]
+
+
+def test_few_sentences_of_one_kind_hide_no_other_kind() -> None:
+    logs = [finding(f"{k}.csv") for k in range(4)]
+    logs[0]["findings"].insert(0, logs[0]["findings"][0] | {"name": "tare", "sentence": "off"})
+    logs[3]["findings"].append(logs[0]["findings"][0] | {"name": "spikes", "sentence": "two"})
+    for log, k in zip(logs, range(4), strict=True):
+        log["findings"][int(k == 0)]["sentence"] = f"{k} gaps"
+    lines = list(finding_lines(logs, has_notes=False))
+    assert lines[3:] == [
+        "  0.csv: tare: off",
+        "  0.csv: gaps: 0 gaps. With other numbers in 1.csv, 2.csv, 3.csv",
+        "  3.csv: spikes: two",
+    ]

@@ -126,7 +126,7 @@ def gates_not_met(
             above.append((fit.setting, f"MSE {fit.mse_percent:.3g} % is above {limit:g} %"))
         if not fit.outcome.is_minimum:
             unsound.append((fit.setting, f"the fit did not converge ({fit.outcome.value})"))
-    if len(above) > MANY or len(unsound) > MANY:
+    if len(above) + len(unsound) > MANY:  # one sentence on many settings tells of one gate
         yield from _at_settings(above)
         yield from _at_settings(unsound)
     else:

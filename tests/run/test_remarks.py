@@ -70,6 +70,22 @@ def test_fits_of_many_settings_that_did_not_converge_are_one_line(n, lines) -> N
     assert said[0].startswith("setting 1: the fit did not converge (")
 
 
+@pytest.mark.parametrize(("n", "is_by_setting"), [(MANY, True), (MANY + 1, False), (30, False)])
+def test_no_setting_is_told_to_have_missed_the_gate_of_another(n, is_by_setting) -> None:
+    configuration = load_configuration(overlay={"output": {"max_mse_percent": 1.0}})
+    above = {setting: fit(setting, mse=2.0) for setting in range(2, n + 1, 2)}
+    unsound = {
+        setting: fit(setting, mse=0.5, outcome=Outcome.NO_DESCENT) for setting in range(1, n + 1, 2)
+    }
+    both = {**above, **unsound}
+    said = list(gates_not_met(configuration, NO_LOGS, campaign(*(both[k] for k in sorted(both)))))
+    told = [f"setting {k}: MSE 2 % is above 1 %" for k in above]
+    told += [f"setting {k}: the fit did not converge (no_descent)" for k in unsound]
+    if is_by_setting:
+        told.sort(key=lambda one: int(one.split(":")[0].split()[1]))
+    assert said == told
+
+
 @pytest.mark.parametrize(("n", "lines"), [(MANY, MANY), (MANY + 1, 1)])
 def test_warnings_of_many_fits_are_one_line(n, lines) -> None:
     found = _fits(n)
