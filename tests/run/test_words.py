@@ -14,13 +14,14 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.identification import Outcome, Sharing, Status
 from damperfit.recording import Finding, natural_order
 from damperfit.report.failures_and_warnings import Failure
+from damperfit.run import hold_out
 from damperfit.run.logs import LogBatch, LogFacts, _distinct_names
 from damperfit.run.mishaps import Mishaps
 from damperfit.run.pipeline import _Clock, _sha256
 from damperfit.run.record import Judgement, _procedure, json_values, report_facts
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
 from damperfit.run.trust import _profile, unconfirmed_tares
-from tests.fakes import campaign, fit
+from tests.fakes import campaign, fit, trace
 
 PLAIN = load_configuration()
 EMPTY = LogBatch((), (), (), (), 0)
@@ -234,3 +235,18 @@ def test_a_profile_stands_beside_the_interval_of_errors_unless_others_were_held(
     sandwich = (None, None) if is_partial else (1.5, 3.5)
     assert (told["sandwich_ci_low"], told["sandwich_ci_high"]) == sandwich
     assert (told["ci_low"], told["ci_high"], told["points"]) == (1.0, 4.0, 2)
+
+
+def test_a_log_whose_cycles_cannot_be_parted_hides_none_behind_it(monkeypatch) -> None:
+    def split(one, _):
+        if one.setting == 1:
+            raise ValueError("x")
+        return one, replace(one, name=f"last of {one.name}")
+
+    monkeypatch.setattr(hold_out, "split_cycles", split)
+    traces = tuple(trace(setting) for setting in (1, 2, 3))
+    options = replace(PLAIN.hold_out, patterns=(), cycles=1)
+    parted = hold_out.part(replace(EMPTY, traces=traces), options, {})
+    assert [one.setting for one in parted.batch.traces] == [2, 3]
+    assert [one.setting for one in parted.held_out] == [2, 3]
+    assert [one.setting for one in parted.batch.failures] == [1]
