@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.errors import SimulationError
-from damperfit.identification import FitOptions, Status, blas_threads, first_pass, setting
+from damperfit.identification import FitOptions, Status, blas_threads, descent, first_pass, setting
 from damperfit.identification.descent import Misfit
 from damperfit.identification.failures import SettingFailure
 from damperfit.identification.first_pass import _Begun, _is_contradicted, _other_lowest, _tells_r_m3
@@ -187,3 +187,25 @@ def test_a_library_loaded_behind_one_that_is_lowered_is_lowered_too(monkeypatch)
         with blas_threads.one_blas_thread():
             assert (first.threads, second.threads) == (1, 1)
     assert (first.threads, second.threads) == (4, 6)
+
+
+def test_an_edge_beyond_which_the_others_cannot_go_on_ends_a_fit(monkeypatch) -> None:
+    """What was found stands; the same descent is not tried twice."""
+    at = fakes.fit(1).parameters
+    first = SimpleNamespace(
+        solution=SimpleNamespace(status=1, parameters=at), moving=("r_m1", "k_e")
+    )
+    tried: list[tuple[str, ...]] = []
+
+    def descended(misfit: Misfit, moving: tuple[str, ...], *_: object) -> SimpleNamespace:
+        tried.append(moving)
+        if len(tried) == 1:
+            return first
+        assert len(tried) == 2, "the descent that failed is tried again"
+        raise SimulationError("no")
+
+    monkeypatch.setattr(descent, "_descended", descended)
+    monkeypatch.setattr(descent, "_stopped_at", lambda _: ("k_e", PLAUSIBLE["k_e"][1]))
+    misfit = Misfit((), PURDY_DAMPER, ("r_m1", "k_e"), SolverOptions(), 1, lambda: False)
+    assert descent._minimise(misfit, at) is first.solution
+    assert tried == [("r_m1", "k_e"), ("r_m1",)]
