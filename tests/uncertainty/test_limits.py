@@ -225,3 +225,8 @@ def test_a_common_friction_is_in_doubt_where_the_settings_own_differ(
     (found,) = assessment.assess(campaign, PURDY_DAMPER).diagnoses
     assert found.is_structured
     assert [hint.words for hint in found.hints] == ([] if words is None else [words])
+
+
+@pytest.mark.parametrize(("cycles", "is_told"), [(1, False), (2, False), (3, True)])
+def test_a_correlation_at_a_cycle_takes_more_than_two_cycles(cycles: int, *, is_told: bool) -> None:
+    assert math.isfinite(diagnose(repeating(0.0, noise=1.0, cycles=cycles)).correlation) is is_told
