@@ -14,6 +14,7 @@ from damperfit.identification.descent import Misfit
 from damperfit.identification.failures import SettingFailure
 from damperfit.identification.first_pass import _Begun, _is_contradicted, _other_lowest, _tells_r_m3
 from damperfit.identification.joint_procedure import _common
+from damperfit.identification.multistart import _is_level
 from damperfit.identification.plausible import PLAUSIBLE, points_inside
 from damperfit.identification.procedure_input import closed_form_start
 from damperfit.identification.step_solvers import _inverted
@@ -209,3 +210,9 @@ def test_an_edge_beyond_which_the_others_cannot_go_on_ends_a_fit(monkeypatch) ->
     misfit = Misfit((), PURDY_DAMPER, ("r_m1", "k_e"), SolverOptions(), 1, lambda: False)
     assert descent._minimise(misfit, at) is first.solution
     assert tried == [("r_m1", "k_e"), ("r_m1",)]
+
+
+@pytest.mark.parametrize(("rise", "is_level"), [(0.0383, True), (0.0386, False)])
+def test_two_minima_are_level_where_noise_alone_may_part_them(rise, is_level) -> None:
+    other = SimpleNamespace(solution=SimpleNamespace(mse_percent=0.01 * (1.0 + rise)))
+    assert _is_level(judged(), other) is is_level
