@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 
+import numpy as np
+import pyarrow as pa
 import pytest
 
 from damperfit.tables.columns import column_kinds
-from damperfit.tables.reading import _check_files, _rows
+from damperfit.tables.reading import _SIGNALS, _check_files, _rows, _split
 
 
 @pytest.mark.parametrize("n_missing", [0, 1, 6, 7, 9])
@@ -40,3 +42,16 @@ def test_every_file_of_another_run_is_named_and_what_is_no_table_is_passed_over(
     _check_files(tmp_path, {"files": files}, remarks, ("a", "b", "c", "d", "missing"))
     assert [remark.partition(" ")[0] for remark in remarks] == ["a.parquet", "c.parquet"]
     assert remarks[1].endswith(" is not the file that the run wrote (see run.json)")
+
+
+def test_loops_that_stand_in_one_group_come_apart_by_log_and_by_setting() -> None:
+    """Of several rows each and of one; one name at two settings is two logs."""
+    logs = ["a", "a", "a", "b", "b", "b", "c"]
+    settings = [1, 1, 1, 1, 2, 2, 2]
+    rows = {name: np.arange(7.0) + 10.0 * k for k, name in enumerate(_SIGNALS)}
+    found = list(_split(pa.table({"log": logs, "setting": settings, **rows})))
+    assert [(one.setting, one.log) for one in found] == [(1, "a"), (1, "b"), (2, "b"), (2, "c")]
+    assert [one.time.tolist() for one in found] == [[0.0, 1.0, 2.0], [3.0], [4.0, 5.0], [6.0]]
+    assert [one.pressures.shape for one in found] == [(3, 3), (3, 1), (3, 2), (3, 1)]
+    assert [one.force[0] for one in found] == [40.0, 43.0, 44.0, 46.0]
+    assert list(_split(pa.table({"log": logs[:0], "setting": settings[:0]}))) == []

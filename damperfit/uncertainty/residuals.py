@@ -70,7 +70,7 @@ class Diagnosis:
         Whether more of the residual repeats with the cycle than noise can explain.
     correlation : float
         Autocorrelation of the residual at a lag of one cycle: 0 for noise, towards 1 when the
-        residual repeats. NaN for a single cycle.
+        residual repeats. NaN for two cycles or less.
     runs_ratio : float
         Runs of one sign over what noise behind the same filter would have; well below 1 when
         the residual is structured.

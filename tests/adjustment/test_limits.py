@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from damperfit.adjustment import Sine, find_trends, named_speeds, which_setting
+from damperfit.adjustment import Sine, find_trends, named_speeds, selection, which_setting
 from damperfit.adjustment.curves import LEAST_SCATTER, Points, fit_curve, scatter_of
 from damperfit.adjustment.selection import (
     _Candidate,
     _is_jump,
+    _is_off,
     _most_outliers,
     _third_difference,
     _worst,
@@ -213,3 +215,25 @@ def test_of_curves_for_a_constant_with_scatter_one_in_twenty_is_none() -> None:
         found = choose(points(0.02 * rng.standard_normal(12), settings=settings))
         degrees.append(found.curve.degree)
     assert np.mean(np.array(degrees) > 0) < 0.2
+
+
+@pytest.mark.parametrize(("gain", "degree"), [(6.0, 0), (6.5, 1)])
+def test_a_slope_pays_for_its_number_and_for_the_choice_among_five_scales(gain, degree) -> None:
+    """By hand: ln 20 + 2 ln 5 = 6.21 for 20 settings; the gain is what a slope takes off."""
+    centred = TWENTY - TWENTY.mean()
+    deviation = np.hypot(1e-2, LEAST_SCATTER)
+    logs = centred * deviation * np.sqrt(gain / float(centred @ centred))
+    assert choose(points(logs, errors=1e-2)).curve.degree == degree
+
+
+@pytest.mark.parametrize(
+    ("n", "freedom", "bound"), [(20, 18, 5.288), (20, 10, 6.757), (5, 2, 35.33)]
+)
+def test_a_setting_is_off_where_chance_has_it_once_in_a_thousand(
+    monkeypatch, n, freedom, bound
+) -> None:
+    """Student's t of 0.001 over 20 settings and 0.004 over 5, on both sides, from tables."""
+    one = _Candidate(0.0, SimpleNamespace(freedom=freedom), (3,))
+    for distance, is_off in ((0.999 * bound, False), (1.001 * bound, True)):
+        monkeypatch.setattr(selection, "_distance", lambda *_, d=distance: d)
+        assert _is_off(points(np.zeros(n)), one, 3) is is_off

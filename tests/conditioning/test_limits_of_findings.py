@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from damperfit.conditioning import motion
-from damperfit.conditioning.channels import Channel, _runs, examine_channel, find_spikes, noise_of
+from damperfit.conditioning.channels import (
+    Channel,
+    _is_clip,
+    _runs,
+    examine_channel,
+    find_spikes,
+    noise_of,
+)
 from damperfit.conditioning.options import ConditionOptions, NominalTest
 from tests import fakes
 
@@ -23,15 +31,17 @@ def cycles(n, *, force=0.0, displacement=0.0, size=1.0, **more):
     each = np.broadcast_to(force, n)[which]
     moved = np.broadcast_to(displacement, n)[which]
     sizes = np.broadcast_to(size, n)[which]
+    one = fakes.trace(1)
+    stretch = replace(
+        one.fastest, first=0, stop=n * PERIOD, cycle_starts=PERIOD * np.arange(n + 1.0)
+    )
     trace = replace(
-        fakes.trace(1),
+        one,
         interval=1.0 / 300.0,
         displacement=0.032 * wave + moved,
         velocity=0.3 * slope,
         force=1000.0 * sizes * slope + each,
-        first=0,
-        stop=n * PERIOD,
-        cycle_starts=PERIOD * np.arange(n + 1.0),
+        stretches=(stretch,),
         n_cycles_found=n,
     )
     return replace(trace, **more)
@@ -294,3 +304,15 @@ def test_a_filter_takes_a_thousandth_or_a_hundredth_of_the_motion(lost, severity
     for one in found:
         assert one.value == pytest.approx(100.0 * lost)
         assert f"the filter takes {100.0 * lost:.2g} % off the motion at 1.5 Hz" in one.sentence
+
+
+@pytest.mark.parametrize(("bow", "is_clip"), [(0.0015, False), (0.0025, True)])
+@pytest.mark.parametrize("stroke", [0.064, 3.0])
+def test_a_constant_force_at_constant_speed_is_no_clipping(stroke, bow, is_clip) -> None:
+    """Six tenths of the stroke, straight but for a bow; of a dam's damper too."""
+    part = np.linspace(0.0, 1.0, 101)
+    out = stroke * (0.6 * part + bow * np.sin(np.pi * part))
+    other = np.concatenate([out, np.linspace(out[-1], stroke, 50)])
+    channel = Channel("force", "N", 1.0, np.zeros(151), other, np.arange(151.0))
+    run = SimpleNamespace(start=np.array([0]), stop=np.array([101]))
+    assert _is_clip(channel, run, 0, 1.0) is is_clip

@@ -42,3 +42,14 @@ def test_the_noise_far_above_the_motion_is_looked_at_alone() -> None:
     quiet = sosfilt(butter(4, 60.0, fs=1000.0, output="sos"), noise)
     assert _fall(quiet, 1e-3) > 1e3
     assert _fall(noise[:50], 1e-3) == 0.0
+
+
+def test_lines_between_the_motion_and_the_far_ones_do_not_count() -> None:
+    """Near the motion a level of 100, far above it 1; a resonance between them and above both."""
+    frequency = np.fft.rfftfreq(4000, 1e-3)
+    level = np.full(len(frequency), 1e4)
+    level[(frequency > 10.0) & (frequency < 30.0)] = 100.0
+    level[(frequency > 290.0) & (frequency < 452.0)] = 1.0
+    turns = np.exp(2j * np.pi * np.random.default_rng(6).random(len(frequency)))
+    signal = np.fft.irfft(level * turns, 4000)
+    assert _fall(signal, 1e-3) == pytest.approx(1e4, rel=0.5)

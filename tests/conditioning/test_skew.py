@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning.skew import _around, estimate_skew, take_back
+from damperfit.conditioning.skew import _around, _beside, estimate_skew, take_back
 from damperfit.conditioning.timebase import UniformLog
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
@@ -214,3 +214,15 @@ def test_forty_samples_beside_the_ends_are_enough(n, *, is_enough) -> None:
     )  # fmt: skip
     log = UniformLog(0.0, 0.01, trace.displacement, trace.force)
     assert ("too few samples" in estimate_skew(log, trace).reason) is not is_enough
+
+
+@pytest.mark.parametrize(
+    ("end", "is_whole"), [(0.019, False), (0.020, True), (0.079, True), (0.080, False)]
+)
+def test_an_end_counts_where_the_log_holds_all_samples_beside_it(end, is_whole) -> None:
+    """Twenty samples on each side, of 100."""
+    log = UniformLog(0.0, 1e-3, np.zeros(100), np.arange(100.0))
+    lag, force = _beside(log, np.array([end]))
+    assert len(lag) == len(force) == 41 * is_whole
+    if is_whole:
+        assert force[[0, -1]].tolist() == [1e3 * end - 20.0, 1e3 * end + 20.0]

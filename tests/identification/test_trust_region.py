@@ -84,3 +84,31 @@ def test_a_descent_among_failures_shrinks_until_its_steps_are_short() -> None:
     assert ended.failed_trials == ended.evaluations - 1
     longer = iterate(lonely, START, replace(stopping, step_tolerance=1e-8))
     assert longer.failed_trials == ended.failed_trials + 4  # a tenth at each failure
+
+
+def test_a_step_that_rises_is_not_taken() -> None:
+    """From 2 the full step of arctan goes to -3.5, where the misfit is larger: back to 2."""
+    seen: list[float] = []
+
+    def bend(u: np.ndarray) -> tuple[DenseSystem, None]:
+        seen.append(float(u[0]))
+        return DenseSystem(np.arctan(u), (1.0 / (1.0 + u**2))[:, None]), None
+
+    ended = iterate(bend, np.array([2.0]), Stopping())
+    overshot = seen[1] - seen[0]
+    assert seen[1] == pytest.approx(2.0 - 5.0 * math.atan(2.0))
+    assert 0.1 <= (seen[2] - seen[0]) / overshot <= 0.55
+    assert ended.variables == pytest.approx([0.0], abs=1e-8)
+
+
+@pytest.mark.parametrize(("tilt", "is_met"), [(0.0, True), (1e-3, False)])
+def test_residuals_at_right_angles_to_every_column_end_a_descent_at_its_start(
+    tilt: float, *, is_met: bool
+) -> None:
+    def line(u: np.ndarray) -> tuple[DenseSystem, None]:
+        return DenseSystem(np.array([u[0] - 1.0 + tilt, 1.0]), np.array([[1.0], [0.0]])), None
+
+    ended = iterate(line, np.array([1.0]), Stopping())
+    assert (ended.evaluations == 1) is is_met
+    assert ended.variables == pytest.approx([1.0 - tilt], abs=1e-9)
+    assert ended.status == 1

@@ -8,14 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.identification import Outcome
+from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER
+from damperfit.identification import Outcome, Sharing
 from damperfit.recording import Finding
-from damperfit.uncertainty import Prediction
+from damperfit.uncertainty import Prediction, assessment
 from damperfit.uncertainty.flaws import seek_flaws
 from damperfit.uncertainty.information import Evidence, LogEvidence
 from damperfit.uncertainty.prediction import prediction_warnings
 from damperfit.uncertainty.residuals import _independent_phases, diagnose
 from tests import fakes
+from tests.uncertainty.test_words import known
 
 OMEGA = 2.0 * np.pi * 1.5
 
@@ -190,3 +192,41 @@ def test_the_worst_of_the_predictions_that_fail_is_named() -> None:
 
 def test_a_fake_fit_has_converged() -> None:
     assert fakes.fit(1).outcome is Outcome.CONVERGED
+
+
+@pytest.mark.parametrize("cycles", [1, 2])
+def test_noise_is_told_from_a_misfit_from_two_cycles_on(cycles: int) -> None:
+    found = diagnose(repeating(0.0, noise=1.0, cycles=cycles))
+    is_told = cycles == 2
+    assert math.isfinite(found.noise_percent) is is_told
+    assert math.isfinite(found.runs_ratio) is is_told
+    single = f"MSE {found.mse_percent:.2g} %; a single cycle does not tell noise from lack of fit"
+    assert (found.sentence == single) is not is_told
+    assert ("% is noise" in found.sentence) is is_told
+
+
+@pytest.mark.parametrize(
+    ("spread", "words"),
+    [((20.0, 80.0), "f_f in common to all settings, here too low"), ((50.0, 50.0), None)],
+)
+def test_a_common_friction_is_in_doubt_where_the_settings_own_differ(
+    monkeypatch, spread, words
+) -> None:
+    """A misfit in the shape of the friction's own slope, at a setting that holds the common one."""
+    quiet = repeating(2.0, noise=0.1)
+    (log,) = quiet.logs
+    jacobian = log.jacobian.copy()
+    jacobian[:, PARAMETER_NAMES.index("f_f")] = repeating(1.0, noise=0.0).logs[0].residuals
+    told = replace(quiet, logs=(replace(log, jacobian=jacobian),))
+    monkeypatch.setattr(assessment, "collect_evidence", lambda *_, **__: (told,))
+    sharing = Sharing(f_f_from=(1, 2), f_f_range=spread)
+    monkeypatch.setattr(assessment, "uncertainties", lambda *_, **__: (known(),))
+    campaign = fakes.campaign(told.fit, sharing=sharing)
+    (found,) = assessment.assess(campaign, PURDY_DAMPER).diagnoses
+    assert found.is_structured
+    assert [hint.words for hint in found.hints] == ([] if words is None else [words])
+
+
+@pytest.mark.parametrize(("cycles", "is_told"), [(1, False), (2, False), (3, True)])
+def test_a_correlation_at_a_cycle_takes_more_than_two_cycles(cycles: int, *, is_told: bool) -> None:
+    assert math.isfinite(diagnose(repeating(0.0, noise=1.0, cycles=cycles)).correlation) is is_told

@@ -10,6 +10,7 @@ import pytest
 from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER
 from damperfit.identification import Sharing, Status
 from damperfit.uncertainty import profile_walk
+from damperfit.uncertainty.intervals import _shared_rows
 from damperfit.uncertainty.profile_walk import doubtful_profiles
 from damperfit.uncertainty.profiles import Bench, is_doubtful, lines_of
 from tests import fakes
@@ -120,3 +121,16 @@ def test_a_shared_parameter_is_followed_where_it_comes_from() -> None:
     assert line("r_m3", sharing=elsewhere) == line("f_f", sharing=elsewhere) == []
     jointly = Sharing(free=free, jointly=("r_m3", "f_f"), settings=(1,))
     assert line("r_m3", sharing=jointly) == line("f_f", sharing=jointly) == []
+
+
+@pytest.mark.parametrize(("settings", "share"), [((1,), 1.0), ((1, 7), 1.0), ((1, 2), 0.5)])
+def test_a_mean_friction_has_the_weight_of_the_settings_that_were_judged(settings, share) -> None:
+    """Setting 7 gave a friction and was left out later: the mean is told by the others."""
+    one = replace(evidence(np.ones(333)), information=4.0 * np.eye(6))
+    both = [one, replace(one, fit=replace(one.fit, setting=2))]
+    sharing = Sharing(free=("r_m1", "f_f"), f_f_from=settings)
+    first, second = _shared_rows(both, sharing)
+    expected = np.zeros((1, 6))
+    expected[0, PARAMETER_NAMES.index("f_f")] = share / 4.0
+    assert first == pytest.approx(expected)
+    assert second == pytest.approx(expected if 2 in settings else np.zeros((1, 6)))

@@ -51,6 +51,7 @@ def test_of_a_parameter_well_told_it_is_the_parabola_of_the_printed_interval() -
     assert [(p.name, p.setting) for p in judged.profiles] == [
         ("r_m1", 1), ("r_m1", 10), ("k_e", 1), ("k_e", 10), ("r_m3", 1),
     ]  # fmt: skip
+    assert [p.is_shared for p in judged.profiles] == [False, False, False, False, True]
     fits = {fit.setting: fit.parameters for fit in campaign.fits}
     for profile in judged.profiles:
         assert profile.shape == "closed"

@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from damperfit.identification import Outcome, Sharing
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.identification import FitOptions, Outcome, Sharing
 from damperfit.recording import Finding
 from damperfit.run.trust import _profile, confidence_record, unconfirmed_tares
-from damperfit.uncertainty import Assessment, Diagnosis, Interval, Uncertainty, reconsider
+from damperfit.uncertainty import (
+    Assessment,
+    Bench,
+    Diagnosis,
+    Interval,
+    Uncertainty,
+    assess,
+    collect_evidence,
+    predict,
+    reconsider,
+)
 from damperfit.uncertainty.correlated_noise import _is_positive, cycle_covariance
 from damperfit.uncertainty.gas import GasContent
 from damperfit.uncertainty.intervals import make_interval
 from damperfit.uncertainty.profiles import MisfitProfile, ProfilePoint, signed_root
 from damperfit.uncertainty.residuals import scatter_between_cycles
-from damperfit.uncertainty.verdicts import doubts, verdicts
+from damperfit.uncertainty.verdicts import doubts, untold, verdicts
 from tests import fakes
 
 
@@ -296,3 +308,18 @@ def test_two_cycles_are_enough_to_scatter_and_one_is_not() -> None:
 )
 def test_a_covariance_is_positive(rows, *, is_positive) -> None:
     assert _is_positive(np.array(rows)) is is_positive
+
+
+def test_a_setting_that_nobody_judged_does_not_hide_those_behind_it() -> None:
+    fits = [fakes.fit(n, status={"k_e": "not_identifiable"}) for n in (1, 2, 3)]
+    said = untold(fits, {1: known(1), 3: known(3)}, Sharing(), {})
+    assert [text.partition(":")[0] for text in said] == ["k_e at setting 1", "k_e at setting 3"]
+
+
+def test_a_fit_is_judged_by_the_integrator_that_has_made_it() -> None:
+    """Coarser and finer ones differ by forces that would count as a misfit that repeats."""
+    fitted = FitOptions().solver
+    for function in (assess, collect_evidence, predict):
+        solver = inspect.signature(function).parameters["solver"]
+        assert solver.default == fitted, function.__name__
+    assert Bench(PURDY_DAMPER).solver == fitted
