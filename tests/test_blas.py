@@ -85,10 +85,9 @@ def test_a_library_that_is_loaded_meanwhile_is_lowered_and_put_back() -> None:
         "if i['user_api'] == 'blas']\n"
         "with one_blas_thread():\n"
         "    import scipy.linalg\n"
-        "    usual = seen()\n"
         "    with one_blas_thread():\n"
         "        assert set(seen()) == {1}, seen()\n"
-        "assert seen() == usual, (seen(), usual)\n"
+        "assert set(seen()) == {2}, seen()\n"
         "assert len(seen()) >= 1\n"
     )
     environment = {"OPENBLAS_NUM_THREADS": "2", "PATH": ""}

@@ -308,12 +308,17 @@ def adjustment_rows() -> list[dict[str, object]]:
     ]  # fmt: skip
 
 
+def _other_motion(log):
+    """The same log at another stroke and frequency."""
+    return replace(log, stretches=(replace(log.fastest, amplitude=0.0201, frequency=2.25),))
+
+
 @pytest.fixture(scope="module")
 def sections():
     """report.md as its lines by section."""
     held_out = Prediction(
         setting=7,
-        trace=replace(trace(7, "b.csv"), amplitude=0.0201, frequency=2.25),
+        trace=_other_motion(trace(7, "b.csv")),
         is_part=True,
         mse_percent=0.625,
         noise_floor_percent=0.1,

@@ -70,7 +70,7 @@ def settled(folder: Path) -> Iterator[None]:
     """
     until = time.monotonic() + _PATIENCE
     busy = (
-        f"{folder}: another run of damperfit has been writing there for {_PATIENCE:g} s; wait for "
+        f"{folder}: another run has been writing there for {_PATIENCE:g} s; wait for "
         "it to end, or give another folder"
     )
     while True:
@@ -144,7 +144,7 @@ def reserved(folder: Path) -> Iterator[None]:
     """
     missing = [one for one in (folder, *folder.parents) if not os.path.lexists(one)]
     refusal = (
-        f"{folder}: another run of damperfit is at work there; wait for it to end, or give this "
+        f"{folder}: another run is at work there; wait for it to end, or give this "
         "one a folder of its own (--out)"
     )
     with ExitStack() as held:

@@ -168,7 +168,7 @@ def test_results_that_cannot_be_written_are_still_shown(run, logs, monkeypatch, 
     assert "No space left on device" in ended.err.splitlines()[-1]
     assert "excellent" in ended.out
     assert "results in results" not in ended.err
-    assert list((tmp_path / "results").iterdir()) == []
+    assert not (tmp_path / "results").exists()  # nothing came to stand in it
     document = json.loads(run("identify", logs / "setting_01.csv", "--json").out)
     assert document["parameters"][0]["setting"] == 1
     configuration = load_configuration()

@@ -122,7 +122,7 @@ def test_two_runs_into_one_folder_at_once_are_refused_before_they_work(
     assert second.code == 1
     (line,) = second.err.splitlines()
     assert line == (
-        "damperfit: results: another run of damperfit is at work there; wait for it to end, or "
+        "damperfit: results: another run is at work there; wait for it to end, or "
         "give this one a folder of its own (--out)"
     )
     assert report.code == 0

@@ -208,9 +208,11 @@ def test_forty_samples_beside_the_ends_are_enough(n, *, is_enough) -> None:
     """At 100 Hz an end has two samples on each side and its own: eight ends have 40."""
     turns = np.arange((n + 1) * 100) / 100.0
     x, v = np.sin(2.0 * np.pi * turns), np.cos(2.0 * np.pi * turns)
+    one = fakes.trace(1)
+    stretch = replace(one.fastest, first=10, stop=10 + n * 100, frequency=1.0)
     trace = replace(
-        fakes.trace(1), start_time=0.0, interval=0.01, displacement=0.03 * x, velocity=0.2 * v,
-        force=300.0 * v, first=10, stop=10 + n * 100, frequency=1.0,
+        one, start_time=0.0, interval=0.01, displacement=0.03 * x, velocity=0.2 * v,
+        force=300.0 * v, stretches=(stretch,),
     )  # fmt: skip
     log = UniformLog(0.0, 0.01, trace.displacement, trace.force)
     assert ("too few samples" in estimate_skew(log, trace).reason) is not is_enough

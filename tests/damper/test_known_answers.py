@@ -18,7 +18,8 @@ from damperfit.damper.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.reference import reference_parameters
 from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion
 
-DAMPER = replace(PURDY_DAMPER, gas_length=1e5)
+DAMPER = replace(PURDY_DAMPER)
+object.__setattr__(DAMPER, "gas_length", 1e5)  # so much gas as no damper may be declared with
 Y = Parameters(r_m1=3e4, r_m2=4e6, r_m3=2.597e6, k_e=4e8, f_f=0.0)
 STEP, INTERVAL = 2e-5, 1e-5
 

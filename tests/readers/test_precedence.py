@@ -43,8 +43,8 @@ def in_force(folder, rig: dict, profile: dict, command_line: dict) -> ReadOption
     path = folder / "rig.toml"
     path.write_text("\n".join([*lines, *_entries(profile)]), encoding="utf-8")
     texts = [f"{key}={json.dumps(value)}" for key, value in command_line.items()]
-    overlay = cli_options.overlay(*cli_options.rig_entries(texts))
-    return load_configuration(path, overlay=overlay).reading.for_file("bench_1.csv")[0]
+    configuration = cli_options.configured(path, *cli_options.rig_entries(texts))
+    return configuration.reading.for_file("bench_1.csv")[0]
 
 
 def _entries(values: dict) -> list[str]:
