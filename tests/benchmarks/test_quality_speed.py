@@ -5,15 +5,17 @@ Run with ``pytest tests/benchmarks/test_quality_speed.py --benchmark-enable -n 0
 
 from __future__ import annotations
 
-from damperfit.conditioning import ConditionOptions, chain, condition
+from damperfit.conditioning import ConditionOptions, condition, log_to_trace
 from tests.conditioning.test_quality import OPTIONS, made
 
 
 def test_findings_of_a_log_of_10_000_rows(benchmark, monkeypatch) -> None:
     log = made(rate=1000.0)
     asked: list[tuple] = []
-    examine = chain.examine
-    monkeypatch.setattr(chain, "examine", lambda *given: asked.append(given) or examine(*given))
+    examine = log_to_trace.examine
+    monkeypatch.setattr(
+        log_to_trace, "examine", lambda *given: asked.append(given) or examine(*given)
+    )
     assert isinstance(OPTIONS, ConditionOptions)
     condition(log, OPTIONS)
     found = benchmark(examine, *asked[0])

@@ -1,0 +1,40 @@
+"""The paper's model by its own stepper, and the same as a network of passages, in one run.
+
+pytest tests/benchmarks/test_network_speed.py --benchmark-enable -n 0
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from damperfit.damper.network import purdy
+from damperfit.damper.parameters import PURDY_DAMPER, Parameters
+from damperfit.simulation import SolverOptions, simulate, simulate_network, sine_motion
+
+VALUES = {"r_m1": 1.8e4, "r_m2": 3.527e6, "r_m3": 2.597e6, "k_e": 3.65e8, "f_f": 50.0}
+NAMES = ("r_m1", "r_m2", "k_e")
+OPTIONS = SolverOptions(tolerance=1e-2, rounding=1.0)
+MOTION = sine_motion(0.032, 1.5, cycles=15, sample_rate=1000)
+
+
+def own():
+    return simulate(
+        Parameters(**VALUES), PURDY_DAMPER, MOTION, sensitivities=NAMES, options=OPTIONS
+    )
+
+
+def as_network():
+    return simulate_network(
+        purdy(), VALUES, PURDY_DAMPER, MOTION, sensitivities=NAMES, options=OPTIONS
+    )
+
+
+@pytest.mark.benchmark(group="10 s at 1 kHz with three sensitivities")
+@pytest.mark.parametrize("run", [own, as_network])
+def test_one_simulation(benchmark, run):
+    response = benchmark(run)
+    assert response.force.max() == pytest.approx(own().force.max(), abs=0.05)
+
+
+def test_both_take_the_same_steps():
+    assert as_network().work == own().work
