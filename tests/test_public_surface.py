@@ -32,12 +32,12 @@ SURFACE = {
         "report_facts",
     ],
     "damperfit.queries.force_by_setting": [
-        "Adjuster",
-        "Ladder",
+        "AdjusterResults",
+        "ForceTable",
         "Question",
-        "climb",
         "parse_question",
         "read_adjuster",
+        "tabulate_forces",
     ],
     "damperfit.adjustment": [
         "Adjustment",

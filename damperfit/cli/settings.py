@@ -27,7 +27,7 @@ from damperfit.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from damperfit.queries.force_by_setting import Adjuster, Ladder, Question
+    from damperfit.queries.force_by_setting import AdjusterResults, ForceTable, Question
 
 __all__ = ["settings"]
 
@@ -64,36 +64,38 @@ def settings(
 
     Example: damperfit settings --force 900N --velocity 0.2m/s
     """
-    from damperfit.queries.force_by_setting import climb, parse_question, read_adjuster
+    from damperfit.queries.force_by_setting import parse_question, read_adjuster, tabulate_forces
     from damperfit.run.logs import available_cores
 
     question = parse_question(force=force, velocity=velocity, stroke=stroke)
     adjuster = read_adjuster(results, config=config, amplitude=amplitude, frequency=frequency)
-    ladder = climb(adjuster, question, jobs=jobs or available_cores())
-    remarks = (*adjuster.remarks, *ladder.remarks)
+    forces = tabulate_forces(adjuster, question, jobs=jobs or available_cores())
+    remarks = (*adjuster.remarks, *forces.remarks)
     for remark in remarks:
         say(f"damperfit: {results}: {remark}")
-    for trace in ladder.traces if debug else ():
+    for trace in forces.traces if debug else ():
         say_lines(trace)
-    for note in ladder.notes:
+    for note in forces.notes:
         say(f"note: {note}")
     if json:
-        print_json(_document(adjuster, question, ladder, remarks))
+        print_json(_document(adjuster, question, forces, remarks))
     else:
-        _show(adjuster, question, ladder, is_quiet=quiet)
+        _show(adjuster, question, forces, is_quiet=quiet)
     return 1 if remarks else 0
 
 
-def _show(adjuster: Adjuster, question: Question, ladder: Ladder, *, is_quiet: bool) -> None:
+def _show(
+    adjuster: AdjusterResults, question: Question, forces: ForceTable, *, is_quiet: bool
+) -> None:
     from damperfit.report import force_by_setting_sheet, force_by_speed_sheet, terminal_table
     from damperfit.tables import adjustment_rows
 
-    if ladder.wanted is not None:
+    if forces.wanted is not None:
         if is_quiet:
-            print_lines([ladder.wanted.sentence])
+            print_lines([forces.wanted.sentence])
             return
-        print_lines([*wrap(ladder.wanted.sentence, screen_columns()), ""])
-    rows = adjustment_rows(ladder.levels, ladder.clicks)
+        print_lines([*wrap(forces.wanted.sentence, screen_columns()), ""])
+    rows = adjustment_rows(forces.levels, forces.clicks)
     print_lines([f"force by setting, {adjuster.source}", ""])
     if question.speed is not None:
         print_renderable(terminal_table(force_by_setting_sheet(rows)))
@@ -104,12 +106,12 @@ def _show(adjuster: Adjuster, question: Question, ladder: Ladder, *, is_quiet: b
 
 
 def _document(
-    adjuster: Adjuster, question: Question, ladder: Ladder, remarks: tuple[str, ...]
+    adjuster: AdjusterResults, question: Question, forces: ForceTable, remarks: tuple[str, ...]
 ) -> dict[str, Any]:
     from damperfit.run.record import json_values
     from damperfit.tables import adjustment_rows
 
-    wanted = ladder.wanted
+    wanted = forces.wanted
     sine = adjuster.sine
     document: dict[str, Any] = json_values(
         {
@@ -118,9 +120,9 @@ def _document(
             "question": None if wanted is None else asdict(question),
             "sentence": None if wanted is None else wanted.sentence,
             "answers": [] if wanted is None else [asdict(answer) for answer in wanted.answers],
-            "forces": adjustment_rows(ladder.levels, ladder.clicks),
+            "forces": adjustment_rows(forces.levels, forces.clicks),
             "remarks": list(remarks),
-            "notes": list(ladder.notes),
+            "notes": list(forces.notes),
         }
     )
     return document

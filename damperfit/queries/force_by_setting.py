@@ -36,11 +36,18 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.simulation import SolverOptions
 
-__all__ = ["Adjuster", "Ladder", "Question", "climb", "parse_question", "read_adjuster"]
+__all__ = [
+    "AdjusterResults",
+    "ForceTable",
+    "Question",
+    "parse_question",
+    "read_adjuster",
+    "tabulate_forces",
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Adjuster:
+class AdjusterResults:
     """The settings of a results folder, and the motion at which they are compared.
 
     Attributes
@@ -87,7 +94,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class Ladder:
+class ForceTable:
     """Forces by setting, their changes by click, and the answer.
 
     Attributes
@@ -163,7 +170,7 @@ def read_adjuster(
     config: Path | None = None,
     amplitude: str | None = None,
     frequency: str | None = None,
-) -> Adjuster:
+) -> AdjusterResults:
     """Read the settings, damper and motion of a results folder.
 
     Parameters
@@ -195,12 +202,12 @@ def read_adjuster(
         remarks.append("the motion of the test is not known: the nominal one is taken")
     sine, source = _motion(own, amplitude, frequency)
     refuse_amplitude(sine.amplitude, configuration.damper)
-    return Adjuster(
+    return AdjusterResults(
         stages, configuration.damper, sine, source, configuration.simulation.solver, tuple(remarks)
     )
 
 
-def climb(adjuster: Adjuster, question: Question, *, jobs: int = 1) -> Ladder:
+def tabulate_forces(adjuster: AdjusterResults, question: Question, *, jobs: int = 1) -> ForceTable:
     """Return forces and clicks of an adjuster, and where a wanted force is found.
 
     Raises
@@ -246,10 +253,10 @@ def climb(adjuster: Adjuster, question: Question, *, jobs: int = 1) -> Ladder:
     changes = clicks(found, adjuster.damper)
     notes = tuple(_cavitation_notes(adjuster, found))
     traces = tuple(mishaps[setting].trace for setting in sorted(mishaps))
-    return Ladder(found, changes, wanted, remarks, notes, traces)
+    return ForceTable(found, changes, wanted, remarks, notes, traces)
 
 
-def _cavitation_notes(adjuster: Adjuster, found: Sequence[Level]) -> Iterator[str]:
+def _cavitation_notes(adjuster: AdjusterResults, found: Sequence[Level]) -> Iterator[str]:
     """Say at which settings the damper cavitates on the motion that was asked for."""
     settings = {level.setting for level in found if level.is_cavitating}
     if settings:
