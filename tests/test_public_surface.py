@@ -19,7 +19,7 @@ SURFACE = {
     "damperfit": [
         "__version__",
     ],
-    "damperfit.run.record": [
+    "damperfit.run.run_json": [
         "Ending",
         "Judgement",
         "ending_of",

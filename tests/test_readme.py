@@ -24,7 +24,7 @@ from PIL import Image
 from damperfit.configuration.loading import load_configuration
 from damperfit.readers import read_log
 from damperfit.report import draw_plot, report_plots
-from damperfit.run.record import Ending
+from damperfit.run.run_json import Ending
 from damperfit.tables import read_results
 
 ROOT = Path(__file__).parents[1]

@@ -56,8 +56,8 @@ def inspect(
     Example: damperfit inspect runs/*.csv
     """
     from damperfit.run.logs import available_cores, expand, read_batch
-    from damperfit.run.record import log_documents, reading_ending
     from damperfit.run.remarks import skipped_files
+    from damperfit.run.run_json import log_documents, reading_ending
 
     configuration = configured(
         config,

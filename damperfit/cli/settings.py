@@ -108,7 +108,7 @@ def _show(
 def _document(
     adjuster: AdjusterResults, question: Question, forces: ForceTable, remarks: tuple[str, ...]
 ) -> dict[str, Any]:
-    from damperfit.run.record import json_values
+    from damperfit.run.run_json import json_values
     from damperfit.tables import adjustment_rows
 
     wanted = forces.wanted

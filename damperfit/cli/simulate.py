@@ -166,7 +166,7 @@ def _show(trial: SimulatedTest) -> None:
 
 
 def _document(trial: SimulatedTest, damper: str) -> Any:
-    from damperfit.run.record import json_values
+    from damperfit.run.run_json import json_values
 
     document = {
         "setting": trial.choice.setting,

@@ -40,7 +40,6 @@ from damperfit.conditioning.corrections import (
 from damperfit.conditioning.cycles import Cycles, find_cycles
 from damperfit.conditioning.derivatives import differentiate
 from damperfit.conditioning.drive import content_beyond, make_drive
-from damperfit.conditioning.figures import with_figures
 from damperfit.conditioning.filters import (
     apply_filter,
     complete_causal,
@@ -49,6 +48,7 @@ from damperfit.conditioning.filters import (
     fading_samples,
     settling_samples,
 )
+from damperfit.conditioning.measured_characteristics import with_figures
 from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.quality import bridge_spikes, examine
 from damperfit.conditioning.refusals import (

@@ -28,6 +28,7 @@ from damperfit.report.rows.sparkline import ASCII_LEVELS, BLOCK_LEVELS, sparklin
 from damperfit.report.terminal_table import terminal_table
 
 if TYPE_CHECKING:
+    from damperfit.report.json_records import read_back, to_record
     from damperfit.report.page.page import html_report
     from damperfit.report.plots.description import Plot
     from damperfit.report.plots.figure_files import draw_plot
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
         sweep_sentence,
         sweep_sheet,
     )
-    from damperfit.report.run_json import read_back, to_record
 
 __all__ = [
     "ASCII_LEVELS",
@@ -96,14 +96,14 @@ _LATE = {
     "draw_loops": "plots.simulated_cycle",
     "draw_plot": "plots.figure_files",
     "html_report": "page.page",
-    "read_back": "run_json",
+    "read_back": "json_records",
     "report_plots": "plots.report_plots",
     "sweep_plot": "plots.sweep",
     "sweep_pressure_plot": "plots.sweep",
     "sweep_records": "rows.sweep_table",
     "sweep_sentence": "rows.sweep_table",
     "sweep_sheet": "rows.sweep_table",
-    "to_record": "run_json",
+    "to_record": "json_records",
 }
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.errors import SimulationError
-from damperfit.report.run_json import findings_in, listed_in, number_in
+from damperfit.report.json_records import findings_in, listed_in, number_in
 from damperfit.simulation import Characteristics, Response, characterise
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from damperfit.adjustment import Adjustment, compare_settings
 from damperfit.checks import Subject, run_checks, unchecked
-from damperfit.run.record import Judgement, failures_of
 from damperfit.run.remarks import MANY
+from damperfit.run.run_json import Judgement, failures_of
 from damperfit.uncertainty import (
     Assessment,
     Bench,

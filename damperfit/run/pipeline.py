@@ -25,7 +25,7 @@ from damperfit.run.hold_out import Parted, named_files, note_unpredicted, part
 from damperfit.run.judging import assessed, judge, with_profiles
 from damperfit.run.logs import available_cores, expand, read_batch
 from damperfit.run.mishaps import Mishaps
-from damperfit.run.record import (
+from damperfit.run.run_json import (
     Ending,
     Judgement,
     ending_of,

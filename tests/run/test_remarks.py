@@ -13,7 +13,6 @@ from damperfit.report import Failure, failure_lines
 from damperfit.run import judging
 from damperfit.run.hold_out import Parted
 from damperfit.run.logs import LogBatch, LogFacts
-from damperfit.run.record import Judgement, ending_of, record, report_facts
 from damperfit.run.remarks import (
     MANY,
     gates_not_met,
@@ -21,6 +20,7 @@ from damperfit.run.remarks import (
     run_warnings,
     skipped_files,
 )
+from damperfit.run.run_json import Judgement, ending_of, record, report_facts
 from damperfit.tables import make_tables
 from tests.fakes import campaign, fit
 
@@ -44,7 +44,7 @@ def test_a_gap_of_900_000_settings_is_one_range_everywhere() -> None:
 
 
 def test_gaps_stand_in_report_and_page_whoever_wrote_them() -> None:
-    from damperfit.report.run_json import gaps_in
+    from damperfit.report.json_records import gaps_in
 
     assert gaps_in({"gaps": [{"first": 6, "last": 899_999}]}) == ((6, 899_999),)
     assert gaps_in({"gaps": [4, 7]}) == ((4, 4), (7, 7))  # an earlier version

@@ -18,8 +18,8 @@ from damperfit.run import hold_out
 from damperfit.run.logs import LogBatch, LogFacts, _distinct_names
 from damperfit.run.mishaps import Mishaps
 from damperfit.run.pipeline import _Clock, _sha256
-from damperfit.run.record import Judgement, _procedure, json_values, report_facts
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
+from damperfit.run.run_json import Judgement, _procedure, json_values, report_facts
 from damperfit.run.trust import _profile, unconfirmed_tares
 from tests.fakes import campaign, fit, trace
 

@@ -7,11 +7,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.identification.sharing import listed_runs
-from damperfit.report.rows.check_table import CHECK_WORDS
-from damperfit.report.rows.mse_table import flags, grade_counts
-from damperfit.report.rows.rounding import number, percent
-from damperfit.report.rows.sheet import Sheet
-from damperfit.report.run_json import (
+from damperfit.report.json_records import (
     checks_in,
     failures_in,
     findings_in,
@@ -21,6 +17,10 @@ from damperfit.report.run_json import (
     sentences_in,
     trends_in,
 )
+from damperfit.report.rows.check_table import CHECK_WORDS
+from damperfit.report.rows.mse_table import flags, grade_counts
+from damperfit.report.rows.rounding import number, percent
+from damperfit.report.rows.sheet import Sheet
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from damperfit.report.json_records import clicks_in
 from damperfit.report.rows.cavitation_table import cavitation_sheet
 from damperfit.report.rows.click_table import click_sheet
 from damperfit.report.rows.mse_table import mse_sheet
 from damperfit.report.rows.parameter_table import parameter_sheet
-from damperfit.report.run_json import clicks_in
 
 if TYPE_CHECKING:
     from damperfit.report.rows.sheet import Sheet

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from damperfit.report.evaluated_log import evaluate_logs
+from damperfit.report.json_records import trends_in
 from damperfit.report.plots.all_settings import campaign_plots
 from damperfit.report.plots.colours import setting_colours
 from damperfit.report.plots.one_log import setting_plots
-from damperfit.report.run_json import trends_in
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -13,8 +13,7 @@ from damperfit.adjustment import Click, Outlier, Trend, TrendPoint
 from damperfit.checks import Check
 from damperfit.recording import Finding
 from damperfit.report import Failure, read_back, to_record
-from damperfit.report.page.summary import summary
-from damperfit.report.run_json import (
+from damperfit.report.json_records import (
     checks_in,
     clicks_in,
     failures_in,
@@ -24,6 +23,7 @@ from damperfit.report.run_json import (
     sentences_in,
     trends_in,
 )
+from damperfit.report.page.summary import summary
 from damperfit.tables import Results
 
 _FINITE = st.floats(allow_nan=False, allow_infinity=False)
