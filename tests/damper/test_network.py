@@ -482,3 +482,9 @@ def test_more_numbers_than_the_core_holds_are_refused():
     simulate_network(network, values, PURDY_DAMPER, motion, sensitivities=network.numbers)
     with pytest.raises(ConfigurationError, match="11 passages and 41 numbers"):
         Network("over", (*full, passage(("resistance",))))
+
+
+def test_the_drag_of_a_rigid_mounting_is_by_the_velocity():
+    free, dragged = (run("b", cycles=1, drag=drag, sensitivities=("drag",)) for drag in (0.0, 40.0))
+    assert dragged.force - free.force == pytest.approx(40.0 * free.velocity, abs=1e-9)
+    assert np.array_equal(free.sensitivities["drag"], free.velocity)

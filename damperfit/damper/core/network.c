@@ -14,9 +14,7 @@
 #define SHARE_DONE 1e-4
 #define PA_DONE 1e-3
 #define ROUNDING_SHARE 4e-16 /* of K: what doubles make of a pressure that is K (m/(rho V) - 1) */
-
-/* A step of the friction's speed is stopped in its dead band once: stick or slip, it is seen there. */
-#define PULL_DONE 1e-4 /* N */
+#define PULL_DONE 1e-4 /* what the last correction may leave of the forces at the mounting, N */
 
 /* What one position of the piston gives. */
 typedef struct {
