@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from damperfit.errors import LogError
 from damperfit.readers.channels import choose_channels
 from damperfit.readers.options import EXTRAS
 from damperfit.readers.setting_number import file_setting, whole_setting
+from damperfit.readers.write_buffers import TITLE, join_buffers
 from damperfit.recording import Recording
 
 if TYPE_CHECKING:
@@ -45,7 +46,9 @@ def make_recordings(
         A channel or unit is missing, a value is no finite number, time does not increase, or
         a setting is no whole number.
     """
-    parts = [part for table in tables for part in _table_parts(table, source, options)]
+    blocks = [_table_parts(table, source, options) for table in tables]
+    are_buffers = len(tables) > 1 and all(table.may_run_on for table in tables)
+    parts = join_buffers(blocks) if are_buffers else list(chain.from_iterable(blocks))
     settings = options.part_settings
     if settings and len(settings) != len(parts):
         raise LogError(
@@ -97,7 +100,7 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
         if is_reversed is True:
             channels[channel] = -channels[channel]
             sign_notes.append(f"{channel}: sign reversed, as declared")
-    titles = (f"part: {table.part}",) if table.part else ()
+    titles = (f"{TITLE}{table.part}",) if table.part else ()
     findings = (*table.findings, *samples.findings)
     said = (*table.notes, *samples.notes, *(finding.sentence for finding in findings))
     notes = (*titles, *said, *notes, *_scale_notes(choices, options))

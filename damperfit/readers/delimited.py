@@ -37,6 +37,8 @@ _BLOCK = re.compile(rb'(?m)^"?Data Acquisition\b[^\r\n]*(?:\r\n|\n|\r|\Z)')
 _MTS793 = re.compile(
     rb"MTS793\|[^|\r\n]*\|(?P<language>[A-Z]{0,8})\|[^|\r\n]*\|[^|\r\n]*\|(?P<decimal>[.,])\|"
 )
+# What a row of data begins with; stands in no line of names or units.
+_DATA = re.compile(rb'(?m)^[ \t"]*[+-]?[.,]?\d')
 _EVENTS = re.compile(r"events?|markers?|comments?|remarks?|notes?", re.IGNORECASE)
 _MAX_PREAMBLE = 100_000  # bytes; what is longer is no preamble
 _FIRST_LINE = re.compile(rb"[^\r\n]*")
@@ -72,9 +74,13 @@ def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         notes = (*notes, f"{skipped} lines skipped, as declared")
     if header := _MTS793.match(data):
         notes = (*notes, f"MTS 793 export, language {header['language'].decode()}")
-    return tuple(
-        _read_block(block, notes, options) for block in _blocks(data, skipped + 1, source.name)
-    )
+    blocks = _blocks(data, skipped + 1, source.name)
+    empty = [block for block in blocks if block.title and not _DATA.search(block.data)]
+    if 0 < len(empty) < len(blocks):
+        others = f" and {len(empty) - 1} more" if len(empty) > 1 else ""
+        notes = (*notes, f"left out: the block in line {empty[0].first_line}{others}, without rows")
+        blocks = [block for block in blocks if block.title and _DATA.search(block.data)]
+    return tuple(_read_block(block, notes, options) for block in blocks)
 
 
 def _without_lines(data: bytes, n_lines: int, name: str) -> tuple[bytes, int]:
@@ -146,6 +152,7 @@ def _read_block(block: _Block, notes: tuple[str, ...], options: ReadOptions) -> 
         metadata=metadata_of([*block.preamble, *dialect.preamble]),
         notes=notes,
         part=block.title,
+        may_run_on=bool(block.title),
         findings=(*extra, *cut),
     )
 

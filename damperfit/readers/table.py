@@ -78,6 +78,8 @@ class Table:
         Title of the test in the file (block, sheet, group); may be empty.
     findings : tuple of Finding
         What was left out and makes the log doubtful.
+    may_run_on : bool
+        It may be the next piece of one record, where its time runs on from the table before.
     """
 
     columns: tuple[Column, ...]
@@ -86,3 +88,4 @@ class Table:
     notes: tuple[str, ...] = ()
     part: str = ""
     findings: tuple[Finding, ...] = ()
+    may_run_on: bool = False

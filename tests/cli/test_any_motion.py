@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.oracles.motions import solved
+from tests.readers.mts_files import blocks_of, export, record
 
 
 @pytest.fixture(scope="module")
@@ -50,3 +51,14 @@ def test_settings_use_the_fastest_speed_that_was_run(steps, run, tmp_path):
     beyond = run("settings", out, "--velocity", "0.31m/s")
     assert beyond.code == 2
     assert "1.492 Hz" in beyond.err
+
+
+def test_one_record_in_79_write_buffers_is_one_log(run, tmp_path):
+    # Used to be 79 tests, 78 of them refused.
+    path = tmp_path / "specimen_s3.dat"
+    path.write_bytes(export(blocks_of(record())).encode())
+    told = run("inspect", path)
+    assert told.code == 0
+    table = told.out.split("stretches")[1].split("\n\n")[0].splitlines()[2:]
+    assert len([row for row in table if not row.startswith("*")]) == 13  # 0.2 to 10 Hz
+    assert told.out.count("blocks joined") == 1

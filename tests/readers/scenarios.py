@@ -145,6 +145,15 @@ def _mts(scenario: Scenario) -> bytes:
     return ("\r\n".join(lines) + "\r\n").encode()
 
 
+def _mts_buffers(scenario: Scenario) -> bytes:
+    """One record in two write buffers."""
+    whole = _mts(scenario).decode().splitlines()
+    rows = [line for line in whole if line[:1].isdigit()]
+    head = [line for line in whole[2:] if line not in rows]
+    lines = [*whole[:2], *head, *rows[:3], "", *head, *rows[3:], ""]
+    return "\r\n".join(lines).encode()
+
+
 def _quoted_commas(scenario: Scenario) -> bytes:
     """Decimal commas between commas, every number quoted."""
     lines = [f"# setting: {scenario.setting}", HEADER]
@@ -192,6 +201,7 @@ WRITERS: dict[str, tuple[str, Callable[[Scenario], bytes]]] = {
     "blanks": ("log.dat", _blanks),
     "gzip": ("log.csv.gz", _gzip),
     "MTS block": ("specimen.dat", _mts),
+    "MTS write buffers": ("specimen.dat", _mts_buffers),
     "shuffled": ("log.csv", _shuffled),
     "decimal commas between commas": ("log.csv", _quoted_commas),
     "logger": ("log.txt", _logger),
