@@ -26,9 +26,21 @@ Slips of the paper's text, and what damperfit uses
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
+from damperfit.damper.model import Model, Quantity, Values
+from damperfit.damper.purdy.quantities import QUANTITIES
 from damperfit.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+    from damperfit.recording import Trace
+    from damperfit.simulation import Motion, Response, SolverOptions
 
 __all__ = ["DAMPER_RANGES", "PARAMETER_NAMES", "PURDY_DAMPER", "Damper", "Parameters"]
 
@@ -48,7 +60,19 @@ DAMPER_RANGES: dict[str, tuple[float, float, str]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Damper:
+class Parameters(Values):
+    """The parameters y of eq. (21) and the force offset f_0 of a tared rig, in SI."""
+
+    r_m1: float
+    r_m2: float
+    r_m3: float
+    k_e: float
+    f_f: float
+    f_0: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Damper(Model):
     """Geometry, oil and gas of a damper; the defaults are Table 1 of the paper.
 
     The paper does not print P_0 and gamma. P_0 = 0.46 MPa is recovered from its section 6.2
@@ -70,6 +94,11 @@ class Damper:
     gas_pressure: float = 4.6e5
     gas_exponent: float = 1.4
 
+    name: ClassVar[str] = "purdy"
+    title: ClassVar[str] = "the paper's damper: one orifice, two linear checks"
+    procedures: ClassVar[tuple[str, ...]] = ("paper", "joint", "plain")
+    conditions: ClassVar[tuple[str, ...]] = ("gas_pressure", "gas_exponent")
+
     def __post_init__(self) -> None:
         """Refuse what is no damper."""
         for name, (low, high, unit) in DAMPER_RANGES.items():
@@ -84,6 +113,46 @@ class Damper:
                 f"rod_diameter: expected less than piston_diameter, "
                 f"{self.piston_diameter:g} m, found {self.rod_diameter:g} m"
             )
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """R_m1, R_m2, R_m3, K_e, f_f, f_0."""
+        return QUANTITIES
+
+    @property
+    def values_type(self) -> type[Values]:
+        """`Parameters`."""
+        return Parameters
+
+    @property
+    def travel(self) -> float:
+        """Length of the shorter chamber, m."""
+        return min(self.chamber_1_length, self.chamber_2_length)
+
+    def simulate(
+        self,
+        values: Values,
+        motion: Motion,
+        *,
+        sensitivities: Sequence[str],
+        options: SolverOptions,
+    ) -> Response:
+        """Integrate the paper's equations: `damperfit.damper.purdy.integration`."""
+        from damperfit.damper.purdy.integration import integrate
+
+        return integrate(values, self, motion, sensitivities=sensitivities, options=options)
+
+    def start(self, traces: Sequence[Trace], fixed: Mapping[str, float]) -> tuple[Values, ...]:
+        """Start from the incompressible closed form, with several bulk moduli."""
+        from damperfit.damper.purdy.starting import starts
+
+        return starts(traces, self, fixed)
+
+    def rest_force(self, displacement: ArrayLike) -> NDArray[np.float64]:
+        """Gas pressure on the rod, N."""
+        from damperfit.damper.closed_forms import gas_pressure
+
+        return -self.rod_area * gas_pressure(self, displacement)
 
     @property
     def piston_area(self) -> float:
@@ -118,17 +187,4 @@ class Damper:
 
 PURDY_DAMPER = Damper()
 
-
-@dataclass(frozen=True, slots=True)
-class Parameters:
-    """The parameters y of eq. (21) and the force offset f_0 of a tared rig, in SI."""
-
-    r_m1: float
-    r_m2: float
-    r_m3: float
-    k_e: float
-    f_f: float
-    f_0: float = 0.0
-
-
-PARAMETER_NAMES: tuple[str, ...] = tuple(f.name for f in fields(Parameters))
+PARAMETER_NAMES: tuple[str, ...] = PURDY_DAMPER.names

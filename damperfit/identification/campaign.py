@@ -25,7 +25,7 @@ from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.options import FitOptions, check_options
 from damperfit.identification.outcome import Status
 from damperfit.identification.plausible import PLAUSIBLE
-from damperfit.identification.procedure_input import ProcedureInput, closed_form_start, ordered
+from damperfit.identification.procedure_input import ProcedureInput, first_start, ordered
 from damperfit.identification.setting import Fit, Judged, describe_fit
 from damperfit.identification.sharing import Sharing
 from damperfit.recording import natural_order
@@ -178,7 +178,7 @@ def _plain(task: ProcedureInput) -> Campaign:
 
     def fit(setting: int) -> tuple[Fit, Search | None]:
         misfit = task.misfit(setting, ordered(free))
-        judged, found = fit_from(task, setting, misfit, closed_form_start(misfit, fixed))
+        judged, found = fit_from(task, setting, misfit, first_start(misfit, fixed))
         return describe_fit(setting, judged, misfit), found
 
     return _collect(task, fit)
@@ -200,7 +200,7 @@ def _paper(task: ProcedureInput) -> Campaign:
 
     def fit(setting: int) -> tuple[Fit, Search | None]:
         misfit = task.misfit(setting, ordered(free))
-        start = replace(first.start(setting) or closed_form_start(misfit, held), **held)
+        start = replace(first.start(setting) or first_start(misfit, held), **held)
         judged, found = fit_from(task, setting, misfit, start, spent=first.evaluations(setting))
         named = dict.fromkeys(first.sharing.found, Status.SHARED) | dict(first.status)
         return describe_fit(setting, _named(judged, named), misfit), found

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.damper.purdy.starting import cavitation_limit, starting_values
 from damperfit.errors import DamperfitError
 from damperfit.identification.descent import FitCancelledError, Misfit, descend
 from damperfit.identification.failures import SettingError, SettingFailure, attempted
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.plausible import PLAUSIBLE
-from damperfit.identification.procedure_input import ProcedureInput, closed_form_start
+from damperfit.identification.procedure_input import ProcedureInput, first_start
 from damperfit.identification.setting import (
     CHI_SQUARED_95,
     EXCELLENT,
@@ -26,7 +27,6 @@ from damperfit.identification.setting import (
     lacks_k_e_alone,
 )
 from damperfit.identification.sharing import Sharing
-from damperfit.identification.starting import cavitation_limit, starting_values
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -128,7 +128,7 @@ def _begin(
         misfit = task.misfit(lowest, names)
 
         def fit(lowest: int = lowest, misfit: Misfit = misfit) -> tuple[Judged, Search | None]:
-            return fit_from(task, lowest, misfit, closed_form_start(misfit, fixed))
+            return fit_from(task, lowest, misfit, first_start(misfit, fixed))
 
         found = attempted(lowest, fit)
         if not isinstance(found, SettingFailure):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.errors import SimulationError
 from damperfit.identification.descent import Misfit
-from damperfit.identification.starting import scan_bulk_modulus, starting_values
+from damperfit.identification.model_versus_log import compare, normalised_mse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -17,10 +19,7 @@ if TYPE_CHECKING:
     from damperfit.identification.setting import Fit
     from damperfit.recording import Trace
 
-__all__ = ["ProcedureInput", "closed_form_start", "ordered"]
-
-# Where the scan over bulk moduli starts from when no other setting has been fitted.
-_BULK_MODULUS = 6e8
+__all__ = ["ProcedureInput", "first_start", "ordered"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,13 +45,22 @@ class ProcedureInput:
         )
 
 
-def closed_form_start(misfit: Misfit, fixed: Mapping[str, float]) -> Parameters:
-    """Return the closed form's values; a bulk modulus that is not fixed comes from a scan."""
-    k_e = fixed.get("k_e", _BULK_MODULUS)
-    start = starting_values(misfit.traces, misfit.damper, fixed, k_e)
-    if "k_e" in fixed:
-        return start
-    return scan_bulk_modulus(start, misfit.traces, misfit.damper, misfit.solver)
+def first_start(misfit: Misfit, fixed: Mapping[str, float]) -> Parameters:
+    """Return the model's start; of several the one that fits the first log best."""
+    starts = cast("tuple[Parameters, ...]", misfit.damper.start(misfit.traces, fixed))
+    if len(starts) == 1:
+        return starts[0]
+    trace = misfit.traces[0]
+    best, least = starts[0], math.inf
+    for one in starts:
+        try:
+            force = compare(one, trace, misfit.damper, solver=misfit.solver).force
+        except SimulationError:
+            continue
+        mse = normalised_mse(trace.force[trace.compared], force[trace.compared])
+        if mse < least:
+            best, least = one, mse
+    return best
 
 
 def ordered(names: Iterable[str]) -> tuple[str, ...]:

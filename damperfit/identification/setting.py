@@ -9,6 +9,7 @@ import numpy as np
 
 from damperfit.conditioning import noise_floor
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
+from damperfit.damper.purdy.starting import cavitation_limit
 from damperfit.errors import SimulationError
 from damperfit.identification.cavitation import Cavitation, examine_cavitation
 from damperfit.identification.descent import (
@@ -23,7 +24,6 @@ from damperfit.identification.model_versus_log import compare, normalised_mse
 from damperfit.identification.one_speed import ONE_SPEED, untold
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.plausible import PLAUSIBLE
-from damperfit.identification.starting import cavitation_limit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

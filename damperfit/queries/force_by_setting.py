@@ -201,7 +201,7 @@ def read_adjuster(
         own = Sine(configuration.rig.amplitude, configuration.rig.frequency)
         remarks.append("the motion of the test is not known: the nominal one is taken")
     sine, source = _motion(own, amplitude, frequency)
-    refuse_amplitude(sine.amplitude, configuration.damper)
+    refuse_amplitude(sine.amplitude, configuration.damper.travel)
     return AdjusterResults(
         stages, configuration.damper, sine, source, configuration.simulation.solver, tuple(remarks)
     )

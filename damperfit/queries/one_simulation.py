@@ -243,7 +243,7 @@ def simulate_test(
     """
     solver = configuration.simulation.solver
     if log is None:
-        refuse_amplitude(configuration.rig.amplitude, configuration.damper)
+        refuse_amplitude(configuration.rig.amplitude, configuration.damper.travel)
         _refuse_work(choice.parameters, configuration)
         motion, words = _wave(configuration)
         response = simulate(choice.parameters, configuration.damper, motion, options=solver)

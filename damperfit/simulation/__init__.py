@@ -8,13 +8,11 @@ from damperfit.simulation.characteristics import (
     signals_at_speeds,
 )
 from damperfit.simulation.motion import Motion, refuse_amplitude, sine_motion, triangle_motion
-from damperfit.simulation.network_model import simulate_network
-from damperfit.simulation.paper_model import SENSITIVITY_NAMES, simulate
 from damperfit.simulation.response import Response, SolverOptions, Work
+from damperfit.simulation.simulate import simulate
 
 __all__ = [
     "NAMED_SPEEDS",
-    "SENSITIVITY_NAMES",
     "Characteristics",
     "Motion",
     "Response",
@@ -25,7 +23,6 @@ __all__ = [
     "refuse_amplitude",
     "signals_at_speeds",
     "simulate",
-    "simulate_network",
     "sine_motion",
     "triangle_motion",
 ]

@@ -13,8 +13,6 @@ from damperfit.errors import ConfigurationError, SimulationError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from damperfit.damper.parameters import Damper
-
     FloatArray = NDArray[np.float64]
 
 __all__ = ["Motion", "refuse_amplitude", "sine_motion", "triangle_motion"]
@@ -68,15 +66,14 @@ class Motion:
                 )
 
 
-def refuse_amplitude(amplitude: float, damper: Damper) -> None:
+def refuse_amplitude(amplitude: float, room: float) -> None:
     """Refuse an amplitude, m, that leaves the shorter chamber no volume.
 
     Raises
     ------
     ConfigurationError
-        It is the chamber's length or more.
+        It is the chamber's length, `room`, or more.
     """
-    room = min(damper.chamber_1_length, damper.chamber_2_length)
     if amplitude >= room:
         raise ConfigurationError(
             f"amplitude {1e3 * amplitude:g} mm is beyond the damper's travel; expected less "

@@ -19,7 +19,7 @@ import numpy as np
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification.model_versus_log import compare
 from damperfit.identification.weights import weights
-from damperfit.simulation import SENSITIVITY_NAMES, SolverOptions
+from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.correlated_noise import (
     correlation_length,
     cycle_covariance,
@@ -116,7 +116,11 @@ def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions())
     traces = [log.trace for log in fit.logs]
     for trace, weight in zip(traces, weights(traces), strict=True):
         seen = compare(
-            fit.parameters, trace, damper, sensitivities=SENSITIVITY_NAMES, solver=solver
+            fit.parameters,
+            trace,
+            damper,
+            sensitivities=(*damper.names, *damper.conditions),
+            solver=solver,
         )
         part = trace.compared
         columns = (seen.sensitivities[:, part] * slopes[:, None]).T

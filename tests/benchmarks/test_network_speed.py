@@ -8,8 +8,9 @@ from __future__ import annotations
 import pytest
 
 from damperfit.damper.network import purdy
+from damperfit.damper.network_model import simulate_network
 from damperfit.damper.parameters import PURDY_DAMPER, Parameters
-from damperfit.simulation import SolverOptions, simulate, simulate_network, sine_motion
+from damperfit.simulation import SolverOptions, simulate, sine_motion
 
 VALUES = {"r_m1": 1.8e4, "r_m2": 3.527e6, "r_m3": 2.597e6, "k_e": 3.65e8, "f_f": 50.0}
 NAMES = ("r_m1", "r_m2", "k_e")

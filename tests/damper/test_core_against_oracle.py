@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.purdy.integration import SENSITIVITY_NAMES
 from damperfit.damper.reference import reference_parameters
 from damperfit.simulation import (
-    SENSITIVITY_NAMES,
     Motion,
     SolverOptions,
     simulate,

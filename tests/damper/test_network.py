@@ -18,9 +18,10 @@ from damperfit.damper.network import (
     through_flow,
     twin_tube,
 )
+from damperfit.damper.network_model import simulate_network
 from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.errors import ConfigurationError, SimulationError
-from damperfit.simulation import SolverOptions, simulate, simulate_network, sine_motion
+from damperfit.simulation import SolverOptions, simulate, sine_motion
 from tests.oracles import network as twin
 
 SMALL = Damper(

@@ -16,7 +16,7 @@ from damperfit.identification.first_pass import _Begun, _is_contradicted, _other
 from damperfit.identification.joint_procedure import _common
 from damperfit.identification.multistart import _is_level
 from damperfit.identification.plausible import PLAUSIBLE, points_inside
-from damperfit.identification.procedure_input import closed_form_start
+from damperfit.identification.procedure_input import first_start
 from damperfit.identification.step_solvers import _inverted
 from damperfit.simulation import SolverOptions
 from tests import fakes
@@ -121,8 +121,8 @@ def test_a_misfit_falls_into_a_range_from_its_edges_alone(at, slope, is_inward) 
 
 def test_a_bulk_modulus_that_is_held_is_not_looked_for() -> None:
     misfit = Misfit((trace(6),), PURDY_DAMPER, ("k_e",), SolverOptions(tolerance=1e-2), 1, bool)
-    assert closed_form_start(misfit, {"k_e": 3e8}).k_e == 3e8
-    assert closed_form_start(misfit, {}).k_e == pytest.approx(5.6e8, rel=0.5)
+    assert first_start(misfit, {"k_e": 3e8}).k_e == 3e8
+    assert first_start(misfit, {}).k_e == pytest.approx(5.6e8, rel=0.5)
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import ConfigurationError, SimulationError, did_you_mean
+from damperfit.simulation import Response, SolverOptions, Work
 from damperfit.simulation.compiled_core import compiled_core, describe_ending
-from damperfit.simulation.response import Response, SolverOptions, Work
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.network import Network
     from damperfit.damper.parameters import Damper
-    from damperfit.simulation.motion import Motion
+    from damperfit.simulation import Motion
 
     FloatArray = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Starting values: the incompressible closed form for the valves, a scan for the bulk modulus."""
+"""Starting values: the incompressible closed form for the valves, several bulk moduli."""
 
 from __future__ import annotations
 
@@ -9,27 +9,34 @@ import numpy as np
 
 from damperfit.damper.closed_forms import gas_pressure, incompressible_design
 from damperfit.damper.parameters import Parameters
-from damperfit.errors import SimulationError
-from damperfit.identification.model_versus_log import compare, normalised_mse
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from damperfit.damper.parameters import Damper
     from damperfit.recording import Trace
-    from damperfit.simulation import SolverOptions
 
-__all__ = ["cavitation_limit", "scan_bulk_modulus", "starting_values"]
+__all__ = ["cavitation_limit", "starting_values", "starts"]
 
 # A few hundred samples a log fix four numbers well enough to start from.
 _SAMPLES_A_LOG = 400
-# K_e of oil with 5 % to 0.1 % of undissolved gas at 20 bar, Appendix 1 (28).
-_BULK_MODULI = (6e7, 2e8, 6e8, 1.8e9)
+# K_e of oil with 5 % to 0.1 % of undissolved gas at 20 bar, Appendix 1 (28); the likeliest first.
+_BULK_MODULI = (6e8, 6e7, 2e8, 1.8e9)
 # Where the closed form gives nothing for a valve, start from a tenth of the other valves' effect.
 _SMALL_SHARE = 0.1
 # Start this far below the R_m3 at which chamber 2 would cavitate, where the misfit has a second,
 # wrong valley (R_m3 up, f_f to zero).
 _CAVITATION_DISTANCE = 0.8
+
+
+def starts(
+    traces: Sequence[Trace], damper: Damper, fixed: Mapping[str, float]
+) -> tuple[Parameters, ...]:
+    """Return the closed form's values, with several bulk moduli unless that is fixed."""
+    if "k_e" in fixed:
+        return (starting_values(traces, damper, fixed, fixed["k_e"]),)
+    one = starting_values(traces, damper, fixed, _BULK_MODULI[0])
+    return tuple(replace(one, k_e=k_e) for k_e in _BULK_MODULI)
 
 
 def starting_values(
@@ -91,24 +98,6 @@ def cavitation_limit(traces: Sequence[Trace], damper: Damper) -> float:
         flow = damper.oil_density * damper.piston_area * np.maximum(v, 1e-6)
         limits.append(float(np.min(gas_pressure(damper, x) / flow)))
     return _CAVITATION_DISTANCE * min(limits)
-
-
-def scan_bulk_modulus(
-    start: Parameters, traces: Sequence[Trace], damper: Damper, solver: SolverOptions
-) -> Parameters:
-    """Return the start with the bulk modulus of a coarse scan that fits its first log best."""
-    trace = traces[0]
-    best, least = start, np.inf
-    for k_e in _BULK_MODULI:
-        trial = replace(start, k_e=k_e)
-        try:
-            force = compare(trial, trace, damper, solver=solver).force
-        except SimulationError:
-            continue
-        mse = normalised_mse(trace.force[trace.compared], force[trace.compared])
-        if mse < least:
-            best, least = trial, mse
-    return best
 
 
 def _stack(traces: Sequence[Trace], damper: Damper) -> tuple[np.ndarray, np.ndarray]:

@@ -16,75 +16,53 @@ signed, because P_1 falls below P_3 for a fraction of a per cent of a cycle.
 
 from __future__ import annotations
 
-from dataclasses import astuple
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.parameters import PARAMETER_NAMES, Damper, Parameters
+from damperfit.damper.purdy.quantities import QUANTITIES
 from damperfit.errors import SimulationError, did_you_mean
+from damperfit.simulation import Response, Work
 from damperfit.simulation.compiled_core import compiled_core, describe_ending
-from damperfit.simulation.response import Response, SolverOptions, Work
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from damperfit.simulation.motion import Motion
+    from damperfit.damper.model import Values
+    from damperfit.damper.parameters import Damper
+    from damperfit.simulation import Motion, SolverOptions
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["SENSITIVITY_NAMES", "simulate"]
+__all__ = ["SENSITIVITY_NAMES", "integrate"]
 
 # The order of `df_parameters` in core.h.
-SENSITIVITY_NAMES: tuple[str, ...] = (*PARAMETER_NAMES, "gas_pressure", "gas_exponent")
+SENSITIVITY_NAMES: tuple[str, ...] = (
+    *(one.name for one in QUANTITIES),
+    "gas_pressure",
+    "gas_exponent",
+)
 
 
-def simulate(
-    parameters: Parameters,
+def integrate(
+    values: Values,
     damper: Damper,
     motion: Motion,
     *,
-    sensitivities: Sequence[str] = (),
-    options: SolverOptions = SolverOptions(),
+    sensitivities: Sequence[str],
+    options: SolverOptions,
 ) -> Response:
-    """Simulate a damper that is driven by a displacement.
+    """Integrate the paper's equations, as `Model.simulate` asks for it.
 
     The first sample has one pressure in all chambers and the oil mass of the damper at x = 0;
     the steady cycle is reached within one cycle from there.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        R_m1, R_m2, R_m3, K_e, f_f, f_0 in SI.
-    damper : Damper
-        Geometry, oil and gas.
-    motion : Motion
-        Uniform samples of displacement and velocity.
-    sensitivities : sequence of str
-        Parameters to differentiate the force by: any of `SENSITIVITY_NAMES`.
-    options : SolverOptions
-        Tolerance and dead band.
-
-    Returns
-    -------
-    Response
-        Force, pressures, masses and sensitivities at the samples.
 
     Raises
     ------
     SimulationError
         When a state is not finite, a chamber has no volume left, or the step limit is met.
-
-    Examples
-    --------
-    >>> from damperfit.damper.parameters import PURDY_DAMPER
-    >>> from damperfit.simulation import sine_motion
-    >>> y = Parameters(r_m1=1.8e4, r_m2=3.527e6, r_m3=2.597e6, k_e=3.65e8, f_f=50.0)
-    >>> response = simulate(y, PURDY_DAMPER, sine_motion(0.032, 1.5, cycles=4, sample_rate=1500))
-    >>> round(float(response.force[3100]))  # a tenth into the fourth cycle
-    673
     """
     names = tuple(sensitivities)
     for name in names:
@@ -98,7 +76,7 @@ def simulate(
     which = np.array([SENSITIVITY_NAMES.index(name) for name in names], dtype=np.intc)
     pressures, masses, force = np.empty((3, n)), np.empty((2, n)), np.empty(n)
     rows = np.empty((len(names), n))
-    numbers = np.array([*astuple(parameters), damper.gas_pressure, damper.gas_exponent])
+    numbers = np.array([*values.numbers, damper.gas_pressure, damper.gas_exponent])
     code, steps, rejected, newton, sample = compiled_core().simulate(
         _geometry(damper), numbers, x, v, which, pressures, masses, force, rows,
         motion.interval, options.tolerance, options.dead_band, options.max_steps_per_sample,

@@ -1,0 +1,3 @@
+"""The paper's damper: an orifice and two linear checks, oil with one bulk modulus, friction."""
+
+__all__: list[str] = []
