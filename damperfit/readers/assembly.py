@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.readers.channels import choose_channels
+from damperfit.readers.channels import choose_channels, told_at_once
 from damperfit.readers.options import EXTRAS
 from damperfit.readers.setting_number import file_setting, whole_setting
 from damperfit.readers.write_buffers import TITLE, join_buffers
@@ -83,7 +83,9 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
     """Return the tests in one table; their names are still the file's."""
     name = source.name
     rate, rate_notes = _sample_rate(table, options)
-    choices, notes = choose_channels(table.columns, options, where=name, needs_time=rate == 0.0)
+    choices, notes = choose_channels(
+        table.columns, options, where=name, needs_time=rate == 0.0, hint=table.hint
+    )
     samples = table.load({channel: choice.index for channel, choice in choices.items()})
     n = len(samples.channels["force"])
     if not n:
@@ -153,12 +155,12 @@ def _si_channels(
     samples: Samples, choices: Mapping[str, ChannelChoice], options: ReadOptions, name: str
 ) -> dict[str, FloatArray]:
     channels = {}
+    problems = []
     for channel, choice in choices.items():
         logged = values = samples.channels[channel]
         if choice.unit is None:
             continue
-        if channel not in EXTRAS:
-            _check_finite(logged, channel, samples, name)
+        problem = "" if channel in EXTRAS else _not_finite(logged, channel, samples)
         with np.errstate(over="ignore", invalid="ignore"):
             if channel in options.scales or channel in options.offsets:
                 values = values * options.scales.get(channel, 1.0)
@@ -166,7 +168,12 @@ def _si_channels(
             si = choice.unit.to_si(values)
         channels[channel] = np.ascontiguousarray(si, dtype=np.float64)
         if channel not in EXTRAS and channels[channel] is not logged:  # a factor may overflow
-            _check_finite(channels[channel], channel, samples, name)
+            problem = problem or _not_finite(channels[channel], channel, samples)
+        problems += [problem] if problem else []
+    if len(problems) == 1:
+        raise LogError(f"{name}, {problems[0]}")
+    if problems:
+        raise LogError(f"{name}: {told_at_once(problems)}")
     return channels
 
 
@@ -179,16 +186,18 @@ def _scale_notes(choices: Mapping[str, ChannelChoice], options: ReadOptions) -> 
     )
 
 
-def _check_finite(values: FloatArray, channel: str, samples: Samples, name: str) -> None:
+def _not_finite(values: FloatArray, channel: str, samples: Samples) -> str:
+    """Return where a channel is no number; empty where all are."""
     with np.errstate(over="ignore", invalid="ignore"):
         if np.isfinite(values.sum()):  # one pass where all is well; a sum keeps NaN and infinity
-            return
+            return ""
     bad = np.flatnonzero(~np.isfinite(values))
-    if len(bad):
-        raise LogError(
-            f"{name}, {samples.place(int(bad[0]))}: {channel} is blank, NaN or infinite, in "
-            f"{len(bad)} of {len(values)} rows in all; repair the log or remove these rows"
-        )
+    if not len(bad):
+        return ""
+    return (
+        f"{samples.place(int(bad[0]))}: {channel} is blank, NaN or infinite, in "
+        f"{len(bad)} of {len(values)} rows in all; repair the log or remove these rows"
+    )
 
 
 def _cuts(
@@ -200,7 +209,8 @@ def _cuts(
     is_cut[[0, n]] = True
     if "setting" in samples.channels:
         values = samples.channels["setting"]
-        _check_finite(values, "setting", samples, name)
+        if problem := _not_finite(values, "setting", samples):
+            raise LogError(f"{name}, {problem}")
         is_cut[1:n] |= values[1:] != values[:-1]
     first = 0
     if "time" in channels and n > 1:

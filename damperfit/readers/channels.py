@@ -22,6 +22,7 @@ __all__ = [
     "choose_channels",
     "mentions_channel",
     "split_name",
+    "told_at_once",
     "visible",
     "words_of",
 ]
@@ -127,7 +128,12 @@ def _hits(words: Sequence[str], known: Collection[str]) -> list[str]:
 
 
 def choose_channels(
-    columns: Sequence[Column], options: ReadOptions, *, where: str, needs_time: bool = True
+    columns: Sequence[Column],
+    options: ReadOptions,
+    *,
+    where: str,
+    needs_time: bool = True,
+    hint: str = "",
 ) -> tuple[dict[str, ChannelChoice], tuple[str, ...]]:
     """Return the column of each channel that the log has, and notes.
 
@@ -141,33 +147,56 @@ def choose_channels(
         Log, for messages.
     needs_time : bool
         False: a sample rate tells the time where no column does.
+    hint : str
+        Why names may be missing; told where a channel is not found.
 
     Raises
     ------
     LogError
         A needed channel is missing or there are several; a unit is missing, unknown or of
-        another dimension.
+        another dimension. All that is wrong is told at once.
     """
     chosen: dict[str, ChannelChoice] = {}
     notes: list[str] = []
+    lost: list[str] = []
+    problems: list[str] = []
     for channel in _WORDS:
         declared = options.columns.get(channel, "")
-        is_optional = channel in _OPTIONAL or (channel == "time" and not needs_time)
-        if declared == "" and is_optional and not _candidates(channel, columns):
+        if declared == "" and not _candidates(channel, columns):
+            if channel not in _OPTIONAL and (channel != "time" or needs_time):
+                lost.append(channel)
             continue
-        index, note = _found_index(channel, declared, columns, where)
-        if note:
-            notes.append(note)
-        if index is None:
+        try:
+            index, note = _found_index(channel, declared, columns, where)
+            found = index is not None and _with_unit(channel, index, columns[index], options, where)
+        except LogError as error:
+            problems.append(str(error).removeprefix(f"{where}: "))
             continue
-        choice = _with_unit(channel, index, columns[index], options, where)
-        if choice.note and (choice.unit is None and channel in EXTRAS):
-            notes.append(choice.note)
+        notes += [note] if note else []
+        if not found:
             continue
-        chosen[channel] = choice
-        if choice.note:
-            notes.append(choice.note)
+        notes += [found.note] if found.note else []
+        if not (found.note and found.unit is None and channel in EXTRAS):
+            chosen[channel] = found
+    if lost:
+        problems.insert(0, _missing(lost, columns, hint))
+    if problems:
+        raise LogError(f"{where}: {told_at_once(problems)}")
     return chosen, tuple(notes)
+
+
+def told_at_once(problems: Sequence[str]) -> str:
+    """Return one sentence for all that is wrong with a log.
+
+    Examples
+    --------
+    >>> told_at_once(["no column for time", "column 'x' has no unit"])
+    "2 things are wrong: (1) no column for time; (2) column 'x' has no unit"
+    """
+    if len(problems) == 1:
+        return problems[0]
+    listed = "; ".join(f"({i}) {text.rstrip('. ')}" for i, text in enumerate(problems, start=1))
+    return f"{len(problems)} things are wrong: {listed}"
 
 
 def _label(index: int, column: Column) -> str:
@@ -217,8 +246,6 @@ def _found_index(
         index = _declared_index(channel, declared, columns, where)
         return index, f"{channel}: column {_label(index, columns[index])}, as declared"
     ranked = _candidates(channel, columns)
-    if not ranked:
-        raise LogError(_missing(channel, columns, where))
     best = min(ranked)[:2]
     found = [i for *rank, i in ranked if tuple(rank) == best]
     if len(found) == 1:
@@ -261,17 +288,24 @@ def _is_in(unit: str, dimension: str) -> bool:
     return True
 
 
-def _missing(channel: str, columns: Sequence[Column], where: str) -> str:
+def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> str:
     if not any(column.name for column in columns):
+        found = f"{hint}: correct the names, or" if hint else "the columns have no names;"
         return (
-            f"{where}: the columns have no names; declare the numbers and units of time, "
-            "displacement and force in rig.columns and rig.units"
+            f"{found} declare the numbers and units of time, displacement and force in "
+            "rig.columns and rig.units"
         )
+    told = f" ({hint})" if hint else ""
     bases = {split_name(column.name)[0].lower(): column.name for column in columns}
-    near = [m for word in _WORDS[channel] for m in get_close_matches(word, bases, 1, 0.7)]
-    hint = f" Did you mean {visible(bases[near[0]])}?" if near else ""
-    advice = f" Name it: rig.columns.{channel} = 'NAME'"
-    return f"{where}: no column for {channel}; there are {_listed(columns)}.{hint}{advice}"
+    hints = ""
+    for channel in channels:
+        near = [m for word in _WORDS[channel] for m in get_close_matches(word, bases, 1, 0.7)]
+        of_it = f" for {channel}" if len(channels) > 1 else ""
+        hints += f" Did you mean {visible(bases[near[0]])}{of_it}?" if near else ""
+    names = ", ".join(f"rig.columns.{channel} = 'NAME'" for channel in channels)
+    advice = f" Name {'them' if len(channels) > 1 else 'it'}: {names}"
+    which = " and ".join(part for part in (", ".join(channels[:-1]), channels[-1]) if part)
+    return f"no column for {which}{told}; there are {_listed(columns)}.{hints}{advice}"
 
 
 def _with_unit(

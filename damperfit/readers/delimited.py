@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError
+from damperfit.readers.channels import visible
 from damperfit.readers.clock import is_stamp
 from damperfit.readers.dialect import Dialect, fields_of, find_dialect, metadata_of
 from damperfit.readers.encoding import to_utf8
@@ -142,6 +143,7 @@ def _read_block(block: _Block, notes: tuple[str, ...], options: ReadOptions) -> 
     first = _FIRST_LINE.match(rows, start)
     fields = fields_of(first[0].decode("utf-8", "replace") if first else "", dialect.separator)
     names, n_fields, extra = _width(fields, dialect, name)
+    dialect = replace(dialect, names=names, units=dialect.units[: len(names)])
     clocks = frozenset(i for i, field in enumerate(fields[: len(names)]) if is_stamp(field))
     text = TextRows(name, rows, start, dialect, len(names), n_fields, clocks, options)
     if not text.drops_bad_rows:
@@ -153,6 +155,7 @@ def _read_block(block: _Block, notes: tuple[str, ...], options: ReadOptions) -> 
         notes=notes,
         part=block.title,
         may_run_on=bool(block.title),
+        hint=dialect.hint or next((one.sentence for one in extra if one.name == "short_rows"), ""),
         findings=(*extra, *cut),
     )
 
@@ -194,8 +197,17 @@ def _with_events(rows: bytes, dialect: Dialect) -> bytes:
 def _width(
     fields: list[str], dialect: Dialect, name: str
 ) -> tuple[tuple[str, ...], int, tuple[Finding, ...]]:
-    """Return names, number of fields in a row, and findings; a trailing separator may add one."""
+    """Return names, number of fields in a row, and findings.
+
+    A separator at the end may add a field; of names one more than fields the last has no values.
+    """
     names = dialect.names or ("",) * len(fields)
+    if dialect.is_short and len(fields) == len(names) - 1:
+        line = (
+            f"line {dialect.names_line} has {len(names)} names and every row {len(fields)} fields"
+        )
+        note = f"{line}: the last, {visible(names[-1])}, was taken to have no values"
+        return names[:-1], len(fields), (Finding("short_rows", "warning", note),)
     if dialect.units and len(dialect.units) != len(names):
         raise LogError(
             f"{name}, line {dialect.names_line + 1}: {len(dialect.units)} units for "

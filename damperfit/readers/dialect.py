@@ -71,6 +71,10 @@ class Dialect:
         Byte where the first row of data starts.
     preamble : tuple of str
         Lines above the names.
+    is_short : bool
+        All rows have one field less than there are names.
+    hint : str
+        Why a line that holds names was not taken for them; may be empty.
     """
 
     separator: str
@@ -81,6 +85,8 @@ class Dialect:
     data_line: int
     data_offset: int
     preamble: tuple[str, ...]
+    is_short: bool = False
+    hint: str = ""
 
     def notes(self) -> tuple[str, ...]:
         """Return what differs from comma, point and '#' lines."""
@@ -275,7 +281,31 @@ def _dialect(found: tuple[str, list[_Row], int], declared: Declarations, name: s
         data_line=rows[start].line.number,
         data_offset=rows[start].line.offset,
         preamble=tuple(row.line.text for row in rows[:top]),
+        is_short=_is_short(rows[start:], len(names)),
+        hint="" if names else _odd_names(rows[:start], separator, first),
     )
+
+
+def _is_short(rows: Sequence[_Row], n_names: int) -> bool:
+    whole = rows[:-1] or rows  # the last row of the head may be cut
+    return all(len(row.fields) == n_names - 1 for row in whole)
+
+
+def _odd_names(above: Sequence[_Row], separator: str, first: _Row) -> str:
+    """Say which line above the rows holds names, though not as many as there are fields."""
+    for row in reversed(above):
+        for mark in (separator, *(mark for mark in _SEPARATORS if mark != separator)):
+            names = fields_of(row.line.text, mark)
+            if len(names) >= 2 and mentions_channel(names) and ":" not in row.line.text:
+                marks = [
+                    f" (separator: {_NAMES[one]})" * (mark != separator)
+                    for one in (mark, separator)
+                ]
+                return (
+                    f"line {row.line.number} has {len(names)} names{marks[0]}, "
+                    f"line {first.line.number} has {len(first.fields)} fields{marks[1]}"
+                )
+    return ""
 
 
 def _heading(rows: Sequence[_Row], start: int) -> tuple[int, int | None, int | None]:

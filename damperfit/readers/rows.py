@@ -281,7 +281,8 @@ def _row(
         raise LogError(f"{where}: a quote opens and does not close in the line")
     fields = fields_of(line, text.dialect.separator)
     if len(fields) != text.n_fields:
-        line_above = text.dialect.names_line or text.dialect.data_line
+        has_names = text.dialect.names_line and not text.dialect.is_short
+        line_above = text.dialect.names_line if has_names else text.dialect.data_line
         raise LogError(
             f"{where}: found {len(fields)} field{'s' * (len(fields) != 1)}, expected "
             f"{text.n_names} fields as in line {line_above}{_advice(text)}"

@@ -80,6 +80,8 @@ class Table:
         What was left out and makes the log doubtful.
     may_run_on : bool
         It may be the next piece of one record, where its time runs on from the table before.
+    hint : str
+        Why names may be missing, told where a channel is not found; may be empty.
     """
 
     columns: tuple[Column, ...]
@@ -89,3 +91,4 @@ class Table:
     part: str = ""
     findings: tuple[Finding, ...] = ()
     may_run_on: bool = False
+    hint: str = ""

@@ -95,7 +95,9 @@ def test_a_scale_that_overflows_is_refused(put, unit, n_infinite) -> None:
 
 
 def test_logger_without_profile_says_what_is_missing(put) -> None:
-    with pytest.raises(LogError, match="no column for displacement; there are 'Sample Number'"):
+    with pytest.raises(
+        LogError, match="no column for displacement and force; there are 'Sample Number'"
+    ):
         read_logs(put(LOGGER, "other.txt"), ReadOptions(profiles=(LOGGER_PROFILE,)))
     named = ReadOptions(profiles=(LOGGER_PROFILE,), profile="logger")
     assert len(read_logs(put(LOGGER, "other.txt"), named)) == 3
