@@ -1,0 +1,47 @@
+"""The lag of the force channel against its exact answers and its derivative by differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from damperfit.damper.force_channel import behind_lag, lag_slope
+
+INTERVAL = 1e-3
+
+
+def ramp(n=400):
+    """A force that stands, climbs, and stands: pieces of straight lines, as the lag takes them."""
+    return np.interp(np.arange(n), [0, 100, 200, n], [-30.0, -30.0, 470.0, 470.0])
+
+
+@pytest.mark.parametrize("lag", [2e-4, 8e-3, 5e-2])
+def test_a_ramp_comes_late_by_the_lag_and_is_met_exactly(lag):
+    t = np.arange(100) * INTERVAL
+    exact = -30.0 + 5e3 * (t - lag * (1.0 - np.exp(-t / lag)))
+    np.testing.assert_allclose(
+        behind_lag(ramp()[None], INTERVAL, lag)[0, 100:200], exact, rtol=1e-12
+    )
+
+
+def test_a_sine_is_late_and_lower_as_first_order_is():
+    t, lag, omega = np.arange(4000) * 1e-4, 8e-3, 2 * np.pi * 5
+    read = behind_lag(np.sin(omega * t)[None], 1e-4, lag)[0]
+    gain = 1 / np.hypot(1, omega * lag)
+    exact = gain * np.sin(omega * t - np.arctan(omega * lag))
+    np.testing.assert_allclose(read[2000:], exact[2000:], atol=2e-6)
+
+
+def test_no_lag_is_the_signal_itself_and_a_small_one_nearly():
+    force = ramp()[None]
+    assert behind_lag(force, INTERVAL, 0.0) is force
+    assert np.max(np.abs(behind_lag(force, INTERVAL, 1.1e-6) - force)) < 6e-3
+
+
+@pytest.mark.parametrize("lag", [3e-6, 2e-4, 8e-3, 5e-2])
+def test_the_slope_by_the_lag_is_that_of_differences(lag):
+    force = ramp() + 20 * np.sin(np.arange(400) / 7.0)
+    step = 1e-5 * lag
+    high, low = (behind_lag(force[None], INTERVAL, lag + d)[0] for d in (step, -step))
+    slope = lag_slope(force, INTERVAL, lag)
+    np.testing.assert_allclose(slope, (high - low) / (2 * step), atol=2e-6 * np.max(np.abs(slope)))
