@@ -41,7 +41,7 @@ _KNEES = 14
 _LOWEST_KNEE, _HIGHEST_KNEE = 0.05, 0.95
 # Knees below this share of the largest D are the bleed's: they bend it towards a straight line.
 _OPENING_FROM = 0.2
-# Where no knee is found: a blow-off from three quarters of the largest D on, with a tenth of the flow.
+# Without a knee: a blow-off from three quarters of the largest D on, with a tenth of the flow.
 _UNSEEN_OPENING, _UNSEEN_SHARE = 0.75, 0.1
 
 
