@@ -1,0 +1,344 @@
+"""Dampers of real valves: a bleed and a preloaded blow-off in each stroke, and how they are mounted.
+
+Three layouts, of the passages of `damperfit.damper.network`::
+
+    twin_tube      rod | 1 ==piston valve== 2 ==base valve== gas      also a monotube with base valve
+    monotube       rod | 1 ==piston valve== 2 | floating piston | gas
+    through_flow   rod | 1 ==rebound valve== gas ==compression valve== 2         solid piston,
+                   piggyback or remote reservoir, adjusters for each stroke
+
+Each valve has a bleed that is always open and a blow-off that opens at p_open, D = p_open + R w; its
+return check closes in its own stroke. What logs of this kind cannot tell is held unless it is freed:
+the oil's bulk modulus in series with an elastic mounting, the returns, the seals' drag beside the
+slopes of the blow-offs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from damperfit.damper.model import RIG, Model, Quantity
+from damperfit.damper.mounting import FIT, NONE, Mounting
+from damperfit.damper.network import Network, Valve, monotube, through_flow, twin_tube
+from damperfit.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from damperfit.damper.model import Values
+    from damperfit.recording import Trace
+    from damperfit.simulation import Motion, Response, SolverOptions
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["AMBIENT", "VALVE_RANGES", "Monotube", "ThroughFlow", "TwinTube", "ValveDamper"]
+
+AMBIENT = 101325.0
+# What any damper has, with room to spare, in SI; what lies outside was misread.
+VALVE_RANGES: dict[str, tuple[float, float, str]] = {
+    "rod_diameter": (1e-3, 0.5, "m"),
+    "piston_diameter": (2e-3, 1.0, "m"),
+    "chamber_1_length": (2e-3, 5.0, "m"),
+    "chamber_2_length": (2e-3, 5.0, "m"),
+    "oil_density": (500.0, 2000.0, "kg/m3"),
+    "gas_pressure": (1e4, 1e8, "Pa"),
+    "gas_volume": (1e-8, 1.0, "m3"),
+    "gas_exponent": (0.5, 3.0, ""),
+    "ambient_pressure": (0.0, 1e7, "Pa"),
+}
+
+# Held unless freed. Oil with the tube around it and a trace of air; a return check of a car's damper.
+_OIL, _RETURN = 1e9, 2.5e5
+_ROOT, _LINEAR = "s sqrt(N)/(m kg)", "N s/(m2 kg)"
+# What the compiled core calls a quantity, where it differs.
+_CORE_NAMES = {"k_s": "series_stiffness"}
+
+
+@dataclass(frozen=True, slots=True)
+class ValveDamper(Model):
+    """Geometry, oil, gas, valves and mounting of a damper with real valves.
+
+    Attributes
+    ----------
+    rod_diameter, piston_diameter, chamber_1_length, chamber_2_length : float
+        m; the chambers' oil at x = 0.
+    oil_density : float
+        kg/m3.
+    gas_pressure, gas_volume, gas_exponent : float
+        P_0 (absolute) and V_g0 at x = 0, Pa and m3; gamma.
+    ambient_pressure : float
+        On the rod, Pa.
+    rebound, compression : Valve
+        What the valve of each stroke is made of.
+    mounting : Mounting
+        Elasticity, play, lag.
+
+    Raises
+    ------
+    ConfigurationError
+        A value is outside `VALVE_RANGES`, or the rod is as wide as the piston.
+    """
+
+    rod_diameter: float = 0.012
+    piston_diameter: float = 0.03
+    chamber_1_length: float = 0.09
+    chamber_2_length: float = 0.09
+    oil_density: float = 850.0
+    gas_pressure: float = 5e5
+    gas_volume: float = 3e-5
+    gas_exponent: float = 1.3
+    ambient_pressure: float = AMBIENT
+    rebound: Valve = Valve()
+    compression: Valve = Valve()
+    mounting: Mounting = Mounting()
+
+    conditions: ClassVar[tuple[str, ...]] = ("gas_pressure", "gas_exponent", "gas_volume")
+
+    def __post_init__(self) -> None:
+        """Refuse what is no damper."""
+        for name, (low, high, unit) in VALVE_RANGES.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                in_unit = f" {unit}" if unit else ""
+                raise ConfigurationError(
+                    f"{name}: expected {low:g} to {high:g}{in_unit}, found {value:g}{in_unit}"
+                )
+        if self.rod_diameter >= self.piston_diameter:
+            raise ConfigurationError(
+                f"rod_diameter: expected less than piston_diameter, "
+                f"{self.piston_diameter:g} m, found {self.rod_diameter:g} m"
+            )
+
+    @property
+    def network(self) -> Network:
+        """Its passages."""
+        return replace(
+            self._layout(self.rebound, self.compression), ambient_pressure=self.ambient_pressure
+        )
+
+    @property
+    def _layout(self) -> Callable[[Valve, Valve], Network]:
+        raise NotImplementedError
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The valves' numbers, oil, friction, mounting, offset."""
+        return _quantities(self)
+
+    @property
+    def travel(self) -> float:
+        """Length of the shorter chamber, m."""
+        return min(self.chamber_1_length, self.chamber_2_length)
+
+    def rest_force(self, displacement: ArrayLike) -> FloatArray:
+        """Gas against ambient pressure on the rod, N."""
+        x = np.asarray(displacement, dtype=np.float64)
+        room = np.maximum(self.gas_volume + self.rod_area * x, 1e-3 * self.gas_volume)
+        inside = self.gas_pressure * (self.gas_volume / room) ** self.gas_exponent
+        return np.asarray(self.rod_area * (self.ambient_pressure - inside))
+
+    def simulate(
+        self,
+        values: Values,
+        motion: Motion,
+        *,
+        sensitivities: Sequence[str],
+        options: SolverOptions,
+    ) -> Response:
+        """Integrate the network and its mounting; the force passes the lag of its channel."""
+        from damperfit.damper.force_channel import behind_lag, lag_slope
+        from damperfit.damper.network_model import simulate_network
+
+        numbers = {
+            _CORE_NAMES.get(one, one): value
+            for one, value in zip(values.names, values.numbers, strict=True)
+            if one != "lag"
+        }
+        wanted = [_CORE_NAMES.get(one, one) for one in sensitivities if one != "lag"]
+        response = simulate_network(
+            self.network, numbers, self, motion, sensitivities=wanted, options=options
+        )
+        if "lag" not in values.names:
+            slopes = [response.sensitivities[_CORE_NAMES.get(one, one)] for one in sensitivities]
+            named = dict(zip(sensitivities, slopes, strict=True))
+            return replace(response, sensitivities=named)
+        rows = np.stack([response.force, *response.sensitivities.values()])
+        late = behind_lag(rows, motion.interval, values.lag)
+        named = dict(zip((one for one in sensitivities if one != "lag"), late[1:], strict=True))
+        if "lag" in sensitivities:
+            named["lag"] = lag_slope(response.force, motion.interval, values.lag)
+        ordered = {one: named[one] for one in sensitivities}
+        return replace(response, force=late[0], sensitivities=ordered)
+
+    def start(self, traces: Sequence[Trace], fixed: Mapping[str, float]) -> tuple[Values, ...]:
+        """Start from the valves as read off the loops: `damperfit.damper.valve_starts`."""
+        from damperfit.damper.valve_starts import valve_starts
+
+        return valve_starts(self, traces, fixed)
+
+    @property
+    def piston_area(self) -> float:
+        """a_p2, full bore, m2."""
+        return math.pi / 4.0 * self.piston_diameter**2
+
+    @property
+    def rod_area(self) -> float:
+        """a_r, m2."""
+        return math.pi / 4.0 * self.rod_diameter**2
+
+    @property
+    def annulus_area(self) -> float:
+        """a_p1 = a_p2 - a_r, m2."""
+        return self.piston_area - self.rod_area
+
+    @property
+    def chamber_1_volume(self) -> float:
+        """V_10, rod side at x = 0, m3."""
+        return self.chamber_1_length * self.annulus_area
+
+    @property
+    def chamber_2_volume(self) -> float:
+        """V_20, full-bore side at x = 0, m3."""
+        return self.chamber_2_length * self.piston_area
+
+
+@dataclass(frozen=True, slots=True)
+class TwinTube(ValveDamper):
+    """A piston valve and a base valve; also a monotube with a base or reservoir valve."""
+
+    name: ClassVar[str] = "twin_tube"
+    title: ClassVar[str] = "twin tube: piston valve and base valve"
+
+    @property
+    def _layout(self) -> Callable[[Valve, Valve], Network]:
+        return twin_tube
+
+
+@dataclass(frozen=True, slots=True)
+class Monotube(ValveDamper):
+    """A piston with a valve for each stroke, and a floating piston between oil and gas."""
+
+    name: ClassVar[str] = "monotube"
+    title: ClassVar[str] = "monotube: a piston valve for each stroke, floating piston"
+
+    @property
+    def _layout(self) -> Callable[[Valve, Valve], Network]:
+        return monotube
+
+
+@dataclass(frozen=True, slots=True)
+class ThroughFlow(ValveDamper):
+    """A solid piston that presses through a valve for each stroke to the reservoir."""
+
+    name: ClassVar[str] = "through_flow"
+    title: ClassVar[str] = "through flow: solid piston, a valve for each stroke to the reservoir"
+
+    @property
+    def _layout(self) -> Callable[[Valve, Valve], Network]:
+        return through_flow
+
+
+# part: symbol, in a table's row, meaning, unit, range, power of ten and unit for people
+_PARTS: dict[str, tuple[str, str, str, str, tuple[float, float], int, str]] = {
+    "bleed": (
+        "S", "bleed", "orifice of the bleed, 1/(C_d A sqrt(2 rho))", _ROOT,
+        (1e2, 1e8), 3, "10³ s √N / (m kg)",
+    ),
+    "leak": (
+        "L", "leak", "laminar resistance of the bleed", _LINEAR, (1e3, 1e11), 6,
+        "10⁶ N s / (m² kg)",
+    ),
+    "opening": (
+        "p", "opening", "pressure at which the blow-off opens", "Pa", (1e3, 1e8), 5, "bar",
+    ),
+    "slope": (
+        "R", "slope", "resistance of the blow-off beyond its opening", _LINEAR, (1e3, 1e11), 6,
+        "10⁶ N s / (m² kg)",
+    ),
+    "port": (
+        "S_p", "port", "orifice behind the blow-off", _ROOT, (1e1, 1e8), 3, "10³ s √N / (m kg)",
+    ),
+    "width": (
+        "d", "rounding", "how gradually the blow-off lifts", "Pa", (1e1, 1e7), 5, "bar",
+    ),
+}  # fmt: skip
+
+
+def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
+    network = damper.network
+    found = [_of_valve(name) for name in network.passage_numbers if name != "return_slope"]
+    if "return_slope" in network.passage_numbers:
+        found.append(
+            Quantity(
+                "return_slope", "R_k", "return checks", "resistance of the return checks", _LINEAR,
+                (1e2, 1e10), default=_RETURN, power=6, shown_unit="10⁶ N s / (m² kg)",
+            )
+        )  # fmt: skip
+    is_rigid = damper.mounting.series_stiffness == NONE
+    found += [
+        Quantity(
+            "k_e", "K_e", "bulk modulus of oil and chamber",
+            "effective bulk modulus of oil, air and tube", "Pa", (1e6, 1e11),
+            default=None if is_rigid else _OIL, power=6, shown_unit="MPa",
+        ),
+        Quantity(
+            "f_f", "f_f", "friction", "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
+            shown_unit="N",
+        ),
+        Quantity(
+            "drag", "c", "drag of the seals", "force of the seals by the speed", "N s/m",
+            (1e-2, 1e5), default=0.0, shown_unit="N s/m",
+        ),
+        *_of_mounting(damper.mounting),
+        Quantity(
+            "f_0", "f_0", "force offset", "constant offset added to the force, the rig's tare",
+            "N", (-math.inf, math.inf), is_logarithmic=False, size=100.0, shown_unit="N",
+        ),
+    ]  # fmt: skip
+    return tuple(found)
+
+
+def _of_valve(name: str) -> Quantity:
+    stroke, part = name.split("_", 1)
+    symbol, label, meaning, unit, plausible, power, shown = _PARTS[part]
+    return Quantity(
+        name,
+        f"{symbol}_{stroke[0]}",
+        f"{stroke} {label}",
+        f"{stroke} valve: {meaning}",
+        unit,
+        plausible,
+        power=power,
+        shown_unit=shown,
+    )
+
+
+def _of_mounting(mounting: Mounting) -> tuple[Quantity, ...]:
+    known = {
+        "k_s": Quantity(
+            "k_s", "k_s", "series stiffness", "stiffness of rod ends, frame and load cell", "N/m",
+            (1e3, 1e10), scope=RIG, power=3, shown_unit="N/mm",
+        ),
+        "play": Quantity(
+            "play", "play", "play", "whole gap of the joints", "m", (1e-6, 1e-2), scope=RIG,
+            power=-3, shown_unit="mm",
+        ),
+        "lag": Quantity(
+            "lag", "T", "lag of the force", "lag of the force channel, first order", "s",
+            (1e-5, 5e-2), scope=RIG, power=-3, shown_unit="ms",
+        ),
+    }  # fmt: skip
+    found = []
+    for part, name in zip(fields(mounting), known, strict=True):
+        wanted = getattr(mounting, part.name)
+        if wanted == FIT:
+            found.append(known[name])
+        elif wanted != NONE:
+            found.append(replace(known[name], default=float(wanted)))
+    return tuple(found)

@@ -1,0 +1,157 @@
+"""Where a fit of real valves starts: the valves read off the loops, and a few guesses beside them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.damper.network import BLEEDS, BLOW_OFFS
+from damperfit.damper.valve_curves import Side, loop_of, read_valves
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from damperfit.damper.model import Values
+    from damperfit.damper.network import Valve
+    from damperfit.damper.valve_curves import ValveCurve, ValveReading
+    from damperfit.damper.valve_dampers import ValveDamper
+    from damperfit.recording import Trace
+
+__all__ = ["read_strokes", "valve_starts"]
+
+# Openings tried beside those read, in shares of the largest pressure: rebound, compression.
+_GUESSES = ((0.35, 0.35), (0.75, 0.35), (0.35, 0.75), (0.75, 0.75))
+_HALF = 0.5  # of the flow at the opening goes through the bleed, in a guess
+# A bleed never starts with less than this share of its stroke's flow, and a blow-off's conductance
+# never with less than this share of what would carry all of it: what is absent at the start cannot
+# be found by a descent.
+_LEAST = 0.1
+_PLAY, _LAG, _DRAG, _FRICTION = 3e-4, 5e-3, 10.0, 0.01
+# Softest and stiffest mounting, N/m, and oil, Pa, that a start has.
+_STIFFNESS, _OIL = (5e4, 5e6), (5e7, 3e9)
+
+
+def valve_starts(
+    damper: ValveDamper, traces: Sequence[Trace], fixed: Mapping[str, float]
+) -> tuple[Values, ...]:
+    """Return starting points for the logs of one setting, that of the loops first.
+
+    Parameters
+    ----------
+    damper : ValveDamper
+        The damper.
+    traces : sequence of Trace
+        Logs of one setting.
+    fixed : mapping of str to float
+        What is held.
+    """
+    reading = read_strokes(damper, traces, fixed)
+    general = _general(damper, reading, traces)
+    points = [general | _valves(damper, reading, traces, None)]
+    points += [general | _valves(damper, reading, traces, guess) for guess in _GUESSES]
+    return tuple(_values(damper, point | dict(fixed)) for point in points)
+
+
+def read_strokes(
+    damper: ValveDamper, traces: Sequence[Trace], fixed: Mapping[str, float]
+) -> ValveReading:
+    """Return both valves as the loops of one setting show them."""
+    loops = [loop_of(trace, damper.rest_force(trace.displacement)) for trace in traces]
+    return read_valves(loops, *_sides(damper, fixed), offset=fixed.get("f_0"))
+
+
+def _sides(damper: ValveDamper, fixed: Mapping[str, float]) -> tuple[Side, Side]:
+    """What presses through the rebound valve and through that of compression."""
+    rod_side = Side(damper.annulus_area)
+    if damper.name == "through_flow":
+        return rod_side, Side(damper.piston_area)
+    if damper.name == "monotube":
+        return rod_side, rod_side
+    # In bump the rod's oil goes through the base valve and the annulus fills through the return.
+    known = {one.name: one.default for one in damper.quantities}["return_slope"]
+    resistance = fixed.get("return_slope", known or 0.0)
+    back = resistance * damper.oil_density * damper.annulus_area**2
+    return rod_side, Side(damper.rod_area, back)
+
+
+def _general(
+    damper: ValveDamper, reading: ValveReading, traces: Sequence[Trace]
+) -> dict[str, float]:
+    """Everything but the valves."""
+    force = np.concatenate([trace.force[trace.compared] for trace in traces])
+    area, length = damper.annulus_area, damper.chamber_1_length
+    give = max(reading.rebound.compliance / area**2, 1e-12)
+    oil = length / (area * 1e9)  # what the oil alone gives, m/N
+    stiffness = 1.0 / max(give - oil, 0.1 * give)
+    return {
+        "f_f": max(reading.friction, _FRICTION * float(np.std(force))),
+        "f_0": reading.offset,
+        "k_e": float(np.clip(length / (area * give), *_OIL)),
+        "k_s": float(np.clip(stiffness, *_STIFFNESS)),
+        "play": _PLAY,
+        "lag": _LAG,
+        "drag": _DRAG,
+    }
+
+
+def _valves(
+    damper: ValveDamper,
+    reading: ValveReading,
+    traces: Sequence[Trace],
+    guess: tuple[float, float] | None,
+) -> dict[str, float]:
+    speed = max(float(np.max(np.abs(t.velocity[t.compared]))) for t in traces)
+    found: dict[str, float] = {}
+    strokes = (("rebound", damper.rebound), ("compression", damper.compression))
+    for k, ((stroke, valve), side) in enumerate(zip(strokes, _sides(damper, {}), strict=True)):
+        curve = getattr(reading, stroke)
+        share = None if guess is None else guess[k]
+        parts = _parts(valve, curve, side.area * speed, damper.oil_density, share)
+        found |= {f"{stroke}_{part}": value for part, value in parts.items()}
+    return found
+
+
+def _parts(
+    valve: Valve, curve: ValveCurve, most: float, density: float, share: float | None
+) -> dict[str, float]:
+    """Return the numbers of a valve's parts; the largest flow is in m3/s."""
+    top = max(curve.highest, 1e4)
+    opening = curve.opening if share is None else share * top
+    opening = min(max(opening, 0.02 * top), top)
+    if share is None:
+        root, conductance = curve.root, curve.conductance
+    else:
+        root = _HALF * most / math.sqrt(opening)
+        conductance = _HALF * most / max(top - opening, 0.1 * top)
+    if valve.blow_off == "none":  # the bleed carries all
+        root = most / math.sqrt(top)
+    elif valve.bleed == "none":
+        conductance = most / max(top - opening, 0.1 * top)
+    root = max(root, _LEAST * most / math.sqrt(top))
+    conductance = max(conductance, _LEAST * most / top)
+    bleed = 1.0 / (density * root)
+    leak = math.sqrt(opening) / (density * root)
+    slope = 1.0 / (density * conductance)
+    port = math.sqrt(0.1 * slope / (density * most))
+    known = {
+        "bleed": bleed,
+        "leak": leak if valve.bleed == "leak" else 0.3 * leak,
+        "opening": opening,
+        "slope": slope,
+        "port": port,
+        "width": 0.1 * opening,
+    }
+    return {part: known[part] for part in (*BLEEDS[valve.bleed], *BLOW_OFFS[valve.blow_off])}
+
+
+def _values(damper: ValveDamper, point: Mapping[str, float]) -> Values:
+    """Return values within the plausible ranges; what the damper has not is left out."""
+    within: dict[str, float] = {}
+    for one in damper.quantities:
+        if one.name in point:
+            within[one.name] = float(point[one.name])
+        elif one.default is not None:
+            within[one.name] = one.default
+    return damper.values(within)
