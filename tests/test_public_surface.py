@@ -143,6 +143,35 @@ SURFACE = {
         "Values",
         "values_type",
     ],
+    "damperfit.damper.force_channel": [
+        "behind_lag",
+        "lag_slope",
+    ],
+    "damperfit.damper.mounting": [
+        "FIT",
+        "Mounting",
+        "NONE",
+    ],
+    "damperfit.damper.valve_curves": [
+        "Loop",
+        "Side",
+        "ValveCurve",
+        "ValveReading",
+        "loop_of",
+        "read_valves",
+    ],
+    "damperfit.damper.valve_dampers": [
+        "AMBIENT",
+        "Monotube",
+        "ThroughFlow",
+        "TwinTube",
+        "VALVE_RANGES",
+        "ValveDamper",
+    ],
+    "damperfit.damper.valve_starts": [
+        "read_strokes",
+        "valve_starts",
+    ],
     "damperfit.damper.network_model": [
         "simulate_network",
     ],

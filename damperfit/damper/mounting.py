@@ -1,9 +1,9 @@
 """What stands between the rig and the damper: elasticity, play, and the lag of the force channel.
 
 Rod ends, frame and load cell give by 1/k_s in series with the damper (125 to 1900 N/mm are found on
-rigs), joints have play (0.3 to 2 mm), and the force channel may be late (a first-order filter of 8 to
-14 ms is found). Without them soft oil, friction and even a blow-off are invented to take their place.
-At one frequency a lag and an elasticity look alike; several speeds part them.
+rigs), joints have play (0.3 to 2 mm), and the force channel may be late (a first-order filter of 8
+to 14 ms is found). Without them soft oil, friction and even a blow-off are invented to take their
+place. At one frequency a lag and an elasticity look alike; several speeds part them.
 """
 
 from __future__ import annotations

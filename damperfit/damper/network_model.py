@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.network import Network
     from damperfit.damper.parameters import Damper
+    from damperfit.damper.valve_dampers import ValveDamper
     from damperfit.simulation import Motion
 
     FloatArray = NDArray[np.float64]
@@ -30,7 +31,7 @@ __all__ = ["simulate_network"]
 def simulate_network(
     network: Network,
     values: Mapping[str, float],
-    damper: Damper,
+    damper: Damper | ValveDamper,
     motion: Motion,
     *,
     sensitivities: Sequence[str] = (),
@@ -132,7 +133,7 @@ def simulate_network(
     )
 
 
-def _body(damper: Damper, network: Network) -> FloatArray:
+def _body(damper: Damper | ValveDamper, network: Network) -> FloatArray:
     """The order of `df_network` in network.h."""
     return np.array(
         [

@@ -1,16 +1,16 @@
-"""Dampers of real valves: a bleed and a preloaded blow-off in each stroke, and how they are mounted.
+"""Dampers of real valves: a bleed and a preloaded blow-off in each stroke; how they are mounted.
 
 Three layouts, of the passages of `damperfit.damper.network`::
 
-    twin_tube      rod | 1 ==piston valve== 2 ==base valve== gas      also a monotube with base valve
+    twin_tube      rod | 1 ==piston valve== 2 ==base valve== gas    also a monotube with base valve
     monotube       rod | 1 ==piston valve== 2 | floating piston | gas
     through_flow   rod | 1 ==rebound valve== gas ==compression valve== 2         solid piston,
                    piggyback or remote reservoir, adjusters for each stroke
 
-Each valve has a bleed that is always open and a blow-off that opens at p_open, D = p_open + R w; its
-return check closes in its own stroke. What logs of this kind cannot tell is held unless it is freed:
-the oil's bulk modulus in series with an elastic mounting, the returns, the seals' drag beside the
-slopes of the blow-offs.
+Each valve has a bleed that is always open and a blow-off that opens at p_open, D = p_open + R w;
+its return check closes in its own stroke. What logs of this kind cannot tell is held unless it is
+freed: the oil's bulk modulus in series with an elastic mounting, the returns, the seals' drag
+beside the slopes of the blow-offs.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ VALVE_RANGES: dict[str, tuple[float, float, str]] = {
     "ambient_pressure": (0.0, 1e7, "Pa"),
 }
 
-# Held unless freed. Oil with the tube around it and a trace of air; a return check of a car's damper.
+# Held unless freed: oil with its tube and a trace of air; the return check of a car's damper.
 _OIL, _RETURN = 1e9, 2.5e5
 _ROOT, _LINEAR = "s sqrt(N)/(m kg)", "N s/(m2 kg)"
 # What the compiled core calls a quantity, where it differs.

@@ -1,4 +1,4 @@
-"""Where a fit of real valves starts: the valves read off the loops, and a few guesses beside them."""
+"""Where a fit of real valves starts: the valves read off the loops, and guesses beside them."""
 
 from __future__ import annotations
 

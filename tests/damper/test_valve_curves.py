@@ -9,9 +9,10 @@ import pytest
 
 from damperfit.damper.closed_forms import gas_pressure
 from damperfit.damper.network import monotube, through_flow, twin_tube
+from damperfit.damper.network_model import simulate_network
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.valve_curves import Loop, Side, read_valves
-from damperfit.simulation import simulate_network, sine_motion
+from damperfit.simulation import sine_motion
 
 AMBIENT = 101325.0
 DAMPER = dataclasses.replace(
