@@ -11,6 +11,7 @@ from damperfit.readers.delimited import read_delimited
 from damperfit.readers.encoding import is_binary
 from damperfit.readers.excel import read_excel
 from damperfit.readers.hdf5 import read_hdf5
+from damperfit.readers.json_log import is_json, read_json
 from damperfit.readers.matlab import read_matlab
 from damperfit.readers.mdf import read_mdf
 from damperfit.readers.parquet import read_parquet
@@ -55,9 +56,10 @@ FORMATS = (
     Format("TDMS", (b"TDSm",), (".tdms",), read_tdms),
     Format("MDF", (b"MDF     ", b"UnFinMF "), (".mf4", ".mdf"), read_mdf),
     Format("Excel", (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"), (".xlsx", ".xls"), read_excel),
+    Format("JSON", (), (".json", ".jsonl", ".ndjson"), read_json),
     Format("delimited text", (), (".csv", ".txt", ".tsv", ".dat", ".asc", ".log"), read_delimited),
 )
-_TEXT = FORMATS[-1]  # any suffix may stand for text
+_JSON, _TEXT = FORMATS[-2:]  # any suffix may stand for text
 
 # What is known by its first bytes and not read, and why.
 _PICKLE = "this is a Python pickle, which could run code; write CSV or Parquet"
@@ -89,6 +91,8 @@ def find_format(source: Source) -> Format:
             raise LogError(f"{source.name}: {reason}")
     if source.data.startswith(b"ustar", _TAR):
         raise LogError(f"{source.name}: {_ARCHIVE}")
+    if is_json(source.data):
+        return _JSON
     suffix = PurePath(source.name).suffix.lower()
     named = next((known for known in FORMATS if suffix in known.suffixes), _TEXT)
     if named is not _TEXT and is_binary(source.data):

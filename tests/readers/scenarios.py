@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -192,6 +193,29 @@ def _parquet_stamps(scenario: Scenario) -> bytes:
     return parquet_bytes(table.set_column(0, "logged at", stamps))
 
 
+def _json_columns(scenario: Scenario) -> bytes:
+    columns = zip(*scenario.rows(), strict=True)
+    named = dict(zip(HEADER.split(","), columns, strict=True))
+    return json.dumps({"setting": scenario.setting, "operator": "A. B.", **named}).encode()
+
+
+def _json_rows(scenario: Scenario) -> bytes:
+    names = HEADER.split(",")
+    rows = [dict(zip(names, row, strict=True)) for row in scenario.rows()]
+    return json.dumps({"test": {"setting": scenario.setting}, "log": rows}, indent=1).encode()
+
+
+def _json_lists(scenario: Scenario) -> bytes:
+    rows = [[*row, scenario.setting] for row in scenario.rows()]
+    return json.dumps([[*HEADER.split(","), "setting"], *rows]).encode()
+
+
+def _json_lines(scenario: Scenario) -> bytes:
+    names = [*HEADER.split(","), "setting"]
+    rows = [dict(zip(names, (*row, scenario.setting), strict=True)) for row in scenario.rows()]
+    return "".join(json.dumps(row) + "\n" for row in rows).encode()
+
+
 WRITERS: dict[str, tuple[str, Callable[[Scenario], bytes]]] = {
     "plain": ("log.csv", _plain),
     "crlf and BOM": ("log.csv", _crlf_bom),
@@ -211,6 +235,10 @@ WRITERS: dict[str, tuple[str, Callable[[Scenario], bytes]]] = {
     "Parquet, time stamps": ("log.parquet", _parquet_stamps),
     "Parquet called CSV": ("log.csv", _parquet),
     "CSV called Parquet": ("log.parquet", _plain),
+    "JSON columns": ("log.json", _json_columns),
+    "JSON rows": ("log.json", _json_rows),
+    "JSON lists": ("log.txt", _json_lists),
+    "JSON lines": ("log.jsonl", _json_lines),
     "odd suffix": ("log.001", _plain),
 }
 
