@@ -10,6 +10,14 @@ residual's own autocorrelation (Politis, "Adaptive bandwidth choice", J. Nonpara
 2003, with Bartlett's variance of a sample autocorrelation in place of that of white noise, because
 a filtered residual is far from white). No form of the correlation is assumed, and residuals that
 are larger in part of the cycle than elsewhere are allowed for.
+
+Where few samples hold most of what the log says of a parameter (a chamber that empties and fills
+again), M rests on the few residuals there, which the fit has made small besides. The residuals'
+autocovariance c over the whole stretch knows better how strong the noise is::
+
+    M' = sum over lags l of  w(l) c(l) sum_t J_t J_{t+l}^T
+
+It takes the noise to be alike everywhere; `larger` of both, direction by direction, errs least.
 """
 
 from __future__ import annotations
@@ -26,10 +34,19 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["autocorrelation", "correlation_length", "cycle_covariance", "score_covariance"]
+__all__ = [
+    "autocorrelation",
+    "correlation_length",
+    "cycle_covariance",
+    "larger",
+    "score_covariance",
+    "stationary_covariance",
+]
 
 # A sample autocorrelation within this many of its standard errors counts as none.
 _NO_CORRELATION = 2.5
+# Directions of less variance than this share of the largest are nothing but rounding.
+_NOTHING = 1e-14
 
 
 def autocorrelation(residuals: FloatArray, n_lags: int) -> FloatArray:
@@ -93,6 +110,69 @@ def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
         # A misfit that repeats with the cycle can do that; a triangle never gives a negative sum.
         total = _windowed(scores, 1.0 - lags / (2.0 * lag + 1.0))
     return total
+
+
+def stationary_covariance(jacobian: FloatArray, residuals: FloatArray, lag: int) -> FloatArray:
+    """Return the covariance of the summed scores of noise that is alike everywhere.
+
+    Parameters
+    ----------
+    jacobian : numpy.ndarray
+        Shape (n, k), one stretch's.
+    residuals : numpy.ndarray
+        Shape (n,).
+    lag : int
+        Correlation length, samples.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (k, k), positive semi-definite.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    n = len(residuals)
+    reach = min(2 * lag + 1, n)
+    window = np.clip(2.0 - np.arange(reach) / max(lag, 1), 0.0, 1.0)
+    covariance = autocorrelation(residuals, reach - 1) * float(residuals @ residuals) / n * window
+    length = next_fast_len(2 * n, real=True)
+    kernel = np.zeros(length)
+    kernel[:reach] = covariance
+    kernel[length - reach + 1 :] = covariance[:0:-1]
+    # No frequency has less noise than none; the window alone would let some.
+    gain = np.maximum(rfft(kernel).real, 0.0)
+    smooth = irfft(rfft(jacobian, length, axis=0) * gain[:, None], length, axis=0)[:n]
+    total = jacobian.T @ smooth
+    return np.asarray(0.5 * (total + total.T))
+
+
+def larger(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the covariance that has the larger variance of two in every direction.
+
+    Parameters
+    ----------
+    one, other : numpy.ndarray
+        Shape (k, k), positive semi-definite.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (k, k): in the directions in which both are independent, the larger of each.
+    """
+    scale = np.sqrt(np.maximum(np.diag(one), np.diag(other)))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    unit = np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(other / unit)
+    is_known = values > _NOTHING * max(float(values[-1]), 1e-300)
+    if not is_known.any():
+        return one
+    root = vectors[:, is_known] * np.sqrt(values[is_known])
+    inverse = vectors[:, is_known] / np.sqrt(values[is_known])
+    ratios, turned = np.linalg.eigh(inverse.T @ (one / unit) @ inverse)
+    axes = root @ turned
+    # What `one` has beyond the other is added to it, so that nothing of it is lost.
+    more = (axes * np.maximum(1.0 - ratios, 0.0)) @ axes.T
+    return np.asarray(one + unit * more)
 
 
 def _windowed(scores: FloatArray, window: FloatArray) -> FloatArray:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.conditioning import apply_filter
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification.model_versus_log import compare
 from damperfit.identification.weights import weights
@@ -23,7 +24,9 @@ from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.correlated_noise import (
     correlation_length,
     cycle_covariance,
+    larger,
     score_covariance,
+    stationary_covariance,
 )
 
 if TYPE_CHECKING:
@@ -32,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.parameters import Damper
-    from damperfit.identification import Fit
+    from damperfit.identification import Comparison, Fit
     from damperfit.recording import Trace
 
     FloatArray = NDArray[np.float64]
@@ -43,6 +46,8 @@ __all__ = ["Evidence", "LogEvidence", "gather"]
 _LONGEST_CORRELATION = 0.25
 # s; where nothing repeats, a chamber that cavitates remembers noise for as long as it is empty.
 _LONGEST_MOVING = 1.0
+# Samples in which a chamber that was empty is full again.
+_REFILLING = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,7 +128,7 @@ def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions())
             solver=solver,
         )
         part = trace.compared
-        columns = (seen.sensitivities[:, part] * slopes[:, None]).T
+        columns = (_sensitivities(trace, seen)[:, part] * slopes[:, None]).T
         logs.append(
             LogEvidence(
                 residuals=trace.force[part] - seen.force[part],
@@ -151,6 +156,26 @@ def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions())
     )
 
 
+def _sensitivities(trace: Trace, seen: Comparison) -> FloatArray:
+    """Return the sensitivities behind the filter, without what one sample sees of a refilling.
+
+    A chamber that has been empty fills within a millisecond. Whether a sample falls into that, and
+    then shows the moment to some microseconds, changes with the parameters by less than their
+    errors: a slope of that one point would promise what holds for no other.
+    """
+    empty = seen.response.pressures[:2] <= 0.0
+    filled = np.flatnonzero((empty[:, :-1] & ~empty[:, 1:]).any(axis=0)) + 1
+    if not len(filled) or all(stretch.n_cycles for stretch in trace.stretches):
+        return seen.sensitivities  # cycles meet a refilling at other moments of it
+    rows = np.stack(list(seen.response.sensitivities.values()))
+    luck = np.unique(np.add.outer(filled, np.arange(_REFILLING)))
+    luck = luck[luck < rows.shape[1] - 1]
+    known = np.setdiff1d(np.arange(rows.shape[1]), luck)
+    for row in rows:
+        row[luck] = np.interp(luck, known, row[known])
+    return apply_filter(trace.model_filter, rows)
+
+
 def _covariances(trace: Trace, seen: LogEvidence) -> Iterator[FloatArray]:
     """Covariance of the summed scores of each stretch: nothing is correlated across a gap."""
     scores = _scores(seen)
@@ -159,7 +184,15 @@ def _covariances(trace: Trace, seen: LogEvidence) -> Iterator[FloatArray]:
         longest = _LONGEST_CORRELATION * period if stretch.n_cycles else _LONGEST_MOVING
         longest = round(longest / trace.interval)
         lag = correlation_length(seen.residuals[place], longest=longest)
-        yield score_covariance(scores[place], lag)
+        found = score_covariance(scores[place], lag)
+        if not stretch.n_cycles:
+            # Cycles repeat what a few samples tell; elsewhere those few may be all there is.
+            weights = seen.weights[place]
+            alike = stationary_covariance(
+                seen.jacobian[place] * weights[:, None], seen.residuals[place] * weights, lag
+            )
+            found = larger(found, alike)
+        yield found
 
 
 def _scores(log: LogEvidence) -> FloatArray:

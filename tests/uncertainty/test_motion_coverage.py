@@ -5,11 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.uncertainty.motion_coverage import NAMES, covered
+from tests.uncertainty.motion_coverage import NAMES, covered, quickly_covered
+
+
+def test_95_percent_intervals_hold_on_a_road_that_cavitates():
+    """A refilling that one sample happens to see, and few residuals that tell R_m3, mislead no more.
+
+    With the slopes and scores as they were 39 intervals of R_m3 held, and 219 of the 250.
+    """
+    hits, ratio, bias = quickly_covered(50)
+    assert np.all(hits >= 43), dict(zip(NAMES, hits, strict=True))
+    assert 0.92 <= hits.sum() / (50 * len(NAMES)) <= 0.985
+    assert np.all(ratio > 0.85)
+    assert np.all(np.abs(bias) < 0.001)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("motion", ["steps", "sweep", "road"])
+@pytest.mark.parametrize("motion", ["steps", "sweep", "road", "rough road"])
 def test_95_percent_intervals_cover_90_to_98_of_100(motion):
     hits, ratio, bias = covered(motion, 50, jobs=2)
     # 45 to 49 of 50, and what chance makes of that: fewer than 41 come once in a thousand.
