@@ -175,52 +175,6 @@ def test_intervals_are_positive_and_named_for_what_the_logs_gave() -> None:
     assert first["r_m3"].error == second["r_m3"].error
 
 
-@pytest.mark.parametrize("span", [1, 12])
-def test_a_few_samples_that_tell_a_parameter_do_not_make_its_error_too_small(span: int) -> None:
-    rng = np.random.default_rng(19)
-    n = 2000
-    slopes = np.ones((n, 2))
-    slopes[:, 1] = 0.01
-    slopes[[300, 310, 1400], 1] = 5.0  # three samples tell the second parameter
-    inverse = np.linalg.inv(slopes.T @ slopes)
-    off, of_scores, of_both = [], [], []
-    for _ in range(400):
-        noise = smooth_noise(rng, n, span)
-        step = inverse @ (slopes.T @ noise)
-        left = noise - slopes @ step
-        lag = correlation_length(left, longest=100)
-        own = score_covariance(slopes * left[:, None], lag)
-        both = larger(own, stationary_covariance(slopes, left, lag))
-        off.append(step)
-        of_scores.append(np.sqrt(np.diag(inverse @ own @ inverse)))
-        of_both.append(np.sqrt(np.diag(inverse @ both @ inverse)))
-    held = np.mean(np.abs(off) <= 1.96 * np.array(of_both), axis=0)
-    assert np.all((held > 0.92) & (held < 0.985))
-    assert np.mean(np.abs(off) <= 1.96 * np.array(of_scores), axis=0)[1] < 0.8
-
-
-def test_noise_that_is_alike_everywhere_has_the_textbook_covariance() -> None:
-    rng = np.random.default_rng(23)
-    slopes = rng.standard_normal((3000, 3))
-    noise = 2.0 * rng.standard_normal(3000)
-    white = stationary_covariance(slopes, noise, 0)
-    assert white == pytest.approx(float(noise @ noise) / 3000 * slopes.T @ slopes, rel=1e-9)
-
-
-def test_the_larger_of_two_covariances_is_that_in_every_direction() -> None:
-    rng = np.random.default_rng(29)
-    one, other = (a @ a.T for a in rng.standard_normal((2, 4, 6)))
-    found = larger(one, other)
-    for each in (one, other):
-        assert np.linalg.eigvalsh(found - each).min() > -1e-9
-        assert np.linalg.matrix_rank(found - each, tol=1e-6) < 4
-    assert found == pytest.approx(larger(other, one))
-    assert larger(one, 0.1 * one) == pytest.approx(one)
-    assert larger(one, 3.0 * one) == pytest.approx(3.0 * one)
-    nothing = np.diag([1.0, 4.0, 0.0])
-    assert larger(nothing, np.diag([2.0, 3.0, 0.0])) == pytest.approx(np.diag([2.0, 4.0, 0.0]))
-
-
 def test_the_jackknife_over_cycles_is_told_beside_the_errors_printed() -> None:
     sound = assess(identify(traces([1, 10], noise=4.0), PURDY_DAMPER), PURDY_DAMPER)
     ratios = [i.cycle_ratio for u in sound.uncertainties for i in u.intervals.values()]

@@ -9,7 +9,7 @@ from tests.uncertainty.motion_coverage import NAMES, covered, quickly_covered
 
 
 def test_95_percent_intervals_hold_on_a_road_that_cavitates():
-    """A refilling that one sample happens to see, and few residuals that tell R_m3, mislead no more.
+    """Neither a refilling that one sample happens to see nor few residuals make an error too small.
 
     With the slopes and scores as they were 39 intervals of R_m3 held, and 219 of the 250.
     """
