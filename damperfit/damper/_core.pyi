@@ -35,3 +35,14 @@ def simulate_network(
     max_steps_per_sample: int,
     /,
 ) -> tuple[int, int, int, int, int]: ...
+def follow(
+    numbers: Buffer,
+    layout: Buffer,
+    displacement: Buffer,
+    velocity: Buffer,
+    force: Buffer,
+    slopes: Buffer,
+    interval: float,
+    rounding: float,
+    /,
+) -> tuple[int, int]: ...

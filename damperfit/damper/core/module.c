@@ -3,6 +3,7 @@
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
+#include "hysteresis.h"
 #include "network.h"
 
 enum { GEOMETRY, PARAMETERS, X, V, WHICH, PRESSURES, MASSES, FORCE, SENSITIVITIES, N_BUFFERS };
@@ -162,6 +163,106 @@ static PyObject *simulate_network(PyObject *self, PyObject *args)
     return answer;
 }
 
+enum { STATE_NUMBERS, LAYOUT, STATE_X, STATE_V, STATE, STATE_SLOPES, N_STATE_BUFFERS };
+
+static const char *const STATE_NAMES[N_STATE_BUFFERS] = {"numbers",  "layout", "displacement",
+                                                         "velocity", "force",  "slopes"};
+
+/* Places of stiffness, play and half length, then rows of is_rebound, p_open, R, S. */
+#define LAYOUT_HEAD 3
+#define PATH_ROW 4
+
+static int state_sizes_fit(const Py_buffer *b)
+{
+    const Py_ssize_t d = (Py_ssize_t)sizeof(double), row = b[STATE_X].len;
+    const Py_ssize_t width = b[STATE_NUMBERS].len / d;
+    const Py_ssize_t expected[N_STATE_BUFFERS] = {
+        width * d, b[LAYOUT].len, row - row % d, row, row, width * row};
+    for (int k = 0; k < N_STATE_BUFFERS; k++) {
+        if (b[k].len != expected[k]) {
+            PyErr_Format(PyExc_ValueError, "%s: %zd bytes, expected %zd", STATE_NAMES[k], b[k].len,
+                         expected[k]);
+            return 0;
+        }
+    }
+    const Py_ssize_t n = b[LAYOUT].len / (Py_ssize_t)sizeof(int) - LAYOUT_HEAD;
+    if (n == -LAYOUT_HEAD ? width == DF_N_BOUC_WEN
+                          : n >= 0 && n % PATH_ROW == 0 && n / PATH_ROW <= DF_MOST_PATHS &&
+                                width <= DF_MOST_STATE_NUMBERS)
+        return 1;
+    PyErr_SetString(PyExc_ValueError, "layout: neither a dashpot's nor empty for three numbers");
+    return 0;
+}
+
+static int places_fit(const df_elastic_dashpot *d)
+{
+    int fit = d->stiffness >= 0 && d->stiffness < d->n_numbers && d->play < d->n_numbers &&
+              d->half_length < d->n_numbers;
+    for (int k = 0; k < d->n_paths; k++)
+        fit = fit && d->paths[k].p_open < d->n_numbers && d->paths[k].R < d->n_numbers &&
+              d->paths[k].S < d->n_numbers;
+    if (!fit)
+        PyErr_SetString(PyExc_ValueError, "layout: a place beyond the numbers");
+    return fit;
+}
+
+/* A dashpot where there is a layout, otherwise Bouc and Wen's variable. */
+static PyObject *run_state(const Py_buffer *b, double interval, double rounding)
+{
+    const double *numbers = b[STATE_NUMBERS].buf;
+    const int *rows = b[LAYOUT].buf;
+    const df_motion motion = {(size_t)b[STATE_X].len / sizeof(double), interval, b[STATE_X].buf,
+                              b[STATE_V].buf};
+    const int is_dashpot = b[LAYOUT].len > 0;
+    df_elastic_dashpot d = {0};
+    if (is_dashpot) {
+        d.stiffness = rows[0], d.play = rows[1], d.half_length = rows[2];
+        d.n_paths = (int)((b[LAYOUT].len / (Py_ssize_t)sizeof(int) - LAYOUT_HEAD) / PATH_ROW);
+        d.n_numbers = (int)(b[STATE_NUMBERS].len / (Py_ssize_t)sizeof(double));
+        d.rounding = rounding;
+        rows += LAYOUT_HEAD;
+        for (int k = 0; k < d.n_paths; k++, rows += PATH_ROW) {
+            const df_path path = {rows[0], rows[1], rows[2], rows[3]};
+            d.paths[k] = path;
+        }
+        for (int k = 0; k < d.n_numbers; k++)
+            d.numbers[k] = numbers[k];
+        if (!places_fit(&d))
+            return NULL;
+    }
+    size_t sample = 0;
+    int code;
+    Py_BEGIN_ALLOW_THREADS
+    code = is_dashpot
+               ? df_follow_dashpot(&d, &motion, b[STATE].buf, b[STATE_SLOPES].buf, &sample)
+               : df_follow_bouc_wen(numbers, &motion, b[STATE].buf, b[STATE_SLOPES].buf, &sample);
+    Py_END_ALLOW_THREADS
+    return Py_BuildValue("(in)", code, (Py_ssize_t)sample);
+}
+
+static PyObject *follow(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[N_STATE_BUFFERS];
+    double interval, rounding;
+    if (!PyArg_ParseTuple(args, "OOOOOOdd:follow", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5],
+                          &interval, &rounding))
+        return NULL;
+    Py_buffer buffers[N_STATE_BUFFERS];
+    PyObject *answer = NULL;
+    int got = 0;
+    for (; got < N_STATE_BUFFERS; got++) {
+        const int flags = got >= STATE ? PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE : PyBUF_C_CONTIGUOUS;
+        if (PyObject_GetBuffer(o[got], &buffers[got], flags))
+            break;
+    }
+    if (got == N_STATE_BUFFERS && state_sizes_fit(buffers))
+        answer = run_state(buffers, interval, rounding);
+    while (got-- > 0)
+        PyBuffer_Release(&buffers[got]);
+    return answer;
+}
+
 static PyMethodDef METHODS[] = {
     {"simulate", simulate, METH_VARARGS,
      "simulate(geometry, parameters, displacement, velocity, which, pressures, masses, force,\n"
@@ -172,6 +273,9 @@ static PyMethodDef METHODS[] = {
      "                 force, sensitivities, interval, rounding, floating_piston, tolerance,\n"
      "                 dead_band, max_steps_per_sample)\n"
      "-> (code, steps, rejected, newton, sample). Fills the last four buffers."},
+    {"follow", follow, METH_VARARGS,
+     "follow(numbers, layout, displacement, velocity, force, slopes, interval, rounding)\n"
+     "-> (code, sample). Fills force and its slopes, a row of numbers for each sample."},
     {NULL, NULL, 0, NULL}};
 
 /* Two phases, so that every interpreter of a process has a module of its own. From 3.12 on one with
