@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from damperfit.damper.cavitation import Cavitation
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
-from damperfit.identification import Campaign, Cavitation, Fit, LogFit, Outcome, Status
+from damperfit.identification import Campaign, Fit, LogFit, Outcome, Status
 from damperfit.recording import Drive, FilterDesign, Stretch, Trace
 
 __all__ = ["campaign", "fit", "trace"]

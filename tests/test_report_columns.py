@@ -16,8 +16,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from damperfit.checks import Check
+from damperfit.damper.cavitation import Cavitation
 from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.identification import Cavitation
 from damperfit.report import (
     ReportFacts,
     cycle_force_sheet,

@@ -19,7 +19,7 @@ from damperfit.adjustment.trends import Trend, find_trends
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.model import Model
     from damperfit.errors import OnError
     from damperfit.identification import Campaign
     from damperfit.uncertainty import Assessment
@@ -57,7 +57,7 @@ class Adjustment:
 def compare_settings(
     campaign: Campaign,
     assessment: Assessment,
-    damper: Damper,
+    damper: Model,
     *,
     solver: SolverOptions = SolverOptions(tolerance=1e-2),
     jobs: int = 1,
@@ -71,8 +71,8 @@ def compare_settings(
         Result of `damperfit.identification.identify`.
     assessment : Assessment
         The same campaign judged.
-    damper : Damper
-        Geometry, oil and gas.
+    damper : Model
+        The damper's model.
     solver : SolverOptions
         How exactly to integrate.
     jobs : int

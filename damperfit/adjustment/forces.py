@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.parameters import Damper, Parameters
+from damperfit.damper.model import Model, Values
 from damperfit.errors import SimulationError, sparing
 from damperfit.simulation import (
     NAMED_SPEEDS,
@@ -94,16 +94,16 @@ class Stage:
     ----------
     setting : int
         Which.
-    parameters : Parameters
+    parameters : Values
         SI.
     own, shared : tuple of str
-        Parameters with an error: the setting's own, and those in common to all settings.
+        Values with an error: the setting's own, and those in common to all settings.
     covariance : numpy.ndarray or None
         Of ln y (f_0: of f_0, N), own before shared, shape (k, k). None: nothing is known.
     """
 
     setting: int
-    parameters: Parameters
+    parameters: Values
     own: tuple[str, ...] = ()
     shared: tuple[str, ...] = ()
     covariance: FloatArray | None = None
@@ -231,7 +231,7 @@ def named_speeds(sine: Sine) -> tuple[float, ...]:
 
 def levels(  # noqa: PLR0913 - one more than usual, to be told of errors
     stages: Sequence[Stage],
-    damper: Damper,
+    damper: Model,
     sine: Sine,
     *,
     speeds: Sequence[float],
@@ -245,8 +245,8 @@ def levels(  # noqa: PLR0913 - one more than usual, to be told of errors
     ----------
     stages : sequence of Stage
         Settings.
-    damper : Damper
-        Geometry, oil and gas.
+    damper : Model
+        The damper's model.
     sine : Sine
         The motion.
     speeds : sequence of float
@@ -292,8 +292,9 @@ def _levels_of(
     names = (*stage.own, *stage.shared)
     signals = np.stack([response.force, *(response.sensitivities[name] for name in names)])
     values = signals_at_speeds(response, frequency, signals, speeds=speeds)
-    # u = ln y, but for f_0, which is in N.
-    scales = [1.0 if n == "f_0" else getattr(stage.parameters, n) for n in names]
+    # u = ln y, but for linear quantities, which are in their unit.
+    values_of = stage.parameters
+    scales = [getattr(values_of, n) if values_of.quantity(n).is_logarithmic else 1.0 for n in names]
     slopes = values[1:] * np.array(scales).reshape(-1, 1, 1)
     last = response.pressures[:, response.pressures.shape[1] // _CYCLES :]
     is_cavitating = bool(last.min() <= 0.0)
@@ -328,31 +329,33 @@ def _split(stage: Stage, slopes: FloatArray) -> tuple[float, FloatArray]:
     return math.sqrt(max(float(slopes[:n] @ rest @ slopes[:n]), 0.0)), np.asarray(carried)
 
 
-def clicks(found: Sequence[Level], damper: Damper) -> tuple[Click, ...]:
+def clicks(found: Sequence[Level], damper: Model) -> tuple[Click, ...]:
     """Return the change of force between neighbouring settings, by speed and stroke.
 
     Parameters
     ----------
     found : sequence of Level
         As `levels` returns them.
-    damper : Damper
+    damper : Model
         For the gas force.
     """
+    rest = damper.rest_force(0.0)
+    gas = 0.0 if rest is None else float(rest)
     settings = sorted({level.setting for level in found})
     table = {(level.setting, level.speed, level.stroke): level for level in found}
     speeds = sorted({level.speed for level in found})
     return tuple(
-        _click(table[a, speed, stroke], table[b, speed, stroke], damper)
+        _click(table[a, speed, stroke], table[b, speed, stroke], gas)
         for a, b in itertools.pairwise(settings)
         for speed in speeds
         for stroke in STROKES
     )
 
 
-def _click(first: Level, second: Level, damper: Damper) -> Click:
+def _click(first: Level, second: Level, gas: float) -> Click:
     change = second.force - first.force
     reach = NORMAL_95 * _spread(first, second)
-    damping = first.force + damper.rod_area * damper.gas_pressure
+    damping = first.force - gas
     ratio = 1.0 + change / damping if damping else math.nan
     percent = 100.0 * (ratio - 1.0)
     # The first force is the denominator too: its error counts 1 + share times.

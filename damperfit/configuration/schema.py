@@ -32,7 +32,7 @@ from damperfit.configuration.options import (
     SimulationOptions,
     parameter_value,
 )
-from damperfit.damper.parameters import DAMPER_RANGES, Damper
+from damperfit.damper.parameters import DAMPER_RANGES, PARAMETER_NAMES, Damper
 from damperfit.errors import did_you_mean
 from damperfit.identification import FitOptions, check_options
 from damperfit.quantities import parse_quantity, says_absolute_or_gauge
@@ -314,7 +314,7 @@ class _IdentificationSection(_Section):
 
     def build_profile(self) -> tuple[str, ...]:
         names = tuple(name.strip() for name in self.profile)
-        check_profile_names(names, fixed=self.fix)
+        check_profile_names(names, PARAMETER_NAMES, fixed=self.fix)
         return names
 
 

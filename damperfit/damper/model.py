@@ -14,11 +14,12 @@ would have asked says "not evaluated".
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields, make_dataclass, replace
+from dataclasses import dataclass, make_dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
+from damperfit.damper.cavitation import seen_cavitation
 from damperfit.errors import ConfigurationError, did_you_mean
 
 if TYPE_CHECKING:
@@ -28,12 +29,24 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from damperfit.damper.cavitation import Cavitation
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["DAMPER", "LOG", "RIG", "SETTING", "Key", "Model", "Quantity", "Values", "values_type"]
+__all__ = [
+    "DAMPER",
+    "LOG",
+    "RIG",
+    "SETTING",
+    "Detour",
+    "Key",
+    "Model",
+    "Quantity",
+    "Values",
+    "values_type",
+]
 
 # Whose a quantity is. Any other word is the name of an adjuster: one value for each of its clicks.
 SETTING = "setting"  # each setting's own
@@ -72,6 +85,10 @@ class Quantity:
         What is known of it where no log tells it.
     power, shown_unit : int, str
         People read it in 10^power of the unit, which they write like this.
+    is_open : bool
+        What lies beyond the upper edge looks like the edge: rigid. It is then no fault of the logs.
+    trend_degree : int or None
+        Degree of the polynomial that it follows over the settings, where that is agreed beforehand.
     """
 
     name: str
@@ -87,6 +104,13 @@ class Quantity:
     fallback: float | None = None
     power: int = 0
     shown_unit: str = ""
+    is_open: bool = False
+    trend_degree: int | None = None
+
+    @property
+    def is_offset(self) -> bool:
+        """Whether it is a force of either sign that is added: a tare."""
+        return not self.is_logarithmic and self.unit == "N"
 
     @property
     def is_shared(self) -> bool:
@@ -102,19 +126,31 @@ class Values:
     works on dataclasses works on them.
     """
 
+    quantities: ClassVar[tuple[Quantity, ...]] = ()
+
     if TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> float: ...
 
+    def quantity(self, name: str) -> Quantity:
+        """Return one of its quantities.
+
+        Raises
+        ------
+        ConfigurationError
+            There is none of that name.
+        """
+        return _quantity(self.quantities, name)
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the quantities, in the model's order."""
-        return tuple(one.name for one in fields(self))
+        return tuple(one.name for one in self.quantities)
 
     @property
     def numbers(self) -> tuple[float, ...]:
         """The numbers, in the same order."""
-        return tuple(getattr(self, one.name) for one in fields(self))
+        return tuple(getattr(self, one.name) for one in self.quantities)
 
     def replace(self, changes: Mapping[str, float] = MappingProxyType({}), **more: float) -> Self:
         """Return the same with some numbers changed.
@@ -132,34 +168,41 @@ class Values:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Types that are made for a model cannot be found by name when they are sent elsewhere."""
-        if type(self) is values_type(self.names):
-            return _rebuilt, (self.names, self.numbers)
+        if type(self) is values_type(self.quantities):
+            return _rebuilt, (self.quantities, self.numbers)
         return type(self), self.numbers
 
 
 @lru_cache(maxsize=256)
-def values_type(names: tuple[str, ...]) -> type[Values]:
-    """Return the type of `Values` that has these names in this order.
+def values_type(quantities: tuple[Quantity, ...]) -> type[Values]:
+    """Return the type of `Values` that has these quantities in this order.
 
     Examples
     --------
-    >>> one = values_type(("c", "f_f"))(1.5e3, 20.0)
-    >>> one, one.replace(f_f=30.0).f_f
-    (Values(c=1500.0, f_f=20.0), 30.0)
+    >>> c = Quantity("c", "c", "damping", "viscous damping", "N s/m", (1.0, 1e6))
+    >>> values_type((c,))(1.5e3)
+    Values(c=1500.0)
     """
     made: type[Values] = make_dataclass(
         "Values",
-        [(name, float) for name in names],
+        [(one.name, float) for one in quantities],
         bases=(Values,),
         frozen=True,
         slots=True,
-        namespace={"__reduce__": Values.__reduce__},
+        namespace={"__reduce__": Values.__reduce__, "quantities": quantities},
     )
     return made
 
 
-def _rebuilt(names: tuple[str, ...], numbers: tuple[float, ...]) -> Values:
-    return values_type(names)(*numbers)
+def _rebuilt(quantities: tuple[Quantity, ...], numbers: tuple[float, ...]) -> Values:
+    return values_type(quantities)(*numbers)
+
+
+def _quantity(quantities: Sequence[Quantity], name: str) -> Quantity:
+    for one in quantities:
+        if one.name == name:
+            return one
+    raise ConfigurationError(_no_quantity(name, [one.name for one in quantities]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,6 +230,26 @@ class Key:
     def metadata(self) -> dict[str, Key]:
         """For `dataclasses.field`."""
         return {"key": self}
+
+
+@dataclass(frozen=True, slots=True)
+class Detour:
+    """Another way to a minimum, for a fit that has ended in a wrong valley.
+
+    Attributes
+    ----------
+    start : Values
+        Where it begins.
+    held : tuple of frozenset of str
+        Quantities that rough descents hold, one after the other, before all are free.
+    is_last_resort : bool
+        Taken only where what came before is neither sound nor explained; it must then be clearly
+        better. Otherwise it is always taken, and a sound end is preferred.
+    """
+
+    start: Values
+    held: tuple[frozenset[str], ...]
+    is_last_resort: bool = False
 
 
 class Model(ABC):
@@ -244,6 +307,25 @@ class Model(ABC):
         value in all of them.
         """
 
+    def detours(
+        self,
+        start: Values,  # noqa: ARG002
+        traces: Sequence[Trace],  # noqa: ARG002
+        free: Sequence[str],  # noqa: ARG002
+    ) -> tuple[Detour, ...]:
+        """Return other ways to try when a fit from a start has ended in a wrong valley."""
+        return ()
+
+    def examine(
+        self,
+        values: Values,  # noqa: ARG002
+        seen: Sequence[tuple[Trace, Response]],
+        *,
+        solver: SolverOptions,  # noqa: ARG002
+    ) -> Cavitation:
+        """Return whether a chamber was empty in a setting's logs, and how far from it they are."""
+        return seen_cavitation(seen)
+
     @property
     def travel(self) -> float:
         """Displacement from rest that the damper does not reach, m."""
@@ -273,7 +355,7 @@ class Model(ABC):
     @property
     def values_type(self) -> type[Values]:
         """The type of its values."""
-        return values_type(self.names)
+        return values_type(self.quantities)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -288,10 +370,7 @@ class Model(ABC):
         ConfigurationError
             There is none of that name.
         """
-        for one in self.quantities:
-            if one.name == name:
-                return one
-        raise ConfigurationError(_no_quantity(name, self.names))
+        return _quantity(self.quantities, name)
 
 
 def _no_quantity(name: str, known: Sequence[str]) -> str:

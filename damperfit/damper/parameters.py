@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from damperfit.damper.cavitation import Cavitation
+    from damperfit.damper.model import Detour
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
 
@@ -62,6 +64,8 @@ DAMPER_RANGES: dict[str, tuple[float, float, str]] = {
 @dataclass(frozen=True, slots=True)
 class Parameters(Values):
     """The parameters y of eq. (21) and the force offset f_0 of a tared rig, in SI."""
+
+    quantities: ClassVar[tuple[Quantity, ...]] = QUANTITIES
 
     r_m1: float
     r_m2: float
@@ -147,6 +151,26 @@ class Damper(Model):
         from damperfit.damper.purdy.starting import starts
 
         return starts(traces, self, fixed)
+
+    def detours(
+        self, start: Values, traces: Sequence[Trace], free: Sequence[str]
+    ) -> tuple[Detour, ...]:
+        """Come from below the onset of cavitation; then start beyond it."""
+        from damperfit.damper.purdy.starting import detours
+
+        return detours(start, traces, self, free)
+
+    def examine(
+        self,
+        values: Values,
+        seen: Sequence[tuple[Trace, Response]],
+        *,
+        solver: SolverOptions,
+    ) -> Cavitation:
+        """With the margin of R_m3 and the gas pressure at which a chamber just stays full."""
+        from damperfit.damper.purdy.cavitation import examine_cavitation
+
+        return examine_cavitation(values, seen, self, solver=solver)
 
     def rest_force(self, displacement: ArrayLike) -> NDArray[np.float64]:
         """Gas pressure on the rod, N."""

@@ -1,7 +1,6 @@
 """From traces to parameters: residuals, starting values, one setting's fit, the campaign."""
 
 from damperfit.identification.campaign import PROCEDURES, Campaign, identify
-from damperfit.identification.cavitation import Cavitation, describe_cavitation
 from damperfit.identification.failures import SettingFailure
 from damperfit.identification.model_versus_log import Comparison, compare, normalised_mse
 from damperfit.identification.multistart import Search, Valley, describe_searches
@@ -13,7 +12,6 @@ from damperfit.identification.sharing import Sharing
 __all__ = [
     "PROCEDURES",
     "Campaign",
-    "Cavitation",
     "Comparison",
     "Fit",
     "FitOptions",
@@ -26,7 +24,6 @@ __all__ = [
     "Valley",
     "check_options",
     "compare",
-    "describe_cavitation",
     "describe_searches",
     "identify",
     "normalised_mse",

@@ -7,7 +7,6 @@ the friction over a first pass of all settings gives f_f; then R_m1, R_m2 and K_
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -24,8 +23,7 @@ from damperfit.identification.joint_procedure import fit_together
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.options import FitOptions, check_options
 from damperfit.identification.outcome import Status
-from damperfit.identification.plausible import PLAUSIBLE
-from damperfit.identification.procedure_input import ProcedureInput, first_start, ordered
+from damperfit.identification.procedure_input import ProcedureInput, first_start
 from damperfit.identification.setting import Fit, Judged, describe_fit
 from damperfit.identification.sharing import Sharing
 from damperfit.recording import natural_order
@@ -33,7 +31,7 @@ from damperfit.recording import natural_order
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.model import Model
     from damperfit.recording import Trace
 
 __all__ = ["PROCEDURES", "Campaign", "identify"]
@@ -91,7 +89,7 @@ class Campaign:
 
 def identify(
     traces: Sequence[Trace],
-    damper: Damper,
+    damper: Model,
     options: FitOptions = FitOptions(),
     *,
     jobs: int = 1,
@@ -107,8 +105,8 @@ def identify(
     ----------
     traces : sequence of Trace
         Conditioned logs; each must know its setting.
-    damper : Damper
-        Geometry, oil and gas.
+    damper : Model
+        The damper's model.
     options : FitOptions
         Procedure, free and fixed parameters.
     jobs : int
@@ -146,13 +144,13 @@ def identify(
     with one_blas_thread():
         campaign = PROCEDURES[options.procedure](task)
     said = [f"setting {one.setting}: {one.warning}" for one in campaign.searches if one.warning]
-    said.extend(_implausible(options))
+    said.extend(_implausible(options, damper))
     return replace(campaign, warnings=(*campaign.warnings, *said))
 
 
-def _implausible(options: FitOptions) -> Iterator[str]:
+def _implausible(options: FitOptions, damper: Model) -> Iterator[str]:
     for name, value in options.fixed.items():
-        low, high = PLAUSIBLE.get(name, (-math.inf, math.inf))
+        low, high = damper.quantity(name).plausible
         if not low < value < high and value != 0.0:
             yield (
                 f"{name} is held at {value:.4g}, far from any car damper's ({low:g} to {high:g} in "
@@ -162,14 +160,14 @@ def _implausible(options: FitOptions) -> Iterator[str]:
 
 def _plain(task: ProcedureInput) -> Campaign:
     """Fit at every setting what is free, from the closed form."""
-    fixed = dict(task.options.fixed)
-    fixed.setdefault("f_0", 0.0)
+    quantities = task.damper.quantities
+    wanted = [one.name for one in quantities if one.default is None]
     free = task.options.free
     if free is None:
-        free = tuple(name for name in _MODEL_PARAMETERS if name not in fixed)
-    if "f_0" in free:
-        del fixed["f_0"]
-    for name in _MODEL_PARAMETERS:
+        free = tuple(name for name in wanted if name not in task.options.fixed)
+    held = {one.name: one.default for one in quantities if one.default is not None}
+    fixed = {**{k: v for k, v in held.items() if k not in free}, **task.options.fixed}
+    for name in wanted:
         if name not in free and name not in fixed:
             raise ConfigurationError(
                 f"procedure plain: {name} is neither free nor fixed; "
@@ -177,7 +175,7 @@ def _plain(task: ProcedureInput) -> Campaign:
             )
 
     def fit(setting: int) -> tuple[Fit, Search | None]:
-        misfit = task.misfit(setting, ordered(free))
+        misfit = task.misfit(setting, task.ordered(free))
         judged, found = fit_from(task, setting, misfit, first_start(misfit, fixed))
         return describe_fit(setting, judged, misfit), found
 
@@ -193,14 +191,14 @@ def _paper(task: ProcedureInput) -> Campaign:
         fixed.setdefault("f_0", 0.0)
         shared_free = tuple(name for name in shared_free if name != "f_0")
     try:
-        first, warnings = first_pass(task, ordered(shared_free), fixed, set(free))
+        first, warnings = first_pass(task, task.ordered(shared_free), fixed, set(free))
     except FitCancelledError:
         return Campaign("paper", (), is_complete=False)
     held = {**{k: v for k, v in fixed.items() if k not in free}, **first.shared}
 
     def fit(setting: int) -> tuple[Fit, Search | None]:
-        misfit = task.misfit(setting, ordered(free))
-        start = replace(first.start(setting) or first_start(misfit, held), **held)
+        misfit = task.misfit(setting, task.ordered(free))
+        start = (first.start(setting) or first_start(misfit, held)).replace(held)
         judged, found = fit_from(task, setting, misfit, start, spent=first.evaluations(setting))
         named = dict.fromkeys(first.sharing.found, Status.SHARED) | dict(first.status)
         return describe_fit(setting, _named(judged, named), misfit), found
@@ -213,7 +211,7 @@ def _paper(task: ProcedureInput) -> Campaign:
 
 def _joint(task: ProcedureInput) -> Campaign:
     """One fit over the settings, from the paper's procedure as start; unsound ones follow it."""
-    shared = ordered(task.options.share)
+    shared = task.ordered(task.options.share)
     # What is neither shared nor fixed is the settings' own: R_m3 or f_f too.
     own = task.options.free or tuple(
         name for name in _MODEL_PARAMETERS if name not in {*task.options.fixed, *shared}
@@ -223,7 +221,7 @@ def _joint(task: ProcedureInput) -> Campaign:
     before = _paper(replace(task, options=options, on_fit=lambda _fit: None))
     failed = {one.setting: one for one in before.failures}
     try:
-        together, broken = fit_together(task, before.fits, ordered(own), shared)
+        together, broken = fit_together(task, before.fits, task.ordered(own), shared)
     except FitCancelledError:
         return Campaign("joint", (), is_complete=False)
     failed.update(broken)

@@ -1,7 +1,7 @@
 """The misfit of the logs of one setting and its descent, on log parameters, exact Jacobian.
 
-The variables are u = ln y for the positive parameters and u = f_0/scale for the offset, so that a
-step is a relative change and no parameter can change sign. The residual is
+The variables are u = ln y for the positive parameters and u = y/scale for an offset, so that a
+step is a relative change and no positive parameter can change sign. The residual is
 (f_hat - f)/(sigma sqrt(N)), f_hat filtered like f: its squared norm is eq. (22) over 100.
 """
 
@@ -16,7 +16,6 @@ import numpy as np
 from damperfit.conditioning import apply_filter
 from damperfit.errors import DamperfitError, SimulationError
 from damperfit.identification.minimiser import Minimum, Transformation, minimise
-from damperfit.identification.model_versus_log import motion_of
 from damperfit.identification.plausible import (
     first_edge,
     is_at_edge,
@@ -26,14 +25,14 @@ from damperfit.identification.plausible import (
 )
 from damperfit.identification.trust_region import Stopping
 from damperfit.identification.weights import weights
-from damperfit.simulation import SolverOptions, simulate
+from damperfit.simulation import SolverOptions, motion_of, simulate
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.parameters import Damper, Parameters
+    from damperfit.damper.model import Model, Values
     from damperfit.recording import Trace
     from damperfit.simulation import Response
 
@@ -62,8 +61,6 @@ _POLISH_BELOW = 100.0
 _POLISH_FACTOR = 0.003
 # A force or a sensitivity, SI; a cylinder of the size of a car stays far below.
 _WILD = 1e100
-# A force offset is about as much, N: the rod's gas force.
-_OFFSET = 100.0
 
 
 class FitCancelledError(DamperfitError):
@@ -80,10 +77,10 @@ class Misfit:
     ----------
     traces : tuple of Trace
         Logs of one setting.
-    damper : Damper
-        Geometry, oil and gas.
+    damper : Model
+        The damper's model.
     free : tuple of str
-        Parameters that may move.
+        Values that may move.
     solver : SolverOptions
         How exactly to integrate.
     max_evaluations : int
@@ -93,7 +90,7 @@ class Misfit:
     """
 
     traces: tuple[Trace, ...]
-    damper: Damper
+    damper: Model
     free: tuple[str, ...]
     solver: SolverOptions
     max_evaluations: int
@@ -116,7 +113,7 @@ class Solution:
 
     Attributes
     ----------
-    parameters : Parameters
+    parameters : Values
         Best point found.
     mse_percent : float
         Eq. (22) there, each stretch with its weight.
@@ -136,7 +133,7 @@ class Solution:
         Whether a chamber is at zero pressure somewhere in what is compared.
     """
 
-    parameters: Parameters
+    parameters: Values
     mse_percent: float
     jacobian: FloatArray
     evaluations: int
@@ -147,7 +144,7 @@ class Solution:
     is_cavitating: bool
 
 
-def approach(misfit: Misfit, start: Parameters) -> Solution:
+def approach(misfit: Misfit, start: Values) -> Solution:
     """Minimise the misfit of one log roughly, for the start of a descent with all of them.
 
     Of several logs the one with the strongest force is taken: it tells the valves best.
@@ -164,7 +161,7 @@ def approach(misfit: Misfit, start: Parameters) -> Solution:
     return _descended(rough, misfit.free, start, _ROUGH).solution
 
 
-def descend(misfit: Misfit, start: Parameters) -> Solution:
+def descend(misfit: Misfit, start: Values) -> Solution:
     """Minimise the misfit from a start; refine with a tighter integrator if that is what is left.
 
     Raises
@@ -202,10 +199,11 @@ def _refuse_wild(response: Response) -> None:
         raise SimulationError("simulation failed: the force is beyond any that could be fitted.")
 
 
-def linearise(misfit: Misfit, parameters: Parameters) -> tuple[FloatArray, FloatArray]:
+def linearise(misfit: Misfit, parameters: Values) -> tuple[FloatArray, FloatArray]:
     """Return the residuals (n,), model minus measured, N, and their derivative (n, k).
 
-    By ln y, and by f_0 in units of 100 N: the same variables whatever the setting's forces are.
+    By ln y, of linear quantities in units of their size: the same variables whatever the setting's
+    forces are.
 
     Raises
     ------
@@ -222,14 +220,15 @@ def linearise(misfit: Misfit, parameters: Parameters) -> tuple[FloatArray, Float
 
 def common_variables(misfit: Misfit) -> Transformation:
     """Return the variables of `linearise`, which do not depend on a setting's forces."""
-    return replace(_transformation(misfit, misfit.free), scales=np.full(len(misfit.free), _OFFSET))
+    sizes = np.array([misfit.damper.quantity(name).size for name in misfit.free])
+    return replace(_transformation(misfit, misfit.free), scales=sizes)
 
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
     """What is remembered of a point: with the derivatives by all that is free, held or not."""
 
-    parameters: Parameters
+    parameters: Values
     is_cavitating: bool
     slopes: FloatArray
 
@@ -240,11 +239,12 @@ class _End:
 
     solution: Solution
     moving: tuple[str, ...]
+    scales: FloatArray
     minimum: Minimum[_Seen]
     has_tried_beyond: bool
 
 
-def _minimise(misfit: Misfit, start: Parameters) -> Solution:
+def _minimise(misfit: Misfit, start: Values) -> Solution:
     """Descend within the plausible ranges.
 
     A parameter that is at an edge of its range, or runs into it, is left there while the others
@@ -258,7 +258,7 @@ def _minimise(misfit: Misfit, start: Parameters) -> Solution:
         at, moving = best.solution.parameters, best.moving
         edge = _stopped_at(best)
         if edge is not None:
-            at = replace(at, **dict([edge]))
+            at = at.replace(dict([edge]))
             moving = tuple(name for name in moving if name != edge[0])
         else:
             inwards = _falls_inside(misfit, best) - let_go
@@ -287,7 +287,8 @@ def _stopped_at(end: _End) -> tuple[str, float] | None:
         return None
     point = end.minimum.point
     step = np.linalg.lstsq(point.jacobian, -point.residuals, rcond=None)[0]
-    return first_edge(end.solution.parameters, end.moving, np.asarray(step, dtype=np.float64))
+    taken = np.asarray(step, dtype=np.float64)
+    return first_edge(end.solution.parameters, end.moving, taken, end.scales)
 
 
 def _falls_inside(misfit: Misfit, end: _End) -> set[str]:
@@ -305,9 +306,7 @@ def _falls_inside(misfit: Misfit, end: _End) -> set[str]:
     return found
 
 
-def _descended(
-    misfit: Misfit, moving: tuple[str, ...], start: Parameters, stopping: Stopping
-) -> _End:
+def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping: Stopping) -> _End:
     """Minimise over what moves; a trial point out of the plausible range is a failed trial."""
     scale = 1.0 / (misfit.deviation * math.sqrt(misfit.n_samples))
     start = kept_within(start, misfit.free)
@@ -346,11 +345,11 @@ def _descended(
         n_independent=max(2.0 * np.count_nonzero(np.diff(np.signbit(point.residuals))), 1.0),
         is_cavitating=point.extra.is_cavitating,
     )
-    return _End(solution, moving, ended, beyond > 0)
+    return _End(solution, moving, transformation.scales, ended, beyond > 0)
 
 
 def _evaluate(
-    misfit: Misfit, parameters: Parameters, scale: float
+    misfit: Misfit, parameters: Values, scale: float
 ) -> tuple[FloatArray, FloatArray, bool]:
     """Return residuals (n,), their derivative by what is free (n, k), both scaled; cavitation."""
     parts = []
@@ -374,16 +373,17 @@ def _evaluate(
 
 
 def _transformation(misfit: Misfit, names: tuple[str, ...]) -> Transformation:
-    """Logarithms of the positive parameters; the offset in units of the force's deviation."""
+    """Logarithms; an offset in units of the force's deviation, what else is linear in its size."""
+    quantities = [misfit.damper.quantity(name) for name in names]
     return Transformation(
-        np.array([name != "f_0" for name in names], dtype=bool),
-        np.full(len(names), misfit.deviation),
+        np.array([one.is_logarithmic for one in quantities], dtype=bool),
+        np.array([misfit.deviation if one.is_offset else one.size for one in quantities]),
     )
 
 
-def _values(names: tuple[str, ...], parameters: Parameters) -> FloatArray:
+def _values(names: tuple[str, ...], parameters: Values) -> FloatArray:
     return np.array([getattr(parameters, name) for name in names])
 
 
-def _with(parameters: Parameters, names: tuple[str, ...], values: FloatArray) -> Parameters:
-    return replace(parameters, **dict(zip(names, values.tolist(), strict=True)))
+def _with(parameters: Values, names: tuple[str, ...], values: FloatArray) -> Values:
+    return parameters.replace(dict(zip(names, values.tolist(), strict=True)))

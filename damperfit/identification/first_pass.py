@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from damperfit.damper.purdy.starting import cavitation_limit, starting_values
+from damperfit.damper.purdy.starting import REBOUND, cavitation_limit, starting_values
 from damperfit.errors import DamperfitError
 from damperfit.identification.descent import FitCancelledError, Misfit, descend
 from damperfit.identification.failures import SettingError, SettingFailure, attempted
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Outcome, Status
-from damperfit.identification.plausible import PLAUSIBLE
 from damperfit.identification.procedure_input import ProcedureInput, first_start
 from damperfit.identification.setting import (
     CHI_SQUARED_95,
@@ -24,14 +23,15 @@ from damperfit.identification.setting import (
     fit_guided,
     fit_setting,
     is_sound,
-    lacks_k_e_alone,
+    lacks_stiffness_alone,
 )
 from damperfit.identification.sharing import Sharing
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from damperfit.damper.parameters import Parameters
+    from damperfit.damper.model import Values
+    from damperfit.damper.parameters import Damper
     from damperfit.identification.options import FitOptions
 
 __all__ = ["FirstPass", "first_pass"]
@@ -69,10 +69,10 @@ class FirstPass:
     searches: tuple[Search, ...] = ()
     broken: Mapping[int, SettingFailure] = field(default_factory=dict)
 
-    def start(self, setting: int) -> Parameters | None:
+    def start(self, setting: int) -> Values | None:
         """Where the second pass starts, if the first ended where a fit should end."""
         judged = self.judged.get(setting)
-        is_good = judged is not None and (is_sound(judged) or lacks_k_e_alone(judged))
+        is_good = judged is not None and (is_sound(judged) or lacks_stiffness_alone(judged))
         return judged.solution.parameters if judged is not None and is_good else None
 
     def evaluations(self, setting: int) -> int:
@@ -140,7 +140,7 @@ def _begin(
     one, looked = found
     anchor = one.solution.parameters
     if "r_m3" in wanted and not _tells_r_m3(one):
-        anchor = replace(anchor, r_m3=task.options.fallback_r_m3)
+        anchor = anchor.replace(r_m3=task.options.fallback_r_m3)
     others = set(task.settings) - {lowest, *broken}
     judged = {lowest: one}
     for setting, other in _free_everywhere(task, names, fixed, anchor, sorted(others)).items():
@@ -284,7 +284,7 @@ def _shared_r_m3(
         return _SharedR_m3(fallback, Status.FIXED, first, None, is_refined=False, said=said)
     held = f_f if is_refined else None
     if _is_contradicted(misfit, again, fallback, held):
-        value = max(value, PLAUSIBLE["r_m3"][0])
+        value = max(value, first.solution.parameters.quantity("r_m3").plausible[0])
         said = (
             f"the logs of setting {setting} do not fix R_m3, but {fallback:.4g} "
             f"(identification.fallback_r_m3) does not fit them: {value:.4g} is used, which does; "
@@ -302,7 +302,7 @@ def _shared_r_m3(
 
 def _is_contradicted(misfit: Misfit, best: Judged, r_m3: float, f_f: float | None) -> bool:
     """Whether the misfit with R_m3 held at a value is more than noise above the best."""
-    start = replace(best.solution.parameters, r_m3=r_m3)
+    start = best.solution.parameters.replace(r_m3=r_m3)
     free = tuple(n for n in misfit.free if n != "r_m3" and (f_f is None or n != "f_f"))
     try:
         other = descend(replace(misfit, free=free), start)
@@ -322,9 +322,10 @@ def _with_mean_friction(misfit: Misfit, judged: Judged, f_f: float, r_m3: float)
     can be seen. An unsound result of a sound setting changes nothing.
     """
     free = tuple(name for name in misfit.free if name != "f_f")
-    start = replace(judged.solution.parameters, f_f=f_f)
+    start = judged.solution.parameters.replace(f_f=f_f)
     if not _tells_r_m3(judged):
-        start = replace(start, r_m3=min(r_m3, cavitation_limit(misfit.traces, misfit.damper)))
+        limit = cavitation_limit(misfit.traces, cast("Damper", misfit.damper))
+        start = start.replace(r_m3=min(r_m3, limit))
     try:
         again = fit_setting(replace(misfit, free=free), start, spent=judged.solution.evaluations)
     except FitCancelledError:
@@ -340,15 +341,17 @@ def _free_everywhere(
     task: ProcedureInput,
     names: tuple[str, ...],
     fixed: Mapping[str, float],
-    anchor: Parameters,
+    anchor: Values,
     settings: Sequence[int],
 ) -> dict[int, Judged | SettingFailure]:
     """The first pass at other settings than the lowest, from their closed forms and the anchor."""
+    damper = cast("Damper", task.damper)
 
     def one(setting: int) -> Judged:
         misfit = task.misfit(setting, names)
         known = {**fixed, "r_m3": anchor.r_m3, "f_f": anchor.f_f}
-        return fit_guided(misfit, starting_values(misfit.traces, task.damper, known, anchor.k_e))
+        start = starting_values(misfit.traces, damper, known, anchor.k_e)
+        return fit_guided(misfit, start, REBOUND)
 
     def guarded(setting: int) -> Judged | SettingFailure:
         return attempted(setting, lambda: one(setting))
@@ -368,7 +371,7 @@ def _shared_friction(
     sound = {
         setting: one.solution.parameters
         for setting, one in judged.items()
-        if (is_sound(one) or lacks_k_e_alone(one))
+        if (is_sound(one) or lacks_stiffness_alone(one))
         and (r_m3 is None or abs(one.solution.parameters.r_m3 / r_m3 - 1.0) < _SAME_R_M3)
     } or {
         setting: one.solution.parameters

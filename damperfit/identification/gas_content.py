@@ -13,7 +13,7 @@ of the compliance that the gas has::
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -23,11 +23,14 @@ from damperfit.identification.model_versus_log import compare
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from damperfit.damper.parameters import Parameters
+    from damperfit.damper.model import Values
+    from damperfit.damper.parameters import Damper
     from damperfit.identification.descent import Misfit
 
-__all__ = ["GAS_NAMES", "GasLaw", "first_law", "working_pressure"]
+__all__ = ["GAS_FOLLOWER", "GAS_NAMES", "GasLaw", "first_law", "working_pressure"]
 
+# What follows from the gas content.
+GAS_FOLLOWER = "k_e"
 # In the order of the joint fit's shared variables.
 GAS_NAMES = ("volume_ratio", "stiffness")
 # Neither share of the compliance starts at less than this: a logarithm must leave its end.
@@ -74,7 +77,7 @@ class GasLaw:
         return self.modulus(setting) * self.volume_ratio / gas
 
 
-def working_pressure(misfit: Misfit, parameters: Parameters) -> float:
+def working_pressure(misfit: Misfit, parameters: Values) -> float:
     """Return the mean pressure in chambers 1 and 2 over the compared time, by volume, Pa.
 
     Raises
@@ -82,7 +85,7 @@ def working_pressure(misfit: Misfit, parameters: Parameters) -> float:
     SimulationError
         When the model cannot be integrated.
     """
-    damper = misfit.damper
+    damper = cast("Damper", misfit.damper)
     work, volume = 0.0, 0.0
     for trace in misfit.traces:
         seen = compare(parameters, trace, damper, solver=misfit.solver).response

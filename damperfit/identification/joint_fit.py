@@ -22,7 +22,7 @@ import numpy as np
 
 from damperfit.identification.descent import common_variables, linearise
 from damperfit.identification.failures import SettingError, SettingFailure, attempted
-from damperfit.identification.gas_content import GAS_NAMES
+from damperfit.identification.gas_content import GAS_FOLLOWER, GAS_NAMES
 from damperfit.identification.minimiser import inverse_information
 from damperfit.identification.step_solvers import BorderedSystem, reduced
 from damperfit.identification.trust_region import Ended, Stopping, iterate
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.parameters import Parameters
+    from damperfit.damper.model import Values
     from damperfit.identification.descent import Misfit
     from damperfit.identification.gas_content import GasLaw
 
@@ -45,7 +45,7 @@ _COST_TOLERANCE = 1e-8
 _MAX_EVALUATIONS = 40
 # Below this relative size a step is not tried again shorter: the integrator's own error is left.
 _STEP_TOLERANCE = 1e-7
-# Parameters are changed by a factor of two at most in one step.
+# Values are changed by a factor of two at most in one step.
 _LONGEST_STEP = 0.7
 # Of the endings of the loop, those at a minimum: not its limits.
 _AT_MINIMUM = (1, 2, 4)
@@ -57,7 +57,7 @@ class JointSolution:
 
     Attributes
     ----------
-    parameters : mapping of int to Parameters
+    parameters : mapping of int to Values
         By setting; the shared ones are equal.
     evaluations : int
         Simulations of each setting.
@@ -77,7 +77,7 @@ class JointSolution:
         The law that K_e follows, where one was given.
     """
 
-    parameters: Mapping[int, Parameters]
+    parameters: Mapping[int, Values]
     evaluations: int
     is_converged: bool
     cost: float
@@ -97,7 +97,7 @@ class JointProblem:
     misfits : mapping of int to Misfit
         By setting; ``free`` names own and shared parameters, the same for all.
     shared : tuple of str
-        Parameters that all settings have in common.
+        Values that all settings have in common.
     gas : GasLaw or None
         Where K_e starts from, if it is to follow a gas content; K_e must then be free.
     weights : mapping of int to float or None
@@ -119,7 +119,7 @@ class JointProblem:
 
     @property
     def free(self) -> tuple[str, ...]:
-        """Parameters of a setting that move."""
+        """Values of a setting that move."""
         return self.misfits[self.settings[0]].free
 
     @property
@@ -127,7 +127,7 @@ class JointProblem:
         """What a setting's columns are by: its parameters, but for K_e those of its law."""
         if self.gas is None:
             return self.free
-        return (*(name for name in self.free if name != "k_e"), *GAS_NAMES)
+        return (*(name for name in self.free if name != GAS_FOLLOWER), *GAS_NAMES)
 
     @property
     def is_shared(self) -> NDArray[np.bool_]:
@@ -148,19 +148,19 @@ class _Seen:
 class _At:
     """A point of the joint fit."""
 
-    parameters: Mapping[int, Parameters]
+    parameters: Mapping[int, Values]
     gas: GasLaw | None
     seen: Mapping[int, _Seen]
 
 
-def fit_jointly(problem: JointProblem, starts: Mapping[int, Parameters]) -> JointSolution:
+def fit_jointly(problem: JointProblem, starts: Mapping[int, Values]) -> JointSolution:
     """Minimise the misfit of all settings together.
 
     Parameters
     ----------
     problem : JointProblem
         Logs, what is free, what is shared.
-    starts : mapping of int to Parameters
+    starts : mapping of int to Values
         Separate fits, with the shared parameters already equal.
 
     Raises
@@ -208,7 +208,7 @@ class _Model:
     """All settings as a function of one vector: own variables by setting, then the shared ones."""
 
     def __init__(
-        self, problem: JointProblem, starts: Mapping[int, Parameters], pool: ThreadPoolExecutor
+        self, problem: JointProblem, starts: Mapping[int, Values], pool: ThreadPoolExecutor
     ) -> None:
         self.problem, self.starts, self.pool = problem, starts, pool
         self.weights = dict(problem.weights or {})
@@ -270,17 +270,17 @@ class _Model:
 
     def _parameters(
         self, setting: int, own: FloatArray, theta: FloatArray, gas: GasLaw | None
-    ) -> Parameters:
+    ) -> Values:
         problem = self.problem
         known = np.empty(len(problem.variables))
         known[self.own], known[self.theta] = own, theta
         by_name = dict(zip(problem.variables, known, strict=True))
         # K_e of every setting exactly on its law.
-        k_e = {} if gas is None else {"k_e": gas.modulus(setting)}
+        k_e = {} if gas is None else {GAS_FOLLOWER: gas.modulus(setting)}
         packed = np.array([by_name.get(name, 0.0) for name in problem.free])
         values = common_variables(problem.misfits[setting]).unpack(packed).tolist()
         named = dict(zip(problem.free, values, strict=True))
-        return replace(self.starts[setting], **{**named, **k_e})
+        return self.starts[setting].replace({**named, **k_e})
 
 
 def _chain(problem: JointProblem, gas: GasLaw | None, setting: int) -> FloatArray:
@@ -291,7 +291,10 @@ def _chain(problem: JointProblem, gas: GasLaw | None, setting: int) -> FloatArra
     of_k_e = dict(zip(GAS_NAMES, (-share, 1.0 - share), strict=True))
     return np.array(
         [
-            [of_k_e.get(v, 0.0) if name == "k_e" else float(name == v) for v in problem.variables]
+            [
+                of_k_e.get(v, 0.0) if name == GAS_FOLLOWER else float(name == v)
+                for v in problem.variables
+            ]
             for name in problem.free
         ]
     )

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
+from damperfit.damper.model import Values
 from damperfit.identification.failures import SettingError, SettingFailure, attempted
 from damperfit.identification.gas_content import first_law, working_pressure
 from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_jointly
 from damperfit.identification.outcome import Outcome, Status
-from damperfit.identification.plausible import PLAUSIBLE
-from damperfit.identification.procedure_input import ProcedureInput, ordered
+from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import NOT_FIT_TO_SHARE
 from damperfit.identification.sharing import Sharing
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from damperfit.damper.parameters import Damper
     from damperfit.identification.descent import Misfit
     from damperfit.identification.setting import Fit
 
@@ -63,19 +63,19 @@ class JointResult:
     evaluations: int
     warnings: tuple[str, ...]
 
-    def start(self, fit: Fit, misfit: Misfit) -> Parameters:
+    def start(self, fit: Fit, misfit: Misfit) -> Values:
         """Where a setting's own fit starts: the joint result, or its own with what is shared."""
         known = self.solution.parameters.get(fit.setting)
         if known is not None:
             return known
         agreed = next(iter(self.solution.parameters.values()))
         held = {n: getattr(agreed, n) for n in self.sharing.jointly}
-        parameters = replace(fit.parameters, **held)
+        parameters = fit.parameters.replace(held)
         if self.solution.gas is None:
             return parameters
         pressure = working_pressure(misfit, parameters)
         law = replace(self.solution.gas, pressures={fit.setting: pressure})
-        return replace(parameters, k_e=law.modulus(fit.setting))
+        return parameters.replace(k_e=law.modulus(fit.setting))
 
 
 def fit_together(
@@ -117,9 +117,9 @@ def _fit_sound(
     if len(sound) < 2 or not (shared or is_gas):
         return None
     common = {name: _common(name, task, list(sound.values())) for name in shared}
-    starts = {setting: replace(fit.parameters, **common) for setting, fit in sound.items()}
+    starts = {setting: fit.parameters.replace(common) for setting, fit in sound.items()}
     moving = {*own, *shared, *(("k_e",) if is_gas else ())}
-    misfits = {setting: task.misfit(setting, ordered(moving)) for setting in sound}
+    misfits = {setting: task.misfit(setting, task.ordered(moving)) for setting in sound}
     problem = JointProblem(misfits, shared, jobs=task.jobs)
     solution = fit_jointly(problem, starts)
     spent, rises = solution.evaluations, {}
@@ -131,7 +131,7 @@ def _fit_sound(
         rises = _rises(alone, solution)
         warnings = [*([] if solution.is_converged else [_NO_MINIMUM]), *_judged_law(rises)]
     sharing = Sharing(
-        ordered(moving),
+        task.ordered(moving),
         jointly=shared,
         settings=tuple(sorted(sound)),
         gas=solution.gas,
@@ -158,12 +158,12 @@ def _common(name: str, task: ProcedureInput, fits: Sequence[Fit]) -> float:
 
 
 def _with_gas(
-    task: ProcedureInput, problem: JointProblem, starts: Mapping[int, Parameters]
+    task: ProcedureInput, problem: JointProblem, starts: Mapping[int, Values]
 ) -> tuple[JointSolution, int]:
     """Fit with K_e from a gas content; the working pressures are those of the fit itself."""
     moduli = {setting: start.k_e for setting, start in starts.items()}
     pressures = _pressures(problem, starts)
-    gas = first_law(moduli, pressures, task.damper.gas_exponent)
+    gas = first_law(moduli, pressures, cast("Damper", task.damper).gas_exponent)
     solution = fit_jointly(replace(problem, gas=gas), starts)
     spent = solution.evaluations + 1
     for _ in range(_MAX_ROUNDS):
@@ -179,7 +179,7 @@ def _with_gas(
     return solution, spent
 
 
-def _pressures(problem: JointProblem, at: Mapping[int, Parameters]) -> dict[int, float]:
+def _pressures(problem: JointProblem, at: Mapping[int, Values]) -> dict[int, float]:
     found = {}
     for setting in problem.settings:
         misfit, parameters = problem.misfits[setting], at[setting]
@@ -225,8 +225,9 @@ def _statuses(
     agreed = next(iter(solution.parameters.values()))
     status = {}
     for name in shared:
-        low, high = PLAUSIBLE.get(name, (-np.inf, np.inf))
+        one = agreed.quantity(name)
+        low, high = one.plausible
         status[name] = Status.SHARED if low < getattr(agreed, name) < high else Status.AT_BOUND
-        if name in PARAMETER_NAMES[:-1] and solution.errors[name] > NOT_FIT_TO_SHARE:
+        if one.is_logarithmic and solution.errors[name] > NOT_FIT_TO_SHARE:
             status[name] = Status.NOT_IDENTIFIABLE
     return status | ({"k_e": Status.SHARED} if is_gas else {})

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning import apply_filter
-from damperfit.simulation import Motion, Response, SolverOptions, simulate
+from damperfit.simulation import Response, SolverOptions, motion_of, simulate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.parameters import Damper, Parameters
+    from damperfit.damper.model import Model, Values
     from damperfit.recording import Trace
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Comparison", "compare", "motion_of", "normalised_mse"]
+__all__ = ["Comparison", "compare", "normalised_mse"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,15 +42,10 @@ class Comparison:
     sensitivities: FloatArray
 
 
-def motion_of(trace: Trace) -> Motion:
-    """Return the motion that drives the model for a trace."""
-    return Motion(trace.interval, trace.drive.displacement, trace.drive.velocity, trace.start_time)
-
-
 def compare(
-    parameters: Parameters,
+    parameters: Values,
     trace: Trace,
-    damper: Damper,
+    damper: Model,
     *,
     sensitivities: Sequence[str] = (),
     solver: SolverOptions = SolverOptions(),

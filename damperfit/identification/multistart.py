@@ -1,7 +1,7 @@
 """One setting's fit from many starts: the spread of its minima.
 
 The starts lie in a Latin hypercube over the logarithms of the free parameters, a factor of ten to
-both sides of the first result (f_0: 300 N to both sides), the same in every run of one setting.
+both sides of the first result (an offset: 300 N), the same in every run of one setting.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from damperfit.identification.sharing import listed_settings
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from damperfit.damper.parameters import Parameters
+    from damperfit.damper.model import Values
     from damperfit.identification.procedure_input import ProcedureInput
 
 __all__ = [
@@ -40,9 +40,9 @@ __all__ = [
     "spread_starts",
 ]
 
-# Factor to both sides that the starts are spread over, and as many newtons for an offset.
+# Factor to both sides that the starts are spread over; of a linear quantity, in units of its size.
 SPREAD = 10.0
-_OFFSET_SPREAD = 300.0
+_LINEAR_SPREAD = 3.0
 _SEED = 20
 _SHOWN = 4
 # Two ends are one minimum when their parameters are this near, or this many standard errors.
@@ -56,7 +56,7 @@ class Valley:
 
     Attributes
     ----------
-    parameters : Parameters
+    parameters : Values
         The best end.
     mse_percent : float
         Eq. (22) there.
@@ -66,7 +66,7 @@ class Valley:
         Starts that ended here.
     """
 
-    parameters: Parameters
+    parameters: Values
     mse_percent: float
     outcome: str
     n_starts: int
@@ -81,7 +81,7 @@ class Search:
     setting : int
         Adjuster setting.
     free : tuple of str
-        Parameters that the starts were spread in.
+        Values that the starts were spread in.
     minima : tuple of Valley
         By rising MSE.
     n_starts, n_failed : int
@@ -141,7 +141,7 @@ def _ending(one: Search) -> str:
 
 
 def fit_from(
-    task: ProcedureInput, setting: int, misfit: Misfit, start: Parameters, *, spent: int = 0
+    task: ProcedureInput, setting: int, misfit: Misfit, start: Values, *, spent: int = 0
 ) -> tuple[Judged, Search | None]:
     """Fit from a start, and from as many more as the options ask for."""
     first = fit_setting(misfit, start, spent=spent)
@@ -203,9 +203,7 @@ def search(setting: int, misfit: Misfit, first: Judged, *, n_starts: int) -> tup
     return replace(chosen, solution=replace(chosen.solution, evaluations=spent)), found
 
 
-def spread_starts(
-    misfit: Misfit, centre: Parameters, setting: int, number: int
-) -> tuple[Parameters, ...]:
+def spread_starts(misfit: Misfit, centre: Values, setting: int, number: int) -> tuple[Values, ...]:
     """Return starts spread over a Latin hypercube around a point; always the same ones."""
     from scipy.stats import qmc  # slow to import: only a search from many starts pays
 
@@ -214,9 +212,12 @@ def spread_starts(
     columns = {}
     for name, away in zip(misfit.free, 2.0 * cube.T - 1.0, strict=True):
         value = getattr(centre, name)
-        columns[name] = value + _OFFSET_SPREAD * away if name == "f_0" else value * SPREAD**away
+        one = centre.quantity(name)
+        columns[name] = (
+            value * SPREAD**away if one.is_logarithmic else value + _LINEAR_SPREAD * one.size * away
+        )
     return tuple(
-        replace(centre, **{name: float(values[k]) for name, values in columns.items()})
+        centre.replace({name: float(values[k]) for name, values in columns.items()})
         for k in range(number)
     )
 
@@ -241,15 +242,18 @@ def _is_same(one: Judged, other: Judged, misfit: Misfit) -> bool:
         if one.status[name] != Status.FITTED and other.status[name] == one.status[name]:
             continue  # a flat valley is one minimum however far along it a descent stopped
         a, b = one.solution.parameters, other.solution.parameters
-        if name == "f_0":
-            if abs(a.f_0 - b.f_0) > max(1.0, _SAME_ERRORS * error * misfit.deviation):
+        quantity = a.quantity(name)
+        if not quantity.is_logarithmic:
+            unit = misfit.deviation if quantity.is_offset else quantity.size
+            apart = abs(getattr(a, name) - getattr(b, name))
+            if apart > max(_SAME * quantity.size, _SAME_ERRORS * error * unit):
                 return False
         elif not _is_near(a, b, name, max(_SAME, _SAME_ERRORS * float(error))):
             return False
     return True
 
 
-def _is_near(a: Parameters, b: Parameters, name: str, limit: float = _SAME) -> bool:
+def _is_near(a: Values, b: Values, name: str, limit: float = _SAME) -> bool:
     one, other = getattr(a, name), getattr(b, name)
     return bool(abs(one - other) <= limit * max(abs(one), abs(other), 1e-300))
 

@@ -1,9 +1,8 @@
-"""The ranges that a car damper's parameters lie in; a fit stays within them."""
+"""The plausible ranges of a model's quantities; a fit stays within them."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -12,77 +11,73 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from damperfit.damper.parameters import Parameters
+    from damperfit.damper.model import Values
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["PLAUSIBLE", "first_edge", "is_at_edge", "is_within", "kept_within", "points_inside"]
+__all__ = ["first_edge", "is_at_edge", "is_within", "kept_within", "points_inside"]
 
-# Plausible ranges in SI, a factor of a hundred or more beyond any car damper on both sides.
-PLAUSIBLE = {
-    "r_m1": (1e1, 1e7),
-    "r_m2": (1e3, 1e10),
-    "r_m3": (1e3, 1e10),
-    "k_e": (1e6, 1e11),
-    "f_f": (1e-3, 1e4),
-}
 # A value that went through its logarithm and back may be this much beyond the edge it came from.
 _ROUNDED = 1e-9
 
 
-def is_within(parameters: Parameters, names: Iterable[str]) -> bool:
+def is_within(parameters: Values, names: Iterable[str]) -> bool:
     """Whether the named parameters lie in their ranges, edges and rounding included."""
     for name in names:
-        low, high = PLAUSIBLE.get(name, (-math.inf, math.inf))
+        low, high = parameters.quantity(name).plausible
         value = getattr(parameters, name)
-        if not low * (1.0 - _ROUNDED) <= value <= high * (1.0 + _ROUNDED):
+        if not low - _ROUNDED * abs(low) <= value <= high + _ROUNDED * abs(high):
             return False
     return True
 
 
-def is_at_edge(parameters: Parameters, name: str) -> bool:
+def is_at_edge(parameters: Values, name: str) -> bool:
     """Whether a parameter is at an edge of its range."""
-    return getattr(parameters, name) in PLAUSIBLE.get(name, ())
+    return getattr(parameters, name) in parameters.quantity(name).plausible
 
 
-def kept_within(parameters: Parameters, names: Iterable[str]) -> Parameters:
+def kept_within(parameters: Values, names: Iterable[str]) -> Values:
     """Return the parameters with the named ones brought to the edge that they are beyond."""
     brought = {}
     for name in names:
-        low, high = PLAUSIBLE.get(name, (-math.inf, math.inf))
+        low, high = parameters.quantity(name).plausible
         value = getattr(parameters, name)
         if not low <= value <= high:
             brought[name] = low if value < low else high
-    return replace(parameters, **brought) if brought else parameters
+    return parameters.replace(brought) if brought else parameters
 
 
 def first_edge(
-    parameters: Parameters, names: Sequence[str], step: FloatArray
+    parameters: Values, names: Sequence[str], step: FloatArray, scales: FloatArray
 ) -> tuple[str, float] | None:
     """Return the parameter that a step takes beyond its range first, and the edge it passes.
 
     Parameters
     ----------
-    parameters : Parameters
+    parameters : Values
         Within their ranges.
     names : sequence of str
         What moves.
     step : numpy.ndarray
-        Shape (k,), of their logarithms.
+        Shape (k,), of their logarithms; of linear quantities in units of their scales.
+    scales : numpy.ndarray
+        Shape (k,), of the linear ones.
     """
     found, least = None, 1.0
-    for name, change in zip(names, step.tolist(), strict=True):
-        if name not in PLAUSIBLE or change == 0.0:
+    for name, change, scale in zip(names, step.tolist(), scales.tolist(), strict=True):
+        one = parameters.quantity(name)
+        edge, value = one.plausible[change > 0.0], getattr(parameters, name)
+        if change == 0.0 or math.isinf(edge):
             continue
-        edge = PLAUSIBLE[name][change > 0.0]
-        share = math.log(edge / getattr(parameters, name)) / change
+        away = math.log(edge / value) if one.is_logarithmic else (edge - value) / scale
+        share = away / change
         if share < least:
             found, least = (name, edge), share
     return found
 
 
-def points_inside(parameters: Parameters, name: str, slope: float) -> bool:
+def points_inside(parameters: Values, name: str, slope: float) -> bool:
     """Whether a misfit with this slope falls from a parameter's edge into its range."""
-    low, high = PLAUSIBLE[name]
+    low, high = parameters.quantity(name).plausible
     value = getattr(parameters, name)
     return (value <= low and slope < 0.0) or (value >= high and slope > 0.0)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
-from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import Misfit
 from damperfit.identification.model_versus_log import compare, normalised_mse
@@ -14,12 +13,12 @@ from damperfit.identification.model_versus_log import compare, normalised_mse
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
-    from damperfit.damper.parameters import Damper, Parameters
+    from damperfit.damper.model import Model, Values
     from damperfit.identification.options import FitOptions
     from damperfit.identification.setting import Fit
     from damperfit.recording import Trace
 
-__all__ = ["ProcedureInput", "first_start", "ordered"]
+__all__ = ["ProcedureInput", "first_start"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,11 +26,16 @@ class ProcedureInput:
     """Everything a procedure needs."""
 
     settings: Mapping[int, tuple[Trace, ...]]
-    damper: Damper
+    damper: Model
     options: FitOptions
     jobs: int
     on_fit: Callable[[Fit], None]
     cancelled: Callable[[], bool]
+
+    def ordered(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Return the names in the order of the model."""
+        wanted = set(names)
+        return tuple(name for name in self.damper.names if name in wanted)
 
     def misfit(self, setting: int, free: tuple[str, ...]) -> Misfit:
         """Return what is fitted at a setting."""
@@ -45,9 +49,9 @@ class ProcedureInput:
         )
 
 
-def first_start(misfit: Misfit, fixed: Mapping[str, float]) -> Parameters:
+def first_start(misfit: Misfit, fixed: Mapping[str, float]) -> Values:
     """Return the model's start; of several the one that fits the first log best."""
-    starts = cast("tuple[Parameters, ...]", misfit.damper.start(misfit.traces, fixed))
+    starts = misfit.damper.start(misfit.traces, fixed)
     if len(starts) == 1:
         return starts[0]
     trace = misfit.traces[0]
@@ -61,9 +65,3 @@ def first_start(misfit: Misfit, fixed: Mapping[str, float]) -> Parameters:
         if mse < least:
             best, least = one, mse
     return best
-
-
-def ordered(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the names in the order of `PARAMETER_NAMES`."""
-    wanted = set(names)
-    return tuple(name for name in PARAMETER_NAMES if name in wanted)

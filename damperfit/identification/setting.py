@@ -8,10 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning import noise_floor
-from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
-from damperfit.damper.purdy.starting import cavitation_limit
 from damperfit.errors import SimulationError
-from damperfit.identification.cavitation import Cavitation, examine_cavitation
 from damperfit.identification.descent import (
     RIGHT_ANGLE,
     Misfit,
@@ -23,13 +20,14 @@ from damperfit.identification.minimiser import inverse_information
 from damperfit.identification.model_versus_log import compare, normalised_mse
 from damperfit.identification.one_speed import ONE_SPEED, untold
 from damperfit.identification.outcome import Outcome, Status
-from damperfit.identification.plausible import PLAUSIBLE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
+    from damperfit.damper.cavitation import Cavitation
+    from damperfit.damper.model import Detour, Values
     from damperfit.recording import Trace
 
 __all__ = [
@@ -44,7 +42,7 @@ __all__ = [
     "fit_guided",
     "fit_setting",
     "is_sound",
-    "lacks_k_e_alone",
+    "lacks_stiffness_alone",
     "relative_errors",
 ]
 
@@ -60,8 +58,6 @@ _CLEARLY_BETTER = 1.5
 CHI_SQUARED_95 = 3.84
 # MSE in per cent that the paper calls excellent; the wrong valley's is about 2 %.
 EXCELLENT = 1.0
-# Starts for a damper that cavitates, in units of `cavitation_limit`: 1.5 and 5 times the onset.
-_BEYOND_ONSET = (1.9, 6.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +90,7 @@ class Fit:
     ----------
     setting : int
         Adjuster setting.
-    parameters : Parameters
+    parameters : Values
         SI values.
     status : dict of str to Status
         For each parameter: fitted, fixed, shared, at_bound or not_identifiable.
@@ -113,7 +109,7 @@ class Fit:
     """
 
     setting: int
-    parameters: Parameters
+    parameters: Values
     status: Mapping[str, Status]
     outcome: Outcome
     mse_percent: float
@@ -146,19 +142,19 @@ class Judged:
     errors: Mapping[str, float] = field(default_factory=dict)
 
 
-def fit_setting(misfit: Misfit, start: Parameters, *, spent: int = 0) -> Judged:
+def fit_setting(misfit: Misfit, start: Values, *, spent: int = 0) -> Judged:
     """Fit the free parameters of one setting.
 
-    When R_m3 is free and the descent ends unsound (cavitating, at a bound, or not identifiable),
-    it is tried again by continuation from R_m3 below the onset of cavitation (`fit_guided`), and
-    the better sound minimum is kept. Where that ends neither at a sound minimum nor at a good one
-    that cavitates, further descents start beyond the onset.
+    A descent that ends unsound (cavitating, at a bound, or not identifiable) is tried again by the
+    model's detours. The paper's continue from R_m3 below the onset of cavitation, and the better
+    sound minimum is kept; where that ends neither at a sound minimum nor at a good one that
+    cavitates, further descents start beyond the onset.
 
     Parameters
     ----------
     misfit : Misfit
         Logs, damper and what is free.
-    start : Parameters
+    start : Values
         Where to start.
     spent : int
         Evaluations already spent on the start, added to the count.
@@ -171,36 +167,60 @@ def fit_setting(misfit: Misfit, start: Parameters, *, spent: int = 0) -> Judged:
     first = _attempt(misfit, start, spent)
     if names := untold(misfit.traces, misfit.free):
         return _unspoken(first, names)
-    if is_sound(first) or "r_m3" not in misfit.free:
+    if is_sound(first):
         return first
-    limit = cavitation_limit(misfit.traces, misfit.damper)
-    best = _from_below_the_onset(misfit, replace(start, r_m3=min(start.r_m3, limit)), first)
-    for factor in _BEYOND_ONSET:
-        if is_sound(best) or _is_explained(best) or lacks_k_e_alone(best):
+    best = first
+    for detour in misfit.damper.detours(start, misfit.traces, misfit.free):
+        is_enough = is_sound(best) or _is_explained(best) or lacks_stiffness_alone(best)
+        if detour.is_last_resort and is_enough:
             break
-        # What the closed form makes of cavitation, which it does not know, is an offset.
-        offset = 0.0 if "f_0" in misfit.free else start.f_0
-        best = _beyond_onset(misfit, replace(start, r_m3=factor * limit, f_0=offset), best)
+        best = _over(detour, misfit, best)
     return best
 
 
-def _from_below_the_onset(misfit: Misfit, start: Parameters, first: Judged) -> Judged:
-    """The better of a result and of a descent that R_m3 begins below the onset of cavitation."""
+def _over(detour: Detour, misfit: Misfit, best: Judged) -> Judged:
+    """The better of a result and of a descent that goes another way."""
     try:
-        guided = approach(_without_rebound(misfit), start)
-        spent = first.solution.evaluations + guided.evaluations
-        return _choose(first, _attempt(misfit, guided.parameters, spent))
+        other = _attempt(misfit, *_approached(misfit, detour.start, detour.held))
     except SimulationError:
-        return first
+        return best
+    if detour.is_last_resort:
+        is_better = other.solution.mse_percent * _CLEARLY_BETTER < best.solution.mse_percent
+    else:
+        is_better = _is_preferred(other, best)
+    chosen = other if is_better else best
+    spent = best.solution.evaluations + other.solution.evaluations
+    return replace(chosen, solution=replace(chosen.solution, evaluations=spent))
 
 
-def lacks_k_e_alone(judged: Judged) -> bool:
+def fit_guided(misfit: Misfit, start: Values, held: frozenset[str]) -> Judged:
+    """Fit with some held at the start first, then with everything free."""
+    there, spent = _approached(misfit, start, (held,))
+    return fit_setting(misfit, there, spent=spent)
+
+
+def _approached(
+    misfit: Misfit, start: Values, stages: Sequence[frozenset[str]]
+) -> tuple[Values, int]:
+    """Where rough descents lead that hold some, stage by stage, and the simulations they cost."""
+    spent = 0
+    for held in stages:
+        guided = approach(_holding(misfit, held), start)
+        start, spent = guided.parameters, spent + guided.evaluations
+    return start, spent
+
+
+def lacks_stiffness_alone(judged: Judged) -> bool:
     """Whether a fit that does not cavitate is excellent and lacks nothing but K_e: rigid oil."""
+    is_open = {one.name for one in judged.solution.parameters.quantities if one.is_open}
     others = all(
-        s in {Status.FITTED, Status.FIXED} for name, s in judged.status.items() if name != "k_e"
+        s in {Status.FITTED, Status.FIXED}
+        for name, s in judged.status.items()
+        if name not in is_open
     )
-    is_full = not judged.solution.is_cavitating and judged.status["k_e"] == Status.NOT_IDENTIFIABLE
-    return others and is_full and judged.solution.mse_percent < EXCELLENT
+    is_lost = any(judged.status[name] == Status.NOT_IDENTIFIABLE for name in is_open)
+    is_full = not judged.solution.is_cavitating
+    return others and is_lost and is_full and judged.solution.mse_percent < EXCELLENT
 
 
 def _unspoken(judged: Judged, names: tuple[str, ...]) -> Judged:
@@ -215,41 +235,12 @@ def _unspoken(judged: Judged, names: tuple[str, ...]) -> Judged:
 def _is_explained(judged: Judged) -> bool:
     """Whether a fit that cavitates is too good for the wrong valley, which an offset may hide."""
     is_excellent = judged.solution.mse_percent < EXCELLENT
-    return judged.outcome is Outcome.CAVITATING and is_excellent and "f_0" not in judged.errors
+    values = judged.solution.parameters
+    has_offset = any(values.quantity(name).is_offset for name in judged.errors)
+    return judged.outcome is Outcome.CAVITATING and is_excellent and not has_offset
 
 
-def _beyond_onset(misfit: Misfit, start: Parameters, best: Judged) -> Judged:
-    """The better of a result and of a descent that starts with a cavitating chamber."""
-    try:
-        evaluations = 0
-        stages = ({"r_m3", "f_f", "f_0"}, *([{"f_0"}] if "f_0" in misfit.free else []))
-        for held in stages:
-            guided = approach(_holding(misfit, held), start)
-            start, evaluations = guided.parameters, evaluations + guided.evaluations
-        other = _attempt(misfit, start, evaluations)
-    except SimulationError:
-        return best
-    is_better = other.solution.mse_percent * _CLEARLY_BETTER < best.solution.mse_percent
-    chosen = other if is_better else best
-    spent = best.solution.evaluations + other.solution.evaluations
-    return replace(chosen, solution=replace(chosen.solution, evaluations=spent))
-
-
-def fit_guided(misfit: Misfit, start: Parameters) -> Judged:
-    """Fit with R_m3 and f_f held at the start first, then with everything free.
-
-    At stiff settings R_m1 carries the rebound, and a start that is off in K_e lets R_m3 run into
-    cavitation before the others have settled.
-    """
-    guided = approach(_without_rebound(misfit), start)
-    return fit_setting(misfit, guided.parameters, spent=guided.evaluations)
-
-
-def _without_rebound(misfit: Misfit) -> Misfit:
-    return _holding(misfit, {"r_m3", "f_f"})
-
-
-def _holding(misfit: Misfit, names: set[str]) -> Misfit:
+def _holding(misfit: Misfit, names: frozenset[str]) -> Misfit:
     return replace(misfit, free=tuple(name for name in misfit.free if name not in names))
 
 
@@ -258,19 +249,18 @@ def is_sound(judged: Judged) -> bool:
     return judged.outcome is Outcome.CONVERGED
 
 
-def _choose(first: Judged, second: Judged) -> Judged:
-    spent = second.solution.evaluations
-    first = replace(first, solution=replace(first.solution, evaluations=spent))
+def _is_preferred(second: Judged, first: Judged) -> bool:
+    """Whether the second is to be kept: sound, or else better."""
     if is_sound(second):
         much_better = (
             first.solution.mse_percent * _CLEARLY_BETTER < second.solution.mse_percent
             and first.outcome is Outcome.CAVITATING
         )
-        return first if much_better else second
-    return first if first.solution.mse_percent <= second.solution.mse_percent else second
+        return not much_better
+    return first.solution.mse_percent > second.solution.mse_percent
 
 
-def _attempt(misfit: Misfit, start: Parameters, spent: int) -> Judged:
+def _attempt(misfit: Misfit, start: Values, spent: int) -> Judged:
     solution = descend(misfit, start)
     solution = replace(solution, evaluations=solution.evaluations + spent)
     status = _statuses(misfit, solution)
@@ -294,21 +284,20 @@ def relative_errors(solution: Solution) -> NDArray[np.float64]:
 
 
 def _statuses(misfit: Misfit, solution: Solution) -> dict[str, Status]:
-    status = dict.fromkeys(PARAMETER_NAMES, Status.FIXED)
+    status = dict.fromkeys(solution.parameters.names, Status.FIXED)
     errors = relative_errors(solution)
     for name, error in zip(misfit.free, errors, strict=True):
         value = getattr(solution.parameters, name)
         status[name] = Status.FITTED
-        if name == "f_0":
-            continue
-        low, high = PLAUSIBLE[name]
-        if name == "f_f":
-            low = max(low, _NO_FRICTION * misfit.deviation if error > NOT_FOUND else low)
-        if name == "k_e" and value >= high:
+        one = misfit.damper.quantity(name)
+        low, high = one.plausible
+        if one.unit == "N" and one.is_logarithmic and error > NOT_FOUND:
+            low = max(low, _NO_FRICTION * misfit.deviation)
+        if one.is_open and value >= high:
             status[name] = Status.NOT_IDENTIFIABLE  # rigid oil is no fault: there is no upper limit
         elif not low < value < high:
             status[name] = Status.AT_BOUND
-        elif error > NOT_FOUND:
+        elif one.is_logarithmic and error > NOT_FOUND:
             status[name] = Status.NOT_IDENTIFIABLE
     return status
 
@@ -354,7 +343,7 @@ def describe_fit(setting: int, judged: Judged, misfit: Misfit) -> Fit:
         n_samples=len(all_misses),
         n_cycles=sum(trace.n_cycles for trace in misfit.traces),
         evaluations=judged.solution.evaluations,
-        cavitation=examine_cavitation(parameters, seen, misfit.damper, solver=misfit.solver),
+        cavitation=misfit.damper.examine(parameters, seen, solver=misfit.solver),
         logs=tuple(logs),
         warnings=(
             *_warnings(judged.solution),
@@ -366,6 +355,10 @@ def describe_fit(setting: int, judged: Judged, misfit: Misfit) -> Fit:
 def _warnings(solution: Solution) -> tuple[str, ...]:
     if not solution.failed_trials:
         return ()
-    p = solution.parameters
-    where = f"R_m1 {p.r_m1:.3g}, R_m2 {p.r_m2:.3g}, R_m3 {p.r_m3:.3g}, K_e {p.k_e:.3g}"
+    values = solution.parameters
+    where = ", ".join(
+        f"{one.symbol} {getattr(values, one.name):.3g}"
+        for one in values.quantities
+        if one.is_logarithmic
+    )
     return (f"{solution.failed_trials} trial points could not be simulated, near {where}.",)

@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from damperfit.identification.gas_content import GAS_NAMES
+from damperfit.identification.gas_content import GAS_FOLLOWER, GAS_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from damperfit.identification.gas_content import GasLaw
 
-__all__ = ["Sharing", "listed_runs", "listed_settings"]
+__all__ = ["MEAN", "TAKEN", "Sharing", "listed_runs", "listed_settings"]
 
+# How procedure `paper` shares: R_m3 is taken from one setting, f_f is the mean over the settings.
+TAKEN, MEAN = "r_m3", "f_f"
 # Frictions further from their middle than this share are not one. Noise alone moves those of the
 # sample runs by 0.8 %.
 _ALIKE = 0.2
@@ -72,9 +74,13 @@ class Sharing:
     def found(self) -> tuple[str, ...]:
         """Names of the parameters that the logs gave once for all settings."""
         if self.jointly:
-            return self.jointly if self.gas is None else (*self.jointly, "k_e")
-        known = {"r_m3": self.r_m3_from is not None, "f_f": bool(self.f_f_from)}
+            return self.jointly if self.gas is None else (*self.jointly, GAS_FOLLOWER)
+        known = {TAKEN: self.r_m3_from is not None, MEAN: bool(self.f_f_from)}
         return tuple(name for name, is_found in known.items() if is_found)
+
+    def is_mean(self, name: str) -> bool:
+        """Whether a parameter is the mean of what single settings gave."""
+        return name == MEAN and name in self.found and not self.jointly
 
     @property
     def variables(self) -> tuple[str, ...]:

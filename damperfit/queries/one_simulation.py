@@ -20,13 +20,13 @@ from damperfit.errors import (
     SimulationError,
     mishap_of,
 )
-from damperfit.identification.model_versus_log import motion_of
 from damperfit.queries.origin import configured_as, origin_of
 from damperfit.readers import read_log
 from damperfit.simulation import (
     Characteristics,
     Response,
     characterise,
+    motion_of,
     refuse_amplitude,
     simulate,
     sine_motion,

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 from damperfit import __version__
 from damperfit.adjustment import Adjustment
 from damperfit.checks import Check, missed_gates
+from damperfit.damper.cavitation import describe_cavitation
 from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.identification import Outcome, Status, describe_cavitation, describe_searches
+from damperfit.identification import Outcome, Status, describe_searches
 from damperfit.quantities import engineering
 from damperfit.report import Failure, ReportFacts, to_record
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings

@@ -7,7 +7,13 @@ from damperfit.simulation.characteristics import (
     characterise,
     signals_at_speeds,
 )
-from damperfit.simulation.motion import Motion, refuse_amplitude, sine_motion, triangle_motion
+from damperfit.simulation.motion import (
+    Motion,
+    motion_of,
+    refuse_amplitude,
+    sine_motion,
+    triangle_motion,
+)
 from damperfit.simulation.response import Response, SolverOptions, Work
 from damperfit.simulation.simulate import simulate
 
@@ -20,6 +26,7 @@ __all__ = [
     "SpeedForce",
     "Work",
     "characterise",
+    "motion_of",
     "refuse_amplitude",
     "signals_at_speeds",
     "simulate",

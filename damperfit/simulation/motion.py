@@ -13,9 +13,11 @@ from damperfit.errors import ConfigurationError, SimulationError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from damperfit.recording import Trace
+
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Motion", "refuse_amplitude", "sine_motion", "triangle_motion"]
+__all__ = ["Motion", "motion_of", "refuse_amplitude", "sine_motion", "triangle_motion"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +66,11 @@ class Motion:
                 raise SimulationError(
                     f"motion: {name} is no finite number at sample {bad[0]} (counted from 0)"
                 )
+
+
+def motion_of(trace: Trace) -> Motion:
+    """Return the motion that drives a model for a trace."""
+    return Motion(trace.interval, trace.drive.displacement, trace.drive.velocity, trace.start_time)
 
 
 def refuse_amplitude(amplitude: float, room: float) -> None:

@@ -16,7 +16,7 @@ from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.setting import NOT_FIT_TO_SHARE
-from damperfit.identification.sharing import listed_settings
+from damperfit.identification.sharing import MEAN, TAKEN, listed_settings
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.gas import GasContent, gas_content
 from damperfit.uncertainty.intervals import Uncertainty, collect_evidence, uncertainties
@@ -40,9 +40,9 @@ from damperfit.uncertainty.verdicts import doubts, untold, verdicts
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.model import Model
     from damperfit.errors import OnError
-    from damperfit.identification import Campaign
+    from damperfit.identification import Campaign, Fit
     from damperfit.uncertainty.information import Evidence
 
 __all__ = [
@@ -128,7 +128,7 @@ class Assessment:
 
     def telling(self, setting: int) -> dict[str, MisfitProfile]:
         """Return the profiles that speak of a setting: its own, and R_m3's from its source."""
-        found = {p.name: p for p in self.profiles if p.name == "r_m3" and p.is_shared}
+        found = {p.name: p for p in self.profiles if p.name == TAKEN and p.is_shared}
         for name in {p.name for p in self.profiles}:
             own = self.profile(setting, name)
             if own is not None and not own.is_partial:
@@ -185,7 +185,7 @@ class Assessment:
 
 def assess(
     campaign: Campaign,
-    damper: Damper,
+    damper: Model,
     *,
     solver: SolverOptions = SolverOptions(tolerance=1e-2),
     jobs: int = 1,
@@ -201,8 +201,8 @@ def assess(
     ----------
     campaign : Campaign
         Result of `damperfit.identification.identify`.
-    damper : Damper
-        Geometry, oil and gas.
+    damper : Model
+        The damper's model.
     solver : SolverOptions
         How exactly to integrate.
     jobs : int
@@ -214,7 +214,7 @@ def assess(
     """
     evidence: list[Evidence] = []
     diagnoses: list[Diagnosis] = []
-    doubted = ("f_f",) if campaign.sharing.friction_varies else ()
+    doubted = (MEAN,) if campaign.sharing.friction_varies else ()
     for seen in _evidence_in_turns(campaign, damper, solver=solver, jobs=jobs, on_error=on_error):
         for one in seen:
             with sparing(one.fit.setting, on_error):
@@ -276,7 +276,7 @@ def profile_campaign(
     ConfigurationError
         A name is not known.
     """
-    check_profile_names(names)
+    check_profile_names(names, bench.damper.names)
     known = {one.setting: one for one in assessment.uncertainties}
     judged = tuple(fit for fit in campaign.fits if fit.setting in known)
     campaign = replace(campaign, fits=judged)
@@ -307,7 +307,7 @@ def profile_campaign(
                 replace(
                     profile,
                     is_shared=name in sharing.found,
-                    is_partial=name == "f_f" and name in sharing.found and not sharing.jointly,
+                    is_partial=sharing.is_mean(name),
                     is_doubtful=is_doubtful(
                         name, mine[profile.setting].fit, known[profile.setting]
                     ),
@@ -319,7 +319,7 @@ def profile_campaign(
 
 def _evidence_in_turns(
     campaign: Campaign,
-    damper: Damper,
+    damper: Model,
     *,
     solver: SolverOptions,
     jobs: int,
@@ -356,7 +356,7 @@ def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
         flat |= {
             name
             for name in campaign.sharing.found
-            if fit.status[name] == Status.SHARED and _is_unfit(name, known.get(fit.setting))
+            if fit.status[name] == Status.SHARED and _is_unfit(fit, name, known.get(fit.setting))
         }
         own = {name for name in flat if fit.status[name] == Status.FITTED}
         outcome = fit.outcome
@@ -367,9 +367,10 @@ def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
     return replace(campaign, fits=tuple(fits))
 
 
-def _is_unfit(name: str, known: Uncertainty | None) -> bool:
+def _is_unfit(fit: Fit, name: str, known: Uncertainty | None) -> bool:
     """Whether a positive value is less than three errors away from nothing."""
-    if known is None or name not in known.names or name == "f_0":
+    is_logarithmic = fit.parameters.quantity(name).is_logarithmic
+    if known is None or name not in known.names or not is_logarithmic:
         return False
     place = known.names.index(name)
     return bool(known.covariance[place, place] > NOT_FIT_TO_SHARE**2)

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning import apply_filter
-from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification.outcome import Status
 
 if TYPE_CHECKING:
@@ -136,7 +135,7 @@ _FLAWS: Mapping[str, _Flaw] = {
 }
 
 
-def _signatures(trace: Trace, seen: LogEvidence) -> dict[str, list[FloatArray]]:
+def _signatures(trace: Trace, seen: LogEvidence, evidence: Evidence) -> dict[str, list[FloatArray]]:
     """Force that one unit of each flaw adds, behind the filter, where it is compared."""
     x, v = trace.displacement, trace.velocity
     peak = float(np.max(np.abs(v[trace.compared])))
@@ -147,16 +146,17 @@ def _signatures(trace: Trace, seen: LogEvidence) -> dict[str, list[FloatArray]]:
 
     rate = np.gradient(seen.force, trace.interval)
     pressure = np.abs(seen.force - seen.force.mean())
+    stiff = [k for k, one in enumerate(evidence.fit.parameters.quantities) if one.is_open]
+    elastic = [seen.jacobian[:, k] * pressure / max(float(pressure.max()), 1e-300) for k in stiff]
     return {
         "delay": [-rate],
-        "gas_pressure": [seen.gas[:, 0]],
-        "gas_exponent": [seen.gas[:, 1]],
+        **{name: [seen.gas[:, k]] for k, name in enumerate(evidence.conditions)},
         "gas_volume": [passed(x / stroke)],
         "offset": [np.ones(len(seen.force))],
         "friction_with_speed": [
             passed(np.tanh(v / 1e-3) * np.exp(-np.abs(v) / speed)) for speed in _STRIBECK_SPEEDS
         ],
-        "compressibility": [seen.jacobian[:, 3] * pressure / max(float(pressure.max()), 1e-300)],
+        **({"compressibility": elastic} if elastic else {}),
         "valve_law_rebound": [passed(np.maximum(v, 0.0) ** 2 / peak**2)],
         "valve_law_bump": [passed(np.minimum(v, 0.0) ** 2 / peak**2)],
     }
@@ -183,7 +183,7 @@ def seek_flaws(
     doubted = tuple(name for name in doubted if evidence.fit.status[name] == Status.SHARED)
     absorbed = _absorbed(evidence, {Status.FITTED, Status.SHARED, Status.NOT_IDENTIFIABLE})
     tables = [
-        _signatures(log.trace, seen)
+        _signatures(log.trace, seen, evidence)
         for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True)
     ]
     columns: dict[str, list[FloatArray]] = {
@@ -194,7 +194,7 @@ def seek_flaws(
         for name in tables[0]
     }
     for name in (*_held(evidence), *doubted):
-        place = PARAMETER_NAMES.index(name)
+        place = evidence.names.index(name)
         columns[name] = [np.concatenate([seen.jacobian[:, place] for seen in evidence.logs])]
     power = repeats * len(residuals)
     # Values that the other settings hold back absorb nothing of what one setting lacks.
@@ -223,9 +223,13 @@ def _gain(column: FloatArray, absorbed: FloatArray, residuals: FloatArray) -> tu
 
 
 def _held(evidence: Evidence) -> tuple[str, ...]:
-    """Parameters that nothing in the logs has set; f_0 stands among the flaws already."""
-    status = evidence.fit.status
-    return tuple(n for n in PARAMETER_NAMES if status[n] == Status.FIXED and n != "f_0")
+    """Parameters that nothing in the logs has set; an offset stands among the flaws already."""
+    fit = evidence.fit
+    return tuple(
+        one.name
+        for one in fit.parameters.quantities
+        if fit.status[one.name] == Status.FIXED and not one.is_offset
+    )
 
 
 def _held_flaw(name: str, *, is_shared: bool) -> _Flaw:
@@ -241,7 +245,7 @@ def _held_flaw(name: str, *, is_shared: bool) -> _Flaw:
 def _absorbed(evidence: Evidence, statuses: set[str]) -> FloatArray:
     """Orthonormal basis of what parameters of these statuses could absorb."""
     status = evidence.fit.status
-    places = [j for j, name in enumerate(PARAMETER_NAMES) if status[name] in statuses]
+    places = [j for j, name in enumerate(evidence.names) if status[name] in statuses]
     whole = np.vstack([seen.jacobian[:, places] for seen in evidence.logs])
     lengths = np.sqrt(np.sum(whole * whole, axis=0))
     basis, _ = np.linalg.qr(whole[:, lengths > 0.0] / lengths[lengths > 0.0])

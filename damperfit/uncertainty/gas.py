@@ -74,8 +74,8 @@ def gas_content(evidence: Sequence[Evidence], sharing: Sharing) -> GasContent | 
         return None
     covariance = shared_covariance(evidence, sharing)[-len(GAS_NAMES) :, -len(GAS_NAMES) :]
     errors = np.sqrt(np.diag(covariance))
-    names = zip(GAS_NAMES, (law.volume_ratio, law.stiffness), errors, strict=True)
-    gas, oil = (make_interval(name, value, float(error)) for name, value, error in names)
+    values = zip((law.volume_ratio, law.stiffness), errors, strict=True)
+    gas, oil = (make_interval(value, float(error)) for value, error in values)
     return GasContent(
         volume_ratio=law.volume_ratio,
         stiffness=law.stiffness,

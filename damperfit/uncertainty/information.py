@@ -1,6 +1,6 @@
 """What the logs of one setting say about all parameters at the fitted point.
 
-One more simulation of the setting, with every sensitivity. In u (ln y, and f_0 in N), with the
+One more simulation of the setting, with every sensitivity. In u (ln y; an offset in N), with the
 residual r = f - f_hat in N and its Jacobian J = d f_hat/du, both behind the filter, and the weights
 w of the stretches (1 where their noise is alike)::
 
@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning import apply_filter
-from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification.model_versus_log import compare
 from damperfit.identification.weights import weights
 from damperfit.simulation import SolverOptions
@@ -30,11 +29,11 @@ from damperfit.uncertainty.correlated_noise import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.model import Model
     from damperfit.identification import Comparison, Fit
     from damperfit.recording import Trace
 
@@ -61,9 +60,9 @@ class LogEvidence:
     weights : numpy.ndarray
         Shape (n,), what the fit multiplied them by.
     jacobian : numpy.ndarray
-        Shape (n, 6): derivative of the modelled force by u, in the order of `PARAMETER_NAMES`.
+        Shape (n, k): derivative of the modelled force by u, in the order of the model.
     gas : numpy.ndarray
-        Shape (n, 2): derivative by ln of the gas pressure and of the gas exponent.
+        Shape (n, c): derivative by the logarithms of the model's conditions, such as gas pressure.
     force : numpy.ndarray
         Shape (n,), modelled force behind the filter, N.
     pressures : numpy.ndarray
@@ -80,7 +79,7 @@ class LogEvidence:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """What the logs of one setting say; matrices are (6, 6) in the order of `PARAMETER_NAMES`.
+    """What the logs of one setting say; matrices are (k, k) in the order of the model.
 
     Attributes
     ----------
@@ -93,9 +92,11 @@ class Evidence:
     cycle_scores : numpy.ndarray
         The same from the scatter between whole cycles; NaN for a single cycle.
     gradient : numpy.ndarray
-        Shape (6,), sum of the scores.
+        Shape (k,), sum of the scores.
     logs : tuple of LogEvidence
         Log by log.
+    conditions : tuple of str
+        Names of the columns of each log's `gas`.
     """
 
     fit: Fit
@@ -104,9 +105,19 @@ class Evidence:
     cycle_scores: FloatArray
     gradient: FloatArray
     logs: tuple[LogEvidence, ...]
+    conditions: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the rows and columns: the model's quantities, in its order."""
+        return self.fit.parameters.names
+
+    def places(self, names: Sequence[str]) -> NDArray[np.intp]:
+        """Return the rows of some quantities."""
+        return np.array([self.names.index(name) for name in names], dtype=np.intp)
 
 
-def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions()) -> Evidence:
+def gather(fit: Fit, damper: Model, *, solver: SolverOptions = SolverOptions()) -> Evidence:
     """Simulate the logs of a fit once more and return what they say about every parameter.
 
     Raises
@@ -114,8 +125,10 @@ def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions())
     SimulationError
         When the model cannot be integrated.
     """
-    values = [getattr(fit.parameters, name) for name in PARAMETER_NAMES[:-1]]
-    slopes = np.array([*values, 1.0, damper.gas_pressure, damper.gas_exponent])
+    values = fit.parameters
+    own = [getattr(values, one.name) if one.is_logarithmic else 1.0 for one in values.quantities]
+    slopes = np.array([*own, *(getattr(damper, name) for name in damper.conditions)])
+    n = len(own)
     logs: list[LogEvidence] = []
     covariances: list[FloatArray] = []
     traces = [log.trace for log in fit.logs]
@@ -133,8 +146,8 @@ def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions())
             LogEvidence(
                 residuals=trace.force[part] - seen.force[part],
                 weights=np.ones(trace.n_samples) if weight is None else weight,
-                jacobian=np.ascontiguousarray(columns[:, :6]),
-                gas=columns[:, 6:],
+                jacobian=np.ascontiguousarray(columns[:, :n]),
+                gas=columns[:, n:],
                 force=seen.force[part],
                 pressures=seen.response.pressures[:, part].min(axis=1),
             )
@@ -153,6 +166,7 @@ def gather(fit: Fit, damper: Damper, *, solver: SolverOptions = SolverOptions())
         cycle_scores=cycle_covariance(pieces, edges),
         gradient=np.asarray(sum(part.sum(axis=0) for part in scores)),
         logs=tuple(logs),
+        conditions=damper.conditions,
     )
 
 

@@ -26,10 +26,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import SimulationError, sparing
-from damperfit.identification.gas_content import GAS_NAMES
+from damperfit.identification.gas_content import GAS_FOLLOWER, GAS_NAMES
 from damperfit.identification.outcome import Status
+from damperfit.identification.sharing import MEAN, TAKEN
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.information import Evidence, gather
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.model import Model
     from damperfit.errors import OnError
     from damperfit.identification import Campaign, Fit, Sharing
 
@@ -61,8 +61,6 @@ __all__ = [
 # 95 % of a normal distribution lie within so many standard errors.
 NORMAL_95 = 1.959964
 
-_INDEX = {name: j for j, name in enumerate(PARAMETER_NAMES)}
-
 
 @dataclass(frozen=True, slots=True)
 class Interval:
@@ -73,7 +71,7 @@ class Interval:
     error : float
         Standard error: y times that of ln y.
     low, high : float
-        y exp(-+1.96 se(ln y)); f_0, which may be negative, has y -+ 1.96 se.
+        y exp(-+1.96 se(ln y)); an offset, which may be negative, has y -+ 1.96 se.
     cycle_ratio : float
         The error from the scatter between whole cycles (linearised jackknife, the setting's own
         logs only) over the same from the residuals' autocorrelation. 1 within about
@@ -102,7 +100,7 @@ class Uncertainty:
     names : tuple of str
         Order of `covariance`: the setting's own, then the shared ones.
     covariance : numpy.ndarray
-        Of ln y (f_0: of f_0, N), shape (k, k).
+        Of ln y (an offset: of itself, N), shape (k, k).
     shared : tuple of str
         The last of `names`: one value for all settings, also where the logs do not tell it.
     """
@@ -122,7 +120,7 @@ class Uncertainty:
 
 def collect_evidence(
     campaign: Campaign,
-    damper: Damper,
+    damper: Model,
     *,
     solver: SolverOptions = SolverOptions(tolerance=1e-2),
     jobs: int = 1,
@@ -185,23 +183,24 @@ def shared_curvature(evidence: Sequence[Evidence], sharing: Sharing) -> FloatArr
     return np.asarray(np.diag(_joint_rows(evidence, sharing)[0]))
 
 
-def shared_slopes(setting: int, sharing: Sharing) -> FloatArray:
-    """Return A = du/dtheta of a setting, shape (6, k): what its u move with the shared variables.
+def shared_slopes(fit: Fit, sharing: Sharing) -> FloatArray:
+    """Return A = du/dtheta of a setting, shape (n, k): what its u move with the shared variables.
 
     Parameters
     ----------
-    setting : int
-        Adjuster setting.
+    fit : Fit
+        The setting's.
     sharing : Sharing
         What is shared, and the law of K_e if there is one.
     """
-    slopes = np.zeros((len(PARAMETER_NAMES), len(sharing.variables)))
+    names = fit.parameters.names
+    slopes = np.zeros((len(names), len(sharing.variables)))
     for k, name in enumerate(sharing.variables):
-        if name in _INDEX:
-            slopes[_INDEX[name], k] = 1.0
-    if sharing.gas is not None and setting in sharing.gas.pressures:
-        share = sharing.gas.share(setting)
-        slopes[_INDEX["k_e"], -len(GAS_NAMES) :] = (-share, 1.0 - share)
+        if name in names:
+            slopes[names.index(name), k] = 1.0
+    if sharing.gas is not None and fit.setting in sharing.gas.pressures:
+        share = sharing.gas.share(fit.setting)
+        slopes[names.index(GAS_FOLLOWER), -len(GAS_NAMES) :] = (-share, 1.0 - share)
     return slopes
 
 
@@ -210,10 +209,10 @@ def _of_setting(
 ) -> Uncertainty:
     """One setting: its own scores (through own fit and shared rows), then the other settings'."""
     own, shared = own_names(evidence.fit, sharing), sharing.found
-    slopes = shared_slopes(evidence.fit.setting, sharing)
-    direct = solved(evidence.information, own)
+    slopes = shared_slopes(evidence.fit, sharing)
+    direct = solved(evidence, own)
     carried = -direct @ evidence.information @ slopes
-    told = slopes[_places(shared)]
+    told = slopes[evidence.places(shared)]
     from_own = np.vstack([direct + carried @ row, told @ row])
     from_others = np.vstack([carried, told])
     covariance = from_own @ evidence.scores @ from_own.T + from_others @ others @ from_others.T
@@ -224,10 +223,15 @@ def _of_setting(
     with np.errstate(invalid="ignore", divide="ignore"):
         ratios[: len(own)] = np.sqrt(cycle_part / residual_part)
     errors = np.sqrt(np.diag(covariance))
-    values = [float(getattr(evidence.fit.parameters, name)) for name in names]
+    values = evidence.fit.parameters
     intervals = {
-        name: make_interval(name, value, float(error), float(ratio))
-        for name, value, error, ratio in zip(names, values, errors, ratios, strict=True)
+        name: make_interval(
+            float(getattr(values, name)),
+            float(error),
+            float(ratio),
+            is_logarithmic=values.quantity(name).is_logarithmic,
+        )
+        for name, error, ratio in zip(names, errors, ratios, strict=True)
     }
     return Uncertainty(evidence.fit.setting, intervals, names, covariance, shared)
 
@@ -241,16 +245,18 @@ def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
         return ()
     return tuple(
         name
-        for name in PARAMETER_NAMES
+        for name in fit.parameters.names
         if fit.status[name] in {Status.FITTED, Status.NOT_IDENTIFIABLE}
         and name not in sharing.found
     )
 
 
-def make_interval(name: str, value: float, error: float, ratio: float = math.nan) -> Interval:
+def make_interval(
+    value: float, error: float, ratio: float = math.nan, *, is_logarithmic: bool = True
+) -> Interval:
     """Return the 95 % interval of a value whose u has a standard error."""
     reach = NORMAL_95 * error
-    if name == "f_0":
+    if not is_logarithmic:
         return Interval(error, value - reach, value + reach, ratio)
     # e^700 is the largest factor that is a number; such an interval says "anything".
     factor = math.exp(min(reach, 700.0))
@@ -258,50 +264,48 @@ def make_interval(name: str, value: float, error: float, ratio: float = math.nan
 
 
 def _shared_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatArray]:
-    """T for every setting, shape (number shared, 6)."""
+    """T for every setting, shape (number shared, number of quantities)."""
     if sharing.jointly:
         inverse, rows = _joint_rows(evidence, sharing)
         return [np.asarray(inverse @ row) for row in rows]
     by_setting = {one.fit.setting: one for one in evidence}
     used = [setting for setting in sharing.f_f_from if setting in by_setting]
     friction = {
-        setting: _row(by_setting[setting].information, sharing.free, "f_f") / len(used)
-        for setting in used
+        setting: _row(by_setting[setting], sharing.free, MEAN) / len(used) for setting in used
     }
     r_m3: dict[int, FloatArray] = {}
     source = by_setting.get(sharing.r_m3_from) if sharing.r_m3_from is not None else None
     if source is not None:
         free = sharing.free
         if sharing.is_refined:
-            free = tuple(name for name in free if name != "f_f")
-        row = _row(source.information, free, "r_m3")
+            free = tuple(name for name in free if name != MEAN)
+        row = _row(source, free, TAKEN)
         r_m3[source.fit.setting] = row
         if sharing.is_refined:
-            carried = -float(row @ source.information[:, _INDEX["f_f"]])
+            carried = -float(row @ source.information[:, source.names.index(MEAN)])
             for setting, other in friction.items():
-                r_m3[setting] = r_m3.get(setting, np.zeros(6)) + carried * other
-    tables = {"r_m3": r_m3, "f_f": friction}
-    nothing = np.zeros(len(PARAMETER_NAMES))
-    return [
-        np.array([tables[name].get(one.fit.setting, nothing) for name in sharing.found]).reshape(
-            -1, len(PARAMETER_NAMES)
-        )
-        for one in evidence
-    ]
+                r_m3[setting] = r_m3.get(setting, np.zeros(len(row))) + carried * other
+    tables = {TAKEN: r_m3, MEAN: friction}
+    found = []
+    for one in evidence:
+        nothing = np.zeros(len(one.names))
+        mine = [tables[name].get(one.fit.setting, nothing) for name in sharing.found]
+        found.append(np.array(mine).reshape(-1, len(one.names)))
+    return found
 
 
 def _joint_rows(
     evidence: Sequence[Evidence], sharing: Sharing
 ) -> tuple[FloatArray, list[FloatArray]]:
     """S^-1 of a joint fit and S T, in which each setting has the weight of its own residual."""
-    slopes = [shared_slopes(one.fit.setting, sharing) for one in evidence]
+    slopes = [shared_slopes(one.fit, sharing) for one in evidence]
     rows = []
     for one, slope in zip(evidence, slopes, strict=True):
         own = own_names(one.fit, sharing)
-        carried = one.information[:, _places(own)] @ solved(one.information, own)
+        carried = one.information[:, one.places(own)] @ solved(one, own)
         is_in = one.fit.setting in sharing.settings
         weight = _weight(one) if is_in else 0.0
-        rows.append(slope.T @ (np.eye(len(PARAMETER_NAMES)) - carried) * weight)
+        rows.append(slope.T @ (np.eye(len(one.names)) - carried) * weight)
     complement = np.sum(
         [
             row @ one.information @ slope
@@ -320,28 +324,24 @@ def _weight(evidence: Evidence) -> float:
     return sum(len(log.residuals) for log in evidence.logs) / max(squares, 1e-300)
 
 
-def _row(information: FloatArray, free: tuple[str, ...], name: str) -> FloatArray:
-    return np.asarray(solved(information, free)[free.index(name)])
+def _row(evidence: Evidence, free: tuple[str, ...], name: str) -> FloatArray:
+    return np.asarray(solved(evidence, free)[free.index(name)])
 
 
-def solved(information: FloatArray, names: Sequence[str]) -> FloatArray:
-    """Return H_ff^-1 E_f of some parameters, shape (k, 6); a pseudo-inverse where H is singular.
+def solved(evidence: Evidence, names: Sequence[str]) -> FloatArray:
+    """Return H_ff^-1 E_f of some parameters, shape (k, n); a pseudo-inverse where H is singular.
 
     Parameters
     ----------
-    information : numpy.ndarray
-        H, shape (6, 6).
+    evidence : Evidence
+        H, shape (n, n), and its order.
     names : sequence of str
         The parameters f.
     """
-    places = _places(names)
-    block = information[np.ix_(places, places)]
+    places = evidence.places(names)
+    block = evidence.information[np.ix_(places, places)]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(block), 1e-300))
     inverse = np.linalg.pinv(block * np.outer(scale, scale), rcond=1e-14, hermitian=True)
-    result = np.zeros((len(places), len(PARAMETER_NAMES)))
+    result = np.zeros((len(places), len(evidence.names)))
     result[:, places] = inverse * np.outer(scale, scale)
     return result
-
-
-def _places(names: Sequence[str]) -> NDArray[np.intp]:
-    return np.array([_INDEX[name] for name in names], dtype=np.intp)

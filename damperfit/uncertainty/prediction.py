@@ -22,7 +22,7 @@ from damperfit.uncertainty.residuals import scatter_between_cycles
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.model import Model
     from damperfit.identification import Campaign, Comparison, Fit
     from damperfit.recording import Trace
     from damperfit.uncertainty.assessment import Assessment
@@ -184,7 +184,7 @@ def predict(
     assessment: Assessment,
     traces: Sequence[Trace],
     *,
-    damper: Damper,
+    damper: Model,
     solver: SolverOptions = SolverOptions(tolerance=1e-2),
     jobs: int = 1,
 ) -> tuple[Prediction, ...]:
@@ -199,8 +199,8 @@ def predict(
     traces : sequence of Trace
         What was held out. Those of a setting without a fit, or that cannot be simulated, are left
         out of the result.
-    damper : Damper
-        Geometry, oil and gas.
+    damper : Model
+        The damper's model.
     solver : SolverOptions
         How exactly to integrate.
     jobs : int

@@ -14,17 +14,16 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import common_variables, linearise
 from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_jointly
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.plausible import is_at_edge
+from damperfit.identification.sharing import MEAN
 from damperfit.identification.step_solvers import NO_LENGTH, DenseSystem
 from damperfit.identification.trust_region import Stopping, iterate
 from damperfit.uncertainty.intervals import NORMAL_95, shared_curvature
 from damperfit.uncertainty.profiles import (
-    OFFSET_UNIT,
     Bench,
     Line,
     MisfitProfile,
@@ -35,6 +34,7 @@ from damperfit.uncertainty.profiles import (
     lines_of,
     plausible_edges,
     signed_root,
+    unit_of,
     value_at,
 )
 
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.parameters import Parameters
+    from damperfit.damper.model import Quantity, Values
     from damperfit.identification import Sharing
     from damperfit.identification.step_solvers import LinearSystem, Step
     from damperfit.uncertainty.information import Evidence
@@ -61,7 +61,7 @@ _LONGEST_STRIDE = 2.3
 _LONGEST_GROWTH = 3.0
 # What one more full step of the others would take from the rise.
 _SETTLED, _MAX_REFITS = 0.02, 20
-# Parameters are changed by a factor of two at most in one step of the others.
+# Values are changed by a factor of two at most in one step of the others.
 _LONGEST_STEP = 0.7
 # Below this relative size a step is not tried again shorter: the integrator's own error is left.
 _STEP_TOLERANCE = 1e-7
@@ -76,7 +76,7 @@ _QUICK_SHARE, _QUICK_LEAST = 0.7, 8
 class _Walker(Protocol):
     """Something that can be refitted with one parameter held at a place along its line."""
 
-    points: list[tuple[float, float, Mapping[int, Parameters]]]
+    points: list[tuple[float, float, Mapping[int, Values]]]
     spent: int
 
     def refit(self, along: float) -> float:
@@ -91,7 +91,7 @@ class _State:
     """A point with what is needed to go on from it, in the variables of `linearise`."""
 
     variables: FloatArray
-    parameters: Parameters
+    parameters: Values
     residuals: FloatArray
     jacobian: FloatArray
 
@@ -104,7 +104,7 @@ class _Walk:
     budget: int
     least: float = 0.0
     spent: int = 0
-    points: list[tuple[float, float, Mapping[int, Parameters]]] = field(default_factory=list)
+    points: list[tuple[float, float, Mapping[int, Values]]] = field(default_factory=list)
     state: _State = field(init=False)
     centre: _State = field(init=False)
 
@@ -147,7 +147,7 @@ class _Walk:
             variables[moving] = part
             values = common_variables(misfit).unpack(variables).tolist()
             named = dict(zip(misfit.free, values, strict=True))
-            parameters = replace(self.line.start, **named)
+            parameters = self.line.start.replace(named)
             residuals, jacobian = linearise(misfit, parameters)
             system = DenseSystem(residuals, jacobian[:, moving])
             return system, _State(variables, parameters, residuals, jacobian)
@@ -198,7 +198,8 @@ def trace_profile(line: Line, stride: Stride = Stride()) -> MisfitProfile:
     """
     walk = _Walk(line, stride.budget)
     best = float(getattr(walk.centre.parameters, line.name))
-    return _walked(walk, line.name, best, line.error, stride)[line.setting]
+    quantity = line.start.quantity(line.name)
+    return _walked(walk, quantity, best, line.error, stride)[line.setting]
 
 
 def doubtful_profiles(
@@ -206,19 +207,20 @@ def doubtful_profiles(
 ) -> tuple[MisfitProfile, ...]:
     """Return short profiles of what the quadratic approximation leaves in doubt at a setting.
 
-    Parameters at a bound, not identified, or with a standard error of ln y above 0.1; a shared
+    Values at a bound, not identified, or with a standard error of ln y above 0.1; a shared
     R_m3 where it was taken from. Together they may cost 0.7 of what the fit has.
     """
     budget = max(_QUICK_LEAST, int(_QUICK_SHARE * one.fit.evaluations))
     found = []
     # What has failed first: the budget may not reach for all.
-    names = sorted(PARAMETER_NAMES[:-1], key=lambda name: not one.fit.status[name].has_failed)
+    positive = [q.name for q in one.fit.parameters.quantities if q.is_logarithmic]
+    names = sorted(positive, key=lambda name: not one.fit.status[name].has_failed)
     for name in names:
         if budget < _QUICK_LEAST // 2 or not is_doubtful(name, one.fit, known):
             continue
         mine, its = {one.fit.setting: one}, {one.fit.setting: known}
         for line in lines_of(name, mine, its, sharing, bench):
-            if name == "f_f" and name in sharing.found:
+            if name == MEAN and name in sharing.found:
                 continue  # a mean over settings has no profile in one of them
             profile = trace_profile(line, Stride(_QUICK_STEP, _QUICK_REACH, budget))
             budget -= profile.evaluations
@@ -236,7 +238,7 @@ class _JointWalk:
     best: JointSolution
     scale: float
     spent: int = 0
-    points: list[tuple[float, float, Mapping[int, Parameters]]] = field(default_factory=list)
+    points: list[tuple[float, float, Mapping[int, Values]]] = field(default_factory=list)
     last: JointSolution = field(init=False)
     value: float = field(init=False)
 
@@ -250,7 +252,7 @@ class _JointWalk:
 
     def refit(self, along: float) -> float:
         starts = {
-            setting: replace(at, **{self.name: value_at(self.name, self.value, along)})
+            setting: at.replace({self.name: value_at(at.quantity(self.name), self.value, along)})
             for setting, at in self.last.parameters.items()
         }
         problem = replace(self.problem, gas=self.last.gas, weights=self.best.weights)
@@ -317,14 +319,15 @@ def profile_jointly(
     place = known.names.index(name)
     variance = float(known.covariance[place, place])
     curvature = shared_curvature(evidence, sharing)[sharing.variables.index(name)]
-    unit = OFFSET_UNIT if name == "f_0" else 1.0
+    unit = unit_of(fits[0].parameters.quantity(name))
     walk = _JointWalk(held, name, best, curvature / variance)
-    profiles = _walked(walk, name, walk.value, math.sqrt(variance) / unit, stride)
+    quantity = fits[0].parameters.quantity(name)
+    profiles = _walked(walk, quantity, walk.value, math.sqrt(variance) / unit, stride)
     return tuple(profiles[setting] for setting in sorted(profiles))
 
 
 def _walked(
-    walker: _Walker, name: str, best: float, error: float, stride: Stride
+    walker: _Walker, quantity: Quantity, best: float, error: float, stride: Stride
 ) -> dict[int, MisfitProfile]:
     """The profile of every setting that a walker sees; it walks both sides of its start.
 
@@ -333,9 +336,10 @@ def _walked(
     limits, is_complete = [], True
     for side in (-1.0, 1.0):
         walker.restart()
-        limit, is_known = _side(walker, side, stride, error, plausible_edges(name, best))
-        limits.append(None if limit is None else value_at(name, best, limit))
+        limit, is_known = _side(walker, side, stride, error, plausible_edges(quantity, best))
+        limits.append(None if limit is None else value_at(quantity, best, limit))
         is_complete &= is_known
+    name = quantity.name
     points = sorted(walker.points, key=lambda point: point[0])
     return {
         setting: MisfitProfile(

@@ -21,24 +21,22 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification.descent import Misfit
 from damperfit.identification.outcome import Status
-from damperfit.identification.plausible import PLAUSIBLE
+from damperfit.identification.sharing import MEAN, TAKEN
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.intervals import NORMAL_95, own_names, solved
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 
-    from damperfit.damper.parameters import Damper, Parameters
+    from damperfit.damper.model import Model, Quantity, Values
     from damperfit.identification import Fit, Sharing
     from damperfit.uncertainty.information import Evidence
     from damperfit.uncertainty.intervals import Uncertainty
 
 __all__ = [
-    "OFFSET_UNIT",
     "Bench",
     "Line",
     "MisfitProfile",
@@ -50,15 +48,14 @@ __all__ = [
     "lines_of",
     "plausible_edges",
     "signed_root",
+    "unit_of",
     "value_at",
 ]
 
 # A rise this far below zero is another, better minimum.
 _BETTER = -0.5
-# `linearise` counts f_0 in units of 100 N, the evidence in N.
-OFFSET_UNIT = 100.0
-# f_0 is followed to 10 kN, in units of 100 N.
-_OFFSET_EDGE = 100.0
+# What is linear is followed so far, in units of its size: an offset to 10 kN.
+_LINEAR_EDGE = 100.0
 # A limit is interpolated between points this near to each other in sqrt(rise), or to a point this
 # near to it: sqrt(rise) is then straight enough for a per cent.
 _NARROW = 0.8
@@ -78,13 +75,13 @@ class ProfilePoint:
         Of the profiled parameter, SI.
     rise : float
         Rise of the misfit above its minimum in units in which 1.96^2 is the 95 % limit.
-    parameters : Parameters
+    parameters : Values
         All parameters there, the free ones refitted.
     """
 
     value: float
     rise: float
-    parameters: Parameters
+    parameters: Values
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,8 +170,8 @@ class Bench:
 
     Attributes
     ----------
-    damper : Damper
-        Geometry, oil and gas.
+    damper : Model
+        The damper's model.
     solver : SolverOptions
         How exactly to integrate.
     cancelled : callable
@@ -183,14 +180,14 @@ class Bench:
         Threads.
     """
 
-    damper: Damper
+    damper: Model
     solver: SolverOptions = SolverOptions(tolerance=1e-2)
     cancelled: Callable[[], bool] = lambda: False
     jobs: int = 1
 
     def misfit(self, fit: Fit, free: Sequence[str]) -> Misfit:
         """What a setting's logs say of some parameters."""
-        ordered = tuple(name for name in PARAMETER_NAMES if name in free)
+        ordered = tuple(name for name in fit.parameters.names if name in free)
         traces = tuple(log.trace for log in fit.logs)
         return Misfit(traces, self.damper, ordered, self.solver, 1, self.cancelled)
 
@@ -207,7 +204,7 @@ class Line:
         Parameter; one of the misfit's free ones.
     misfit : Misfit
         Logs, damper, and what is free, the parameter among it.
-    start : Parameters
+    start : Values
         The best fit.
     scale : float
         L of the module's docstring, 1/N^2.
@@ -218,13 +215,15 @@ class Line:
     setting: int
     name: str
     misfit: Misfit
-    start: Parameters
+    start: Values
     scale: float
     error: float
 
 
-def check_profile_names(names: Iterable[str], *, fixed: Container[str] = ()) -> None:
-    """Refuse names that are no parameters, or that are held.
+def check_profile_names(
+    names: Iterable[str], known: Sequence[str], *, fixed: Container[str] = ()
+) -> None:
+    """Refuse names that are none of the known parameters, or that are held.
 
     Raises
     ------
@@ -232,10 +231,10 @@ def check_profile_names(names: Iterable[str], *, fixed: Container[str] = ()) -> 
         A name is not known, or is among the fixed.
     """
     for name in names:
-        if name not in PARAMETER_NAMES:
-            hint = did_you_mean(name, PARAMETER_NAMES)
-            known = ", ".join(PARAMETER_NAMES)
-            raise ConfigurationError(f"no parameter {name!r} to profile; there are {known}.{hint}")
+        if name not in known:
+            hint = did_you_mean(name, known)
+            there = ", ".join(known)
+            raise ConfigurationError(f"no parameter {name!r} to profile; there are {there}.{hint}")
         if name in fixed:
             raise ConfigurationError(f"{name} is both fixed and to be profiled; choose one.")
 
@@ -289,7 +288,7 @@ def _own_line(
     is_at_bound = one.fit.status[name] == Status.AT_BOUND
     if not own or (name not in own and not is_at_bound):
         return None
-    free = tuple(n for n in PARAMETER_NAMES if n in own or one.fit.status[n] == Status.AT_BOUND)
+    free = tuple(n for n in one.names if n in own or one.fit.status[n] == Status.AT_BOUND)
     if is_at_bound:
         return _line(name, one, bench, free=free, beside=(*own, name))
     place = known.names.index(name)
@@ -304,12 +303,12 @@ def _shared_line(
     if sharing.jointly:
         return None
     setting = one.fit.setting
-    if name == "r_m3" and setting == sharing.r_m3_from:
-        free = tuple(n for n in sharing.free if not (sharing.is_refined and n == "f_f"))
+    if name == TAKEN and setting == sharing.r_m3_from:
+        free = tuple(n for n in sharing.free if not (sharing.is_refined and n == MEAN))
         place = known.names.index(name)
         variance = float(known.covariance[place, place])
         return _line(name, one, bench, free=free, beside=free, variance=variance)
-    if name == "f_f" and setting in sharing.f_f_from:
+    if name == MEAN and setting in sharing.f_f_from:
         return _line(name, one, bench, free=sharing.free, beside=sharing.free)
     return None
 
@@ -324,12 +323,12 @@ def _line(
     variance: float | None = None,
 ) -> Line:
     """The line with the scale that belongs to a variance; the sandwich of `beside` by default."""
-    ordered = tuple(n for n in PARAMETER_NAMES if n in beside)
-    row = solved(one.information, ordered)[ordered.index(name)]
+    ordered = tuple(n for n in one.names if n in beside)
+    row = solved(one, ordered)[ordered.index(name)]
     if variance is None:
         variance = float(row @ one.scores @ row)
-    curvature = float(row[PARAMETER_NAMES.index(name)])
-    unit = OFFSET_UNIT if name == "f_0" else 1.0
+    curvature = float(row[one.names.index(name)])
+    unit = unit_of(one.fit.parameters.quantity(name))
     is_known = variance > 0.0 and math.isfinite(variance)
     return Line(
         setting=one.fit.setting,
@@ -363,17 +362,23 @@ def interpolated_limit(places: Sequence[tuple[float, float]], side: float) -> tu
     return near + side * math.log1p(grown), is_near
 
 
-def plausible_edges(name: str, best: float) -> tuple[float, float]:
+def plausible_edges(quantity: Quantity, best: float) -> tuple[float, float]:
     """Return where the plausible range ends on both sides, in u from the best value."""
-    if name == "f_0":
-        return -_OFFSET_EDGE, _OFFSET_EDGE
-    low, high = PLAUSIBLE[name]
-    return math.log(low / best), math.log(high / best)
+    low, high = quantity.plausible
+    if quantity.is_logarithmic:
+        return math.log(low / best), math.log(high / best)
+    ends = ((low - best) / quantity.size, (high - best) / quantity.size)
+    return max(ends[0], -_LINEAR_EDGE), min(ends[1], _LINEAR_EDGE)
 
 
-def value_at(name: str, best: float, along: float) -> float:
+def value_at(quantity: Quantity, best: float, along: float) -> float:
     """Return the parameter at a place along its line."""
-    return best + OFFSET_UNIT * along if name == "f_0" else best * math.exp(along)
+    return best * math.exp(along) if quantity.is_logarithmic else best + quantity.size * along
+
+
+def unit_of(quantity: Quantity) -> float:
+    """Return what `linearise` counts it in: the evidence has linear quantities in their unit."""
+    return 1.0 if quantity.is_logarithmic else quantity.size
 
 
 def signed_root(rise: float) -> float:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import listed_settings
 
@@ -42,7 +41,7 @@ def verdicts(
     """
     return {
         name: _verdict(name, fit, known, profiles.get(name), sharing, is_tied=True)
-        for name in PARAMETER_NAMES
+        for name in fit.parameters.names
     }
 
 
@@ -70,7 +69,7 @@ def untold(
         if fit.setting not in known:
             continue
         mine = profiles.get(fit.setting, {})
-        for name in PARAMETER_NAMES:
+        for name in fit.parameters.names:
             if fit.status[name].has_failed:
                 words = _verdict(name, fit, known[fit.setting], mine.get(name), sharing)
                 said[name, words].append(fit.setting)
@@ -148,7 +147,7 @@ def _verdict(
         used = f"; {getattr(fit.parameters, name):.4g} is used" + (
             " for all settings" if name in sharing.found else ""
         )
-        rigid = ", as rigid oil would" if name == "k_e" else ""
+        rigid = ", as rigid oil would" if fit.parameters.quantity(name).is_open else ""
         return (
             f"not identifiable upward: at least {profile.low:.4g} (95 %), and any higher value "
             f"fits these logs as well{rigid}{tied}{used}; fix it, or fit faster logs of more force"

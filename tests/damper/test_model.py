@@ -8,12 +8,16 @@ import pickle
 
 import pytest
 
-from damperfit.damper.model import Values, values_type
+from damperfit.damper.model import Quantity, Values, values_type
 from damperfit.damper.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 
-MADE = values_type(("c", "f_f"))(1.5e3, 20.0)
+QUANTITIES = (
+    Quantity("c", "c", "damping", "viscous damping", "N s/m", (1.0, 1e6)),
+    Quantity("f_f", "f_f", "friction", "Coulomb friction", "N", (1e-3, 1e4)),
+)
+MADE = values_type(QUANTITIES)(1.5e3, 20.0)
 
 
 @pytest.mark.parametrize("values", [MADE, reference_parameters(3)], ids=["made", "paper"])

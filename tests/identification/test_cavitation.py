@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from damperfit.damper.cavitation import Cavitation, describe_cavitation
 from damperfit.damper.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.cavitation import examine_cavitation
 from damperfit.damper.reference import reference_parameters
-from damperfit.identification import Cavitation, compare, describe_cavitation
-from damperfit.identification.cavitation import examine_cavitation
+from damperfit.identification import compare
 from damperfit.simulation import SolverOptions, simulate, sine_motion
 from tests.identification.rig import trace
 

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy import starting
 from damperfit.errors import SimulationError
 from damperfit.identification import FitOptions, Status, blas_threads, descent, first_pass, setting
 from damperfit.identification.descent import Misfit
@@ -15,7 +16,7 @@ from damperfit.identification.failures import SettingFailure
 from damperfit.identification.first_pass import _Begun, _is_contradicted, _other_lowest, _tells_r_m3
 from damperfit.identification.joint_procedure import _common
 from damperfit.identification.multistart import _is_level
-from damperfit.identification.plausible import PLAUSIBLE, points_inside
+from damperfit.identification.plausible import points_inside
 from damperfit.identification.procedure_input import first_start
 from damperfit.identification.step_solvers import _inverted
 from damperfit.simulation import SolverOptions
@@ -113,9 +114,9 @@ def test_only_an_r_m3_that_is_not_told_starts_from_the_fallback(name, status, ex
      ("inside", 1.0, False), ("inside", -1.0, False)],
 )  # fmt: skip
 def test_a_misfit_falls_into_a_range_from_its_edges_alone(at, slope, is_inward) -> None:
-    low, high = PLAUSIBLE["k_e"]
+    low, high = PURDY_DAMPER.quantity("k_e").plausible
     value = {"low": low, "high": high, "inside": 5e8}[at]
-    parameters = SimpleNamespace(k_e=value)
+    parameters = Parameters(1e4, 1e6, 1e6, value, 50.0)
     assert points_inside(parameters, "k_e", slope) is is_inward
 
 
@@ -129,7 +130,6 @@ def test_a_bulk_modulus_that_is_held_is_not_looked_for() -> None:
     ("free", "stages"),
     [
         (("r_m1", "r_m3", "f_f"), [("r_m1",)]),
-        (("r_m1", "f_0"), [("r_m1",), ("r_m1",)]),
         (("r_m1", "r_m3", "f_f", "f_0"), [("r_m1",), ("r_m1", "r_m3", "f_f")]),
     ],
 )
@@ -147,8 +147,14 @@ def test_beyond_the_onset_an_offset_waits_longest(monkeypatch, free, stages) -> 
     monkeypatch.setattr(setting, "_attempt", attempt)
     misfit = Misfit((), PURDY_DAMPER, free, SolverOptions(), 1, lambda: False)
     best = judged()
-    assert setting._beyond_onset(misfit, fakes.fit(1).parameters, best) is best
+    monkeypatch.setattr(starting, "cavitation_limit", lambda *_: 1e6)
+    start = fakes.fit(1).parameters
+    _, beyond, farther = PURDY_DAMPER.detours(start, (), free)
+    assert (beyond.start.r_m3, farther.start.r_m3) == (1.9e6, 6e6)
+    assert beyond.is_last_resort
+    assert setting._over(beyond, misfit, best) is best
     assert seen == stages
+    assert PURDY_DAMPER.detours(start, (), ("r_m1", "f_0")) == ()
 
 
 def test_columns_are_inverted_whatever_their_lengths() -> None:
@@ -206,7 +212,9 @@ def test_an_edge_beyond_which_the_others_cannot_go_on_ends_a_fit(monkeypatch) ->
         raise SimulationError("no")
 
     monkeypatch.setattr(descent, "_descended", descended)
-    monkeypatch.setattr(descent, "_stopped_at", lambda _: ("k_e", PLAUSIBLE["k_e"][1]))
+    monkeypatch.setattr(
+        descent, "_stopped_at", lambda _: ("k_e", PURDY_DAMPER.quantity("k_e").plausible[1])
+    )
     misfit = Misfit((), PURDY_DAMPER, ("r_m1", "k_e"), SolverOptions(), 1, lambda: False)
     assert descent._minimise(misfit, at) is first.solution
     assert tried == [("r_m1", "k_e"), ("r_m1",)]

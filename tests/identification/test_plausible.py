@@ -10,12 +10,13 @@ from damperfit.damper.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.reference import reference_parameters
 from damperfit.identification import Fit, FitOptions, Outcome, descent, identify
 from damperfit.identification.descent import Misfit, descend
-from damperfit.identification.plausible import PLAUSIBLE, first_edge, is_within, kept_within
+from damperfit.identification.plausible import first_edge, is_within, kept_within
 from damperfit.identification.setting import fit_setting
 from damperfit.simulation import SolverOptions, simulate
 from tests.identification.rig import trace
 
 SOLVER = SolverOptions(tolerance=1e-2)
+PLAUSIBLE = {one.name: one.plausible for one in PURDY_DAMPER.quantities if one.is_logarithmic}
 
 
 def _fitted(setting: int, truth: Parameters, free: tuple[str, ...]) -> Fit:
@@ -131,7 +132,8 @@ def test_the_first_edge_on_the_way_is_the_one_that_stops() -> None:
     at = replace(reference_parameters(1), r_m2=1e9, k_e=1e10, f_0=3.0)
     names = ("r_m2", "k_e", "f_0")
     ten = math.log(10.0)
-    assert first_edge(at, names, np.array([1.2 * ten, 1.5 * ten, 99.0])) == ("k_e", 1e11)
-    assert first_edge(at, names, np.array([1.5 * ten, 1.2 * ten, 99.0])) == ("r_m2", 1e10)
-    assert first_edge(at, names, np.array([0.9 * ten, 0.9 * ten, 99.0])) is None
-    assert first_edge(at, names, np.array([-6.5 * ten, 0.0, 0.0])) == ("r_m2", 1e3)
+    ones = np.ones(3)
+    assert first_edge(at, names, np.array([1.2 * ten, 1.5 * ten, 99.0]), ones) == ("k_e", 1e11)
+    assert first_edge(at, names, np.array([1.5 * ten, 1.2 * ten, 99.0]), ones) == ("r_m2", 1e10)
+    assert first_edge(at, names, np.array([0.9 * ten, 0.9 * ten, 99.0]), ones) is None
+    assert first_edge(at, names, np.array([-6.5 * ten, 0.0, 0.0]), ones) == ("r_m2", 1e3)

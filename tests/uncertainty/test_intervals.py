@@ -239,7 +239,7 @@ def test_a_tie_is_a_correlation_that_triples_an_error(correlation: float, *, is_
     names = ("r_m1", "k_e")
     one = fakes.fit(1)
     known = Uncertainty(
-        1, {n: make_interval(n, getattr(one.parameters, n), 0.01) for n in names}, names, covariance
+        1, {n: make_interval(getattr(one.parameters, n), 0.01) for n in names}, names, covariance
     )
     said = verdicts(one, known, Sharing(), {})
     for name, other in (names, names[::-1]):

@@ -40,7 +40,7 @@ def evidence(residuals, *, gas=None, trace=None, names=("setting_01.csv",)) -> E
     gas = np.zeros((n, 2)) if gas is None else np.column_stack([gas, np.zeros(n)])
     log = LogEvidence(residuals, np.ones(n), jacobian, gas, force, np.ones(3))
     nothing = np.zeros((6, 6))
-    return Evidence(fit, nothing, nothing, nothing, np.zeros(6), (log,))
+    return Evidence(fit, nothing, nothing, nothing, np.zeros(6), (log,), PURDY_DAMPER.conditions)
 
 
 def named(residuals, **more) -> list[str]:

@@ -212,6 +212,6 @@ def test_a_better_minimum_is_clearly_below_the_fit(rise: float, *, is_better: bo
 
 def test_names_that_cannot_be_profiled() -> None:
     with pytest.raises(ConfigurationError, match=r"no parameter 'k_f' to profile.*Did you mean"):
-        check_profile_names(["k_f"])
+        check_profile_names(["k_f"], PURDY_DAMPER.names)
     with pytest.raises(ConfigurationError, match="f_f is both fixed and to be profiled"):
-        check_profile_names(["f_f"], fixed={"f_f": 50.0})
+        check_profile_names(["f_f"], PURDY_DAMPER.names, fixed={"f_f": 50.0})

@@ -49,7 +49,7 @@ def known(setting=1, *, error=0.01, names=("r_m1", "r_m2", "k_e", "r_m3"), tie=0
     covariance = error**2 * np.eye(len(names))
     if tie:
         covariance[0, 1] = covariance[1, 0] = tie * error**2
-    intervals = {name: make_interval(name, getattr(at, name), error) for name in names}
+    intervals = {name: make_interval(getattr(at, name), error) for name in names}
     return Uncertainty(setting, intervals, names, covariance, ("r_m3",))
 
 
@@ -122,10 +122,10 @@ def test_the_signed_root_of_a_rise(rise, root) -> None:
 
 
 def test_an_offset_has_a_straight_interval_and_all_others_one_of_factors() -> None:
-    offset = make_interval("f_0", -3.0, 0.5)
+    offset = make_interval(-3.0, 0.5, is_logarithmic=False)
     assert (offset.low, offset.high) == pytest.approx((-3.98, -2.02), abs=1e-4)
     assert offset.error == 0.5
-    resistance = make_interval("r_m1", 2.0, 0.5)
+    resistance = make_interval(2.0, 0.5)
     factor = math.exp(0.5 * 1.959964)
     assert (resistance.low, resistance.high) == pytest.approx((2.0 / factor, 2.0 * factor))
     assert resistance.error == 1.0

@@ -30,7 +30,7 @@ QUANTITIES = (
     Quantity(
         "k_e", "K_e", "bulk modulus of oil and chamber",
         "effective bulk modulus of oil, air and tube", "Pa", (1e6, 1e11), power=6,
-        shown_unit="MPa",
+        shown_unit="MPa", is_open=True, trend_degree=2,
     ),
     Quantity(
         "f_f", "f_f", "friction", "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),

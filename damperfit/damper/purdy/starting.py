@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.closed_forms import gas_pressure, incompressible_design
+from damperfit.damper.model import Detour
 from damperfit.damper.parameters import Parameters
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from damperfit.damper.model import Values
     from damperfit.damper.parameters import Damper
     from damperfit.recording import Trace
 
-__all__ = ["cavitation_limit", "starting_values", "starts"]
+__all__ = ["REBOUND", "cavitation_limit", "detours", "starting_values", "starts"]
 
 # A few hundred samples a log fix four numbers well enough to start from.
 _SAMPLES_A_LOG = 400
@@ -27,6 +29,11 @@ _SMALL_SHARE = 0.1
 # Start this far below the R_m3 at which chamber 2 would cavitate, where the misfit has a second,
 # wrong valley (R_m3 up, f_f to zero).
 _CAVITATION_DISTANCE = 0.8
+# Starts for a damper that cavitates, in units of `cavitation_limit`: 1.5 and 5 times the onset.
+_BEYOND_ONSET = (1.9, 6.0)
+# What a start holds until the others have settled: at stiff settings R_m1 carries the rebound, and
+# one that is off in K_e lets R_m3 run into cavitation.
+REBOUND = frozenset({"r_m3", "f_f"})
 
 
 def starts(
@@ -88,6 +95,28 @@ def starting_values(
         f_0=offset,
     )
     return replace(start, **dict(fixed))
+
+
+def detours(
+    start: Values, traces: Sequence[Trace], damper: Damper, free: Sequence[str]
+) -> tuple[Detour, ...]:
+    """Return descents that R_m3, where it is free, begins below the onset of cavitation or beyond.
+
+    What the closed form makes of cavitation, which it does not know, is an offset: beyond the onset
+    a free one begins at nothing.
+    """
+    if "r_m3" not in free:
+        return ()
+    limit = cavitation_limit(traces, damper)
+    below = Detour(start.replace(r_m3=min(start.r_m3, limit)), (REBOUND,))
+    is_offset_free = "f_0" in free
+    offset = 0.0 if is_offset_free else start.f_0
+    stages = (REBOUND | {"f_0"}, *([frozenset({"f_0"})] if is_offset_free else []))
+    beyond = (
+        Detour(start.replace(r_m3=factor * limit, f_0=offset), stages, is_last_resort=True)
+        for factor in _BEYOND_ONSET
+    )
+    return (below, *beyond)
 
 
 def cavitation_limit(traces: Sequence[Trace], damper: Damper) -> float:
