@@ -169,6 +169,22 @@ def test_a_click_that_hardens_bump_counts() -> None:
     assert result("every_click_counts", seen).passed is True
 
 
+def test_steps_over_several_clicks_are_not_called_clicks() -> None:
+    near = result("every_click_counts", subject(clicks=[click()]))
+    apart = result("every_click_counts", subject(clicks=[click(), replace(click(), second=4)]))
+    assert near.reason.startswith("every click changes the force at 0.3 m/s")
+    assert apart.reason.startswith("every step from one tested setting to the next changes")
+
+
+def test_a_trend_that_is_not_told_is_named_beside_the_others() -> None:
+    seen = subject(trends=[trend(), trend(parameter="k_e", direction=None, monotone=None)])
+    check = result("trend_monotone", seen)
+    assert check.passed is True
+    assert check.reason == (
+        "with the setting r_m1 rises, within errors and scatter; k_e is not told"
+    )
+
+
 def test_the_run_of_each_parameter_is_told() -> None:
     ways = (("r_m1", "rising"), ("r_m2", "falling"), ("k_e", "flat"))
     seen = subject(trends=[trend(parameter=name, direction=way) for name, way in ways])

@@ -15,6 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from damperfit.adjustment import Click
 from damperfit.checks import Check
 from damperfit.damper.cavitation import Cavitation
 from damperfit.damper.parameters import PARAMETER_NAMES
@@ -22,6 +23,7 @@ from damperfit.report import (
     ReportFacts,
     cycle_force_sheet,
     cycle_pressure_sheet,
+    force_by_setting_sheet,
     force_by_speed_sheet,
     html_report,
     inspection_sheet,
@@ -29,6 +31,8 @@ from damperfit.report import (
     report_plots,
     summary_sheet,
 )
+from damperfit.report.rows.click_table import click_sheet
+from damperfit.report.rows.notes_below_tables import over_several_clicks
 from damperfit.simulation import Characteristics, SpeedForce
 from damperfit.tables import Tables, make_tables, read_results, table_schema
 from damperfit.uncertainty import Prediction
@@ -224,6 +228,33 @@ def test_the_clicks_of_the_page(page):
         "bump N": "-17.5 ± 0.8",
     }
     assert page.notes["Change of force by click"] == ["At 0.3 m/s, simulated, with 95 % intervals."]
+
+
+def test_a_change_over_three_clicks_says_so():
+    """What lies between two tested settings was not tested, and may be uneven."""
+    plain = Click(1, 4, 0.3, "rebound", 30.0, 29.0, 31.0, 5.0, 4.9, 5.1)
+    steps = [plain, replace(plain, first=4, second=5)]
+    rows = click_sheet(steps).rows
+    assert [row[0] for row in rows] == ["1 to 4 (3 clicks)", "4 to 5"]
+
+    def forces(*settings):
+        fields = ("force_N", "force_ci_high_N", "change_N", "change_ci_high_N", "change_percent")
+        return [
+            {"setting": setting, "stroke": stroke, "speed_m_per_s": 0.3, **dict.fromkeys(fields, 9)}
+            for setting in settings
+            for stroke in ("rebound", "bump")
+        ]
+
+    said = "the change is over all clicks between two tested settings: "
+    for sheet in (force_by_setting_sheet, lambda rows: force_by_speed_sheet(rows, "rebound")):
+        near, apart = sheet(forces(1, 2, 3)), sheet(forces(1, 4, 5, 7))
+        assert "click" in near.headings
+        assert not any(note.startswith(said) for note in near.notes)
+        assert "change" in apart.headings
+        assert "click" not in apart.headings
+        assert f"{said}1 to 4 (3 clicks), 5 to 7 (2 clicks)" in apart.notes
+    (told,) = over_several_clicks(range(0, 14, 2))
+    assert told.endswith("8 to 10 (2 clicks) and 1 more")
 
 
 def test_the_forces_of_the_page(page):

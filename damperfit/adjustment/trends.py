@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.adjustment.curves import Curve, Points
+from damperfit.adjustment.curves import LEAST_SCATTER, Curve, Points
 from damperfit.adjustment.selection import LEAST_FOR_OUTLIERS, LEAST_FOR_TREND, choose
 from damperfit.identification import Status
 from damperfit.quantities import engineering
@@ -31,6 +31,12 @@ _SYMBOLS = {"r_m1": "R_m1", "r_m2": "R_m2", "r_m3": "R_m3", "k_e": "K_e", "f_f":
 _DEGREES = ("constant", "straight line", "quadratic", "cubic", "quartic")
 _ERRATIC = 3.0  # scatter between settings over the errors of the values
 _REMARKABLE = 0.02  # scatter below this share is no news
+# Its values scatter by themselves; those of another parameter do where settings are mixed up.
+_MAY_SCATTER = "k_e"
+_UNTOLD = 0.2  # scatter and error beyond which no direction is told; the paper's K_e has 0.1
+_USUAL_FROM = 8  # settings: of fewer the median residual says little
+_MEDIAN_OF_NORMAL = 0.6745  # median distance from the mean, in standard deviations
+_MOST_PAIRS = 5  # named in a sentence
 _95_PERCENT = 0.05
 _WIDEST_RANGE = 200.0  # of settings; beyond it they are no clicks, and gaps are not filled
 _QUADRATIC_FROM = 6  # settings: three coefficients, three degrees of freedom
@@ -97,15 +103,17 @@ class Trend:
     is_erratic : bool
         Whether they scatter far beyond their errors.
     direction : str or None
-        "rising", "falling" or "flat" with the setting, "mixed" when it turns, None without trend.
+        "rising", "falling" or "flat" with the setting, "mixed" when it turns, None without trend
+        and where errors and scatter hide it.
     monotone : bool or None
-        Neither the trend nor a value turns back by more than errors and scatter allow.
+        Neither the trend nor a value turns back by more than errors and scatter allow. The scatter
+        of erratic values allows nothing, but for K_e, whose trend is not judged where it is large.
     reversals : tuple of (int, int)
         Neighbouring settings between which the value goes against the direction.
     outliers : tuple of Outlier
         Settings off the trend.
     outliers_judged : bool
-        False where there are too few settings to tell.
+        False where there are too few settings to tell, or the values go to and fro.
     points : tuple of TrendPoint
         The curve and its band.
     sentence : str
@@ -169,11 +177,22 @@ def _trend(name: str, points: Points) -> Trend:
     choice = choose(points, families)
     curve = choice.curve
     outliers = tuple(_outlier(points, curve, place) for place in choice.outliers)
-    inside = points.settings[[k for k in range(len(points)) if k not in choice.outliers]]
-    direction = _direction(curve, inside)
-    reversals = _reversals(points, curve, direction)
+    inside = np.delete(np.arange(len(points)), choice.outliers)
     own = float(np.median(points.errors))
     is_erratic = curve.scatter > max(_ERRATIC * own, _REMARKABLE)
+    is_wild = is_erratic and name != _MAY_SCATTER
+    direction: str | None = _direction(curve, points.settings[inside])
+    allowed = curve.scatter
+    if name != _MAY_SCATTER:
+        allowed = LEAST_SCATTER if is_wild else _usual_scatter(points, curve, inside)
+        if direction == "mixed" or (is_wild and direction == "flat"):
+            direction = _direction_of_values(points, curve, allowed)
+    reversals = _reversals(points, curve, direction, allowed)
+    is_told = name != _MAY_SCATTER or curve.scatter <= _UNTOLD
+    if direction == "flat" and math.hypot(curve.scatter, own) > _UNTOLD:
+        direction, is_told = None, False
+    monotone = direction != "mixed" and not reversals if is_told else None
+    is_mixed_up = is_wild and not monotone and not outliers
     trend = Trend(
         parameter=name,
         scale=curve.scale,
@@ -181,14 +200,14 @@ def _trend(name: str, points: Points) -> Trend:
         scatter=curve.scatter,
         is_erratic=is_erratic,
         direction=direction,
-        monotone=direction != "mixed" and not reversals,
+        monotone=monotone,
         reversals=reversals,
         outliers=outliers,
-        outliers_judged=len(points) >= LEAST_FOR_OUTLIERS,
+        outliers_judged=len(points) >= LEAST_FOR_OUTLIERS and not is_mixed_up,
         points=_curve_points(points, curve),
         sentence="",
     )
-    return _with_sentence(trend, own=own)
+    return replace(trend, sentence=_sentence(trend, own, len(points)))
 
 
 def _outlier(points: Points, curve: Curve, place: int) -> Outlier:
@@ -213,12 +232,35 @@ def _direction(curve: Curve, settings: FloatArray) -> str:
     return "rising" if rises else "falling" if falls else "flat"
 
 
-def _reversals(points: Points, curve: Curve, direction: str) -> tuple[tuple[int, int], ...]:
+def _direction_of_values(points: Points, curve: Curve, scatter: float) -> str:
+    """Which way the values themselves go: a curve may turn about a kink where no value does."""
+    first, second = np.triu_indices(len(points), 1)
+    variances = points.errors**2 + scatter**2
+    steps = points.logs[second] - points.logs[first]
+    reach = _quantile(curve, len(steps)) * np.sqrt(variances[first] + variances[second])
+    rises, falls = bool(np.any(steps > reach)), bool(np.any(steps < -reach))
+    return "mixed" if rises and falls else "rising" if rises else "falling" if falls else "flat"
+
+
+def _usual_scatter(points: Points, curve: Curve, inside: NDArray[np.intp]) -> float:
+    """Return the scatter of most settings: a few that were swapped must not excuse themselves."""
+    if len(inside) < _USUAL_FROM:
+        return curve.scatter
+    kept = points.logs[inside] - curve.logs(points.settings[inside])
+    middle = float(np.median(np.abs(kept))) / _MEDIAN_OF_NORMAL
+    middle *= math.sqrt(len(inside) / curve.freedom)
+    square = middle**2 - float(np.median(points.errors[inside])) ** 2
+    return min(curve.scatter, math.sqrt(max(square, LEAST_SCATTER**2)))
+
+
+def _reversals(
+    points: Points, curve: Curve, direction: str | None, allowed: float
+) -> tuple[tuple[int, int], ...]:
     """Neighbours between which the value goes back by more than errors and scatter allow."""
-    sign = {"rising": 1.0, "falling": -1.0}.get(direction)
+    sign = {"rising": 1.0, "falling": -1.0}.get(direction or "")
     if sign is None:
         return ()
-    variances = points.errors**2 + curve.scatter**2
+    variances = points.errors**2 + allowed**2
     spread = np.sqrt(variances[1:] + variances[:-1])
     steps = sign * np.diff(points.logs)
     back = np.flatnonzero(steps < -_quantile(curve, len(steps)) * spread)
@@ -251,20 +293,19 @@ def _exp(logs: FloatArray) -> FloatArray:
         return np.asarray(np.exp(logs))
 
 
-def _with_sentence(trend: Trend, *, own: float) -> Trend:
-    return replace(trend, sentence=_sentence(trend, own))
-
-
-def _sentence(trend: Trend, own: float) -> str:
+def _sentence(trend: Trend, own: float, n: int) -> str:
     """Direction and range, scatter, outliers, reversals."""
     assert trend.degree is not None
     first, last = trend.points[0], trend.points[-1]
     words = {
         "rising": "rises with the setting",
         "falling": "falls with the setting",
-        "flat": "does not change with the setting",
+        "flat": "does not change with the setting by more than its errors",
         "mixed": "turns: it neither rises nor falls throughout",
-    }[trend.direction or "mixed"]
+        None: "shows no trend beyond its errors and scatter",
+    }[trend.direction]
+    if trend.direction == "flat" and trend.degree == 0:
+        words = "does not change with the setting"
     on = {
         "linear": "",
         "log": " in its logarithm",
@@ -288,8 +329,11 @@ def _sentence(trend: Trend, own: float) -> str:
     for one in trend.outliers:
         said += f"; setting {one.setting} is off the trend by {100.0 * one.deviation:+.1f} %"
     if trend.reversals:
-        pairs = ", ".join(f"{a} to {b}" for a, b in trend.reversals)
-        said += f"; against the trend from setting {pairs}"
-    if not trend.outliers_judged:
+        pairs = [f"{a} to {b}" for a, b in trend.reversals]
+        more = f" and {len(pairs) - _MOST_PAIRS} more" if len(pairs) > _MOST_PAIRS else ""
+        said += f"; against the trend from setting {', '.join(pairs[:_MOST_PAIRS])}{more}"
+    if n < LEAST_FOR_OUTLIERS:
         said += f"; too few settings to tell one off the trend ({LEAST_FOR_OUTLIERS} are needed)"
+    elif not trend.outliers_judged:
+        said += "; no curve that a setting could be off: are settings mixed up?"
     return said

@@ -117,10 +117,15 @@ def _words(answer: Answer, wanted: float) -> str:
         f"setting {answer.position:.2f}{interval}, between {answer.below} with "
         f"{answer.force_below:.5g} N and {answer.above} with {answer.force_above:.5g} N"
     )
-    if answer.above - answer.below > 1:
-        said += ", interpolated over settings without a fit"
     force = answer.force_below if answer.nearest == answer.below else answer.force_above
-    return f"{said}; nearest is {answer.nearest} ({force - wanted:+.3g} N)"
+    nearest = f"{answer.nearest} ({force - wanted:+.3g} N)"
+    if answer.above - answer.below == 1:
+        return f"{said}; nearest is {nearest}"
+    said += ", interpolated over settings without a fit"
+    click = round(answer.position)
+    if click in {answer.below, answer.above}:
+        return f"{said}; nearest of those fitted is {nearest}"
+    return f"{said}; nearest is {click}, which has no fit, and of those fitted {nearest}"
 
 
 def which_setting(found: Sequence[Level], force: float) -> Wanted:

@@ -166,14 +166,16 @@ def _trend_monotone(subject: Subject) -> _Verdict:
     if bad:
         return False, "; ".join(bad)
     said = ", ".join(f"{trend.parameter} {_DIRECTIONS[trend.direction or '']}" for trend in judged)
-    return True, f"with the setting {said}, within errors and scatter"
+    untold = [f"; {trend.parameter} is not told" for trend in trends if trend.monotone is None]
+    return True, f"with the setting {said}, within errors and scatter{''.join(untold)}"
 
 
 _DIRECTIONS = {"rising": "rises", "falling": "falls", "flat": "stays"}
 
 
 def _no_outlier_setting(subject: Subject) -> _Verdict:
-    judged = [trend for trend in subject.adjustment.trends if trend.outliers_judged]
+    trends = subject.adjustment.trends
+    judged = [trend for trend in trends if trend.outliers_judged]
     if not judged:
         return None, _no_trend(subject)
     off: dict[int, list[str]] = defaultdict(list)
@@ -183,6 +185,9 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
     if off:
         said = (f"setting {setting} ({', '.join(off[setting])})" for setting in sorted(off))
         return False, f"off the trend of the others: {', '.join(said)}"
+    mixed_up = [trend for trend in trends if trend.is_erratic and not trend.outliers_judged]
+    if mixed_up:
+        return None, "; ".join(trend.sentence for trend in mixed_up)
     return True, f"no setting is off the trend of {', '.join(t.parameter for t in judged)}"
 
 
@@ -206,7 +211,9 @@ def _every_click_counts(subject: Subject) -> _Verdict:
     if dead:
         said = f"the force at {fastest:g} m/s does not change from setting {', '.join(dead)}"
         return False, f"{said} by more than its error"
-    return True, f"every click changes the force at {fastest:g} m/s by more than its error"
+    apart = any(second - first > 1 for first, second in felt)
+    step = "every step from one tested setting to the next" if apart else "every click"
+    return True, f"{step} changes the force at {fastest:g} m/s by more than its error"
 
 
 def _residuals_white(subject: Subject) -> _Verdict:

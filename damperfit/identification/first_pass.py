@@ -200,14 +200,12 @@ def _concluded(
 
 
 def _other_lowest(lowest: int, used: int) -> Iterator[str]:
-    """Say so where R_m3 does not come from setting 1."""
+    """Say so where R_m3 does not come from the lowest setting that was tested."""
     if used != lowest:
         yield (
             f"setting {lowest} could not be fitted with all parameters free: R_m3 is taken from "
             f"setting {used}."
         )
-    elif lowest > 1:
-        yield f"there is no log of setting 1: R_m3 is taken from setting {lowest}."
 
 
 def _tells_r_m3(judged: Judged) -> bool:

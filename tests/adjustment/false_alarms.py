@@ -15,6 +15,7 @@ from damperfit.damper.reference import reference_parameters
 from tests.adjustment.ladders import SMOOTH, SUBSETS, trend_of
 
 SCATTERS = (0.0, 0.005, 0.02, 0.1)
+ORDERLY = (0.0, 0.005, 0.01)  # well below the 2 % beyond which values count as mixed up
 
 
 def main() -> None:
@@ -43,6 +44,19 @@ def main() -> None:
     for shape, count in shapes.items():
         print(f"  {shape:24} {100.0 * count / (draws * len(cells)):6.2f}")
     print(f"  all {100.0 * alarms.total() / (n * len(cells)):.2f}")
+    print("Smooth shapes whose order is not passed, per cent, by subset, for scatter", *ORDERLY)
+    for subset, settings in SUBSETS.items():
+        places = [setting - 1 for setting in settings]
+        row = []
+        for scatter in ORDERLY:
+            found = (
+                trend_of(values[::sign][places], settings, scatter=scatter, seed=seed).monotone
+                for values in SMOOTH.values()
+                for seed in range(draws)
+                for sign in (1, -1)
+            )
+            row.append(f"{100.0 * sum(one is not True for one in found) / (2 * n):6.2f}")
+        print(f"  {subset:14}", *row)
     print("Setting 20 found, per cent, by parameter and subset, for scatter", *SCATTERS[:3])
     for name in ("r_m1", "r_m2"):
         for subset, settings in SUBSETS.items():

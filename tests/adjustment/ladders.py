@@ -68,12 +68,17 @@ def trend_of(
     return trends[name]
 
 
-def reference_trends(settings: Sequence[int], *, seed: int) -> dict[str, Trend]:
-    """Return the trends of the reference set with the errors of a log."""
+def reference_trends(
+    settings: Sequence[int], *, seed: int, order: Sequence[int] | None = None
+) -> dict[str, Trend]:
+    """Return the trends of the reference set with the errors of a log.
+
+    With `order` the damper stood at those settings when the logs say `settings`.
+    """
     random = np.random.default_rng(seed)
     fits, known = [], {}
-    for setting in settings:
-        truth = reference_parameters(setting)
+    for setting, stood_at in zip(settings, order or settings, strict=True):
+        truth = reference_parameters(stood_at)
         values = {
             name: getattr(truth, name) * float(np.exp(ERRORS[name] * random.standard_normal()))
             for name in OWN

@@ -123,7 +123,8 @@ def test_a_hill_is_not_monotone() -> None:
 
 
 def test_a_constant_is_flat_and_monotone() -> None:
-    trends = [trend_of(SMOOTH["constant"], ALL, scatter=0.02, seed=seed) for seed in range(20)]
+    # Beyond a scatter of 2 % its values go to and fro: tests/adjustment/test_order.py.
+    trends = [trend_of(SMOOTH["constant"], ALL, scatter=0.01, seed=seed) for seed in range(20)]
     # One in twenty is taken for a slope: the price of choosing among five scales.
     assert sum((t.direction, t.monotone) == ("flat", True) for t in trends) >= 18
     assert trend_of(SMOOTH["constant"], ALL).degree == 0

@@ -80,6 +80,22 @@ def test_a_gap_widens_the_interval_and_is_named() -> None:
     assert "interpolated over settings without a fit" in far.sentence
 
 
+@pytest.mark.parametrize(
+    ("force", "words"),
+    [
+        # 13.2 of settings 10 and 14; the force is nearer to that of 14.
+        (180.0, "nearest is 13, which has no fit, and of those fitted 14 (+20 N)"),
+        (190.0, "nearest of those fitted is 14 (+10 N)"),
+        (110.0, "nearest of those fitted is 10 (-10 N)"),
+    ],
+)
+def test_the_nearest_click_is_named_also_where_it_was_not_tested(force, words) -> None:
+    wanted = which_setting(ladder([100, 200], settings=(10, 14)), force)
+    assert wanted.sentence.endswith(words)
+    tested = which_setting(ladder([100, 200], settings=(10, 11)), force)
+    assert re.search(r"; nearest is 1[01] \([+-][12]0 N\)$", tested.sentence)
+
+
 def test_without_errors_there_is_no_interval() -> None:
     wanted = which_setting(ladder([100, 200], error=math.nan), 150.0)
     assert math.isnan(wanted.answers[0].low)

@@ -113,16 +113,12 @@ def test_a_single_setting_that_cannot_fix_the_shared_ones_uses_the_papers_with_a
     assert any("2.597e+06" in text and "--fix r_m3" in text for text in campaign.warnings)
 
 
-def test_a_missing_first_setting_is_said_aloud() -> None:
-    campaign = identify(traces([4, 9], noise=4.0), PURDY_DAMPER)
-    assert "there is no log of setting 1: R_m3 is taken from setting 4." in campaign.warnings
-
-
-def test_an_adjuster_counted_from_0_lacks_no_setting() -> None:
+@pytest.mark.parametrize("first", [0, 2])
+def test_an_adjuster_without_a_setting_1_lacks_none(first) -> None:
     """Used to be told that there is no log of setting 1."""
-    first, second = traces([1, 9], noise=4.0)
-    campaign = identify([replace(first, setting=0), second], PURDY_DAMPER)
-    assert campaign.sharing.r_m3_from == 0
+    lowest, other = traces([1, 9], noise=4.0)
+    campaign = identify([replace(lowest, setting=first), other], PURDY_DAMPER)
+    assert campaign.sharing.r_m3_from == first
     assert campaign.warnings == ()
 
 

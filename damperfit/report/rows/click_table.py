@@ -30,9 +30,13 @@ def click_sheet(clicks: Sequence[Click]) -> Sheet:
     return Sheet(
         headings=("click", "rebound", "bump"),
         units=("", "N", "N"),
-        rows=tuple(
-            (f"{step[0]} to {step[1]}", told(step, "rebound"), told(step, "bump")) for step in steps
-        ),
+        rows=tuple((_words(*step), told(step, "rebound"), told(step, "bump")) for step in steps),
         is_number=(False, True, True),
         notes=(simulated_clicks_at(fastest),) if steps else (),
     )
+
+
+def _words(first: int, second: int) -> str:
+    """Two settings apart are more than one click, and what lies between was not tested."""
+    apart = f" ({second - first} clicks)" if second - first > 1 else ""
+    return f"{first} to {second}{apart}"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from damperfit.report.rows.notes_below_tables import (
     DAMPING_SHARE,
     force_and_click_at,
+    over_several_clicks,
     stroke_and_click_at,
 )
 from damperfit.report.rows.rounding import NOTHING, number, with_interval
@@ -31,8 +32,10 @@ def force_by_setting_sheet(rows: Sequence[Mapping[str, Any]]) -> Sheet:
         (row["setting"], row["stroke"]): row for row in rows if row["speed_m_per_s"] == fastest
     }
     settings = sorted({setting for setting, _ in by_place})
+    gaps = over_several_clicks(settings)
+    change = "change" if gaps else "click"
     return Sheet(
-        headings=("set", "rebound", "click", "", "bump", "click", ""),
+        headings=("set", "rebound", change, "", "bump", change, ""),
         units=("", "N", "N", "%", "N", "N", "%"),
         rows=tuple(
             (
@@ -46,7 +49,7 @@ def force_by_setting_sheet(rows: Sequence[Mapping[str, Any]]) -> Sheet:
             for setting in settings
         ),
         is_number=(True,) * 7,
-        notes=(force_and_click_at(fastest), DAMPING_SHARE),
+        notes=(force_and_click_at(fastest), *gaps, DAMPING_SHARE),
     )
 
 
@@ -55,8 +58,9 @@ def force_by_speed_sheet(rows: Sequence[Mapping[str, Any]], stroke: str) -> Shee
     speeds = sorted({row["speed_m_per_s"] for row in rows})
     table = {(row["setting"], row["speed_m_per_s"]): row for row in rows if row["stroke"] == stroke}
     settings = sorted({setting for setting, _ in table})
+    gaps = over_several_clicks(settings)
     return Sheet(
-        headings=("set", *(f"{speed:g}" for speed in speeds), "click", ""),
+        headings=("set", *(f"{speed:g}" for speed in speeds), "change" if gaps else "click", ""),
         units=("", *("m/s" for _ in speeds), "N", "%"),
         rows=tuple(
             (
@@ -67,7 +71,7 @@ def force_by_speed_sheet(rows: Sequence[Mapping[str, Any]], stroke: str) -> Shee
             for setting in settings
         ),
         is_number=(True,) * (len(speeds) + 3),
-        notes=(stroke_and_click_at(stroke, speeds[-1]), DAMPING_SHARE),
+        notes=(stroke_and_click_at(stroke, speeds[-1]), *gaps, DAMPING_SHARE),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ __all__ = [
     "energy_and_temperature",
     "errors_and_flags",
     "force_and_click_at",
+    "over_several_clicks",
     "simulated_clicks_at",
     "stroke_and_click_at",
     "units_and_marks",
@@ -36,6 +38,8 @@ _MARKS = {
     "at_bound": "! ran into a bound",
     "not_identifiable": "? these logs cannot tell it",
 }
+
+_MOST_STEPS = 5  # named below a table
 
 
 def units_and_marks(rows: Sequence[Row], names: Sequence[str]) -> tuple[str, ...]:
@@ -66,6 +70,16 @@ def force_and_click_at(speed: float) -> str:
 def stroke_and_click_at(stroke: str, speed: float) -> str:
     """Return what a table of one stroke at several speeds shows; speed of the click in m/s."""
     return f"{stroke}: force in N; click: its change at {speed:g} m/s"
+
+
+def over_several_clicks(settings: Sequence[int]) -> tuple[str, ...]:
+    """Return which changes between tested settings are over more than one click, if any are."""
+    wide = [(a, b) for a, b in itertools.pairwise(settings) if b - a > 1]
+    if not wide:
+        return ()
+    named = ", ".join(f"{a} to {b} ({b - a} clicks)" for a, b in wide[:_MOST_STEPS])
+    more = f" and {len(wide) - _MOST_STEPS} more" if len(wide) > _MOST_STEPS else ""
+    return (f"the change is over all clicks between two tested settings: {named}{more}",)
 
 
 def simulated_clicks_at(speed: float) -> str:
