@@ -356,6 +356,7 @@ SURFACE = {
         "parameter_sheet",
         "read_back",
         "report_plots",
+        "short_listing",
         "sparkline",
         "stretch_sheet",
         "summary_sheet",

@@ -235,6 +235,7 @@ def _append(path: Path, report: str) -> None:
 def _tell_people(
     result: RunResult, *, configuration: Configuration, is_quiet: bool, is_written: bool
 ) -> None:
+    from damperfit.report import short_listing
     from damperfit.run.remarks import corrections
 
     for gate in result.facts.gates:
@@ -243,7 +244,7 @@ def _tell_people(
         return
     for line in (*configuration.notes, *corrections(result.campaign)):
         say(f"note: {line}")
-    for warning in result.facts.warnings:
+    for warning in short_listing(result.facts.warnings):
         say(f"warning: {warning}")
     for sentence in result.facts.untold:
         say(f"note: {sentence}")

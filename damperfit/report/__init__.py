@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from damperfit.report.alike import short_listing
 from damperfit.report.failures_and_warnings import Failure, ReportFacts, failure_lines
 from damperfit.report.mse_report import markdown_report
 from damperfit.report.rows.check_table import check_lines
@@ -74,6 +75,7 @@ __all__ = [
     "parameter_sheet",
     "read_back",
     "report_plots",
+    "short_listing",
     "sparkline",
     "stretch_sheet",
     "summary_sheet",

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from damperfit.uncertainty import Prediction
 
 from damperfit.checks import Check
+from damperfit.report.alike import shape_of, summarised
 
 __all__ = ["Failure", "ReportFacts", "failure_lines"]
 
@@ -73,21 +74,22 @@ class Failure:
 
 
 def failure_lines(failures: Sequence[Failure]) -> list[str]:
-    """Return a line for each failure; one for all tests of a file that fail in the same way.
+    """Return a line for each failure; of many alike the first, and how many more.
 
     A logger that leaves out the setting does so in each of a file's hundreds of tests.
     """
-    alike: dict[tuple[str, str, str], list[Failure]] = {}
+    of_file: dict[tuple[str, str, str], list[Failure]] = {}
     for one in failures:
-        said = one.message.replace(one.log, "", 1) if one.log else one.message
-        alike.setdefault((one.path or one.place, one.kind, said), []).append(one)
-    lines = []
-    for first, *others in alike.values():
+        shape = shape_of(one.message, one.log)
+        of_file.setdefault((one.path or one.place, one.kind, shape), []).append(one)
+    told = []
+    for first, *others in of_file.values():
         if len(others) < _MANY:
-            lines += [one.line for one in (first, *others)]
+            told += [(one.place, one.line) for one in (first, *others)]
         else:
-            lines.append(f"{first.line} (and {len(others)} other tests of this file alike)")
-    return lines
+            more = f"(and {len(others)} other tests of this file alike)"
+            told.append((first.place, f"{first.line} {more}"))
+    return list(summarised(told))
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Any
 
 from damperfit.identification.sharing import listed_runs
+from damperfit.report.alike import short_listing
 from damperfit.report.failures_and_warnings import failure_lines
 from damperfit.report.rows.check_table import check_sheet, check_summary
 from damperfit.report.rows.force_by_setting_table import force_by_setting_sheet
@@ -64,7 +65,7 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
         _section("What to do", _list(f"{word}: {advice}" for word, advice in facts.advice)),
         _section("Checks", _checks(facts)),
         _section("Across the settings", (*_list(facts.across), *_clicks(tables))),
-        _section("Warnings", _list(facts.warnings)),
+        _section("Warnings", _list(short_listing(facts.warnings))),
         _section("Noise and lack of fit", _list(facts.trust)),
         _section("Identifiability", _list(facts.identifiability)),
         _section("Many starts", _list(facts.searches)),

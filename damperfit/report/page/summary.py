@@ -7,6 +7,8 @@ from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.identification.sharing import listed_runs
+from damperfit.report.alike import short_listing, summarised
+from damperfit.report.failures_and_warnings import failure_lines
 from damperfit.report.json_records import (
     checks_in,
     failures_in,
@@ -98,14 +100,14 @@ def summary(results: Results, logs: Sequence[EvaluatedLog]) -> Summary:
         checks_title=checks_title,
         checks=checks,
         listings=(
-            Listing("Verdicts", list(_verdicts(results))),
+            Listing("Verdicts", short_listing(_verdicts(results))),
             Listing("Held out: predicted, not fitted", held_out_in(record)),
             Listing("Across the settings", trends),
             Listing("Noise and lack of fit", sentences_in(record, "noise_and_lack_of_fit")),
             Listing("Identifiability", sentences_in(record, "identifiability")),
             Listing("Many starts", sentences_in(record, "many_starts")),
             Listing("Cavitation", sentences_in(record, "cavitation")),
-            Listing("Warnings", listed_in(record, "warnings")),
+            Listing("Warnings", short_listing(listed_in(record, "warnings"))),
         ),
         details=(
             Listing("Warnings of each log", _log_findings(record)),
@@ -116,7 +118,7 @@ def summary(results: Results, logs: Sequence[EvaluatedLog]) -> Summary:
 
 
 def _not_done(record: Mapping[str, Any]) -> Iterator[str]:
-    yield from (failure.message for failure in failures_in(record))
+    yield from failure_lines(failures_in(record))
     if gaps := gaps_in(record):
         yield f"no result for setting {listed_runs(gaps)}"
 
@@ -236,10 +238,11 @@ def _checks(record: Mapping[str, Any]) -> tuple[str, Sheet | None]:
 
 def _log_findings(record: Mapping[str, Any]) -> list[str]:
     """Return the findings that matter; mere notes stand with their log."""
-    return [
-        f"{entry.get('log', 'log')}: {finding.sentence}"
+    told = (
+        (str(entry.get("log", "log")), f"{entry.get('log', 'log')}: {finding.sentence}")
         for entry in listed_in(record, "inputs")
         if isinstance(entry, dict)
         for finding in findings_in(entry)
         if finding.severity != "note"
-    ]
+    )
+    return list(summarised(told))

@@ -8,17 +8,19 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
+from damperfit.report.alike import MANY_KINDS, listed_names, shape_of
 from damperfit.report.rows.rounding import NOTHING, number
 from damperfit.report.rows.sheet import Sheet
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-__all__ = ["VERDICT_COLOURS", "finding_lines", "inspection_sheet", "stretch_sheet"]
+__all__ = ["MANY_ROWS", "VERDICT_COLOURS", "finding_lines", "inspection_sheet", "stretch_sheet"]
 
 VERDICT_COLOURS = {"good": "green", "warnings": "yellow", "refused": "red"}
 _NOISE_NOTE = "* read above the filter's band; otherwise from the scatter between cycles"
 _WIDTH = 80
+MANY_ROWS = 60  # of a table; two screens
 _EACH = 3  # sentences of one kind of finding that are told one by one
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
 
@@ -26,7 +28,8 @@ _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
 def inspection_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
     """Return one row per log: what was found in it, and whether it can be used."""
     rows = []
-    for log in logs:
+    shown, notes = _shown(list(logs))
+    for log in shown:
         amplitude = log.get("amplitude_m")
         used, found = log.get("cycles_used"), log.get("cycles_found")
         n_read = log.get("n_samples_read")
@@ -48,7 +51,18 @@ def inspection_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
         units=("", "", "", "Hz", "used", "Hz", "mm", "degC", ""),
         rows=tuple(rows),
         is_number=(False, *(True,) * 7, False),
+        notes=notes,
     )
+
+
+def _shown(logs: Sequence[Mapping[str, Any]]) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
+    """Return the logs that have a row: all, or of many the first that can be used."""
+    if len(logs) <= MANY_ROWS:
+        return list(logs), ()
+    usable = [log for log in logs if log.get("verdict") != "refused"] or list(logs)
+    shown = usable[:MANY_ROWS]
+    left_out = len(logs) - len(shown)
+    return shown, (f"{left_out} of {len(logs)} logs have no row here; --json tells all",)
 
 
 def stretch_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
@@ -60,6 +74,9 @@ def stretch_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
             continue
         names = [str(log["name"]), *("" for _ in stretches[1:])]
         rows += [_stretch_row(name, one) for name, one in zip(names, stretches, strict=False)]
+    notes = [_NOISE_NOTE] if any("*" in row[-1] for row in rows) else []
+    if len(rows) > MANY_ROWS:
+        notes.append(f"{len(rows) - MANY_ROWS} more stretches have no row here; --json tells all")
     return Sheet(
         headings=(
             "stretches",
@@ -74,9 +91,9 @@ def stretch_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
             "noise",
         ),
         units=("", "s", "", "Hz", "mm", "m/s", "N", "N", "J", "N"),
-        rows=tuple(rows),
+        rows=tuple(rows[:MANY_ROWS]),
         is_number=(False, *(True,) * 9),
-        notes=(_NOISE_NOTE,) if any("*" in row[-1] for row in rows) else (),
+        notes=tuple(notes),
     )
 
 
@@ -139,18 +156,24 @@ def _told(logs: Sequence[Mapping[str, Any]], severity: str) -> dict[tuple[str, s
 
 
 def _grouped(told: Mapping[tuple[str, str], list[str]]) -> Iterator[str]:
-    """Yield a line for each sentence; one for each name where it differs from log to log."""
-    kinds: dict[str, list[tuple[str, list[str]]]] = {}
+    """Yield a line for each sentence; one for each kind where it differs from log to log.
+
+    Refusals share a few names; what tells their causes apart is the sentence without its numbers.
+    """
+    kinds: dict[tuple[str, str], list[tuple[str, list[str]]]] = {}
     for (name, sentence), names in told.items():
-        kinds.setdefault(name, []).append((sentence, names))
-    for name, found in kinds.items():
+        kinds.setdefault((name, shape_of(sentence)), []).append((sentence, names))
+    for (name, _), found in list(kinds.items())[:MANY_KINDS]:
         if len(found) <= _EACH:
             yield from (f"{_named(names)}: {name}: {sentence}" for sentence, names in found)
             continue
         sentence, (first, *_) = found[0]
         others = dict.fromkeys(log for _, names in found for log in names)
         del others[first]
-        yield f"{first}: {name}: {sentence}. With other numbers in {', '.join(others)}"
+        listed = listed_names(list(others))
+        yield f"{first}: {name}: {sentence}. With other numbers in {listed}"
+    if len(kinds) > MANY_KINDS:
+        yield f"and {len(kinds) - MANY_KINDS} more kinds; --json tells all"
 
 
 def _note_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -187,17 +210,22 @@ def _short(value: float) -> str:
 
 def _reading_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield what was assumed in reading, each assumption once."""
-    told: dict[str, list[str]] = {}
+    told: dict[str, dict[str, list[str]]] = {}
     for log in logs:
         sentences = {one["sentence"] for one in _findings(log)}
         for note in log.get("notes", ()):
             if note not in sentences:
-                told.setdefault(note, []).append(log["name"])
+                told.setdefault(shape_of(note), {}).setdefault(note, []).append(log["name"])
     if told:
         yield from ("", "Read as")
-    for note, names in told.items():
-        who = f" ({len(names)} of {len(logs)} logs)" if len(logs) > 1 else ""
-        yield from _wrapped(f"{note}{who}")
+    for alike in told.values():
+        if len(alike) > _EACH:
+            n, first = sum(map(len, alike.values())), next(iter(alike))
+            yield from _wrapped(f"{first} ({n} of {len(logs)} logs, with other names or numbers)")
+            continue
+        for note, names in alike.items():
+            who = f" ({len(names)} of {len(logs)} logs)" if len(logs) > 1 else ""
+            yield from _wrapped(f"{note}{who}")
 
 
 def _named(names: Sequence[str]) -> str:

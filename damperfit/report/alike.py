@@ -1,0 +1,80 @@
+"""Of many sentences that say the same with other numbers: the first, and how many more.
+
+What is wrong with hundreds of logs is a few lines, one for each kind of cause; run.json keeps all.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+__all__ = ["MANY_KINDS", "listed_names", "shape_of", "short_listing", "summarised"]
+
+MANY_KINDS = 20  # kinds of sentences that are told
+_SHOWN = 3  # sentences of one kind that are told one by one where there are many
+_FEW = 20  # sentences in all that are told one by one
+_NAMES = 5  # names that are listed
+_QUOTED = re.compile(r"'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"")
+_NUMBER = re.compile(r"(?<![^\W_])[+-]?\d[\w.+-]*")
+_LISTED = re.compile(r"''(?:,? (?:and |or )?'')+")
+
+
+def shape_of(sentence: str, name: str = "") -> str:
+    """Return what is left of a sentence without numbers, quoted words and the log's name.
+
+    Examples
+    --------
+    >>> shape_of("a_7.csv, line 12: force is 'OVR', in 3 of 4 rows", "a_7.csv")
+    ", line #: force is '', in # of # rows"
+    """
+    without = sentence.replace(name, "") if name else sentence
+    return _NUMBER.sub("#", _LISTED.sub("''", _QUOTED.sub("''", without)))
+
+
+def listed_names(names: Sequence[str]) -> str:
+    """Return names in a row; of many the first, and how many more.
+
+    Examples
+    --------
+    >>> listed_names(["a", "b"]), listed_names(list("abcdefg"))
+    ('a, b', 'a, b, c, d, e and 2 more')
+    """
+    if len(names) <= _NAMES + 1:
+        return ", ".join(names)
+    return f"{', '.join(names[:_NAMES])} and {len(names) - _NAMES} more"
+
+
+def summarised(told: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """Yield sentences, each with the name it is about; of many alike the first and how many more.
+
+    Parameters
+    ----------
+    told : iterable of (str, str)
+        Name and whole sentence.
+    """
+    everything = list(told)
+    if len(everything) <= _FEW:
+        yield from (sentence for _, sentence in everything)
+        return
+    kinds: dict[str, list[tuple[str, str]]] = {}
+    for name, sentence in everything:
+        kinds.setdefault(shape_of(sentence, name), []).append((name, sentence))
+    for group in list(kinds.values())[:MANY_KINDS]:
+        if len(group) <= _SHOWN:
+            yield from (sentence for _, sentence in group)
+            continue
+        (_, first), *others = group
+        names = listed_names([name for name in dict.fromkeys(name for name, _ in others) if name])
+        yield f"{first} (and {len(others)} alike{': ' * bool(names)}{names})"
+    if len(kinds) > MANY_KINDS:
+        rest = sum(len(group) for group in list(kinds.values())[MANY_KINDS:])
+        n = len(kinds) - MANY_KINDS
+        yield f"and {rest} more of {n} other kinds; run.json and --json tell all"
+
+
+def short_listing(sentences: Iterable[str]) -> list[str]:
+    """Return sentences that say themselves what they are about; of many alike the first."""
+    return list(summarised(("", str(sentence)) for sentence in sentences))
