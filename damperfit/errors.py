@@ -29,6 +29,7 @@ __all__ = [
     "OutputError",
     "QualityError",
     "SimulationError",
+    "TimelessError",
     "did_you_mean",
     "mishap_of",
     "sparing",
@@ -55,6 +56,10 @@ class InstallationError(DamperfitError):
 
 class LogError(DamperfitError):
     """One log cannot be read as force and displacement over time."""
+
+
+class TimelessError(LogError):
+    """A file holds speed and force without time: no log that can be fitted, but curves."""
 
 
 class ConditioningError(LogError):

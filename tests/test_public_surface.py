@@ -238,6 +238,7 @@ SURFACE = {
         "OutputError",
         "QualityError",
         "SimulationError",
+        "TimelessError",
         "did_you_mean",
         "mishap_of",
         "sparing",
@@ -313,8 +314,10 @@ SURFACE = {
         "units_of",
     ],
     "damperfit.readers": [
+        "ForceCurve",
         "Profile",
         "ReadOptions",
+        "read_curves",
         "read_log",
         "read_logs",
     ],
@@ -340,6 +343,8 @@ SURFACE = {
         "SweepMember",
         "VERDICT_COLOURS",
         "check_lines",
+        "curve_forces_sheet",
+        "curve_sheet",
         "cycle_force_sheet",
         "cycle_pressure_sheet",
         "cycle_sparklines",
@@ -428,6 +433,10 @@ SURFACE = {
         "time_series_table",
         "write_responses",
         "write_table",
+    ],
+    "damperfit.queries.measured_forces": [
+        "MeasuredForces",
+        "measured_forces",
     ],
     "damperfit.queries.one_simulation": [
         "Choice",

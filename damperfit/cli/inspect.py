@@ -84,6 +84,7 @@ def inspect(
 def _show(batch: LogBatch, *, has_notes: bool) -> None:
     from damperfit.report import (
         VERDICT_COLOURS,
+        curve_sheet,
         finding_lines,
         inspection_sheet,
         stretch_sheet,
@@ -97,5 +98,8 @@ def _show(batch: LogBatch, *, has_notes: bool) -> None:
     if (stretches := stretch_sheet(facts)).rows:
         print_lines([""])
         print_renderable(terminal_table(stretches))
+    if (curves := curve_sheet(facts)).rows:
+        print_lines([""])
+        print_renderable(terminal_table(curves))
     lines = (one_line(line) for line in finding_lines(facts, has_notes=has_notes))
     print_lines(["", *lines])

@@ -25,6 +25,7 @@ from damperfit.cli.options import (
     QuietOption,
     VersionOption,
 )
+from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from damperfit.queries.force_by_setting import AdjusterResults, ForceTable, Question
@@ -34,7 +35,10 @@ __all__ = ["settings"]
 
 def settings(
     results: Annotated[
-        Path, typer.Argument(metavar="RESULTS", help="Folder that identify wrote.")
+        Path,
+        typer.Argument(
+            metavar="RESULTS", help="Folder that identify wrote, or a file of measured curves."
+        ),
     ] = Path("results"),
     force: Annotated[
         str | None,
@@ -68,6 +72,14 @@ def settings(
     from damperfit.run.logs import available_cores
 
     question = parse_question(force=force, velocity=velocity, stroke=stroke)
+    if results.is_file():
+        for option, value in (("--amplitude", amplitude), ("--frequency", frequency)):
+            if value is not None:
+                raise ConfigurationError(
+                    f"{option} {value} cannot act: the forces of {results} were measured, not "
+                    "simulated; leave it out"
+                )
+        return _curves(results, question, config=config, is_json=json, is_quiet=quiet)
     adjuster = read_adjuster(results, config=config, amplitude=amplitude, frequency=frequency)
     forces = tabulate_forces(adjuster, question, jobs=jobs or available_cores())
     remarks = (*adjuster.remarks, *forces.remarks)
@@ -82,6 +94,32 @@ def settings(
     else:
         _show(adjuster, question, forces, is_quiet=quiet)
     return 1 if remarks else 0
+
+
+def _curves(
+    path: Path, question: Question, *, config: Path | None, is_json: bool, is_quiet: bool
+) -> int:
+    """Answer from curves that were measured without time."""
+    from damperfit.queries.measured_forces import measured_forces
+    from damperfit.report import curve_forces_sheet, terminal_table
+    from damperfit.run.run_json import json_values
+
+    found = measured_forces(path, question, config=config)
+    if is_json:
+        asked = None if question.force is None else asdict(question)
+        document = {"source": str(path), "question": asked, "sentence": found.sentence or None}
+        print_json(json_values(document | {"forces": found.rows()}))
+        return 0
+    if found.sentence:
+        print_lines(wrap(found.sentence, screen_columns()))
+        if is_quiet:
+            return 0
+        print_lines([""])
+    for note in () if is_quiet else dict.fromkeys(n for one in found.curves for n in one.notes):
+        say(f"note: {note}")
+    sheet = curve_forces_sheet(found.curves, found.speeds[-5:])
+    print_renderable(terminal_table(sheet))
+    return 0
 
 
 def _show(

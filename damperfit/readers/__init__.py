@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from damperfit.errors import LogError
+from damperfit.errors import LogError, TimelessError
 from damperfit.readers.options import Profile, ReadOptions
 
 if TYPE_CHECKING:
     import os
 
+    from damperfit.readers.files import Source
+    from damperfit.readers.force_curves import ForceCurve
+    from damperfit.readers.table import Table
     from damperfit.recording import Recording
 
-__all__ = ["Profile", "ReadOptions", "read_log", "read_logs"]
+__all__ = ["ForceCurve", "Profile", "ReadOptions", "read_curves", "read_log", "read_logs"]
 
 _DEFAULTS = ReadOptions()
 
@@ -33,8 +36,51 @@ def read_logs(
     ------
     LogError
         The file cannot be read as force and displacement over time; one line that says why.
+        TimelessError where it holds speed and force without time, which `read_curves` reads.
     """
     from damperfit.readers.assembly import make_recordings
+    from damperfit.readers.force_curves import holds_curves
+
+    source, tables, options, notes = _opened(path, options)
+    try:
+        return make_recordings(tables, source, options, notes)
+    except LogError as error:
+        if not holds_curves(tables, options):
+            raise
+        raise TimelessError(
+            f"{source.name}: speed and force without time, and a fit needs force and displacement "
+            f"over time; damperfit inspect shows the curves, damperfit settings {source.name} "
+            "finds a force among them"
+        ) from error
+
+
+def read_curves(
+    path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS
+) -> tuple[ForceCurve, ...]:
+    """Return the curves of force over speed in a file without time.
+
+    Parameters
+    ----------
+    path : path-like
+        File of any known format: points (PVP) or loops (CVP), by stroke and setting.
+    options : ReadOptions, optional
+        Declared units and signs.
+
+    Raises
+    ------
+    LogError
+        The file holds no speed with a force, or a unit, a value or the stroke cannot be told.
+    """
+    from damperfit.readers.force_curves import make_curves
+
+    source, tables, options, notes = _opened(path, options)
+    return make_curves(tables, source, options, notes)
+
+
+def _opened(
+    path: str | os.PathLike[str], options: ReadOptions
+) -> tuple[Source, tuple[Table, ...], ReadOptions, tuple[str, ...]]:
+    """Return a file, its tables, and the options and notes of its profile."""
     from damperfit.readers.files import read_source
     from damperfit.readers.formats import find_format
     from damperfit.readers.gzip import unpack
@@ -42,8 +88,7 @@ def read_logs(
     source = read_source(path, max_bytes=options.max_bytes)
     options, notes = options.for_file(source.name)
     source, format_notes = unpack(source, max_bytes=options.max_bytes)
-    tables = find_format(source).read(source, options)
-    return make_recordings(tables, source, options, (*notes, *format_notes))
+    return source, find_format(source).read(source, options), options, (*notes, *format_notes)
 
 
 def read_log(path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> Recording:
@@ -59,3 +104,11 @@ def read_log(path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> 
         name = recordings[0].name.removesuffix(" part 1")
         raise LogError(f"{name}: holds {len(recordings)} tests; read_logs gives them all")
     return recordings[0]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "ForceCurve":
+        from damperfit.readers.force_curves import ForceCurve
+
+        return ForceCurve
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

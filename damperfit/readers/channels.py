@@ -20,9 +20,11 @@ if TYPE_CHECKING:
 __all__ = [
     "ChannelChoice",
     "choose_channels",
+    "has_channel",
     "mentions_channel",
     "split_name",
     "told_at_once",
+    "unit_of_channel",
     "visible",
     "words_of",
 ]
@@ -183,6 +185,31 @@ def choose_channels(
     if problems:
         raise LogError(f"{where}: {told_at_once(problems)}")
     return chosen, tuple(notes)
+
+
+def has_channel(channel: str, columns: Sequence[Column], options: ReadOptions) -> bool:
+    """Say whether a column is declared or named as the channel."""
+    return options.columns.get(channel, "") != "" or bool(_candidates(channel, columns))
+
+
+def unit_of_channel(
+    channel: str, index: int, column: Column, options: ReadOptions, where: str
+) -> Unit:
+    """Return the unit of a column that holds a channel.
+
+    Raises
+    ------
+    LogError
+        There is none, it is unknown or of another dimension.
+    """
+    choice = _with_unit(channel, index, column, options, where)
+    if choice.unit is None:
+        first = units_of(CHANNELS[channel])[0]
+        raise LogError(
+            f"{where}: column {choice.name} has no unit of {channel}; write it into the name or "
+            f"declare it in rig.units (--rig units.{channel}={first})"
+        )
+    return choice.unit
 
 
 def told_at_once(problems: Sequence[str]) -> str:

@@ -323,6 +323,8 @@ def _heading(rows: Sequence[_Row], start: int) -> tuple[int, int | None, int | N
     named.sort(key=lambda i: _is_units_row(rows[i].fields))
     names_at = next(iter(named), None)
     if names_at is None:
+        if len(candidates) > 1 and _is_units_row(rows[start - 1].fields):
+            return start, start - 2, start - 1
         names_at = start - 1 if candidates else None
         return start, names_at, None
     if names_at + 1 < start and _is_units_row(rows[names_at + 1].fields):

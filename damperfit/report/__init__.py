@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from damperfit.report.plots.report_plots import ReportPlots, report_plots
     from damperfit.report.plots.simulated_cycle import draw_loops
     from damperfit.report.plots.sweep import sweep_plot, sweep_pressure_plot
+    from damperfit.report.rows.curve_table import curve_forces_sheet, curve_sheet
     from damperfit.report.rows.cycle_table import (
         cycle_force_sheet,
         cycle_pressure_sheet,
@@ -59,6 +60,8 @@ __all__ = [
     "Sheet",
     "SweepMember",
     "check_lines",
+    "curve_forces_sheet",
+    "curve_sheet",
     "cycle_force_sheet",
     "cycle_pressure_sheet",
     "cycle_sparklines",
@@ -92,6 +95,8 @@ _LATE = {
     "Plot": "plots.description",
     "ReportPlots": "plots.report_plots",
     "SweepMember": "rows.sweep_table",
+    "curve_forces_sheet": "rows.curve_table",
+    "curve_sheet": "rows.curve_table",
     "cycle_force_sheet": "rows.cycle_table",
     "cycle_pressure_sheet": "rows.cycle_table",
     "cycle_sparklines": "rows.cycle_table",

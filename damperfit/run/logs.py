@@ -22,10 +22,11 @@ from damperfit.errors import (
     LogError,
     Mishap,
     QualityError,
+    TimelessError,
     mishap_of,
 )
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.readers import read_logs
+from damperfit.readers import read_curves, read_logs
 from damperfit.recording import Finding, natural_order
 from damperfit.report import Failure
 
@@ -169,7 +170,8 @@ def read_batch(
     setting : int, optional
         Setting of the logs that do not say theirs.
     keeps_traces : bool
-        False: only the facts are wanted; no samples are kept.
+        False: only the facts are wanted; no samples are kept, and curves without time are facts
+        too, not failures.
     cancelled : callable
         Asked before each log; once it says True, the remaining logs are left out.
     """
@@ -178,6 +180,8 @@ def read_batch(
 
     def one(path: Path, name: str) -> list[_Taken]:
         taken = [] if cancelled() else _take_file(path, name, configuration, setting=setting)
+        if not keeps_traces and [part.kind for part in taken] == [TimelessError.__name__]:
+            taken = [_take_curves(path, taken[0].facts, configuration)]
         return taken if keeps_traces else [replace(part, trace=None) for part in taken]
 
     # BLAS threads spin between small products and take the core of the next log.
@@ -239,6 +243,11 @@ class _Taken:
     trace: Trace | None = None
     failure: Failure | None = None
 
+    @property
+    def kind(self) -> str:
+        """Which error it failed with; empty where it did not."""
+        return self.failure.kind if self.failure is not None else ""
+
 
 def _take_file(
     path: Path, name: str, configuration: Configuration, *, setting: int | None
@@ -253,6 +262,19 @@ def _take_file(
         return [_failed(known, error, task="reading the log")]
     parts = [replace(part, name=part.name.replace(path.name, name, 1)) for part in recordings]
     return [_take_test(part, path, configuration, setting=setting) for part in parts]
+
+
+def _take_curves(path: Path, known: LogFacts, configuration: Configuration) -> _Taken:
+    """Read a file without time as curves."""
+    try:
+        curves = read_curves(path, configuration.reading)
+    except _USAGE:
+        raise
+    except Exception as error:  # noqa: BLE001 - the other files go on
+        return _failed(known, error, task="reading the curves")
+    told = {"curves": [curve.describe() for curve in curves], "notes": list(curves[0].notes)}
+    facts = {"name": known.log, "verdict": "curves", **told}
+    return _Taken(replace(known, sha256=curves[0].sha256, facts=facts))
 
 
 def _take_test(

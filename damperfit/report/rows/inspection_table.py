@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MANY_ROWS", "VERDICT_COLOURS", "finding_lines", "inspection_sheet", "stretch_sheet"]
 
-VERDICT_COLOURS = {"good": "green", "warnings": "yellow", "refused": "red"}
+VERDICT_COLOURS = {"good": "green", "warnings": "yellow", "curves": "cyan", "refused": "red"}
 _NOISE_NOTE = "* read above the filter's band; otherwise from the scatter between cycles"
 _WIDTH = 80
 MANY_ROWS = 60  # of a table; two screens
@@ -135,7 +135,12 @@ def _verdicts(logs: Sequence[Mapping[str, Any]]) -> str:
     counts = dict.fromkeys(VERDICT_COLOURS, 0)
     for log in logs:
         counts[log.get("verdict", "good")] += 1
-    words = {"good": "good", "warnings": "usable with warnings", "refused": "refused"}
+    words = {
+        "good": "good",
+        "warnings": "usable with warnings",
+        "curves": "curves without time, which cannot be fitted",
+        "refused": "refused",
+    }
     parts = [f"{count} {words[verdict]}" for verdict, count in counts.items() if count]
     return f"{len(logs)} log{'s' * (len(logs) != 1)}: {', '.join(parts)}"
 
