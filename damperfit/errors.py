@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    OnError = Callable[[int, Exception], None]
+    from damperfit.setting import Setting
+
+    OnError = Callable[[Setting, Exception], None]
 
 __all__ = [
     "ConditioningError",
@@ -137,12 +139,12 @@ def mishap_of(error: Exception, task: str) -> Mishap:
 
 
 @contextmanager
-def sparing(setting: int, on_error: OnError | None) -> Iterator[None]:
+def sparing(setting: Setting, on_error: OnError | None) -> Iterator[None]:
     """Tell an error that one setting meets to whoever takes it; without a taker it is raised.
 
     Parameters
     ----------
-    setting : int
+    setting : Setting
         Which setting is worked on.
     on_error : callable or None
         Called with the setting and the error.

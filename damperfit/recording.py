@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from damperfit.setting import Setting
+
     FloatArray = NDArray[np.float64]
 
 __all__ = [
@@ -90,7 +92,7 @@ class Recording:
         Path the log was read from.
     sha256 : str
         Hash of the file's bytes, hexadecimal.
-    setting : int or None
+    setting : Setting or None
         Adjuster setting, or None when the log does not say.
     time, displacement, force : numpy.ndarray
         Shape (n,); s, m, N. All finite; time strictly increasing.
@@ -112,7 +114,7 @@ class Recording:
     name: str
     path: str
     sha256: str
-    setting: int | None
+    setting: Setting | None
     time: FloatArray
     displacement: FloatArray
     force: FloatArray
@@ -285,7 +287,7 @@ class Trace:
     ----------
     name : str
         Name of the recording.
-    setting : int or None
+    setting : Setting or None
         Adjuster setting.
     start_time : float
         Time stamp of the first sample, s.
@@ -313,7 +315,7 @@ class Trace:
     """
 
     name: str
-    setting: int | None
+    setting: Setting | None
     start_time: float
     interval: float
     displacement: FloatArray

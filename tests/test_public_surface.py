@@ -389,6 +389,18 @@ SURFACE = {
         "SimulationOptions",
         "parameter_value",
     ],
+    "damperfit.setting": [
+        "ADJUSTER",
+        "LONGEST_WORD",
+        "Line",
+        "Place",
+        "Setting",
+        "clicks_between",
+        "lines_of",
+        "parse_place",
+        "parse_setting",
+        "short_names",
+    ],
     "damperfit.simulation": [
         "Characteristics",
         "Motion",

@@ -24,18 +24,20 @@ from damperfit.report.json_records import (
     trends_in,
 )
 from damperfit.report.page.summary import summary
+from damperfit.setting import Setting
 from damperfit.tables import Results
 
 _FINITE = st.floats(allow_nan=False, allow_infinity=False)
 _FLOAT = _FINITE | st.just(math.nan)
 _WHOLE = st.integers(-(10**6), 10**6)
 _SAID = st.text(min_size=1)
+_SETTING = st.sampled_from([-3, 0, 10, 2.5, "soft", "R12 C8"]).map(Setting.of)
 _KINDS = {
     Check: st.builds(Check, name=_SAID, passed=st.none() | st.booleans(), reason=st.text()),
     Click: st.builds(
         Click,
-        first=_WHOLE,
-        second=_WHOLE,
+        first=_SETTING,
+        second=_SETTING,
         speed=_FINITE,
         stroke=st.sampled_from(["rebound", "bump"]),
         **dict.fromkeys(
@@ -46,7 +48,7 @@ _KINDS = {
         Failure,
         log=st.text(),
         path=st.text(),
-        setting=st.none() | _WHOLE,
+        setting=st.none() | _SETTING,
         kind=st.text(),
         message=_SAID,
     ),
@@ -86,6 +88,8 @@ _KINDS = {
             max_size=3,
         ).map(tuple),
         sentence=st.text(),
+        adjuster=_SAID,
+        held=st.text(),
     ),
 }
 _JSON = st.recursive(
@@ -124,6 +128,7 @@ def test_the_keys_of_a_click_say_their_units() -> None:
         "percent": 4.5,
         "percent_low": 4.0,
         "percent_high": 5.0,
+        "adjuster": "setting",
     }
 
 
@@ -168,7 +173,7 @@ def test_an_entry_without_what_it_needs_is_left_out_alone(name, lost, value) -> 
 
 @pytest.mark.parametrize(
     "value",
-    [True, "1", 1.5, None, [1], pytest.param(10**400, id="1e400"), float("nan"), float("inf")],
+    [True, "1", "?", None, [1], pytest.param(10**400, id="1e400"), float("nan"), float("inf")],
 )
 def test_a_setting_that_is_no_whole_number_is_none(value) -> None:
     click = {"from": value, "to": 2, "speed_m_per_s": 0.3, "stroke": "bump"}

@@ -24,6 +24,7 @@ import numpy as np
 
 from damperfit.damper.model import Model, Values
 from damperfit.errors import SimulationError, sparing
+from damperfit.setting import ADJUSTER, lines_of
 from damperfit.simulation import (
     NAMED_SPEEDS,
     Response,
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from damperfit.errors import OnError
     from damperfit.identification import Fit
     from damperfit.recording import Trace
+    from damperfit.setting import Setting
     from damperfit.uncertainty import Uncertainty
 
     FloatArray = NDArray[np.float64]
@@ -92,7 +94,7 @@ class Stage:
 
     Attributes
     ----------
-    setting : int
+    setting : Setting
         Which.
     parameters : Values
         SI.
@@ -102,7 +104,7 @@ class Stage:
         Of ln y (f_0: of f_0, N), own before shared, shape (k, k). None: nothing is known.
     """
 
-    setting: int
+    setting: Setting
     parameters: Values
     own: tuple[str, ...] = ()
     shared: tuple[str, ...] = ()
@@ -115,7 +117,7 @@ class Level:
 
     Attributes
     ----------
-    setting : int
+    setting : Setting
         Which.
     speed : float
         m/s, positive.
@@ -134,7 +136,7 @@ class Level:
         A chamber is empty of pressure somewhere on this motion.
     """
 
-    setting: int
+    setting: Setting
     speed: float
     stroke: str
     force: float
@@ -160,12 +162,14 @@ class Click:
 
     Attributes
     ----------
-    first, second : int
+    first, second : Setting
         The two settings; more than one click apart where settings in between have no fit.
     speed : float
         m/s, positive.
     stroke : str
         "rebound" or "bump".
+    adjuster : str
+        Which was turned; the others are held.
     change, low, high : float
         Force of the second less that of the first with its 95 % interval, N. Negative in bump
         means a harder bump.
@@ -174,8 +178,8 @@ class Click:
         at mid-stroke. NaN where that is nothing.
     """
 
-    first: int
-    second: int
+    first: Setting
+    second: Setting
     speed: float
     stroke: str
     change: float
@@ -184,6 +188,7 @@ class Click:
     percent: float
     percent_low: float
     percent_high: float
+    adjuster: str = ADJUSTER
 
 
 def sine_of(traces: Sequence[Trace]) -> Sine:
@@ -332,6 +337,8 @@ def _split(stage: Stage, slopes: FloatArray) -> tuple[float, FloatArray]:
 def clicks(found: Sequence[Level], damper: Model) -> tuple[Click, ...]:
     """Return the change of force between neighbouring settings, by speed and stroke.
 
+    Neighbours differ in one adjuster alone; words are no neighbours.
+
     Parameters
     ----------
     found : sequence of Level
@@ -341,18 +348,19 @@ def clicks(found: Sequence[Level], damper: Model) -> tuple[Click, ...]:
     """
     rest = damper.rest_force(0.0)
     gas = 0.0 if rest is None else float(rest)
-    settings = sorted({level.setting for level in found})
+    lines = lines_of(level.setting for level in found)
     table = {(level.setting, level.speed, level.stroke): level for level in found}
     speeds = sorted({level.speed for level in found})
     return tuple(
-        _click(table[a, speed, stroke], table[b, speed, stroke], gas)
-        for a, b in itertools.pairwise(settings)
+        _click(table[a, speed, stroke], table[b, speed, stroke], gas, line.adjuster)
+        for line in lines
+        for a, b in itertools.pairwise(line.settings)
         for speed in speeds
         for stroke in STROKES
     )
 
 
-def _click(first: Level, second: Level, gas: float) -> Click:
+def _click(first: Level, second: Level, gas: float, adjuster: str) -> Click:
     change = second.force - first.force
     reach = NORMAL_95 * _spread(first, second)
     damping = first.force - gas
@@ -372,6 +380,7 @@ def _click(first: Level, second: Level, gas: float) -> Click:
         percent=percent,
         percent_low=percent - share,
         percent_high=percent + share,
+        adjuster=adjuster,
     )
 
 

@@ -12,6 +12,7 @@ from damperfit.adjustment.curves import LEAST_SCATTER, Curve, Points
 from damperfit.adjustment.selection import LEAST_FOR_OUTLIERS, LEAST_FOR_TREND, choose
 from damperfit.identification import Status
 from damperfit.quantities import engineering
+from damperfit.setting import ADJUSTER, Line, Setting, lines_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -48,9 +49,9 @@ class TrendPoint:
 
     Attributes
     ----------
-    setting : int
-        Every whole number from the lowest to the highest setting, fitted or not (the fitted ones
-        alone where they span more than 200).
+    setting : int or float
+        Clicks of the adjuster: every whole number from the lowest to the highest, fitted or not,
+        and what was fitted in between (the fitted ones alone where they span more than 200).
     value, low, high : float
         The trend and its pointwise 95 % band, SI. The band is that of the curve; values scatter
         about it.
@@ -58,7 +59,7 @@ class TrendPoint:
         The fitted value, None where there is none.
     """
 
-    setting: int
+    setting: int | float
     value: float
     low: float
     high: float
@@ -71,15 +72,15 @@ class Outlier:
 
     Attributes
     ----------
-    setting : int
-        Which.
+    setting : int or float
+        Which, by the clicks of the adjuster.
     value, expected : float
         What was fitted, and the trend there, SI.
     deviation : float
         value/expected - 1.
     """
 
-    setting: int
+    setting: int | float
     value: float
     expected: float
     deviation: float
@@ -108,7 +109,7 @@ class Trend:
     monotone : bool or None
         Neither the trend nor a value turns back by more than errors and scatter allow. The scatter
         of erratic values allows nothing, but for K_e, whose trend is not judged where it is large.
-    reversals : tuple of (int, int)
+    reversals : tuple of (int or float, int or float)
         Neighbouring settings between which the value goes against the direction.
     outliers : tuple of Outlier
         Settings off the trend.
@@ -118,6 +119,10 @@ class Trend:
         The curve and its band.
     sentence : str
         For people.
+    adjuster : str
+        Along which the settings stand.
+    held : str
+        Where the other adjusters stand, for people; empty where there are none.
     """
 
     parameter: str
@@ -127,50 +132,70 @@ class Trend:
     is_erratic: bool
     direction: str | None
     monotone: bool | None
-    reversals: tuple[tuple[int, int], ...]
+    reversals: tuple[tuple[int | float, int | float], ...]
     outliers: tuple[Outlier, ...]
     outliers_judged: bool
     points: tuple[TrendPoint, ...]
     sentence: str
+    adjuster: str = ADJUSTER
+    held: str = ""
 
 
-def find_trends(fits: Sequence[Fit], uncertainties: Mapping[int, Uncertainty]) -> tuple[Trend, ...]:
+def find_trends(
+    fits: Sequence[Fit], uncertainties: Mapping[Setting, Uncertainty]
+) -> tuple[Trend, ...]:
     """Return the trend of every parameter that was fitted setting by setting.
+
+    Each runs along one adjuster with the others held.
 
     Parameters
     ----------
     fits : sequence of Fit
         By rising setting.
-    uncertainties : mapping of int to Uncertainty
+    uncertainties : mapping of Setting to Uncertainty
         By setting; a value without an interval does not count.
     """
     own = {Status.FITTED, Status.AT_BOUND, Status.NOT_IDENTIFIABLE}
     names = [name for name in _FOLLOWED if any(fit.status[name] in own for fit in fits)]
-    return tuple(_trend(name, _points(name, fits, uncertainties)) for name in names)
+    return tuple(
+        _trend(name, _points(name, fits, uncertainties, line), line)
+        for line in lines_of(fit.setting for fit in fits)
+        for name in names
+    )
 
 
-def _points(name: str, fits: Sequence[Fit], known: Mapping[int, Uncertainty]) -> Points:
-    rows = []
-    for fit in fits:
+def _points(
+    name: str, fits: Sequence[Fit], known: Mapping[Setting, Uncertainty], line: Line
+) -> Points:
+    rows, numbers = [], line.numbers
+    for fit in sorted(fits, key=lambda fit: numbers.get(fit.setting, 0.0)):
+        if fit.setting not in numbers:
+            continue
         uncertainty = known.get(fit.setting)
         interval = None if uncertainty is None else uncertainty.intervals.get(name)
         value = getattr(fit.parameters, name)
         if fit.status[name] != Status.FITTED or interval is None or not value > 0.0:
             continue
         if math.isfinite(interval.error):
-            rows.append((float(fit.setting), math.log(value), interval.error / value))
+            rows.append((numbers[fit.setting], math.log(value), interval.error / value))
     settings, logs, errors = np.array(rows, dtype=np.float64).reshape(-1, 3).T
     ends = (settings[0], settings[-1]) if len(settings) else (0.0, 0.0)
     return Points(settings, logs, errors, *ends)
 
 
-def _trend(name: str, points: Points) -> Trend:
+def _trend(name: str, points: Points, line: Line) -> Trend:
     if len(points) < LEAST_FOR_TREND:
         n = len(points)
         count = f"{n} setting{'' if n == 1 else 's'} with a sound value"
         sentence = f"{_SYMBOLS[name]}: {count}, too few for a trend ({LEAST_FOR_TREND} are needed)"
         nan = math.nan
-        return Trend(name, None, None, nan, False, None, None, (), (), False, (), sentence)
+        if line.held:
+            sentence = f"{sentence}, along {line.adjuster} with {line.held}"
+        return Trend(
+            *(name, None, None, nan, False, None, None, (), (), False, (), sentence),
+            adjuster=line.adjuster,
+            held=line.held,
+        )
     families = None
     if name == "k_e":  # the paper's least-squares quadratic
         families = [("linear", 2 if len(points) >= _QUADRATIC_FROM else 1)]
@@ -206,6 +231,8 @@ def _trend(name: str, points: Points) -> Trend:
         outliers_judged=len(points) >= LEAST_FOR_OUTLIERS and not is_mixed_up,
         points=_curve_points(points, curve),
         sentence="",
+        adjuster=line.adjuster,
+        held=line.held,
     )
     return replace(trend, sentence=_sentence(trend, own, len(points)))
 
@@ -214,7 +241,7 @@ def _outlier(points: Points, curve: Curve, place: int) -> Outlier:
     at = points.settings[place]
     value = math.exp(points.logs[place])
     expected = float(_exp(curve.logs(np.array([at])))[0])
-    return Outlier(int(at), value, expected, value / expected - 1.0)
+    return Outlier(_clicks(at), value, expected, value / expected - 1.0)
 
 
 def _direction(curve: Curve, settings: FloatArray) -> str:
@@ -253,9 +280,13 @@ def _usual_scatter(points: Points, curve: Curve, inside: NDArray[np.intp]) -> fl
     return min(curve.scatter, math.sqrt(max(square, LEAST_SCATTER**2)))
 
 
+def _clicks(number: float) -> int | float:
+    return int(number) if float(number).is_integer() else float(number)
+
+
 def _reversals(
     points: Points, curve: Curve, direction: str | None, allowed: float
-) -> tuple[tuple[int, int], ...]:
+) -> tuple[tuple[int | float, int | float], ...]:
     """Neighbours between which the value goes back by more than errors and scatter allow."""
     sign = {"rising": 1.0, "falling": -1.0}.get(direction or "")
     if sign is None:
@@ -264,7 +295,7 @@ def _reversals(
     spread = np.sqrt(variances[1:] + variances[:-1])
     steps = sign * np.diff(points.logs)
     back = np.flatnonzero(steps < -_quantile(curve, len(steps)) * spread)
-    return tuple((int(points.settings[k]), int(points.settings[k + 1])) for k in back)
+    return tuple((_clicks(points.settings[k]), _clicks(points.settings[k + 1])) for k in back)
 
 
 def _quantile(curve: Curve, n: int) -> float:
@@ -275,15 +306,15 @@ def _quantile(curve: Curve, n: int) -> float:
 
 
 def _curve_points(points: Points, curve: Curve) -> tuple[TrendPoint, ...]:
-    found = {int(s): math.exp(y) for s, y in zip(points.settings, points.logs, strict=True)}
+    found = {_clicks(s): math.exp(y) for s, y in zip(points.settings, points.logs, strict=True)}
     settings = points.settings
     if np.ptp(settings) <= _WIDEST_RANGE:
-        settings = np.arange(settings[0], settings[-1] + 1.0)
+        settings = np.union1d(np.arange(settings[0], settings[-1] + 0.5), settings)
     logs = curve.logs(settings)
     reach = _quantile(curve, 1) * curve.errors(settings)
     value, low, high = _exp(logs), _exp(logs - reach), _exp(logs + reach)
     return tuple(
-        TrendPoint(int(s), float(y), float(a), float(b), found.get(int(s)))
+        TrendPoint(_clicks(s), float(y), float(a), float(b), found.get(_clicks(s)))
         for s, y, a, b in zip(settings, value, low, high, strict=True)
     )
 
@@ -297,15 +328,16 @@ def _sentence(trend: Trend, own: float, n: int) -> str:
     """Direction and range, scatter, outliers, reversals."""
     assert trend.degree is not None
     first, last = trend.points[0], trend.points[-1]
+    by = "the setting" if trend.adjuster == ADJUSTER else trend.adjuster
     words = {
-        "rising": "rises with the setting",
-        "falling": "falls with the setting",
-        "flat": "does not change with the setting by more than its errors",
+        "rising": f"rises with {by}",
+        "falling": f"falls with {by}",
+        "flat": f"does not change with {by} by more than its errors",
         "mixed": "turns: it neither rises nor falls throughout",
         None: "shows no trend beyond its errors and scatter",
     }[trend.direction]
     if trend.direction == "flat" and trend.degree == 0:
-        words = "does not change with the setting"
+        words = f"does not change with {by}"
     on = {
         "linear": "",
         "log": " in its logarithm",
@@ -315,23 +347,27 @@ def _sentence(trend: Trend, own: float, n: int) -> str:
     }
     kind = f"{_DEGREES[trend.degree]}{on[trend.scale or 'linear'] if trend.degree else ''}"
     said = (
-        f"{_SYMBOLS[trend.parameter]} {words}, {engineering(first.value)} at setting "
+        f"{_SYMBOLS[trend.parameter]} {words}, {engineering(first.value)} at {trend.adjuster} "
         f"{first.setting}, {engineering(last.value)} at {last.setting} ({kind})"
     )
+    if trend.held:
+        said += f" with {trend.held}"
     scatter = f"{100.0 * trend.scatter:.2g} %"
     if trend.is_erratic:
         said += (
-            f"; it is erratic: it scatters by {scatter} from setting to setting, "
+            f"; it is erratic: it scatters by {scatter} from {trend.adjuster} to {trend.adjuster}, "
             f"{trend.scatter / own:.0f} times its own error"
         )
     else:
         said += f", within {scatter}"
     for one in trend.outliers:
-        said += f"; setting {one.setting} is off the trend by {100.0 * one.deviation:+.1f} %"
+        said += (
+            f"; {trend.adjuster} {one.setting} is off the trend by {100.0 * one.deviation:+.1f} %"
+        )
     if trend.reversals:
         pairs = [f"{a} to {b}" for a, b in trend.reversals]
         more = f" and {len(pairs) - _MOST_PAIRS} more" if len(pairs) > _MOST_PAIRS else ""
-        said += f"; against the trend from setting {', '.join(pairs[:_MOST_PAIRS])}{more}"
+        said += f"; against the trend from {trend.adjuster} {', '.join(pairs[:_MOST_PAIRS])}{more}"
     if n < LEAST_FOR_OUTLIERS:
         said += f"; too few settings to tell one off the trend ({LEAST_FOR_OUTLIERS} are needed)"
     elif not trend.outliers_judged:

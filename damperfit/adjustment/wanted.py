@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.setting import ADJUSTER, Setting, lines_of
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
     from damperfit.adjustment.forces import Level
+    from damperfit.setting import Line
 
     FloatArray = NDArray[np.float64]
 
@@ -44,9 +47,9 @@ class Answer:
     low, high : float
         95 % interval of the position, NaN where no errors are known; it ends at the first and the
         last setting.
-    nearest : int
+    nearest : Setting
         The fitted setting beside it whose force is nearest.
-    below, above : int
+    below, above : Setting
         The fitted settings on both sides, the same where `position` is one.
     force_below, force_above : float
         Their forces, N.
@@ -55,9 +58,9 @@ class Answer:
     position: float
     low: float
     high: float
-    nearest: int
-    below: int
-    above: int
+    nearest: Setting
+    below: Setting
+    above: Setting
     force_below: float
     force_above: float
 
@@ -77,22 +80,30 @@ class Wanted:
     answers : tuple of Answer
         By rising position; none when the force is out of reach, several when the force does not
         rise or fall throughout.
-    weakest, hardest : (int, float)
+    weakest, hardest : (Setting, float)
         Setting and force of the least and of the greatest force that the settings reach, N; in
         bump the hardest is the most negative one.
+    adjuster : str
+        Which was looked along.
+    held : str
+        Where the other adjusters stand, for people; empty where there are none.
     """
 
     force: float
     speed: float
     stroke: str
     answers: tuple[Answer, ...]
-    weakest: tuple[int, float]
-    hardest: tuple[int, float]
+    weakest: tuple[Setting, float]
+    hardest: tuple[Setting, float]
+    adjuster: str = ADJUSTER
+    held: str = ""
 
     @property
     def sentence(self) -> str:
         """For people."""
         asked = f"{self.force:.5g} N in {self.stroke} at {self.speed:g} m/s"
+        if self.held:
+            asked += f", along {self.adjuster} with {self.held}"
         if not self.answers:
             harder = abs(self.force - self.hardest[1]) < abs(self.force - self.weakest[1])
             setting, force = self.hardest if harder else self.weakest
@@ -100,12 +111,18 @@ class Wanted:
             return (
                 f"{asked}: no setting gives it; it is {side}, setting {setting} with {force:.5g} N"
             )
-        said = "; or ".join(_words(answer, self.force) for answer in self.answers)
+        said = "; or ".join(_words(answer, self.force, self.adjuster) for answer in self.answers)
         several = len(self.answers)
         return f"{asked}: {f'{several} answers, ' if several > 1 else ''}{said}"
 
 
-def _words(answer: Answer, wanted: float) -> str:
+def _gap(answer: Answer, adjuster: str) -> float:
+    """How many clicks the settings on both sides are apart."""
+    ends = (answer.below.number(adjuster), answer.above.number(adjuster))
+    return (ends[1] or 0.0) - (ends[0] or 0.0)
+
+
+def _words(answer: Answer, wanted: float, adjuster: str) -> str:
     interval = ""
     if math.isfinite(answer.low):
         interval = f" (95 % from {answer.low:.2f} to {answer.high:.2f})"
@@ -114,60 +131,82 @@ def _words(answer: Answer, wanted: float) -> str:
     if answer.below == answer.above:
         return f"setting {answer.below}{interval}, which gives {answer.force_below:.5g} N"
     said = (
-        f"setting {answer.position:.2f}{interval}, between {answer.below} with "
+        f"{adjuster} {answer.position:.2f}{interval}, between {answer.below} with "
         f"{answer.force_below:.5g} N and {answer.above} with {answer.force_above:.5g} N"
     )
     force = answer.force_below if answer.nearest == answer.below else answer.force_above
     nearest = f"{answer.nearest} ({force - wanted:+.3g} N)"
-    if answer.above - answer.below == 1:
+    if _gap(answer, adjuster) <= 1:
         return f"{said}; nearest is {nearest}"
     said += ", interpolated over settings without a fit"
     click = round(answer.position)
-    if click in {answer.below, answer.above}:
+    if click in {answer.below.number(adjuster), answer.above.number(adjuster)}:
         return f"{said}; nearest of those fitted is {nearest}"
     return f"{said}; nearest is {click}, which has no fit, and of those fitted {nearest}"
 
 
-def which_setting(found: Sequence[Level], force: float) -> Wanted:
+@dataclass(frozen=True, slots=True)
+class _Stop:
+    """A level and its place on the line of settings that is looked along."""
+
+    at: float
+    level: Level
+
+    @property
+    def force(self) -> float:
+        return self.level.force
+
+    @property
+    def reach(self) -> float:
+        """Half of the 95 % interval of the force, N."""
+        return self.level.high - self.level.force
+
+
+def which_setting(found: Sequence[Level], force: float, *, line: Line | None = None) -> Wanted:
     """Return the settings at which a force is reached.
 
     Parameters
     ----------
     found : sequence of Level
-        One speed and stroke, two settings or more.
+        One speed and stroke.
     force : float
         N, positive in rebound.
+    line : Line, optional
+        Settings to look along, two or more; those of the only adjuster by default.
     """
     from scipy.interpolate import PchipInterpolator
 
-    ordered = sorted(found, key=lambda level: level.setting)
-    settings = np.array([level.setting for level in ordered], dtype=np.float64)
-    forces = np.array([level.force for level in ordered])
-    curve = PchipInterpolator(settings, forces)
-    sign = -1.0 if ordered[0].stroke == "bump" else 1.0
+    along = line or lines_of(level.setting for level in found)[0]
+    numbers = along.numbers
+    stops = [_Stop(numbers[level.setting], level) for level in found if level.setting in numbers]
+    ordered = sorted(stops, key=lambda stop: stop.at)
+    forces = np.array([stop.force for stop in ordered])
+    curve = PchipInterpolator(np.array([stop.at for stop in ordered]), forces)
+    sign = -1.0 if found[0].stroke == "bump" else 1.0
     weakest, hardest = int(np.argmin(sign * forces)), int(np.argmax(sign * forces))
     return Wanted(
         force=force,
-        speed=ordered[0].speed,
-        stroke=ordered[0].stroke,
+        speed=found[0].speed,
+        stroke=found[0].stroke,
         answers=tuple(
             _answer(ordered, curve, position, force)
             for position in _positions(ordered, curve, force)
         ),
-        weakest=(ordered[weakest].setting, ordered[weakest].force),
-        hardest=(ordered[hardest].setting, ordered[hardest].force),
+        weakest=(ordered[weakest].level.setting, ordered[weakest].force),
+        hardest=(ordered[hardest].level.setting, ordered[hardest].force),
+        adjuster=along.adjuster,
+        held=along.held,
     )
 
 
-def _positions(ordered: Sequence[Level], curve: PchipInterpolator, force: float) -> list[float]:
+def _positions(ordered: Sequence[_Stop], curve: PchipInterpolator, force: float) -> list[float]:
     """Where the curve has the force, and an end that has it within its interval."""
-    found = [float(level.setting) for level in ordered if level.force == force]
+    found = [stop.at for stop in ordered if stop.force == force]
     for a, b in itertools.pairwise(ordered):
         if (a.force - force) * (b.force - force) < 0.0:
-            found.append(_root(curve, float(a.setting), float(b.setting), force))
+            found.append(_root(curve, a.at, b.at, force))
     if not found:
-        ends = (level for level in ordered if abs(level.force - force) <= level.high - level.force)
-        found = [float(level.setting) for level in ends]
+        found = [stop.at for stop in ordered if abs(stop.force - force) <= stop.reach]
     return sorted(found)
 
 
@@ -178,42 +217,42 @@ def _root(curve: PchipInterpolator, low: float, high: float, force: float) -> fl
 
 
 def _answer(
-    ordered: Sequence[Level], curve: PchipInterpolator, position: float, force: float
+    ordered: Sequence[_Stop], curve: PchipInterpolator, position: float, force: float
 ) -> Answer:
-    below = max((level for level in ordered if level.setting <= position), key=_setting)
-    above = min((level for level in ordered if level.setting >= position), key=_setting)
-    nearest = min(below, above, key=lambda level: abs(level.force - force))
-    share = (position - below.setting) / max(above.setting - below.setting, 1)
-    reach = (1.0 - share) * (below.high - below.force) + share * (above.high - above.force)
-    if above.setting - below.setting > 1:
+    below = max((stop for stop in ordered if stop.at <= position), key=_at)
+    above = min((stop for stop in ordered if stop.at >= position), key=_at)
+    nearest = min(below, above, key=lambda stop: abs(stop.force - force))
+    share = (position - below.at) / ((above.at - below.at) or 1.0)
+    reach = (1.0 - share) * below.reach + share * above.reach
+    if above.at - below.at > 1.0:
         straight = (1.0 - share) * below.force + share * above.force
         reach += abs(float(curve(position)) - straight)
     ends = _crossings(ordered, curve, (force - reach, force + reach))
-    first, last = float(ordered[0].setting), float(ordered[-1].setting)
+    first, last = ordered[0].at, ordered[-1].at
     known = math.isfinite(reach)
     return Answer(
         position=position,
         low=max((s for s in ends if s < position), default=first) if known else math.nan,
         high=min((s for s in ends if s > position), default=last) if known else math.nan,
-        nearest=nearest.setting,
-        below=below.setting,
-        above=above.setting,
+        nearest=Setting.of(nearest.level.setting),
+        below=Setting.of(below.level.setting),
+        above=Setting.of(above.level.setting),
         force_below=below.force,
         force_above=above.force,
     )
 
 
 def _crossings(
-    ordered: Sequence[Level], curve: PchipInterpolator, forces: Iterable[float]
+    ordered: Sequence[_Stop], curve: PchipInterpolator, forces: Iterable[float]
 ) -> list[float]:
     """Every place where the curve passes one of the forces."""
     return [
-        _root(curve, float(a.setting), float(b.setting), force)
+        _root(curve, a.at, b.at, force)
         for force in forces
         for a, b in itertools.pairwise(ordered)
         if (a.force - force) * (b.force - force) < 0.0
     ]
 
 
-def _setting(level: Level) -> int:
-    return level.setting
+def _at(stop: _Stop) -> float:
+    return stop.at

@@ -11,17 +11,19 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment import Adjustment
 from damperfit.damper.parameters import DAMPER_RANGES, PARAMETER_NAMES
 from damperfit.identification import Status
 from damperfit.identification.setting import EXCELLENT
 from damperfit.identification.sharing import listed_runs, listed_settings
+from damperfit.setting import clicks_between
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
+    from damperfit.adjustment import Adjustment
     from damperfit.identification import Campaign, Fit
     from damperfit.recording import Trace
+    from damperfit.setting import Setting
     from damperfit.uncertainty import Assessment, Diagnosis
 
 __all__ = [
@@ -178,12 +180,16 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
     judged = [trend for trend in trends if trend.outliers_judged]
     if not judged:
         return None, _no_trend(subject)
-    off: dict[int, list[str]] = defaultdict(list)
+    off: dict[tuple[str, str, float], list[str]] = defaultdict(list)
     for trend in judged:
         for one in trend.outliers:
-            off[one.setting].append(f"{trend.parameter} {100.0 * one.deviation:+.1f} %")
+            said_off = f"{trend.parameter} {100.0 * one.deviation:+.1f} %"
+            off[trend.adjuster, trend.held, one.setting].append(said_off)
     if off:
-        said = (f"setting {setting} ({', '.join(off[setting])})" for setting in sorted(off))
+        said = (
+            f"{adjuster} {clicks:g}{f' with {held}' if held else ''} ({', '.join(told)})"
+            for (adjuster, held, clicks), told in sorted(off.items())
+        )
         return False, f"off the trend of the others: {', '.join(said)}"
     mixed_up = [trend for trend in trends if trend.is_erratic and not trend.outliers_judged]
     if mixed_up:
@@ -203,7 +209,7 @@ def _every_click_counts(subject: Subject) -> _Verdict:
     if any(math.isnan(click.low) for click in clicks):
         return None, "the errors of the forces are not known"
     fastest = max(click.speed for click in clicks)
-    felt: dict[tuple[int, int], bool] = defaultdict(bool)
+    felt: dict[tuple[Setting, Setting], bool] = defaultdict(bool)
     for click in clicks:
         if click.speed == fastest:
             felt[click.first, click.second] |= not click.low <= 0.0 <= click.high
@@ -211,7 +217,7 @@ def _every_click_counts(subject: Subject) -> _Verdict:
     if dead:
         said = f"the force at {fastest:g} m/s does not change from setting {', '.join(dead)}"
         return False, f"{said} by more than its error"
-    apart = any(second - first > 1 for first, second in felt)
+    apart = any((clicks_between(*step) or 0.0) > 1.0 for step in felt)
     step = "every step from one tested setting to the next" if apart else "every click"
     return True, f"{step} changes the force at {fastest:g} m/s by more than its error"
 
@@ -329,7 +335,7 @@ def _no_log_warnings(subject: Subject) -> _Verdict:
     return True, "no log carries a warning"
 
 
-def _known(traces: Iterable[Trace]) -> list[int]:
+def _known(traces: Iterable[Trace]) -> list[Setting]:
     return sorted({trace.setting for trace in traces if trace.setting is not None})
 
 
@@ -341,7 +347,7 @@ def _settings(fits: Iterable[Fit]) -> str:
     return _listed(fit.setting for fit in fits)
 
 
-def _listed(settings: Iterable[int]) -> str:
+def _listed(settings: Iterable[Setting]) -> str:
     """As in "setting 4" or "settings 1, 5-9"."""
     numbers = list(settings)
     return f"setting{'s' if len(numbers) > 1 else ''} {listed_settings(numbers)}"

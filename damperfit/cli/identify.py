@@ -35,6 +35,7 @@ from damperfit.cli.options import (
     VersionOption,
     assignments,
     configured,
+    declared_setting,
     names_of,
     rig_entries,
 )
@@ -183,7 +184,9 @@ def identify(
     with stop_on_signal() as cancelled, progress(is_wanted=not quiet) as bar:
         watch = Watch(on_start=bar.start, on_fit=bar.advance, cancelled=cancelled)
         try:
-            result = run(configuration, logs, jobs=jobs, setting=setting, watch=watch)
+            result = run(
+                configuration, logs, jobs=jobs, setting=declared_setting(setting), watch=watch
+            )
         except UnwrittenError as error:
             result, lost = error.result, error
     say_failures(result.facts.failures, is_debug=debug)

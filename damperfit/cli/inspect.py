@@ -27,6 +27,7 @@ from damperfit.cli.options import (
     TruncatedOption,
     VersionOption,
     configured,
+    declared_setting,
     rig_entries,
 )
 
@@ -69,7 +70,9 @@ def inspect(
     )
     paths = expand(logs)
     workers = jobs or available_cores()
-    batch = read_batch(paths, configuration, jobs=workers, setting=setting, keeps_traces=False)
+    batch = read_batch(
+        paths, configuration, jobs=workers, setting=declared_setting(setting), keeps_traces=False
+    )
     say_failures(batch.failures, is_debug=debug)
     if not quiet:
         for warning in skipped_files(batch):

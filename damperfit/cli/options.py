@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from damperfit.configuration.options import Configuration
+    from damperfit.setting import Setting
 
 __all__ = [
     "ConfigOption",
@@ -32,6 +33,7 @@ __all__ = [
     "VersionOption",
     "assignments",
     "configured",
+    "declared_setting",
     "names_of",
     "refuse_beside",
     "rig_entries",
@@ -74,10 +76,8 @@ JobsOption = Annotated[
     typer.Option("--jobs", min=1, metavar="N", help="Workers; default: the cores available."),
 ]
 SettingOption = Annotated[
-    int | None,
-    typer.Option(
-        "--setting", min=0, metavar="N", help="Setting of the logs that do not say theirs."
-    ),
+    str | None,
+    typer.Option("--setting", metavar="N", help="Setting of the logs that do not say theirs."),
 ]
 StrictOption = Annotated[
     bool, typer.Option("--strict", help="Refuse logs that have a warning; ends with code 4.")
@@ -183,6 +183,22 @@ def configured(config: Path | None, *entries: tuple[str, str, Any]) -> Configura
             sections.setdefault(section, {})[key] = value
             options[place] = option
     return load_configuration(config, overlay=sections, options=options)
+
+
+def declared_setting(text: str | None) -> Setting | None:
+    """Return the setting that ``--setting`` gives.
+
+    Raises
+    ------
+    ConfigurationError
+        The text is none.
+    """
+    from damperfit.setting import parse_setting
+
+    try:
+        return None if text is None else parse_setting(text)
+    except ValueError as error:
+        raise ConfigurationError(f"--setting {text}: {error}") from error
 
 
 def refuse_beside(option: str, others: Mapping[str, Any], *, why: str) -> None:

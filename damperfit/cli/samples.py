@@ -89,7 +89,8 @@ def samples(
 def _truth(path: Path) -> dict[int, Parameters]:
     from damperfit.tables import read_parameters
 
-    return read_parameters(path)
+    known = {setting.cell: parameters for setting, parameters in read_parameters(path).items()}
+    return {setting: values for setting, values in known.items() if isinstance(setting, int)}
 
 
 def _numbers(text: str) -> tuple[int, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Annotated, Any
@@ -146,6 +145,7 @@ def _show(
 def _document(
     adjuster: AdjusterResults, question: Question, forces: ForceTable, remarks: tuple[str, ...]
 ) -> dict[str, Any]:
+    from damperfit.report import to_record
     from damperfit.run.run_json import json_values
     from damperfit.tables import adjustment_rows
 
@@ -155,9 +155,9 @@ def _document(
         {
             "motion": {"amplitude_m": sine.amplitude, "frequency_Hz": sine.frequency},
             "source": adjuster.source,
-            "question": None if wanted is None else asdict(question),
+            "question": None if wanted is None else to_record(question),
             "sentence": None if wanted is None else wanted.sentence,
-            "answers": [] if wanted is None else [asdict(answer) for answer in wanted.answers],
+            "answers": [] if wanted is None else [to_record(answer) for answer in wanted.answers],
             "forces": adjustment_rows(forces.levels, forces.clicks),
             "remarks": list(remarks),
             "notes": list(forces.notes),

@@ -29,7 +29,7 @@ __all__ = ["simulate"]
 
 def simulate(
     setting: Annotated[
-        int | None, typer.Option(min=0, metavar="N", help="Setting whose parameters are used.")
+        str | None, typer.Option(metavar="N", help="Setting whose parameters are used.")
     ] = None,
     parameters: Annotated[
         Path | None,

@@ -36,7 +36,7 @@ _PAPER_NUMBERS = {"r_m1": 4, "r_m2": 5, "r_m3": 6, "k_e": 8, "f_f": 9}
 
 def sweep(
     setting: Annotated[
-        int | None, typer.Option(min=0, metavar="N", help="Setting whose parameters are varied.")
+        str | None, typer.Option(metavar="N", help="Setting whose parameters are varied.")
     ] = None,
     vary: Annotated[
         list[str] | None,
@@ -87,7 +87,7 @@ def sweep(
         raise ConfigurationError("--vary: a name is given twice; put its factors into one list")
     given = configured(config, ("--max-steps", "simulation.max_steps", max_steps))
     replaced = assignments(set_ or [], option="--set")
-    number = 10 if paper and setting is None else setting
+    number = "10" if paper and setting is None else setting
     choice = choose_parameters(
         number, table=parameters, replaced=replaced, folder=given.output.folder
     )

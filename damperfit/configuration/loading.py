@@ -18,12 +18,13 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from damperfit.configuration.options import Configuration
 from damperfit.configuration.schema import build_configuration
 from damperfit.errors import ConfigurationError, did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from damperfit.configuration.options import Configuration
 
 __all__ = ["configuration_toml", "load_configuration", "redeclared"]
 

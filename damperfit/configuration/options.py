@@ -6,17 +6,19 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from damperfit.conditioning import ConditionOptions
 from damperfit.damper.parameters import DAMPER_RANGES, PARAMETER_NAMES, Damper
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.identification import FitOptions
 from damperfit.quantities import parse_quantity, says_absolute_or_gauge
-from damperfit.readers import ReadOptions
-from damperfit.simulation import SolverOptions
-from damperfit.uncertainty import HoldOutOptions
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from damperfit.conditioning import ConditionOptions
+    from damperfit.identification import FitOptions
+    from damperfit.readers import ReadOptions
+    from damperfit.setting import Setting
+    from damperfit.simulation import SolverOptions
+    from damperfit.uncertainty import HoldOutOptions
 
 __all__ = [
     "Configuration",
@@ -38,7 +40,7 @@ class RigOptions:
     ----------
     amplitude, frequency : float
         m, Hz.
-    settings : tuple of int
+    settings : tuple of Setting
         Settings that ought to be among the logs; empty: whatever is there.
     temperature, temperature_tolerance : float
         What the test should be held at, degrees Celsius; a log outside is warned about.
@@ -48,7 +50,7 @@ class RigOptions:
 
     amplitude: float
     frequency: float
-    settings: tuple[int, ...]
+    settings: tuple[Setting, ...]
     temperature: float
     temperature_tolerance: float
     is_strict: bool = False

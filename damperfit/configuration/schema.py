@@ -38,6 +38,7 @@ from damperfit.identification import FitOptions, check_options
 from damperfit.quantities import parse_quantity, says_absolute_or_gauge
 from damperfit.readers import Profile, ReadOptions
 from damperfit.readers.options import Declarations
+from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import HoldOutOptions, check_profile_names
 
@@ -211,7 +212,7 @@ class _RigSection(_DeclaredKeys):
         return RigOptions(
             amplitude=self.amplitude,
             frequency=self.frequency,
-            settings=tuple(sorted(set(self.settings))),
+            settings=tuple(sorted(set(map(Setting.of, self.settings)))),
             temperature=self.temperature,
             temperature_tolerance=self.temperature_tolerance,
             is_strict=self.strict,

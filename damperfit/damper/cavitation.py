@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.recording import Trace
+    from damperfit.setting import Setting
     from damperfit.simulation import Response
 
 __all__ = ["Cavitation", "describe_cavitation", "emptiest", "seen_cavitation"]
@@ -50,7 +51,7 @@ class Cavitation:
     safe_gas_pressure: float = math.nan
 
 
-def describe_cavitation(settings: Mapping[int, Cavitation]) -> tuple[str, ...]:
+def describe_cavitation(settings: Mapping[Setting, Cavitation]) -> tuple[str, ...]:
     """Return what there is to say of cavitation, a sentence each: those that do, then the rest."""
     empty = {setting: one for setting, one in settings.items() if one.fraction > 0.0}
     full = {setting: one for setting, one in settings.items() if one.fraction == 0.0}
@@ -64,7 +65,7 @@ def describe_cavitation(settings: Mapping[int, Cavitation]) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _nearest(full: Mapping[int, Cavitation], opening: str) -> str:
+def _nearest(full: Mapping[Setting, Cavitation], opening: str) -> str:
     """The settings that do not cavitate, by the one that is nearest to it."""
     setting = min(full, key=lambda setting: full[setting].lowest_pressure)
     one = full[setting]

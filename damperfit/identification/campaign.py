@@ -27,6 +27,7 @@ from damperfit.identification.procedure_input import ProcedureInput, first_start
 from damperfit.identification.setting import Fit, Judged, describe_fit
 from damperfit.identification.sharing import Sharing
 from damperfit.recording import natural_order
+from damperfit.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -80,7 +81,10 @@ class Campaign:
 
         Where every other click or none but 1, 5, 10 was tested, those between are no gaps.
         """
-        done = [fit.setting for fit in self.fits]
+        cells = [Setting.of(fit.setting).cell for fit in self.fits]
+        done = [cell for cell in cells if isinstance(cell, int)]
+        if len(done) < len(cells):
+            return ()
         steps = sorted(later - earlier for earlier, later in pairwise(done))
         if not steps or steps[len(steps) // 2] != 1:
             return ()
@@ -174,7 +178,7 @@ def _plain(task: ProcedureInput) -> Campaign:
                 f"add it to --free or give --fix {name}=VALUE."
             )
 
-    def fit(setting: int) -> tuple[Fit, Search | None]:
+    def fit(setting: Setting) -> tuple[Fit, Search | None]:
         misfit = task.misfit(setting, task.ordered(free))
         judged, found = fit_from(task, setting, misfit, first_start(misfit, fixed))
         return describe_fit(setting, judged, misfit), found
@@ -196,7 +200,7 @@ def _paper(task: ProcedureInput) -> Campaign:
         return Campaign("paper", (), is_complete=False)
     held = {**{k: v for k, v in fixed.items() if k not in free}, **first.shared}
 
-    def fit(setting: int) -> tuple[Fit, Search | None]:
+    def fit(setting: Setting) -> tuple[Fit, Search | None]:
         misfit = task.misfit(setting, task.ordered(free))
         start = (first.start(setting) or first_start(misfit, held)).replace(held)
         judged, found = fit_from(task, setting, misfit, start, spent=first.evaluations(setting))
@@ -236,7 +240,7 @@ def _joint(task: ProcedureInput) -> Campaign:
         )
     fits = {fit.setting: fit for fit in before.fits}
 
-    def fit(setting: int) -> tuple[Fit, Search | None]:
+    def fit(setting: Setting) -> tuple[Fit, Search | None]:
         misfit = task.misfit(setting, together.own)
         start = together.start(fits[setting], misfit)
         spent = fits[setting].evaluations + together.evaluations
@@ -268,18 +272,18 @@ def _named(judged: Judged, status: Mapping[str, Status]) -> Judged:
 
 def _collect(
     task: ProcedureInput,
-    fit: Callable[[int], tuple[Fit, Search | None]],
+    fit: Callable[[Setting], tuple[Fit, Search | None]],
     warnings: Iterable[str] = (),
     *,
-    known: Mapping[int, SettingFailure] = MappingProxyType({}),
+    known: Mapping[Setting, SettingFailure] = MappingProxyType({}),
 ) -> Campaign:
     """Run the fit at every setting, in threads; one setting's failure leaves the others.
 
     Settings that are known to have failed are not tried again.
     """
-    searches: dict[int, Search] = {}
+    searches: dict[Setting, Search] = {}
 
-    def one(setting: int) -> Fit | SettingFailure | None:
+    def one(setting: Setting) -> Fit | SettingFailure | None:
         if setting in known:
             return known[setting]
         try:
@@ -311,13 +315,13 @@ def _by_name(trace: Trace) -> tuple[object, ...]:
     return natural_order(trace.name), trace.name, trace.start_time
 
 
-def _by_setting(traces: Sequence[Trace]) -> dict[int, tuple[Trace, ...]]:
-    groups: dict[int, list[Trace]] = defaultdict(list)
+def _by_setting(traces: Sequence[Trace]) -> dict[Setting, tuple[Trace, ...]]:
+    groups: dict[Setting, list[Trace]] = defaultdict(list)
     for trace in traces:
         if trace.setting is None:
             raise LogError(
                 f"{trace.name}: the setting is not known; write '# setting: N' into the log, "
                 "name it setting_N, or give --setting N."
             )
-        groups[trace.setting].append(trace)
+        groups[Setting.of(trace.setting)].append(trace)
     return {setting: tuple(sorted(groups[setting], key=_by_name)) for setting in sorted(groups)}

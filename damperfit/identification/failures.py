@@ -16,6 +16,8 @@ from damperfit.identification.descent import FitCancelledError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from damperfit.setting import Setting
+
 __all__ = ["SettingError", "SettingFailure", "attempted"]
 
 _INTERNAL = "InternalError"
@@ -29,7 +31,7 @@ class SettingFailure:
 
     Attributes
     ----------
-    setting : int
+    setting : Setting
         Adjuster setting.
     kind : str
         Name of the error class; InternalError where it is none of damperfit's own.
@@ -39,7 +41,7 @@ class SettingFailure:
         Of an internal error, where it happened, for whoever mends it.
     """
 
-    setting: int
+    setting: Setting
     kind: str
     message: str
     trace: str = ""
@@ -58,7 +60,7 @@ class SettingError(SimulationError):
         self.failure = failure
 
 
-def attempted(setting: int, fit: Callable[[], Found]) -> Found | SettingFailure:
+def attempted(setting: Setting, fit: Callable[[], Found]) -> Found | SettingFailure:
     """Return what a fit of one setting finds, or why it finds nothing.
 
     Raises

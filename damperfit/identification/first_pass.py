@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Values
     from damperfit.damper.parameters import Damper
     from damperfit.identification.options import FitOptions
+    from damperfit.setting import Setting
 
 __all__ = ["FirstPass", "first_pass"]
 
@@ -48,7 +49,7 @@ class FirstPass:
 
     Attributes
     ----------
-    judged : mapping of int to Judged
+    judged : mapping of Setting to Judged
         Settings that could be fitted.
     shared : mapping of str to float
         R_m3 and f_f, SI, as far as they are wanted; from the logs or the fallback.
@@ -58,24 +59,24 @@ class FirstPass:
         Of a shared value that the logs do not tell: not_identifiable, or fixed at the fallback.
     searches : tuple of Search
         What many starts found at the lowest setting, where they were asked for.
-    broken : mapping of int to SettingFailure
+    broken : mapping of Setting to SettingFailure
         Settings that met a bug: a second pass would only hide it.
     """
 
-    judged: Mapping[int, Judged]
+    judged: Mapping[Setting, Judged]
     shared: Mapping[str, float]
     sharing: Sharing = Sharing()
     status: Mapping[str, Status] = field(default_factory=dict)
     searches: tuple[Search, ...] = ()
-    broken: Mapping[int, SettingFailure] = field(default_factory=dict)
+    broken: Mapping[Setting, SettingFailure] = field(default_factory=dict)
 
-    def start(self, setting: int) -> Values | None:
+    def start(self, setting: Setting) -> Values | None:
         """Where the second pass starts, if the first ended where a fit should end."""
         judged = self.judged.get(setting)
         is_good = judged is not None and (is_sound(judged) or lacks_stiffness_alone(judged))
         return judged.solution.parameters if judged is not None and is_good else None
 
-    def evaluations(self, setting: int) -> int:
+    def evaluations(self, setting: Setting) -> int:
         """Return the simulations spent on a setting."""
         return self.judged[setting].solution.evaluations if setting in self.judged else 0
 
@@ -105,9 +106,9 @@ def first_pass(
 class _Begun:
     """The fits with everything free, before anything is shared; `lowest` is where they began."""
 
-    lowest: int
-    judged: Mapping[int, Judged]
-    broken: Mapping[int, SettingFailure]
+    lowest: Setting
+    judged: Mapping[Setting, Judged]
+    broken: Mapping[Setting, SettingFailure]
     searches: tuple[Search, ...] = ()
 
     def without(self, failure: SettingFailure) -> _Begun:
@@ -123,11 +124,11 @@ def _begin(
     task: ProcedureInput, names: tuple[str, ...], fixed: Mapping[str, float], wanted: Sequence[str]
 ) -> _Begun:
     """Everything free at the lowest setting that can be fitted so, and from there at the others."""
-    broken: dict[int, SettingFailure] = {}
+    broken: dict[Setting, SettingFailure] = {}
     for lowest in sorted(task.settings):
         misfit = task.misfit(lowest, names)
 
-        def fit(lowest: int = lowest, misfit: Misfit = misfit) -> tuple[Judged, Search | None]:
+        def fit(lowest: Setting = lowest, misfit: Misfit = misfit) -> tuple[Judged, Search | None]:
             return fit_from(task, lowest, misfit, first_start(misfit, fixed))
 
         found = attempted(lowest, fit)
@@ -161,7 +162,7 @@ def _concluded(
         warnings.extend(_other_lowest(min(task.settings), lowest))
     shared: dict[str, float] = {}
     source = _source(judged, lowest) if "r_m3" in wanted else None
-    f_f_from: tuple[int, ...] = ()
+    f_f_from: tuple[Setting, ...] = ()
     f_f_range, is_certain = None, True
     if "f_f" in wanted:
         known = None if source is None else judged[source].solution.parameters.r_m3
@@ -199,7 +200,7 @@ def _concluded(
     )
 
 
-def _other_lowest(lowest: int, used: int) -> Iterator[str]:
+def _other_lowest(lowest: Setting, used: Setting) -> Iterator[str]:
     """Say so where R_m3 does not come from the lowest setting that was tested."""
     if used != lowest:
         yield (
@@ -231,7 +232,7 @@ def _lacks_r_m3_alone(judged: Judged) -> bool:
     return all(judged.status[name] == Status.FITTED for name in judged.errors if name != "r_m3")
 
 
-def _source(judged: Mapping[int, Judged], lowest: int) -> int | None:
+def _source(judged: Mapping[Setting, Judged], lowest: Setting) -> Setting | None:
     """The setting that gives R_m3: the lowest, or where its logs do not tell it the next one."""
     if _tells_r_m3(judged[lowest]):
         return lowest
@@ -250,16 +251,16 @@ class _SharedR_m3:  # noqa: N801 - the paper's symbol
     value: float
     status: Status
     judged: Judged
-    setting: int | None
+    setting: Setting | None
     is_refined: bool
     said: str = ""
 
 
 def _shared_r_m3(
     task: ProcedureInput,
-    judged: Mapping[int, Judged],
+    judged: Mapping[Setting, Judged],
     names: tuple[str, ...],
-    setting: int,
+    setting: Setting,
     f_f: float | None,
 ) -> _SharedR_m3:
     """R_m3 from the logs of one setting, and how far they tell it."""
@@ -340,18 +341,18 @@ def _free_everywhere(
     names: tuple[str, ...],
     fixed: Mapping[str, float],
     anchor: Values,
-    settings: Sequence[int],
-) -> dict[int, Judged | SettingFailure]:
+    settings: Sequence[Setting],
+) -> dict[Setting, Judged | SettingFailure]:
     """The first pass at other settings than the lowest, from their closed forms and the anchor."""
     damper = cast("Damper", task.damper)
 
-    def one(setting: int) -> Judged:
+    def one(setting: Setting) -> Judged:
         misfit = task.misfit(setting, names)
         known = {**fixed, "r_m3": anchor.r_m3, "f_f": anchor.f_f}
         start = starting_values(misfit.traces, damper, known, anchor.k_e)
         return fit_guided(misfit, start, REBOUND)
 
-    def guarded(setting: int) -> Judged | SettingFailure:
+    def guarded(setting: Setting) -> Judged | SettingFailure:
         return attempted(setting, lambda: one(setting))
 
     with ThreadPoolExecutor(task.jobs) as pool:
@@ -359,8 +360,8 @@ def _free_everywhere(
 
 
 def _shared_friction(
-    judged: Mapping[int, Judged], r_m3: float | None, options: FitOptions
-) -> tuple[float, tuple[int, ...], list[str]]:
+    judged: Mapping[Setting, Judged], r_m3: float | None, options: FitOptions
+) -> tuple[float, tuple[Setting, ...], list[str]]:
     """The mean friction over the settings whose first pass is sound, and these settings.
 
     Where no setting tells R_m3, those count whose fit is a minimum that tells all the others; in

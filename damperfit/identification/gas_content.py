@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Values
     from damperfit.damper.parameters import Damper
     from damperfit.identification.descent import Misfit
+    from damperfit.setting import Setting
 
 __all__ = ["GAS_FOLLOWER", "GAS_NAMES", "GasLaw", "first_law", "working_pressure"]
 
@@ -49,16 +50,16 @@ class GasLaw:
         K_B/C, bulk modulus of oil and tube without gas, Pa.
     gas_exponent : float
         gamma.
-    pressures : mapping of int to float
+    pressures : mapping of Setting to float
         Mean working pressure P by setting, absolute, Pa.
     """
 
     volume_ratio: float
     stiffness: float
     gas_exponent: float
-    pressures: Mapping[int, float]
+    pressures: Mapping[Setting, float]
 
-    def modulus(self, setting: int) -> float:
+    def modulus(self, setting: Setting) -> float:
         """K_e of a setting, Pa."""
         # Eq. (28) with K_B/C in place of K_B and V_r/C in place of V_r has C = 1.
         return float(
@@ -71,7 +72,7 @@ class GasLaw:
             )
         )
 
-    def share(self, setting: int) -> float:
+    def share(self, setting: Setting) -> float:
         """Share of a setting's compliance that the gas has, 0 to 1."""
         gas = self.gas_exponent * self.pressures[setting]
         return self.modulus(setting) * self.volume_ratio / gas
@@ -102,7 +103,7 @@ def working_pressure(misfit: Misfit, parameters: Values) -> float:
 
 
 def first_law(
-    moduli: Mapping[int, float], pressures: Mapping[int, float], gas_exponent: float
+    moduli: Mapping[Setting, float], pressures: Mapping[Setting, float], gas_exponent: float
 ) -> GasLaw:
     """Return the law that is nearest to known K_e: a straight line of 1/K_e over 1/(gamma P).
 

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Values
     from damperfit.identification.descent import Misfit
     from damperfit.identification.gas_content import GasLaw
+    from damperfit.setting import Setting
 
     FloatArray = NDArray[np.float64]
 
@@ -65,11 +66,11 @@ class JointSolution:
         Whether no further step promised anything.
     cost : float
         Sum of squares, each setting's times its weight.
-    weights : mapping of int to float
+    weights : mapping of Setting to float
         One over the mean square of each setting's residuals at the start, 1/N^2.
-    mean_squares : mapping of int to float
+    mean_squares : mapping of Setting to float
         Mean square of each setting's residuals at the end, N^2.
-    n_independent : mapping of int to float
+    n_independent : mapping of Setting to float
         Independent samples among them, twice their sign changes.
     errors : mapping of str to float
         Rough relative standard errors of the shared variables, as `relative_errors` of one fit.
@@ -77,13 +78,13 @@ class JointSolution:
         The law that K_e follows, where one was given.
     """
 
-    parameters: Mapping[int, Values]
+    parameters: Mapping[Setting, Values]
     evaluations: int
     is_converged: bool
     cost: float
-    weights: Mapping[int, float]
-    mean_squares: Mapping[int, float]
-    n_independent: Mapping[int, float]
+    weights: Mapping[Setting, float]
+    mean_squares: Mapping[Setting, float]
+    n_independent: Mapping[Setting, float]
     errors: Mapping[str, float]
     gas: GasLaw | None = None
 
@@ -94,26 +95,26 @@ class JointProblem:
 
     Attributes
     ----------
-    misfits : mapping of int to Misfit
+    misfits : mapping of Setting to Misfit
         By setting; ``free`` names own and shared parameters, the same for all.
     shared : tuple of str
         Values that all settings have in common.
     gas : GasLaw or None
         Where K_e starts from, if it is to follow a gas content; K_e must then be free.
-    weights : mapping of int to float or None
+    weights : mapping of Setting to float or None
         Weights of the settings' squares; None takes those of the start.
     jobs : int
         Threads.
     """
 
-    misfits: Mapping[int, Misfit]
+    misfits: Mapping[Setting, Misfit]
     shared: tuple[str, ...]
     gas: GasLaw | None = None
-    weights: Mapping[int, float] | None = None
+    weights: Mapping[Setting, float] | None = None
     jobs: int = 1
 
     @property
-    def settings(self) -> tuple[int, ...]:
+    def settings(self) -> tuple[Setting, ...]:
         """By rising number."""
         return tuple(sorted(self.misfits))
 
@@ -148,12 +149,12 @@ class _Seen:
 class _At:
     """A point of the joint fit."""
 
-    parameters: Mapping[int, Values]
+    parameters: Mapping[Setting, Values]
     gas: GasLaw | None
-    seen: Mapping[int, _Seen]
+    seen: Mapping[Setting, _Seen]
 
 
-def fit_jointly(problem: JointProblem, starts: Mapping[int, Values]) -> JointSolution:
+def fit_jointly(problem: JointProblem, starts: Mapping[Setting, Values]) -> JointSolution:
     """Minimise the misfit of all settings together.
 
     Parameters
@@ -208,7 +209,7 @@ class _Model:
     """All settings as a function of one vector: own variables by setting, then the shared ones."""
 
     def __init__(
-        self, problem: JointProblem, starts: Mapping[int, Values], pool: ThreadPoolExecutor
+        self, problem: JointProblem, starts: Mapping[Setting, Values], pool: ThreadPoolExecutor
     ) -> None:
         self.problem, self.starts, self.pool = problem, starts, pool
         self.weights = dict(problem.weights or {})
@@ -241,7 +242,7 @@ class _Model:
             for setting, mine in zip(problem.settings, own, strict=True)
         }
 
-        def one(setting: int) -> tuple[FloatArray, _Seen]:
+        def one(setting: Setting) -> tuple[FloatArray, _Seen]:
             linear = attempted(setting, lambda: linearise(problem.misfits[setting], at[setting]))
             if isinstance(linear, SettingFailure):
                 # A trial that cannot be simulated is one step too far; a bug is the end.
@@ -269,7 +270,7 @@ class _Model:
         return replace(self.problem.gas, **dict(zip(GAS_NAMES, values, strict=True)))
 
     def _parameters(
-        self, setting: int, own: FloatArray, theta: FloatArray, gas: GasLaw | None
+        self, setting: Setting, own: FloatArray, theta: FloatArray, gas: GasLaw | None
     ) -> Values:
         problem = self.problem
         known = np.empty(len(problem.variables))
@@ -283,7 +284,7 @@ class _Model:
         return self.starts[setting].replace({**named, **k_e})
 
 
-def _chain(problem: JointProblem, gas: GasLaw | None, setting: int) -> FloatArray:
+def _chain(problem: JointProblem, gas: GasLaw | None, setting: Setting) -> FloatArray:
     """Derivative of a setting's free parameters by its variables, logarithms both."""
     if gas is None:
         return np.eye(len(problem.free))

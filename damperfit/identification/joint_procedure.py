@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from damperfit.damper.parameters import Damper
     from damperfit.identification.descent import Misfit
     from damperfit.identification.setting import Fit
+    from damperfit.setting import Setting
 
 __all__ = ["JointResult", "fit_together"]
 
@@ -80,7 +81,7 @@ class JointResult:
 
 def fit_together(
     task: ProcedureInput, before: Sequence[Fit], own: tuple[str, ...], shared: tuple[str, ...]
-) -> tuple[JointResult | None, dict[int, SettingFailure]]:
+) -> tuple[JointResult | None, dict[Setting, SettingFailure]]:
     """Fit the settings that have a sound minimum together; None where there are not two.
 
     A setting that cannot be simulated at the start is left out and follows the others; one that
@@ -92,7 +93,7 @@ def fit_together(
         When the caller asked to stop.
     """
     sound = {fit.setting: fit for fit in before if fit.outcome is Outcome.CONVERGED}
-    broken: dict[int, SettingFailure] = {}
+    broken: dict[Setting, SettingFailure] = {}
     said: list[str] = []
     while True:
         try:
@@ -111,7 +112,10 @@ def fit_together(
 
 
 def _fit_sound(
-    task: ProcedureInput, sound: Mapping[int, Fit], own: tuple[str, ...], shared: tuple[str, ...]
+    task: ProcedureInput,
+    sound: Mapping[Setting, Fit],
+    own: tuple[str, ...],
+    shared: tuple[str, ...],
 ) -> JointResult | None:
     is_gas = task.options.bulk_modulus == "appendix1"
     if len(sound) < 2 or not (shared or is_gas):
@@ -158,7 +162,7 @@ def _common(name: str, task: ProcedureInput, fits: Sequence[Fit]) -> float:
 
 
 def _with_gas(
-    task: ProcedureInput, problem: JointProblem, starts: Mapping[int, Values]
+    task: ProcedureInput, problem: JointProblem, starts: Mapping[Setting, Values]
 ) -> tuple[JointSolution, int]:
     """Fit with K_e from a gas content; the working pressures are those of the fit itself."""
     moduli = {setting: start.k_e for setting, start in starts.items()}
@@ -179,7 +183,7 @@ def _with_gas(
     return solution, spent
 
 
-def _pressures(problem: JointProblem, at: Mapping[int, Values]) -> dict[int, float]:
+def _pressures(problem: JointProblem, at: Mapping[Setting, Values]) -> dict[Setting, float]:
     found = {}
     for setting in problem.settings:
         misfit, parameters = problem.misfits[setting], at[setting]
@@ -190,7 +194,7 @@ def _pressures(problem: JointProblem, at: Mapping[int, Values]) -> dict[int, flo
     return found
 
 
-def _rises(alone: JointSolution, law: JointSolution) -> dict[int, float]:
+def _rises(alone: JointSolution, law: JointSolution) -> dict[Setting, float]:
     """Rise of each setting's misfit above that with its own K_e, in units of the noise."""
     return {
         setting: alone.n_independent[setting] * (law.mean_squares[setting] / least - 1.0)
@@ -198,7 +202,7 @@ def _rises(alone: JointSolution, law: JointSolution) -> dict[int, float]:
     }
 
 
-def _judged_law(rises: Mapping[int, float]) -> list[str]:
+def _judged_law(rises: Mapping[Setting, float]) -> list[str]:
     """Say so when a K_e of each setting fits better than noise explains."""
     from scipy.special import chdtri
 

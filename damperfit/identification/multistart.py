@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+from zlib import crc32
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from damperfit.identification.setting import (
     relative_errors,
 )
 from damperfit.identification.sharing import listed_settings
+from damperfit.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -78,7 +80,7 @@ class Search:
 
     Attributes
     ----------
-    setting : int
+    setting : Setting
         Adjuster setting.
     free : tuple of str
         Values that the starts were spread in.
@@ -92,7 +94,7 @@ class Search:
         Whether different minima fit equally well.
     """
 
-    setting: int
+    setting: Setting
     free: tuple[str, ...]
     minima: tuple[Valley, ...]
     n_starts: int
@@ -118,7 +120,7 @@ class Search:
 
 def describe_searches(searches: Iterable[Search]) -> tuple[str, ...]:
     """Return what the starts found, for people: one sentence for each kind of ending."""
-    said: dict[str, list[int]] = defaultdict(list)
+    said: dict[str, list[Setting]] = defaultdict(list)
     for one in searches:
         said[_ending(one)].append(one.setting)
     return tuple(
@@ -141,7 +143,7 @@ def _ending(one: Search) -> str:
 
 
 def fit_from(
-    task: ProcedureInput, setting: int, misfit: Misfit, start: Values, *, spent: int = 0
+    task: ProcedureInput, setting: Setting, misfit: Misfit, start: Values, *, spent: int = 0
 ) -> tuple[Judged, Search | None]:
     """Fit from a start, and from as many more as the options ask for."""
     first = fit_setting(misfit, start, spent=spent)
@@ -150,12 +152,14 @@ def fit_from(
     return search(setting, misfit, first, n_starts=task.options.starts)
 
 
-def search(setting: int, misfit: Misfit, first: Judged, *, n_starts: int) -> tuple[Judged, Search]:
+def search(
+    setting: Setting, misfit: Misfit, first: Judged, *, n_starts: int
+) -> tuple[Judged, Search]:
     """Fit from further starts; returns the best sound result and what was found.
 
     Parameters
     ----------
-    setting : int
+    setting : Setting
         Adjuster setting; it also seeds the starts.
     misfit : Misfit
         Logs, damper and what is free.
@@ -203,11 +207,19 @@ def search(setting: int, misfit: Misfit, first: Judged, *, n_starts: int) -> tup
     return replace(chosen, solution=replace(chosen.solution, evaluations=spent)), found
 
 
-def spread_starts(misfit: Misfit, centre: Values, setting: int, number: int) -> tuple[Values, ...]:
+def _seed_of(setting: Setting) -> int:
+    """A number of the setting's own, the same in every run; whole clicks are their own."""
+    cell = Setting.of(setting).cell
+    return cell if isinstance(cell, int) and cell >= 0 else crc32(str(cell).encode())
+
+
+def spread_starts(
+    misfit: Misfit, centre: Values, setting: Setting, number: int
+) -> tuple[Values, ...]:
     """Return starts spread over a Latin hypercube around a point; always the same ones."""
     from scipy.stats import qmc  # slow to import: only a search from many starts pays
 
-    random = np.random.default_rng([_SEED, setting])
+    random = np.random.default_rng([_SEED, _seed_of(setting)])
     cube = qmc.LatinHypercube(len(misfit.free), rng=random).random(number)
     columns = {}
     for name, away in zip(misfit.free, 2.0 * cube.T - 1.0, strict=True):

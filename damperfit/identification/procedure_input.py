@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from damperfit.identification.options import FitOptions
     from damperfit.identification.setting import Fit
     from damperfit.recording import Trace
+    from damperfit.setting import Setting
 
 __all__ = ["ProcedureInput", "first_start"]
 
@@ -25,7 +26,7 @@ __all__ = ["ProcedureInput", "first_start"]
 class ProcedureInput:
     """Everything a procedure needs."""
 
-    settings: Mapping[int, tuple[Trace, ...]]
+    settings: Mapping[Setting, tuple[Trace, ...]]
     damper: Model
     options: FitOptions
     jobs: int
@@ -37,7 +38,7 @@ class ProcedureInput:
         wanted = set(names)
         return tuple(name for name in self.damper.names if name in wanted)
 
-    def misfit(self, setting: int, free: tuple[str, ...]) -> Misfit:
+    def misfit(self, setting: Setting, free: tuple[str, ...]) -> Misfit:
         """Return what is fitted at a setting."""
         return Misfit(
             self.settings[setting],

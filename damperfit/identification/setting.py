@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from damperfit.damper.cavitation import Cavitation
     from damperfit.damper.model import Detour, Values
     from damperfit.recording import Trace
+    from damperfit.setting import Setting
 
 __all__ = [
     "CHI_SQUARED_95",
@@ -88,7 +89,7 @@ class Fit:
 
     Attributes
     ----------
-    setting : int
+    setting : Setting
         Adjuster setting.
     parameters : Values
         SI values.
@@ -108,7 +109,7 @@ class Fit:
         One plain sentence each.
     """
 
-    setting: int
+    setting: Setting
     parameters: Values
     status: Mapping[str, Status]
     outcome: Outcome
@@ -317,7 +318,7 @@ def _outcome(solution: Solution, status: Mapping[str, Status]) -> Outcome:
     return Outcome.CONVERGED
 
 
-def describe_fit(setting: int, judged: Judged, misfit: Misfit) -> Fit:
+def describe_fit(setting: Setting, judged: Judged, misfit: Misfit) -> Fit:
     """Return the `Fit` of a judged solution: figures per log, cavitation."""
     parameters = judged.solution.parameters
     logs, seen, misses, floors = [], [], [], []

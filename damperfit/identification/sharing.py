@@ -6,11 +6,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from damperfit.identification.gas_content import GAS_FOLLOWER, GAS_NAMES
+from damperfit.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from damperfit.identification.gas_content import GasLaw
+    from damperfit.setting import Place
 
 __all__ = ["MEAN", "TAKEN", "Sharing", "listed_runs", "listed_settings"]
 
@@ -32,11 +34,11 @@ class Sharing:
         What was free together with them at each setting.
     jointly : tuple of str
         Parameters found in one fit over all settings.
-    settings : tuple of int
+    settings : tuple of Setting
         Settings of that fit.
-    r_m3_from : int or None
+    r_m3_from : Setting or None
         Setting whose logs gave R_m3.
-    f_f_from : tuple of int
+    f_f_from : tuple of Setting
         Settings whose mean is the friction.
     f_f_range : tuple of float or None
         Smallest and largest friction of these settings, each with its own, N.
@@ -46,21 +48,21 @@ class Sharing:
         R_m3 was found with the mean friction held, not beside the setting's own.
     gas : GasLaw or None
         The law that K_e follows over the settings, where it was asked for.
-    gas_rises : mapping of int to float
+    gas_rises : mapping of Setting to float
         By how much a setting's misfit is above that with a K_e of its own, in units of the noise:
         chi-squared with one degree of freedom where the law holds.
     """
 
     free: tuple[str, ...] = ()
     jointly: tuple[str, ...] = ()
-    settings: tuple[int, ...] = ()
-    r_m3_from: int | None = None
-    f_f_from: tuple[int, ...] = ()
+    settings: tuple[Setting, ...] = ()
+    r_m3_from: Setting | None = None
+    f_f_from: tuple[Setting, ...] = ()
     f_f_range: tuple[float, float] | None = None
     is_f_f_range_certain: bool = True
     is_refined: bool = False
     gas: GasLaw | None = None
-    gas_rises: Mapping[int, float] = field(default_factory=dict)
+    gas_rises: Mapping[Setting, float] = field(default_factory=dict)
 
     @property
     def friction_varies(self) -> bool:
@@ -90,20 +92,25 @@ class Sharing:
         return (*self.jointly, *GAS_NAMES)
 
 
-def listed_settings(settings: Iterable[int]) -> str:
-    """Return whole numbers with runs of three and more drawn together.
+def listed_settings(settings: Iterable[Setting | Place]) -> str:
+    """Return settings in order: of whole numbers runs of three and more drawn together.
 
     Examples
     --------
-    >>> listed_settings([1, 2, 5, 6, 7])
-    '1, 2, 5-7'
+    >>> listed_settings([1, 2, 5, 6, 7]), listed_settings([Setting.of("soft"), Setting.of(3)])
+    ('1, 2, 5-7', '3, soft')
     """
+    known = sorted(map(Setting.of, settings))
+    numbers = [one.cell for one in known if isinstance(one.cell, int)]
+    if len(numbers) < len(known):
+        more = f" and {len(known) - _MANY} more" if len(known) > _MANY else ""
+        return ", ".join(map(str, known[:_MANY])) + more
     runs: list[tuple[int, int]] = []
-    for setting in sorted(settings):
-        if runs and setting == runs[-1][1] + 1:
-            runs[-1] = (runs[-1][0], setting)
+    for number in numbers:
+        if runs and number == runs[-1][1] + 1:
+            runs[-1] = (runs[-1][0], number)
         else:
-            runs.append((setting, setting))
+            runs.append((number, number))
     return listed_runs(runs)
 
 

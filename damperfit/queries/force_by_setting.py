@@ -26,6 +26,7 @@ from damperfit.errors import ConfigurationError, Mishap, mishap_of
 from damperfit.identification.sharing import listed_settings
 from damperfit.quantities import parse_quantity
 from damperfit.queries.origin import Origin, configured_as, motion_of_tests
+from damperfit.setting import Setting
 from damperfit.simulation import refuse_amplitude
 from damperfit.tables import read_results
 
@@ -223,9 +224,9 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question, *, jobs: int 
             f"{at}: not reached by {adjuster.source}, which peaks at {sine.peak_speed:.3g} m/s; "
             "give a lower --velocity, or a larger --amplitude or --frequency"
         )
-    mishaps: dict[int, Mishap] = {}
+    mishaps: dict[Setting, Mishap] = {}
 
-    def take(setting: int, error: Exception) -> None:
+    def take(setting: Setting, error: Exception) -> None:
         mishaps[setting] = mishap_of(error, f"simulating setting {setting}")
 
     found = levels(
@@ -290,11 +291,11 @@ def _stages(
         if isinstance(entry, dict) and "setting" in entry
     }
     without = []
-    for row in sorted(rows, key=lambda row: int(row["setting"])):
+    for row in sorted(rows, key=lambda row: Setting.of(row["setting"])):
         values = {name: row[name] for name in PARAMETER_NAMES if row[name] is not None}
         if set(PARAMETER_NAMES) - {"f_0"} - set(values):
             continue
-        setting, parameters = int(row["setting"]), Parameters(**values)
+        setting, parameters = Setting.of(row["setting"]), Parameters(**values)
         try:
             yield _stage(setting, parameters, row, known[setting])
         except (KeyError, TypeError, ValueError):
@@ -311,7 +312,7 @@ def _stages(
 
 
 def _stage(
-    setting: int, parameters: Parameters, row: Mapping[str, Any], entry: Mapping[str, Any]
+    setting: Setting, parameters: Parameters, row: Mapping[str, Any], entry: Mapping[str, Any]
 ) -> Stage:
     """Return a stage with the covariance of ln y from standard errors and correlations."""
     names = tuple(str(name) for name in entry["parameters"])

@@ -22,6 +22,7 @@ from damperfit.errors import (
 )
 from damperfit.queries.origin import configured_as, origin_of
 from damperfit.readers import read_log
+from damperfit.setting import ADJUSTER, Setting, parse_setting
 from damperfit.simulation import (
     Characteristics,
     Response,
@@ -35,7 +36,7 @@ from damperfit.simulation import (
 from damperfit.tables import read_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from damperfit.configuration.options import Configuration
     from damperfit.recording import Trace
@@ -57,7 +58,7 @@ class Choice:
     ----------
     parameters : Parameters
         SI.
-    setting : int or None
+    setting : Setting or None
         Adjuster setting, None when all parameters were given one by one.
     source : str
         One sentence for people.
@@ -66,7 +67,7 @@ class Choice:
     """
 
     parameters: Parameters
-    setting: int | None
+    setting: Setting | None
     source: str
     table: Path | None = None
 
@@ -121,7 +122,7 @@ class SimulatedTest:
 
 
 def choose_parameters(
-    setting: int | None,
+    setting: Setting | int | str | None,
     *,
     table: Path | None,
     replaced: Mapping[str, str],
@@ -131,8 +132,8 @@ def choose_parameters(
 
     Parameters
     ----------
-    setting : int or None
-        Adjuster setting; not needed when all five parameters are replaced.
+    setting : Setting, int, str or None
+        Adjuster setting, or its label; not needed when all five parameters are replaced.
     table : pathlib.Path or None
         Parameters table or results folder; None takes the table in ``folder`` when there is one,
         else the reference set.
@@ -148,30 +149,49 @@ def choose_parameters(
     """
     values = {name: parameter_value(name, text) for name, text in replaced.items()}
     if set(_NEEDED) <= values.keys():
+        chosen_name = None if setting is None else _meant(setting)
         if table is not None:
             raise ConfigurationError(
                 f"--parameters {table}: nothing is taken from it, as --set gives all five; leave "
                 "one of the two out"
             )
-        return Choice(Parameters(**values), setting, "parameters: all given by --set")
+        return Choice(Parameters(**values), chosen_name, "parameters: all given by --set")
     if setting is None:
         missing = ", ".join(name for name in _NEEDED if name not in values)
         raise ConfigurationError(f"no parameters for {missing}: give --setting N or --set them all")
     path = _table(table, folder)
     if path is None:
-        parameters = reference_parameters(setting)
-        source = f"setting {setting} of the {REFERENCE_SOURCE}"
+        chosen = _meant(setting)
+        if isinstance(chosen.cell, str):
+            raise ConfigurationError(
+                f"--setting {setting}: not in the reference set; expected a whole number, 1 to 20"
+            )
+        parameters = reference_parameters(chosen.cell)
+        source = f"setting {chosen} of the {REFERENCE_SOURCE}"
     else:
         known = read_parameters(path)
-        if setting not in known:
+        chosen = _meant(setting, known)
+        if chosen not in known:
             there = ", ".join(str(number) for number in sorted(known)) or "none"
             raise ConfigurationError(
-                f"{path}: no parameters of setting {setting}; there are {there}"
+                f"{path}: no parameters of setting {chosen}; there are {there}"
             )
-        parameters, source = known[setting], f"setting {setting} of {path}"
+        parameters, source = known[chosen], f"setting {chosen} of {path}"
     if values:
         source = f"{source}; replaced: {', '.join(values)}"
-    return Choice(replace(parameters, **values), setting, f"parameters: {source}", path)
+    return Choice(replace(parameters, **values), chosen, f"parameters: {source}", path)
+
+
+def _meant(setting: Setting | int | str, known: Collection[Setting] = ()) -> Setting:
+    """Return the setting that a label names, best among those that are known."""
+    if not isinstance(setting, str):
+        return Setting.of(setting)
+    named = {one.label.casefold(): one for one in known}
+    adjusters = next(iter(known)).adjusters if known else (ADJUSTER,)
+    try:
+        return named.get(setting.strip().casefold()) or parse_setting(setting, adjusters)
+    except ValueError as error:
+        raise ConfigurationError(f"--setting {setting}: {error}") from error
 
 
 def _table(given: Path | None, folder: Path) -> Path | None:

@@ -11,9 +11,10 @@ import numpy as np
 from damperfit.errors import LogError
 from damperfit.readers.channels import choose_channels, told_at_once
 from damperfit.readers.options import EXTRAS
-from damperfit.readers.setting_number import file_setting, whole_setting
+from damperfit.readers.setting_number import file_setting, told_setting
 from damperfit.readers.write_buffers import TITLE, join_buffers
 from damperfit.recording import Recording
+from damperfit.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -44,7 +45,7 @@ def make_recordings(
     ------
     LogError
         A channel or unit is missing, a value is no finite number, time does not increase, or
-        a setting is no whole number.
+        a setting is none.
     """
     blocks = [_table_parts(table, source, options) for table in tables]
     are_buffers = len(tables) > 1 and all(table.may_run_on for table in tables)
@@ -63,7 +64,9 @@ def make_recordings(
             name=f"{source.name} part {i + 1}" if len(parts) > 1 else source.name,
             path=source.path,
             sha256=source.sha256,
-            setting=settings[i] if settings and options.setting is None else part.setting,
+            setting=Setting.of(settings[i])
+            if settings and options.setting is None
+            else part.setting,
             time=part.time,
             displacement=part.displacement,
             force=part.force,
@@ -271,20 +274,20 @@ def _setting(
     metadata: Mapping[str, str],
     source: Source,
     options: ReadOptions,
-) -> tuple[int | None, tuple[str, ...]]:
+) -> tuple[Setting | None, tuple[str, ...]]:
     """Return the setting from the declaration, the preamble, a column or the file name."""
     if options.setting is not None:
         return options.setting, ("setting: as declared",)
     if "setting" in metadata:
-        told = whole_setting(metadata["setting"], f"{source.name}: metadata 'setting'")
+        told = told_setting(metadata["setting"], f"{source.name}: metadata 'setting'")
         return told, _other_name(told, source.name, options.setting_pattern)
     if "setting" in samples.channels:
         value = f"{samples.channels['setting'][part.start]:.15g}"
-        return whole_setting(value, f"{source.name}: column 'setting'"), ()
+        return told_setting(value, f"{source.name}: column 'setting'"), ()
     return file_setting(source.name, options.setting_pattern)
 
 
-def _other_name(told: int, name: str, pattern: str) -> tuple[str, ...]:
+def _other_name(told: Setting, name: str, pattern: str) -> tuple[str, ...]:
     """Say that the file's name names another setting than its preamble."""
     named = None
     with suppress(LogError):  # a name that says nothing whole is no contradiction

@@ -14,6 +14,8 @@ from damperfit.quantities import find_unit
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from damperfit.setting import Setting
+
 __all__ = [
     "CHANNELS",
     "EXTRAS",
@@ -100,7 +102,7 @@ class Declarations:
     """
 
     setting_pattern: str = SETTING_PATTERN
-    part_settings: tuple[int, ...] = ()
+    part_settings: tuple[Setting, ...] = ()
     columns: Mapping[str, str | int] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
@@ -227,7 +229,7 @@ class ReadOptions(Declarations):
 
     Attributes
     ----------
-    setting : int or None
+    setting : Setting or None
         Adjuster setting, whatever the log says.
     profile : str
         Name of the profile for every log; empty: the first whose pattern fits the file name.
@@ -242,7 +244,7 @@ class ReadOptions(Declarations):
         As for `Declarations`; or there is no such profile.
     """
 
-    setting: int | None = None
+    setting: Setting | None = None
     profile: str = ""
     profiles: tuple[Profile, ...] = ()
     max_bytes: int = 500_000_000

@@ -1,4 +1,4 @@
-"""The adjuster setting as a log says it: a whole number, a label."""
+"""The adjuster setting as a log says it: clicks, or a word."""
 
 from __future__ import annotations
 
@@ -6,42 +6,39 @@ import re
 
 from damperfit.errors import LogError
 from damperfit.readers.channels import visible
+from damperfit.setting import Setting, parse_place
 
-__all__ = ["file_setting", "whole_setting"]
-
-_MAX_SETTING = 1_000_000  # a label; anything longer is a date or a serial number
+__all__ = ["file_setting", "told_setting"]
 
 
-def whole_setting(text: str, where: str) -> int:
+def told_setting(text: str, where: str) -> Setting:
     """Return the setting that a text says.
 
     Raises
     ------
     LogError
-        It is no whole number.
+        It says none.
 
     Examples
     --------
-    >>> whole_setting("10", "log.csv")
-    10
+    >>> told_setting("10", "log.csv").cell, told_setting("soft", "log.csv").cell
+    (10, 'soft')
     """
-    found = re.fullmatch(r"\s*(\d{1,9})(?:\.0*)?\s*", text, re.ASCII)
-    if found is None or int(found[1]) > _MAX_SETTING:
-        raise LogError(
-            f"{where}: setting {visible(text)}; expected a whole number from 0 to {_MAX_SETTING}"
-        )
-    return int(found[1])
+    try:
+        return Setting.of(parse_place(text))
+    except ValueError as error:
+        raise LogError(f"{where}: setting {visible(text)}; {error}") from error
 
 
-def file_setting(name: str, pattern: str) -> tuple[int | None, tuple[str, ...]]:
+def file_setting(name: str, pattern: str) -> tuple[Setting | None, tuple[str, ...]]:
     """Return the setting in a file name, if there is one, and a note.
 
     Raises
     ------
     LogError
-        What the pattern finds is no whole number.
+        What the pattern finds is no setting.
     """
     found = list(re.finditer(pattern, name, re.IGNORECASE))
     if not found or found[-1][1] is None:
         return None, ()
-    return whole_setting(found[-1][1], f"{name}: file name"), ("setting: from the file name",)
+    return told_setting(found[-1][1], f"{name}: file name"), ("setting: from the file name",)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from damperfit.report.alike import shape_of, summarised
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from damperfit.checks import Check
+    from damperfit.setting import Setting
     from damperfit.uncertainty import Prediction
-
-from damperfit.checks import Check
-from damperfit.report.alike import shape_of, summarised
 
 __all__ = ["Failure", "ReportFacts", "failure_lines"]
 
@@ -28,7 +29,7 @@ class Failure:
         Name of the log; empty when it is a whole setting that failed.
     path : str
         Path of the log; empty likewise.
-    setting : int or None
+    setting : Setting or None
         Adjuster setting, when known.
     kind : str
         Name of the error class; the README lists them.
@@ -40,7 +41,7 @@ class Failure:
 
     log: str
     path: str
-    setting: int | None
+    setting: Setting | None
     kind: str
     message: str
     trace: str = ""

@@ -17,6 +17,7 @@ from damperfit.adjustment import Click, Outlier, Trend, TrendPoint
 from damperfit.checks import Check
 from damperfit.recording import Finding
 from damperfit.report.failures_and_warnings import Failure
+from damperfit.setting import Place, Setting, parse_place
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -73,11 +74,15 @@ def to_record(one: Any) -> Any:
     >>> to_record(Check("no_cavitation", True, "no chamber"))
     {'name': 'no_cavitation', 'passed': True, 'reason': 'no chamber'}
     """
+    if isinstance(one, Setting):
+        return one.cell
     if is_dataclass(one):
         keys = _KEYS.get(type(one), {})
         return {keys.get(f.name, f.name): to_record(getattr(one, f.name)) for f in fields(one)}
     if isinstance(one, tuple):
         return [to_record(item) for item in one]
+    if isinstance(one, dict):
+        return {str(key): to_record(item) for key, item in one.items()}
     return one
 
 
@@ -185,7 +190,7 @@ def _all(kind: type[_T], record: Mapping[str, Any], key: str) -> tuple[_T, ...]:
 
 @cache
 def _hints(kind: Any) -> dict[str, Any]:
-    return get_type_hints(kind)
+    return get_type_hints(kind, localns={"Setting": Setting})
 
 
 def _read_class(kind: Any, entry: object) -> Any:
@@ -211,6 +216,8 @@ def _read(hint: Any, value: object) -> Any:
         return None if like is None else _read(like, value)
     if get_origin(hint) is tuple:
         return _read_tuple(get_args(hint), value)
+    if hint is Setting:
+        return _setting(value)
     if isinstance(hint, type) and is_dataclass(hint):
         return _read_class(hint, value)
     return {str: _text, float: _number, int: _whole, bool: _is_true}[hint](value)
@@ -233,6 +240,9 @@ def _read_tuple(kinds: tuple[Any, ...], value: object) -> tuple[Any, ...]:
 
 def _is_like(kind: type, value: object) -> bool:
     """Whether a value that may be unknown is known."""
+    if kind is Setting:
+        is_label = isinstance(value, str) and isinstance(_place(value), str | float)
+        return is_label or _is_like(int, value)
     if kind in {int, float}:
         return math.isfinite(_number(value)) and (kind is float or type(value) is int)
     return type(value) is kind
@@ -251,6 +261,22 @@ def _whole(value: object) -> int:
     if not number.is_integer():  # NaN and infinity are none either
         raise _UnreadableError
     return int(number)
+
+
+def _setting(value: object) -> Setting:
+    if not isinstance(value, str):
+        return Setting.of(_whole(value))
+    place = _place(value)
+    if place is None or isinstance(place, int):
+        raise _UnreadableError
+    return Setting.of(place)
+
+
+def _place(text: str) -> Place | None:
+    try:
+        return parse_place(text)
+    except ValueError:
+        return None
 
 
 def _is_true(value: object) -> bool:

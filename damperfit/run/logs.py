@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
     from damperfit.recording import Recording, Trace
+    from damperfit.setting import Setting
 
 _LARGE = 1_000_000  # bytes
 _READ_APART = {".mat", ".mdf", ".mf4", ".h5", ".hdf5"}
@@ -153,7 +154,7 @@ def read_batch(
     configuration: Configuration,
     *,
     jobs: int,
-    setting: int | None = None,
+    setting: Setting | None = None,
     keeps_traces: bool = True,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> LogBatch:
@@ -167,7 +168,7 @@ def read_batch(
         How to read and condition them.
     jobs : int
         Workers.
-    setting : int, optional
+    setting : Setting, optional
         Setting of the logs that do not say theirs.
     keeps_traces : bool
         False: only the facts are wanted; no samples are kept, and curves without time are facts
@@ -250,7 +251,7 @@ class _Taken:
 
 
 def _take_file(
-    path: Path, name: str, configuration: Configuration, *, setting: int | None
+    path: Path, name: str, configuration: Configuration, *, setting: Setting | None
 ) -> list[_Taken]:
     """Read one file, which may hold several tests."""
     try:
@@ -278,7 +279,7 @@ def _take_curves(path: Path, known: LogFacts, configuration: Configuration) -> _
 
 
 def _take_test(
-    recording: Recording, path: Path, configuration: Configuration, *, setting: int | None
+    recording: Recording, path: Path, configuration: Configuration, *, setting: Setting | None
 ) -> _Taken:
     known = LogFacts(
         log=recording.name,
@@ -324,7 +325,7 @@ _USAGE = (ConfigurationError, InstallationError)
 
 
 def failure_of(
-    mishap: Mishap, log: str = "", path: str = "", setting: int | None = None
+    mishap: Mishap, log: str = "", path: str = "", setting: Setting | None = None
 ) -> Failure:
     """Return what is told of a log or a setting that something ended the work on."""
     return Failure(log, path, setting, mishap.kind, mishap.message, mishap.trace)
@@ -353,7 +354,7 @@ def _failed(
     return _Taken(replace(known, facts=known.facts | told), failure=failure)
 
 
-def _known(setting: int | None, name: str) -> int:
+def _known(setting: Setting | None, name: str) -> Setting:
     if setting is None:
         raise LogError(
             f"{name}: the log does not say its adjuster setting; expected a line '# setting: 10', "

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.report import Failure
     from damperfit.run.logs import LogBatch
+    from damperfit.setting import Setting
 
 __all__ = ["Mishaps"]
 
@@ -50,7 +51,7 @@ class Mishaps:
     def at_setting(self, task: str) -> OnError:
         """Return what takes a setting and the error that a task, as in "judging", has met there."""
 
-        def take(setting: int, error: Exception) -> None:
+        def take(setting: Setting, error: Exception) -> None:
             mishap = mishap_of(error, f"{task} setting {setting}")
             self._found.append(failure_of(mishap, setting=setting))
 

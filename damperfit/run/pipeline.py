@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.report import Failure, ReportFacts
     from damperfit.run.logs import LogBatch
+    from damperfit.setting import Setting
     from damperfit.tables import Tables
 
 __all__ = ["RunResult", "UnwrittenError", "Watch", "run"]
@@ -139,7 +140,7 @@ def run(
     logs: Sequence[str],
     *,
     jobs: int | None = None,
-    setting: int | None = None,
+    setting: Setting | None = None,
     watch: Watch = Watch(),
 ) -> RunResult:
     """Identify every setting in the logs and write the results as a set.
@@ -152,7 +153,7 @@ def run(
         Paths and patterns.
     jobs : int, optional
         Workers; the cores available by default. The results do not depend on it.
-    setting : int, optional
+    setting : Setting, optional
         Setting of the logs that do not say theirs.
     watch : Watch
         Progress and cancellation.

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from damperfit.identification import Campaign
     from damperfit.recording import Finding
     from damperfit.run.logs import LogBatch
+    from damperfit.setting import Setting
 
 __all__ = [
     "MANY",
@@ -64,7 +65,7 @@ def skipped_files(batch: LogBatch) -> Iterator[str]:
         yield f"{path}: a parameter table of damperfit, not a log; skipped"
 
 
-def _at_settings(said: Sequence[tuple[int, str]]) -> Iterator[str]:
+def _at_settings(said: Sequence[tuple[Setting, str]]) -> Iterator[str]:
     """Yield a sentence on each setting; of many, the first, and which others have one."""
     if len(said) > MANY:
         (first, sentence), others = said[0], {setting for setting, _ in said[1:]}

@@ -21,6 +21,7 @@ from damperfit.quantities import engineering
 from damperfit.report import Failure, ReportFacts, to_record
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
 from damperfit.run.trust import confidence_record, unconfirmed_tares
+from damperfit.setting import ADJUSTER, Setting
 from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
 from damperfit.uncertainty import METHOD, Assessment, prediction_warnings
 
@@ -204,10 +205,16 @@ def record(
         "stretches": [entry for fit in campaign.fits for entry in _stretches(fit)],
         "held_out": [one.describe() for one in judgement.predictions],
         **_across(judgement.adjustment),
-        "schema": describe_tables(),
+        "adjusters": list(_adjusters(campaign)),
+        "schema": describe_tables([fit.setting for fit in campaign.fits]),
     }
     cleaned: dict[str, Any] = json_values(document)
     return cleaned
+
+
+def _adjusters(campaign: Campaign) -> tuple[str, ...]:
+    """Names of the adjusters that the settings tell the place of."""
+    return campaign.fits[0].setting.adjusters if campaign.fits else (ADJUSTER,)
 
 
 def _stretches(fit: Fit) -> Iterator[dict[str, Any]]:
@@ -264,6 +271,8 @@ def _input(log: LogFacts) -> dict[str, Any]:
 
 def json_values(value: Any) -> Any:
     """Return the value with every number that JSON does not know (NaN, infinity) as None."""
+    if isinstance(value, Setting):
+        return value.cell
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, dict):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from damperfit.identification import Status
 from damperfit.identification.sharing import listed_settings
+from damperfit.report import to_record
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,8 +31,8 @@ def confidence_record(campaign: Campaign, assessment: Assessment) -> dict[str, A
     return {
         "uncertainty": list(_trust(campaign, assessment)),
         "profiles": [_profile(one, assessment) for one in assessment.profiles],
-        "gas_content": None if assessment.gas is None else asdict(assessment.gas),
-        "searches": [asdict(one) for one in campaign.searches],
+        "gas_content": None if assessment.gas is None else to_record(assessment.gas),
+        "searches": [to_record(one) for one in campaign.searches],
     }
 
 
@@ -50,8 +50,8 @@ def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any
             "jackknife_over_sandwich": {
                 name: interval.cycle_ratio for name, interval in known.intervals.items()
             },
-            "residuals": asdict(seen),
-            "cavitation": asdict(fits[known.setting].cavitation),
+            "residuals": to_record(seen),
+            "cavitation": to_record(fits[known.setting].cavitation),
         }
 
 

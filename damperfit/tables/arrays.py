@@ -24,12 +24,14 @@ def float_array(values: NDArray[np.float64]) -> pa.Array:
     return pa.Array.from_buffers(pa.float64(), len(data), [None, pa.py_buffer(data)])
 
 
-def repeated(value: int | str, n: int) -> pa.Array:
-    """Return an Arrow array of one whole number or text, ``n`` times."""
+def repeated(value: float | str, n: int) -> pa.Array:
+    """Return an Arrow array of one number or text, ``n`` times."""
     if isinstance(value, int):
         return pa.Array.from_buffers(
             pa.int64(), n, [None, pa.py_buffer(np.full(n, value, dtype=np.int64))]
         )
+    if isinstance(value, float):
+        return float_array(np.full(n, value))
     data = _encoded(value)
     offsets = np.arange(n + 1, dtype=np.int32) * np.int32(len(data))
     return pa.Array.from_buffers(

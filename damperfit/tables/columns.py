@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
 from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.setting import ADJUSTER, LONGEST_WORD, Place, Setting, parse_place
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 __all__ = [
     "PARAMETER_UNITS",
     "SCHEMA_VERSION",
+    "adjusters_in",
     "column_kinds",
+    "column_names",
     "describe_tables",
+    "read_setting",
+    "setting_cells",
     "table_schema",
 ]
 
@@ -51,6 +57,7 @@ class _Column:
 
 _INT, _FLOAT, _TEXT = pa.int64(), pa.float64(), pa.string()
 _SETTING = _Column("setting", _INT, "1", "adjuster setting")
+_CHANGED = _Column("changed", _TEXT, "", "adjuster that change_N is a click of")
 _LOG = _Column("log", _TEXT, "", "file name of the log; empty for the row of the whole setting")
 _MSE = _Column("mse_percent", _FLOAT, "%", "normalised mean square error of the force, eq. (22)")
 _GRADE = _Column("grade", _TEXT, "", "excellent below 1 %, good below 5 %, else poor")
@@ -170,7 +177,93 @@ _TABLES: dict[str, tuple[_Column, ...]] = {
 }
 
 
-def table_schema(name: str, facts: Mapping[str, Any]) -> pa.Schema:
+def _setting_columns(table: str, settings: Collection[Setting]) -> tuple[_Column, ...]:
+    """The column ``setting`` and one for each adjuster that has a name."""
+    known = [Setting.of(one) for one in settings]
+    is_whole = all(isinstance(one.cell, int) for one in known)
+    first = _SETTING if is_whole else replace(_SETTING, kind=_TEXT, unit="")
+    names = known[0].adjusters if known else (ADJUSTER,)
+    if names == (ADJUSTER,):
+        return (first,)
+    turned = (_CHANGED,) if table == "adjustment" and len(names) > 1 else ()
+    return (first, *(_place_column(name, known) for name in names), *turned)
+
+
+def _place_column(name: str, settings: Iterable[Setting]) -> _Column:
+    places = [one.place(name) for one in settings]
+    if any(isinstance(place, str) for place in places):
+        return _Column(name, _TEXT, "", f"where the adjuster {name} stands")
+    kind = _INT if all(isinstance(place, int) for place in places) else _FLOAT
+    return _Column(name, kind, "1", f"where the adjuster {name} stands")
+
+
+def setting_cells(setting: Setting, *, is_whole: bool) -> dict[str, Place]:
+    """Return what a row of a setting holds: ``setting``, and each adjuster that has a name.
+
+    Parameters
+    ----------
+    setting : Setting
+        Which.
+    is_whole : bool
+        Whether the column is one of whole numbers.
+    """
+    known = Setting.of(setting)
+    named = {} if known.adjusters == (ADJUSTER,) else dict(known.places)
+    return {"setting": known.cell if is_whole else known.label, **named}
+
+
+def adjusters_in(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the adjusters that have a column in a table: what follows ``setting`` unknown.
+
+    Examples
+    --------
+    >>> adjusters_in(["setting", "rebound", "compression", "r_m1"])
+    ('rebound', 'compression')
+    """
+    if ADJUSTER not in names:
+        return ()
+    after = names[list(names).index(ADJUSTER) + 1 :]
+    return tuple(takewhile(lambda name: name not in column_names(), after))
+
+
+def read_setting(row: Mapping[str, Any], adjusters: Sequence[str] = ()) -> Setting | None:
+    """Return the setting of a row that was read back, None where its cell is empty.
+
+    Parameters
+    ----------
+    row : mapping
+        Cells by column, as numbers or text.
+    adjusters : sequence of str
+        Names of the adjusters; where their columns are missing the label is taken as it is.
+
+    Raises
+    ------
+    ValueError
+        A cell says no place of an adjuster.
+    """
+    cells = [row.get(name) for name in adjusters]
+    if adjusters and all(cell not in (None, "") for cell in cells):
+        return Setting(
+            tuple(
+                (name, parse_place(str(cell))) for name, cell in zip(adjusters, cells, strict=True)
+            )
+        )
+    cell = row["setting"]
+    if cell is None or cell == "":
+        return None
+    text = str(cell)
+    return Setting.of(parse_place(text) if len(text) <= LONGEST_WORD else text)
+
+
+def column_names() -> frozenset[str]:
+    """Return the names of all columns, which no adjuster may have."""
+    every = (*(c.name for columns in _TABLES.values() for c in columns), _CHANGED.name)
+    return frozenset(every) - {ADJUSTER}
+
+
+def table_schema(
+    name: str, facts: Mapping[str, Any], *, settings: Collection[Setting] = ()
+) -> pa.Schema:
     """Return the Arrow schema of a table.
 
     Parameters
@@ -179,13 +272,20 @@ def table_schema(name: str, facts: Mapping[str, Any]) -> pa.Schema:
         "parameters", "mse", "adjustment", "responses", "profiles" or "time_series".
     facts : mapping
         JSON values for the schema's ``damperfit`` entry, beside version and name of the table.
+    settings : collection of Setting
+        Of the run: they say what the column ``setting`` holds, and which columns follow it.
     """
     entry = {"schema_version": SCHEMA_VERSION, "table": name, **facts}
     fields = [
         pa.field(c.name, c.kind, metadata={"unit": c.unit, "description": c.description})
-        for c in _TABLES[name]
+        for c in _columns(name, settings)
     ]
     return pa.schema(fields, metadata={"damperfit": json.dumps(entry, sort_keys=True)})
+
+
+def _columns(table: str, settings: Collection[Setting]) -> Iterator[_Column]:
+    for one in _TABLES[table]:
+        yield from _setting_columns(table, settings) if one is _SETTING else (one,)
 
 
 def column_kinds(name: str) -> dict[str, type]:
@@ -194,8 +294,14 @@ def column_kinds(name: str) -> dict[str, type]:
     return {column.name: kinds[column.kind] for column in _TABLES[name]}
 
 
-def describe_tables() -> dict[str, list[dict[str, str]]]:
-    """Return name, type, unit and meaning of every column that `identify` writes."""
+def describe_tables(settings: Collection[Setting] = ()) -> dict[str, list[dict[str, str]]]:
+    """Return name, type, unit and meaning of every column that `identify` writes.
+
+    Parameters
+    ----------
+    settings : collection of Setting
+        Of the run.
+    """
     return {
         table: [
             {
@@ -204,8 +310,8 @@ def describe_tables() -> dict[str, list[dict[str, str]]]:
                 "unit": c.unit,
                 "description": c.description,
             }
-            for c in columns
+            for c in _columns(table, settings)
         ]
-        for table, columns in _TABLES.items()
+        for table in _TABLES
         if table != "time_series"
     }

@@ -18,7 +18,7 @@ from damperfit.atomic import settle
 from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.errors import ConfigurationError
 from damperfit.tables.arrays import float_array, repeated
-from damperfit.tables.columns import table_schema
+from damperfit.tables.columns import adjusters_in, read_setting, setting_cells, table_schema
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from damperfit.identification import Campaign, Comparison
     from damperfit.recording import Trace
+    from damperfit.setting import Place, Setting
 
 __all__ = ["read_facts", "read_parameters", "safe_cell", "write_responses", "write_table"]
 
@@ -57,7 +58,8 @@ def write_responses(
     int
         Rows written.
     """
-    schema = table_schema("responses", provenance or {})
+    settings = [fit.setting for fit in campaign.fits]
+    schema = table_schema("responses", provenance or {}, settings=settings)
     logs = ((fit.setting, log.trace) for fit in campaign.fits for log in fit.logs)
     n_rows = 0
     # A dictionary of numbers that never repeat costs twice the time and a sixth more space.
@@ -74,11 +76,17 @@ def write_responses(
     return n_rows
 
 
-def _response_table(schema: pa.Schema, setting: int, trace: Trace, seen: Comparison) -> pa.Table:
+def _response_table(
+    schema: pa.Schema, setting: Setting, trace: Trace, seen: Comparison
+) -> pa.Table:
     part = trace.compared
     n = trace.n_samples
+    is_whole = schema.field("setting").type == pa.int64()
     arrays = [
-        repeated(setting, n),
+        *(
+            repeated(_as(place, schema.field(name).type), n)
+            for name, place in setting_cells(setting, is_whole=is_whole).items()
+        ),
         repeated(trace.name, n),
         float_array(seen.response.time[part]),
         float_array(trace.displacement[part]),
@@ -88,6 +96,13 @@ def _response_table(schema: pa.Schema, setting: int, trace: Trace, seen: Compari
         *(float_array(pressure[part]) for pressure in seen.response.pressures),
     ]
     return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def _as(place: Place, kind: pa.DataType) -> Place:
+    """Return where an adjuster stands as its column holds it."""
+    if kind == pa.string():
+        return str(place)
+    return float(place) if kind == pa.float64() else place
 
 
 def write_table(path: Path, table: pa.Table, *, suffix: str | None = None) -> None:
@@ -145,7 +160,7 @@ def safe_cell(text: str) -> str:
     return "'" + text if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
 
 
-def read_parameters(path: Path) -> dict[int, Parameters]:
+def read_parameters(path: Path) -> dict[Setting, Parameters]:
     """Read a parameters table (.parquet or .csv) back, by setting.
 
     Settings with an empty cell among their parameters are left out.
@@ -166,7 +181,11 @@ def read_parameters(path: Path) -> dict[int, Parameters]:
     settle(path.parent)
     try:
         rows = _read_rows(path)
-        known = {int(row["setting"]): [row.get(name) for name in PARAMETER_NAMES] for row in rows}
+        known = {
+            setting: [row.get(name) for name in PARAMETER_NAMES]
+            for row in rows
+            if (setting := read_setting(row, adjusters_in(tuple(row)))) is not None
+        }
         return {
             setting: Parameters(*(float(value or 0.0) for value in values))
             for setting, values in known.items()
@@ -198,7 +217,11 @@ def _read_rows(path: Path) -> list[dict[str, Any]]:
         with pq.ParquetFile(path, page_checksum_verification=True) as file:
             table = file.read()
         rows: list[dict[str, Any]] = table.select(
-            [name for name in wanted if name in table.column_names]
+            [
+                *(name for name in wanted[:1] if name in table.column_names),
+                *adjusters_in(table.column_names),
+                *(name for name in wanted[1:] if name in table.column_names),
+            ]
         ).to_pylist()
         return _complete(rows, table.column_names)
     with path.open(encoding="utf-8-sig", newline="") as file:

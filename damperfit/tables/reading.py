@@ -10,6 +10,7 @@ import csv
 import hashlib
 import json
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,8 @@ import pyarrow.parquet as pq
 from damperfit.atomic import settle
 from damperfit.errors import ConfigurationError
 from damperfit.recording import natural_order
-from damperfit.tables.columns import SCHEMA_VERSION, column_kinds
+from damperfit.setting import Setting
+from damperfit.tables.columns import SCHEMA_VERSION, adjusters_in, column_kinds, read_setting
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -51,7 +53,7 @@ class LogSignals:
 
     Attributes
     ----------
-    setting : int
+    setting : Setting
         Adjuster setting.
     log : str
         Name of the log.
@@ -61,7 +63,7 @@ class LogSignals:
         Shape (3, n), Pa absolute.
     """
 
-    setting: int
+    setting: Setting
     log: str
     time: FloatArray
     displacement: FloatArray
@@ -177,7 +179,7 @@ def _check_files(
 
 def _once(rows: tuple[dict[str, Any], ...], remarks: list[str]) -> tuple[dict[str, Any], ...]:
     """Return the first row of each setting."""
-    first: dict[int, dict[str, Any]] = {}
+    first: dict[Setting, dict[str, Any]] = {}
     for row in rows:
         first.setdefault(row["setting"], row)
     if len(first) < len(rows):
@@ -222,7 +224,11 @@ def _rows(folder: Path, table: str, remarks: list[str]) -> tuple[dict[str, Any],
 
 
 def _clean(row: dict[str, Any], kinds: dict[str, type]) -> dict[str, Any]:
-    return {name: _cell(row[name], kind) for name, kind in kinds.items() if name in row}
+    cells = ((name, kind) for name, kind in kinds.items() if name in row and name != "setting")
+    told = {name: _cell(row[name], kind) for name, kind in cells}
+    return told | (
+        {"setting": read_setting(row, adjusters_in(tuple(row)))} if "setting" in row else {}
+    )
 
 
 def _cell(value: Any, kind: type) -> Any:
@@ -252,9 +258,10 @@ def _logs(folder: Path, remarks: list[str]) -> Iterator[LogSignals]:
             if missing:
                 remarks.append(f"{path.name} has no column {', '.join(missing)}: no loops")
                 return
+            named = adjusters_in(file.schema_arrow.names)
             for group in range(file.num_row_groups):
                 try:
-                    table = file.read_row_group(group, columns=list(wanted))
+                    table = file.read_row_group(group, columns=["setting", *named, *wanted[1:]])
                 except _BROKEN as error:
                     remarks.append(f"{path.name}: log {group + 1} is damaged: {_reason(error)}")
                     continue
@@ -270,14 +277,24 @@ def _split(table: pa.Table) -> Iterator[LogSignals]:
     if table.num_rows == 0:
         return
     names = table.column("log").combine_chunks().dictionary_encode()
-    settings = table.column("setting").to_numpy()
+    settings = table.column("setting").to_pylist()
+    named = adjusters_in(table.column_names)
     codes = names.indices.to_numpy(zero_copy_only=False)
-    edges = np.flatnonzero((np.diff(codes) != 0) | (np.diff(settings) != 0)) + 1
+    edges = (
+        np.flatnonzero(
+            (np.diff(codes) != 0)
+            | np.array([a != b for a, b in pairwise(settings)], dtype=np.bool_)
+        )
+        + 1
+    )
     signals = [np.asarray(table.column(name).to_numpy(), dtype=np.float64) for name in _SIGNALS]
     for start, stop in zip([0, *edges], [*edges, table.num_rows], strict=True):
         time, x, v, measured, force, *pressures = (signal[start:stop] for signal in signals)
         yield LogSignals(
-            setting=int(settings[start]),
+            setting=read_setting(
+                table.select(["setting", *named]).slice(start, 1).to_pylist()[0], named
+            )
+            or Setting.of(0),
             log=str(names.dictionary[int(codes[start])].as_py()),
             time=time,
             displacement=x,

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
@@ -12,16 +14,17 @@ from damperfit.adjustment import Adjustment
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification.setting import EXCELLENT
 from damperfit.tables.arrays import column, float_array
-from damperfit.tables.columns import table_schema
+from damperfit.tables.columns import setting_cells, table_schema
 from damperfit.uncertainty import Assessment
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     import pandas as pd
 
     from damperfit.adjustment import Click, Level
     from damperfit.identification import Campaign, Fit, LogFit
+    from damperfit.setting import Setting
     from damperfit.simulation import Response
     from damperfit.uncertainty import MisfitProfile, Prediction
 
@@ -93,7 +96,7 @@ def make_tables(
     assessment: Assessment = Assessment(),
     predictions: Sequence[Prediction] = (),
     adjustment: Adjustment = Adjustment(),
-    expected: Iterable[int] = (),
+    expected: Iterable[Setting] = (),
     provenance: Mapping[str, Any] | None = None,
 ) -> Tables:
     """Lay a campaign out as tables.
@@ -108,7 +111,7 @@ def make_tables(
         What was held out; their rows follow those of the setting in table ``mse``.
     adjustment : Adjustment
         Forces by setting; without them that table has no rows.
-    expected : iterable of int
+    expected : iterable of Setting
         Settings that ought to be there; those without a fit get a row of nulls.
     provenance : mapping, optional
         Facts for the schema's ``damperfit`` entry: JSON values that depend on the inputs alone.
@@ -120,13 +123,11 @@ def make_tables(
     rows = {fit.setting: _parameter_row(fit, assessment) for fit in campaign.fits}
     for setting in set(expected) - rows.keys():
         rows[setting] = {"setting": setting, "outcome": MISSING}
-    facts = dict(provenance or {})
+    lay = partial(_table, facts=dict(provenance or {}), settings=tuple(rows))
     return Tables(
-        parameters=_table("parameters", [rows[setting] for setting in sorted(rows)], facts),
-        mse=_table("mse", list(_mse_rows(campaign, predictions)), facts),
-        adjustment=_table(
-            "adjustment", adjustment_rows(adjustment.levels, adjustment.clicks), facts
-        ),
+        parameters=lay("parameters", [rows[setting] for setting in sorted(rows)]),
+        mse=lay("mse", list(_mse_rows(campaign, predictions))),
+        adjustment=lay("adjustment", adjustment_rows(adjustment.levels, adjustment.clicks)),
     )
 
 
@@ -177,7 +178,7 @@ def _of_log(seen: LogFit | Prediction) -> tuple[str, float, float, int]:
 
 
 def _mse_row(
-    setting: int, role: str, log: str, mse: float, noise_floor: float, n_samples: int
+    setting: Setting, role: str, log: str, mse: float, noise_floor: float, n_samples: int
 ) -> dict[str, Any]:
     return {
         "setting": setting,
@@ -202,6 +203,7 @@ def profiles_table(
     provenance : mapping, optional
         Facts for the schema's ``damperfit`` entry, as JSON values.
     """
+    known = tuple(profiles)
     rows = [
         {
             "setting": profile.setting,
@@ -210,10 +212,11 @@ def profiles_table(
             "misfit_rise": _finite(point.rise),
         }
         | {name: _finite(getattr(point.parameters, name)) for name in PARAMETER_NAMES}
-        for profile in profiles
+        for profile in known
         for point in profile.points
     ]
-    return _table("profiles", rows, dict(provenance or {}))
+    settings = {profile.setting for profile in known}
+    return _table("profiles", rows, facts=dict(provenance or {}), settings=tuple(settings))
 
 
 def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[dict[str, Any]]:
@@ -224,9 +227,12 @@ def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[di
     levels : sequence of Level
         Forces by setting, speed and stroke.
     clicks : sequence of Click
-        Their changes; the rows of the lowest setting have none.
+        Their changes; the rows of the lowest setting have none. With several adjusters a setting
+        has a row for each that has a neighbour below it.
     """
-    changes = {(click.second, click.speed, click.stroke): click for click in clicks}
+    changes: dict[tuple[Setting, float, str], list[Click | None]] = defaultdict(list)
+    for click in clicks:
+        changes[click.second, click.speed, click.stroke].append(click)
     rows = []
     for level in levels:
         row: dict[str, Any] = {
@@ -238,8 +244,9 @@ def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[di
             "force_ci_low_N": _finite(level.low),
             "force_ci_high_N": _finite(level.high),
         }
-        click = changes.get((level.setting, level.speed, level.stroke))
-        rows.append(row | _change(click))
+        for one in changes.get((level.setting, level.speed, level.stroke), [None]):
+            changed = {} if one is None else {"changed": one.adjuster}
+            rows.append(row | _change(one) | changed)
     return rows
 
 
@@ -261,9 +268,17 @@ def _finite(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)
 
 
-def _table(name: str, rows: Sequence[Mapping[str, Any]], facts: Mapping[str, Any]) -> pa.Table:
-    schema = table_schema(name, facts)
-    arrays = [column([row.get(field.name) for row in rows], field.type) for field in schema]
+def _table(
+    name: str,
+    rows: Sequence[Mapping[str, Any]],
+    *,
+    facts: Mapping[str, Any],
+    settings: Collection[Setting],
+) -> pa.Table:
+    schema = table_schema(name, facts, settings=settings)
+    is_whole = schema.field("setting").type == pa.int64()
+    cells = [{**row, **setting_cells(row["setting"], is_whole=is_whole)} for row in rows]
+    arrays = [column([row.get(field.name) for row in cells], field.type) for field in schema]
     return pa.Table.from_arrays(arrays, schema=schema)
 
 

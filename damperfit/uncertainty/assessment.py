@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model
     from damperfit.errors import OnError
     from damperfit.identification import Campaign, Fit
+    from damperfit.setting import Setting
     from damperfit.uncertainty.information import Evidence
 
 __all__ = [
@@ -83,12 +84,12 @@ class Assessment:
     profiles: tuple[MisfitProfile, ...] = ()
     gas: GasContent | None = None
 
-    def profile(self, setting: int, name: str) -> MisfitProfile | None:
+    def profile(self, setting: Setting, name: str) -> MisfitProfile | None:
         """Return the closest finished profile of a parameter at a setting, if there is one."""
         mine = [p for p in self.profiles if (p.setting, p.name) == (setting, name)]
         return max(mine, key=lambda p: (p.is_complete, len(p.points)), default=None)
 
-    def limits(self, setting: int, name: str) -> tuple[float | None, float | None]:
+    def limits(self, setting: Setting, name: str) -> tuple[float | None, float | None]:
         """Return the 95 % limits to print, SI; None where the logs set none.
 
         Those of the sandwich covariance, or of the profile where the quadratic approximation was
@@ -104,7 +105,7 @@ class Assessment:
                 return known.intervals[name].low, known.intervals[name].high
         return None, None
 
-    def verdicts(self, campaign: Campaign) -> dict[int, dict[str, str]]:
+    def verdicts(self, campaign: Campaign) -> dict[Setting, dict[str, str]]:
         """Return a sentence on each parameter, by setting."""
         fits = {fit.setting: fit for fit in campaign.fits}
         return {
@@ -126,7 +127,7 @@ class Assessment:
         telling = {setting: self.telling(setting) for setting in known}
         return untold(campaign.fits, known, campaign.sharing, telling)
 
-    def telling(self, setting: int) -> dict[str, MisfitProfile]:
+    def telling(self, setting: Setting) -> dict[str, MisfitProfile]:
         """Return the profiles that speak of a setting: its own, and R_m3's from its source."""
         found = {p.name: p for p in self.profiles if p.name == TAKEN and p.is_shared}
         for name in {p.name for p in self.profiles}:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from damperfit.identification import Sharing
+    from damperfit.setting import Setting
     from damperfit.uncertainty.information import Evidence
 
 __all__ = ["GasContent", "gas_content"]
@@ -33,9 +34,9 @@ class GasContent:
         Their errors and 95 % intervals, as those of any shared parameter.
     correlation : float
         Of their logarithms.
-    pressures : mapping of int to float
+    pressures : mapping of Setting to float
         Mean working pressure by setting, absolute, Pa.
-    rises : mapping of int to float
+    rises : mapping of Setting to float
         Misfit above that with a K_e of each setting's own, in units of the noise: 1 on average
         where the law holds.
     """
@@ -45,8 +46,8 @@ class GasContent:
     volume_ratio_interval: Interval
     stiffness_interval: Interval
     correlation: float
-    pressures: Mapping[int, float]
-    rises: Mapping[int, float]
+    pressures: Mapping[Setting, float]
+    rises: Mapping[Setting, float]
 
     @property
     def sentence(self) -> str:

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model
     from damperfit.errors import OnError
     from damperfit.identification import Campaign, Fit, Sharing
+    from damperfit.setting import Setting
 
     FloatArray = NDArray[np.float64]
 
@@ -93,7 +94,7 @@ class Uncertainty:
 
     Attributes
     ----------
-    setting : int
+    setting : Setting
         Adjuster setting.
     intervals : dict of str to Interval
         For every fitted or shared parameter that the logs gave.
@@ -105,7 +106,7 @@ class Uncertainty:
         The last of `names`: one value for all settings, also where the logs do not tell it.
     """
 
-    setting: int
+    setting: Setting
     intervals: Mapping[str, Interval]
     names: tuple[str, ...]
     covariance: FloatArray
@@ -273,7 +274,7 @@ def _shared_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatAr
     friction = {
         setting: _row(by_setting[setting], sharing.free, MEAN) / len(used) for setting in used
     }
-    r_m3: dict[int, FloatArray] = {}
+    r_m3: dict[Setting, FloatArray] = {}
     source = by_setting.get(sharing.r_m3_from) if sharing.r_m3_from is not None else None
     if source is not None:
         free = sharing.free

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model
     from damperfit.identification import Campaign, Comparison, Fit
     from damperfit.recording import Trace
+    from damperfit.setting import Setting
     from damperfit.uncertainty.assessment import Assessment
 
 __all__ = ["HoldOutOptions", "Prediction", "predict", "prediction_warnings", "split_cycles"]
@@ -57,7 +58,7 @@ class Prediction:
 
     Attributes
     ----------
-    setting : int
+    setting : Setting
         Adjuster setting.
     trace : Trace
         What was predicted; its stretches hold the held-out cycles only.
@@ -73,7 +74,7 @@ class Prediction:
         channels, of this one.
     """
 
-    setting: int
+    setting: Setting
     trace: Trace
     is_part: bool
     mse_percent: float

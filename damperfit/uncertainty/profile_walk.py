@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Quantity, Values
     from damperfit.identification import Sharing
     from damperfit.identification.step_solvers import LinearSystem, Step
+    from damperfit.setting import Setting
     from damperfit.uncertainty.information import Evidence
     from damperfit.uncertainty.intervals import Uncertainty
 
@@ -76,7 +77,7 @@ _QUICK_SHARE, _QUICK_LEAST = 0.7, 8
 class _Walker(Protocol):
     """Something that can be refitted with one parameter held at a place along its line."""
 
-    points: list[tuple[float, float, Mapping[int, Values]]]
+    points: list[tuple[float, float, Mapping[Setting, Values]]]
     spent: int
 
     def refit(self, along: float) -> float:
@@ -104,7 +105,7 @@ class _Walk:
     budget: int
     least: float = 0.0
     spent: int = 0
-    points: list[tuple[float, float, Mapping[int, Values]]] = field(default_factory=list)
+    points: list[tuple[float, float, Mapping[Setting, Values]]] = field(default_factory=list)
     state: _State = field(init=False)
     centre: _State = field(init=False)
 
@@ -238,7 +239,7 @@ class _JointWalk:
     best: JointSolution
     scale: float
     spent: int = 0
-    points: list[tuple[float, float, Mapping[int, Values]]] = field(default_factory=list)
+    points: list[tuple[float, float, Mapping[Setting, Values]]] = field(default_factory=list)
     last: JointSolution = field(init=False)
     value: float = field(init=False)
 
@@ -328,7 +329,7 @@ def profile_jointly(
 
 def _walked(
     walker: _Walker, quantity: Quantity, best: float, error: float, stride: Stride
-) -> dict[int, MisfitProfile]:
+) -> dict[Setting, MisfitProfile]:
     """The profile of every setting that a walker sees; it walks both sides of its start.
 
     ``error`` is the standard error of the parameter's u.

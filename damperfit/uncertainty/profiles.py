@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Quantity, Values
     from damperfit.identification import Fit, Sharing
+    from damperfit.setting import Setting
     from damperfit.uncertainty.information import Evidence
     from damperfit.uncertainty.intervals import Uncertainty
 
@@ -90,7 +91,7 @@ class MisfitProfile:
 
     Attributes
     ----------
-    setting : int
+    setting : Setting
         Setting whose logs it is of.
     name : str
         Parameter.
@@ -113,7 +114,7 @@ class MisfitProfile:
         Whether its limits stand for those of the quadratic approximation.
     """
 
-    setting: int
+    setting: Setting
     name: str
     points: tuple[ProfilePoint, ...]
     low: float | None
@@ -198,7 +199,7 @@ class Line:
 
     Attributes
     ----------
-    setting : int
+    setting : Setting
         Setting.
     name : str
         Parameter; one of the misfit's free ones.
@@ -212,7 +213,7 @@ class Line:
         Standard error of u as printed; where nothing is known, infinity.
     """
 
-    setting: int
+    setting: Setting
     name: str
     misfit: Misfit
     start: Values
@@ -251,8 +252,8 @@ def is_doubtful(name: str, fit: Fit, known: Uncertainty) -> bool:
 
 def lines_of(
     name: str,
-    evidence: Mapping[int, Evidence],
-    known: Mapping[int, Uncertainty],
+    evidence: Mapping[Setting, Evidence],
+    known: Mapping[Setting, Uncertainty],
     sharing: Sharing,
     bench: Bench,
 ) -> Iterator[Line]:
@@ -264,7 +265,7 @@ def lines_of(
     ----------
     name : str
         Parameter.
-    evidence, known : mapping of int to Evidence, Uncertainty
+    evidence, known : mapping of Setting to Evidence, Uncertainty
         By setting.
     sharing : Sharing
         How the shared parameters were found.

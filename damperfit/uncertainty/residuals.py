@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.recording import Stretch
+    from damperfit.setting import Setting
     from damperfit.uncertainty.information import Evidence
 
     FloatArray = NDArray[np.float64]
@@ -60,7 +61,7 @@ class Diagnosis:
 
     Attributes
     ----------
-    setting : int
+    setting : Setting
         Adjuster setting.
     mse_percent : float
         Eq. (22).
@@ -80,7 +81,7 @@ class Diagnosis:
         For people.
     """
 
-    setting: int
+    setting: Setting
     mse_percent: float
     noise_percent: float
     is_structured: bool

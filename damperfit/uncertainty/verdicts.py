@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from damperfit.identification import Fit, Sharing
+    from damperfit.setting import Setting
     from damperfit.uncertainty.intervals import Uncertainty
     from damperfit.uncertainty.profiles import MisfitProfile
 
@@ -47,9 +48,9 @@ def verdicts(
 
 def untold(
     campaign_fits: Iterable[Fit],
-    known: Mapping[int, Uncertainty],
+    known: Mapping[Setting, Uncertainty],
     sharing: Sharing,
-    profiles: Mapping[int, Mapping[str, MisfitProfile]],
+    profiles: Mapping[Setting, Mapping[str, MisfitProfile]],
 ) -> tuple[str, ...]:
     """Return one sentence for each way in which parameters are at a bound or not told.
 
@@ -57,14 +58,14 @@ def untold(
     ----------
     campaign_fits : iterable of Fit
         All settings.
-    known : mapping of int to Uncertainty
+    known : mapping of Setting to Uncertainty
         By setting.
     sharing : Sharing
         How the shared parameters were found.
-    profiles : mapping of int to mapping of str to MisfitProfile
+    profiles : mapping of Setting to mapping of str to MisfitProfile
         By setting and parameter.
     """
-    said: dict[tuple[str, str], list[int]] = defaultdict(list)
+    said: dict[tuple[str, str], list[Setting]] = defaultdict(list)
     for fit in campaign_fits:
         if fit.setting not in known:
             continue
@@ -81,9 +82,9 @@ def untold(
 
 def doubts(
     campaign_fits: Iterable[Fit],
-    known: Mapping[int, Uncertainty],
+    known: Mapping[Setting, Uncertainty],
     sharing: Sharing,
-    profiles: Mapping[int, Mapping[str, MisfitProfile]],
+    profiles: Mapping[Setting, Mapping[str, MisfitProfile]],
 ) -> tuple[str, ...]:
     """Return what a reader must know before using the numbers: what is `untold`, and ties.
 
@@ -91,15 +92,15 @@ def doubts(
     ----------
     campaign_fits : iterable of Fit
         All settings.
-    known : mapping of int to Uncertainty
+    known : mapping of Setting to Uncertainty
         By setting.
     sharing : Sharing
         How the shared parameters were found.
-    profiles : mapping of int to mapping of str to MisfitProfile
+    profiles : mapping of Setting to mapping of str to MisfitProfile
         By setting and parameter.
     """
     fits = tuple(campaign_fits)
-    ties: dict[tuple[str, str], list[tuple[int, float]]] = defaultdict(list)
+    ties: dict[tuple[str, str], list[tuple[Setting, float]]] = defaultdict(list)
     for fit in fits:
         if fit.setting in known:
             for one, other, value in _ties(known[fit.setting]):

@@ -106,7 +106,7 @@ def test_without_errors_there_is_no_interval() -> None:
 def test_the_curve_never_leaves_its_neighbours(force) -> None:
     forces = [100.0, 101.0, 390.0, 400.0]
     (answer,) = which_setting(ladder(forces), force).answers
-    assert forces[answer.below - 1] <= force <= forces[answer.above - 1]
+    assert forces[answer.below.cell - 1] <= force <= forces[answer.above.cell - 1]
 
 
 def test_no_place_is_told_closer_than_a_hundredth_of_a_click() -> None:

@@ -222,7 +222,7 @@ def test_each_tdms_group_that_is_a_test_is_a_recording(tmp_path) -> None:
     recordings = read_logs(path)
     assert [recording.setting for recording in recordings] == [3, 4]
     for recording in recordings:
-        expected = np.array(SCENARIO.force_n) * recording.setting
+        expected = np.array(SCENARIO.force_n) * recording.setting.cell
         np.testing.assert_array_equal(recording.force, expected)
     with pytest.raises(LogError, match="2 tests"):
         read_log(path)

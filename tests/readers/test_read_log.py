@@ -131,9 +131,14 @@ def test_own_setting_pattern(put) -> None:
     assert read_log(put(PLAIN, "s3_Klick12.csv"), options).setting == 12
 
 
-@pytest.mark.parametrize("value", ["soft", "2.5", "-1", "99999999999999999999", ""])
+@pytest.mark.parametrize(("value", "cell"), [("soft", "soft"), ("2.5", "2.5"), ("-1", -1)])
+def test_words_halves_and_negative_clicks_are_settings(put, value, cell) -> None:
+    assert read_log(put(f"# setting: {value}\n{PLAIN}")).setting.cell == cell
+
+
+@pytest.mark.parametrize("value", ["1e3", "99999999999999999999", ""])
 def test_a_setting_that_is_no_label_is_refused(put, value) -> None:
-    with pytest.raises(LogError, match=r"log\.csv: metadata 'setting': .*whole number"):
+    with pytest.raises(LogError, match=r"log\.csv: metadata 'setting': .*expected clicks"):
         read_log(put(f"# setting: {value}\n{PLAIN}"))
 
 

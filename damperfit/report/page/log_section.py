@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from damperfit.report.evaluated_log import EvaluatedLog
     from damperfit.report.page.plot_data import Figure
     from damperfit.report.rows.sheet import Sheet
+    from damperfit.setting import Setting
 
 __all__ = ["LogSection", "log_section"]
 
@@ -26,7 +27,7 @@ class LogSection:
 
     Attributes
     ----------
-    setting : int
+    setting : Setting
         Adjuster setting.
     log : str
         Name of the log.
@@ -42,7 +43,7 @@ class LogSection:
         None when the log has no whole cycle.
     """
 
-    setting: int
+    setting: Setting
     log: str
     verdict: str
     facts: str

@@ -30,7 +30,7 @@
   function points(line, panel) {
     let x = array(line.x), y = array(line.y);
     if (line.setting === null && panel.x[0] === "setting" && off.size) {
-      const kept = [...x.keys()].filter((i) => !off.has(x[i]));
+      const kept = [...x.keys()].filter((i) => !off.has(panel.names ? panel.names[x[i] - 1] : String(x[i])));
       x = kept.map((i) => x[i]);
       y = kept.map((i) => y[i]);
     }
@@ -79,7 +79,7 @@
     const common = { gridcolor: look.grid, zerolinecolor: look.muted, linecolor: look.muted, automargin: true };
     const layout = { xaxis: { ...common, title: { text: label(plot.panels[n - 1].x) }, anchor: n > 1 ? `y${n}` : "y" } };
     const first = plot.panels[0];
-    if (first.ticks.length) Object.assign(layout.xaxis, { tickvals: first.ticks, tickangle: 0, zeroline: false, ...(printing ? { tickfont: { size: 8 } } : {}) });
+    if (first.ticks.length) Object.assign(layout.xaxis, { tickvals: first.ticks, ...(first.labels ? { ticktext: first.labels } : {}), tickangle: 0, zeroline: false, ...(printing ? { tickfont: { size: 8 } } : {}) });
     if (first.xrange) layout.xaxis.range = first.xrange;
     plot.panels.forEach((panel, row) => {
       // The upper panel takes the larger part.
@@ -107,7 +107,7 @@
   function draw(place) {
     const plot = plots[place], div = document.getElementById(`plot-${place}`), look = theme();
     const data = plot.panels.flatMap((panel, row) =>
-      panel.lines.filter((line) => !off.has(line.setting)).flatMap((line) => traces(line, panel, row, look, plot.keyed)));
+      panel.lines.filter((line) => !off.has(String(line.setting))).flatMap((line) => traces(line, panel, row, look, plot.keyed)));
     const shown = data.filter((one) => one.showlegend).length;
     const layout = {
       ...axes(plot, look), ...marks(plot, look),
@@ -156,7 +156,7 @@
   }
 
   function switched() {
-    document.querySelectorAll("section.log").forEach((one) => { one.hidden = off.has(Number(one.dataset.setting)); });
+    document.querySelectorAll("section.log").forEach((one) => { one.hidden = off.has(one.dataset.setting); });
     plots.forEach((_, place) => {
       if (section(place).hidden && drawn.delete(place)) Plotly.purge(`plot-${place}`);
     });
@@ -166,7 +166,7 @@
   const boxes = [...document.querySelectorAll("nav input")];
   function set(box, on) {
     box.checked = on;
-    const setting = Number(box.dataset.setting);
+    const setting = box.dataset.setting;
     if (on) off.delete(setting); else off.add(setting);
   }
   boxes.forEach((box) => box.addEventListener("change", () => { set(box, box.checked); switched(); }));

@@ -13,6 +13,7 @@ import numpy as np
 
 from damperfit.errors import InstallationError
 from damperfit.report.page.templating import page_text, verbatim
+from damperfit.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -68,7 +69,7 @@ class PlotData:
         place = len(self.plots) - 1
         return Figure(place, plot.name, plot.title, plot.caption, len(plot.panels) > 1)
 
-    def script(self, colours: Mapping[int, str]) -> Markup:
+    def script(self, colours: Mapping[Setting, str]) -> Markup:
         """Return everything as JSON that cannot end the script element it stands in."""
         document = {
             "arrays": self.arrays,
@@ -96,6 +97,7 @@ class PlotData:
             "bands": panel.bands,
             "log": panel.is_log,
             "ticks": panel.ticks,
+            **({"names": panel.names, "labels": panel.tick_labels} if panel.names else {}),
             "xrange": panel.x_range,
             "yrange": panel.y_range,
             "lines": [self._line(line) for line in panel.lines],
@@ -107,7 +109,7 @@ class PlotData:
             "y": self._array(line.y),
             "label": page_text(line.label),
             "colour": line.colour,
-            "setting": line.setting,
+            "setting": None if line.setting is None else Setting.of(line.setting).cell,
             "style": line.style,
             "legend": line.in_legend,
             "up": self._array(None if line.high is None else line.high - line.y),

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.report.plots.colours import SPEED_COLOURS
-from damperfit.report.plots.description import Line, Panel, Plot, setting_axis, thin
+from damperfit.report.plots.description import (
+    Line,
+    Panel,
+    Plot,
+    setting_axis,
+    setting_names,
+    setting_places,
+    thin,
+)
 from damperfit.report.plots.parameters import parameter_plots
 from damperfit.simulation import NAMED_SPEEDS
 
@@ -19,6 +27,7 @@ if TYPE_CHECKING:
 
     from damperfit.adjustment import Trend
     from damperfit.report.evaluated_log import EvaluatedLog
+    from damperfit.setting import Setting
 
     FloatArray = NDArray[np.float64]
     Row = Mapping[str, Any]
@@ -34,7 +43,7 @@ def campaign_plots(
     mse: Sequence[Row],
     views: Sequence[EvaluatedLog],
     *,
-    colours: Mapping[int, str],
+    colours: Mapping[Setting, str],
     trends: Sequence[Trend] = (),
 ) -> tuple[Plot, ...]:
     """Return the plots that compare settings; those without data are left out.
@@ -45,7 +54,7 @@ def campaign_plots(
         Rows of the tables.
     views : sequence of EvaluatedLog
         Logs with their figures.
-    colours : mapping of int to str
+    colours : mapping of Setting to str
         Colour of each setting.
     trends : sequence of Trend
         Trends that the run found; where there is none, a quadratic is drawn.
@@ -59,13 +68,14 @@ def campaign_plots(
     return tuple(plots)
 
 
-def _errors(rows: Sequence[Row], colours: Mapping[int, str]) -> Iterator[Plot]:
+def _errors(rows: Sequence[Row], colours: Mapping[Setting, str]) -> Iterator[Plot]:
     whole = [row for row in rows if not row["log"] and _is_positive(row["mse_percent"])]
     if not whole:
         return
+    places = setting_places(row["setting"] for row in whole)
     lines = [
         Line(
-            np.array([float(row["setting"])]),
+            np.array([places[row["setting"]]]),
             np.array([row["mse_percent"]]),
             f"MSE, setting {row['setting']}",
             colours[row["setting"]],
@@ -77,7 +87,7 @@ def _errors(rows: Sequence[Row], colours: Mapping[int, str]) -> Iterator[Plot]:
     ]
     floor = [row for row in whole if _is_positive(row["noise_floor_percent"])]
     if floor:
-        at = np.array([float(row["setting"]) for row in floor])
+        at = np.array([places[row["setting"]] for row in floor])
         values = np.array([row["noise_floor_percent"] for row in floor])
         lines.insert(0, Line(at, values, "noise floor", "muted", style="dashed"))
     rules = ((1.0, "1 %: excellent below"), (5.0, "5 %: good below"))
@@ -87,6 +97,7 @@ def _errors(rows: Sequence[Row], colours: Mapping[int, str]) -> Iterator[Plot]:
         rules=rules,
         is_log=True,
         ticks=ticks,
+        names=setting_names(places),
         x_range=x_range,
     )
     caption = (
@@ -100,7 +111,7 @@ def _is_positive(value: float | None) -> bool:
     return value is not None and 0.0 < value < math.inf  # the axis is logarithmic
 
 
-def _fan(views: Sequence[EvaluatedLog], colours: Mapping[int, str]) -> Plot:
+def _fan(views: Sequence[EvaluatedLog], colours: Mapping[Setting, str]) -> Plot:
     lines = []
     for view in views:
         signals, setting = view.signals, view.signals.setting
@@ -116,7 +127,7 @@ def _fan(views: Sequence[EvaluatedLog], colours: Mapping[int, str]) -> Plot:
     return Plot("fan", "Force against velocity, all settings", (panel,), caption, _BOTH)
 
 
-def _absolute(views: Sequence[EvaluatedLog], colours: Mapping[int, str]) -> Plot:
+def _absolute(views: Sequence[EvaluatedLog], colours: Mapping[Setting, str]) -> Plot:
     lines = []
     for view in views:
         signals, setting = view.signals, view.signals.setting
@@ -131,7 +142,7 @@ def _absolute(views: Sequence[EvaluatedLog], colours: Mapping[int, str]) -> Plot
     return Plot("absolute_velocity", title, (panel,), caption, (("measured", "thin"),))
 
 
-def _peaks(views: Sequence[EvaluatedLog], colours: Mapping[int, str]) -> Plot:
+def _peaks(views: Sequence[EvaluatedLog], colours: Mapping[Setting, str]) -> Plot:
     """Peak force of each test; tests of one setting at several speeds are joined."""
     lines = []
     for setting in sorted({view.signals.setting for view in views}):
@@ -163,8 +174,9 @@ def _peaks(views: Sequence[EvaluatedLog], colours: Mapping[int, str]) -> Plot:
 
 def _named_speeds(views: Sequence[EvaluatedLog]) -> Iterator[Plot]:
     lines = []
+    places = setting_places(view.signals.setting for view in views)
     for speed, colour in zip(NAMED_SPEEDS, SPEED_COLOURS, strict=True):
-        found: dict[int, list[tuple[float, float]]] = {}
+        found: dict[Setting, list[tuple[float, float]]] = {}
         for view in views:
             for forces in view.measured.speed_forces if view.measured else ():
                 if forces.speed == speed:
@@ -172,15 +184,18 @@ def _named_speeds(views: Sequence[EvaluatedLog]) -> Iterator[Plot]:
                     found.setdefault(view.signals.setting, []).append(pair)
         if not found:
             continue
-        at = np.array([float(setting) for setting in sorted(found)])
+        at = np.array([places[setting] for setting in sorted(found)])
         means = np.array([np.mean(found[setting], axis=0) for setting in sorted(found)])
         for k, (word, style) in enumerate((("rebound", "dot_line"), ("bump", "triangle_line"))):
             label = f"{word}, {speed:g} m/s"
             lines.append(Line(at, means[:, k], label, colour, None, style))
     if lines:
-        ticks, x_range = setting_axis(view.signals.setting for view in views)
+        ticks, x_range = setting_axis(places)
         panel = Panel(
-            *("setting", "", "measured force", "N", tuple(lines)), ticks=ticks, x_range=x_range
+            *("setting", "", "measured force", "N", tuple(lines)),
+            ticks=ticks,
+            names=setting_names(places),
+            x_range=x_range,
         )
         title = "Force against setting at named speeds"
         caption = (

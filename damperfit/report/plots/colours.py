@@ -13,8 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.setting import Setting
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
+
+    from damperfit.setting import Place
+
 
 __all__ = ["CHAMBER_COLOURS", "CHAMBER_STYLES", "SPEED_COLOURS", "setting_colours"]
 
@@ -36,15 +41,15 @@ _RAMP = (
 SPEED_COLOURS = ("#56b4e9", "#0072b2", "#009e73", "#e69f00", "#d55e00", "#cc79a7", "ink")
 
 
-def setting_colours(settings: Iterable[int]) -> Mapping[int, str]:
+def setting_colours(settings: Iterable[Setting | Place]) -> Mapping[Setting, str]:
     """Return a colour for each setting, along the ramp in the order of the settings.
 
     Examples
     --------
-    >>> setting_colours([1, 20])
-    {1: '#6871fb', 20: '#c7330e'}
+    >>> list(setting_colours([1, 20]).values())
+    ['#6871fb', '#c7330e']
     """
-    known = sorted(set(settings))
+    known = sorted(set(map(Setting.of, settings)))
     ramp = np.array(_RAMP, dtype=float)
     places = np.linspace(0.0, len(ramp) - 1.0, len(known))
     channels = [np.interp(places, np.arange(len(ramp)), ramp[:, i]) for i in range(3)]

@@ -12,14 +12,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.setting import Setting
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
+    from damperfit.setting import Place
+
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Line", "Panel", "Plot", "setting_axis", "thin"]
+__all__ = ["Line", "Panel", "Plot", "setting_axis", "setting_names", "setting_places", "thin"]
 
 _MOST_TICKS = 20
 
@@ -36,7 +40,7 @@ class Line:
         For the legend and the hover text; plain text, not yet escaped.
     colour : str
         "#rrggbb", "ink" or "muted".
-    setting : int or None
+    setting : Setting or None
         Adjuster setting whose trace it is; None belongs to all.
     style : str
         "solid", "wide", "thin", "dashed", "dotted"; "points", "triangles", "rings" and, off the
@@ -51,7 +55,7 @@ class Line:
     y: FloatArray
     label: str
     colour: str
-    setting: int | None = None
+    setting: Setting | None = None
     style: str = "solid"
     in_legend: bool = True
     low: FloatArray | None = None
@@ -76,6 +80,8 @@ class Panel:
         The y axis is logarithmic.
     ticks : tuple of float
         Where x is numbered; left to the renderer when empty.
+    names : tuple of str
+        What stands at x = 1, 2, ... where these are no numbers.
     x_range, y_range : (float, float) or None
         What is shown; everything when None.
     """
@@ -89,8 +95,16 @@ class Panel:
     bands: tuple[tuple[float, float], ...] = ()
     is_log: bool = False
     ticks: tuple[float, ...] = ()
+    names: tuple[str, ...] = ()
     x_range: tuple[float, float] | None = None
     y_range: tuple[float, float] | None = None
+
+    @property
+    def tick_labels(self) -> tuple[str, ...]:
+        """What stands at each tick."""
+        if not self.names:
+            return tuple(f"{tick:g}" for tick in self.ticks)
+        return tuple(self.names[round(tick) - 1] for tick in self.ticks)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,8 +134,31 @@ class Plot:
     key: tuple[tuple[str, str], ...] = ()
 
 
+def setting_places(settings: Iterable[Setting | Place]) -> dict[Setting, float]:
+    """Return where each setting stands on an axis: at its number, or one after the other.
+
+    Examples
+    --------
+    >>> setting_places([3, 1]), list(setting_places(["soft", "hard"]).values())
+    ({Setting(places=(('setting', 1),)): 1.0, Setting(places=(('setting', 3),)): 3.0}, [1.0, 2.0])
+    """
+    known = sorted(map(Setting.of, settings))
+    numbers = [(one, one.number()) for one in known]
+    told = {one: number for one, number in numbers if number is not None}
+    if len(told) == len(numbers):
+        return told
+    return {one: 1.0 + k for k, one in enumerate(dict.fromkeys(known))}
+
+
+def setting_names(settings: Iterable[Setting | Place]) -> tuple[str, ...]:
+    """Return what stands at 1, 2, ... of an axis whose settings are no numbers; else nothing."""
+    places = setting_places(settings)
+    is_numbered = all(one.number() is not None for one in places)
+    return () if is_numbered else tuple(one.label for one in places)
+
+
 def setting_axis(
-    settings: Iterable[int],
+    settings: Iterable[Setting | Place],
 ) -> tuple[tuple[float, ...], tuple[float, float] | None]:
     """Return where an axis of settings is numbered, and what it shows.
 
@@ -134,7 +171,7 @@ def setting_axis(
     >>> setting_axis([0, 25, 26, 100])[0]
     (0.0, 25.0, 100.0)
     """
-    known = sorted(set(settings))
+    known = sorted(setting_places(settings).values())
     if not known:
         return (), None
     span = known[-1] - known[0]
@@ -143,7 +180,7 @@ def setting_axis(
         if setting - ticks[-1] >= span / _MOST_TICKS:
             ticks.append(setting)
     edge = max(0.6, 0.04 * span)
-    return tuple(float(tick) for tick in ticks), (known[0] - edge, known[-1] + edge)
+    return tuple(ticks), (known[0] - edge, known[-1] + edge)
 
 
 def thin(n_buckets: int, *signals: FloatArray) -> NDArray[np.intp]:

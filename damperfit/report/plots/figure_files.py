@@ -138,7 +138,7 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
     axes.grid(visible=True, color="#e3e7ed", linewidth=0.6)
     axes.set_axisbelow(True)
     if panel.ticks:
-        axes.set_xticks(panel.ticks, [f"{tick:g}" for tick in panel.ticks])
+        axes.set_xticks(panel.ticks, panel.tick_labels)
     if panel.x_range:
         axes.set_xlim(panel.x_range)
     if panel.y_range:

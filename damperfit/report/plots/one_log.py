@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.report.evaluated_log import EvaluatedLog
+    from damperfit.setting import Setting
 
     FloatArray = NDArray[np.float64]
 
@@ -171,7 +172,9 @@ def _pressures(view: EvaluatedLog, name: str) -> Plot:
     return Plot(f"{name}_pressures", title, (panel,), caption)
 
 
-def pressure_panel(time: FloatArray, pressures: FloatArray, *, setting: int | None = None) -> Panel:
+def pressure_panel(
+    time: FloatArray, pressures: FloatArray, *, setting: Setting | None = None
+) -> Panel:
     """Return the chamber pressures over one cycle, cavitation shaded.
 
     Parameters
@@ -180,7 +183,7 @@ def pressure_panel(time: FloatArray, pressures: FloatArray, *, setting: int | No
         Shape (n,), s.
     pressures : numpy.ndarray
         Shape (3, n), Pa.
-    setting : int, optional
+    setting : Setting, optional
         Whose they are.
     """
     kept = thin(_CYCLE_BUCKETS, *pressures)

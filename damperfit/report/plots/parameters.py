@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.report.plots.description import Line, Panel, Plot, setting_axis
+from damperfit.report.plots.description import (
+    Line,
+    Panel,
+    Plot,
+    setting_axis,
+    setting_names,
+    setting_places,
+)
 from damperfit.report.rows.parameter_table import PARAMETER_SCALES
+from damperfit.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -25,7 +34,7 @@ _FAR = 3.0  # heights of the fitted values: a value at a bound beyond it would f
 
 
 def parameter_plots(
-    rows: Sequence[Row], colours: Mapping[int, str], trends: Sequence[Trend] = ()
+    rows: Sequence[Row], colours: Mapping[Setting, str], trends: Sequence[Trend] = ()
 ) -> Iterator[Plot]:
     """Yield one plot per parameter that is known at some setting.
 
@@ -33,23 +42,31 @@ def parameter_plots(
     ----------
     rows : sequence of mapping
         Rows of the table of parameters.
-    colours : mapping of int to str
+    colours : mapping of Setting to str
         Colour of each setting.
     trends : sequence of Trend
         Trends that the run found.
     """
-    told = {trend.parameter: trend for trend in trends}
+    places = setting_places(row["setting"] for row in rows)
+    names = setting_names(places)
+    told = {} if names else {trend.parameter: trend for trend in trends}
     for name in PARAMETER_NAMES:
         known = [row for row in rows if _is_shown(row, name)]
         if not known or (name == "f_0" and not any(row[name] for row in known)):
             continue
         scale = PARAMETER_SCALES[name]
         y_range, far = _window(known, name, scale.factor)
-        points = [_point(row, name, scale.factor, colours[row["setting"]], far) for row in known]
+        points = [
+            replace(
+                _point(row, name, scale.factor, colours[row["setting"]], far),
+                x=np.array([places[row["setting"]]]),
+            )
+            for row in known
+        ]
         trend = told.get(name)
         curve = _told_trend(trend, scale.factor) if trend else ()
         lines = (
-            *(curve or _quadratic(known, name, scale.factor)),
+            *(curve or (() if names else _quadratic(known, name, scale.factor))),
             *_rings(trend, known, name, scale.factor),
             *points,
         )
@@ -57,6 +74,7 @@ def parameter_plots(
         panel = Panel(
             *("setting", "", scale.symbol, scale.axis, lines),
             ticks=ticks,
+            names=names,
             x_range=x_range,
             y_range=y_range,
         )
@@ -77,7 +95,7 @@ def _is_fitted(row: Row, name: str) -> bool:
 
 def _window(
     rows: Sequence[Row], name: str, factor: float
-) -> tuple[tuple[float, float] | None, dict[int, float]]:
+) -> tuple[tuple[float, float] | None, dict[Setting, float]]:
     """Return a range of y that fits the fitted values, and where others are drawn at its edge."""
     trusted = [row for row in rows if row[f"{name}_status"] != "at_bound"]
     values = [
@@ -103,7 +121,7 @@ def _window(
     return edges, far
 
 
-def _point(row: Row, name: str, factor: float, colour: str, far: Mapping[int, float]) -> Line:
+def _point(row: Row, name: str, factor: float, colour: str, far: Mapping[Setting, float]) -> Line:
     setting = row["setting"]
     low, high = row[f"{name}_ci_low"], row[f"{name}_ci_high"]
     # "<=" is also what NaN fails.
@@ -114,7 +132,7 @@ def _point(row: Row, name: str, factor: float, colour: str, far: Mapping[int, fl
         style = "above" if value > far[setting] else "below"
         label = f"setting {setting}, off the scale at {value:.3g}"
     return Line(
-        np.array([float(setting)]),
+        np.array([math.nan]),
         np.array([far.get(setting, factor * row[name])]),
         label,
         colour,
@@ -151,7 +169,9 @@ def _rings(trend: Trend | None, rows: Sequence[Row], name: str, factor: float) -
     """Ring the settings off the trend."""
     outliers = {one.setting for one in trend.outliers} if trend is not None else set()
     places = {
-        float(row["setting"]): factor * row[name] for row in rows if row["setting"] in outliers
+        Setting.of(row["setting"]).number(): factor * row[name]
+        for row in rows
+        if row["setting"] in outliers
     }
     if not places:
         return ()
@@ -161,7 +181,7 @@ def _rings(trend: Trend | None, rows: Sequence[Row], name: str, factor: float) -
 
 def _quadratic(rows: Sequence[Row], name: str, factor: float) -> tuple[Line, ...]:
     free = [row for row in rows if _is_fitted(row, name)]
-    x = np.array([float(row["setting"]) for row in free])
+    x = np.array([Setting.of(row["setting"]).number() for row in free])
     if len(set(x.tolist())) < _TREND_POINTS:
         return ()
     y = factor * np.array([row[name] for row in free])
@@ -176,7 +196,7 @@ def _caption(
     rows: Sequence[Row],
     known: Sequence[Row],
     name: str,
-    far: Mapping[int, float],
+    far: Mapping[Setting, float],
     trend: Trend | None,
 ) -> Iterator[str]:
     fitted = [row for row in known if _is_fitted(row, name)]

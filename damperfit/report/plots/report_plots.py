@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from damperfit.report.evaluated_log import EvaluatedLog
     from damperfit.report.plots.description import Plot
+    from damperfit.setting import Setting
     from damperfit.tables import Results
 
 __all__ = ["ReportPlots", "report_plots"]
@@ -29,7 +30,7 @@ class ReportPlots:
     ----------
     results : Results
         The tables.
-    colours : mapping of int to str
+    colours : mapping of Setting to str
         Colour of each setting.
     overall : tuple of Plot
         All settings together.
@@ -38,7 +39,7 @@ class ReportPlots:
     """
 
     results: Results
-    colours: Mapping[int, str]
+    colours: Mapping[Setting, str]
     overall: tuple[Plot, ...]
     by_log: tuple[tuple[EvaluatedLog, tuple[Plot, ...]], ...]
 
@@ -64,11 +65,11 @@ def report_plots(results: Results) -> ReportPlots:
         trends=trends_in(results.record),
     )
     by_log = []
-    counts: dict[int, int] = {}
+    counts: dict[Setting, int] = {}
     for log in logs:
         setting = log.signals.setting
         counts[setting] = counts.get(setting, 0) + 1
         more = f"_log_{counts[setting]}" if counts[setting] > 1 else ""
-        name = f"setting_{setting:02d}{more}"
+        name = f"setting_{setting.slug}{more}"
         by_log.append((log, setting_plots(log, name=name, colour=colours[setting])))
     return ReportPlots(results, colours, overall, tuple(by_log))

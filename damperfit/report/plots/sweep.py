@@ -23,7 +23,7 @@ _BUCKETS = 300  # a cycle at 1000 Hz stays whole
 
 def sweep_plot(name: str, members: Sequence[SweepMember], *, file_name: str, title: str) -> Plot:
     """Return the force-velocity loops of a members; x1 in the text colour."""
-    colours = setting_colours(range(len(members)))
+    colours = tuple(setting_colours(range(len(members))).values())
     lines = []
     for k, member in enumerate(members):
         cycle = _last_cycle(member)

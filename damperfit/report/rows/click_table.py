@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 from damperfit.report.rows.notes_below_tables import simulated_clicks_at
 from damperfit.report.rows.rounding import NOTHING, with_interval
 from damperfit.report.rows.sheet import Sheet
+from damperfit.setting import clicks_between
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from damperfit.adjustment import Click
+    from damperfit.setting import Setting
 
 __all__ = ["click_sheet"]
 
@@ -23,7 +25,7 @@ def click_sheet(clicks: Sequence[Click]) -> Sheet:
     steps = sorted({(click.first, click.second) for click in shown})
     cells = {(click.first, click.second, click.stroke): click for click in shown}
 
-    def told(step: tuple[int, int], stroke: str) -> str:
+    def told(step: tuple[Setting, Setting], stroke: str) -> str:
         click = cells.get((*step, stroke))
         return NOTHING if click is None else with_interval(click.change, click.high, plus="+")
 
@@ -36,7 +38,8 @@ def click_sheet(clicks: Sequence[Click]) -> Sheet:
     )
 
 
-def _words(first: int, second: int) -> str:
+def _words(first: Setting, second: Setting) -> str:
     """Two settings apart are more than one click, and what lies between was not tested."""
-    apart = f" ({second - first} clicks)" if second - first > 1 else ""
+    clicks = clicks_between(first, second) or 0.0
+    apart = f" ({clicks:g} clicks)" if clicks > 1.0 else ""
     return f"{first} to {second}{apart}"

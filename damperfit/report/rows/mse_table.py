@@ -12,6 +12,8 @@ from damperfit.report.rows.sheet import Sheet
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from damperfit.setting import Setting
+
     Row = Mapping[str, Any]
 
 __all__ = ["flags", "grade_counts", "mse_sheet"]
@@ -20,7 +22,7 @@ __all__ = ["flags", "grade_counts", "mse_sheet"]
 def mse_sheet(everything: Sequence[Row], parameters: Sequence[Row]) -> Sheet:
     """Return one row per setting and log: MSE, noise floor, grade; the outcome per setting."""
     settings = {row["setting"]: row for row in parameters}
-    logs: dict[int, list[str]] = {}
+    logs: dict[Setting, list[str]] = {}
     for row in everything:
         is_fitted_log = row["log"] and not _role(row)
         logs.setdefault(row["setting"], []).extend([row["log"]] if is_fitted_log else [])

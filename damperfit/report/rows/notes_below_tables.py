@@ -5,8 +5,12 @@ from __future__ import annotations
 import itertools
 from typing import TYPE_CHECKING, Any
 
+from damperfit.setting import clicks_between
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
+
+    from damperfit.setting import Setting
 
     Row = Mapping[str, Any]
 
@@ -72,12 +76,13 @@ def stroke_and_click_at(stroke: str, speed: float) -> str:
     return f"{stroke}: force in N; click: its change at {speed:g} m/s"
 
 
-def over_several_clicks(settings: Sequence[int]) -> tuple[str, ...]:
+def over_several_clicks(settings: Sequence[Setting]) -> tuple[str, ...]:
     """Return which changes between tested settings are over more than one click, if any are."""
-    wide = [(a, b) for a, b in itertools.pairwise(settings) if b - a > 1]
+    steps = [(a, b, clicks_between(a, b) or 0.0) for a, b in itertools.pairwise(settings)]
+    wide = [(a, b, n) for a, b, n in steps if n > 1.0]
     if not wide:
         return ()
-    named = ", ".join(f"{a} to {b} ({b - a} clicks)" for a, b in wide[:_MOST_STEPS])
+    named = ", ".join(f"{a} to {b} ({n:g} clicks)" for a, b, n in wide[:_MOST_STEPS])
     more = f" and {len(wide) - _MOST_STEPS} more" if len(wide) > _MOST_STEPS else ""
     return (f"the change is over all clicks between two tested settings: {named}{more}",)
 

@@ -1,0 +1,324 @@
+"""Where the adjusters of a damper stand: a label of one or more clicks, numbers or words."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from dataclasses import dataclass
+from functools import total_ordering
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+__all__ = [
+    "ADJUSTER",
+    "LONGEST_WORD",
+    "Line",
+    "Place",
+    "Setting",
+    "clicks_between",
+    "lines_of",
+    "parse_place",
+    "parse_setting",
+    "short_names",
+]
+
+Place: TypeAlias = int | float | str
+
+ADJUSTER = "setting"  # the name of the only adjuster where nobody named it
+LONGEST_WORD = 40  # of a click that is no number; a longer text is a sentence
+_HIGHEST = 1_000_000  # clicks; more is a date or a serial number
+_NUMBER = re.compile(r"[+-]?\d{1,9}(?:\.\d{1,6})?", re.ASCII)
+_NO_NUMBER = re.compile(r"[+-]?(nan|inf\w*)", re.IGNORECASE)
+
+
+@total_ordering
+@dataclass(frozen=True, slots=True, eq=False)
+class Setting:
+    """Where each adjuster stands.
+
+    With one adjuster in whole clicks a setting equals its number and hashes alike, so that
+    ``fit.setting == 10`` and dictionaries by number go on working.
+
+    Attributes
+    ----------
+    places : tuple of (str, int, float or str)
+        Name of each adjuster, in the order that was declared, and where it stands: clicks, which
+        may be negative or halves, or a word such as "soft".
+
+    Examples
+    --------
+    >>> str(Setting.of(10)), str(Setting((("rebound", 12), ("compression", 8))))
+    ('10', 'R12 C8')
+    >>> Setting.of(10) == 10, sorted([Setting.of("soft"), Setting.of(-2), Setting.of(10)])[0].cell
+    (True, -2)
+    """
+
+    places: tuple[tuple[str, Place], ...]
+
+    @staticmethod
+    def of(value: Setting | Place) -> Setting:
+        """Return a setting of the one adjuster that nobody named; a setting as it is."""
+        return value if isinstance(value, Setting) else Setting(((ADJUSTER, value),))
+
+    @property
+    def adjusters(self) -> tuple[str, ...]:
+        """Names of the adjusters."""
+        return tuple(name for name, _ in self.places)
+
+    @property
+    def label(self) -> str:
+        """For people: "10", "soft", "R12 C8"."""
+        if len(self.places) == 1:
+            return _said(self.places[0][1])
+        shorts = short_names(self.adjusters)
+        return " ".join(_joined(shorts[name], place) for name, place in self.places)
+
+    @property
+    def cell(self) -> int | str:
+        """For tables and JSON: a whole number of the only adjuster as such, else the label."""
+        place = self.places[0][1]
+        return place if len(self.places) == 1 and isinstance(place, int) else self.label
+
+    @property
+    def slug(self) -> str:
+        """For names of files: "10", "R12_C8"; whole numbers with two digits or more."""
+        if isinstance(self.cell, int):
+            return f"{self.cell:02d}"
+        return re.sub(r"[^\w.+-]+", "_", self.label).strip("_") or "none"
+
+    def place(self, adjuster: str) -> Place:
+        """Return where an adjuster stands."""
+        return dict(self.places)[adjuster]
+
+    def number(self, adjuster: str | None = None) -> float | None:
+        """Return where an adjuster stands as a number, None where that is a word.
+
+        Without a name: of the only adjuster; None where there are several.
+        """
+        if adjuster is None and len(self.places) > 1:
+            return None
+        place = self.places[0][1] if adjuster is None else self.place(adjuster)
+        return None if isinstance(place, str) else float(place)
+
+    def __str__(self) -> str:
+        return self.label
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Setting | int | float):
+            return NotImplemented
+        return self._key == Setting.of(other)._key
+
+    def __hash__(self) -> int:
+        return hash(self._key[0] if len(self._key) == 1 else self._key)
+
+    def __lt__(self, other: object) -> bool:
+        if not isinstance(other, Setting | int | float):
+            return NotImplemented
+        return self._order < Setting.of(other)._order
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        return self.places if len(self.places) > 1 else (self.places[0][1],)
+
+    @property
+    def _order(self) -> tuple[tuple[int, float, tuple[Any, ...]], ...]:
+        return tuple(
+            (1, 0.0, _natural(place)) if isinstance(place, str) else (0, float(place), ())
+            for _, place in self.places
+        )
+
+
+def _natural(word: str) -> tuple[Any, ...]:
+    parts = re.split(r"([0-9]+)", word.casefold())
+    return tuple((1, int(p), "") if i % 2 else (0, 0, p) for i, p in enumerate(parts))
+
+
+def _said(place: Place) -> str:
+    return f"{place:g}" if isinstance(place, float) else str(place)
+
+
+def _joined(short: str, place: Place) -> str:
+    return f"{short}:{place}" if isinstance(place, str) else f"{short}{_said(place)}"
+
+
+def short_names(adjusters: Sequence[str]) -> dict[str, str]:
+    """Return the first letters of each adjuster's words, or its name where these are not its own.
+
+    Examples
+    --------
+    >>> short_names(["rebound", "compression_low", "compression_high"])
+    {'rebound': 'R', 'compression_low': 'CL', 'compression_high': 'CH'}
+    >>> short_names(["rebound", "ride"])
+    {'rebound': 'rebound', 'ride': 'ride'}
+    """
+    shorts = {
+        name: "".join(word[:1] for word in re.split(r"[_\W]+", name)).upper() for name in adjusters
+    }
+    given = list(shorts.values())
+    return {name: short if given.count(short) == 1 else name for name, short in shorts.items()}
+
+
+def parse_place(text: str) -> Place:
+    """Return where an adjuster stands, as a text says it.
+
+    Raises
+    ------
+    ValueError
+        The text is empty, long, or a number that counts no clicks; the message says so.
+
+    Examples
+    --------
+    >>> [parse_place(text) for text in ("08", "-3", "2.5", "10.0", "soft")]
+    [8, -3, 2.5, 10, 'soft']
+    """
+    text = text.strip()
+    if _NUMBER.fullmatch(text):
+        number = float(text)
+        if abs(number) <= _HIGHEST:
+            return int(number) if number.is_integer() else number
+    is_word = any(c.isalpha() for c in text) and not _NO_NUMBER.fullmatch(text)
+    if not is_word or _is_number(text) or len(text) > LONGEST_WORD or not text.isprintable():
+        raise ValueError(
+            f"expected clicks, a number from -{_HIGHEST} to {_HIGHEST}, or a word of "
+            f"{LONGEST_WORD} letters at most"
+        )
+    return text
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
+    """Return the setting that a label names.
+
+    Parameters
+    ----------
+    text : str
+        As in "10" or "soft" for one adjuster; for several "rebound=12, compression=8", "R12 C08"
+        or "12/8", in the declared order.
+    adjusters : sequence of str
+        Names of the adjusters.
+
+    Raises
+    ------
+    ValueError
+        The text names no place for each adjuster.
+
+    Examples
+    --------
+    >>> parse_setting("R12 C08", ["rebound", "compression"]).places
+    (('rebound', 12), ('compression', 8))
+    >>> parse_setting("12/-8", ["rebound", "compression"]).label
+    'R12 C-8'
+    """
+    if len(adjusters) == 1:
+        name = re.escape(adjusters[0])
+        plain = re.sub(rf"^\s*{name}\s*[=:]\s*", "", text, flags=re.IGNORECASE)
+        return Setting(((adjusters[0], parse_place(plain)),))
+    told = _named_places(text, adjusters)
+    if told is None:
+        parts = re.split(r"[/;|,]|\s+", text.strip())
+        told = dict(zip(adjusters, parts, strict=False)) if len(parts) == len(adjusters) else {}
+    missing = [name for name in adjusters if name not in told]
+    if missing:
+        raise ValueError(f"expected {_example(adjusters)}")
+    return Setting(tuple((name, parse_place(told[name])) for name in adjusters))
+
+
+def _named_places(text: str, adjusters: Sequence[str]) -> dict[str, str] | None:
+    """Return the text of each adjuster that is named; None where none is."""
+    shorts = short_names(adjusters)
+    names = {word.casefold(): name for name in adjusters for word in (name, shorts[name])}
+    known = "|".join(sorted(map(re.escape, names), key=len, reverse=True))
+    mark = re.compile(
+        rf"(?<![^\W\d_])({known})(?:\s*[=:]\s*([^\s,;/|]+)|[\s_]*([+-]?\d+(?:\.\d+)?))",
+        re.IGNORECASE,
+    )
+    found = [(m[1].casefold(), m[2] or m[3]) for m in mark.finditer(text)]
+    if not found:
+        return None
+    if len({names[word] for word, _ in found}) < len(found):
+        raise ValueError("one adjuster is named twice")
+    return {names[word]: place for word, place in found}
+
+
+def _example(adjusters: Sequence[str]) -> str:
+    named = ", ".join(f"{name}=12" for name in adjusters)
+    return f"a place for each adjuster, as in '{named}'"
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """Settings that differ in one adjuster alone.
+
+    Attributes
+    ----------
+    adjuster : str
+        The one that runs.
+    held : str
+        Where the others stand, for people; empty where there are none.
+    settings : tuple of Setting
+        By rising number.
+    """
+
+    adjuster: str
+    held: str
+    settings: tuple[Setting, ...]
+
+    @property
+    def numbers(self) -> Mapping[Setting, float]:
+        """Where each setting stands on the line."""
+        return {one: float(one.place(self.adjuster)) for one in self.settings}
+
+
+def clicks_between(first: Setting | Place, second: Setting | Place) -> float | None:
+    """Return by how many clicks the one adjuster differs that differs; None where none such does.
+
+    Examples
+    --------
+    >>> clicks_between(3, 7), clicks_between("soft", "hard")
+    (4.0, None)
+    """
+    one, other = Setting.of(first), Setting.of(second)
+    turned = [name for name in one.adjusters if one.place(name) != other.place(name)]
+    ends = [side.number(name) for name in turned for side in (one, other)]
+    if len(turned) != 1 or ends[0] is None or ends[1] is None:
+        return None
+    return ends[1] - ends[0]
+
+
+def lines_of(settings: Iterable[Setting | Place]) -> tuple[Line, ...]:
+    """Return the lines that settings lie on; a word lies on none.
+
+    With one adjuster there is one line, which may hold no setting; with several, those of two
+    settings or more.
+
+    Examples
+    --------
+    >>> [(line.adjuster, line.held, len(line.settings)) for line in lines_of([1, 2, 3])]
+    [('setting', '', 3)]
+    """
+    known = sorted({Setting.of(one) for one in settings})
+    return tuple(_lines(known)) if known else ()
+
+
+def _lines(known: Sequence[Setting]) -> Iterator[Line]:
+    adjusters = known[0].adjusters
+    for name in adjusters:
+        groups: dict[tuple[tuple[str, Place], ...], list[Setting]] = defaultdict(list)
+        for one in known:
+            if one.number(name) is not None:
+                groups[tuple(pair for pair in one.places if pair[0] != name)].append(one)
+        if len(adjusters) == 1 and not groups:
+            yield Line(name, "", ())
+        for held, settings in groups.items():
+            if len(adjusters) == 1 or len(settings) > 1:
+                said = ", ".join(f"{other} {_said(place)}" for other, place in held)
+                yield Line(name, said, tuple(sorted(settings, key=lambda s: s.number(name) or 0.0)))

@@ -1,0 +1,125 @@
+"""A setting is a label: one adjuster in whole clicks equals its number, any other is itself."""
+
+from __future__ import annotations
+
+import pytest
+
+from damperfit.setting import (
+    LONGEST_WORD,
+    Setting,
+    lines_of,
+    parse_place,
+    parse_setting,
+    short_names,
+)
+
+TWO = ("rebound", "compression")
+
+
+def two(rebound, compression):
+    return Setting((("rebound", rebound), ("compression", compression)))
+
+
+def test_one_adjuster_in_whole_clicks_is_its_number():
+    setting = Setting.of(10)
+    assert setting == 10
+    assert hash(setting) == hash(10)
+    assert {setting: "x"}[10] == "x"
+    assert setting.cell == 10
+    assert type(setting.cell) is int
+    assert f"{setting}" == "10"
+    assert setting > 9
+    assert setting < 11
+    assert setting != 11
+    assert setting != "10"
+    assert Setting((("rebound", 10),)) == 10
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("10", 10),
+        (" 08 ", 8),
+        ("10.0", 10),
+        ("-3", -3),
+        ("+3", 3),
+        ("2.5", 2.5),
+        ("0", 0),
+        ("1000000", 1_000_000),
+        ("soft", "soft"),
+        ("full open", "full open"),
+        ("härter", "härter"),
+        ("a" * LONGEST_WORD, "a" * LONGEST_WORD),
+    ],
+)
+def test_a_place_is_clicks_or_a_word(text, place):
+    assert parse_place(text) == place
+    assert type(parse_place(text)) is type(place)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "  ", "1000001", "-1000001", "1e3", "nan", "inf", "-infinity", "12345678901", "?", "1,5",
+     "a" * (LONGEST_WORD + 1), "soft\n2"],
+)  # fmt: skip
+def test_what_is_no_place_is_refused(text):
+    with pytest.raises(ValueError, match="expected clicks"):
+        parse_place(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["rebound=12, compression=8", "R12 C08", "r12c8", "C8 R12", "12/8", "12 8", "12;8",
+     "rebound: 12; compression: 8", "Rebound 12, Compression 8"],
+)  # fmt: skip
+def test_a_label_of_two_adjusters(text):
+    setting = parse_setting(text, TWO)
+    assert setting == two(12, 8)
+    assert (setting.label, setting.cell, setting.slug) == ("R12 C8", "R12 C8", "R12_C8")
+    assert setting.number() is None
+    assert setting.number("compression") == 8.0
+
+
+@pytest.mark.parametrize("text", ["12", "R12", "R12 R8", "R12 C", "1/2/3", "", "hard"])
+def test_half_a_label_is_refused(text):
+    with pytest.raises(ValueError, match=r"expected|twice"):
+        parse_setting(text, TWO)
+
+
+def test_words_and_negative_clicks_in_a_label():
+    assert parse_setting("rebound=soft, compression=-2", TWO).label == "R:soft C-2"
+    assert parse_setting("setting=soft").cell == "soft"
+
+
+def test_order_is_by_adjuster_by_number_words_last():
+    given = [two(12, 8), two(2, 10), two("soft", 1), two(2, 9), two(-1, 3)]
+    ordered = ["R-1 C3", "R2 C9", "R2 C10", "R12 C8", "R:soft C1"]
+    assert [one.label for one in sorted(given)] == ordered
+    assert [one.cell for one in sorted(map(Setting.of, ["V10", 3, "V2", -1]))] == [
+        -1,
+        3,
+        "V2",
+        "V10",
+    ]
+
+
+def test_short_names_are_unlike_or_whole():
+    assert short_names(TWO) == {"rebound": "R", "compression": "C"}
+    assert short_names(("low_c", "low_r", "lever")) == {"low_c": "LC", "low_r": "LR", "lever": "L"}
+    assert short_names(("high", "hard")) == {"high": "high", "hard": "hard"}
+
+
+def test_lines_hold_the_other_adjusters():
+    settings = [two(2, 8), two(4, 8), two(6, 8), two(4, 2), two(4, 20), two("soft", 8)]
+    lines = {
+        (line.adjuster, line.held): [s.label for s in line.settings] for line in lines_of(settings)
+    }
+    assert lines == {
+        ("rebound", "compression 8"): ["R2 C8", "R4 C8", "R6 C8"],
+        ("compression", "rebound 4"): ["R4 C2", "R4 C8", "R4 C20"],
+    }
+    (alone,) = lines_of([3, 1, 2])
+    assert list(alone.numbers.values()) == [1.0, 2.0, 3.0]
+    (words,) = lines_of(["soft", "hard"])
+    assert words.settings == ()
+    assert lines_of([]) == ()
