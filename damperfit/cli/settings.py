@@ -100,12 +100,12 @@ def _curves(
 ) -> int:
     """Answer from curves that were measured without time."""
     from damperfit.queries.measured_forces import measured_forces
-    from damperfit.report import curve_forces_sheet, terminal_table
+    from damperfit.report import curve_forces_sheet, terminal_table, to_record
     from damperfit.run.run_json import json_values
 
     found = measured_forces(path, question, config=config)
     if is_json:
-        asked = None if question.force is None else asdict(question)
+        asked = None if question.force is None else to_record(question)
         document = {"source": str(path), "question": asked, "sentence": found.sentence or None}
         print_json(json_values(document | {"forces": found.rows()}))
         return 0
