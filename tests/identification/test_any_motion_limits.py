@@ -1,0 +1,55 @@
+"""What logs of one speed are, and when stretches are weighed: just inside and just outside."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from damperfit.identification.one_speed import untold
+from damperfit.identification.weights import _ALIKE, _OTHER_ERRORS, weights
+
+ALL = ("r_m1", "r_m2", "k_e", "f_f")
+
+
+def trace_of_speeds(share_of_one_speed: float) -> Any:
+    n = 1000
+    speed = np.full(n, 0.2)
+    speed[round(share_of_one_speed * n) :] = 0.05
+    speed[::2] *= -1.0
+    return SimpleNamespace(drive=SimpleNamespace(velocity=speed), compared=slice(None))
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.89, ()), (0.91, ALL)])
+def test_nine_tenths_at_one_speed_are_one_speed(share: float, told: tuple[str, ...]) -> None:
+    assert untold([trace_of_speeds(share)], ALL) == told
+
+
+@pytest.mark.parametrize(("off", "told"), [(1.09, ALL), (1.11, ())])
+def test_speeds_within_a_tenth_are_one(off: float, told: tuple[str, ...]) -> None:
+    trace = trace_of_speeds(1.0)
+    trace.drive.velocity[:200] *= off
+    assert untold([trace], ALL) == told
+
+
+def test_valves_of_one_direction_each_are_told_by_one_speed() -> None:
+    assert untold([trace_of_speeds(1.0)], ("r_m1", "k_e", "f_f")) == ()
+
+
+def two_stretches(noise: float) -> Any:
+    stretches = [SimpleNamespace(noise=one, n_samples=500) for one in (noise, 40.0)]
+    force = np.concatenate([np.full(500, 100.0), np.full(500, -100.0)])
+    return SimpleNamespace(force=force, compared=slice(None), stretches=stretches)
+
+
+@pytest.mark.parametrize(("factor", "n_weighed"), [(0.99, 0), (1.01, 1000)])
+def test_noises_alike_are_not_weighed(factor: float, n_weighed: int) -> None:
+    other = _OTHER_ERRORS * 100.0
+    noise = float(np.sqrt((np.hypot(40.0, other) * _ALIKE * factor) ** 2 - other**2))
+    (found,) = weights([two_stretches(noise)])
+    assert (0 if found is None else len(found)) == n_weighed
+    if found is not None:
+        louder, quieter = found[0], found[-1]
+        assert quieter / louder == pytest.approx(_ALIKE * factor, rel=1e-9)
