@@ -198,7 +198,7 @@ class Selection:
         function = _function_at(tree, first)
         if function is not None:
             own = self.of_lines(path, first, last)
-            return self._ordered(own, path)
+            return self._ordered(own or self._by_a_child(tree), path)
         names = _defined(tree, first)
         if any(name.startswith("def ") for name in names):  # a default, or a decorator
             own = {
@@ -209,6 +209,17 @@ class Selection:
             return self._ordered(own, path)
         found = self._readers(path, names) | self.of_lines(path, first, last, is_body=False)
         return self._ordered(found | self._naming(names), path)
+
+    def _by_a_child(self, tree: ast.Module) -> set[str]:
+        """Return the tests that ask a child process, where it may run this module for them.
+
+        Such a child is killed when it is no longer asked, and leaves no trace.
+        """
+        if not self._bodies(tree, {"def answer"}):
+            return set()
+        door = "damperfit/readers/child_process.py"
+        spans = self._bodies(self._modules[door], {"def ask_child"})
+        return {name for span in spans for name in self.of_lines(door, *span)}
 
     def _naming(self, names: set[str]) -> set[str]:
         """Return the tests of files that name a constant themselves."""
