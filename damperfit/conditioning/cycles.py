@@ -17,10 +17,12 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from damperfit.recording import Stretch
+
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
-__all__ = ["Cycles", "crossings", "find_cycles"]
+__all__ = ["Cycles", "clean_cycles", "crossings", "find_cycles"]
 
 _HYSTERESIS = 0.25  # of the amplitude
 _MIN_SHARE = 0.1  # of all cycles; noise has many, but hardly two alike in a row
@@ -183,6 +185,28 @@ def _root(y0: FloatArray, y1: FloatArray, v0: FloatArray, v1: FloatArray) -> Flo
         slope = np.where(slope > 0.2 * chord, slope, chord)
         u = np.clip(u - (y0 + u * (v0 + u * (c2 + c3 * u))) / slope, 0.0, 1.0)
     return np.asarray(u)
+
+
+def clean_cycles(stretch: Stretch) -> FloatArray:
+    """Return boundaries of the cycles in which the filter holds no other motion, samples.
+
+    Where it holds one in all of them, those of the cycle farthest from both.
+
+    Parameters
+    ----------
+    stretch : Stretch
+        Steady cycles.
+    """
+    starts = stretch.cycle_starts
+    if stretch.smeared == (0, 0):
+        return starts
+    low, high = stretch.first + stretch.smeared[0], stretch.stop - stretch.smeared[1]
+    clean = starts[(starts >= low) & (starts <= high)]
+    if len(clean) >= 2:
+        return clean
+    period = float(starts[-1] - starts[0]) / stretch.n_cycles
+    begin = min(max(0.5 * (low + high - period), float(starts[0])), float(starts[-1]) - period)
+    return np.array([begin, begin + period])
 
 
 def _extremes(offset: FloatArray, velocity: FloatArray, boundaries: FloatArray) -> FloatArray:

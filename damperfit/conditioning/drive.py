@@ -56,6 +56,7 @@ _HIGHEST = 0.35
 _TOP = (0.3, 0.45)  # of the sample rate, where a motion has nothing
 _NOISE_BETWEEN = 0.005
 _HALF = math.log(2.0)  # median over mean of the power of noise
+_LINES = 12.0  # that tell the noise of an order, near enough
 _CLEAR = 8.0  # a line of pure noise is so much above its mean once in 3000
 
 
@@ -194,7 +195,7 @@ def _of_cycles(rest: FloatArray, stretch: Stretch) -> _Spectrum:
     n_orders = (len(power) - 1) // n_cycles
     # Row k: the line at k times the frequency, then those up to the next one.
     table = power[: n_orders * n_cycles].reshape(n_orders, n_cycles)
-    between = table[:, 1:].mean(axis=1)
+    between = _between_orders(table[:, 1:])
     motion = np.zeros(len(power))
     # A line of noise is exponential: above its mean by half of its own size on average.
     motion[: n_orders * n_cycles : n_cycles] = np.maximum(table[:, 0] - between, 0.0)
@@ -203,6 +204,22 @@ def _of_cycles(rest: FloatArray, stretch: Stretch) -> _Spectrum:
     noise = np.concatenate([noise, np.full(len(power) - len(noise), noise[-1])])
     speed = (2.0 * np.pi * frequency) ** 2
     return _Spectrum(frequency, speed * motion, speed * noise)
+
+
+def _between_orders(lines: FloatArray) -> FloatArray:
+    """Return the noise by order, (orders,): where few lines tell it, those of its neighbours too.
+
+    Two cycles have one line between: a ninth of pure noise would stand out of that.
+    """
+    means = lines.mean(axis=1)
+    n_orders, n_lines = lines.shape
+    reach = math.ceil(0.5 * (_LINES / n_lines - 1.0))
+    if reach < 1:
+        return np.asarray(means)
+    sums = np.concatenate([[0.0], np.cumsum(means)])
+    low = np.maximum(np.arange(n_orders) - reach, 0)
+    high = np.minimum(np.arange(n_orders) + reach + 1, n_orders)
+    return np.asarray((sums[high] - sums[low]) / (high - low))
 
 
 def _of_motion(rest: FloatArray, interval: float) -> _Spectrum:

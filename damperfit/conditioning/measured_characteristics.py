@@ -1,6 +1,7 @@
 """What a test engineer reads off each stretch: peak forces and speeds, energy, hysteresis.
 
-From the measured force behind the filter. Of steady cycles the mean over them; of a motion that
+From the measured force behind the filter. Of steady cycles the mean over them, but for
+cycles in which the filter still holds another speed; of a motion that
 does not repeat the largest and the smallest force, and the energy of all of it.
 """
 
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.conditioning.cycles import clean_cycles
 from damperfit.recording import StretchFigures
 
 if TYPE_CHECKING:
@@ -33,10 +35,11 @@ def with_figures(trace: Trace) -> Trace:
 
 
 def _figures(trace: Trace, stretch: Stretch) -> StretchFigures:
-    v, f = trace.velocity[stretch.window], trace.force[stretch.window]
-    edges = np.array([0, len(f)])
+    edges = np.array([stretch.first, stretch.stop])
     if stretch.n_cycles:
-        edges = np.clip(np.rint(stretch.cycle_starts).astype(np.int64) - stretch.first, 0, len(f))
+        edges = np.rint(clean_cycles(stretch)).astype(np.int64)
+    v, f = trace.velocity[edges[0] : edges[-1]], trace.force[edges[0] : edges[-1]]
+    edges = edges - edges[0]
     begins = edges[:-1]
     stop = int(edges[-1])
 

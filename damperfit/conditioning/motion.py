@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning.channels import noise_of
+from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.drive import content_beyond
 from damperfit.conditioning.filters import gain_at
 from damperfit.conditioning.scatter import noise_floor
@@ -79,7 +80,7 @@ def examine_motion(
         yield _amplitude(metadata, trace, options)
     yield _trimmed(log, trace)
     yield from _force_range(trace)
-    fastest = trace.fastest.n_cycles
+    fastest = len(clean_cycles(trace.fastest)) - 1 if trace.fastest.n_cycles else 0
     if fastest:
         yield _harmonics(trace)
     if fastest >= 2 and math.isfinite(floor := noise_floor(trace)):
@@ -284,12 +285,12 @@ def _said(metadata: Mapping[str, str], keys: tuple[str, ...], dimension: str) ->
 
 
 def _harmonics(trace: Trace) -> Finding:
-    stretch = trace.fastest
-    starts = stretch.cycle_starts
-    turns = np.arange(stretch.first, stretch.stop) - starts[0]
-    turns = turns * (stretch.n_cycles / np.ptp(starts))
+    starts = clean_cycles(trace.fastest)
+    window = slice(round(float(starts[0])), round(float(starts[-1])))
+    turns = np.arange(window.start, window.stop) - starts[0]
+    turns = turns * ((len(starts) - 1) / np.ptp(starts))
     wave = np.exp(-2j * np.pi * turns)
-    x = trace.displacement[stretch.window] - np.mean(trace.displacement[stretch.window])
+    x = trace.displacement[window] - np.mean(trace.displacement[window])
     first = abs(wave @ x)
     second, third = (100.0 * abs(wave**k @ x) / first for k in (2, 3))
     shape = ""
@@ -317,7 +318,7 @@ def _scatter(trace: Trace) -> Finding:
         f"peak force scatters by {rebound:.2g} % (rebound) and {bump:.2g} % (bump) over the cycles"
     )
     # The standard deviation of n cycles is itself uncertain by 1/sqrt(2(n-1)).
-    sure = _SCATTER * (1.0 + 2.0 / math.sqrt(2.0 * (trace.fastest.n_cycles - 1)))
+    sure = _SCATTER * (1.0 + 2.0 / math.sqrt(2.0 * (len(tops) - 1)))
     if worst <= sure:
         return Finding("cycle_scatter", "note", text, worst, "%")
     text += f"; a good rig has {_SCATTER:g} % or less: check play, temperature, air in the oil"
@@ -327,7 +328,7 @@ def _scatter(trace: Trace) -> Finding:
 def _force_drift(trace: Trace) -> Finding:
     tops, bottoms = _extremes(trace.force, trace)
     half = 0.5 * float(np.mean(tops) - np.mean(bottoms))
-    drift, error = _trend(_cycle_means(trace.force, trace.fastest.cycle_starts))
+    drift, error = _trend(_cycle_means(trace.force, clean_cycles(trace.fastest)))
     share = 100.0 * drift / half
     text = (
         f"the mean force drifts by {drift:+.3g} N over the cycles, {abs(share):.2g} % of the peak"
@@ -356,7 +357,7 @@ def _stroke_drift(trace: Trace) -> Finding:
 
 def _extremes(values: FloatArray, trace: Trace) -> tuple[FloatArray, FloatArray]:
     """Return the highest and the lowest value of each cycle."""
-    edges = np.rint(trace.fastest.cycle_starts).astype(np.int64)
+    edges = np.rint(clean_cycles(trace.fastest)).astype(np.int64)
     inside = values[: edges[-1]]
     return np.maximum.reduceat(inside, edges[:-1]), np.minimum.reduceat(inside, edges[:-1])
 

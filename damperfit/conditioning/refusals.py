@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.conditioning.cycles import clean_cycles
 from damperfit.errors import ConditioningError
 
 if TYPE_CHECKING:
@@ -113,9 +114,10 @@ def refuse_swapped(trace: Trace) -> None:
 def _harmonic_share(trace: Trace, values: FloatArray) -> float:
     """Return the share of a channel's power that is in harmonics 2 to 7 of the motion."""
     stretch = trace.fastest
-    turn = 2.0 * np.pi * stretch.frequency * trace.interval * np.arange(stretch.n_samples)
+    first, *_, stop = np.rint(clean_cycles(stretch)).astype(np.int64)
+    turn = 2.0 * np.pi * stretch.frequency * trace.interval * np.arange(stop - first)
     wave = np.exp(1j * turn)
-    part = values[stretch.window] - np.mean(values[stretch.window])
+    part = values[first:stop] - np.mean(values[first:stop])
     power = []
     for _ in range(7):
         part = part * wave  # turns the next harmonic to rest
@@ -130,16 +132,14 @@ def _chambers(options: ConditionOptions) -> str:
     return f" (chambers l_1 {l_1:g} m, l_2 {l_2:g} m)"
 
 
-def refuse_fast(
-    recording: Recording, log: UniformLog, cycles: Cycles, options: ConditionOptions
-) -> None:
+def refuse_fast(name: str, log: UniformLog, cycles: Cycles, options: ConditionOptions) -> None:
     """Refuse a motion that the filter takes away."""
     is_rig = options.rig_filter != "none"
     corner = options.rig_filter_corner if is_rig else options.filter_corner
     frequency = 1.0 / (cycles.period * log.interval)
     if (is_rig or options.filter != "none") and frequency >= corner:
         raise ConditioningError(
-            f"{recording.name}: the motion found has {frequency:.3g} Hz, not below the filter "
+            f"{name}: the motion found has {frequency:.3g} Hz, not below the filter "
             f"corner of {corner:g} Hz; the displacement is noise, or the corner must be raised"
         )
 

@@ -21,37 +21,40 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.conditioning.cycles import crossings
+from damperfit.conditioning.cycles import clean_cycles, crossings
 from damperfit.recording import Stretch
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
-__all__ = ["Edges", "Found", "find_moving", "find_runs", "steady_stretch"]
+__all__ = ["Edges", "Found", "ends_in_motion", "find_runs", "steady_stretch", "turning_points"]
 
-_TURN = 0.02  # of the whole range
+TURN = 0.02  # of the whole range
 _HYSTERESIS = 0.25  # of the run's amplitude
 _FEWEST = 3  # passages at which a cycle begins: two whole cycles
 _SHARE = 1.0 / 3.0  # of all cycles, from which on runs are the test; chance gives less than a tenth
 # End cycles of a run may be off its median by so much; rigs repeat a period to 0.3 %.
 _END_PERIOD, _END_AMPLITUDE = 0.01, 0.02
 _USUAL = 5.0  # median deviations
-_SLOW = 0.02  # of the fastest speed; below is rest
-_PAUSE = 0.5  # s; shorter ones are part of a motion
-_FEWEST_TURNS = 8  # more than three cycles have
-_LONGEST_RUN_IN = 2.0  # s
+_CUT = 0.8  # of a cycle may be ahead of a run's first passage: the turn before it, cut
+_ALIKE = 0.1  # of the amplitude; the period is rounded to a sample
+_ROUNDING = 0.01  # of a cycle: as many whole ones as were logged, though the length is not exact
 
 
 class Edges(NamedTuple):
-    """Samples that are left out beside a break in the motion, and at the log's own ends."""
+    """Samples after which the filter forgets a break, left out at the log's own ends.
 
-    beside: int
+    Where the log is continued there, `first` and `stop` are the samples that were logged.
+    """
+
     ends: int
+    first: float | None = None
+    stop: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,7 +139,7 @@ def find_runs(
 
 
 def _cycles(x: FloatArray) -> _Turns:
-    turns = _turning_points(x, _TURN * float(np.ptp(x)))
+    turns = turning_points(x, TURN * float(np.ptp(x)))
     passages = []
     for begin, end in pairwise(turns.tolist()):
         sign = 1.0 if x[end] > x[begin] else -1.0
@@ -154,8 +157,16 @@ def _cycles(x: FloatArray) -> _Turns:
     )
 
 
-def _turning_points(x: FloatArray, reach: float) -> IntArray:
-    """Return the samples at which the motion turns, valleys and peaks by turns."""
+def turning_points(x: FloatArray, reach: float) -> IntArray:
+    """Return the samples at which the motion turns, valleys and peaks by turns.
+
+    Parameters
+    ----------
+    x : numpy.ndarray
+        Shape (n,), m.
+    reach : float
+        Way back from a turn from which on it counts, m.
+    """
     steps = np.diff(x)
     places = np.flatnonzero(steps[:-1] * steps[1:] <= 0.0) + 1
     places = np.concatenate([[0], places, [len(x) - 1]])
@@ -258,9 +269,9 @@ def _of_run(
     is_first, is_last = marks[0] <= 0.6 * period, n - 1.0 - marks[-1] <= 0.6 * period
     begin = -math.inf if is_first else float(marks[0])
     end = math.inf if is_last else float(marks[-1])
-    inner = (
-        period + edges.ends if is_first else begin + edges.beside,
-        n - 1.0 - edges.ends if is_last else end - edges.beside,
+    inner = _inner(run, n, edges, begin=begin, end=end)
+    rising, falling = (
+        _unsmeared(at, period, begin + edges.ends, end - edges.ends) for at in (rising, falling)
     )
     starts = _whole(rising, falling, period, inner)
     if starts is None:
@@ -270,7 +281,31 @@ def _of_run(
         max(0, math.ceil(begin + edges.ends) - stretch.first) if not is_first else 0,
         max(0, stretch.stop - math.floor(end - edges.ends)) if not is_last else 0,
     )
-    return Found(replace(stretch, smeared=smeared), begin, end)
+    stretch = replace(stretch, smeared=smeared)
+    clean = np.rint(clean_cycles(stretch)).astype(np.int64)
+    fastest = float(np.abs(velocity[clean[0] : clean[-1]]).max())
+    return Found(replace(stretch, peak_speed=fastest), begin, end)
+
+
+def _inner(run: _Run, n: int, edges: Edges, *, begin: float, end: float) -> tuple[float, float]:
+    """Return the samples between which a run may be compared."""
+    slack = 0.5 * _ROUNDING * run.period
+    low = begin - slack
+    if math.isinf(begin):
+        low = run.period + edges.ends if edges.first is None else edges.first - slack
+    high = end + slack
+    if math.isinf(end):
+        high = n - 1.0 - edges.ends if edges.stop is None else edges.stop + slack
+    return low, high
+
+
+def _unsmeared(at: FloatArray, period: float, first: float, last: float) -> FloatArray:
+    """Put passages that the filter has moved where the nearest of the others says."""
+    inner = at[(at >= first) & (at <= last)]
+    if not len(inner):
+        return at
+    nearest = inner[np.argmin(np.abs(at[:, None] - inner), axis=1)]
+    return np.asarray(nearest + period * np.rint((at - nearest) / period))
 
 
 def _belonging(at: FloatArray, run: _Run) -> FloatArray:
@@ -329,72 +364,36 @@ def steady_stretch(
     )
 
 
-def find_moving(
-    displacement: FloatArray, velocity: FloatArray, *, interval: float, edges: Edges
-) -> tuple[Found, ...]:
-    """Return the parts of a log that move, for one in which nothing repeats.
+def ends_in_motion(
+    displacement: FloatArray, steadiness: float
+) -> tuple[float | None, float | None]:
+    """Return the samples in a cycle of the steady motion a log begins in, and ends in; else None.
 
     Parameters
     ----------
-    displacement, velocity : numpy.ndarray
-        Shape (n,), behind the filter; m, m/s.
-    interval : float
-        s.
-    edges : Edges
-        What is left out.
+    displacement : numpy.ndarray
+        Shape (n,), as logged: a filter would bend the ends.
+    steadiness : float
+        Share within which neighbours must be alike.
     """
-    turns = _turning_points(displacement, _TURN * float(np.ptp(displacement)))
-    if len(turns) < _FEWEST_TURNS:
-        return ()
-    fastest = float(np.percentile(np.abs(velocity), 99.0))
-    found = []
-    for low, high in _parts(np.abs(velocity) > _SLOW * fastest, round(_PAUSE / interval)):
-        inside = turns[(turns >= low) & (turns < high)]
-        if len(inside) < 2:
-            continue
-        begin = -math.inf if low == 0 else float(low)
-        end = math.inf if high == len(velocity) else float(high)
-        # What went before the log is forgotten after a cycle.
-        run_in = min(2.0 * float(np.median(np.diff(inside))), _LONGEST_RUN_IN / interval)
-        first = low + (round(run_in) + edges.ends if low == 0 else edges.beside)
-        stop = high - (edges.ends if high == len(velocity) else edges.beside)
-        if stop - first > run_in:
-            found.append(
-                Found(_moving(first, stop, inside, displacement, velocity, interval), begin, end)
-            )
-    return tuple(found)
-
-
-def _moving(
-    first: int,
-    stop: int,
-    turns: IntArray,
-    displacement: FloatArray,
-    velocity: FloatArray,
-    interval: float,
-) -> Stretch:
-    part = slice(first, stop)
-    n_turns = max(int(np.count_nonzero((turns >= first) & (turns < stop))), 1)
-    return Stretch(
-        kind="moving",
-        first=first,
-        stop=stop,
-        cycle_starts=np.empty(0),
-        frequency=0.5 * n_turns / ((stop - first) * interval),
-        amplitude=0.5 * float(np.ptp(displacement[part])),
-        peak_speed=float(np.abs(velocity[part]).max()),
+    seen = _cycles(displacement)
+    if len(seen.passages) < _FEWEST:
+        return None, None
+    runs = [_run(seen, *run) for run in _runs(seen, steadiness)]
+    if not runs:
+        return None, None
+    begin, end = runs[0], runs[-1]
+    return (
+        begin.period if _repeats(displacement, begin.first, begin) else None,
+        end.period
+        if _repeats(displacement[::-1], len(displacement) - 1.0 - end.last, end)
+        else None,
     )
 
 
-def _parts(is_moving: NDArray[np.bool_], pause: int) -> Sequence[tuple[int, int]]:
-    """Return first and stop of the parts that move, short pauses counted in."""
-    at = np.flatnonzero(is_moving)
-    if not len(at):
-        return ()
-    breaks = np.flatnonzero(np.diff(at) > pause)
-    firsts = at[np.concatenate([[0], breaks + 1])]
-    stops = at[np.concatenate([breaks, [len(at) - 1]])] + 1
-    # The log's own ends: a turn there is no rest.
-    firsts[0] = 0 if firsts[0] <= pause else firsts[0]
-    stops[-1] = len(is_moving) if len(is_moving) - stops[-1] <= pause else stops[-1]
-    return list(zip(firsts.tolist(), stops.tolist(), strict=True))
+def _repeats(x: FloatArray, ahead: float, run: _Run) -> bool:
+    """Whether what is ahead of a run's first passage is of the same motion: no rest, no run-up."""
+    n, period = math.ceil(ahead), round(run.period)
+    if ahead > _CUT * run.period or n + period >= len(x):
+        return False
+    return float(np.abs(x[: n + 1] - x[period : period + n + 1]).max()) < _ALIKE * run.amplitude

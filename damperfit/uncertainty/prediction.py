@@ -166,8 +166,11 @@ def split_cycles(trace: Trace, cycles: float) -> tuple[Trace, Trace]:
         held = max(1, round(cycles * n)) if cycles < 1.0 else round(cycles)
         if held < n:
             edge, starts = round(float(stretch.cycle_starts[n - held])), stretch.cycle_starts
-            fitted.append(replace(stretch, stop=edge, cycle_starts=starts[: n - held + 1]))
-            held_out.append(replace(stretch, first=edge, cycle_starts=starts[n - held :]))
+            ahead, behind = stretch.smeared
+            inner = starts[: n - held + 1]
+            fitted.append(replace(stretch, stop=edge, cycle_starts=inner, smeared=(ahead, 0)))
+            outer = starts[n - held :]
+            held_out.append(replace(stretch, first=edge, cycle_starts=outer, smeared=(0, behind)))
         else:
             fitted.append(stretch)
     if not held_out:

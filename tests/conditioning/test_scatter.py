@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition, noise_floor
-from tests.conditioning.logs import recording, sine_log
+from tests.conditioning.logs import sine_log
 
 
 def smooth_log(cycles, rate):
@@ -50,5 +50,7 @@ def test_a_force_that_drifts_is_scatter():
 
 
 def test_a_single_cycle_cannot_say():
-    log = smooth_log(3.0, 1000.0)
-    assert math.isnan(noise_floor(condition(recording(log.time, log.displacement, log.force))))
+    trace = condition(smooth_log(15.0, 1000.0))
+    (run,) = trace.stretches
+    one = replace(run, stop=round(float(run.cycle_starts[1])), cycle_starts=run.cycle_starts[:2])
+    assert math.isnan(noise_floor(replace(trace, stretches=(one,))))

@@ -39,8 +39,10 @@ def test_each_speed_step_is_a_stretch():
     begins, ends = (0.0, 8.0, 13.0), (8.0, 13.0, 16.0)
     for stretch, begin, end in zip(trace.stretches, begins, ends, strict=True):
         first = trace.start_time + stretch.first * trace.interval
-        assert 1.0 + begin < first
-        assert first + stretch.n_samples * trace.interval < 1.0 + end
+        # Marks of cycles beside a break are where the other cycles say, to a hundredth of one.
+        assert 1.0 + begin - 0.01 / stretch.frequency < first
+        last = first + stretch.n_samples * trace.interval
+        assert last < 1.0 + end + 0.01 / stretch.frequency
     told = {one.name for one in trace.findings if one.severity == "warning"}
     assert not told & {"unsteady_cycles", "cycles"}
     (one,) = (one for one in trace.findings if one.name == "stretches")

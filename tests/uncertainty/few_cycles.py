@@ -1,0 +1,96 @@
+"""Are three cycles at 5 to 10 Hz told as well as three cycles can be?
+
+    python -m tests.uncertainty.few_cycles --seeds 40
+
+Setting 10, 1024 Hz, 4 N and 3 um of noise, 0.3 m/s, all five parameters free. A log of so many
+cycles begins and ends in the midst of the motion. Each line: how many intervals hold the
+truth, the scatter found, over the error given, over that of 30 cycles times the square root of the
+cycles, and the mean error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from functools import cache
+
+import numpy as np
+
+from damperfit.conditioning import ConditionOptions, condition
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.reference import reference_parameters
+from damperfit.identification import FitOptions, identify
+from damperfit.recording import Recording
+from damperfit.samples.steady import steady_cycle
+from damperfit.uncertainty import assess
+
+__all__ = ["NAMES", "deviations", "logged"]
+
+NAMES = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
+RATE = 1024.0
+SPEED = 0.3
+SETTING = 10
+
+
+@cache
+def _steady(frequency):
+    amplitude = SPEED / (2.0 * math.pi * frequency)
+    truth = reference_parameters(SETTING)
+    return steady_cycle(truth, PURDY_DAMPER, amplitude=amplitude, frequency=frequency)
+
+
+def logged(frequency, cycles, *, seed, force_noise=4.0, displacement_noise=3e-6):
+    """A raw log of so many cycles of a steady sine, from the midst of it."""
+    random = np.random.default_rng(seed)
+    time = np.arange(round(cycles / frequency * RATE)) / RATE
+    phase = random.uniform() + frequency * time
+    steady = _steady(frequency)
+    x = steady.displacement(phase) + displacement_noise * random.standard_normal(len(time))
+    force = steady.force(phase) + force_noise * random.standard_normal(len(time))
+    return Recording(f"{frequency:g} Hz", "", "", SETTING, time, x, force)
+
+
+def deviations(recording):
+    """The trace, ln(found/true) of each parameter, and its standard error."""
+    trace = condition(recording, ConditionOptions(centre=0.0))
+    campaign = identify([trace], PURDY_DAMPER, FitOptions(procedure="plain"))
+    (known,) = assess(campaign, PURDY_DAMPER).uncertainties
+    found, truth = campaign.fits[0].parameters, reference_parameters(SETTING)
+    off = [math.log(getattr(found, name) / getattr(truth, name)) for name in NAMES]
+    return (
+        trace,
+        off,
+        [
+            known.intervals[n].error / getattr(found, n) if n in known.intervals else math.nan
+            for n in NAMES
+        ],
+    )
+
+
+def main():
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=40)
+    given = parser.parse_args()
+    for frequency in (5.0, 7.0, 10.0):
+        told = {}
+        for cycles in (30.0, 3.0):
+            table = [
+                deviations(logged(frequency, cycles, seed=seed)) for seed in range(given.seeds)
+            ]
+            off, errors = (np.array([row[k] for row in table]) for k in (1, 2))
+            told[cycles] = np.sqrt(np.mean(off**2, axis=0))
+            n = np.mean([trace.n_cycles for trace, *_ in table])
+            expected = told[30.0] * math.sqrt(27.0 / 3.0) if cycles == 3.0 else told[30.0]
+            print(f"{frequency:g} Hz, {cycles:g} cycles, {n:.2f} compared")
+            for k, name in enumerate(NAMES):
+                hits = np.count_nonzero(np.abs(off[:, k]) <= 1.959964 * errors[:, k])
+                print(
+                    f"  {name}: {hits} of {given.seeds}, scatter {100.0 * told[cycles][k]:.2f} %, "
+                    f"over error {told[cycles][k] / np.nanmean(errors[:, k]):.2f}, over theory "
+                    f"{told[cycles][k] / expected[k]:.2f}, mean {100.0 * np.mean(off[:, k]):+.2f} %"
+                )
+
+
+if __name__ == "__main__":
+    main()
