@@ -248,4 +248,4 @@ def _untouched(cycles: Cycles, n: int, edge: int) -> tuple[float, float]:
     begin, end = float(cycles.rising[0]), float(cycles.rising[-1])
     begin = 0.0 if begin <= reach else begin
     end = n - 1.0 if n - 1.0 - end <= reach else end
-    return begin + cycles.period + edge, end - edge
+    return max(begin + cycles.period + edge, cycles.begin), min(end - edge, cycles.end)

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.conditioning.plateaus import level_share, off_level
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -46,6 +48,8 @@ class Cycles:
         Steady cycles outside of the longest run of them, beyond a break in the motion.
     break_at : float
         Where the run meets the nearest break, samples; NaN where nothing stands beyond.
+    begin, end : float
+        Where cycles of another length or size begin, samples; infinite where none do.
     """
 
     rising: FloatArray
@@ -56,6 +60,8 @@ class Cycles:
     n_found: int
     n_elsewhere: int = 0
     break_at: float = math.nan
+    begin: float = -math.inf
+    end: float = math.inf
 
 
 def find_cycles(
@@ -87,16 +93,20 @@ def find_cycles(
     assert run is not None
     falling = crossings(level - displacement, -velocity, _HYSTERESIS * amplitude)
     rising = crossings(displacement - level, velocity, _HYSTERESIS * amplitude)
-    first, last = run.boundaries[0] - 0.75 * run.period, run.boundaries[-1] + 0.75 * run.period
+    first = max(run.boundaries[0] - 0.75 * run.period, run.begin - 1.0)
+    last = min(run.boundaries[-1] + 0.75 * run.period, run.end + 1.0)
+    between, begin, end = _of_run(falling[(falling > first) & (falling < last)], run, steadiness)
     return Cycles(
         rising=run.boundaries,
-        falling=falling[(falling > first) & (falling < last)],
+        falling=between,
         period=run.period,
         centre=float(level),
         amplitude=run.amplitude,
         n_found=_whole_cycles(np.sort(np.concatenate([rising, falling])), run.period, len(speed)),
         n_elsewhere=run.n_elsewhere,
         break_at=run.break_at,
+        begin=begin,
+        end=end,
     )
 
 
@@ -108,6 +118,8 @@ class _Run:
     amplitude: float
     n_elsewhere: int
     break_at: float
+    begin: float
+    end: float
 
 
 def _steady_run(
@@ -124,8 +136,10 @@ def _steady_run(
     start, stop = _longest(is_steady)
     if stop - start < max(1.0, _MIN_SHARE * len(periods)):
         return None
-    steady = slice(start, stop)
     before, behind = int(np.sum(is_steady[:start])), int(np.sum(is_steady[stop:]))
+    ends = start, stop
+    start, stop = _without_others(periods, amplitudes, start, stop, steadiness)
+    steady = slice(start, stop)
     nearest = boundaries[stop] if behind >= before else boundaries[start]
     return _Run(
         boundaries=boundaries[start : stop + 1],
@@ -134,7 +148,39 @@ def _steady_run(
         amplitude=float(np.median(amplitudes[steady])),
         n_elsewhere=before + behind,
         break_at=float(nearest) if before + behind else math.nan,
+        begin=float(boundaries[start]) if start > ends[0] else -math.inf,
+        end=float(boundaries[stop]) if stop < ends[1] else math.inf,
     )
+
+
+def _of_run(falling: FloatArray, run: _Run, steadiness: float) -> tuple[FloatArray, float, float]:
+    """Return the falling passages of a run, and where it begins and ends by them.
+
+    The first and the last may stand half a cycle outside of the rising ones: there half of the
+    difference that a cycle may have is enough.
+    """
+    begin, end = run.begin, run.end
+    rising = run.boundaries
+    allowed = 0.5 * level_share(np.diff(rising), steadiness) * run.period
+    inside = falling[(falling > rising[0]) & (falling < rising[-1])]
+    if not len(inside):
+        return falling, begin, end
+    ahead, behind = inside[0] - falling[0], falling[-1] - inside[-1]
+    if ahead > 0.0 and abs(ahead - run.period) > allowed:
+        falling, begin = falling[1:], float(rising[0])
+    if behind > 0.0 and abs(behind - run.period) > allowed:
+        falling, end = falling[:-1], float(rising[-1])
+    return falling, begin, end
+
+
+def _without_others(
+    periods: FloatArray, amplitudes: FloatArray, start: int, stop: int, steadiness: float
+) -> tuple[int, int]:
+    """Leave out cycles at both ends that lead over to another test."""
+    is_off = off_level(periods[start:stop], "period", steadiness)
+    is_off |= off_level(amplitudes[start:stop], "amplitude", steadiness)
+    like = np.flatnonzero(~is_off)
+    return (start + int(like[0]), start + int(like[-1]) + 1) if len(like) else (start, stop)
 
 
 def _near_median(values: FloatArray, tolerance: float) -> NDArray[np.bool_]:

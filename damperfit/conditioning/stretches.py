@@ -3,9 +3,8 @@
 A motion is read as turning points: a turn counts when the way back from it is a fiftieth of the
 whole range, so that small strokes beside large ones are seen and noise is not. A cycle runs from
 one passage through the middle of its own stroke to the next but one. Cycles whose neighbours have
-their period, amplitude and middle within `steadiness` make a run. At both ends of a run, cycles
-that differ from its median by more than the cycles inside do are left out: they lead over to
-another speed. A run that drifts through a range of frequencies is a sweep and not steady.
+their period, amplitude and middle within `steadiness` make a run, or several where its level
+changes (`damperfit.conditioning.plateaus`).
 
 Where runs hold a third of all cycles or more they are what is compared; else all of the motion is.
 Rest never is. The model runs through the whole log, so a run that follows another motion needs no
@@ -22,6 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from damperfit.conditioning.cycles import clean_cycles, crossings
+from damperfit.conditioning.plateaus import level_parts, like_halves
 from damperfit.recording import Stretch
 
 if TYPE_CHECKING:
@@ -35,12 +35,11 @@ if TYPE_CHECKING:
 __all__ = ["Edges", "Found", "ends_in_motion", "find_runs", "steady_stretch", "turning_points"]
 
 TURN = 0.02  # of the whole range
+_MOVED = 1.5e-3  # s; a filter of 30 Hz moves a passage so far where the speed doubles
 _HYSTERESIS = 0.25  # of the run's amplitude
 _FEWEST = 3  # passages at which a cycle begins: two whole cycles
 _SHARE = 1.0 / 3.0  # of all cycles, from which on runs are the test; chance gives less than a tenth
-# End cycles of a run may be off its median by so much; rigs repeat a period to 0.3 %.
-_END_PERIOD, _END_AMPLITUDE = 0.01, 0.02
-_USUAL = 5.0  # median deviations
+_NEAR = 0.01  # of a cycle; rigs repeat a period to 0.3 %
 _CUT = 0.8  # of a cycle may be ahead of a run's first passage: the turn before it, cut
 _ALIKE = 0.1  # of the amplitude; the period is rounded to a sample
 _ROUNDING = 0.01  # of a cycle: as many whole ones as were logged, though the length is not exact
@@ -81,7 +80,7 @@ class _Turns(NamedTuple):
     strokes between.
     """
 
-    turns: IntArray
+    at_turns: FloatArray
     passages: FloatArray
     period: FloatArray
     amplitude: FloatArray
@@ -120,7 +119,7 @@ def find_runs(
     n_passages = len(seen.passages)
     if n_passages < _FEWEST:
         return (), n_passages // 2
-    runs = list(_runs(seen, steadiness))
+    runs = list(_runs(seen, steadiness, near=_MOVED / interval))
     if sum(stop - first + 2 for first, stop in runs) < _SHARE * n_passages:
         return (), n_passages // 2
     found: list[Found] = []
@@ -149,7 +148,7 @@ def _cycles(x: FloatArray) -> _Turns:
     at_turns = x[turns]
     strokes = np.abs(np.diff(at_turns))
     return _Turns(
-        turns,
+        at_turns,
         np.array(passages),
         np.asarray(np.array(passages[2:]) - np.array(passages[: max(len(passages) - 2, 0)])),
         0.25 * (strokes[:-2] + strokes[1:-1]),
@@ -190,7 +189,7 @@ def turning_points(x: FloatArray, reach: float) -> IntArray:
     return np.asarray(places[turns], dtype=np.int64)
 
 
-def _runs(seen: _Turns, steadiness: float) -> Iterator[tuple[int, int]]:
+def _runs(seen: _Turns, steadiness: float, *, near: float) -> Iterator[tuple[int, int]]:
     """Yield first and stop of the cycles of each run."""
     period, amplitude, middle = seen.period, seen.amplitude, seen.middle
     smaller = np.minimum(amplitude[:-1], amplitude[1:])
@@ -202,30 +201,16 @@ def _runs(seen: _Turns, steadiness: float) -> Iterator[tuple[int, int]]:
     first = 0
     for k in range(len(period)):
         if k == len(alike) or not alike[k]:
-            run = _trimmed(period, amplitude, first, k + 1)
+            part = slice(first, k + 1)
+            for begin, stop in level_parts(
+                period[part], amplitude[part], fewest=_FEWEST, steadiness=steadiness
+            ):
+                run = like_halves(
+                    seen.passages, seen.at_turns, first + begin, first + stop, near=near
+                )
+                if run[1] - run[0] >= _FEWEST:
+                    yield run
             first = k + 1
-            if run[1] - run[0] >= _FEWEST and not _sweeps(period[slice(*run)], steadiness):
-                yield run
-
-
-def _trimmed(period: FloatArray, amplitude: FloatArray, first: int, stop: int) -> tuple[int, int]:
-    """Take cycles off both ends of a run that are not like those inside."""
-    is_off = np.zeros(stop - first, dtype=bool)
-    for values, least in ((period, _END_PERIOD), (amplitude, _END_AMPLITUDE)):
-        part = values[first:stop]
-        middle = float(np.median(part))
-        usual = _USUAL * float(np.median(np.abs(part - middle)))
-        is_off |= np.abs(part - middle) > max(usual, least * middle)
-    while stop > first and is_off[0]:
-        first, is_off = first + 1, is_off[1:]
-    while stop > first and is_off[-1]:
-        stop, is_off = stop - 1, is_off[:-1]
-    return first, stop
-
-
-def _sweeps(period: FloatArray, steadiness: float) -> bool:
-    """Whether a run goes through a range of frequencies."""
-    return bool(np.log(period.max() / period.min()) > 2.0 * steadiness)
 
 
 class _Run(NamedTuple):
@@ -261,7 +246,9 @@ def _of_run(
     x, v = displacement[low:high] - run.middle, velocity[low:high] * interval
     rising = low + crossings(x, v, _HYSTERESIS * amplitude)
     falling = low + crossings(-x, -v, _HYSTERESIS * amplitude)
-    rising, falling = (_belonging(at, run) for at in (rising, falling))
+    rising, falling = (
+        _belonging(at, run, displacement, moved=_MOVED / interval) for at in (rising, falling)
+    )
     marks = np.sort(np.concatenate([rising, falling]))
     if len(marks) < 3:
         return None
@@ -308,15 +295,28 @@ def _unsmeared(at: FloatArray, period: float, first: float, last: float) -> Floa
     return np.asarray(nearest + period * np.rint((at - nearest) / period))
 
 
-def _belonging(at: FloatArray, run: _Run) -> FloatArray:
-    """Return the passages of one direction that are a run's, one more at an end if in time."""
+def _belonging(at: FloatArray, run: _Run, x: FloatArray, *, moved: float) -> FloatArray:
+    """Return the passages of one direction that are a run's, one more at an end if alike.
+
+    `x` is the displacement, `moved` the samples that the filter may move a passage by.
+    """
     near = 0.02 * run.period
     inside = at[(at >= run.first - near) & (at <= run.last + near)]
     if not len(inside):
         return inside
-    steps = inside[0] - run.period, inside[-1] + run.period
-    more = [at[np.abs(at - step) <= _END_PERIOD * run.period][:1] for step in steps]
-    return np.concatenate([more[0], inside, more[1]])
+    share = max(0.02, 4.0 * moved / run.period)
+
+    def more(here: float, there: float) -> FloatArray:
+        near = at[np.abs(at - there) <= max(0.5 * _NEAR * run.period, moved)][:1]
+        part = x[math.ceil(min(here, *near)) : math.ceil(max(here, *near))] if len(near) else x[:0]
+        if not len(part):
+            return near[:0]
+        ends = np.array([part.max() - run.middle, run.middle - part.min()])
+        return near[: int(np.all(np.abs(ends / run.amplitude - 1.0) <= share))]
+
+    first, last = float(inside[0]), float(inside[-1])
+    ends = more(first, first - run.period), more(last, last + run.period)
+    return np.concatenate([ends[0], inside, ends[1]])
 
 
 def _whole(
@@ -379,7 +379,7 @@ def ends_in_motion(
     seen = _cycles(displacement)
     if len(seen.passages) < _FEWEST:
         return None, None
-    runs = [_run(seen, *run) for run in _runs(seen, steadiness)]
+    runs = [_run(seen, *run) for run in _runs(seen, steadiness, near=1.0)]
     if not runs:
         return None, None
     begin, end = runs[0], runs[-1]
