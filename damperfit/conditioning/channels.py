@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.conditioning.stands import beside, catches_up, is_cut_displacement
 from damperfit.recording import Finding
 
 if TYPE_CHECKING:
@@ -39,6 +40,8 @@ __all__ = ["Channel", "examine_channel", "find_spikes", "noise_of"]
 
 _RUN = 3  # equal samples in a row that are looked at
 _LEAP = 6.0  # steps; see above
+_BEYOND = 0.001  # of the range; a cut by less costs nothing
+_LOCAL = 3.0  # least steps beside a stand
 _STANDS = 0.02  # of a period: shorter stands move nothing
 _FEWEST_STEPS = {"displacement": 500.0, "force": 125.0}
 _FINE = 1e6  # steps; finer than any converter
@@ -164,9 +167,13 @@ def _clipped(channel: Channel, runs: _Runs, step: float, span: float) -> list[_R
 def _is_clip(channel: Channel, runs: _Runs, i: int, span: float) -> bool:
     run = slice(runs.start[i], runs.stop[i])
     other = channel.other[run]
+    near = beside(channel.values, run.start, run.stop)
+    if near is not None and near.beyond < max(_BEYOND * span, _LOCAL * near.step):
+        return False  # a smooth crest, in the digits of the log
     moved = float(np.ptp(other)) / max(float(np.ptp(channel.other)), 1e-300)
     if channel.name == "displacement":
-        return moved > 0.1 and span > 0.0  # at rest the force stands too
+        is_cut = near is None or is_cut_displacement(near, other)
+        return moved > 0.1 and span > 0.0 and is_cut  # at rest the force stands too
     # At constant speed over half a stroke a constant force is what a damper gives.
     chord = np.linspace(other[0], other[-1], len(other))
     is_straight = float(np.abs(other - chord).max()) < 0.002 * float(np.ptp(channel.other))
@@ -216,7 +223,11 @@ def _standing(
         i
         for i, (start, stop) in enumerate(zip(stands.start, stands.stop, strict=True))
         if int(start) not in clipped and float(np.ptp(channel.other[start:stop])) > reach
-        if channel.name == "displacement" or _is_clip(channel, stands, i, span)
+        if (
+            catches_up(channel.values, int(stop))
+            if channel.name == "displacement"
+            else _is_clip(channel, stands, i, span)
+        )
     ]
     if not at:
         return

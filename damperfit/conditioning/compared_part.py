@@ -170,7 +170,7 @@ def _continued(
     if sum(one.stretch.n_cycles for one in more) <= sum(one.stretch.n_cycles for one in found):
         return None
     single = None
-    if cycles is not None and len(more) == 1 and begin is not None and end is not None:
+    if cycles is not None and len(more) == 1:
         refuse_fast(name, log, cycles, options)
         steady = _cycles(seen, options)
         single = None if steady is None else replace(steady, n_found=n_found)

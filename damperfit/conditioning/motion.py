@@ -16,6 +16,7 @@ at settings 1, 10 and 20 of the reference set, 500 Hz, no noise):
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,6 +52,7 @@ _TELLING = 20.0  # samples in a cycle, from which on noise can be told from moti
 _SURE = 4.0  # standard errors
 _ENOUGH = 4  # cycles, to tell a trend from scatter
 _DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
+_SOON, _SAME = 3.0, 0.01  # cycles; of frequency and amplitude
 _MANY_ELSEWHERE = 2  # steady cycles beyond a break; one may be chance in a run-up
 _LITTLE = 10.0  # N; seal friction alone is more, and 10 kN in the wrong unit is as much
 _NEAR = 0.2  # of the nominal test: further off another test was meant
@@ -73,6 +75,7 @@ def examine_motion(
     yield from _drive(trace, options)
     if cycles is None:
         yield _stretches(trace)
+        yield from _broken(trace)
     else:
         yield _cycles(trace)
         yield from _unsteady(log, trace, cycles)
@@ -180,6 +183,21 @@ def _stretches(trace: Trace) -> Finding:
     n = len(trace.stretches)
     text = f"{n} stretch{'es' * (n > 1)} evaluated: {parts}"
     return Finding("stretches", "note", text, float(n))
+
+
+def _broken(trace: Trace) -> Iterator[Finding]:
+    """Say where a run goes on after a moment as it was before: something broke it."""
+    for before, behind in pairwise(trace.stretches):
+        gap = (behind.first - before.stop) * trace.interval * before.frequency
+        ratios = behind.frequency / before.frequency, behind.amplitude / before.amplitude
+        is_same = max(abs(ratio - 1.0) for ratio in ratios) < _SAME
+        if before.n_cycles and behind.n_cycles and gap < _SOON and is_same:
+            time = trace.start_time + 0.5 * (before.stop + behind.first) * trace.interval
+            text = (
+                f"the steady run is broken: {behind.n_cycles} more steady cycles stand beyond a "
+                f"break at time {time:.4g} s; look there for a spike, a pause or another test"
+            )
+            yield Finding("unsteady_cycles", "warning", text, float(behind.n_cycles))
 
 
 def _cycles(trace: Trace) -> Finding:

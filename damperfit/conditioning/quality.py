@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from damperfit.conditioning.cycles import Cycles
     from damperfit.conditioning.options import ConditionOptions, NominalTest
     from damperfit.conditioning.timebase import UniformLog
-    from damperfit.recording import Recording, Trace
+    from damperfit.recording import Recording, Stretch, Trace
 
     FloatArray = NDArray[np.float64]
 
@@ -66,16 +66,13 @@ def examine(
     options : ConditionOptions
         What was declared of the rig.
     """
-    fastest = trace.fastest
-    ends = np.array([fastest.first, fastest.stop], dtype=np.float64)
-    ends = fastest.cycle_starts[[0, -1]] if fastest.n_cycles else ends
-    ends = trace.start_time + trace.interval * ends
-    first, stop = np.searchsorted(recording.time, ends)
-    window = slice(int(first), int(stop) + 1)
+    window = _rows(recording, trace, trace.fastest, trace.fastest)
+    # The model is driven through what stands between stretches, too.
+    driven = _rows(recording, trace, trace.stretches[0], trace.stretches[-1])
     return (
         *recording.findings,
         *log.findings,
-        *_channels(recording, window, period=_period(trace)),
+        *_channels(recording, window, driven, period=_period(trace)),
         *examine_motion(log, trace, cycles, options, metadata=recording.metadata),
         *_temperature(recording, window, options.nominal),
         *_rig_filter(log, options),
@@ -84,7 +81,7 @@ def examine(
 
 def examine_raw(recording: Recording) -> tuple[Finding, ...]:
     """Return what can be said of a log whose cycles are not known, as it was refused."""
-    return (*recording.findings, *_channels(recording, slice(None), period=0.0))
+    return (*recording.findings, *_channels(recording, slice(None), slice(None), period=0.0))
 
 
 def _period(trace: Trace) -> float:
@@ -92,16 +89,29 @@ def _period(trace: Trace) -> float:
     return 1.0 / (trace.frequency * trace.interval) if trace.fastest.n_cycles else 0.0
 
 
-def _channels(recording: Recording, window: slice, *, period: float) -> Iterator[Finding]:
-    first_row = (window.start or 0) + 1
-    force, displacement = recording.force[window], recording.displacement[window]
-    time = recording.time[window]
-    yield from examine_channel(
-        Channel("displacement", "mm", 1e3, displacement, force, time, first_row, period)
-    )
-    yield from examine_channel(
-        Channel("force", "N", 1.0, force, displacement, time, first_row, period)
-    )
+def _rows(recording: Recording, trace: Trace, first: Stretch, last: Stretch) -> slice:
+    """Return the rows from the beginning of a stretch to the end of another."""
+    ends = np.array([first.first, last.stop], dtype=np.float64)
+    if first.n_cycles and last.n_cycles:
+        ends = np.array([first.cycle_starts[0], last.cycle_starts[-1]])
+    begin, stop = np.searchsorted(recording.time, trace.start_time + trace.interval * ends)
+    return slice(int(begin), int(stop) + 1)
+
+
+def _channels(
+    recording: Recording, window: slice, driven: slice, *, period: float
+) -> Iterator[Finding]:
+    for name, unit, factor, rows in (
+        ("displacement", "mm", 1e3, driven),
+        ("force", "N", 1.0, window),
+    ):
+        channels = {"force": recording.force[rows], "displacement": recording.displacement[rows]}
+        values = channels.pop(name)
+        (other,) = channels.values()
+        first_row = (rows.start or 0) + 1
+        yield from examine_channel(
+            Channel(name, unit, factor, values, other, recording.time[rows], first_row, period)
+        )
 
 
 def bridge_spikes(recording: Recording, trace: Trace) -> Recording:
