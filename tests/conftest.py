@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
+
+import pytest
 
 BENCHMARKS = Path(__file__).parent / "benchmarks"
 
@@ -13,3 +16,13 @@ def pytest_ignore_collect(collection_path, config):
         return None
     asked = [Path(config.invocation_params.dir, arg.split("::")[0]) for arg in config.args]
     return None if any(BENCHMARKS in (path, *path.parents) for path in asked) else True
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _each_steady_cycle_is_integrated_once():
+    """Let make-believe logs of one damper share its steady cycle, a second of SciPy each."""
+    from damperfit.samples import logs
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(logs, "steady_cycle", cache(logs.steady_cycle))
+        yield

@@ -43,12 +43,19 @@ def sampled(motion, *, rate, duration, start=0.0):
     return Motion(1.0 / rate, x, v, start_time=start)
 
 
-def largest_gap(parameters, damper, motion, *, rate, duration=4 / 3, rtol=1e-11, **options):
-    """Largest distance in N between core and oracle at the core's samples."""
-    moved = sampled(motion, rate=rate, duration=duration)
-    response = simulate(parameters, damper, moved, options=SolverOptions(**options))
-    twin = model.solve(parameters, damper, motion, response.time, rtol=rtol)
-    return float(np.max(np.abs(response.force - twin.force)))
+def largest_gap(parameters, damper, motion, *, rates, duration=1.0, rtol=1e-11, **options):
+    """Largest distance in N between core and oracle at the core's samples; rates divide the last.
+
+    One solution of the twin serves all rates.
+    """
+    time = np.arange(round(duration * rates[-1]) + 1) / rates[-1]
+    twin = model.solve(parameters, damper, motion, time, rtol=rtol).force
+    gaps = []
+    for rate in rates:
+        moved = sampled(motion, rate=rate, duration=duration)
+        force = simulate(parameters, damper, moved, options=SolverOptions(**options)).force
+        gaps.append(np.max(np.abs(force - twin[:: round(rates[-1] / rate)])))
+    return float(max(gaps))
 
 
 def two_tones(t_shift=0.0):
@@ -82,11 +89,10 @@ GRID = [*itertools.product((1e4, 1.5e4, 2.2e4, 3e4, 4.5e4, 6e4), (1e8, 2e8, 4e8,
 
 
 @pytest.mark.parametrize(("r_m1", "k_e"), CORNERS)
-@pytest.mark.parametrize("rate", [1000.0, 20000.0])
-def test_within_a_tenth_of_a_newton_everywhere(r_m1, k_e, rate):
+def test_within_a_tenth_of_a_newton_everywhere(r_m1, k_e):
     """Default tolerance; at 20 kHz every reversal is looked into at 0.05 ms."""
     parameters = dataclasses.replace(SET_M, r_m1=r_m1, k_e=k_e)
-    assert largest_gap(parameters, PURDY_DAMPER, STANDARD, rate=rate, rtol=1e-10) < 0.1
+    assert largest_gap(parameters, PURDY_DAMPER, STANDARD, rates=(1e3, 2e4), rtol=1e-10) < 0.1
 
 
 @pytest.mark.slow
@@ -94,15 +100,14 @@ def test_within_a_tenth_of_a_newton_everywhere(r_m1, k_e, rate):
 @pytest.mark.parametrize("r_m2", [1.5e6, 1.7e7])
 def test_within_a_tenth_of_a_newton_on_the_whole_grid(r_m1, r_m2, k_e):
     parameters = dataclasses.replace(SET_M, r_m1=r_m1, r_m2=r_m2, k_e=k_e)
-    for rate in (500.0, 20000.0):
-        assert largest_gap(parameters, PURDY_DAMPER, STANDARD, rate=rate, rtol=1e-10) < 0.1
+    assert largest_gap(parameters, PURDY_DAMPER, STANDARD, rates=(500.0, 2e4), rtol=1e-10) < 0.1
 
 
 @pytest.mark.parametrize("setting", [1, 10, 20])
 def test_below_a_hundredth_of_a_newton_when_tight(setting):
     """Radau at rtol 1e-11, every 0.05 ms."""
     parameters = reference_parameters(setting)
-    gap = largest_gap(parameters, PURDY_DAMPER, STANDARD, rate=20000.0, tolerance=1e-4)
+    gap = largest_gap(parameters, PURDY_DAMPER, STANDARD, rates=(2e4,), tolerance=1e-4)
     assert gap < 1e-2
 
 
@@ -111,12 +116,12 @@ def test_below_a_hundredth_of_a_newton_when_tight(setting):
 def test_other_motion_other_damper_and_cavitation(damper, r_m3):
     """Two tones, from x != 0 at speed; R_m3 6e6 cavitates chamber 2 on the paper's damper."""
     parameters = dataclasses.replace(SET_M, r_m3=r_m3, f_0=12.5)
-    assert largest_gap(parameters, damper, two_tones(), rate=2000.0) < 0.1
+    assert largest_gap(parameters, damper, two_tones(), rates=(2e3,), rtol=1e-10) < 0.1
 
 
 def test_cavitating_case_does_cavitate():
     parameters = dataclasses.replace(SET_M, r_m3=6e6)
-    moved = sampled(two_tones(), rate=2000.0, duration=4 / 3)
+    moved = sampled(two_tones(), rate=2000.0, duration=1.0)
     assert np.any(simulate(parameters, PURDY_DAMPER, moved).pressures[1] == 0.0)
 
 
@@ -196,12 +201,12 @@ def scale_of(parameters, damper, name):
 @pytest.mark.parametrize("name", SENSITIVITY_NAMES)
 def test_sensitivities_against_the_oracle(name):
     """N29: exact derivatives in the core, central differences in the twin; 1e-4 of the largest."""
-    motion = sampled(STANDARD, rate=600.0, duration=1.1)
+    motion = sampled(STANDARD, rate=600.0, duration=0.7)  # a cycle and a reversal
     exact = simulate(SET_M, PURDY_DAMPER, motion, sensitivities=[name], options=TIGHT)
     time, size = exact.time, scale_of(SET_M, PURDY_DAMPER, name)
     step = 1e-4 * size
     forces = [
-        model.solve(*shifted(SET_M, PURDY_DAMPER, name, s), STANDARD, time, rtol=1e-13).force
+        model.solve(*shifted(SET_M, PURDY_DAMPER, name, s), STANDARD, time, rtol=1e-12).force
         for s in (step, -step)
     ]
     slope = (forces[0] - forces[1]) / (2 * step)

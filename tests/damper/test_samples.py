@@ -7,6 +7,7 @@ import dataclasses
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER, Damper, P
 from damperfit.damper.reference import reference_parameters
 from damperfit.errors import ConfigurationError, OutputError, SimulationError
 from damperfit.samples import SampleOptions, make_samples, steady_cycle
+from damperfit.samples import logs as logs_of_samples
 from tests.oracles import model
 from tests.oracles.golden import GOLDEN, PHASES, SET_M
 
@@ -41,6 +43,7 @@ def read(path):
     return preamble, time, displacement / 1e3, force, temperature
 
 
+@cache
 def purdy_cycle(parameters):
     return steady_cycle(parameters, PURDY_DAMPER, amplitude=0.032, frequency=1.5)
 
@@ -75,8 +78,12 @@ def test_log_without_noise_is_the_oracle_with_all_digits(tmp_path):
     assert np.max(np.abs(force[:700] - twin.force[1:])) < 1e-3
 
 
-def test_the_twenty_logs(tmp_path):
+@pytest.mark.parametrize("cycles", ["one for all", pytest.param("own", marks=pytest.mark.slow)])
+def test_the_twenty_logs(tmp_path, monkeypatch, cycles):
     """15 cycles at 500 Hz in the project's dialect, small, each from another phase."""
+    if cycles == "one for all":
+        cycle = purdy_cycle(reference_parameters(7))
+        monkeypatch.setattr(logs_of_samples, "steady_cycle", lambda *_, **__: cycle)
     seen = []
     logs = make_samples(tmp_path, on_log=lambda path: seen.append(path.name))
     assert [log.name for log in logs] == [f"setting_{s:02d}.csv" for s in range(1, 21)] == seen
