@@ -57,7 +57,15 @@ class InstallationError(DamperfitError):
 
 
 class LogError(DamperfitError):
-    """One log cannot be read as force and displacement over time."""
+    """One log cannot be read as force and displacement over time.
+
+    Attributes
+    ----------
+    says_setting : bool
+        False: the log does not say its adjuster setting either.
+    """
+
+    says_setting = True
 
 
 class TimelessError(LogError):

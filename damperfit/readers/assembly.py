@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.readers.channels import choose_channels, told_at_once
+from damperfit.readers.channels import choose_channels, has_channel, told_at_once
 from damperfit.readers.options import EXTRAS
 from damperfit.readers.setting_number import file_setting, told_setting
 from damperfit.readers.write_buffers import TITLE, join_buffers
@@ -47,7 +47,13 @@ def make_recordings(
         A channel or unit is missing, a value is no finite number, time does not increase, or
         a setting is none.
     """
-    blocks = [_table_parts(table, source, options) for table in tables]
+    blocks = []
+    for table in tables:
+        try:
+            blocks.append(_table_parts(table, source, options))
+        except LogError as error:
+            error.says_setting = _says_setting(table, source, options)
+            raise
     are_buffers = len(tables) > 1 and all(table.may_run_on for table in tables)
     parts = join_buffers(blocks) if are_buffers else list(chain.from_iterable(blocks))
     settings = options.part_settings
@@ -285,6 +291,17 @@ def _setting(
         value = f"{samples.channels['setting'][part.start]:.15g}"
         return told_setting(value, f"{source.name}: column 'setting'"), ()
     return file_setting(source.name, options.setting_pattern)
+
+
+def _says_setting(table: Table, source: Source, options: ReadOptions) -> bool:
+    """Say whether a log that cannot be read says its setting, or tries to."""
+    if options.setting is not None or options.part_settings or "setting" in table.metadata:
+        return True
+    if has_channel("setting", table.columns, options):
+        return True
+    with suppress(LogError):
+        return file_setting(source.name, options.setting_pattern)[0] is not None
+    return True
 
 
 def _other_name(told: Setting, name: str, pattern: str) -> tuple[str, ...]:

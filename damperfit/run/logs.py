@@ -259,6 +259,8 @@ def _take_file(
     except _USAGE:
         raise
     except Exception as error:  # noqa: BLE001 - whatever it is, the other logs go on
+        if isinstance(error, LogError) and not error.says_setting and setting is None:
+            error = type(error)(f"{error}{_NO_SETTING_EITHER}")
         known = LogFacts(name, _shown(str(path)), _hash(path), {"name": name, "setting": setting})
         return [_failed(known, error, task="reading the log")]
     parts = [replace(part, name=part.name.replace(path.name, name, 1)) for part in recordings]
@@ -293,9 +295,14 @@ def _take_test(
         },
     )
     try:
+        try:
+            trace = condition(recording, configuration.conditioning)
+        except LogError as error:
+            if recording.setting is None and setting is None:
+                raise type(error)(f"{error}{_NO_SETTING_EITHER}") from error
+            raise
         if recording.setting is None:
-            recording = replace(recording, setting=_known(setting, recording.name))
-        trace = condition(recording, configuration.conditioning)
+            trace = replace(trace, setting=_known(setting, recording.name))
     except _USAGE:
         raise
     except Exception as error:  # noqa: BLE001
@@ -352,6 +359,10 @@ def _failed(
     refusal = Finding(_REFUSALS.get(mishap.kind, "unreadable"), "refusal", sentence)
     told = {"findings": [asdict(one) for one in (refusal, *findings)], "verdict": "refused"}
     return _Taken(replace(known, facts=known.facts | told), failure=failure)
+
+
+# What is wrong is told at once, not one by one over as many runs.
+_NO_SETTING_EITHER = ". Nor does the log say its adjuster setting: give --setting N too"
 
 
 def _known(setting: Setting | None, name: str) -> Setting:

@@ -124,3 +124,16 @@ def test_settings_of_a_log_says_what_to_do(run, logs) -> None:
     told = run("settings", logs / "setting_01.csv")
     assert told.code == 1
     assert "holds time, so it is a log and no curve; fit it by damperfit identify" in told.err
+
+
+def test_a_bug_that_curves_meet_costs_their_file(run, curves, logs, tmp_path, monkeypatch) -> None:
+    def broken(*_):
+        raise KeyError("stroke")
+
+    monkeypatch.setattr("damperfit.run.logs.read_curves", broken)
+    shutil.copy(logs / "setting_01.csv", tmp_path)
+    told = run("inspect", curves, "setting_01.csv")
+    assert told.code == 1
+    (line,) = told.err.splitlines()
+    assert line.startswith("damperfit: curves.csv: internal error while reading the curves, KeyErr")
+    assert "1 good, 1 refused" in told.out

@@ -22,6 +22,7 @@ CODES = {
     "OutputError": 1,
     "QualityError": 4,
     "SimulationError": 1,
+    "TimelessError": 1,
 }
 
 

@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.readers import ReadOptions, child_process, read_logs
+from damperfit.readers import ReadOptions, child_process, read_curves, read_logs
 from tests.readers import binary_logs, scenarios
 
 SCENARIO = scenarios.Scenario()
@@ -40,10 +40,15 @@ OPTIONS = (
     ),
 )
 APART = ("MDF", "MATLAB 7.3")  # a process for each log that is refused: a hundredth of the runs
+CURVES = (
+    "(25-4.3) V-C,C,V-R,R,(12-4.3) V-C,C,V-R,R\nmm/s,N,mm/s,N,mm/s,N,mm/s,N\n"
+    "50,100,50,200,50,80,50,150\n100,180,100,420,100,150,100,330\n200,300,200,900,,,200,700\n"
+)  # no log: it has no time
 TOKENS = (
     b"nan", b"inf", b"1e400", b"-", b",", b";", b"\t", b'"', b"\r", b"\n", b"\0", b"#", b"\xb5",
     b"# setting: ", b"Data Acquisition", b"MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A", b"Header Size: 7",
     b"\xff\xfe", b"\xef\xbb\xbf", b"12:00:00 PM", b"2022-02-30", b"(mm)", b"time_s", b"force_N",
+    b"[", b"]", b"{", b"}", b":", b"null", b"(3) V-R", b"-0.1",
     b"\xff\xff\xff\xff\xff\xff\xff\xff", b"\x00\x00\x00\x80", b"1,5", b"0x10", b"1_000",
 )  # fmt: skip
 
@@ -56,6 +61,7 @@ class PromiseBroken(AssertionError):  # noqa: N818  # what it says
 def seeds() -> dict[str, tuple[str, bytes]]:
     """Return format -> file name and bytes of a good log."""
     found = {name: (file, write(SCENARIO)) for name, (file, write) in scenarios.WRITERS.items()}
+    found["curves"] = ("curves.csv", CURVES.encode())
     for name, (file, write, needed) in binary_logs.WRITERS.items():
         if all(importlib.util.find_spec(module) for module in needed):
             found[name] = (file, write(SCENARIO))
@@ -107,7 +113,9 @@ def attempt(data: bytes, path: Path, tally: Tally) -> None:
     options = OPTIONS[zlib.crc32(data) % len(OPTIONS)]
     begin = busy()
     try:
-        recordings = read_logs(path, options)
+        is_curve = path.name.startswith("curves")
+        recordings = () if is_curve else read_logs(path, options)
+        curves = read_curves(path, options) if is_curve else ()
     except LogError as error:
         tally.refused += 1
         message = str(error)
@@ -123,6 +131,9 @@ def attempt(data: bytes, path: Path, tally: Tally) -> None:
                     raise PromiseBroken("a channel that is not finite, or of another length")
             if not np.all(np.diff(recording.time) > 0.0):
                 raise PromiseBroken("time that does not increase")
+        for curve in curves:
+            if not np.isfinite([curve.velocity, curve.force]).all():
+                raise PromiseBroken("a curve that is not finite, or of other lengths")
     took = busy() - begin
     tally.slowest = max(tally.slowest, took)
     if took > MAX_SECONDS:

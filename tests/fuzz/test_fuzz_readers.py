@@ -10,7 +10,7 @@ from tests.fuzz.fuzz_readers import APART, SCENARIO, PromiseBroken, Tally, attem
 from tests.readers import binary_logs, scenarios
 
 
-@pytest.mark.parametrize("name", [*scenarios.WRITERS, *binary_logs.WRITERS])
+@pytest.mark.parametrize("name", [*scenarios.WRITERS, *binary_logs.WRITERS, "curves"])
 def test_damaged_logs_are_read_or_refused(tmp_path, name) -> None:
     for module in binary_logs.WRITERS[name][2] if name in binary_logs.WRITERS else ():
         pytest.importorskip(module)
