@@ -202,17 +202,19 @@ def _width(
     A separator at the end may add a field; of names one more than fields the last has no values.
     """
     names = dialect.names or ("",) * len(fields)
-    if dialect.is_short and len(fields) == len(names) - 1:
+    is_short = dialect.is_short and len(fields) == len(names) - 1
+    widths = {len(names), len(fields)} if is_short else {len(names)}
+    if dialect.units and len(dialect.units) not in widths:
+        raise LogError(
+            f"{name}, line {dialect.names_line + 1}: {len(dialect.units)} units for "
+            f"{len(names)} names in line {dialect.names_line}"
+        )
+    if is_short:
         line = (
             f"line {dialect.names_line} has {len(names)} names and every row {len(fields)} fields"
         )
         note = f"{line}: the last, {visible(names[-1])}, was taken to have no values"
         return names[:-1], len(fields), (Finding("short_rows", "warning", note),)
-    if dialect.units and len(dialect.units) != len(names):
-        raise LogError(
-            f"{name}, line {dialect.names_line + 1}: {len(dialect.units)} units for "
-            f"{len(names)} names in line {dialect.names_line}"
-        )
     if len(fields) == len(names) + 1 and not fields[-1]:
         note = "every row ends in a separator; the empty last column was left out"
         return names, len(names) + 1, (Finding("extra_separator", "warning", note),)

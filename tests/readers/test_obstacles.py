@@ -104,6 +104,20 @@ def test_rows_one_field_short_throughout_are_read(tmp_path, units) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("units", "says"), [("s,mm,N", ""), ("s,mm", ", line 2: 2 units for 4 names in line 1")]
+)
+def test_units_below_short_names_are_as_many_as_either(refusal, tmp_path, units, says) -> None:
+    # Two units below four names over three fields: the fuzzer met a ValueError.
+    text = f"Time,Displacement,Force,Valve\n{units}\n{ROWS}"
+    if says:
+        assert refusal(text) == says
+        return
+    path = tmp_path / "setting_3.csv"
+    path.write_text(text)
+    np.testing.assert_array_equal(read_log(path).force, [2.0, 3.0, 4.0, 5.0])
+
+
 def test_short_rows_that_are_cut_at_the_end_are_still_short(tmp_path) -> None:
     path = tmp_path / "setting_3.csv"
     path.write_text(f"{NARROW},Valve\n{ROWS}0.4,5")
