@@ -16,6 +16,7 @@ import numpy as np
 from damperfit.errors import DamperfitError
 from damperfit.identification.descent import FitCancelledError, Misfit
 from damperfit.identification.outcome import Status
+from damperfit.identification.restarts import reconsidered
 from damperfit.identification.setting import (
     CHI_SQUARED_95,
     Judged,
@@ -145,10 +146,10 @@ def _ending(one: Search) -> str:
 def fit_from(
     task: ProcedureInput, setting: Setting, misfit: Misfit, start: Values, *, spent: int = 0
 ) -> tuple[Judged, Search | None]:
-    """Fit from a start, and from as many more as the options ask for."""
+    """Fit from a start, and from as many more as the options ask for or a doubt gives reason to."""
     first = fit_setting(misfit, start, spent=spent)
     if task.options.starts < 2 or not misfit.free:
-        return first, None
+        return reconsidered(misfit, first, start), None
     return search(setting, misfit, first, n_starts=task.options.starts)
 
 

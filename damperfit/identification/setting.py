@@ -39,6 +39,7 @@ __all__ = [
     "Fit",
     "Judged",
     "LogFit",
+    "attempt",
     "describe_fit",
     "fit_guided",
     "fit_setting",
@@ -135,12 +136,16 @@ class Fit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judged:
-    """A solution with its verdict and rough relative errors, before report figures are added."""
+    """A solution with its verdict and rough relative errors, before report figures are added.
+
+    What was done beside the ordinary to find it stands in `said`.
+    """
 
     solution: Solution
     status: dict[str, Status]
     outcome: Outcome
     errors: Mapping[str, float] = field(default_factory=dict)
+    said: tuple[str, ...] = ()
 
 
 def fit_setting(misfit: Misfit, start: Values, *, spent: int = 0) -> Judged:
@@ -165,7 +170,7 @@ def fit_setting(misfit: Misfit, start: Values, *, spent: int = 0) -> Judged:
     SimulationError
         When the model cannot be integrated at any start.
     """
-    first = _attempt(misfit, start, spent)
+    first = attempt(misfit, start, spent)
     if names := untold(misfit.traces, misfit.free):
         return _unspoken(first, names)
     if is_sound(first):
@@ -182,7 +187,7 @@ def fit_setting(misfit: Misfit, start: Values, *, spent: int = 0) -> Judged:
 def _over(detour: Detour, misfit: Misfit, best: Judged) -> Judged:
     """The better of a result and of a descent that goes another way."""
     try:
-        other = _attempt(misfit, *_approached(misfit, detour.start, detour.held))
+        other = attempt(misfit, *_approached(misfit, detour.start, detour.held))
     except SimulationError:
         return best
     if detour.is_last_resort:
@@ -261,7 +266,18 @@ def _is_preferred(second: Judged, first: Judged) -> bool:
     return first.solution.mse_percent > second.solution.mse_percent
 
 
-def _attempt(misfit: Misfit, start: Values, spent: int) -> Judged:
+def attempt(misfit: Misfit, start: Values, spent: int) -> Judged:
+    """Return where one descent from a start ends, judged.
+
+    Parameters
+    ----------
+    misfit : Misfit
+        Logs, damper and what is free.
+    start : Values
+        Where to start.
+    spent : int
+        Evaluations to add to the count.
+    """
     solution = descend(misfit, start)
     solution = replace(solution, evaluations=solution.evaluations + spent)
     status = _statuses(misfit, solution)
@@ -348,6 +364,7 @@ def describe_fit(setting: Setting, judged: Judged, misfit: Misfit) -> Fit:
         logs=tuple(logs),
         warnings=(
             *_warnings(judged.solution),
+            *judged.said,
             *((ONE_SPEED,) if untold(misfit.traces, misfit.free) else ()),
         ),
     )

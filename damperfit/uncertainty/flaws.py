@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.conditioning import apply_filter
 from damperfit.identification.outcome import Status
+from damperfit.identification.signatures import gain, signatures
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -32,8 +32,6 @@ _NAMED = 0.5
 # Signatures within this factor of the best cannot be told from it: an offset of the force explains
 # 0.94 of a wrong gas pressure, which in turn explains 1.1 times what the offset itself does.
 _TIE = 0.85
-# Speeds over which seal friction falls from its breakaway level, m/s.
-_STRIBECK_SPEEDS = (0.01, 0.03, 0.1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,29 +135,9 @@ _FLAWS: Mapping[str, _Flaw] = {
 
 def _signatures(trace: Trace, seen: LogEvidence, evidence: Evidence) -> dict[str, list[FloatArray]]:
     """Force that one unit of each flaw adds, behind the filter, where it is compared."""
-    x, v = trace.displacement, trace.velocity
-    peak = float(np.max(np.abs(v[trace.compared])))
-    stroke = float(np.max(np.abs(x[trace.compared])))
-
-    def passed(values: FloatArray) -> FloatArray:
-        return apply_filter(trace.model_filter, values)[trace.compared]
-
-    rate = np.gradient(seen.force, trace.interval)
-    pressure = np.abs(seen.force - seen.force.mean())
     stiff = [k for k, one in enumerate(evidence.fit.parameters.quantities) if one.is_open]
-    elastic = [seen.jacobian[:, k] * pressure / max(float(pressure.max()), 1e-300) for k in stiff]
-    return {
-        "delay": [-rate],
-        **{name: [seen.gas[:, k]] for k, name in enumerate(evidence.conditions)},
-        "gas_volume": [passed(x / stroke)],
-        "offset": [np.ones(len(seen.force))],
-        "friction_with_speed": [
-            passed(np.tanh(v / 1e-3) * np.exp(-np.abs(v) / speed)) for speed in _STRIBECK_SPEEDS
-        ],
-        **({"compressibility": elastic} if elastic else {}),
-        "valve_law_rebound": [passed(np.maximum(v, 0.0) ** 2 / peak**2)],
-        "valve_law_bump": [passed(np.minimum(v, 0.0) ** 2 / peak**2)],
-    }
+    conditions = {name: [seen.gas[:, k]] for k, name in enumerate(evidence.conditions)}
+    return signatures(trace, seen.force, [seen.jacobian[:, k] for k in stiff]) | conditions
 
 
 def seek_flaws(
@@ -202,7 +180,7 @@ def seek_flaws(
     found = []
     for name, candidates in columns.items():
         basis = own if name in doubted else absorbed
-        share, amount = max(_gain(column, basis, residuals) for column in candidates)
+        share, amount = max(gain(column, basis, residuals) for column in candidates)
         flaw = _FLAWS.get(name) or _held_flaw(name, is_shared=name in doubted)
         size = amount * flaw.unit
         found.append(Hint(name, flaw.family, min(share / power, 1.0), size, flaw.words(size)))
@@ -210,16 +188,6 @@ def seek_flaws(
     if found[0].share < _NAMED:
         return ()
     return tuple(hint for hint in found if hint.share >= _TIE * found[0].share)
-
-
-def _gain(column: FloatArray, absorbed: FloatArray, residuals: FloatArray) -> tuple[float, float]:
-    """Return by how much a signature lowers the sum of squares, and its amount."""
-    left = column - absorbed @ (absorbed.T @ column)
-    power = float(left @ left)
-    if power <= 1e-12 * float(column @ column):
-        return 0.0, 0.0  # the fit absorbs it whole
-    amount = float(left @ residuals) / power
-    return amount * amount * power, amount
 
 
 def _held(evidence: Evidence) -> tuple[str, ...]:

@@ -1,0 +1,128 @@
+"""A fit in a wrong valley starts again from elsewhere; what cannot be helped costs little."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import damperfit.identification.campaign as campaign_module
+from damperfit.conditioning import apply_filter
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.reference import reference_parameters
+from damperfit.identification import FitOptions, identify, multistart
+from damperfit.identification.descent import Misfit
+from damperfit.identification.restarts import is_suspicious, noise_percent, reconsidered
+from damperfit.identification.setting import attempt, describe_fit
+from damperfit.simulation import SolverOptions
+from tests.identification.rig import trace
+
+FREE = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
+TRUTH = reference_parameters(10)
+
+
+@pytest.fixture(scope="module")
+def log():
+    return trace(10, noise=20.0)
+
+
+class Counter:
+    """Asked before each evaluation, whether to stop."""
+
+    def __init__(self):
+        self.n = 0
+
+    def __call__(self):
+        self.n += 1
+        return False
+
+
+def misfit_of(log, cancelled=lambda: False):
+    return Misfit((log,), PURDY_DAMPER, FREE, SolverOptions(tolerance=1e-2), 100, cancelled)
+
+
+@pytest.mark.parametrize("far", [{"r_m1": 1e6}, {"r_m1": 3e5, "k_e": 1e10}])
+def test_a_wrong_valley_is_left(log, far):
+    """A single descent ends there at 566 and 27 % of the variance."""
+    start = replace(TRUTH, **far)
+    misfit = misfit_of(log)
+    first = attempt(misfit, start, 0)
+    assert first.solution.mse_percent > 10.0
+    found = reconsidered(misfit, first, start)
+    for name, share in zip(FREE, (0.005, 0.02, 0.03, 0.03, 0.03), strict=True):
+        right = getattr(TRUTH, name)
+        assert getattr(found.solution.parameters, name) == pytest.approx(right, rel=share), name
+    assert found.outcome.value == "converged"
+    assert found.solution.evaluations < 5 * first.solution.evaluations
+    (said,) = describe_fit(10, found, misfit).warnings
+    assert "the first fit was in a wrong valley" in said
+    assert "started again from" in said
+
+
+def test_a_fit_that_noise_explains_costs_nothing(log):
+    counter = Counter()
+    misfit = misfit_of(log, counter)
+    first = attempt(misfit, TRUTH, 0)
+    counter.n = 0
+    assert reconsidered(misfit, first, TRUTH) is first
+    assert counter.n == 0
+
+
+@pytest.mark.parametrize(
+    ("ratio", "cavitates", "is_doubted"),
+    [(3.9, False, False), (4.1, False, True), (1.45, True, False), (1.55, True, True)],
+)
+def test_the_limits_of_suspicion(log, ratio, cavitates, is_doubted):
+    misfit = misfit_of(log)
+    first = attempt(misfit, TRUTH, 0)
+    mse = ratio * noise_percent(misfit)
+    solution = replace(first.solution, mse_percent=mse, is_cavitating=cavitates)
+    assert is_suspicious(misfit, replace(first, solution=solution)) is is_doubted
+
+
+@pytest.mark.parametrize(("mse", "is_doubted"), [(0.9e-3, False), (1.1e-3, True)])
+def test_a_thousandth_of_a_per_cent_is_no_valley(mse, is_doubted):
+    misfit = misfit_of(trace(10, noise=1.0))
+    first = attempt(misfit, TRUTH, 0)
+    seen = replace(first, solution=replace(first.solution, mse_percent=mse))
+    assert is_suspicious(misfit, seen) is is_doubted
+
+
+def with_force(log, extra):
+    return replace(log, force=log.force + extra)
+
+
+def test_a_flaw_that_is_known_needs_no_other_start(log):
+    """Seal friction of 100 N more at low speed: one evaluation to see that, and no more."""
+    at_rest = 100.0 * np.tanh(log.velocity / 1e-3) * np.exp(-np.abs(log.velocity) / 0.03)
+    counter = Counter()
+    misfit = misfit_of(with_force(log, apply_filter(log.model_filter, at_rest)), counter)
+    first = attempt(misfit, TRUTH, 0)
+    assert first.solution.mse_percent > 4.0 * noise_percent(misfit)
+    counter.n = 0
+    assert reconsidered(misfit, first, TRUTH) is first
+    assert counter.n == 1
+
+
+def test_what_no_start_can_help_is_bounded_and_told(log):
+    """A wave of 7.5 Hz in the force, as from a rig that shakes."""
+    turn = 2.0 * np.pi * 7.5 * log.interval * np.arange(len(log.force))
+    misfit = misfit_of(with_force(log, 80.0 * np.sin(turn)))
+    first = attempt(misfit, TRUTH, 0)
+    found = reconsidered(misfit, first, TRUTH)
+    assert found.solution.parameters == first.solution.parameters
+    assert found.solution.evaluations <= first.solution.evaluations + 61
+    (said,) = describe_fit(10, found, misfit).warnings
+    assert "started again from 5 other places" in said
+    assert "found no better minimum" in said
+
+
+def test_identify_starts_again_by_itself(log, monkeypatch):
+    """Also where the closed form leads astray, and from the first pass on."""
+    far = replace(TRUTH, r_m1=1e6)
+    monkeypatch.setattr(campaign_module, "closed_form_start", lambda *_: far)
+    monkeypatch.setattr(multistart, "fit_setting", lambda m, s, spent=0: attempt(m, s, spent))
+    (fit,) = identify([log], PURDY_DAMPER, FitOptions(procedure="plain")).fits
+    assert fit.parameters.r_m1 == pytest.approx(TRUTH.r_m1, rel=0.005)
+    assert any("wrong valley" in said for said in fit.warnings)
