@@ -190,7 +190,7 @@ def _places(misfit: Misfit, start: Values) -> Iterator[Values]:
     stiff = [one.name for one in free if one.is_open]
     friction = [one.name for one in free if one.unit == "N"]
     others = [one.name for one in free if one.name not in {*stiff, *friction}]
-    seen = [{}]
+    seen: list[dict[str, float]] = [{}]
     for factors in _ELSEWHERE:
         moved = {
             name: factor * getattr(start, name)

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import damperfit.identification.campaign as campaign_module
 from damperfit.conditioning import apply_filter
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
 from damperfit.identification import FitOptions, identify, multistart
+from damperfit.identification import campaign as campaign_module
 from damperfit.identification.descent import Misfit
 from damperfit.identification.restarts import is_suspicious, noise_percent, reconsidered
 from damperfit.identification.setting import attempt, describe_fit
@@ -94,10 +94,10 @@ def with_force(log, extra):
 
 
 def test_a_flaw_that_is_known_needs_no_other_start(log):
-    """Seal friction of 100 N more at low speed: one evaluation to see that, and no more."""
+    """Seal friction of 200 N more at low speed: one evaluation to see that, and no more."""
     at_rest = 100.0 * np.tanh(log.velocity / 1e-3) * np.exp(-np.abs(log.velocity) / 0.03)
     counter = Counter()
-    misfit = misfit_of(with_force(log, apply_filter(log.model_filter, at_rest)), counter)
+    misfit = misfit_of(with_force(log, 2.0 * apply_filter(log.model_filter, at_rest)), counter)
     first = attempt(misfit, TRUTH, 0)
     assert first.solution.mse_percent > 4.0 * noise_percent(misfit)
     counter.n = 0
@@ -121,7 +121,7 @@ def test_what_no_start_can_help_is_bounded_and_told(log):
 def test_identify_starts_again_by_itself(log, monkeypatch):
     """Also where the closed form leads astray, and from the first pass on."""
     far = replace(TRUTH, r_m1=1e6)
-    monkeypatch.setattr(campaign_module, "closed_form_start", lambda *_: far)
+    monkeypatch.setattr(campaign_module, "first_start", lambda *_: far)
     monkeypatch.setattr(multistart, "fit_setting", lambda m, s, spent=0: attempt(m, s, spent))
     (fit,) = identify([log], PURDY_DAMPER, FitOptions(procedure="plain")).fits
     assert fit.parameters.r_m1 == pytest.approx(TRUTH.r_m1, rel=0.005)
