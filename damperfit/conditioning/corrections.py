@@ -10,21 +10,34 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from damperfit.conditioning.gas_force import force_level
 from damperfit.conditioning.polarity import TARED, find_signs
 from damperfit.conditioning.skew import Skew, estimate_skew
 from damperfit.recording import Finding, Recording, Trace
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
     from damperfit.conditioning.gas_force import ForceLevel
     from damperfit.conditioning.options import ConditionOptions
     from damperfit.conditioning.timebase import UniformLog
+    from damperfit.recording import Stretch
 
-__all__ = ["describe_level", "describe_middle", "find_skew", "level_of", "put_right"]
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["describe_level", "describe_middle", "find_skew", "level_of", "middle_of", "put_right"]
 
 # A level this near to what the gas gives is no news: other gas and oil move it as much.
 _NEAR = 0.15
 _KNOWN = 0.35  # uncertainty over the gas force above which nothing is said of a tare
+# Of the whole range: how far the middles of a motion's quarters lie apart. Sweeps have 0.0001,
+# roads of 9 to 60 s 0.05 to 0.26.
+_ONE_MIDDLE = 0.02
+_NEAR_ZERO = 1.0 / 3.0  # of the amplitude: a sensor that counts from its end is beyond 1
 
 
 def level_of(trace: Trace, options: ConditionOptions) -> ForceLevel | None:
@@ -86,6 +99,34 @@ def _removed(told: str, level: ForceLevel, options: ConditionOptions) -> str:
     )
 
 
+def middle_of(displacement: FloatArray, stretches: Sequence[Stretch]) -> float:
+    """Return what is taken as x = 0 where nobody has declared it, in the log's own count.
+
+    The middle of the widest stretch. A motion that wanders, such as a road, has none that is the
+    damper's: the log's own 0 is taken, if it lies anywhere near the middle of the range.
+
+    Parameters
+    ----------
+    displacement : numpy.ndarray
+        Of the log, m.
+    stretches : sequence of Stretch
+        What is compared, in samples of it.
+    """
+    widest = max(stretches, key=lambda stretch: stretch.amplitude)
+    part = displacement[widest.window]
+    middle = 0.5 * float(part.max() + part.min())
+    if _wanders(part) and abs(middle) <= _NEAR_ZERO * widest.amplitude:
+        return 0.0
+    return middle
+
+
+def _wanders(x: FloatArray) -> bool:
+    """Whether the middle of the motion is not the same throughout."""
+    quarters = np.array_split(x, 4)
+    middles = [0.5 * float(part.max() + part.min()) for part in quarters]
+    return max(middles) - min(middles) > _ONE_MIDDLE * float(np.ptp(x))
+
+
 def describe_middle(trace: Trace, options: ConditionOptions) -> Finding:
     """Return where mid-stroke is in the log, or how far a declared centre is from it."""
     window = trace.displacement[trace.compared]
@@ -95,10 +136,29 @@ def describe_middle(trace: Trace, options: ConditionOptions) -> Finding:
         middle = f"mid-stroke at x = {1e3 * off:.3f} mm"
         text = f"x = 0 at {centre:.3f} mm of the log, as declared; {middle}"
         return Finding("mid_stroke", "note", text, off, "m")
+    widest = max(trace.stretches, key=lambda stretch: stretch.amplitude)
+    if not widest.n_cycles and _wanders(trace.displacement[widest.window]):
+        return _of_wandering(trace, off)
     text = f"mid-stroke of the log ({round(centre, 3) + 0.0:.3f} mm) is x = 0 of the model"
     if 0.05 < abs(trace.centre) / trace.amplitude < 0.8:
         text += "; if the log's 0 is the middle of the damper, say rig.centre = '0mm'"
     return Finding("mid_stroke", "note", text, trace.centre, "m")
+
+
+def _of_wandering(trace: Trace, off: float) -> Finding:
+    """A road does not say where the middle of the damper is."""
+    costs = "each mm beside the damper's middle bends R_m3 by some 2 %"
+    if trace.centre == 0.0:
+        text = (
+            "the motion has no middle of its own: the log's 0 is taken as x = 0 of the model (the "
+            f"range's middle is {1e3 * off:.1f} mm); {costs}: say rig.centre if it is elsewhere"
+        )
+        return Finding("mid_stroke", "note", text, 0.0, "m")
+    text = (
+        "the motion has no middle of its own, and the log's 0 is far off: the middle of the range "
+        f"({1e3 * trace.centre:.1f} mm) is taken as x = 0 of the model; {costs}: say rig.centre"
+    )
+    return Finding("mid_stroke", "warning", text, trace.centre, "m")
 
 
 def find_skew(

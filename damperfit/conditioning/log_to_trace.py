@@ -14,6 +14,7 @@ from damperfit.conditioning.corrections import (
     describe_middle,
     find_skew,
     level_of,
+    middle_of,
     put_right,
 )
 from damperfit.conditioning.drive import make_drive
@@ -120,7 +121,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     drive = make_drive(seen.log, displacement, seen.velocity, part.found, options)
     stretches = [one.stretch for one in part.found]
     sign = -1.0 if recording.reverse_displacement else 1.0  # the log's own count
-    middle = part.cycles.centre if part.cycles else _middle(displacement, stretches)
+    middle = part.cycles.centre if part.cycles else middle_of(displacement, stretches)
     centre = middle if options.centre is None else sign * options.centre
     x, v = displacement[keep] - centre, seen.velocity[keep].copy()
     # One array where both are the same: most logs are steady sines.
@@ -146,13 +147,6 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     is_ours = options.rig_filter == "none" and options.filter != "none"
     rest = (seen.log.force - seen.force)[keep] if is_ours else np.empty(0)
     return _Traced(with_noise(trace, rest), log, logged, part)
-
-
-def _middle(displacement: FloatArray, stretches: Sequence[Stretch]) -> float:
-    """Return mid-stroke of the widest stretch."""
-    widest = max(stretches, key=lambda stretch: stretch.amplitude)
-    part = displacement[widest.window]
-    return 0.5 * float(part.max() + part.min())
 
 
 def _moved(stretch: Stretch, by: int) -> Stretch:

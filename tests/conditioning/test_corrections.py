@@ -15,9 +15,10 @@ from damperfit.damper.closed_forms import gas_pressure
 from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.reference import reference_parameters
 from damperfit.errors import ConditioningError
-from tests.conditioning.logs import recording, sine_log
+from tests.conditioning.logs import recording, sine_log, static_force
 from tests.fakes import trace
 from tests.identification.rig import recording as rig_log
+from tests.oracles.motions import road, sweep
 
 SLIM = Damper(
     rod_diameter=0.012,
@@ -244,6 +245,44 @@ def test_mid_stroke_is_reported_with_its_number(centre, is_asked) -> None:
     assert finding.value == pytest.approx(centre, abs=2e-5)
     assert finding.unit == "m"
     assert ("rig.centre = '0mm'" in finding.sentence) == is_asked
+
+
+def wandering(offset, *, reach=0.042):
+    """A random road of 12 s that reaches so far out and in, the log's 0 so far from its middle."""
+    drive = road(reach=reach, duration=12.0, seed=1)
+    t = np.arange(6000) / 500.0
+    x = np.array([drive.displacement(at) for at in t.tolist()])
+    return recording(t, x - 0.5 * (x.max() + x.min()) + offset, static_force(np.gradient(x, t)))
+
+
+@pytest.mark.parametrize(
+    ("offset", "severity"),
+    [(0.0, "note"), (0.0130, "note"), (-0.0130, "note"), (0.0150, "warning"), (-0.060, "warning")],
+)
+def test_a_road_counts_from_the_logs_own_zero_unless_that_is_far_off(offset, severity) -> None:
+    """The limit is a third of the amplitude, 14 mm of 42."""
+    trace = condition(wandering(offset))
+    (finding,) = found(trace, "mid_stroke")
+    assert finding.severity == severity
+    assert "rig.centre" in finding.sentence
+    assert "bends R_m3" in finding.sentence
+    right = 0.0 if severity == "note" else offset
+    assert trace.centre == pytest.approx(right, abs=1e-3)
+    said = condition(wandering(offset), ConditionOptions(centre=0.002))
+    assert said.centre == 0.002
+    assert found(said, "mid_stroke")[0].severity == "note"
+
+
+def test_a_sweep_has_a_middle_of_its_own() -> None:
+    drive = sweep(0.5, 4.0, duration=12.0)
+    t = np.arange(6000) / 500.0
+    x = np.array([drive.displacement(at) for at in t.tolist()])
+    trace = condition(recording(t, x + 0.002, static_force(np.gradient(x, t))))
+    assert trace.stretches[0].kind == "moving"
+    assert trace.centre == pytest.approx(0.002, abs=1e-4)
+    (finding,) = found(trace, "mid_stroke")
+    assert finding.severity == "note"
+    assert finding.value == pytest.approx(0.002, abs=1e-4)
 
 
 def with_velocity(*, factor=1.0, late=0.0):
