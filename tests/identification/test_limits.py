@@ -146,7 +146,7 @@ def test_beyond_the_onset_an_offset_waits_longest(monkeypatch, free, stages) -> 
         raise SimulationError("far enough")
 
     monkeypatch.setattr(setting, "approach", approach)
-    monkeypatch.setattr(setting, "_attempt", attempt)
+    monkeypatch.setattr(setting, "attempt", attempt)
     misfit = Misfit((), PURDY_DAMPER, free, SolverOptions(), 1, lambda: False)
     best = judged()
     monkeypatch.setattr(starting, "cavitation_limit", lambda *_: 1e6)
