@@ -146,7 +146,12 @@ def loop_of(trace: Trace, level: FloatArray) -> Loop:
 
 
 def read_valves(
-    loops: Sequence[Loop], rebound: Side, compression: Side, *, offset: float | None = None
+    loops: Sequence[Loop],
+    rebound: Side,
+    compression: Side,
+    *,
+    offset: float | None = None,
+    friction: float | None = None,
 ) -> ValveReading:
     """Return both valves of a damper, with the friction and offset at which they fit best.
 
@@ -156,20 +161,21 @@ def read_valves(
         Logs of one setting.
     rebound, compression : Side
         What presses through the valve of each stroke.
-    offset : float, optional
-        Where it is known, N.
+    offset, friction : float, optional
+        Where they are known, N. A loop tells little of the friction beside a blow-off.
     """
     whole = Loop(*(np.concatenate([getattr(one, k) for one in loops]) for k in Loop.__slots__))
     half = 0.5 * float(np.ptp(whole.force))
     sides = ((1.0, rebound), (-1.0, compression))
     middle = [half * share for share in _OFFSETS] if offset is None else [offset]
-    best = _best(whole, sides, [half * share for share in _FRICTIONS], middle)
+    coarse = [half * share for share in _FRICTIONS] if friction is None else [friction]
+    best = _best(whole, sides, coarse, middle)
     width = np.array(_FINER)
-    frictions = (best[0] * (1.0 + width)).tolist()
+    frictions = (best[0] * (1.0 + width)).tolist() if friction is None else coarse
     offsets = (best[1] + 0.1 * half * width).tolist() if offset is None else middle
-    friction, middle_found = _best(whole, sides, frictions, offsets)
-    curves = [_curve(whole, sign, side, friction, middle_found) for sign, side in sides]
-    return ValveReading(curves[0], curves[1], friction, middle_found)
+    best = _best(whole, sides, frictions, offsets)
+    curves = [_curve(whole, sign, side, *best) for sign, side in sides]
+    return ValveReading(curves[0], curves[1], *best)
 
 
 def _best(

@@ -1,0 +1,20 @@
+"""Which law the logs tell: laws fitted alike, compared by evidence, and told in words."""
+
+from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
+from damperfit.laws.ladder import Ladder, Rung, climb, in_words
+from damperfit.laws.law_fit import Evidence, LawFit, fit_law
+
+__all__ = [
+    "ENOUGH_PERCENT",
+    "Evidence",
+    "Ladder",
+    "LawFit",
+    "Rung",
+    "Tried",
+    "Verdict",
+    "climb",
+    "effective_samples",
+    "fit_law",
+    "in_words",
+    "judged",
+]

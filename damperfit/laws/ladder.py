@@ -1,0 +1,310 @@
+"""The ladder of laws: from the paper's model to real valves on a mounting, as far as the logs tell.
+
+    1  the paper's model; where it leaves less than `ENOUGH_PERCENT`, nothing else is looked for
+    2  bleed and blow-off in each stroke with everything that a mounting may have, in each layout
+    3  of the best layout what is not needed is taken out again, the rig's parts and the valves' alike,
+       by the rule of `choosing`: so no valve is invented to stand for the rig, nor the reverse
+    4  what is left over is offered to further quantities: soft oil, returns, seal drag, rounding
+
+A layout is found by how well it fits and predicts at once; nothing but the declaration of the damper's
+maker proves one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, cast
+
+from damperfit.damper.mounting import FIT, NONE, Mounting
+from damperfit.damper.network import Valve
+from damperfit.errors import SimulationError
+from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, effective_samples, judged
+from damperfit.laws.law_fit import fit_law
+from damperfit.simulation import SolverOptions
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from damperfit.damper.model import Model
+    from damperfit.damper.valve_dampers import ValveDamper
+    from damperfit.laws.law_fit import Evidence, LawFit
+
+__all__ = ["Ladder", "Rung", "climb", "in_words"]
+
+BLEED = Valve("orifice", "none")
+BLOW_OFF = Valve("none", "linear")
+BOTH = Valve("orifice", "linear")
+_EVERYTHING = Mounting(FIT, FIT, FIT)
+# What is offered to what is left over, one after the other.
+_FURTHER = ("k_e", "return_slope", "drag")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rung:
+    """One law that was tried.
+
+    Attributes
+    ----------
+    tried : Tried
+        The law with its fits.
+    is_taken : bool
+        Whether it was the law to go on from when it had been judged.
+    reason : str
+        Why, or why not, in one sentence.
+    bic : float
+        Against the law it was compared with, positive where it is for the larger; NaN for none.
+    """
+
+    tried: Tried
+    is_taken: bool
+    reason: str
+    bic: float = math.nan
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ladder:
+    """All laws tried, in their order, and the one to take.
+
+    Attributes
+    ----------
+    rungs : tuple of Rung
+        As they were tried.
+    chosen : Tried
+        The law that the logs tell.
+    n_eff : float
+        Effective samples of all settings compared.
+    """
+
+    rungs: tuple[Rung, ...]
+    chosen: Tried
+    n_eff: float
+
+
+def climb(
+    plain: Model,
+    layouts: Sequence[ValveDamper],
+    evidence: Sequence[Evidence],
+    *,
+    solver: SolverOptions = SolverOptions(),
+    on_rung: Callable[[Rung], None] = lambda _: None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> Ladder:
+    """Try laws from the paper's to the richest, and return which one the logs tell.
+
+    Parameters
+    ----------
+    plain : Model
+        The paper's damper.
+    layouts : sequence of ValveDamper
+        The damper in each layout that it may have.
+    evidence : sequence of Evidence
+        Settings to compare the laws by; two or three tell as much as all.
+    solver : SolverOptions
+        How exactly to integrate.
+    on_rung : callable
+        Called with every law that was judged.
+    cancelled : callable
+        Asked now and then.
+    """
+    course = _Course(evidence, solver, on_rung, cancelled)
+    simplest = course.fitted(plain, freed=("f_0",))
+    if simplest is not None and simplest.mse_percent <= ENOUGH_PERCENT:
+        course.told(simplest, "it leaves nothing that anyone would use", is_taken=True)
+        return course.ended(simplest)
+    found = [
+        one
+        for one in (
+            course.fitted(law) for law in (_with(layout, BOTH, _EVERYTHING) for layout in layouts)
+        )
+        if one is not None
+    ]
+    if not found:
+        if simplest is None:
+            raise SimulationError("no law can be simulated on these logs.")
+        course.told(simplest, "no other law can be simulated on these logs", is_taken=True)
+        return course.ended(simplest)
+    best = min(found, key=lambda one: one.score)
+    course.n_eff = effective_samples(best, evidence)
+    if simplest is not None:
+        verdict = judged(simplest, best, course.n_eff)
+        course.told(simplest, verdict.reason, is_taken=not verdict.takes_larger, bic=verdict.bic)
+    for one in found:
+        if one is not best:
+            course.told(one, f"{best.fits[0].model.name} fits and predicts better", is_taken=False)
+    course.told(best, "the layout that fits and predicts best", is_taken=True)
+    lean = course.lean(best)
+    rich = course.enriched(lean)
+    return course.ended(rich if simplest is None else course.settled(simplest, rich))
+
+
+class _Course:
+    """What has been tried so far."""
+
+    def __init__(
+        self,
+        evidence: Sequence[Evidence],
+        solver: SolverOptions,
+        on_rung: Callable[[Rung], None],
+        cancelled: Callable[[], bool],
+    ) -> None:
+        self.evidence, self.solver = evidence, solver
+        self.on_rung, self.cancelled = on_rung, cancelled
+        self.rungs: list[Rung] = []
+        self.n_eff = math.nan
+
+    def fitted(
+        self, model: Model, *, freed: tuple[str, ...] = (), near: Tried | None = None
+    ) -> Tried | None:
+        """Fit a law to every setting; None where it cannot be simulated."""
+        fits: list[LawFit] = []
+        for k, one in enumerate(self.evidence):
+            start = None if near is None else near.fits[k].values
+            try:
+                found = fit_law(
+                    model,
+                    one,
+                    freed=freed,
+                    near=start,
+                    solver=self.solver,
+                    cancelled=self.cancelled,
+                )
+            except SimulationError:
+                return None
+            fits.append(found)
+        return Tried(in_words(model, freed), tuple(fits))
+
+    def told(self, tried: Tried, reason: str, *, is_taken: bool, bic: float = math.nan) -> None:
+        rung = Rung(tried, is_taken, reason, bic)
+        self.rungs.append(rung)
+        self.on_rung(rung)
+
+    def lean(self, law: Tried) -> Tried:
+        """Take out what is not needed, until nothing can be."""
+        for smaller in _SMALLER:
+            model = smaller(_valve_damper(law))
+            if model is None:
+                continue
+            one = self.fitted(model, near=law)
+            if one is None:
+                continue
+            verdict = judged(one, law, self.n_eff)
+            reason = (
+                verdict.reason
+                if not verdict.takes_larger
+                else (f"what it lacks is needed: {verdict.reason}")
+            )
+            self.told(one, reason, is_taken=not verdict.takes_larger, bic=verdict.bic)
+            if not verdict.takes_larger:
+                law = one
+        return law
+
+    def enriched(self, law: Tried) -> Tried:
+        """Offer what is left over to further quantities, and to a blow-off that lifts gradually."""
+        freed: tuple[str, ...] = ()
+        for name in (*_FURTHER, ""):
+            model = _valve_damper(law)
+            if law.mse_percent <= ENOUGH_PERCENT:
+                return law
+            if not name:
+                model = _rounded(model)
+            elif name not in model.names or name in law.fits[0].free:
+                continue
+            wanted = (*freed, name) if name else freed
+            one = self.fitted(model, freed=wanted, near=law)
+            if one is None:
+                continue
+            verdict = judged(law, one, self.n_eff)
+            self.told(one, verdict.reason, is_taken=verdict.takes_larger, bic=verdict.bic)
+            if verdict.takes_larger:
+                law, freed = one, wanted
+        return law
+
+    def settled(self, simplest: Tried, law: Tried) -> Tried:
+        """The paper's model where the other is not worth its quantities."""
+        if law.n_quantities <= simplest.n_quantities:
+            return min(simplest, law, key=lambda one: one.score)
+        return law if judged(simplest, law, self.n_eff).takes_larger else simplest
+
+    def ended(self, chosen: Tried) -> Ladder:
+        rungs = tuple(dataclasses.replace(one, is_taken=one.tried is chosen) for one in self.rungs)
+        return Ladder(rungs, chosen, self.n_eff)
+
+
+def _with(damper: ValveDamper, valve: Valve, mounting: Mounting) -> ValveDamper:
+    return dataclasses.replace(damper, rebound=valve, compression=valve, mounting=mounting)
+
+
+def _valve_damper(law: Tried) -> ValveDamper:
+    return cast("ValveDamper", law.fits[0].model)
+
+
+def _rounded(damper: ValveDamper) -> ValveDamper:
+    kinds = {"linear": "rounded"}
+    valves = {
+        stroke: Valve(valve.bleed, kinds.get(valve.blow_off, valve.blow_off))
+        for stroke, valve in (("rebound", damper.rebound), ("compression", damper.compression))
+    }
+    return dataclasses.replace(damper, **valves)
+
+
+def _without(part: str) -> Callable[[ValveDamper], ValveDamper | None]:
+    def smaller(damper: ValveDamper) -> ValveDamper | None:
+        if getattr(damper.mounting, part) == NONE:
+            return None
+        return dataclasses.replace(
+            damper, mounting=dataclasses.replace(damper.mounting, **{part: NONE})
+        )
+
+    return smaller
+
+
+def _only(valve: Valve) -> Callable[[ValveDamper], ValveDamper | None]:
+    def smaller(damper: ValveDamper) -> ValveDamper | None:
+        if (damper.rebound, damper.compression) != (BOTH, BOTH):
+            return None
+        return dataclasses.replace(damper, rebound=valve, compression=valve)
+
+    return smaller
+
+
+# The valves first, while everything that a rig may have stands beside them.
+_SMALLER: tuple[Callable[[ValveDamper], ValveDamper | None], ...] = (
+    _only(BLEED),
+    _only(BLOW_OFF),
+    _without("lag"),
+    _without("play"),
+)
+
+
+def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
+    """Return a law in a few words.
+
+    Examples
+    --------
+    >>> from damperfit.damper.valve_dampers import TwinTube
+    >>> in_words(TwinTube(), ["k_e"])
+    'twin tube: bleed and blow-off; elastic mounting; also bulk modulus of oil and chamber'
+    """
+    if damper.name == "purdy":
+        return "the paper's model"
+    law = cast("ValveDamper", damper)
+    words = [f"{law.name.replace('_', ' ')}: {_of_valve(law.rebound)}", _of_rig(law.mounting)]
+    if freed:
+        words.append("also " + ", ".join(law.quantity(name).label for name in freed))
+    return "; ".join(words)
+
+
+def _of_valve(valve: Valve) -> str:
+    blow_off = {"none": "", "linear": "blow-off"}.get(valve.blow_off, f"{valve.blow_off} blow-off")
+    return " and ".join(word for word in ("bleed" * (valve.bleed != "none"), blow_off) if word)
+
+
+def _of_rig(mounting: Mounting) -> str:
+    parts = (
+        ("elastic mounting", mounting.series_stiffness),
+        ("play", mounting.play),
+        ("lag", mounting.lag),
+    )
+    return ", ".join(word for word, kind in parts if kind != NONE) or "rigid mounting"

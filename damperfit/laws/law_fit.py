@@ -1,0 +1,268 @@
+"""One law fitted to the logs of one setting, for comparing laws: short, and with a prediction.
+
+The misfit and the loop are those of every fit (`damperfit.identification`): each stretch weighed by
+its own noise, steps in logarithms. What runs into an edge of its plausible range stays there and is
+told: a play or a lag that is not there goes to nothing, and a law that has such a quantity has one
+too many.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.conditioning import apply_filter
+from damperfit.errors import SimulationError
+from damperfit.identification import compare, normalised_mse
+from damperfit.identification.minimiser import Minimum, Transformation, minimise
+from damperfit.identification.model_versus_log import motion_of
+from damperfit.identification.trust_region import Stopping
+from damperfit.identification.weights import weights
+from damperfit.simulation import SolverOptions
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.damper.model import Model, Values
+    from damperfit.recording import Trace
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["Evidence", "LawFit", "fit_law"]
+
+# Laws are compared by factors of their MSE: a fall of a few in ten thousand changes nothing.
+_STOPPING = Stopping(cost_tolerance=3e-4, step_tolerance=1e-4, max_evaluations=60, rest=math.inf)
+# Starts that are followed for a few evaluations before the best is followed to its end.
+_TRIED = 2
+_SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, rest=math.inf)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """What one setting gives to compare laws by.
+
+    Attributes
+    ----------
+    setting : int
+        Adjuster setting.
+    fitted, held_out : tuple of Trace
+        Logs that are fitted, and those that are only predicted.
+    """
+
+    setting: int
+    fitted: tuple[Trace, ...]
+    held_out: tuple[Trace, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LawFit:
+    """A law at the logs of one setting.
+
+    Attributes
+    ----------
+    setting : int
+        Adjuster setting.
+    model : Model
+        The law.
+    values : Values
+        At the best point found.
+    free : tuple of str
+        What was fitted.
+    at_bound : tuple of str
+        What ran into an edge of its plausible range.
+    mse_percent : float
+        Eq. (22) over all that is compared in the fitted logs.
+    stretches : tuple of float
+        Eq. (22) of each of their stretches alone.
+    held_out_percent : float
+        Eq. (22) over what is compared in the logs that were held out; NaN without any.
+    residuals : tuple of numpy.ndarray
+        Model less measurement over each stretch, N.
+    evaluations : int
+        Simulations with sensitivities.
+    """
+
+    setting: int
+    model: Model
+    values: Values
+    free: tuple[str, ...]
+    at_bound: tuple[str, ...]
+    mse_percent: float
+    stretches: tuple[float, ...]
+    held_out_percent: float
+    residuals: tuple[FloatArray, ...]
+    evaluations: int
+
+
+def fit_law(
+    model: Model,
+    evidence: Evidence,
+    *,
+    freed: Sequence[str] = (),
+    near: Values | None = None,
+    solver: SolverOptions = SolverOptions(),
+    cancelled: Callable[[], bool] = lambda: False,
+) -> LawFit:
+    """Fit a law to the logs of a setting and predict those that were held out.
+
+    Parameters
+    ----------
+    model : Model
+        The law; what has a default is held there unless it is freed.
+    evidence : Evidence
+        The logs.
+    freed : sequence of str
+        What is fitted although it has a default.
+    near : Values, optional
+        Of a law fitted before, to start from as far as both have the same quantities.
+    solver : SolverOptions
+        How exactly to integrate.
+    cancelled : callable
+        Asked before each evaluation.
+
+    Raises
+    ------
+    SimulationError
+        The law cannot be simulated at any start.
+    """
+    held = {
+        one.name: one.default
+        for one in model.quantities
+        if one.default is not None and one.name not in freed
+    }
+    free = tuple(name for name in model.names if name not in held)
+    task = _Task(model, evidence.fitted, free, solver, cancelled)
+    starts = model.start(evidence.fitted, held)
+    if near is not None:
+        shared = {n: v for n, v in zip(near.names, near.numbers, strict=True) if n in free}
+        starts = (starts[0].replace(shared), *starts)
+    ranked = _ranked(task, starts)
+    spent = 0
+    candidates = []
+    for start in ranked[:_TRIED]:
+        try:
+            short = task.descend(start, _SHORT)
+        except SimulationError:
+            continue
+        spent += short.evaluations
+        candidates.append(short)
+    if not candidates:
+        raise SimulationError(f"{model.name} cannot be simulated from any of its starts.")
+    best = min(candidates, key=lambda one: one.point.cost)
+    ended = task.descend(best.point.extra, _STOPPING)
+    values = ended.point.extra
+    residuals, alone, mse = _misses(model, values, evidence.fitted, solver)
+    held_out = math.nan
+    if evidence.held_out:
+        try:
+            held_out = _misses(model, values, evidence.held_out, solver)[2]
+        except SimulationError:
+            held_out = math.inf
+    return LawFit(
+        setting=evidence.setting,
+        model=model,
+        values=values,
+        free=free,
+        at_bound=tuple(name for name in free if task.is_at_edge(values, name)),
+        mse_percent=mse,
+        stretches=alone,
+        held_out_percent=held_out,
+        residuals=residuals,
+        evaluations=spent + ended.evaluations,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """A law, logs, and what moves."""
+
+    model: Model
+    traces: tuple[Trace, ...]
+    free: tuple[str, ...]
+    solver: SolverOptions
+    cancelled: Callable[[], bool]
+
+    @property
+    def deviation(self) -> float:
+        return float(np.std(np.concatenate([t.force[t.compared] for t in self.traces])))
+
+    def is_at_edge(self, values: Values, name: str) -> bool:
+        low, high = self.model.quantity(name).plausible
+        return not low < getattr(values, name) < high
+
+    def descend(self, start: Values, stopping: Stopping) -> Minimum[Values]:
+        """Minimise from a start; the sum of squares of a useless law is 1."""
+        n = sum(trace.n_samples for trace in self.traces)
+        scale = 1.0 / (self.deviation * math.sqrt(n))
+        factors = weights(self.traces)
+        quantities = [self.model.quantity(name) for name in self.free]
+        low, high = (np.array([one.plausible[k] for one in quantities]) for k in (0, 1))
+
+        def residuals(numbers: FloatArray) -> tuple[FloatArray, FloatArray, Values]:
+            if self.cancelled():
+                raise SimulationError("stopped.")
+            within = np.clip(numbers, low, high)
+            values = start.replace(dict(zip(self.free, within.tolist(), strict=True)))
+            parts = []
+            for trace, weight in zip(self.traces, factors, strict=True):
+                rows = self.rows(values, trace)
+                parts.append(rows * (scale if weight is None else scale * weight))
+            whole = np.hstack(parts)
+            # Beyond the edge nothing changes any more.
+            slopes = np.where(within == numbers, whole[1:].T, 0.0)
+            return whole[0], slopes, values
+
+        transformation = Transformation(
+            np.array([one.is_logarithmic for one in quantities], dtype=bool),
+            np.array([self.deviation if not one.is_logarithmic else 1.0 for one in quantities]),
+        )
+        at = np.array([getattr(start, name) for name in self.free])
+        return minimise(residuals, np.clip(at, low, high), transformation, stopping)
+
+    def rows(self, values: Values, trace: Trace) -> FloatArray:
+        """Residuals and their derivatives by what moves, over what is compared: (1 + k, n)."""
+        response = self.model.simulate(
+            values, motion_of(trace), sensitivities=self.free, options=self.solver
+        )
+        rows = np.stack([response.force, *response.sensitivities.values()])
+        rows = apply_filter(trace.model_filter, rows)[:, trace.compared]
+        rows[0] -= trace.force[trace.compared]
+        if not np.all(np.isfinite(rows)):
+            raise SimulationError("simulation failed: the force is no number.")
+        return rows
+
+
+def _ranked(task: _Task, starts: Sequence[Values]) -> list[Values]:
+    """Starts by how well they fit the log with the strongest force, the best first."""
+    trace = max(task.traces, key=lambda one: float(np.std(one.force[one.compared])))
+    found = []
+    for place, start in enumerate(starts):
+        try:
+            force = compare(start, trace, task.model, solver=task.solver).force  # type: ignore[arg-type]
+        except SimulationError:
+            continue
+        part = trace.compared
+        found.append((normalised_mse(trace.force[part], force[part]), place, start))
+    return [start for _, _, start in sorted(found, key=lambda one: one[:2])]
+
+
+def _misses(
+    model: Model, values: Values, traces: Sequence[Trace], solver: SolverOptions
+) -> tuple[tuple[FloatArray, ...], tuple[float, ...], float]:
+    """Residuals of each stretch, the MSE of each, and that of all."""
+    residuals, alone, measured = [], [], []
+    for trace in traces:
+        force = compare(values, trace, model, solver=solver).force  # type: ignore[arg-type]
+        for stretch in trace.stretches:
+            part = stretch.window
+            residuals.append(force[part] - trace.force[part])
+            alone.append(normalised_mse(trace.force[part], force[part]))
+            measured.append(trace.force[part])
+    together = np.concatenate(measured)
+    mse = normalised_mse(together, together + np.concatenate(residuals))
+    return tuple(residuals), tuple(alone), mse
