@@ -14,6 +14,7 @@ from damperfit.cli.config import config
 from damperfit.cli.console import say, shield_streams, silence_broken_pipe
 from damperfit.cli.identify import identify
 from damperfit.cli.inspect import inspect
+from damperfit.cli.models import models
 from damperfit.cli.options import DebugOption, VersionOption
 from damperfit.cli.report import report
 from damperfit.cli.samples import samples
@@ -39,7 +40,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog="Example: damperfit identify sample_runs/*.csv",
 )
-for _command in (identify, report, settings, simulate, sweep, inspect, samples, config):
+for _command in (identify, report, settings, simulate, sweep, models, inspect, samples, config):
     app.command()(_command)
 
 

@@ -52,15 +52,19 @@ def valve_starts(
     """
     loops = _loops(damper, traces)
     half = 0.5 * max(float(np.ptp(loop.force)) for loop in loops)
-    points = []
-    for share in _FRICTIONS:
-        friction = fixed.get("f_f", share * half)
-        reading = read_valves(
-            loops, *_sides(damper, fixed), offset=fixed.get("f_0"), friction=friction
+    readings = [
+        read_valves(
+            loops,
+            *_sides(damper, fixed),
+            offset=fixed.get("f_0"),
+            friction=fixed.get("f_f", share * half),
         )
-        general = _general(damper, reading, traces)
-        points.append(general | _valves(damper, reading, traces, None))
-    points += [general | _valves(damper, reading, traces, guess) for guess in _GUESSES]
+        for share in _FRICTIONS
+    ]
+    points = [
+        _general(damper, one, traces) | _valves(damper, one, traces, None) for one in readings
+    ]
+    points += [points[0] | _valves(damper, readings[0], traces, guess) for guess in _GUESSES]
     return tuple(_values(damper, point | dict(fixed)) for point in points)
 
 
@@ -68,8 +72,12 @@ def read_strokes(
     damper: ValveDamper, traces: Sequence[Trace], fixed: Mapping[str, float]
 ) -> ValveReading:
     """Return both valves as the loops of one setting show them."""
-    known = {"offset": fixed.get("f_0"), "friction": fixed.get("f_f")}
-    return read_valves(_loops(damper, traces), *_sides(damper, fixed), **known)
+    return read_valves(
+        _loops(damper, traces),
+        *_sides(damper, fixed),
+        offset=fixed.get("f_0"),
+        friction=fixed.get("f_f"),
+    )
 
 
 def _loops(damper: ValveDamper, traces: Sequence[Trace]) -> list[Loop]:

@@ -3,6 +3,7 @@
 from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
 from damperfit.laws.ladder import Ladder, Rung, climb, in_words
 from damperfit.laws.law_fit import Evidence, LawFit, fit_law
+from damperfit.laws.physics import opening_force, physics_seen
 
 __all__ = [
     "ENOUGH_PERCENT",
@@ -17,4 +18,6 @@ __all__ = [
     "fit_law",
     "in_words",
     "judged",
+    "opening_force",
+    "physics_seen",
 ]

@@ -8,9 +8,9 @@ A law with more quantities fits better always. It is taken only where all of the
     no new quantity at an edge of its range
     what was held out is predicted no worse
 
-n_eff = 2 (sum p_h)^2/sum p_h^2 with p_h the power of the largest law's residual at the h-th harmonic,
-at least 20 a stretch: what a law leaves over is not white, and the number of samples would be ten
-times too large. On made-up dampers the rule took a law larger than the truth in none of 1300 fits.
+n_eff = 2 (sum p_h)^2/sum p_h^2 with p_h the power of the largest law's residual at the h-th
+harmonic, at least 20 a stretch: what a law leaves over is not white, and the number of samples
+would be ten times too large.
 """
 
 from __future__ import annotations

@@ -2,18 +2,19 @@
 
     1  the paper's model; where it leaves less than `ENOUGH_PERCENT`, nothing else is looked for
     2  bleed and blow-off in each stroke with everything that a mounting may have, in each layout
-    3  of the best layout what is not needed is taken out again, the rig's parts and the valves' alike,
-       by the rule of `choosing`: so no valve is invented to stand for the rig, nor the reverse
+    3  of the best layout what is not needed is taken out again, the rig's parts and the valves'
+       alike, by the rule of `choosing`: so no valve is invented for the rig, nor the reverse
     4  what is left over is offered to further quantities: soft oil, returns, seal drag, rounding
 
-A layout is found by how well it fits and predicts at once; nothing but the declaration of the damper's
-maker proves one.
+A layout is found by how well it fits and predicts at once; nothing but the declaration of the
+damper's maker proves one.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
@@ -39,6 +40,8 @@ BOTH = Valve("orifice", "linear")
 _EVERYTHING = Mounting(FIT, FIT, FIT)
 # What is offered to what is left over, one after the other.
 _FURTHER = ("k_e", "return_slope", "drag")
+# Two layouts whose MSE, times that of what was held out, differ by less are not told apart.
+_TOLD_APART = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +92,7 @@ def climb(
     *,
     solver: SolverOptions = SolverOptions(),
     on_rung: Callable[[Rung], None] = lambda _: None,
-    cancelled: Callable[[], bool] = lambda: False,
+    jobs: int = 1,
 ) -> Ladder:
     """Try laws from the paper's to the richest, and return which one the logs tell.
 
@@ -105,21 +108,16 @@ def climb(
         How exactly to integrate.
     on_rung : callable
         Called with every law that was judged.
-    cancelled : callable
-        Asked now and then.
+    jobs : int
+        Workers; the result does not depend on them.
     """
-    course = _Course(evidence, solver, on_rung, cancelled)
+    course = _Course(evidence, solver, on_rung, jobs)
     simplest = course.fitted(plain, freed=("f_0",))
     if simplest is not None and simplest.mse_percent <= ENOUGH_PERCENT:
         course.told(simplest, "it leaves nothing that anyone would use", is_taken=True)
         return course.ended(simplest)
-    found = [
-        one
-        for one in (
-            course.fitted(law) for law in (_with(layout, BOTH, _EVERYTHING) for layout in layouts)
-        )
-        if one is not None
-    ]
+    richest = [_with(layout, BOTH, _EVERYTHING) for layout in layouts]
+    found = [one for one in course.all_fitted(richest) if one is not None]
     if not found:
         if simplest is None:
             raise SimulationError("no law can be simulated on these logs.")
@@ -132,10 +130,9 @@ def climb(
         course.told(simplest, verdict.reason, is_taken=not verdict.takes_larger, bic=verdict.bic)
     for one in found:
         if one is not best:
-            course.told(one, f"{best.fits[0].model.name} fits and predicts better", is_taken=False)
+            course.told(one, _against(best, one), is_taken=False)
     course.told(best, "the layout that fits and predicts best", is_taken=True)
-    lean = course.lean(best)
-    rich = course.enriched(lean)
+    rich = course.enriched(course.lean(best))
     return course.ended(rich if simplest is None else course.settled(simplest, rich))
 
 
@@ -147,10 +144,10 @@ class _Course:
         evidence: Sequence[Evidence],
         solver: SolverOptions,
         on_rung: Callable[[Rung], None],
-        cancelled: Callable[[], bool],
+        jobs: int,
     ) -> None:
         self.evidence, self.solver = evidence, solver
-        self.on_rung, self.cancelled = on_rung, cancelled
+        self.on_rung, self.jobs = on_rung, jobs
         self.rungs: list[Rung] = []
         self.n_eff = math.nan
 
@@ -158,22 +155,32 @@ class _Course:
         self, model: Model, *, freed: tuple[str, ...] = (), near: Tried | None = None
     ) -> Tried | None:
         """Fit a law to every setting; None where it cannot be simulated."""
-        fits: list[LawFit] = []
-        for k, one in enumerate(self.evidence):
-            start = None if near is None else near.fits[k].values
+        return self.all_fitted([model], freed=freed, near=near)[0]
+
+    def all_fitted(
+        self, models: Sequence[Model], *, freed: tuple[str, ...] = (), near: Tried | None = None
+    ) -> list[Tried | None]:
+        """Fit laws to every setting, several fits at a time."""
+
+        def fit(job: tuple[Model, int]) -> LawFit | None:
+            model, place = job
+            start = None if near is None else near.fits[place].values
             try:
-                found = fit_law(
-                    model,
-                    one,
-                    freed=freed,
-                    near=start,
-                    solver=self.solver,
-                    cancelled=self.cancelled,
+                return fit_law(
+                    model, self.evidence[place], freed=freed, near=start, solver=self.solver
                 )
             except SimulationError:
                 return None
-            fits.append(found)
-        return Tried(in_words(model, freed), tuple(fits))
+
+        places = range(len(self.evidence))
+        with ThreadPoolExecutor(max_workers=self.jobs) as pool:
+            fits = list(pool.map(fit, [(model, k) for model in models for k in places]))
+        found: list[Tried | None] = []
+        for row, model in enumerate(models):
+            own = [one for one in fits[row * len(places) :][: len(places)] if one is not None]
+            is_whole = len(own) == len(places)
+            found.append(Tried(in_words(model, freed), tuple(own)) if is_whole else None)
+        return found
 
     def told(self, tried: Tried, reason: str, *, is_taken: bool, bic: float = math.nan) -> None:
         rung = Rung(tried, is_taken, reason, bic)
@@ -232,6 +239,16 @@ class _Course:
         return Ladder(rungs, chosen, self.n_eff)
 
 
+def _against(best: Tried, other: Tried) -> str:
+    """How far the other layout is behind."""
+    factor = math.exp(other.score - best.score)
+    if factor < _TOLD_APART:
+        return "these logs hardly tell it from the one that is taken; declare the layout"
+    held = math.isnan(best.held_out_percent)
+    what = "fits" if held else "fits and predicts"
+    return f"{best.fits[0].model.name.replace('_', ' ')} {what} better"
+
+
 def _with(damper: ValveDamper, valve: Valve, mounting: Mounting) -> ValveDamper:
     return dataclasses.replace(damper, rebound=valve, compression=valve, mounting=mounting)
 
@@ -246,7 +263,7 @@ def _rounded(damper: ValveDamper) -> ValveDamper:
         stroke: Valve(valve.bleed, kinds.get(valve.blow_off, valve.blow_off))
         for stroke, valve in (("rebound", damper.rebound), ("compression", damper.compression))
     }
-    return dataclasses.replace(damper, **valves)
+    return dataclasses.replace(damper, rebound=valves["rebound"], compression=valves["compression"])
 
 
 def _without(part: str) -> Callable[[ValveDamper], ValveDamper | None]:

@@ -24,7 +24,7 @@ from damperfit.identification.weights import weights
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -106,7 +106,6 @@ def fit_law(
     freed: Sequence[str] = (),
     near: Values | None = None,
     solver: SolverOptions = SolverOptions(),
-    cancelled: Callable[[], bool] = lambda: False,
 ) -> LawFit:
     """Fit a law to the logs of a setting and predict those that were held out.
 
@@ -122,8 +121,6 @@ def fit_law(
         Of a law fitted before, to start from as far as both have the same quantities.
     solver : SolverOptions
         How exactly to integrate.
-    cancelled : callable
-        Asked before each evaluation.
 
     Raises
     ------
@@ -136,7 +133,7 @@ def fit_law(
         if one.default is not None and one.name not in freed
     }
     free = tuple(name for name in model.names if name not in held)
-    task = _Task(model, evidence.fitted, free, solver, cancelled)
+    task = _Task(model, evidence.fitted, free, solver)
     starts = model.start(evidence.fitted, held)
     if near is not None:
         shared = {n: v for n, v in zip(near.names, near.numbers, strict=True) if n in free}
@@ -185,7 +182,6 @@ class _Task:
     traces: tuple[Trace, ...]
     free: tuple[str, ...]
     solver: SolverOptions
-    cancelled: Callable[[], bool]
 
     @property
     def deviation(self) -> float:
@@ -204,8 +200,6 @@ class _Task:
         low, high = (np.array([one.plausible[k] for one in quantities]) for k in (0, 1))
 
         def residuals(numbers: FloatArray) -> tuple[FloatArray, FloatArray, Values]:
-            if self.cancelled():
-                raise SimulationError("stopped.")
             within = np.clip(numbers, low, high)
             values = start.replace(dict(zip(self.free, within.tolist(), strict=True)))
             parts = []

@@ -42,6 +42,12 @@ if TYPE_CHECKING:
         cycle_pressure_sheet,
         cycle_sparklines,
     )
+    from damperfit.report.rows.law_table import (
+        chosen_records,
+        chosen_sheet,
+        ladder_records,
+        ladder_sheet,
+    )
     from damperfit.report.rows.sweep_table import (
         SweepMember,
         sweep_records,
@@ -60,6 +66,8 @@ __all__ = [
     "Sheet",
     "SweepMember",
     "check_lines",
+    "chosen_records",
+    "chosen_sheet",
     "curve_forces_sheet",
     "curve_sheet",
     "cycle_force_sheet",
@@ -74,6 +82,8 @@ __all__ = [
     "held_out_sheet",
     "html_report",
     "inspection_sheet",
+    "ladder_records",
+    "ladder_sheet",
     "markdown_report",
     "parameter_sheet",
     "read_back",
@@ -95,6 +105,8 @@ _LATE = {
     "Plot": "plots.description",
     "ReportPlots": "plots.report_plots",
     "SweepMember": "rows.sweep_table",
+    "chosen_records": "rows.law_table",
+    "chosen_sheet": "rows.law_table",
     "curve_forces_sheet": "rows.curve_table",
     "curve_sheet": "rows.curve_table",
     "cycle_force_sheet": "rows.cycle_table",
@@ -103,6 +115,8 @@ _LATE = {
     "draw_loops": "plots.simulated_cycle",
     "draw_plot": "plots.figure_files",
     "html_report": "page.page",
+    "ladder_records": "rows.law_table",
+    "ladder_sheet": "rows.law_table",
     "read_back": "json_records",
     "report_plots": "plots.report_plots",
     "sweep_plot": "plots.sweep",

@@ -1,0 +1,136 @@
+"""``damperfit models``: which law of a damper, and of its rig, the logs tell."""
+
+from __future__ import annotations
+
+from textwrap import wrap
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from damperfit.cli.console import (
+    print_json,
+    print_lines,
+    print_renderable,
+    say,
+    say_failures,
+    screen_columns,
+)
+from damperfit.cli.options import (
+    ConfigOption,
+    DebugOption,
+    JobsOption,
+    JsonOption,
+    LogsArgument,
+    QuietOption,
+    RigOption,
+    RigProfileOption,
+    SettingOption,
+    VersionOption,
+    configured,
+    rig_entries,
+)
+from damperfit.errors import ConfigurationError, did_you_mean
+
+if TYPE_CHECKING:
+    from damperfit.run.law_choice import LawChoice
+
+__all__ = ["models"]
+
+
+def models(
+    logs: LogsArgument,
+    hold_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATTERN",
+            help="Do not fit these logs, predict them: another speed or stroke tells most.",
+        ),
+    ] = None,
+    layout: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Of a damper whose layout is known: twin_tube, monotube, through_flow.",
+        ),
+    ] = None,
+    setting: SettingOption = None,
+    rig_profile: RigProfileOption = None,
+    rig: RigOption = None,
+    jobs: JobsOption = None,
+    config: ConfigOption = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+    version: VersionOption = False,
+) -> int:
+    """Try laws of dampers on the logs and tell which one they speak for.
+
+    Example: damperfit models runs/*.csv --config damper.toml --hold-out '*_check.csv'
+    """
+    from damperfit.run.law_choice import LAYOUTS, choose_law
+
+    if layout is not None and layout not in LAYOUTS:
+        raise ConfigurationError(
+            f"--layout: no layout {layout!r}; there are {', '.join(LAYOUTS)}."
+            f"{did_you_mean(layout, LAYOUTS)}"
+        )
+    configuration = configured(
+        config,
+        *rig_entries(rig),
+        ("--rig-profile", "rig.profile", rig_profile),
+        ("--hold-out", "identification.hold_out", hold_out or None),
+    )
+    if not quiet:
+        for note in configuration.notes:
+            say(f"note: {note}")
+    choice = choose_law(
+        configuration,
+        logs,
+        layout=layout,
+        jobs=jobs,
+        setting=setting,
+        on_rung=lambda rung: None if quiet else say(f"damperfit: tried {rung.tried.title}"),
+    )
+    say_failures(choice.failures, is_debug=debug)
+    if json:
+        _print_document(choice)
+    else:
+        _show(choice)
+    return int(bool(choice.failures or choice.lost))
+
+
+def _print_document(choice: LawChoice) -> None:
+    from damperfit.laws import physics_seen
+    from damperfit.report import chosen_records, ladder_records
+
+    print_json(
+        {
+            "chosen": choice.ladder.chosen.title,
+            "model": choice.ladder.chosen.fits[0].model.name,
+            "compared_settings": list(choice.compared),
+            "effective_samples": None
+            if choice.ladder.n_eff != choice.ladder.n_eff
+            else choice.ladder.n_eff,
+            "laws": ladder_records(choice.ladder),
+            "settings": chosen_records(choice.fits),
+            "lost_settings": list(choice.lost),
+            "sentences": list(physics_seen(choice.fits)),
+        }
+    )
+
+
+def _show(choice: LawChoice) -> None:
+    from damperfit.laws import physics_seen
+    from damperfit.report import chosen_sheet, ladder_sheet, terminal_table
+
+    width = screen_columns()
+    print_renderable(terminal_table(ladder_sheet(choice.ladder)))
+    reasons = [f"{rung.tried.title}: {rung.reason}" for rung in choice.ladder.rungs]
+    print_lines(["", *(line for one in reasons for line in wrap(one, width))])
+    said = " ".join((f"The logs speak for {choice.ladder.chosen.title}.",
+                     *physics_seen(choice.fits)))  # fmt: skip
+    print_lines(["", *wrap(said, width), ""])
+    print_renderable(terminal_table(chosen_sheet(choice.fits)))
+    if choice.lost:
+        lost = ", ".join(str(one) for one in choice.lost)
+        print_lines([f"The chosen law cannot be simulated at setting {lost}."])

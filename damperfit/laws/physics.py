@@ -1,0 +1,88 @@
+"""What a law that was chosen says of the damper and its rig, in sentences."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from damperfit.damper.valve_dampers import ValveDamper
+    from damperfit.laws.law_fit import LawFit
+
+__all__ = ["opening_force", "physics_seen"]
+
+
+def opening_force(damper: ValveDamper, stroke: str, opening: float) -> float:
+    """Return the oil's force at which the blow-off of a stroke opens, N.
+
+    Parameters
+    ----------
+    damper : ValveDamper
+        The damper.
+    stroke : str
+        "rebound" or "compression".
+    opening : float
+        p_open, Pa.
+    """
+    if stroke == "rebound" or damper.name == "monotube":
+        return opening * damper.annulus_area
+    if damper.name == "through_flow":
+        return opening * damper.piston_area
+    return opening * damper.rod_area
+
+
+def physics_seen(fits: Sequence[LawFit]) -> tuple[str, ...]:
+    """Return one sentence for each part that the law has.
+
+    Parameters
+    ----------
+    fits : sequence of LawFit
+        The chosen law at each setting.
+    """
+    if not hasattr(fits[0].model, "rebound"):
+        return ()
+    model: ValveDamper = fits[0].model  # type: ignore[assignment]
+    said = []
+    for stroke, people in (("rebound", "rebound"), ("compression", "bump")):
+        valve = getattr(model, stroke)
+        if valve.blow_off != "none":
+            openings = _all(fits, f"{stroke}_opening")
+            forces = [opening_force(model, stroke, one) for one in openings]
+            said.append(
+                f"in {people} a blow-off opens at {_range(forces)} N "
+                f"({_range([1e-5 * one for one in openings])} bar)"
+            )
+        if valve.bleed == "orifice":
+            areas = [_orifice(model, one) for one in _all(fits, f"{stroke}_bleed")]
+            said.append(f"in {people} a bleed as an orifice of {_range(areas)} mm2 (C_d A)")
+    names = fits[0].values.names
+    if "k_s" in names:
+        stiffness = [1e-3 * one for one in _all(fits, "k_s")]
+        said.append(f"{_range(stiffness)} N/mm of elasticity in series with the damper")
+    if "play" in names:
+        said.append(f"{_range([1e3 * one for one in _all(fits, 'play')])} mm of play at the joints")
+    if "lag" in names:
+        said.append(f"the force is read {_range([1e3 * x for x in _all(fits, 'lag')])} ms late")
+    said.append(f"{_range(_all(fits, 'f_f'))} N of friction")
+    return tuple(f"{one[0].upper()}{one[1:]}." for one in said)
+
+
+def _orifice(damper: ValveDamper, resistance: float) -> float:
+    return 1e6 / (resistance * math.sqrt(2.0 * damper.oil_density))
+
+
+def _all(fits: Sequence[LawFit], name: str) -> list[float]:
+    return [float(getattr(one.values, name)) for one in fits]
+
+
+def _range(values: Sequence[float]) -> str:
+    """Return one number, or the least and the largest where they differ by more than 5 %."""
+    low, high = float(np.min(values)), float(np.max(values))
+    middle = 0.5 * (low + high)
+    if high - low <= 0.05 * abs(middle):
+        return f"{middle:.3g}"
+    return f"{low:.3g} to {high:.3g}"

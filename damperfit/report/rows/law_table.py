@@ -1,0 +1,107 @@
+"""Which law the logs tell: a row for each law that was tried, the chosen one at each setting."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from damperfit.report.rows.rounding import number
+from damperfit.report.rows.sheet import Sheet
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from damperfit.laws import Ladder, LawFit
+
+__all__ = ["chosen_records", "chosen_sheet", "ladder_records", "ladder_sheet"]
+
+
+def ladder_sheet(ladder: Ladder) -> Sheet:
+    """Return one row a law, in the order in which they were tried."""
+    return Sheet(
+        headings=("", "law", "free", "MSE", "held out"),
+        units=("", "", "", "%", "%"),
+        rows=tuple(
+            (
+                "*" if rung.is_taken else "",
+                rung.tried.title,
+                str(rung.tried.n_quantities),
+                _percent(rung.tried.mse_percent),
+                _percent(rung.tried.held_out_percent),
+            )
+            for rung in ladder.rungs
+        ),
+        is_number=(False, False, True, True, True),
+    )
+
+
+def ladder_records(ladder: Ladder) -> list[dict[str, Any]]:
+    """Return the same as numbers, with the reasons, for JSON."""
+    return [
+        {
+            "law": rung.tried.title,
+            "model": rung.tried.fits[0].model.name,
+            "is_chosen": rung.is_taken,
+            "free": list(rung.tried.fits[0].free),
+            "at_bound": list(rung.tried.at_bound),
+            "mse_percent": rung.tried.mse_percent,
+            "held_out_mse_percent": _finite(rung.tried.held_out_percent),
+            "bic": _finite(rung.bic),
+            "reason": rung.reason,
+        }
+        for rung in ladder.rungs
+    ]
+
+
+def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
+    """Return what the chosen law found: a row a quantity, a column a setting."""
+    shown = [one for one in fits[0].model.quantities if one.name in fits[0].free]
+    rows = [
+        (
+            one.label,
+            one.shown_unit or one.unit,
+            *(
+                number(getattr(fit.values, one.name) / 10.0**one.power, digits=4)
+                + "!" * (one.name in fit.at_bound)
+                for fit in fits
+            ),
+        )
+        for one in shown
+    ]
+    rows.append(("MSE", "%", *(_percent(fit.mse_percent) for fit in fits)))
+    rows.append(("MSE held out", "%", *(_percent(fit.held_out_percent) for fit in fits)))
+    is_bounded = any(fit.at_bound for fit in fits)
+    return Sheet(
+        headings=("setting", "", *(str(fit.setting) for fit in fits)),
+        units=("",) * (len(fits) + 2),
+        rows=tuple(rows),
+        is_number=(False, False, *(True for _ in fits)),
+        notes=("! at the edge of its range: not told by these logs",) if is_bounded else (),
+    )
+
+
+def chosen_records(fits: Sequence[LawFit]) -> list[dict[str, Any]]:
+    """Return the same as numbers in SI, for JSON."""
+    return [
+        {
+            "setting": fit.setting,
+            "values": dict(zip(fit.values.names, fit.values.numbers, strict=True)),
+            "free": list(fit.free),
+            "at_bound": list(fit.at_bound),
+            "mse_percent": fit.mse_percent,
+            "stretch_mse_percent": list(fit.stretches),
+            "held_out_mse_percent": _finite(fit.held_out_percent),
+            "evaluations": fit.evaluations,
+        }
+        for fit in fits
+    ]
+
+
+def _percent(value: float) -> str:
+    if math.isnan(value):
+        return "-"
+    return number(value, digits=3) if value >= 1e-4 else "<0.0001"
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,174 @@
+"""Logs in, the law that they tell out: a ladder on few settings, the chosen law at all of them."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import chain
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
+from damperfit.errors import ConfigurationError, SimulationError
+from damperfit.laws import Evidence, climb, fit_law
+from damperfit.run.hold_out import named_files, part
+from damperfit.run.logs import available_cores, expand, read_batch
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.damper.parameters import Damper
+    from damperfit.laws import Ladder, LawFit, Rung
+    from damperfit.report import Failure
+    from damperfit.run.hold_out import Parted
+
+__all__ = ["LAYOUTS", "LawChoice", "choose_law"]
+
+LAYOUTS: dict[str, type[ValveDamper]] = {
+    kind.name: kind for kind in (TwinTube, Monotube, ThroughFlow)
+}
+# Laws are told apart by the stiffest and the softest setting as well as by all.
+_COMPARED = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LawChoice:
+    """What was tried, and the chosen law at every setting.
+
+    Attributes
+    ----------
+    ladder : Ladder
+        All laws tried on the settings that were compared.
+    compared : tuple of int
+        Those settings.
+    fits : tuple of LawFit
+        The chosen law, one a setting.
+    failures : tuple of Failure
+        Logs that cannot be used.
+    lost : tuple of int
+        Settings that the chosen law cannot be simulated at.
+    """
+
+    ladder: Ladder
+    compared: tuple[int, ...]
+    fits: tuple[LawFit, ...]
+    failures: tuple[Failure, ...]
+    lost: tuple[int, ...] = ()
+
+
+def choose_law(
+    configuration: Configuration,
+    logs: Sequence[str],
+    *,
+    layout: str | None = None,
+    jobs: int | None = None,
+    setting: int | None = None,
+    on_rung: Callable[[Rung], None] = lambda _: None,
+) -> LawChoice:
+    """Return the law that logs tell of their damper.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        Damper, rig, what is held out.
+    logs : sequence of str
+        Paths and patterns.
+    layout : str, optional
+        One of `LAYOUTS`, where the damper's maker has told it.
+    jobs : int, optional
+        Workers; the cores available by default.
+    setting : int, optional
+        Setting of the logs that do not say theirs.
+    on_rung : callable
+        Called with every law that was judged.
+
+    Raises
+    ------
+    ConfigurationError
+        A path or pattern names no file, or no log can be used.
+    """
+    paths = expand(logs)
+    named = named_files(configuration.hold_out.patterns, paths)
+    paths = tuple(dict.fromkeys((*paths, *chain.from_iterable(named.values()))))
+    workers = jobs or available_cores()
+    batch = read_batch(paths, configuration, jobs=workers, setting=setting)
+    parted = part(batch, configuration.hold_out, named)
+    evidence = _evidence(parted)
+    if not evidence:
+        raise ConfigurationError(
+            "no log can be used to compare laws by; damperfit inspect tells what is wrong with them"
+        )
+    solver = configuration.identification.solver
+    compared = _told_most(evidence)
+    ladder = climb(
+        configuration.damper,
+        _layouts(configuration.damper, layout),
+        compared,
+        solver=solver,
+        on_rung=on_rung,
+        jobs=workers,
+    )
+    known = {one.setting: one for one in ladder.chosen.fits}
+    best = ladder.chosen.fits[0]
+    freed = tuple(name for name in best.free if best.model.quantity(name).default is not None)
+
+    def fit(one: Evidence) -> LawFit | None:
+        if one.setting in known:
+            return known[one.setting]
+        try:
+            return fit_law(best.model, one, freed=freed, solver=solver)
+        except SimulationError:
+            return None
+
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        fits = tuple(pool.map(fit, evidence))
+    return LawChoice(
+        ladder,
+        tuple(one.setting for one in compared),
+        tuple(one for one in fits if one is not None),
+        batch.failures,
+        tuple(e.setting for e, one in zip(evidence, fits, strict=True) if one is None),
+    )
+
+
+def _evidence(parted: Parted) -> tuple[Evidence, ...]:
+    settings = {trace.setting for trace in parted.batch.traces if trace.setting is not None}
+    return tuple(
+        Evidence(
+            setting,
+            tuple(one for one in parted.batch.traces if one.setting == setting),
+            tuple(one for one in parted.held_out if one.setting == setting),
+        )
+        for setting in sorted(settings)
+    )
+
+
+def _told_most(evidence: Sequence[Evidence]) -> tuple[Evidence, ...]:
+    """The settings with the strongest and the weakest force."""
+
+    def strength(one: Evidence) -> float:
+        return float(np.std(np.concatenate([t.force[t.compared] for t in one.fitted])))
+
+    ranked = sorted(evidence, key=strength)
+    kept = ranked if len(ranked) <= _COMPARED else [ranked[0], ranked[-1]]
+    return tuple(one for one in evidence if one in kept)
+
+
+def _layouts(damper: Damper, layout: str | None) -> list[ValveDamper]:
+    """The damper in each layout that it may have."""
+    kinds = LAYOUTS if layout is None else {layout: LAYOUTS[layout]}
+    return [
+        kind(
+            rod_diameter=damper.rod_diameter,
+            piston_diameter=damper.piston_diameter,
+            chamber_1_length=damper.chamber_1_length,
+            chamber_2_length=damper.chamber_2_length,
+            oil_density=damper.oil_density,
+            gas_pressure=damper.gas_pressure,
+            gas_volume=damper.gas_volume,
+            gas_exponent=damper.gas_exponent,
+        )
+        for kind in kinds.values()
+    ]
