@@ -2,15 +2,15 @@
 
 from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
 from damperfit.laws.ladder import Ladder, Rung, climb, in_words
-from damperfit.laws.law_fit import Evidence, LawFit, fit_law
+from damperfit.laws.law_fit import LawFit, SettingLogs, fit_law
 from damperfit.laws.physics import opening_force, physics_seen
 
 __all__ = [
     "ENOUGH_PERCENT",
-    "Evidence",
     "Ladder",
     "LawFit",
     "Rung",
+    "SettingLogs",
     "Tried",
     "Verdict",
     "climb",

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.laws.law_fit import Evidence, LawFit
+    from damperfit.laws.law_fit import LawFit, SettingLogs
 
     FloatArray = NDArray[np.float64]
 
@@ -141,14 +141,14 @@ def judged(small: Tried, large: Tried, n_eff: float) -> Verdict:
     return Verdict(False, gain, bic, reason)
 
 
-def effective_samples(tried: Tried, evidence: Sequence[Evidence]) -> float:
+def effective_samples(tried: Tried, evidence: Sequence[SettingLogs]) -> float:
     """Return n_eff of a law's residuals over all settings compared.
 
     Parameters
     ----------
     tried : Tried
         The largest law.
-    evidence : sequence of Evidence
+    evidence : sequence of SettingLogs
         What it was fitted to, in the same order.
     """
     total = 0.0

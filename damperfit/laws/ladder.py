@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model
     from damperfit.damper.valve_dampers import ValveDamper
-    from damperfit.laws.law_fit import Evidence, LawFit
+    from damperfit.laws.law_fit import LawFit, SettingLogs
 
 __all__ = ["Ladder", "Rung", "climb", "in_words"]
 
@@ -88,7 +88,7 @@ class Ladder:
 def climb(
     plain: Model,
     layouts: Sequence[ValveDamper],
-    evidence: Sequence[Evidence],
+    evidence: Sequence[SettingLogs],
     *,
     solver: SolverOptions = SolverOptions(),
     on_rung: Callable[[Rung], None] = lambda _: None,
@@ -102,7 +102,7 @@ def climb(
         The paper's damper.
     layouts : sequence of ValveDamper
         The damper in each layout that it may have.
-    evidence : sequence of Evidence
+    evidence : sequence of SettingLogs
         Settings to compare the laws by; two or three tell as much as all.
     solver : SolverOptions
         How exactly to integrate.
@@ -141,7 +141,7 @@ class _Course:
 
     def __init__(
         self,
-        evidence: Sequence[Evidence],
+        evidence: Sequence[SettingLogs],
         solver: SolverOptions,
         on_rung: Callable[[Rung], None],
         jobs: int,

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Evidence", "LawFit", "fit_law"]
+__all__ = ["LawFit", "SettingLogs", "fit_law"]
 
 # Laws are compared by factors of their MSE: a fall of a few in ten thousand changes nothing.
 _STOPPING = Stopping(cost_tolerance=3e-4, step_tolerance=1e-4, max_evaluations=60, rest=math.inf)
@@ -43,7 +43,7 @@ _SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, r
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Evidence:
+class SettingLogs:
     """What one setting gives to compare laws by.
 
     Attributes
@@ -101,7 +101,7 @@ class LawFit:
 
 def fit_law(
     model: Model,
-    evidence: Evidence,
+    evidence: SettingLogs,
     *,
     freed: Sequence[str] = (),
     near: Values | None = None,
@@ -113,7 +113,7 @@ def fit_law(
     ----------
     model : Model
         The law; what has a default is held there unless it is freed.
-    evidence : Evidence
+    evidence : SettingLogs
         The logs.
     freed : sequence of str
         What is fitted although it has a default.
@@ -237,7 +237,7 @@ def _ranked(task: _Task, starts: Sequence[Values]) -> list[Values]:
     found = []
     for place, start in enumerate(starts):
         try:
-            force = compare(start, trace, task.model, solver=task.solver).force  # type: ignore[arg-type]
+            force = compare(start, trace, task.model, solver=task.solver).force
         except SimulationError:
             continue
         part = trace.compared
@@ -251,7 +251,7 @@ def _misses(
     """Residuals of each stretch, the MSE of each, and that of all."""
     residuals, alone, measured = [], [], []
     for trace in traces:
-        force = compare(values, trace, model, solver=solver).force  # type: ignore[arg-type]
+        force = compare(values, trace, model, solver=solver).force
         for stretch in trace.stretches:
             part = stretch.window
             residuals.append(force[part] - trace.force[part])

@@ -11,7 +11,7 @@ import numpy as np
 
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 from damperfit.errors import ConfigurationError, SimulationError
-from damperfit.laws import Evidence, climb, fit_law
+from damperfit.laws import SettingLogs, climb, fit_law
 from damperfit.run.hold_out import named_files, part
 from damperfit.run.logs import available_cores, expand, read_batch
 
@@ -114,7 +114,7 @@ def choose_law(
     best = ladder.chosen.fits[0]
     freed = tuple(name for name in best.free if best.model.quantity(name).default is not None)
 
-    def fit(one: Evidence) -> LawFit | None:
+    def fit(one: SettingLogs) -> LawFit | None:
         if one.setting in known:
             return known[one.setting]
         try:
@@ -133,10 +133,10 @@ def choose_law(
     )
 
 
-def _evidence(parted: Parted) -> tuple[Evidence, ...]:
+def _evidence(parted: Parted) -> tuple[SettingLogs, ...]:
     settings = {trace.setting for trace in parted.batch.traces if trace.setting is not None}
     return tuple(
-        Evidence(
+        SettingLogs(
             setting,
             tuple(one for one in parted.batch.traces if one.setting == setting),
             tuple(one for one in parted.held_out if one.setting == setting),
@@ -145,10 +145,10 @@ def _evidence(parted: Parted) -> tuple[Evidence, ...]:
     )
 
 
-def _told_most(evidence: Sequence[Evidence]) -> tuple[Evidence, ...]:
+def _told_most(evidence: Sequence[SettingLogs]) -> tuple[SettingLogs, ...]:
     """The settings with the strongest and the weakest force."""
 
-    def strength(one: Evidence) -> float:
+    def strength(one: SettingLogs) -> float:
         return float(np.std(np.concatenate([t.force[t.compared] for t in one.fitted])))
 
     ranked = sorted(evidence, key=strength)

@@ -16,7 +16,17 @@ from damperfit.cli.main import app
 from damperfit.configuration.loading import load_configuration
 
 ROOT = Path(__file__).parents[2]
-COMMANDS = ("identify", "settings", "simulate", "sweep", "inspect", "report", "samples", "config")
+COMMANDS = (
+    "identify",
+    "settings",
+    "simulate",
+    "sweep",
+    "models",
+    "inspect",
+    "report",
+    "samples",
+    "config",
+)
 HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pydantic")
 
 

@@ -1,0 +1,80 @@
+"""The rule that takes a larger law: each clause just inside and just outside its limit."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from damperfit.damper.valve_dampers import ThroughFlow
+from damperfit.laws import ENOUGH_PERCENT, LawFit, SettingLogs, Tried, effective_samples, judged
+from tests.fakes import trace
+
+MODEL = ThroughFlow()
+VALUES = MODEL.values({one.name: 1.0 for one in MODEL.quantities})
+NAMES = MODEL.names
+
+
+def tried(mse, k, *, held=math.nan, at_bound=(), rest=None):
+    fit = LawFit(
+        setting=1,
+        model=MODEL,
+        values=VALUES,
+        free=NAMES[:k],
+        at_bound=at_bound,
+        mse_percent=mse,
+        stretches=(mse,),
+        held_out_percent=held,
+        residuals=(np.zeros(333) if rest is None else rest,),
+        evaluations=1,
+    )
+    return Tried(f"law of {k}", (fit,))
+
+
+def test_a_fall_by_half_is_taken_and_one_by_less_is_not():
+    assert judged(tried(0.151, 5), tried(0.1, 6), 30.0).takes_larger
+    refused = judged(tried(0.149, 5), tried(0.1, 6), 30.0)
+    assert not refused.takes_larger
+    assert "1.49 only" in refused.reason
+
+
+def test_quantities_must_earn_what_they_cost():
+    cost = 4 * math.log(30.0)
+    enough, short = (0.1 * math.exp(cost / 30.0) * f for f in (1.01, 0.99))
+    assert judged(tried(enough, 4), tried(0.1, 8), 30.0).takes_larger
+    refused = judged(tried(short, 4), tried(0.1, 8), 30.0)
+    assert not refused.takes_larger
+    assert "cost more" in refused.reason
+
+
+def test_a_law_that_leaves_nothing_is_large_enough():
+    assert judged(tried(1.01 * ENOUGH_PERCENT, 4), tried(1e-3, 5), 30.0).takes_larger
+    refused = judged(tried(ENOUGH_PERCENT, 4), tried(1e-5, 5), 30.0)
+    assert not refused.takes_larger
+    assert "leave nothing" in refused.reason
+
+
+def test_a_new_quantity_at_its_edge_is_none():
+    new, old = NAMES[4], NAMES[1]
+    assert not judged(tried(1.0, 4), tried(0.1, 5, at_bound=(new,)), 30.0).takes_larger
+    assert judged(tried(1.0, 4), tried(0.1, 5, at_bound=(old,)), 30.0).takes_larger
+
+
+def test_what_was_held_out_must_be_predicted_no_worse():
+    small = tried(1.0, 4, held=1.0)
+    assert judged(small, tried(0.1, 5, held=1.09), 30.0).takes_larger
+    refused = judged(small, tried(0.1, 5, held=1.11), 30.0)
+    assert not refused.takes_larger
+    assert "held out is predicted worse" in refused.reason
+
+
+def test_effective_samples_are_twice_the_harmonics_that_carry_the_residual():
+    log = trace(1)
+    phase = 2 * np.pi * np.arange(333) / 333
+    harmonics = sum(np.sin(h * phase) for h in range(1, 31))
+    assert effective_samples(tried(1.0, 4, rest=harmonics), [SettingLogs(1, (log,))]) == (
+        pytest.approx(60.0, rel=1e-6)
+    )
+    one = np.sin(phase)  # a single line is still twenty samples
+    assert effective_samples(tried(1.0, 4, rest=one), [SettingLogs(1, (log,))]) == 20.0

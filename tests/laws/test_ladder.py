@@ -1,0 +1,115 @@
+"""The law that logs of a known damper tell: found, named, and no larger than it is."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from damperfit.damper.valve_dampers import Monotube, TwinTube
+from damperfit.laws import opening_force
+from tests.laws.valve_logs import DAMPER_TOML, VALUES, damper, log_text, moved
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    """One setting with play and lag, one log to fit and one of another speed and stroke."""
+    folder = tmp_path_factory.mktemp("valves")
+    (folder / "damper.toml").write_text(DAMPER_TOML)
+    fitted, check = moved((0.06, 0.24)), moved((0.17,), amplitude=0.012)
+    for name, motion, seed in (("steps", fitted, 1), ("check", check, 2)):
+        text = log_text(damper(), VALUES, motion, setting=3, seed=seed)
+        (folder / f"one_{name}.csv").write_text(text)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def told(logs, run_once):
+    return run_once(
+        "models", logs / "*.csv", "--hold-out", "*_check.csv", "--config", logs / "damper.toml",
+        "--layout", "through_flow", "--json",
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def run_once():
+    """The command, with its standard output caught; for fixtures that live long."""
+    import contextlib
+    import io
+
+    from damperfit.cli import main
+
+    def run(*arguments):
+        out, err = io.StringIO(), io.StringIO()
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            code = main([str(one) for one in arguments])
+        return code, out.getvalue(), err.getvalue()
+
+    return run
+
+
+def test_the_true_law_is_taken_with_play_and_lag(told):
+    code, out, err = told
+    assert code == 0, err
+    document = json.loads(out)
+    assert document["chosen"] == "through flow: bleed and blow-off; elastic mounting, play, lag"
+    setting = document["settings"][0]
+    assert setting["setting"] == 3
+    assert setting["mse_percent"] < 0.02
+    assert setting["held_out_mse_percent"] < 0.02
+    for name, within in (("rebound_opening", 0.03), ("compression_opening", 0.03),
+                         ("rebound_bleed", 0.03), ("compression_bleed", 0.03),
+                         ("play", 0.1), ("lag", 0.1), ("k_s", 0.1)):  # fmt: skip
+        assert setting["values"][name] == pytest.approx(VALUES[name], rel=within), name
+    laws = {one["law"]: one for one in document["laws"]}
+    assert sum(one["is_chosen"] for one in laws.values()) == 1
+    assert laws["the paper's model"]["mse_percent"] > 1.0
+
+
+def test_the_physics_is_told_in_sentences(told):
+    sentences = " ".join(json.loads(told[1])["sentences"])
+    for part in ("In rebound a blow-off opens at 1", "mm of play", "ms late", "N of friction",
+                 "N/mm of elasticity"):  # fmt: skip
+        assert part in sentences
+
+
+def test_a_mounting_without_play_and_lag_gets_none(tmp_path, run_once):
+    model = damper(has_play_and_lag=False)
+    values = {one: VALUES[one] for one in VALUES if one in model.names}
+    text = log_text(model, values, moved((0.06, 0.24)), setting=1)
+    (tmp_path / "one.csv").write_text(text)
+    (tmp_path / "damper.toml").write_text(DAMPER_TOML)
+    code, out, err = run_once(
+        "models", tmp_path / "one.csv", "--config", tmp_path / "damper.toml",
+        "--layout", "through_flow",
+    )  # fmt: skip
+    assert code == 0, err
+    text = " ".join(out.split())
+    assert "The logs speak for through flow: bleed and blow-off; elastic mounting. In" in text
+    assert "held out" in text
+
+
+def test_the_papers_damper_is_left_to_the_papers_model(run_once, tmp_path):
+    run_once("samples", tmp_path, "--settings", "10", "--quiet")
+    log = next(tmp_path.glob("*10*.csv"))
+    code, out, err = run_once("models", log, "--json", "--quiet")
+    assert code == 0, err
+    document = json.loads(out)
+    assert document["chosen"] == "the paper's model"
+    assert len(document["laws"]) == 1
+    assert err == ""
+
+
+def test_an_unknown_layout_is_named_with_the_nearest(run_once, tmp_path):
+    code, out, err = run_once("models", tmp_path / "a.csv", "--layout", "twin_tub")
+    assert (code, out) == (2, "")
+    assert "no layout 'twin_tub'" in err
+    assert "twin_tube" in err
+
+
+def test_an_opening_is_a_force_by_the_area_it_acts_on():
+    kinds = (TwinTube, "rod_area"), (Monotube, "annulus_area"), (type(damper()), "piston_area")
+    for kind, area in kinds:
+        one = kind()
+        assert opening_force(one, "compression", 1e5) == 1e5 * getattr(one, area)
+        assert opening_force(one, "rebound", 1e5) == 1e5 * one.annulus_area
