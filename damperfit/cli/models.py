@@ -27,6 +27,7 @@ from damperfit.cli.options import (
     SettingOption,
     VersionOption,
     configured,
+    declared_setting,
     rig_entries,
 )
 from damperfit.errors import ConfigurationError, did_you_mean
@@ -88,7 +89,7 @@ def models(
         logs,
         layout=layout,
         jobs=jobs,
-        setting=setting,
+        setting=declared_setting(setting),
         on_rung=lambda rung: None if quiet else say(f"damperfit: tried {rung.tried.title}"),
     )
     say_failures(choice.failures, is_debug=debug)
@@ -107,13 +108,13 @@ def _print_document(choice: LawChoice) -> None:
         {
             "chosen": choice.ladder.chosen.title,
             "model": choice.ladder.chosen.fits[0].model.name,
-            "compared_settings": list(choice.compared),
+            "compared_settings": [one.cell for one in choice.compared],
             "effective_samples": None
             if choice.ladder.n_eff != choice.ladder.n_eff
             else choice.ladder.n_eff,
             "laws": ladder_records(choice.ladder),
             "settings": chosen_records(choice.fits),
-            "lost_settings": list(choice.lost),
+            "lost_settings": [one.cell for one in choice.lost],
             "sentences": list(physics_seen(choice.fits)),
         }
     )

@@ -18,10 +18,10 @@ from damperfit.conditioning import apply_filter
 from damperfit.errors import SimulationError
 from damperfit.identification import compare, normalised_mse
 from damperfit.identification.minimiser import Minimum, Transformation, minimise
-from damperfit.identification.model_versus_log import motion_of
 from damperfit.identification.trust_region import Stopping
 from damperfit.identification.weights import weights
 from damperfit.simulation import SolverOptions
+from damperfit.simulation.motion import motion_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Values
     from damperfit.recording import Trace
+    from damperfit.setting import Setting
 
     FloatArray = NDArray[np.float64]
 
@@ -48,13 +49,13 @@ class SettingLogs:
 
     Attributes
     ----------
-    setting : int
+    setting : Setting
         Adjuster setting.
     fitted, held_out : tuple of Trace
         Logs that are fitted, and those that are only predicted.
     """
 
-    setting: int
+    setting: Setting
     fitted: tuple[Trace, ...]
     held_out: tuple[Trace, ...] = ()
 
@@ -65,7 +66,7 @@ class LawFit:
 
     Attributes
     ----------
-    setting : int
+    setting : Setting
         Adjuster setting.
     model : Model
         The law.
@@ -87,7 +88,7 @@ class LawFit:
         Simulations with sensitivities.
     """
 
-    setting: int
+    setting: Setting
     model: Model
     values: Values
     free: tuple[str, ...]

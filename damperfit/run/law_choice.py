@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from damperfit.laws import Ladder, LawFit, Rung
     from damperfit.report import Failure
     from damperfit.run.hold_out import Parted
+    from damperfit.setting import Setting
 
 __all__ = ["LAYOUTS", "LawChoice", "choose_law"]
 
@@ -41,21 +42,21 @@ class LawChoice:
     ----------
     ladder : Ladder
         All laws tried on the settings that were compared.
-    compared : tuple of int
+    compared : tuple of Setting
         Those settings.
     fits : tuple of LawFit
         The chosen law, one a setting.
     failures : tuple of Failure
         Logs that cannot be used.
-    lost : tuple of int
+    lost : tuple of Setting
         Settings that the chosen law cannot be simulated at.
     """
 
     ladder: Ladder
-    compared: tuple[int, ...]
+    compared: tuple[Setting, ...]
     fits: tuple[LawFit, ...]
     failures: tuple[Failure, ...]
-    lost: tuple[int, ...] = ()
+    lost: tuple[Setting, ...] = ()
 
 
 def choose_law(
@@ -64,7 +65,7 @@ def choose_law(
     *,
     layout: str | None = None,
     jobs: int | None = None,
-    setting: int | None = None,
+    setting: Setting | None = None,
     on_rung: Callable[[Rung], None] = lambda _: None,
 ) -> LawChoice:
     """Return the law that logs tell of their damper.
@@ -79,7 +80,7 @@ def choose_law(
         One of `LAYOUTS`, where the damper's maker has told it.
     jobs : int, optional
         Workers; the cores available by default.
-    setting : int, optional
+    setting : Setting, optional
         Setting of the logs that do not say theirs.
     on_rung : callable
         Called with every law that was judged.

@@ -9,6 +9,7 @@ import pytest
 
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.laws import ENOUGH_PERCENT, LawFit, SettingLogs, Tried, effective_samples, judged
+from damperfit.setting import Setting
 from tests.fakes import trace
 
 MODEL = ThroughFlow()
@@ -18,7 +19,7 @@ NAMES = MODEL.names
 
 def tried(mse, k, *, held=math.nan, at_bound=(), rest=None):
     fit = LawFit(
-        setting=1,
+        setting=Setting.of(1),
         model=MODEL,
         values=VALUES,
         free=NAMES[:k],
@@ -73,8 +74,8 @@ def test_effective_samples_are_twice_the_harmonics_that_carry_the_residual():
     log = trace(1)
     phase = 2 * np.pi * np.arange(333) / 333
     harmonics = sum(np.sin(h * phase) for h in range(1, 31))
-    assert effective_samples(tried(1.0, 4, rest=harmonics), [SettingLogs(1, (log,))]) == (
-        pytest.approx(60.0, rel=1e-6)
-    )
+    assert effective_samples(
+        tried(1.0, 4, rest=harmonics), [SettingLogs(Setting.of(1), (log,))]
+    ) == (pytest.approx(60.0, rel=1e-6))
     one = np.sin(phase)  # a single line is still twenty samples
-    assert effective_samples(tried(1.0, 4, rest=one), [SettingLogs(1, (log,))]) == 20.0
+    assert effective_samples(tried(1.0, 4, rest=one), logs) == 20.0

@@ -84,7 +84,7 @@ def chosen_records(fits: Sequence[LawFit]) -> list[dict[str, Any]]:
     """Return the same as numbers in SI, for JSON."""
     return [
         {
-            "setting": fit.setting,
+            "setting": fit.setting.cell,
             "values": dict(zip(fit.values.names, fit.values.numbers, strict=True)),
             "free": list(fit.free),
             "at_bound": list(fit.at_bound),
