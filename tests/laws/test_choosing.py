@@ -74,8 +74,8 @@ def test_effective_samples_are_twice_the_harmonics_that_carry_the_residual():
     log = trace(1)
     phase = 2 * np.pi * np.arange(333) / 333
     harmonics = sum(np.sin(h * phase) for h in range(1, 31))
-    assert effective_samples(
-        tried(1.0, 4, rest=harmonics), [SettingLogs(Setting.of(1), (log,))]
-    ) == (pytest.approx(60.0, rel=1e-6))
+    logs = [SettingLogs(Setting.of(1), (log,))]
+    found = effective_samples(tried(1.0, 4, rest=harmonics), logs)
+    assert found == pytest.approx(60.0, rel=1e-6)
     one = np.sin(phase)  # a single line is still twenty samples
     assert effective_samples(tried(1.0, 4, rest=one), logs) == 20.0
