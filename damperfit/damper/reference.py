@@ -64,7 +64,7 @@ def reference_parameters(setting: int) -> Parameters:
         raise ConfigurationError(
             f"setting {setting} is not in the reference set; expected a whole number, 1 to 20"
         )
-    k = int(setting) - 1
+    k = REFERENCE_SETTINGS.index(setting)
     r_m1, r_m2 = 1.4e4 + 700.0 * k + 45.0 * k**2, 2.0e6 * math.exp(0.1 * k)
     if setting == REFERENCE_SETTINGS[-1]:  # The last detent shuts the port almost completely.
         r_m1, r_m2 = 4.9e4, 1.7e7

@@ -14,10 +14,10 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from damperfit.errors import ConfigurationError, LogError
+from damperfit.errors import ConfigurationError, LogError, Mishap
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.descent import FitCancelledError
-from damperfit.identification.failures import SettingFailure, attempted
+from damperfit.identification.failures import SettingFailure, attempted, attempted_for_all
 from damperfit.identification.first_pass import first_pass
 from damperfit.identification.joint_procedure import fit_together
 from damperfit.identification.multistart import Search, fit_from
@@ -30,7 +30,7 @@ from damperfit.recording import natural_order
 from damperfit.setting import Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from damperfit.damper.model import Model
     from damperfit.recording import Trace
@@ -43,6 +43,7 @@ _NOT_JOINT = (
     "the joint fit needs two settings at a sound minimum and a shared parameter: these are the "
     "results of procedure paper."
 )
+_NOT_FITTED_JOINTLY = "the joint fit met an error: these are the results of procedure paper."
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,6 +66,8 @@ class Campaign:
         How the shared parameters were estimated.
     searches : tuple of Search
         What fits from many starts found, where they were asked for.
+    mishap : Mishap or None
+        What damperfit got wrong in a step over all settings, done without.
     """
 
     procedure: str
@@ -74,6 +77,7 @@ class Campaign:
     is_complete: bool = True
     sharing: Sharing = Sharing()
     searches: tuple[Search, ...] = ()
+    mishap: Mishap | None = None
 
     @property
     def gaps(self) -> tuple[tuple[int, int], ...]:
@@ -148,18 +152,7 @@ def identify(
     with one_blas_thread():
         campaign = PROCEDURES[options.procedure](task)
     said = [f"setting {one.setting}: {one.warning}" for one in campaign.searches if one.warning]
-    said.extend(_implausible(options, damper))
     return replace(campaign, warnings=(*campaign.warnings, *said))
-
-
-def _implausible(options: FitOptions, damper: Model) -> Iterator[str]:
-    for name, value in options.fixed.items():
-        low, high = damper.quantity(name).plausible
-        if not low < value < high and value != 0.0:
-            yield (
-                f"{name} is held at {value:.4g}, far from any car damper's ({low:g} to {high:g} in "
-                "SI): was a power of ten left out?"
-            )
 
 
 def _plain(task: ProcedureInput) -> Campaign:
@@ -225,9 +218,15 @@ def _joint(task: ProcedureInput) -> Campaign:
     before = _paper(replace(task, options=options, on_fit=lambda _fit: None))
     failed = {one.setting: one for one in before.failures}
     try:
-        together, broken = fit_together(task, before.fits, task.ordered(own), shared)
+        found = attempted_for_all(
+            lambda: fit_together(task, before.fits, task.ordered(own), shared)
+        )
     except FitCancelledError:
         return Campaign("joint", (), is_complete=False)
+    if isinstance(found, Mishap):
+        warnings = (*before.warnings, _NOT_FITTED_JOINTLY)
+        return replace(before, procedure="joint", warnings=warnings, mishap=found)
+    together, broken = found
     failed.update(broken)
     if not before.is_complete or together is None:
         said = () if not before.is_complete else (_NOT_JOINT,)

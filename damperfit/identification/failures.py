@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 from damperfit.errors import (
     ConfigurationError,
     InstallationError,
+    Mishap,
     SimulationError,
     mishap_of,
 )
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
     from damperfit.setting import Setting
 
-__all__ = ["SettingError", "SettingFailure", "attempted"]
+__all__ = ["SettingError", "SettingFailure", "attempted", "attempted_for_all"]
 
 _INTERNAL = "InternalError"
 
@@ -77,3 +78,21 @@ def attempted(setting: Setting, fit: Callable[[], Found]) -> Found | SettingFail
     except Exception as error:  # noqa: BLE001 - a bug that one setting meets leaves the others
         mishap = mishap_of(error, "fitting")
         return SettingFailure(setting, mishap.kind, mishap.message, mishap.trace)
+
+
+def attempted_for_all(fit: Callable[[], Found]) -> Found | Mishap:
+    """Return what a fit of all settings together finds, or what went wrong in it.
+
+    Raises
+    ------
+    FitCancelledError
+        When the caller asked to stop.
+    ConfigurationError, InstallationError
+        What is wrong is wrong without this fit too.
+    """
+    try:
+        return fit()
+    except (FitCancelledError, ConfigurationError, InstallationError):
+        raise
+    except Exception as error:  # noqa: BLE001 - each setting has a fit of its own already
+        return mishap_of(error, "fitting the settings together")

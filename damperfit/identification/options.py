@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.damper.purdy.quantities import QUANTITIES
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.simulation import SolverOptions
 
@@ -85,9 +86,16 @@ def check_options(options: FitOptions) -> None:
         if name in options.fixed or name in (options.free or ()):
             raise ConfigurationError(f"{name} is shared and also free or fixed; choose one.")
     _check_bulk_modulus(options)
-    for name, value in options.fixed.items():
-        if name != "f_0" and not value > 0.0 and not (name == "f_f" and value == 0.0):
-            raise ConfigurationError(f"{name} = {value:g} is fixed; it must be above zero.")
+    for quantity in QUANTITIES:
+        value = options.fixed.get(quantity.name)
+        if value is None or (quantity.name == "f_f" and value == 0.0):
+            continue
+        low, high = quantity.plausible
+        if not low <= value <= high:
+            raise ConfigurationError(
+                f"{quantity.name} = {value:g} is fixed, far from any damper's; expected {low:g} to "
+                f"{high:g} {quantity.unit}."
+            )
 
 
 def _check_bulk_modulus(options: FitOptions) -> None:

@@ -15,7 +15,7 @@ from damperfit.run.logs import failure_of
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from damperfit.errors import OnError
+    from damperfit.errors import Mishap, OnError
     from damperfit.recording import Trace
     from damperfit.report import Failure
     from damperfit.run.logs import LogBatch
@@ -66,6 +66,10 @@ class Mishaps:
             self._found.append(failure_of(mishap, trace.name, path, trace.setting))
 
         return take
+
+    def add(self, mishap: Mishap) -> None:
+        """Take what a step over all settings has met, which has gone on without it."""
+        self._found.append(failure_of(mishap))
 
     def spared(self, task: str, step: Callable[[], _Result], instead: _Result) -> _Result:
         """Return what a step finds, or what the run goes on with where the step has an error.

@@ -197,6 +197,8 @@ def _run(
     with clock.lap("fit_s"):
         campaign = _identify(configuration, batch.traces, jobs=jobs, watch=watch)
     mishaps = Mishaps(batch)
+    if campaign.mishap is not None:
+        mishaps.add(campaign.mishap)
     bench = Bench(configuration.damper, configuration.identification.solver, watch.cancelled, jobs)
     with clock.lap("judge_s"):
         assessment = assessed(campaign, bench, mishaps)

@@ -182,6 +182,29 @@ def test_a_bug_in_the_joint_fit_of_two_leaves_the_papers_result(
     assert any("needs two settings" in text for text in campaign.warnings)
 
 
+def test_a_bug_in_the_algebra_of_the_joint_fit_leaves_the_papers_results(
+    logs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It belongs to no setting, and used to end the run with code 70."""
+    from damperfit.identification import joint_procedure
+
+    def broken(*_: object) -> object:
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr(joint_procedure, "fit_jointly", broken)
+    campaign = identify(logs, PURDY_DAMPER, FitOptions("joint"))
+    alone = identify(logs, PURDY_DAMPER, FitOptions("paper", free=("r_m1", "r_m2", "k_e")))
+    assert [fit.setting for fit in campaign.fits] == [fit.setting for fit in alone.fits]
+    assert campaign.failures == ()
+    assert campaign.mishap is not None
+    assert campaign.mishap.kind == "InternalError"
+    assert "while fitting the settings together, LinAlgError: Singular matrix" in (
+        campaign.mishap.message
+    )
+    assert any("results of procedure paper" in text for text in campaign.warnings)
+    assert alone.mishap is None
+
+
 def test_a_refining_descent_that_fails_leaves_what_was_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -358,3 +358,21 @@ def test_a_dwell_in_the_only_cycle_is_no_bug(call, samples, tmp_path) -> None:
     verdicts = [log["verdict"] for log in json.loads(ended.out)["logs"]]
     assert verdicts[:3] == ["good"] * 3
     assert verdicts[3] in {"good", "warnings"}
+
+
+def test_a_bug_of_the_joint_fit_is_told_and_leaves_the_results(
+    call, samples, tmp_path, monkeypatch
+):
+    from damperfit.identification import joint_procedure
+
+    def broken(*_):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr(joint_procedure, "fit_jointly", broken)
+    ended = call("identify", *sorted(samples.glob("setting_*.csv")), "--procedure", "joint")
+    assert ended.code == 1
+    assert "internal error while fitting the settings together, LinAlgError" in ended.err
+    assert "Traceback" not in ended.err
+    (failure,) = record_of(tmp_path)["failures"]
+    assert (failure["log"], failure["kind"]) == ("", "InternalError")
+    assert len(pd.read_csv(tmp_path / "results" / "parameters.csv")) == 3
