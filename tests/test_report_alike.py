@@ -121,6 +121,13 @@ def test_kinds_of_refusals_beyond_twenty_are_counted() -> None:
     assert list(finding_lines(logs))[-1] == "  and 5 more kinds; --json tells all"
 
 
+@pytest.mark.parametrize(("n", "end"), [(20, "20.csv"), (21, "5.csv and 16 more")])
+def test_up_to_twenty_logs_with_other_numbers_are_named(n, end) -> None:
+    logs = [refused(k, CAUSES[1]) for k in range(n + 1)]
+    told = " ".join(" ".join(finding_lines(logs)).split())
+    assert told.endswith(f"run_{end}")
+
+
 def test_notes_with_other_numbers_are_one_line() -> None:
     def log(k: int) -> dict:
         notes = [f"temperature: left out; {k} of 500 values are missing", "time in ms"]
@@ -148,6 +155,12 @@ def test_the_table_of_many_logs_has_the_first_that_can_be_used(n, n_rows) -> Non
         return
     assert {row[-1] for row in sheet.rows} == {"good"}
     assert sheet.notes == (f"{n - len(sheet.rows)} of {n} logs have no row here; --json tells all",)
+
+
+@pytest.mark.parametrize(("n", "n_rows"), [(MANY_ROWS, 60), (MANY_ROWS + 1, 5)])
+def test_the_table_of_many_refused_logs_is_short(n, n_rows) -> None:
+    sheet = inspection_sheet({"name": f"{k}.csv", "verdict": "refused"} for k in range(n))
+    assert len(sheet.rows) == n_rows
 
 
 @pytest.mark.parametrize(("n", "is_whole"), [(MANY_ROWS, True), (MANY_ROWS + 1, False)])

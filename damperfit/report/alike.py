@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-__all__ = ["MANY_KINDS", "listed_names", "shape_of", "short_listing", "summarised"]
+__all__ = ["FEW", "MANY_KINDS", "listed_names", "shape_of", "short_listing", "summarised"]
 
 MANY_KINDS = 20  # kinds of sentences that are told
 _SHOWN = 3  # sentences of one kind that are told one by one where there are many
-_FEW = 20  # sentences in all that are told one by one
+FEW = 20  # sentences in all that are told one by one; a damper has some twenty settings
 _NAMES = 5  # names that are listed
 _QUOTED = re.compile(r"'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"")
 _NUMBER = re.compile(r"(?<![^\W_])[+-]?\d[\w.+-]*")
@@ -34,15 +34,15 @@ def shape_of(sentence: str, name: str = "") -> str:
     return _NUMBER.sub("#", _LISTED.sub("''", _QUOTED.sub("''", without)))
 
 
-def listed_names(names: Sequence[str]) -> str:
-    """Return names in a row; of many the first, and how many more.
+def listed_names(names: Sequence[str], *, few: int = _NAMES + 1) -> str:
+    """Return names in a row; of more than a few the first five, and how many more.
 
     Examples
     --------
     >>> listed_names(["a", "b"]), listed_names(list("abcdefg"))
     ('a, b', 'a, b, c, d, e and 2 more')
     """
-    if len(names) <= _NAMES + 1:
+    if len(names) <= few:
         return ", ".join(names)
     return f"{', '.join(names[:_NAMES])} and {len(names) - _NAMES} more"
 
@@ -56,7 +56,7 @@ def summarised(told: Iterable[tuple[str, str]]) -> Iterator[str]:
         Name and whole sentence.
     """
     everything = list(told)
-    if len(everything) <= _FEW:
+    if len(everything) <= FEW:
         yield from (sentence for _, sentence in everything)
         return
     kinds: dict[str, list[tuple[str, str]]] = {}

@@ -8,7 +8,7 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from damperfit.report.alike import MANY_KINDS, listed_names, shape_of
+from damperfit.report.alike import FEW, MANY_KINDS, listed_names, shape_of
 from damperfit.report.rows.rounding import NOTHING, number
 from damperfit.report.rows.sheet import Sheet
 
@@ -21,6 +21,7 @@ VERDICT_COLOURS = {"good": "green", "warnings": "yellow", "curves": "cyan", "ref
 _NOISE_NOTE = "* read above the filter's band; otherwise from the scatter between cycles"
 _WIDTH = 80
 MANY_ROWS = 60  # of a table; two screens
+_ROWS_OF_REFUSED = 5  # where none of many logs can be used
 _EACH = 3  # sentences of one kind of finding that are told one by one
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
 
@@ -59,10 +60,10 @@ def _shown(logs: Sequence[Mapping[str, Any]]) -> tuple[list[Mapping[str, Any]], 
     """Return the logs that have a row: all, or of many the first that can be used."""
     if len(logs) <= MANY_ROWS:
         return list(logs), ()
-    usable = [log for log in logs if log.get("verdict") != "refused"] or list(logs)
-    shown = usable[:MANY_ROWS]
+    usable = [log for log in logs if log.get("verdict") != "refused"]
+    shown = usable[:MANY_ROWS] or logs[:_ROWS_OF_REFUSED]
     left_out = len(logs) - len(shown)
-    return shown, (f"{left_out} of {len(logs)} logs have no row here; --json tells all",)
+    return list(shown), (f"{left_out} of {len(logs)} logs have no row here; --json tells all",)
 
 
 def stretch_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
@@ -175,7 +176,7 @@ def _grouped(told: Mapping[tuple[str, str], list[str]]) -> Iterator[str]:
         sentence, (first, *_) = found[0]
         others = dict.fromkeys(log for _, names in found for log in names)
         del others[first]
-        listed = listed_names(list(others))
+        listed = listed_names(list(others), few=FEW)
         yield f"{first}: {name}: {sentence}. With other numbers in {listed}"
     if len(kinds) > MANY_KINDS:
         yield f"and {len(kinds) - MANY_KINDS} more kinds; --json tells all"
