@@ -27,17 +27,17 @@ class Record:
 
 def record(seconds: float = 78.0) -> Record:
     """A rest, 13 speeds from 0.2 to 10 Hz at 3 to 4 cycles each without a pause, a slow ramp."""
-    frequencies = np.geomspace(0.2, 10.0, 13)
-    cycles = [3 if f < 1.0 else 4 for f in frequencies]
-    pieces = [np.zeros(int(2.0 * RATE))]
-    for f, n in zip(frequencies, cycles, strict=True):
-        amplitude = min(25.0, 1000.0 * 0.4 / (2.0 * np.pi * f))  # mm, at most 0.4 m/s
-        pieces.append(amplitude * np.sin(2.0 * np.pi * f * np.arange(int(n / f * RATE)) / RATE))
-    moved = np.concatenate(pieces)
     n_all = int(seconds * RATE)
-    ramp = np.linspace(0.0, 10.0, max(n_all - len(moved), 0))
-    displacement = np.concatenate([moved, ramp])[:n_all]
     time = np.arange(n_all) / RATE
+    displacement = np.zeros(n_all)
+    end = 2.0  # s, of the rest
+    for f in np.geomspace(0.2, 10.0, 13):
+        amplitude = min(25.0, 1000.0 * 0.4 / (2.0 * np.pi * f))  # mm, at most 0.4 m/s
+        start, end = end, end + (3 if f < 1.0 else 4) / f
+        is_in = (time >= start) & (time < end)
+        displacement[is_in] = amplitude * np.sin(2.0 * np.pi * f * (time[is_in] - start))
+    ramp = time >= end
+    displacement[ramp] = (time[ramp] - end) / 20.0 * 10.0
     v = np.gradient(displacement, time) / 1000.0
     force = 2.0 * v + 0.8 * v * np.abs(v) + 0.03 * np.tanh(v / 0.002) - 0.13
     return Record(time, displacement, force)
