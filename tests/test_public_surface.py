@@ -165,6 +165,7 @@ SURFACE = {
         "judged",
         "opening_force",
         "physics_seen",
+        "rank_rivals",
     ],
     "damperfit.run.law_choice": [
         "LAYOUTS",
@@ -386,6 +387,8 @@ SURFACE = {
         "parameter_sheet",
         "read_back",
         "report_plots",
+        "rival_records",
+        "rival_sheet",
         "short_listing",
         "sparkline",
         "stretch_sheet",

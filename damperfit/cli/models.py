@@ -54,6 +54,12 @@ def models(
             help="Of a damper whose layout is known: twin_tube, monotube, through_flow.",
         ),
     ] = None,
+    rivals: Annotated[
+        bool,
+        typer.Option(
+            "--rivals", help="Rank fourteen models of the literature on the same logs too."
+        ),
+    ] = False,
     setting: SettingOption = None,
     rig_profile: RigProfileOption = None,
     rig: RigOption = None,
@@ -91,6 +97,9 @@ def models(
         jobs=jobs,
         setting=declared_setting(setting),
         on_rung=lambda rung: None if quiet else say(f"damperfit: tried {rung.tried.title}"),
+        on_rival=(lambda one: None if quiet else say(f"damperfit: tried {one.title}"))
+        if rivals
+        else None,
     )
     say_failures(choice.failures, is_debug=debug)
     if json:
@@ -102,7 +111,7 @@ def models(
 
 def _print_document(choice: LawChoice) -> None:
     from damperfit.laws import physics_seen
-    from damperfit.report import chosen_records, ladder_records
+    from damperfit.report import chosen_records, ladder_records, rival_records
 
     print_json(
         {
@@ -115,6 +124,7 @@ def _print_document(choice: LawChoice) -> None:
             "laws": ladder_records(choice.ladder),
             "settings": chosen_records(choice.fits),
             "lost_settings": [one.cell for one in choice.lost],
+            "rivals": rival_records(choice.rivals),
             "sentences": list(physics_seen(choice.fits)),
         }
     )
@@ -122,7 +132,7 @@ def _print_document(choice: LawChoice) -> None:
 
 def _show(choice: LawChoice) -> None:
     from damperfit.laws import physics_seen
-    from damperfit.report import chosen_sheet, ladder_sheet, terminal_table
+    from damperfit.report import chosen_sheet, ladder_sheet, rival_sheet, terminal_table
 
     width = screen_columns()
     print_renderable(terminal_table(ladder_sheet(choice.ladder)))
@@ -132,6 +142,9 @@ def _show(choice: LawChoice) -> None:
                      *physics_seen(choice.fits)))  # fmt: skip
     print_lines(["", *wrap(said, width), ""])
     print_renderable(terminal_table(chosen_sheet(choice.fits)))
+    if choice.rivals:
+        print_lines([""])
+        print_renderable(terminal_table(rival_sheet(choice.rivals)))
     if choice.lost:
         lost = ", ".join(str(one) for one in choice.lost)
         print_lines([f"The chosen law cannot be simulated at setting {lost}."])

@@ -4,6 +4,7 @@ from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_sa
 from damperfit.laws.ladder import Ladder, Rung, climb, in_words
 from damperfit.laws.law_fit import LawFit, SettingLogs, fit_law
 from damperfit.laws.physics import opening_force, physics_seen
+from damperfit.laws.rivalry import rank_rivals
 
 __all__ = [
     "ENOUGH_PERCENT",
@@ -20,4 +21,5 @@ __all__ = [
     "judged",
     "opening_force",
     "physics_seen",
+    "rank_rivals",
 ]

@@ -47,6 +47,8 @@ if TYPE_CHECKING:
         chosen_sheet,
         ladder_records,
         ladder_sheet,
+        rival_records,
+        rival_sheet,
     )
     from damperfit.report.rows.sweep_table import (
         SweepMember,
@@ -88,6 +90,8 @@ __all__ = [
     "parameter_sheet",
     "read_back",
     "report_plots",
+    "rival_records",
+    "rival_sheet",
     "short_listing",
     "sparkline",
     "stretch_sheet",
@@ -117,6 +121,8 @@ _LATE = {
     "html_report": "page.page",
     "ladder_records": "rows.law_table",
     "ladder_sheet": "rows.law_table",
+    "rival_records": "rows.law_table",
+    "rival_sheet": "rows.law_table",
     "read_back": "json_records",
     "report_plots": "plots.report_plots",
     "sweep_plot": "plots.sweep",

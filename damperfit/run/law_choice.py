@@ -11,7 +11,7 @@ import numpy as np
 
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 from damperfit.errors import ConfigurationError, SimulationError
-from damperfit.laws import SettingLogs, climb, fit_law
+from damperfit.laws import SettingLogs, climb, fit_law, rank_rivals
 from damperfit.run.hold_out import named_files, part
 from damperfit.run.logs import available_cores, expand, read_batch
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
     from damperfit.damper.parameters import Damper
-    from damperfit.laws import Ladder, LawFit, Rung
+    from damperfit.laws import Ladder, LawFit, Rung, Tried
     from damperfit.report import Failure
     from damperfit.run.hold_out import Parted
     from damperfit.setting import Setting
@@ -50,6 +50,8 @@ class LawChoice:
         Logs that cannot be used.
     lost : tuple of Setting
         Settings that the chosen law cannot be simulated at.
+    rivals : tuple of Tried
+        Models of the literature at the settings that were compared; empty unless asked for.
     """
 
     ladder: Ladder
@@ -57,9 +59,10 @@ class LawChoice:
     fits: tuple[LawFit, ...]
     failures: tuple[Failure, ...]
     lost: tuple[Setting, ...] = ()
+    rivals: tuple[Tried, ...] = ()
 
 
-def choose_law(
+def choose_law(  # noqa: PLR0913 - what a user may ask of it
     configuration: Configuration,
     logs: Sequence[str],
     *,
@@ -67,6 +70,7 @@ def choose_law(
     jobs: int | None = None,
     setting: Setting | None = None,
     on_rung: Callable[[Rung], None] = lambda _: None,
+    on_rival: Callable[[Tried], None] | None = None,
 ) -> LawChoice:
     """Return the law that logs tell of their damper.
 
@@ -84,6 +88,8 @@ def choose_law(
         Setting of the logs that do not say theirs.
     on_rung : callable
         Called with every law that was judged.
+    on_rival : callable, optional
+        Called with every model of the literature; None: they are not ranked.
 
     Raises
     ------
@@ -125,12 +131,16 @@ def choose_law(
 
     with ThreadPoolExecutor(max_workers=workers) as pool:
         fits = tuple(pool.map(fit, evidence))
+    rivals: tuple[Tried, ...] = ()
+    if on_rival is not None:
+        rivals = rank_rivals(compared, solver=solver, on_rival=on_rival, jobs=workers)
     return LawChoice(
         ladder,
         tuple(one.setting for one in compared),
         tuple(one for one in fits if one is not None),
         batch.failures,
         tuple(e.setting for e, one in zip(evidence, fits, strict=True) if one is None),
+        rivals,
     )
 
 

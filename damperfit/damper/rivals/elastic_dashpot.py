@@ -1,13 +1,13 @@
 """A spring in series with a dashpot: four models of the eighties and nineties.
 
-    f = S(e) + f_f sgn v + f_0,    e' = (v - D^-1(S(e))) s(x)
+    f = S(e) + k x + f_f sgn v + f_0,    e' = (v - D^-1(S(e))) s(x)
 
 S is the spring beyond half the play on either side, D the dashpot of the direction, and s(x) = 1
 but where the spring is oil in two chambers. `core/hysteresis.c` follows e.
 
 karadayi_masada: play, a linear dashpot for each direction. R. Karadayi and G. Y. Masada, "A
     nonlinear shock absorber model", ASME AMD 80 (1986).
-hagedorn_wallaschek: play, a linear and square dashpot for each direction. P. Hagedorn and
+hagedorn_wallaschek: play, a linear and square dashpot for each direction, k beside. P. Hagedorn and
     J. Wallaschek, "On equivalent harmonic and stochastic linearization for nonlinear
     shock-absorbers", IUTAM symposium, Innsbruck 1987.
 besinger_cebon_cole: no play, a dashpot of two slopes for each direction. F. H. Besinger, D. Cebon
@@ -30,7 +30,16 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from damperfit.damper.rivals.following import follow
-from damperfit.damper.rivals.rival import FRICTION, OFFSET, Rival, Seen, Slopes, friction, positive
+from damperfit.damper.rivals.rival import (
+    FRICTION,
+    OFFSET,
+    Rival,
+    Seen,
+    Slopes,
+    friction,
+    positive,
+    signed,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -43,6 +52,8 @@ __all__ = ["BesingerCebonCole", "HagedornWallaschek", "KaradayiMasada", "SuraceW
 
 _STIFFNESS = positive("k_s", "k_s", "stiffness in series with the dashpot", "N/m", (1e2, 1e10))
 _PLAY = positive("play", "play", "play of the joints", "m", (1e-7, 1e-1))
+_SPRING = signed("k", "k", "stiffness of the gas beside", "N/m", 1e3)
+_BESIDE = {"k", "f_f", "f_0"}  # the spring in series
 _WAYS = (("r", "rebound"), ("b", "bump"))
 
 
@@ -60,7 +71,7 @@ class _ElasticDashpot(Rival):
 
     def law(self, y: Values, motion: Motion, options: SolverOptions) -> tuple[FloatArray, Slopes]:
         """Return the spring's force with friction and offset."""
-        names = [one.name for one in self.quantities if one.name not in {"f_f", "f_0"}]
+        names = [one.name for one in self.quantities if one.name not in _BESIDE]
         place = {"": -1} | {name: k for k, name in enumerate(names)}
         layout = [place[name] for name in self.spring]
         for is_rebound, *own in self.ways:
@@ -72,6 +83,9 @@ class _ElasticDashpot(Rival):
         if "f_f" in self.names:
             slopes["f_f"] = friction(motion, options)
             force = force + y.f_f * slopes["f_f"]
+        if "k" in self.names:
+            slopes["k"] = motion.displacement
+            force = force + y.k * motion.displacement
         return force, slopes
 
     @abstractmethod
@@ -88,6 +102,7 @@ class _ElasticDashpot(Rival):
                 "k_s": peak / (give * stroke),
                 "play": 0.2 * give * stroke,
                 "half_length": 3.0 * stroke,
+                "k": 0.0,
                 "f_f": 0.02 * (seen.rebound + seen.bump),
                 "f_0": seen.middle,
             }
@@ -140,7 +155,7 @@ class KaradayiMasada(_ElasticDashpot):
 
 @dataclass(frozen=True)
 class HagedornWallaschek(_ElasticDashpot):
-    """The same with a square term for each direction, and friction beside: nine with the offset."""
+    """The same with a square term for each direction, friction and a spring beside: nine."""
 
     name: ClassVar[str] = "hagedorn_wallaschek"
     title: ClassVar[str] = "Hagedorn-Wallaschek"
@@ -153,8 +168,8 @@ class HagedornWallaschek(_ElasticDashpot):
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
-        """Return k_s, play, c and q of both directions, friction and f_0."""
-        return (_STIFFNESS, _PLAY, *_dampings(""), *_squares(), FRICTION, OFFSET)
+        """Return k_s, play, c and q of both directions, k, friction and f_0."""
+        return (_STIFFNESS, _PLAY, *_dampings(""), *_squares(), _SPRING, FRICTION, OFFSET)
 
     def dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:
         """Return dampings that share the peak force."""
@@ -164,7 +179,7 @@ class HagedornWallaschek(_ElasticDashpot):
 
 @dataclass(frozen=True)
 class BesingerCebonCole(_ElasticDashpot):
-    """Spring and a dashpot of two slopes for each direction, with friction: seven and friction."""
+    """Spring, a dashpot of two slopes and a knee for each direction: seven, and friction."""
 
     name: ClassVar[str] = "besinger_cebon_cole"
     title: ClassVar[str] = "Besinger-Cebon-Cole"

@@ -5,15 +5,23 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from damperfit.damper.rivals import Rival
 from damperfit.report.rows.rounding import number
 from damperfit.report.rows.sheet import Sheet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from damperfit.laws import Ladder, LawFit
+    from damperfit.laws import Ladder, LawFit, Tried
 
-__all__ = ["chosen_records", "chosen_sheet", "ladder_records", "ladder_sheet"]
+__all__ = [
+    "chosen_records",
+    "chosen_sheet",
+    "ladder_records",
+    "ladder_sheet",
+    "rival_records",
+    "rival_sheet",
+]
 
 
 def ladder_sheet(ladder: Ladder) -> Sheet:
@@ -51,6 +59,53 @@ def ladder_records(ladder: Ladder) -> list[dict[str, Any]]:
         }
         for rung in ladder.rungs
     ]
+
+
+def rival_sheet(rivals: Sequence[Tried]) -> Sheet:
+    """Return one row a model of the literature, the best prediction first."""
+    return Sheet(
+        headings=("model of the literature", "source", "free", "MSE", "held out"),
+        units=("", "", "", "%", "%"),
+        rows=tuple(
+            (
+                one.title,
+                _source(one),
+                str(one.n_quantities),
+                _percent(one.mse_percent),
+                _percent(one.held_out_percent),
+            )
+            for one in rivals
+        ),
+        is_number=(False, False, True, True, True),
+        notes=("Some equations are those of later texts, not of the original; --json says which.",),
+    )
+
+
+def rival_records(rivals: Sequence[Tried]) -> list[dict[str, Any]]:
+    """Return the same as numbers, for JSON."""
+    return [
+        {
+            "title": one.title,
+            "model": one.fits[0].model.name,
+            "source": _source(one),
+            "caveat": _caveat(one),
+            "free": list(one.fits[0].free),
+            "at_bound": list(one.at_bound),
+            "mse_percent": one.mse_percent,
+            "held_out_mse_percent": _finite(one.held_out_percent),
+        }
+        for one in rivals
+    ]
+
+
+def _source(one: Tried) -> str:
+    model = one.fits[0].model
+    return model.source if isinstance(model, Rival) else ""
+
+
+def _caveat(one: Tried) -> str:
+    model = one.fits[0].model
+    return model.caveat if isinstance(model, Rival) else ""
 
 
 def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:

@@ -1,0 +1,96 @@
+"""Models of the literature fitted to logs of their own, and ranked by what they predict."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from damperfit.conditioning import condition
+from damperfit.damper.rivals import RIVALS, RestoringForceSurface, Rival
+from damperfit.laws import SettingLogs, Tried, fit_law, rank_rivals
+from damperfit.recording import Recording, Trace
+from damperfit.setting import Setting
+from damperfit.simulation import Motion, simulate
+from tests.damper.test_rivals import values_of
+from tests.laws.valve_logs import VALUES, damper, moved
+
+SETTING = Setting.of(3)
+FITTED, CHECK = moved((0.06, 0.24)), moved((0.17,), amplitude=0.012)
+
+
+def logged(motion: Motion, force: np.ndarray, seed: int) -> Trace:
+    """A log with 1.5 N and 3 um of noise, conditioned."""
+    noise = np.random.default_rng(seed)
+    n = len(force)
+    return condition(
+        Recording(
+            name=f"{seed}.csv",
+            path=f"{seed}.csv",
+            sha256="",
+            setting=SETTING,
+            time=motion.interval * np.arange(n),
+            displacement=motion.displacement + noise.normal(0.0, 3e-6, n),
+            force=force + noise.normal(0.0, 1.5, n),
+        )
+    )
+
+
+@pytest.mark.parametrize("kind", RIVALS, ids=lambda one: one.name)
+def test_a_log_of_its_own_is_fitted_down_to_the_noise(kind: type[Rival]) -> None:
+    model = RestoringForceSurface(0.02, 0.3) if kind is RestoringForceSurface else kind()
+    values = values_of(model)
+    fitted, check = (
+        logged(motion, simulate(values, model, motion).force, seed)
+        for seed, motion in ((1, FITTED), (2, CHECK))
+    )
+    found = fit_law(model, SettingLogs(SETTING, (fitted,), (check,)))
+    deviation = float(np.std(fitted.force[fitted.compared]))
+    floor = 100.0 * (1.5 / deviation) ** 2
+    assert found.mse_percent < 0.02 + floor
+    if kind is not RestoringForceSurface:  # two speeds do not tell 28 coefficients off their loops
+        assert found.held_out_percent < 0.1 + 10.0 * floor
+
+
+@pytest.fixture(scope="module")
+def logs() -> SettingLogs:
+    """A damper with valves, and another speed and stroke held out."""
+    model = damper(has_play_and_lag=False)
+    numbers = {name: number for name, number in VALUES.items() if name not in {"play", "lag"}}
+    values = model.values(numbers)
+    fitted, check = (
+        logged(motion, simulate(values, model, motion).force, seed)
+        for seed, motion in ((1, FITTED), (2, CHECK))
+    )
+    return SettingLogs(SETTING, (fitted,), (check,))
+
+
+@pytest.fixture(scope="module")
+def ranked(logs: SettingLogs) -> tuple[Tried, ...]:
+    return rank_rivals([logs])
+
+
+def test_a_valve_damper_ranks_them_by_what_they_predict(ranked: tuple[Tried, ...]) -> None:
+    assert {one.title for one in ranked} == {kind.title for kind in RIVALS}
+    held = [one.held_out_percent for one in ranked]
+    assert held == sorted(held)
+    by_name = {one.fits[0].model.name: one for one in ranked}
+    # Two slopes and a spring are nearest to a bleed, a blow-off and an elastic mounting.
+    assert ranked[0] is by_name["besinger_cebon_cole"]
+    assert by_name["linear"].mse_percent > by_name["four_slopes"].mse_percent
+    surface = by_name["restoring_force_surface"]
+    assert surface.mse_percent < by_name["polynomial_xv"].mse_percent
+    assert surface.held_out_percent > surface.mse_percent
+
+
+def test_without_a_prediction_the_fit_ranks(logs: SettingLogs, ranked: tuple[Tried, ...]) -> None:
+    seen: list[Tried] = []
+    alone = [SettingLogs(SETTING, logs.fitted)]
+    again = rank_rivals(alone, jobs=2, on_rival=seen.append)
+    assert len(seen) == len(RIVALS)
+    assert all(math.isnan(one.held_out_percent) for one in again)
+    fits = [one.mse_percent for one in again]
+    assert fits == sorted(fits)
+    # What was held out took no part in the fit, and neither did the number of workers.
+    assert {one.fits[0].values for one in again} == {one.fits[0].values for one in ranked}
