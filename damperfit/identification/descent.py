@@ -367,7 +367,8 @@ def _evaluate(
         rows = apply_filter(trace.model_filter, rows)[:, trace.compared]
         rows[0] -= trace.force[trace.compared]
         parts.append(rows * (scale if weight is None else scale * weight))
-        is_cavitating |= bool((response.pressures[:2, trace.compared] <= 0.0).any())
+        is_empty = (response.pressures[:2, trace.compared] <= 0.0).any(axis=0)
+        is_cavitating |= bool((is_empty if weight is None else is_empty & (weight > 0.0)).any())
     whole = parts[0] if len(parts) == 1 else np.hstack(parts)
     return whole[0], whole[1:].T, is_cavitating
 

@@ -211,10 +211,11 @@ def _independent_phases(folded: FloatArray) -> float:
 
 
 def _parts(evidence: Evidence) -> Iterator[tuple[Stretch, float, FloatArray]]:
-    """Yield every stretch of every log with its sample interval, s, and its residuals."""
+    """Yield each stretch with its sample interval, s, and its residuals, 0 where none counts."""
     for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True):
         for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
-            yield stretch, log.trace.interval, seen.residuals[place]
+            residuals = np.where(seen.weights[place] > 0.0, seen.residuals[place], 0.0)
+            yield stretch, log.trace.interval, residuals
 
 
 def scatter_between_cycles(residuals: FloatArray, stretch: Stretch) -> float:
