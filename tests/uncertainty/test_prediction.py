@@ -13,7 +13,14 @@ from damperfit.damper.reference import reference_parameters
 from damperfit.errors import LogError
 from damperfit.identification import identify
 from damperfit.recording import Trace
-from damperfit.uncertainty import Assessment, Prediction, assess, predict, split_cycles
+from damperfit.uncertainty import (
+    Assessment,
+    Prediction,
+    assess,
+    predict,
+    prediction_warnings,
+    split_cycles,
+)
 from tests.identification.rig import recording
 
 SETTINGS = (1, 10, 20)
@@ -126,6 +133,32 @@ def test_nearly_ten_times_is_not_said_to_be_ten() -> None:
     fitted = log(10, seed=1)
     (one,) = predicted([fitted], [log(10, seed=2)])
     nearly = replace(one, mse_percent=9.96 * one.expected_mse_percent)
-    assert nearly.verdict == "worse than fitted: 9.9 times the MSE to expect"
+    assert nearly.verdict.startswith("worse than fitted: 9.9 times the MSE to expect")
     beyond = replace(one, mse_percent=12.0 * one.expected_mse_percent)
-    assert beyond.verdict == "not predicted: 12 times the MSE to expect"
+    assert beyond.verdict.startswith("not predicted: 12 times the MSE to expect")
+
+
+def test_the_stroke_and_speed_that_were_fitted_are_no_test_of_the_model() -> None:
+    (seen,) = (log(10, seed=1),)
+    campaign = identify([seen], PURDY_DAMPER)
+
+    def told(stroke: float, speed: float, **changes: object) -> Prediction:
+        (one,) = seen.stretches
+        amplitude, peak = stroke * one.amplitude, speed * one.peak_speed
+        other = replace(one, amplitude=amplitude, peak_speed=peak, **changes)
+        held = replace(seen, name="other", stretches=(other,))
+        return predict(campaign, Assessment(), [held], damper=PURDY_DAMPER)[0]
+
+    for same in (told(1.049, 1.0), told(1.0, 0.951)):
+        assert same.is_same_motion
+        assert same.verdict == (
+            "predicted as well as fitted; of the stroke and speed that were fitted: no test of "
+            "the model"
+        )
+    for other in (told(1.051, 1.0), told(1.0, 0.949), told(1.0, 1.0, cycle_starts=np.empty(0))):
+        assert not other.is_same_motion
+        assert other.verdict == "predicted as well as fitted"
+    drifts = replace(told(1.0, 1.0), mse_percent=100.0)
+    assert "the rig or the damper drifts" in prediction_warnings([drifts])[0]
+    fails = replace(drifts, is_same_motion=False)
+    assert "not for the damper" in prediction_warnings([fails])[0]
