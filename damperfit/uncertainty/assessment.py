@@ -34,7 +34,7 @@ from damperfit.uncertainty.profiles import (
     is_doubtful,
     lines_of,
 )
-from damperfit.uncertainty.residuals import Diagnosis, diagnose
+from damperfit.uncertainty.residuals import Diagnosis, diagnose, reconciled
 from damperfit.uncertainty.verdicts import doubts, untold, verdicts
 
 if TYPE_CHECKING:
@@ -237,7 +237,7 @@ def assess(
         profiles = tuple(p for several in pool.map(doubtful, pairs) for p in several)
     return Assessment(
         uncertainties=known,
-        diagnoses=tuple(diagnoses),
+        diagnoses=reconciled(diagnoses),
         profiles=profiles,
         gas=gas_content(evidence, campaign.sharing),
     )

@@ -8,6 +8,7 @@ explains is what a refit with that flaw in the model would gain.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,6 +33,30 @@ _NAMED = 0.5
 # Signatures within this factor of the best cannot be told from it: an offset of the force explains
 # 0.94 of a wrong gas pressure, which in turn explains 1.1 times what the offset itself does.
 _TIE = 0.85
+# Amounts beyond these are no cause that a rig has, whatever their signature explains: it stands for
+# a law that the model lacks. Of forces: shares of half the force's range.
+_LARGEST: Mapping[str, float] = MappingProxyType(
+    {
+        "delay": 25.0,  # ms; force channels are 8 to 14 ms late at worst
+        "gas_pressure": 100.0,  # %; at -100 % there is no gas
+        "gas_exponent": 50.0,  # %; from 1.0 to 1.67 is all there is
+        "compressibility": 300.0,  # %; oil with gas in it stiffens by its pressure
+    }
+)
+_LARGEST_FORCE = 1.0
+_LARGEST_OF_HELD = 1000.0  # %; ten times what it is held at
+# None of these is the cause where a damper yields before it slides: all of them shape the reversal.
+_OF_VALVES = frozenset(
+    {
+        "delay",
+        "gas_pressure",
+        "gas_exponent",
+        "gas_volume",
+        "compressibility",
+        "valve_law_rebound",
+        "valve_law_bump",
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +166,11 @@ def _signatures(trace: Trace, seen: LogEvidence, evidence: Evidence) -> dict[str
 
 
 def seek_flaws(
-    evidence: Evidence, repeats: float, *, doubted: tuple[str, ...] = ()
+    evidence: Evidence,
+    repeats: float,
+    *,
+    doubted: tuple[str, ...] = (),
+    has_yielded: bool = False,
 ) -> tuple[Hint, ...]:
     """Return the flaws that explain what repeats in the residuals, best first.
 
@@ -156,6 +185,8 @@ def seek_flaws(
         Mean square of the repeating misfit, N^2.
     doubted : tuple of str
         Shared parameters of which one value for all settings is known not to hold.
+    has_yielded : bool
+        The damper yields before it slides: nothing of valves, oil or gas is named.
     """
     residuals = np.concatenate([seen.residuals for seen in evidence.logs])
     doubted = tuple(name for name in doubted if evidence.fit.status[name] == Status.SHARED)
@@ -178,6 +209,8 @@ def seek_flaws(
     # Values that the other settings hold back absorb nothing of what one setting lacks.
     own = _absorbed(evidence, {Status.FITTED, Status.NOT_IDENTIFIABLE}) if doubted else absorbed
     found = []
+    half_range = 0.5 * float(np.ptp(np.concatenate([seen.force for seen in evidence.logs])))
+    unlikely = _OF_VALVES if has_yielded else frozenset()
     for name, candidates in columns.items():
         basis = own if name in doubted else absorbed
         share, amount = max(gain(column, basis, residuals) for column in candidates)
@@ -187,7 +220,22 @@ def seek_flaws(
     found.sort(key=lambda hint: -hint.share)
     if found[0].share < _NAMED:
         return ()
-    return tuple(hint for hint in found if hint.share >= _TIE * found[0].share)
+    # What stands far behind a best one that is beyond reason leaves most of the misfit unexplained.
+    bar = max(_TIE * found[0].share, _NAMED)
+    return tuple(
+        hint
+        for hint in found
+        if hint.share >= bar and hint.name not in unlikely and _is_reasonable(hint, half_range)
+    )
+
+
+def _is_reasonable(hint: Hint, half_range: float) -> bool:
+    """Whether a rig or damper can be wrong by so much; the half range is the force's, N."""
+    if hint.name in _LARGEST:
+        largest = _LARGEST[hint.name]
+    else:
+        largest = _LARGEST_FORCE * half_range if hint.name in _FLAWS else _LARGEST_OF_HELD
+    return abs(hint.amount) <= largest
 
 
 def _held(evidence: Evidence) -> tuple[str, ...]:

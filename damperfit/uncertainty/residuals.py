@@ -12,16 +12,17 @@ What the model lacks is then sought in `damperfit.uncertainty.flaws`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.uncertainty.correlated_noise import autocorrelation
 from damperfit.uncertainty.flaws import Hint, seek_flaws
+from damperfit.uncertainty.yielding import YIELDS, held_share
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from numpy.typing import NDArray
 
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Diagnosis", "diagnose", "scatter_between_cycles"]
+__all__ = ["Diagnosis", "diagnose", "reconciled", "scatter_between_cycles"]
 
 # The repeating power of pure noise over its scatter is F-distributed; beyond the bar once in as
 # many settings.
@@ -40,6 +41,14 @@ _CHANCE = 1e-6
 _MUCH = 4.0
 # Below this share of the force's variance, 0.1 N of 300 N, the integrator's error repeats too.
 _NEGLIGIBLE = 1e-7
+# Noise of the displacement is looked at first where noise makes this much of the misfit.
+_NOISE_COUNTS = 1.0 / 3.0
+# Delay and skew of a log that differ by less, ms, or by less than half, are one.
+_SKEW_AGREES = 1.0
+# What all settings have in common: the rig's timing and the damper's gas. Of opposite amounts those
+# stand that are so many times as frequent.
+_IN_COMMON = ("delay", "gas_pressure", "gas_exponent", "gas_volume")
+_MOST = 3
 # Warnings on a log that leave a misfit in every cycle, in the order to look at them: no tare can be
 # told before the signs are right.
 _FAULTS_OF_LOGS = (
@@ -79,6 +88,9 @@ class Diagnosis:
         What may be missing, best first; empty where nothing repeats or nothing explains it.
     sentence : str
         For people.
+    held_share : float
+        Share of the force's range left at a tenth of the speed while slowing down; NaN where
+        nothing repeats. A damper that yields before it slides holds `YIELDS` or more.
     """
 
     setting: Setting
@@ -89,6 +101,17 @@ class Diagnosis:
     runs_ratio: float
     hints: tuple[Hint, ...]
     sentence: str
+    held_share: float = math.nan
+
+    @property
+    def repeating_percent(self) -> float:
+        """The part of the MSE that repeats with the cycle; NaN for a single cycle."""
+        return max(self.mse_percent - self.noise_percent, 0.0)
+
+    @property
+    def has_yielded(self) -> bool:
+        """Whether the damper yields before it slides."""
+        return self.held_share >= YIELDS
 
 
 def diagnose(evidence: Evidence, *, doubted: tuple[str, ...] = ()) -> Diagnosis:
@@ -105,9 +128,17 @@ def diagnose(evidence: Evidence, *, doubted: tuple[str, ...] = ()) -> Diagnosis:
     repeats, noise, ratio, bar = _split(evidence)
     variance = np.var(np.concatenate([log.trace.force[log.trace.compared] for log in fit.logs]))
     is_structured = bool(ratio > bar and repeats > _NEGLIGIBLE * variance)
-    hints = seek_flaws(evidence, repeats, doubted=doubted) if is_structured else ()
+    held = [held_share(log.trace) for log in fit.logs]
+    known = [share for share in held if math.isfinite(share)]
+    share = float(np.median(known)) if known else math.nan
+    hints = (
+        seek_flaws(evidence, repeats, doubted=doubted, has_yielded=share >= YIELDS)
+        if is_structured
+        else ()
+    )
+    hints = tuple(one for one in hints if one.name != "delay" or _fits_skew(evidence, one.amount))
     noise_percent = float(min(100.0 * noise / variance, fit.mse_percent))
-    return Diagnosis(
+    found = Diagnosis(
         setting=fit.setting,
         mse_percent=fit.mse_percent,
         noise_percent=noise_percent,
@@ -115,30 +146,84 @@ def diagnose(evidence: Evidence, *, doubted: tuple[str, ...] = ()) -> Diagnosis:
         correlation=_correlation(evidence),
         runs_ratio=_runs_ratio(evidence),
         hints=hints,
-        sentence=_sentence(fit.mse_percent, noise_percent, hints, is_structured=is_structured)
-        + (_warned(evidence) if is_structured else ""),
+        sentence="",
+        held_share=share,
     )
+    return replace(found, sentence=_sentence(found) + _warned(evidence, found))
 
 
-def _warned(evidence: Evidence) -> str:
+def _fits_skew(evidence: Evidence, delay: float) -> bool:
+    """Whether a delay, ms, is none that the logs' own skew contradicts."""
+    for log in evidence.fit.logs:
+        for one in log.trace.findings:
+            if one.name == "skew" and one.value is not None:
+                left = 0.0 if one.is_correction else 1e3 * one.value
+                if abs(delay - left) > max(_SKEW_AGREES, 0.5 * abs(delay)):
+                    return False
+    return True
+
+
+def reconciled(diagnoses: Iterable[Diagnosis]) -> tuple[Diagnosis, ...]:
+    """Return the diagnoses of a run without causes that contradict each other.
+
+    The rig's delay and the damper's gas are one for all settings: where a few settings want the
+    opposite of what most want, theirs is none, and where opinions are divided, nobody's is.
+
+    Parameters
+    ----------
+    diagnoses : iterable of Diagnosis
+        Of all settings of a run.
+    """
+    told = tuple(diagnoses)
+    for name in _IN_COMMON:
+        signs = [h.amount > 0.0 for one in told for h in one.hints if h.name == name]
+        few, many = sorted((signs.count(True), signs.count(False)))
+        if few:
+            kept = None if many < _MOST * few else signs.count(True) > signs.count(False)
+            told = tuple(_without(one, name, kept=kept) for one in told)
+    return told
+
+
+def _without(told: Diagnosis, name: str, *, kept: bool | None) -> Diagnosis:
+    """Return a diagnosis without a hint, unless that has the sign that is kept."""
+    hints = tuple(h for h in told.hints if h.name != name or (h.amount > 0.0) is kept)
+    if hints == told.hints:
+        return told
+    pointer = told.sentence[len(_sentence(told)) :]
+    left = replace(told, hints=hints)
+    return replace(left, sentence=_sentence(left) + pointer)
+
+
+def _warned(evidence: Evidence, told: Diagnosis) -> str:
     """Point to the warnings on these logs that may be the cause."""
+    if not told.is_structured:
+        return ""
+    is_noisy = told.noise_percent >= _NOISE_COUNTS * told.mse_percent
     found = [
         f"{one.name} of {log.trace.name}"
         for fault in _FAULTS_OF_LOGS
         for log in evidence.fit.logs
         for one in log.trace.findings
         if one.severity == "warning" and one.name.endswith(fault)
+        if is_noisy or fault != "displacement_noise"
     ]
     more = f" and {len(found) - 1} more" if len(found) > 1 else ""
     return f"; first look at the warning {found[0]}{more}" if found else ""
 
 
-def _sentence(mse: float, noise: float, hints: tuple[Hint, ...], *, is_structured: bool) -> str:
+def _sentence(told: Diagnosis) -> str:
+    mse, noise, hints = told.mse_percent, told.noise_percent, told.hints
     if math.isnan(noise):
         return f"MSE {mse:.2g} %; a single cycle does not tell noise from lack of fit"
     said = f"MSE {mse:.2g} %, of which {noise:.2g} % is noise"
-    if not is_structured:
+    if not told.is_structured:
         return f"{said}: nothing repeats that the model lacks"
+    if told.has_yielded and not hints:
+        return (
+            f"{said}: the damper holds {100.0 * told.held_share:.0f} % of its force down to a "
+            "tenth of its speed: it yields before it slides, as a preloaded valve, dry friction or "
+            "a magneto-rheological fluid does, and the model misses that"
+        )
     if not hints:
         return f"{said}: the model is missing something that no known flaw explains"
     named = " or ".join(hint.words for hint in hints)

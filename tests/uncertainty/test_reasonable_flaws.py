@@ -1,0 +1,132 @@
+"""No flaw beyond reason, none of valves where nothing flows, none that contradicts another."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from damperfit.conditioning import condition
+from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.identification import FitOptions, identify
+from damperfit.recording import Finding, Recording
+from damperfit.uncertainty import Assessment, assess
+from damperfit.uncertainty.flaws import Hint, _is_reasonable
+from damperfit.uncertainty.residuals import Diagnosis, _fits_skew, _warned, reconciled
+from damperfit.uncertainty.yielding import YIELDS, held_share
+from tests.identification.rig import recording
+
+PLAIN = FitOptions("plain", ("r_m1", "r_m2", "k_e", "f_f"), {"r_m3": 2.597e6})
+
+
+def hint(name: str, amount: float, share: float = 0.9) -> Hint:
+    return Hint(name, "", share, amount, f"{name} {amount:g}")
+
+
+@pytest.mark.parametrize(
+    ("name", "largest"),
+    [
+        ("delay", 25.0),
+        ("gas_pressure", 100.0),
+        ("gas_exponent", 50.0),
+        ("compressibility", 300.0),
+        ("offset", 700.0),
+        ("gas_volume", 700.0),
+        ("friction_with_speed", 700.0),
+        ("valve_law_rebound", 700.0),
+        ("valve_law_bump", 700.0),
+        ("r_m3", 1000.0),
+    ],
+)
+def test_an_amount_beyond_reason_is_no_cause(name: str, largest: float) -> None:
+    half_range = 700.0
+    for sign in (1.0, -1.0):
+        assert _is_reasonable(hint(name, sign * largest), half_range)
+        assert not _is_reasonable(hint(name, sign * 1.001 * largest), half_range)
+
+
+def yielding(hold: float, noise: float = 2.0) -> Recording:
+    """A log of what slides at 600 N once it has given by 1 mm, over a little of the speed."""
+    log = recording(5, noise=noise, duration=6.0)
+    angle = 2.0 * np.pi * 1.5 * log.time
+    columns = np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    a, b = np.linalg.lstsq(columns, log.displacement, rcond=None)[0]
+    x = columns @ (a, b)
+    v = 2.0 * np.pi * 1.5 * (a * np.cos(angle) - b * np.sin(angle))
+    held, state = np.empty(len(x)), 0.0
+    for k, step in enumerate(np.diff(x, prepend=x[0])):
+        state = float(np.clip(state + step / 1e-3, -1.0, 1.0))
+        held[k] = state
+    rest = log.force.mean()
+    return replace(log, force=600.0 * (hold * held + (1.0 - hold) * v / 0.3) + rest)
+
+
+def test_a_damper_that_yields_is_said_to_and_no_valve_is_blamed() -> None:
+    seen = condition(yielding(0.8))
+    assert held_share(seen) > 0.6
+    (one,) = assess(identify([seen], PURDY_DAMPER, PLAIN), PURDY_DAMPER).diagnoses
+    assert one.is_structured
+    assert one.has_yielded
+    assert not {"delay", "compressibility", "gas_pressure"} & {h.name for h in one.hints}
+    assert "it yields before it slides" in one.sentence
+
+
+def test_from_which_share_on_it_yields() -> None:
+    below = held_share(condition(yielding(0.30, noise=0.0)))
+    above = held_share(condition(yielding(0.37, noise=0.0)))
+    assert YIELDS - 0.08 < below < YIELDS <= above < YIELDS + 0.08
+    assert held_share(condition(recording(1, duration=6.0))) < 0.2
+    assert math.isnan(held_share(SimpleNamespace(stretches=())))
+
+
+def diagnosis(setting: int, *hints: Hint, **changes: object) -> Diagnosis:
+    told = Diagnosis(setting, 1.0, 0.1, True, 0.9, 0.3, hints, "")
+    return replace(told, **changes)
+
+
+def test_causes_of_one_run_do_not_contradict_each_other() -> None:
+    late, early = hint("delay", 3.0), hint("delay", -2.0)
+    valve = hint("valve_law_bump", 50.0)
+    divided = reconciled([diagnosis(1, late), diagnosis(2, late), diagnosis(3, early, valve)])
+    assert [one.hints for one in divided] == [(), (), (valve,)]
+    assert "no known flaw explains" in divided[0].sentence
+    assert "as from valve_law_bump 50" in divided[2].sentence
+    most = reconciled([*(diagnosis(k, late) for k in (1, 2, 3)), diagnosis(4, early)])
+    assert [one.hints for one in most] == [(late,)] * 3 + [()]
+    # What each setting may have for itself stands in any sign.
+    own = (diagnosis(1, valve), diagnosis(2, hint("valve_law_bump", -50.0)))
+    assert reconciled(own) == own
+
+
+def evidence(*findings: Finding) -> SimpleNamespace:
+    log = SimpleNamespace(trace=SimpleNamespace(name="a.csv", findings=findings))
+    return SimpleNamespace(fit=SimpleNamespace(logs=(log,)))
+
+
+def test_a_delay_does_not_contradict_the_skew_found_in_the_log() -> None:
+    together = evidence(Finding("skew", "note", "", 0.2e-3, "s"))
+    assert _fits_skew(together, 1.19)
+    assert not _fits_skew(together, 1.21)
+    late = evidence(Finding("skew", "warning", "", 4e-3, "s"))
+    assert _fits_skew(late, 7.9)
+    assert not _fits_skew(late, 8.1)
+    taken_back = evidence(Finding("skew", "note", "", 4e-3, "s", is_correction=True))
+    assert not _fits_skew(taken_back, 4.0)
+    assert _fits_skew(evidence(Finding("skew", "note", "cannot be told", None, "s")), 20.0)
+
+
+def test_noise_of_the_displacement_is_blamed_where_it_makes_a_third() -> None:
+    noisy = evidence(Finding("displacement_noise", "warning", "noise"))
+    third = diagnosis(1, noise_percent=0.334)
+    assert "first look at the warning displacement_noise" in _warned(noisy, third)
+    assert _warned(noisy, diagnosis(1, noise_percent=0.332)) == ""
+    other = evidence(Finding("force_clipping", "warning", "clipped"))
+    assert "force_clipping" in _warned(other, diagnosis(1, noise_percent=0.01))
+    assert _warned(other, diagnosis(1, is_structured=False)) == ""
+
+
+def test_an_assessment_without_settings_has_nothing_to_reconcile() -> None:
+    assert reconciled(Assessment().diagnoses) == ()
