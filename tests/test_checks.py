@@ -18,11 +18,12 @@ from damperfit.checks import (
     missed_gates,
     run_checks,
 )
+from damperfit.damper.model import Quantity, values_type
 from damperfit.damper.parameters import DAMPER_RANGES
 from damperfit.errors import ConfigurationError
-from damperfit.identification import LogFit, Outcome
+from damperfit.identification import LogFit, Outcome, Status
 from damperfit.recording import Finding
-from damperfit.uncertainty import Assessment, Diagnosis
+from damperfit.uncertainty import Assessment, Diagnosis, Objection
 from tests.fakes import campaign, fit, trace
 
 
@@ -40,17 +41,28 @@ def click(change=50.0, reach=1.0, **more):
     return replace(plain, **more)
 
 
-def subject(*fits, diagnoses=None, trends=None, clicks=None, **more):
+def subject(*fits, diagnoses=None, trends=None, clicks=None, objections=None, **more):
     trends = (trend(),) if trends is None else trends
     clicks = (click(),) if clicks is None else clicks
     fits = fits or (fit(1), fit(2))
     assessed = [diagnosis(one.setting) for one in fits] if diagnoses is None else diagnoses
     return Subject(
         campaign(*fits),
-        Assessment(diagnoses=tuple(assessed)),
+        Assessment(diagnoses=tuple(assessed), objections=objections or {}),
         Adjustment(trends=tuple(trends), clicks=tuple(clicks)),
         **more,
     )
+
+
+SOFT = (Objection("beyond", "k_e", "K_e is no oil's"),)
+
+
+def elastic(setting, status=Status.FITTED, k_s=5e5):
+    """A fit of a model whose mounting gives."""
+    one = fit(setting)
+    spring = Quantity("k_s", "k_s", "", "", "N/m", (1e3, 1e10))
+    values = values_type((*one.parameters.quantities, spring))(*one.parameters.numbers, k_s)
+    return replace(one, parameters=values, status={**one.status, "k_s": status})
 
 
 def result(name, seen) -> Check:
@@ -112,7 +124,35 @@ FAILING = {
     "no_log_warnings": (subject(with_trace(3, findings=(FINDING, NOTE))), "clipping at setting 3"),
     "damper_declared": (subject(undeclared=("gas_length",)), "but not gas_length: there the paper"),
 }
+FAILING |= {
+    "every_grade_stands": (
+        subject(objections={2: (Objection("misfit", "", "much repeats"),)}),
+        "grades are withheld at setting 2; setting 2: much repeats",
+    ),
+    "bulk_modulus_of_oil": (
+        subject(objections={1: SOFT, 2: SOFT}),
+        "at settings 1, 2: setting 1: K_e is no oil's",
+    ),
+    "offset_as_in_log": (
+        subject(objections={2: (Objection("offset", "f_0", "f_0 is elsewhere"),)}),
+        "setting 2: f_0 is elsewhere",
+    ),
+    "friction_within_jump": (
+        subject(objections={1: (Objection("friction", "f_f", "f_f jumps"),)}),
+        "setting 1: f_f jumps",
+    ),
+    "series_stiffness_found": (
+        subject(elastic(1), elastic(2, Status.AT_BOUND)),
+        "k_s is not told by the logs at setting 2",
+    ),
+}
 UNSEEN = {
+    "bulk_modulus_of_oil": (
+        subject(fit(1, status={"k_e": "fixed"})),
+        "not evaluated: no log told k_e",
+    ),
+    "friction_within_jump": (subject(elastic(1)), "not evaluated: the mounting gives"),
+    "series_stiffness_found": (subject(), "not evaluated: the model has no elasticity in series"),
     "residuals_white": (subject(diagnoses=[diagnosis(1, noise=np.nan)]), "at setting 1"),
     "noise_floor_explained": (subject(diagnoses=[diagnosis(1, noise=np.nan)]), "at setting 1"),
     "trend_monotone": (
@@ -134,7 +174,8 @@ UNSEEN = {
 
 @pytest.mark.parametrize("name", CHECKS)
 def test_a_good_run_passes_every_check(name) -> None:
-    check = result(name, subject())
+    is_elastic = name == "series_stiffness_found"
+    check = result(name, subject(elastic(1), elastic(2)) if is_elastic else subject())
     assert check.passed is True, check.reason
     assert check.reason
 

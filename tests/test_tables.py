@@ -18,6 +18,7 @@ from damperfit.identification import Outcome, compare
 from damperfit.simulation import simulate, sine_motion
 from damperfit.tables import (
     MISSING,
+    WITHHELD,
     describe_tables,
     grade,
     make_tables,
@@ -27,6 +28,7 @@ from damperfit.tables import (
     write_responses,
     write_table,
 )
+from damperfit.uncertainty import Assessment, Objection
 from tests.fakes import campaign, fit
 
 CONTRACT_PARAMETERS = [
@@ -41,6 +43,7 @@ CONTRACT_PARAMETERS = [
     *("cavitation_fraction", "r_m3_cavitation_margin"),
     *("lowest_pressure", "lowest_pressure_chamber"),
     *("lowest_pressure_displacement", "lowest_pressure_velocity", "safe_gas_pressure"),
+    "grade_reason",
 ]
 CONTRACT_MSE = ["setting", "log", "mse_percent", "noise_floor_percent", "grade", "n_samples"]
 CONTRACT_SERIES = [
@@ -139,6 +142,19 @@ def test_a_setting_that_was_expected_is_an_explicit_gap() -> None:
 )
 def test_grades_are_the_papers(mse: float, word: str) -> None:
     assert grade(mse) == word
+
+
+def test_a_grade_that_is_withheld_says_why_in_every_table() -> None:
+    why = (Objection("bound", "r_m1", "R_m1 ran out"), Objection("misfit", "", "much repeats"))
+    held_back = Assessment(objections={fit(2).setting: why})
+    tables = make_tables(campaign(fit(1), fit(2)), assessment=held_back)
+    rows = tables.parameters.to_pylist()
+    assert [row["grade"] for row in rows] == ["excellent", WITHHELD]
+    assert [row["grade_reason"] for row in rows] == [None, "R_m1 ran out; much repeats"]
+    assert [(row["setting"], row["grade"]) for row in tables.mse.to_pylist()] == [
+        *((1, "excellent"), (1, "excellent")),
+        *((2, WITHHELD), (2, WITHHELD)),
+    ]
 
 
 def test_frames_are_pandas_with_the_same_rows() -> None:

@@ -11,6 +11,7 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from damperfit.checks.physical_checks import PHYSICAL_CHECKS
 from damperfit.damper.parameters import DAMPER_RANGES, PARAMETER_NAMES
 from damperfit.identification import Status
 from damperfit.identification.setting import EXCELLENT
@@ -18,13 +19,13 @@ from damperfit.identification.sharing import listed_runs, listed_settings
 from damperfit.setting import clicks_between
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from damperfit.adjustment import Adjustment
     from damperfit.identification import Campaign, Fit
     from damperfit.recording import Trace
     from damperfit.setting import Setting
-    from damperfit.uncertainty import Assessment, Diagnosis
+    from damperfit.uncertainty import Assessment, Diagnosis, Objection
 
 __all__ = [
     "CHECKS",
@@ -353,6 +354,12 @@ def _listed(settings: Iterable[Setting]) -> str:
     return f"setting{'s' if len(numbers) > 1 else ''} {listed_settings(numbers)}"
 
 
+def _physical(
+    check: Callable[[Sequence[Fit], Mapping[Setting, Sequence[Objection]]], _Verdict],
+) -> Callable[[Subject], _Verdict]:
+    return lambda subject: check(subject.fits, subject.assessment.objections)
+
+
 CHECKS: dict[str, Callable[[Subject], _Verdict]] = {
     "every_setting_fitted": _every_setting_fitted,
     "fits_converged": _fits_converged,
@@ -368,4 +375,5 @@ CHECKS: dict[str, Callable[[Subject], _Verdict]] = {
     "temperature_in_window": _temperature_in_window,
     "no_log_warnings": _no_log_warnings,
     "damper_declared": _damper_declared,
+    **{name: _physical(check) for name, check in PHYSICAL_CHECKS.items()},
 }

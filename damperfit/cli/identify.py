@@ -249,6 +249,8 @@ def _tell_people(
         say(f"note: {line}")
     for warning in short_listing(result.facts.warnings):
         say(f"warning: {warning}")
+    for sentence in short_listing(result.facts.withheld):
+        say(f"warning: grade withheld: {sentence}")
     for sentence in result.facts.untold:
         say(f"note: {sentence}")
     if not is_written:

@@ -89,6 +89,10 @@ class Quantity:
         What lies beyond the upper edge looks like the edge: rigid. It is then no fault of the logs.
     trend_degree : int or None
         Degree of the polynomial that it follows over the settings, where that is agreed beforehand.
+    believable : tuple of float
+        What dampers and rigs have: a fit may go beyond it, but is then not believed.
+    belief : str
+        Why not, in a phrase.
     """
 
     name: str
@@ -106,6 +110,8 @@ class Quantity:
     shown_unit: str = ""
     is_open: bool = False
     trend_degree: int | None = None
+    believable: tuple[float, float] = (float("-inf"), float("inf"))
+    belief: str = ""
 
     @property
     def is_offset(self) -> bool:

@@ -24,6 +24,7 @@ import numpy as np
 from damperfit.damper.model import RIG, Model, Quantity
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import Network, Valve, monotube, through_flow, twin_tube
+from damperfit.damper.purdy.quantities import OF_OIL, OIL
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -285,7 +286,8 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
         Quantity(
             "k_e", "K_e", "bulk modulus of oil and chamber",
             "effective bulk modulus of oil, air and tube", "Pa", (1e6, 1e11),
-            default=None if is_rigid else _OIL, power=6, shown_unit="MPa",
+            default=None if is_rigid else _OIL, power=6, shown_unit="MPa", believable=OIL,
+            belief=OF_OIL,
         ),
         Quantity(
             "f_f", "f_f", "friction", "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
@@ -323,15 +325,17 @@ def _of_mounting(mounting: Mounting) -> tuple[Quantity, ...]:
     known = {
         "k_s": Quantity(
             "k_s", "k_s", "series stiffness", "stiffness of rod ends, frame and load cell", "N/m",
-            (1e3, 1e10), scope=RIG, power=3, shown_unit="N/mm",
+            (1e3, 1e10), scope=RIG, power=3, shown_unit="N/mm", believable=(2e4, math.inf),
+            belief="rigs have 125 to 1900 N/mm",
         ),
         "play": Quantity(
             "play", "play", "play", "whole gap of the joints", "m", (1e-6, 1e-2), scope=RIG,
-            power=-3, shown_unit="mm",
+            power=-3, shown_unit="mm", believable=(0.0, 5e-3), belief="joints have 0.3 to 2 mm",
         ),
         "lag": Quantity(
             "lag", "T", "lag of the force", "lag of the force channel, first order", "s",
-            (1e-5, 5e-2), scope=RIG, power=-3, shown_unit="ms",
+            (1e-5, 5e-2), scope=RIG, power=-3, shown_unit="ms", believable=(0.0, 0.025),
+            belief="force channels have 8 to 14 ms",
         ),
     }  # fmt: skip
     found = []

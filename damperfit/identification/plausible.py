@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["first_edge", "is_at_edge", "is_within", "kept_within", "points_inside"]
+__all__ = ["edge_of", "first_edge", "is_at_edge", "is_within", "kept_within", "points_inside"]
 
 # A value that went through its logarithm and back may be this much beyond the edge it came from.
 _ROUNDED = 1e-9
@@ -34,6 +34,20 @@ def is_within(parameters: Values, names: Iterable[str]) -> bool:
 def is_at_edge(parameters: Values, name: str) -> bool:
     """Whether a parameter is at an edge of its range."""
     return getattr(parameters, name) in parameters.quantity(name).plausible
+
+
+def edge_of(parameters: Values, name: str) -> tuple[str, float]:
+    """Return on which side a parameter ran out of its range, "below" or "above", and where.
+
+    Examples
+    --------
+    A friction of 2.65e-261 N that may be 0.001 N at least: ``("below", 0.001)``.
+    """
+    low, high = parameters.quantity(name).plausible
+    value = getattr(parameters, name)
+    if value * value < low * high:  # nearer to the lower edge by its logarithm
+        return "below", max(value, low)
+    return "above", min(value, high)
 
 
 def kept_within(parameters: Values, names: Iterable[str]) -> Values:

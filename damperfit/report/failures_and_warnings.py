@@ -129,6 +129,8 @@ class ReportFacts:
         What shows only across the settings, one sentence each.
     checks : tuple of Check
         Every check, with reason.
+    withheld : tuple of str
+        Settings whose grade is withheld, and why.
     is_interrupted : bool
         The run was stopped before all settings were done.
     """
@@ -148,4 +150,5 @@ class ReportFacts:
     cavitation: tuple[str, ...] = ()
     across: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()
+    withheld: tuple[str, ...] = ()
     is_interrupted: bool = False

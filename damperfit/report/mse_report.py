@@ -60,6 +60,7 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
         _section("Parameters", _table(parameter_sheet(parameters))),
         _section("MSE by setting and log", _table(mse_sheet(tables.mse.to_pylist(), parameters))),
         _section("Held out: predicted, not fitted", _table(held_out_sheet(facts.held_out))),
+        _section("Grades withheld", _list(facts.withheld)),
         _section("Not done", _list(_missing(facts))),
         _section("Gates not met", _list(facts.gates)),
         _section("What to do", _list(f"{word}: {advice}" for word, advice in facts.advice)),

@@ -6,6 +6,7 @@ What fails at one setting or log costs that one its judgement, and no other.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment import Adjustment, compare_settings
@@ -16,6 +17,7 @@ from damperfit.uncertainty import (
     Assessment,
     Bench,
     assess,
+    objections,
     predict,
     profile_campaign,
     reconsider,
@@ -30,7 +32,8 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.run.hold_out import Parted
     from damperfit.run.mishaps import Mishaps
-    from damperfit.uncertainty import Prediction
+    from damperfit.setting import Setting
+    from damperfit.uncertainty import Objection, Prediction
 
 __all__ = ["assessed", "judge", "with_profiles"]
 
@@ -114,6 +117,13 @@ def judge(
         ),
         Adjustment(),
     )
+    no_objections: dict[Setting, tuple[Objection, ...]] = {}
+    found_against = mishaps.spared(
+        "looking for what a grade must not hide",
+        lambda: objections(judged, assessment, configuration.conditioning.gas),
+        no_objections,
+    )
+    assessment = replace(assessment, objections=found_against)
     checks = mishaps.spared(
         "checking the run",
         lambda: _checks(configuration, parted, judged, assessment, adjustment),

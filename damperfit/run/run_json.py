@@ -128,6 +128,10 @@ def report_facts(
         ),
         advice=tuple(sorted((outcome.value, outcome.advice) for outcome in outcomes)),
         held_out=judgement.predictions,
+        withheld=tuple(
+            f"setting {setting}: {'; '.join(one.sentence for one in why)}"
+            for setting, why in assessment.objections.items()
+        ),
         is_interrupted=is_interrupted,
     )
 
@@ -203,6 +207,10 @@ def record(
         "checks": [to_record(check) for check in judgement.checks],
         **confidence_record(campaign, judgement.assessment),
         "stretches": [entry for fit in campaign.fits for entry in _stretches(fit)],
+        "grades_withheld": [
+            {"setting": setting, "reasons": [to_record(one) for one in why]}
+            for setting, why in judgement.assessment.objections.items()
+        ],
         "held_out": [one.describe() for one in judgement.predictions],
         **_across(judgement.adjustment),
         "adjusters": list(_adjusters(campaign)),

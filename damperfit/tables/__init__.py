@@ -16,6 +16,7 @@ from damperfit.tables.files import (
 from damperfit.tables.reading import LogSignals, Results, read_results
 from damperfit.tables.results import (
     MISSING,
+    WITHHELD,
     Tables,
     adjustment_rows,
     grade,
@@ -28,6 +29,7 @@ __all__ = [
     "MISSING",
     "PARAMETER_UNITS",
     "SCHEMA_VERSION",
+    "WITHHELD",
     "LogSignals",
     "Results",
     "Tables",

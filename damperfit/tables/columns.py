@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 __all__ = [
+    "LATE_COLUMNS",
     "PARAMETER_UNITS",
     "SCHEMA_VERSION",
     "adjusters_in",
@@ -28,6 +29,8 @@ __all__ = [
 ]
 
 SCHEMA_VERSION = 1
+# Results of before these were added lack nothing that a reader must be told of.
+LATE_COLUMNS = frozenset({"grade_reason"})
 
 PARAMETER_UNITS = {
     "r_m1": "s sqrt(N)/(m kg)",
@@ -60,7 +63,7 @@ _SETTING = _Column("setting", _INT, "1", "adjuster setting")
 _CHANGED = _Column("changed", _TEXT, "", "adjuster that change_N is a click of")
 _LOG = _Column("log", _TEXT, "", "file name of the log; empty for the row of the whole setting")
 _MSE = _Column("mse_percent", _FLOAT, "%", "normalised mean square error of the force, eq. (22)")
-_GRADE = _Column("grade", _TEXT, "", "excellent below 1 %, good below 5 %, else poor")
+_GRADE = _Column("grade", _TEXT, "", "excellent below 1 %, good below 5 %, else poor; or withheld")
 _SAMPLES = _Column("n_samples", _INT, "1", "samples evaluated")
 
 
@@ -105,6 +108,7 @@ _PARAMETERS: tuple[_Column, ...] = (
         "Pa",
         "absolute gas pressure at rest at which a chamber just reaches zero on this motion",
     ),
+    _Column("grade_reason", _TEXT, "", "why the grade is withheld; empty where it is not"),
 )
 _MSE_TABLE: tuple[_Column, ...] = (
     _SETTING,

@@ -21,7 +21,13 @@ from damperfit.atomic import settle
 from damperfit.errors import ConfigurationError
 from damperfit.recording import natural_order
 from damperfit.setting import Setting
-from damperfit.tables.columns import SCHEMA_VERSION, adjusters_in, column_kinds, read_setting
+from damperfit.tables.columns import (
+    LATE_COLUMNS,
+    SCHEMA_VERSION,
+    adjusters_in,
+    column_kinds,
+    read_setting,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -215,6 +221,7 @@ def _rows(folder: Path, table: str, remarks: list[str]) -> tuple[dict[str, Any],
             remarks.append(f"{path.name} cannot be read: {_reason(error)}")
         else:
             missing = [name for name in kinds if not rows or name not in rows[0]]
+            missing = [name for name in missing if name not in LATE_COLUMNS]
             if rows and missing:
                 more = f" and {len(missing) - _MANY} more" if len(missing) > _MANY else ""
                 remarks.append(f"{path.name} has no column {', '.join(missing[:_MANY])}{more}")

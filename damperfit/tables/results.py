@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MISSING",
+    "WITHHELD",
     "Tables",
     "adjustment_rows",
     "grade",
@@ -38,6 +39,7 @@ __all__ = [
     "time_series_table",
 ]
 
+WITHHELD = "withheld"  # in place of a grade that a low MSE does not deserve
 MISSING = "missing"  # outcome of a setting that the configuration expects but that has no fit
 
 
@@ -106,7 +108,7 @@ def make_tables(
     campaign : Campaign
         Result of `damperfit.identification.identify`.
     assessment : Assessment
-        Errors and intervals; cells without one stay empty.
+        Errors and intervals, cells without one stay empty; why grades are withheld.
     predictions : sequence of Prediction
         What was held out; their rows follow those of the setting in table ``mse``.
     adjustment : Adjustment
@@ -120,18 +122,25 @@ def make_tables(
     -------
     Tables
     """
-    rows = {fit.setting: _parameter_row(fit, assessment) for fit in campaign.fits}
+    reasons = {
+        setting: "; ".join(one.sentence for one in why)
+        for setting, why in assessment.objections.items()
+    }
+    rows = {
+        fit.setting: _parameter_row(fit, assessment, reasons.get(fit.setting))
+        for fit in campaign.fits
+    }
     for setting in set(expected) - rows.keys():
         rows[setting] = {"setting": setting, "outcome": MISSING}
     lay = partial(_table, facts=dict(provenance or {}), settings=tuple(rows))
     return Tables(
         parameters=lay("parameters", [rows[setting] for setting in sorted(rows)]),
-        mse=lay("mse", list(_mse_rows(campaign, predictions))),
+        mse=lay("mse", list(_mse_rows(campaign, predictions, reasons))),
         adjustment=lay("adjustment", adjustment_rows(adjustment.levels, adjustment.clicks)),
     )
 
 
-def _parameter_row(fit: Fit, assessment: Assessment) -> dict[str, Any]:
+def _parameter_row(fit: Fit, assessment: Assessment, reason: str | None) -> dict[str, Any]:
     row: dict[str, Any] = {"setting": fit.setting}
     known = {one.setting: one.intervals for one in assessment.uncertainties}
     for name in PARAMETER_NAMES:
@@ -144,7 +153,8 @@ def _parameter_row(fit: Fit, assessment: Assessment) -> dict[str, Any]:
         row[f"{name}_status"] = fit.status[name].value
     return row | {
         "mse_percent": _finite(fit.mse_percent),
-        "grade": grade(fit.mse_percent),
+        "grade": WITHHELD if reason else grade(fit.mse_percent),
+        "grade_reason": reason,
         "outcome": fit.outcome.value,
         "n_logs": len(fit.logs),
         "n_samples": fit.n_samples,
@@ -160,8 +170,15 @@ def _parameter_row(fit: Fit, assessment: Assessment) -> dict[str, Any]:
     }
 
 
-def _mse_rows(campaign: Campaign, predictions: Sequence[Prediction]) -> Iterator[dict[str, Any]]:
+def _mse_rows(
+    campaign: Campaign, predictions: Sequence[Prediction], withheld: Collection[Setting]
+) -> Iterator[dict[str, Any]]:
     """Yield for each setting the row of the whole, of each log fitted, of each held out."""
+    for row in _graded_rows(campaign, predictions):
+        yield row | {"grade": WITHHELD} if row["setting"] in withheld else row
+
+
+def _graded_rows(campaign: Campaign, predictions: Sequence[Prediction]) -> Iterator[dict[str, Any]]:
     for fit in campaign.fits:
         whole = ("", fit.mse_percent, fit.noise_floor_percent, fit.n_samples)
         yield _mse_row(fit.setting, "fitted", *whole)

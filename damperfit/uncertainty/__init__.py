@@ -32,6 +32,7 @@ from damperfit.uncertainty.profiles import (
     check_profile_names,
 )
 from damperfit.uncertainty.residuals import Diagnosis, diagnose
+from damperfit.uncertainty.withheld import Objection, objections
 
 __all__ = [
     "METHOD",
@@ -46,6 +47,7 @@ __all__ = [
     "Interval",
     "LogEvidence",
     "MisfitProfile",
+    "Objection",
     "Prediction",
     "ProfilePoint",
     "Stride",
@@ -55,6 +57,7 @@ __all__ = [
     "collect_evidence",
     "diagnose",
     "gather",
+    "objections",
     "predict",
     "prediction_warnings",
     "profile_campaign",

@@ -6,7 +6,7 @@ import math
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,13 +38,14 @@ from damperfit.uncertainty.residuals import Diagnosis, diagnose, reconciled
 from damperfit.uncertainty.verdicts import doubts, untold, verdicts
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from damperfit.damper.model import Model
     from damperfit.errors import OnError
     from damperfit.identification import Campaign, Fit
     from damperfit.setting import Setting
     from damperfit.uncertainty.information import Evidence
+    from damperfit.uncertainty.withheld import Objection
 
 __all__ = [
     "METHOD",
@@ -77,12 +78,15 @@ class Assessment:
         Of the parameters that were in doubt, and of those asked for (see `profile_campaign`).
     gas : GasContent or None
         The gas content that K_e follows from, in a joint fit that asked for it.
+    objections : mapping of Setting to tuple of Objection
+        Why grades are withheld: `damperfit.uncertainty.withheld.objections`.
     """
 
     uncertainties: tuple[Uncertainty, ...] = ()
     diagnoses: tuple[Diagnosis, ...] = ()
     profiles: tuple[MisfitProfile, ...] = ()
     gas: GasContent | None = None
+    objections: Mapping[Setting, tuple[Objection, ...]] = field(default_factory=dict)
 
     def profile(self, setting: Setting, name: str) -> MisfitProfile | None:
         """Return the closest finished profile of a parameter at a setting, if there is one."""

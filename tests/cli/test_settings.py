@@ -68,7 +68,7 @@ def test_the_sample_runs_get_what_the_paper_found_by_hand(samples) -> None:
     assert all(trend["monotone"] and trend["direction"] == "rising" for trend in trends.values())
     assert {p["setting"] for p in trends["k_e"]["points"]} == set(range(1, 21))
     report = (samples / "report.md").read_text(encoding="utf-8")
-    assert "12 of 14 checks passed" in report
+    assert "16 of 19 checks passed" in report
     assert "## Across the settings" in report
 
 
@@ -251,7 +251,7 @@ def test_no_parameters_at_all_is_code_2(run, folder) -> None:
 def test_checks_are_told_and_change_nothing(run, logs) -> None:
     ended = run("identify", logs / "setting_*.csv", "--out", "r")
     assert ended.code == 0
-    assert "11 of 14 checks passed, 3 not looked at" in ended.out
+    assert "15 of 19 checks passed, 4 not looked at" in ended.out
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,11 @@ from math import inf
 
 from damperfit.damper.model import DAMPER, Quantity
 
-__all__ = ["QUANTITIES"]
+__all__ = ["OF_OIL", "OIL", "QUANTITIES"]
+
+# Eq. (28): 2 % of free gas at 4.6 bar leave 31 MPa. No oil is stiffer than twice mineral oil.
+OIL = (3e7, 3e9)
+OF_OIL = "oil has 1500 MPa, and 30 with 2 % of free gas in it"
 
 _VALVE_1, _VALVE = "s sqrt(N)/(m kg)", "N s/(m2 kg)"
 
@@ -30,7 +34,7 @@ QUANTITIES = (
     Quantity(
         "k_e", "K_e", "bulk modulus of oil and chamber",
         "effective bulk modulus of oil, air and tube", "Pa", (1e6, 1e11), power=6,
-        shown_unit="MPa", is_open=True, trend_degree=2,
+        shown_unit="MPa", is_open=True, trend_degree=2, believable=OIL, belief=OF_OIL,
     ),
     Quantity(
         "f_f", "f_f", "friction", "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),

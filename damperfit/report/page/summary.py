@@ -140,6 +140,8 @@ def setting_verdict(row: Mapping[str, Any]) -> str:
         words.append(outcome)
     if told:
         words.append(told)
+    if row.get("grade_reason"):
+        words.append(f"withheld because {row['grade_reason']}")
     return "; ".join(words)
 
 

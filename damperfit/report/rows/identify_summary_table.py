@@ -12,7 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.report.rows.notes_below_tables import errors_and_flags, units_and_marks
-from damperfit.report.rows.parameter_table import PARAMETER_MARKS, PARAMETER_SCALES, has_offset
+from damperfit.report.rows.parameter_table import (
+    PARAMETER_MARKS,
+    PARAMETER_SCALES,
+    has_offset,
+    limit_text,
+)
 from damperfit.report.rows.rounding import NOTHING, percent, rounded_by_error
 from damperfit.report.rows.sheet import Sheet, sheet_width
 from damperfit.report.rows.sparkline import BLOCK_LEVELS, setting_sparklines
@@ -105,7 +110,8 @@ def _cell(row: Row, name: str, *, has_error: bool) -> str:
     if status == "not_identifiable":
         return PARAMETER_MARKS[status]
     factor = PARAMETER_SCALES[name].factor
-    text = rounded_by_error(
+    at_edge = status == "at_bound" and value is not None and limit_text(name, value, factor)
+    text = at_edge or rounded_by_error(
         None if value is None else factor * value,
         None if error is None else factor * error,
         has_error=has_error,

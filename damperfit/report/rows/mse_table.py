@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 __all__ = ["flags", "grade_counts", "mse_sheet"]
 
 
+_GRADES = ("excellent", "good", "poor", "withheld")
+
+
 def mse_sheet(everything: Sequence[Row], parameters: Sequence[Row]) -> Sheet:
     """Return one row per setting and log: MSE, noise floor, grade; the outcome per setting."""
     settings = {row["setting"]: row for row in parameters}
@@ -57,7 +60,7 @@ def mse_sheet(everything: Sequence[Row], parameters: Sequence[Row]) -> Sheet:
 def grade_counts(rows: Iterable[Row]) -> str:
     """Return how many rows of a table have each grade, as a sentence."""
     grades = [row["grade"] for row in rows]
-    counts = [f"{grades.count(g)} {g}" for g in ("excellent", "good", "poor") if g in grades]
+    counts = [f"{grades.count(g)} {g}" for g in _GRADES if g in grades]
     return f"Grades: {', '.join(counts)} (excellent below 1 %, good below 5 %)."
 
 

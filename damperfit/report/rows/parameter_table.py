@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.damper.purdy.quantities import QUANTITIES
 from damperfit.report.rows.notes_below_tables import units_and_marks
 from damperfit.report.rows.rounding import NOTHING, percent, with_error
 from damperfit.report.rows.sheet import Sheet
@@ -19,6 +20,7 @@ __all__ = [
     "PARAMETER_SCALES",
     "Scale",
     "has_offset",
+    "limit_text",
     "parameter_line",
     "parameter_sheet",
 ]
@@ -51,6 +53,8 @@ class Scale(NamedTuple):
 
 
 _SHORT = 3
+# Within this factor of an edge a value at its bound is the edge, not a number that was found.
+_AT_EDGE = 2.0
 # The powers keep the numbers between 1 and 1000.
 PARAMETER_SCALES: dict[str, Scale] = {
     "r_m1": Scale("R_m1", "valve 1 (adjuster)", "s sqrt(N)/(m kg)", 3, "10³ s √N / (m kg)"),
@@ -97,6 +101,11 @@ def parameter_line(row: Row) -> str:
             parts.append(f"{scale.symbol} cannot be told")
             continue
         error = row[f"{name}_se"]
+        at_edge = status == "at_bound" and limit_text(name, row[name], scale.factor)
+        if at_edge:
+            words = "below" if at_edge.startswith("<") else "above"
+            parts.append(f"{scale.symbol} {words} {scale.say(at_edge[1:])} (at bound)")
+            continue
         value = with_error(
             scale.factor * row[name], None if error is None else scale.factor * error
         )
@@ -110,11 +119,26 @@ def _parameter_cell(row: Row, name: str) -> str:
     value, error, status = row[name], row[f"{name}_se"], row[f"{name}_status"]
     if status == "not_identifiable":
         return PARAMETER_MARKS[status]  # no number that pretends to be known
-    text = with_error(
+    at_edge = status == "at_bound" and value is not None and limit_text(name, value, factor)
+    text = at_edge or with_error(
         None if value is None else value * factor, None if error is None else error * factor
     )
     mark = PARAMETER_MARKS.get(status or "", "")
     return f"{text} {mark}" if mark else text
+
+
+def limit_text(name: str, value: float, factor: float) -> str:
+    """Return a value that ran to an edge of its range as the limit it ran into.
+
+    Empty where it is none: a friction too small to be told may be far from the edge.
+    """
+    known = next((one for one in QUANTITIES if one.name == name), None)
+    if known is None or not known.is_logarithmic:
+        return ""
+    low, high = known.plausible
+    if value < _AT_EDGE * low:
+        return f"<{max(value, low) * factor:.2g}"
+    return f">{min(value, high) * factor:.2g}" if value > high / _AT_EDGE else ""
 
 
 def has_offset(rows: Sequence[Row]) -> bool:

@@ -1,0 +1,123 @@
+"""Checks of what was found against physics and the log itself: oil, tare, friction, mounting.
+
+They look at the same objections that withhold a grade (`damperfit.uncertainty.withheld`), so that
+check and grade cannot disagree.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from damperfit.identification import Status
+from damperfit.identification.sharing import listed_settings
+from damperfit.uncertainty.withheld import is_friction
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from damperfit.damper.model import Quantity
+    from damperfit.identification import Fit
+    from damperfit.setting import Setting
+    from damperfit.uncertainty import Objection
+
+    Objections = Mapping[Setting, Sequence[Objection]]
+    Verdict = tuple[bool | None, str]
+
+__all__ = ["PHYSICAL_CHECKS"]
+
+_FOUND = (Status.FITTED, Status.SHARED)
+
+
+def _every_grade_stands(fits: Sequence[Fit], said: Objections) -> Verdict:
+    if said:
+        first = next(iter(said))
+        return False, (
+            f"grades are withheld at {_listed(said)}; setting {first}: "
+            f"{'; '.join(one.sentence for one in said[first])}"
+        )
+    return True, f"nothing speaks against the grades of {len(fits)} settings"
+
+
+def _bulk_modulus_of_oil(fits: Sequence[Fit], said: Objections) -> Verdict:
+    names = _quantities(fits, lambda one: one.unit == "Pa" and math.isfinite(one.believable[1]))
+    if not names:
+        return None, "not evaluated: the model has no oil that gives"
+    return _judged(fits, said, names, "beyond", "that of oil")
+
+
+def _offset_as_in_log(fits: Sequence[Fit], said: Objections) -> Verdict:
+    names = _quantities(fits, lambda one: one.is_offset)
+    if not names:
+        return None, "not evaluated: the model has no offset of the force"
+    against = _against(said, names, "offset")
+    if against:
+        return False, _first(against)
+    return True, "no offset contradicts the level of the force in the logs"
+
+
+def _friction_within_jump(fits: Sequence[Fit], said: Objections) -> Verdict:
+    names = _quantities(fits, is_friction)
+    if not names:
+        return None, "not evaluated: the model has no friction"
+    if _quantities(fits, lambda one: one.unit in {"N/m", "s"}):
+        return None, "not evaluated: the mounting gives, which spreads the jump at a reversal"
+    return _judged(fits, said, names, "friction", "within the jump of the force at the reversals")
+
+
+def _series_stiffness_found(fits: Sequence[Fit], said: Objections) -> Verdict:
+    names = _quantities(fits, lambda one: one.unit == "N/m")
+    if not names:
+        return None, "not evaluated: the model has no elasticity in series"
+    lost = [fit for fit in fits if any(fit.status[name].has_failed for name in names)]
+    if lost:
+        where = _listed(fit.setting for fit in lost)
+        return False, f"{' and '.join(names)} is not told by the logs at {where}"
+    return _judged(fits, said, names, "beyond", "what rigs have")
+
+
+PHYSICAL_CHECKS: dict[str, Callable[[Sequence[Fit], Objections], Verdict]] = {
+    "every_grade_stands": _every_grade_stands,
+    "bulk_modulus_of_oil": _bulk_modulus_of_oil,
+    "offset_as_in_log": _offset_as_in_log,
+    "friction_within_jump": _friction_within_jump,
+    "series_stiffness_found": _series_stiffness_found,
+}
+
+
+def _quantities(fits: Sequence[Fit], belongs: Callable[[Quantity], bool]) -> tuple[str, ...]:
+    return tuple(one.name for one in fits[0].parameters.quantities if belongs(one))
+
+
+def _judged(
+    fits: Sequence[Fit], said: Objections, names: Sequence[str], kind: str, what: str
+) -> Verdict:
+    """Fail with the first objection, pass where the logs told a value, else not looked at."""
+    against = _against(said, names, kind)
+    if against:
+        return False, _first(against)
+    told = [fit for fit in fits if any(fit.status[name] in _FOUND for name in names)]
+    if not told:
+        return None, f"not evaluated: no log told {' or '.join(names)}"
+    return True, f"{' and '.join(names)} is {what} at {_listed(fit.setting for fit in told)}"
+
+
+def _against(said: Objections, names: Sequence[str], kind: str) -> dict[Setting, str]:
+    return {
+        setting: one.sentence
+        for setting, why in said.items()
+        for one in why
+        if one.kind == kind and one.quantity in names
+    }
+
+
+def _first(against: Mapping[Setting, str]) -> str:
+    """Return where there are objections, and the first of them."""
+    setting = next(iter(against))
+    where = "" if len(against) == 1 else f"at {_listed(against)}: "
+    return f"{where}setting {setting}: {against[setting]}"
+
+
+def _listed(settings: Iterable[Setting]) -> str:
+    known = list(settings)
+    return f"setting{'s' if len(known) > 1 else ''} {listed_settings(known)}"

@@ -1,0 +1,268 @@
+"""When a grade is withheld: what a low MSE cannot excuse, and the sentence that says so.
+
+The paper's MSE and its words stay; but a wrong model bends its parameters until it fits, and then
+"excellent" is said of a damper that nobody has built. All limits stand here.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.conditioning import apply_filter
+from damperfit.conditioning.gas_force import force_level
+from damperfit.identification.outcome import Status
+from damperfit.identification.plausible import edge_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from damperfit.conditioning import GasFacts
+    from damperfit.damper.model import Quantity
+    from damperfit.identification import Campaign, Fit
+    from damperfit.recording import Trace
+    from damperfit.setting import Setting
+    from damperfit.uncertainty.assessment import Assessment
+    from damperfit.uncertainty.residuals import Diagnosis
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = [
+    "LIMITS",
+    "GradeLimits",
+    "Objection",
+    "is_friction",
+    "jump_ratio",
+    "objections",
+    "offset_apart",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class GradeLimits:
+    """What a grade must not go beyond; ranges of single quantities stand with them.
+
+    Attributes
+    ----------
+    cavitation : float
+        Share of the cycle with an empty chamber, in a model that misses the log.
+    offset : float
+        Distance of f_0 from the offset that the log shows, over what that may be wrong by.
+    jump : float
+        Jump of the friction at a reversal over the jump that the log has there.
+    times_noise, misfit_percent : float
+        What repeats in the residual, over the noise and as a share of the force's variance, both
+        at once: rigs repeat so well that 0.05 % is many times their noise and of no consequence;
+        0.2 % is 4.5 % of the force's standard deviation, 3 % of its peak.
+    """
+
+    cavitation: float = 0.05
+    offset: float = 1.0
+    jump: float = 1.25
+    times_noise: float = 30.0
+    misfit_percent: float = 0.2
+
+
+LIMITS = GradeLimits()
+
+# What the level of the force may be wrong by, in its own uncertainty and in gas forces.
+_OF_UNCERTAINTY, _OF_GAS = 1.5, 0.25
+# s; a 30 Hz filter spreads a jump over so much to both sides.
+_REVERSAL = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Objection:
+    """One reason to withhold a grade.
+
+    Attributes
+    ----------
+    kind : str
+        bound, beyond, cavitation, offset, friction or misfit.
+    quantity : str
+        Name of the quantity it is about; empty where it is about none.
+    sentence : str
+        For people.
+    """
+
+    kind: str
+    quantity: str
+    sentence: str
+
+
+def objections(
+    campaign: Campaign, assessment: Assessment, gas: GasFacts | None = None
+) -> dict[Setting, tuple[Objection, ...]]:
+    """Return by setting why its grade is withheld; settings without a reason are left out.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The fits, with the statuses that their errors allow.
+    assessment : Assessment
+        What their residuals say.
+    gas : GasFacts or None
+        Of the damper, to tell the offset of a log by; None: it is not looked at.
+    """
+    told = {one.setting: one for one in assessment.diagnoses}
+    found = {fit.setting: tuple(_of_fit(fit, told.get(fit.setting), gas)) for fit in campaign.fits}
+    return {setting: reasons for setting, reasons in found.items() if reasons}
+
+
+def _of_fit(fit: Fit, told: Diagnosis | None, gas: GasFacts | None) -> Iterator[Objection]:
+    yield from _bounds(fit)
+    yield from _beyond(fit)
+    if told is not None:
+        yield from _misfit(told)
+    if _misses(fit, told):
+        yield from _cavitation(fit)
+        yield from _offset(fit, gas)
+        yield from _friction(fit)
+
+
+def _misses(fit: Fit, told: Diagnosis | None) -> bool:
+    """Whether the model is seen to miss the logs, or to miss much where noise is not known."""
+    if told is None or math.isnan(told.noise_percent):
+        return fit.mse_percent > LIMITS.misfit_percent
+    return told.is_structured
+
+
+def _bounds(fit: Fit) -> Iterator[Objection]:
+    for one in fit.parameters.quantities:
+        if fit.status[one.name] == Status.AT_BOUND:
+            side, edge = edge_of(fit.parameters, one.name)
+            yield Objection(
+                "bound",
+                one.name,
+                f"{one.symbol} ran to the edge of its range ({side} {edge:.3g} {one.unit})",
+            )
+
+
+def _beyond(fit: Fit) -> Iterator[Objection]:
+    for one, value in _found(fit):
+        low, high = one.believable
+        if not low <= value <= high:
+            yield Objection("beyond", one.name, beyond_sentence(one, value))
+
+
+def beyond_sentence(one: Quantity, value: float) -> str:
+    """Say of a value that no damper or rig has it."""
+    low, high = (10.0**-one.power * edge for edge in one.believable)
+    unit = one.shown_unit
+    span = f"{low:g} to {high:g} {unit}" if math.isfinite(high) else f"{low:g} {unit} or more"
+    because = f": {one.belief}" if one.belief else ""
+    return f"{one.symbol} = {10.0**-one.power * value:.3g} {unit} is beyond {span}{because}"
+
+
+def _found(fit: Fit) -> Iterator[tuple[Quantity, float]]:
+    """Yield what the logs have told, with its value."""
+    for one in fit.parameters.quantities:
+        if fit.status[one.name] in {Status.FITTED, Status.SHARED}:
+            yield one, getattr(fit.parameters, one.name)
+
+
+def _misfit(told: Diagnosis) -> Iterator[Objection]:
+    repeats, noise = told.repeating_percent, told.noise_percent
+    if repeats > LIMITS.misfit_percent and repeats > LIMITS.times_noise * noise:
+        times = f"{repeats / noise:.2g} times the noise" if noise > 0.0 else "without any noise"
+        yield Objection(
+            "misfit", "", f"what repeats in the residual is {repeats:.2g} % of it, {times}"
+        )
+
+
+def _cavitation(fit: Fit) -> Iterator[Objection]:
+    seen = fit.cavitation
+    if seen.fraction > LIMITS.cavitation:
+        yield Objection(
+            "cavitation",
+            "",
+            f"chamber {seen.chamber} cavitates for {100.0 * seen.fraction:.0f} % of the cycle in a "
+            "model that misses the log: nothing speaks for it",
+        )
+
+
+def _offset(fit: Fit, gas: GasFacts | None) -> Iterator[Objection]:
+    for one in fit.parameters.quantities:
+        if one.is_offset and gas is not None:
+            apart = offset_apart(fit, one.name, gas)
+            if apart is not None and apart[0] > LIMITS.offset:
+                value, seen = getattr(fit.parameters, one.name), apart[1]
+                yield Objection(
+                    "offset",
+                    one.name,
+                    f"{one.symbol} is {value:.0f} N where the log shows {seen:.0f} N",
+                )
+
+
+def offset_apart(fit: Fit, name: str, gas: GasFacts) -> tuple[float, float] | None:
+    """Return how far an offset is from the logs', over what that may be wrong by, and that, N.
+
+    Of the log that is farthest; None where no log tells.
+    """
+    value = getattr(fit.parameters, name)
+    found = []
+    for log in fit.logs:
+        if not log.trace.n_cycles:
+            continue
+        level = force_level(log.trace, gas)
+        seen = level.force - level.expected
+        allowed = _OF_UNCERTAINTY * level.uncertainty + _OF_GAS * gas.force
+        found.append((abs(value - seen) / allowed, seen))
+    return max(found, default=None)
+
+
+def _friction(fit: Fit) -> Iterator[Objection]:
+    for one, value in _found(fit):
+        if is_friction(one):
+            ratio = jump_ratio(fit, value)
+            if ratio > LIMITS.jump:
+                yield Objection(
+                    "friction",
+                    one.name,
+                    f"{one.symbol} = {value:.3g} N asks for a jump of the force at each reversal "
+                    f"{ratio:.2g} times that of the log",
+                )
+
+
+def is_friction(one: Quantity) -> bool:
+    """Whether a quantity is a force that turns with the sign of the velocity."""
+    return one.unit == "N" and one.is_logarithmic
+
+
+def jump_ratio(fit: Fit, friction: float) -> float:
+    """Return the jump of a Coulomb friction at the reversals over that of the logs.
+
+    Both behind the same filter, over 20 ms to both sides. Valves add to the jump, so that a sound
+    damper has less than 1. NaN where the mounting gives, which spreads the jump, or nothing
+    repeats.
+    """
+    units = {one.unit for one in fit.parameters.quantities}
+    if units & {"N/m", "s"}:
+        return math.nan
+    ratios = [_jumps(log.trace, friction) for log in fit.logs if log.trace.n_cycles]
+    known = [ratio for ratio in ratios if math.isfinite(ratio)]
+    return max(known, default=math.nan)
+
+
+def _jumps(trace: Trace, friction: float) -> float:
+    v = trace.drive.velocity
+    jump = apply_filter(trace.model_filter, friction * np.sign(v))
+    reach = max(1, round(_REVERSAL / trace.interval))
+    places = np.flatnonzero(np.signbit(v[:-1]) != np.signbit(v[1:]))
+    inside = np.zeros(len(v), dtype=bool)
+    inside[trace.compared] = True
+    places = places[(places >= reach) & (places + 1 + reach < len(v))]
+    places = places[inside[places - reach] & inside[places + 1 + reach]]
+    if not len(places):
+        return math.nan
+    sign = np.sign(v[places + 1 + reach])
+
+    def over(signal: FloatArray) -> float:
+        return float(np.mean(sign * (signal[places + 1 + reach] - signal[places - reach])))
+
+    return over(jump) / max(over(trace.force), 1e-300)
