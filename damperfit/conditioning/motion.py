@@ -130,6 +130,7 @@ def _displacement_noise(
         return  # the rig's filter has taken most of it; at few samples a cycle motion looks alike
     stretch = trace.fastest
     first = round((trace.start_time - log.start_time) / log.interval) + stretch.first
+    first = max(first, 0)  # where the log is continued, a few samples of it may lie before
     noise = noise_of(log.displacement[first : first + stretch.n_samples])
     rate = 1.0 / trace.interval
     corner = options.filter_corner if options.filter != "none" else 0.5 * rate
