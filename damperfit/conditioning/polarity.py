@@ -31,11 +31,11 @@ __all__ = ["TARED", "Signs", "find_signs"]
 
 # Mean of f v over mean of |f v|: near -1 or 1 for a damper, less where elasticity rules.
 _CLEAR_ENERGY = 0.1
-# Level over gas force. Right logs gave 0.8 to 1.3 on the test of the paper, whatever the setting,
-# K_e from 3e8 on, and 0.4 to 1.5 with cavitation or soft oil; none was below -0.1.
+# Level over gas force, of right logs near 1: `python -m tests.conditioning.corrections_grid` shows
+# it over settings, K_e, gas pressures, strokes and a second damper.
 _CERTAIN = (0.5, 1.7)
-# Sum of both curvatures: -0.5 and more for the model's valves (friction alone, 5 mm of stroke,
-# 4 N of noise); a damper that yields first and flows then, as magneto-rheological ones, has less.
+# Sum of both curvatures, which the same command shows; a damper that yields first and flows then,
+# as magneto-rheological ones, has less than the model's valves.
 _LEAST_CURVATURE = -0.6
 TARED = 0.25  # below this share of the gas force there is none to be seen
 _CHANNELS = ("displacement", "force")

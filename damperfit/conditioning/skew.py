@@ -41,9 +41,9 @@ __all__ = ["Skew", "estimate_skew", "take_back"]
 _REACH = 0.020  # s beside an end of the stroke; the oil's part is smooth on this scale
 _FARTHEST = 0.010  # s
 _STEP = 5e-4  # s, of the scan
-_LEAST = 5e-4  # s; behind 20 N of noise sound logs seem 0.25 to 0.5 ms late in 1 case of 100
+_LEAST = 5e-4  # s; noise makes sound logs seem late by less
 # s, of the rounded step and of the scan. The second is the friction's own width in the dead band:
-# a sample right on the jump shows half of it, in a third of the cycles at 500 Hz and 1.5 Hz.
+# a sample right on the jump shows half of it.
 _WIDTHS = {0.0: _STEP, 1e-4: 1e-4, 1e-3: _STEP, 3e-3: _STEP, 8e-3: _STEP}
 _AS_IT_IS = 1e-4
 _SHARP = 1e-3
@@ -51,7 +51,7 @@ _CLEAR = 50.0  # gain of the step in squared deviations of the noise; 16 is chan
 _ROUNDED = 1.5  # misfit of the sharp jump over that of the best one
 _ALIKE = 0.4  # smaller over larger jump
 _FINEST = 4e-4  # s; samples closer than this are averaged, for the time it takes
-_SYSTEMATIC = 1e-4  # s; what the smooth part may lean, by noise-free logs at 5 kHz
+_SYSTEMATIC = 1e-4  # s; what the smooth part may lean
 _FEWEST = 40  # samples beside the ends of rebound, and of bump
 
 

@@ -19,6 +19,7 @@ from damperfit.adjustment.selection import (
     _worst,
     choose,
 )
+from damperfit.adjustment.trends import _usual_scatter
 from tests.adjustment import ladders
 from tests.adjustment.test_wanted import ladder
 
@@ -125,6 +126,29 @@ def test_gaps_are_filled_over_two_hundred_clicks(last, n) -> None:
     trend = ladders.trend_of(np.array([1.0, 1.1, 1.2, 1.5, 1.9]), settings)
     found = [point.setting for point in trend.points]
     assert found == (list(range(1, last + 1)) if n == last else list(settings))
+
+
+@pytest.mark.parametrize(("n", "is_usual"), [(7, False), (8, True)])
+def test_the_scatter_of_most_settings_takes_eight_of_them(n, is_usual) -> None:
+    logs = 0.02 * np.arange(n)
+    logs[[1, 2]] = logs[[2, 1]]
+    some = points(logs)
+    curve = fit_curve(some, "log", 1)
+    usual = _usual_scatter(some, curve, np.arange(n))
+    assert curve.scatter > 0.008
+    assert (usual < 0.7 * curve.scatter) is is_usual
+    assert (usual == curve.scatter) is not is_usual
+
+
+@pytest.mark.parametrize(("pairs", "words"), [(5, "13 to 14"), (6, "13 to 14 and 1 more")])
+def test_five_reversals_are_named(pairs, words) -> None:
+    values = 1e4 * np.exp(0.05 * STEPS)
+    for place in range(0, 3 * pairs, 3):
+        values[place : place + 2] = values[place + 1], values[place]
+    trend = ladders.trend_of(values, tuple(range(1, 21)), error=3e-4)
+    assert len(trend.reversals) == pairs
+    assert ("more" in trend.sentence) is (pairs > 5)
+    assert words in trend.sentence
 
 
 LINE = "straight line"

@@ -64,7 +64,8 @@ def show_level(name, damper, parameters, amplitude, duration) -> None:
         taken.append("right" if is_right else "doubted" if is_doubted else f"WRONG ({mirror})")
     print(
         f"{name:28s} gas {level.expected:7.1f} N  level {level.force:7.1f} +- "
-        f"{level.uncertainty:5.1f} N  ratio {level.ratio:5.2f}  {' '.join(taken)}"
+        f"{level.uncertainty:5.1f} N  ratio {level.ratio:5.2f}  "
+        f"curvatures {level.rebound_curvature + level.bump_curvature:5.2f}  {' '.join(taken)}"
     )
 
 

@@ -42,9 +42,10 @@ def compiler(tmp_path_factory):
     return pytest.skip("no C compiler with working sanitizers")
 
 
-def test_the_core_is_clean_under_sanitizers(compiler, tmp_path):
+@pytest.mark.parametrize("driver", sorted(path.name for path in HERE.glob("*.c")))
+def test_the_core_is_clean_under_sanitizers(compiler, tmp_path, driver):
     program = tmp_path / "driver"
-    built = build(compiler, [HERE / "driver.c", *SOURCES], program)
+    built = build(compiler, [HERE / driver, *SOURCES], program)
     assert built.returncode == 0, built.stderr
     driven = subprocess.run([program], capture_output=True, text=True, timeout=120, check=False)
     assert driven.returncode == 0, driven.stdout + driven.stderr
