@@ -70,6 +70,12 @@ DEFINITIONS = [
     ("velocity", "in/s", 0.0254),
     ("density", "kg/m3", 1.0),
     ("density", "g/cm3", 1000.0),
+    ("volume", "m3", 1.0),
+    ("volume", "l", 0.001),
+    ("volume", "cm3", 0.000001),
+    ("stiffness", "N/m", 1.0),
+    ("stiffness", "N/mm", 1000.0),
+    ("stiffness", "kN/mm", 1000000.0),
     ("voltage", "V", 1.0),
     ("voltage", "mV", 0.001),
 ]

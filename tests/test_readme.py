@@ -191,10 +191,24 @@ def test_links_to_files_are_alive() -> None:
         assert (ROOT / name).exists(), name
 
 
+def test_the_other_model_is_what_its_keys_say(tmp_path) -> None:
+    config = tmp_path / "valves.toml"
+    config.write_text(_blocks("toml")[1], encoding="utf-8")
+    damper = load_configuration(config).damper
+    assert (damper.name, damper.mounting.lag, damper.gas_volume) == ("through_flow", "fit", 2e-5)
+
+
+def test_the_models_told_are_all_there_are() -> None:
+    from damperfit.damper.models import MODELS
+
+    for name in MODELS:
+        assert f"`{name}`" in README.read_text(encoding="utf-8"), name
+
+
 def test_the_profile_reads_the_log_beside_it(tmp_path) -> None:
     log, config = tmp_path / "bench_07_s3.csv", tmp_path / "bench.toml"
     log.write_text(_block("csv"), encoding="utf-8")
-    config.write_text(_blocks("toml")[1], encoding="utf-8")
+    config.write_text(_blocks("toml")[2], encoding="utf-8")
     recording = read_log(log, load_configuration(config).reading)
     assert recording.setting == 3
     np.testing.assert_allclose(recording.time, [0.0, 0.005, 0.01], atol=1e-12)

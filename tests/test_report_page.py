@@ -377,15 +377,16 @@ def test_an_older_schema_is_named_and_what_it_has_is_shown(copy):
     assert "parameter_k_e" in html_report(report_plots(results), title="x")
 
 
-@pytest.mark.parametrize("version", [2, 0, "1"])
+@pytest.mark.parametrize("version", [3, 0, "2"])
 def test_any_other_schema_is_named_and_this_one_is_not(copy, version):
-    (copy / "run.json").write_text('{"schema_version": 1}', encoding="utf-8")
-    assert not any("schema version" in remark for remark in read_results(copy).remarks)
+    for known in (1, 2):
+        (copy / "run.json").write_text(f'{{"schema_version": {known}}}', encoding="utf-8")
+        assert not any("schema version" in remark for remark in read_results(copy).remarks)
     text = json.dumps({"schema_version": version, "version": "9.9"})
     (copy / "run.json").write_text(text, encoding="utf-8")
     (said,) = (one for one in read_results(copy).remarks if "schema version" in one)
     assert said == (
-        f"the results are of schema version {version} (damperfit 9.9), this damperfit knows 1: "
+        f"the results are of schema version {version} (damperfit 9.9), this damperfit knows 2: "
         "what it does not find is left out"
     )
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.report import ReportFacts, markdown_report
 from damperfit.report.page.summary import setting_verdict
 from damperfit.report.rows.identify_summary_table import summary_sheet
@@ -44,11 +45,11 @@ def test_a_value_at_the_edge_is_printed_as_the_limit_it_ran_into() -> None:
         ("k_e", 1e11, ">1e+05"),
         ("k_e", 4.9e10, ""),
         ("f_0", -218.0, ""),
-        ("nobody", 1.0, ""),
     ],
 )
 def test_how_near_to_an_edge_a_value_is_the_edge(name: str, value: float, said: str) -> None:
-    assert limit_text(name, value, {"r_m1": 1e-3, "k_e": 1e-6}.get(name, 1.0)) == said
+    factor = {"r_m1": 1e-3, "k_e": 1e-6}.get(name, 1.0)
+    assert limit_text(PURDY_DAMPER.quantity(name), value, factor) == said
 
 
 def test_the_report_says_why_a_grade_is_withheld() -> None:

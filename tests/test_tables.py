@@ -170,7 +170,7 @@ def test_parquet_carries_units_provenance_and_page_checksums(tmp_path: Path) -> 
     schema = pq.read_schema(path)
     assert schema.field("k_e").metadata[b"unit"] == b"Pa"
     entry = json.loads(schema.metadata[b"damperfit"])
-    assert entry["schema_version"] == 1
+    assert entry["schema_version"] == 2
     assert entry["table"] == "parameters"
     assert entry["inputs"] == {"a": "00"}
     assert pq.read_table(path, page_checksum_verification=True).equals(tables.parameters)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from damperfit.damper.model import Quantity
     from damperfit.identification import Fit
     from damperfit.uncertainty import Uncertainty
 
@@ -26,14 +27,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Outlier", "Trend", "TrendPoint", "find_trends"]
 
-# f_0 belongs to the rig, not to the adjuster.
-_FOLLOWED = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
-_SYMBOLS = {"r_m1": "R_m1", "r_m2": "R_m2", "r_m3": "R_m3", "k_e": "K_e", "f_f": "f_f"}
 _DEGREES = ("constant", "straight line", "quadratic", "cubic", "quartic")
 _ERRATIC = 3.0  # scatter between settings over the errors of the values
 _REMARKABLE = 0.02  # scatter below this share is no news
-# Its values scatter by themselves; those of another parameter do where settings are mixed up.
-_MAY_SCATTER = "k_e"
 _UNTOLD = 0.2  # scatter and error beyond which no direction is told; the paper's K_e has 0.1
 _USUAL_FROM = 8  # settings: of fewer the median residual says little
 _MEDIAN_OF_NORMAL = 0.6745  # median distance from the mean, in standard deviations
@@ -156,11 +152,16 @@ def find_trends(
         By setting; a value without an interval does not count.
     """
     own = {Status.FITTED, Status.AT_BOUND, Status.NOT_IDENTIFIABLE}
-    names = [name for name in _FOLLOWED if any(fit.status[name] in own for fit in fits)]
+    quantities = fits[0].parameters.quantities if fits else ()
+    followed = [
+        one
+        for one in quantities
+        if one.is_logarithmic and any(fit.status[one.name] in own for fit in fits)
+    ]
     return tuple(
-        _trend(name, _points(name, fits, uncertainties, line), line)
+        _trend(one, _points(one.name, fits, uncertainties, line), line)
         for line in lines_of(fit.setting for fit in fits)
-        for name in names
+        for one in followed
     )
 
 
@@ -183,43 +184,44 @@ def _points(
     return Points(settings, logs, errors, *ends)
 
 
-def _trend(name: str, points: Points, line: Line) -> Trend:
+def _trend(quantity: Quantity, points: Points, line: Line) -> Trend:
     if len(points) < LEAST_FOR_TREND:
         n = len(points)
         count = f"{n} setting{'' if n == 1 else 's'} with a sound value"
-        sentence = f"{_SYMBOLS[name]}: {count}, too few for a trend ({LEAST_FOR_TREND} are needed)"
+        sentence = f"{quantity.symbol}: {count}, too few for a trend ({LEAST_FOR_TREND} are needed)"
         nan = math.nan
         if line.held:
             sentence = f"{sentence}, along {line.adjuster} with {line.held}"
         return Trend(
-            *(name, None, None, nan, False, None, None, (), (), False, (), sentence),
+            *(quantity.name, None, None, nan, False, None, None, (), (), False, (), sentence),
             adjuster=line.adjuster,
             held=line.held,
         )
     families = None
-    if name == "k_e":  # the paper's least-squares quadratic
-        families = [("linear", 2 if len(points) >= _QUADRATIC_FROM else 1)]
+    if quantity.trend_degree is not None:
+        degree = quantity.trend_degree if len(points) >= _QUADRATIC_FROM else 1
+        families = [("linear", min(degree, quantity.trend_degree))]
     choice = choose(points, families)
     curve = choice.curve
     outliers = tuple(_outlier(points, curve, place) for place in choice.outliers)
     inside = np.delete(np.arange(len(points)), choice.outliers)
     own = float(np.median(points.errors))
     is_erratic = curve.scatter > max(_ERRATIC * own, _REMARKABLE)
-    is_wild = is_erratic and name != _MAY_SCATTER
+    is_wild = is_erratic and not quantity.is_open
     direction: str | None = _direction(curve, points.settings[inside])
     allowed = curve.scatter
-    if name != _MAY_SCATTER:
+    if not quantity.is_open:
         allowed = LEAST_SCATTER if is_wild else _usual_scatter(points, curve, inside)
         if direction == "mixed" or (is_wild and direction == "flat"):
             direction = _direction_of_values(points, curve, allowed)
     reversals = _reversals(points, curve, direction, allowed)
-    is_told = name != _MAY_SCATTER or curve.scatter <= _UNTOLD
+    is_told = not quantity.is_open or curve.scatter <= _UNTOLD
     if direction == "flat" and math.hypot(curve.scatter, own) > _UNTOLD:
         direction, is_told = None, False
     monotone = direction != "mixed" and not reversals if is_told else None
     is_mixed_up = is_wild and not monotone and not outliers
     trend = Trend(
-        parameter=name,
+        parameter=quantity.name,
         scale=curve.scale,
         degree=curve.degree,
         scatter=curve.scatter,
@@ -234,7 +236,7 @@ def _trend(name: str, points: Points, line: Line) -> Trend:
         adjuster=line.adjuster,
         held=line.held,
     )
-    return replace(trend, sentence=_sentence(trend, own, len(points)))
+    return replace(trend, sentence=_sentence(trend, quantity.symbol, own, len(points)))
 
 
 def _outlier(points: Points, curve: Curve, place: int) -> Outlier:
@@ -324,7 +326,7 @@ def _exp(logs: FloatArray) -> FloatArray:
         return np.asarray(np.exp(logs))
 
 
-def _sentence(trend: Trend, own: float, n: int) -> str:
+def _sentence(trend: Trend, symbol: str, own: float, n: int) -> str:
     """Direction and range, scatter, outliers, reversals."""
     assert trend.degree is not None
     first, last = trend.points[0], trend.points[-1]
@@ -347,7 +349,7 @@ def _sentence(trend: Trend, own: float, n: int) -> str:
     }
     kind = f"{_DEGREES[trend.degree]}{on[trend.scale or 'linear'] if trend.degree else ''}"
     said = (
-        f"{_SYMBOLS[trend.parameter]} {words}, {engineering(first.value)} at {trend.adjuster} "
+        f"{symbol} {words}, {engineering(first.value)} at {trend.adjuster} "
         f"{first.setting}, {engineering(last.value)} at {last.setting} ({kind})"
     )
     if trend.held:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from damperfit.checks.physical_checks import PHYSICAL_CHECKS
-from damperfit.damper.parameters import DAMPER_RANGES, PARAMETER_NAMES
 from damperfit.identification import Status
 from damperfit.identification.setting import EXCELLENT
 from damperfit.identification.sharing import listed_runs, listed_settings
@@ -85,6 +84,7 @@ class Subject:
     temperature: float = 26.0
     temperature_tolerance: float = 1.0
     undeclared: tuple[str, ...] = ()
+    n_declarable: int = 0
 
     @property
     def fits(self) -> tuple[Fit, ...]:
@@ -141,7 +141,7 @@ def _all_parameters_identifiable(subject: Subject) -> _Verdict:
 def _with_status(subject: Subject, status: Status, words: str) -> str:
     found = {
         name: [fit for fit in subject.fits if fit.status[name] == status]
-        for name in PARAMETER_NAMES
+        for name in subject.fits[0].parameters.names
     }
     return "; ".join(f"{name} {words} at {_settings(fits)}" for name, fits in found.items() if fits)
 
@@ -293,7 +293,7 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
 
 def _damper_declared(subject: Subject) -> _Verdict:
     names = subject.undeclared
-    if len(names) == len(DAMPER_RANGES):
+    if names and len(names) == subject.n_declarable:
         return None, "no damper is declared: the paper's is taken; give its [damper] by --config"
     if names:
         return False, (

@@ -56,11 +56,18 @@ def identify(
     logs: LogsArgument,
     free: Annotated[
         str | None,
-        typer.Option(metavar="NAME,NAME", help="Fit these: r_m1 r_m2 r_m3 k_e f_f f_0."),
+        typer.Option(
+            metavar="NAME,NAME",
+            help="Fit these; of the paper's model r_m1 r_m2 r_m3 k_e f_f f_0.",
+        ),
     ] = None,
     fix: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="Hold a parameter; may be given several times."),
+    ] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Model of the damper.  [purdy]"),
     ] = None,
     procedure: Annotated[
         str | None, typer.Option(metavar="NAME", help="How to fit: paper, joint, plain.")
@@ -158,6 +165,7 @@ def identify(
         config,
         ("--free", "identification.free", free.split(",") if free is not None else None),
         ("--fix", "identification.fix", assignments(fix or [], option="--fix") or None),
+        ("--model", "damper.model", model),
         ("--procedure", "identification.procedure", procedure),
         ("--share", "identification.share", share.split(",") if share is not None else None),
         ("--bulk-modulus", "identification.bulk_modulus", bulk_modulus),
@@ -200,7 +208,10 @@ def identify(
         print_json(result.document())
     elif result.campaign.fits:
         sheet = summary_sheet(
-            result.tables.parameters.to_pylist(), columns=screen_columns(), levels=spark_levels()
+            result.tables.parameters.to_pylist(),
+            columns=screen_columns(),
+            levels=spark_levels(),
+            quantities=result.tables.quantities,
         )
         print_renderable(terminal_table(sheet))
         if result.facts.held_out:

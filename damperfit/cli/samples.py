@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
@@ -58,10 +58,15 @@ def samples(
     """
     from damperfit.cli.progress import progress
     from damperfit.configuration.loading import load_configuration
+    from damperfit.damper.parameters import Damper
     from damperfit.quantities import parse_quantity
     from damperfit.samples import SampleOptions, make_samples
 
     loaded = load_configuration(config)
+    if not isinstance(loaded.damper, Damper):
+        raise ConfigurationError(
+            f"samples are of the paper's model; {config} declares {loaded.damper.name!r}"
+        )
     options = SampleOptions(
         settings=_numbers(settings),
         cycles=cycles,
@@ -90,7 +95,11 @@ def _truth(path: Path) -> dict[int, Parameters]:
     from damperfit.tables import read_parameters
 
     known = {setting.cell: parameters for setting, parameters in read_parameters(path).items()}
-    return {setting: values for setting, values in known.items() if isinstance(setting, int)}
+    return {
+        setting: cast("Parameters", values)
+        for setting, values in known.items()
+        if isinstance(setting, int)
+    }
 
 
 def _numbers(text: str) -> tuple[int, ...]:

@@ -99,7 +99,11 @@ def simulate(
     _check_suffix("--plot", plot, (".png", ".svg", ".pdf"))
     replaced = assignments(set_ or [], option="--set")
     choice = choose_parameters(
-        setting, table=parameters, replaced=replaced, folder=given.output.folder
+        setting,
+        table=parameters,
+        replaced=replaced,
+        folder=given.output.folder,
+        damper=given.damper,
     )
     configuration, damper = damper_of(choice, given, config=config)
     if displacement is not None and not displacement.exists():

@@ -89,7 +89,7 @@ def sweep(
     replaced = assignments(set_ or [], option="--set")
     number = "10" if paper and setting is None else setting
     choice = choose_parameters(
-        number, table=parameters, replaced=replaced, folder=given.output.folder
+        number, table=parameters, replaced=replaced, folder=given.output.folder, damper=given.damper
     )
     configuration, damper = damper_of(choice, given, config=config)
     if not quiet:

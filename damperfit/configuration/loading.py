@@ -18,7 +18,9 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from damperfit.configuration.damper_section import damper_defaults
 from damperfit.configuration.schema import build_configuration
+from damperfit.damper.models import model_named
 from damperfit.errors import ConfigurationError, did_you_mean
 
 if TYPE_CHECKING:
@@ -30,6 +32,7 @@ __all__ = ["configuration_toml", "load_configuration", "redeclared"]
 
 _MAX_BYTES = 1_000_000  # a configuration is a page; anything larger is some other file
 _COMMAND_LINE = "command line"
+_DEFAULT_MODEL = "purdy"
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]")
 _ENTRY = re.compile(r"(?P<key>\w+) = (?P<value>[^#]*[^#\s])(?P<comment>\s*#.*)?$")
 
@@ -66,8 +69,11 @@ def load_configuration(
         layer.values = _parse(layer)
     if overlay:
         layers.append(_Layer(_COMMAND_LINE, "", overlay, options or {}))
+    known = {**layers[0].values, "damper": damper_defaults(_model_of(layers))}
+    if known["damper"]["model"] != layers[0].values["damper"]["model"]:
+        layers[0].values = known
     for layer in layers:
-        _check_keys(layer, known=layers[0].values)
+        _check_keys(layer, known=known)
         if layer.name == _COMMAND_LINE:
             _put_over_profiles(document, layer.values.get("rig", {}))
         _merge(document, layer.values)
@@ -85,6 +91,23 @@ def load_configuration(
         raise ConfigurationError(_with_place(str(error), layers)) from error
 
 
+def _model_of(layers: Sequence[_Layer]) -> str:
+    """Return the model that the last layer names which names one."""
+    name = _DEFAULT_MODEL
+    for layer in layers:
+        damper = layer.values.get("damper")
+        found = damper.get("model", name) if isinstance(damper, dict) else name
+        if not isinstance(found, str):
+            raise ConfigurationError(
+                f"{layer.name_of('damper', 'model')}: expected the name of a model, found {found!r}"
+            )
+        try:
+            name = model_named(found).name
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{layer.name_of('damper', 'model')}: {error}") from error
+    return name
+
+
 def redeclared(
     configuration: Configuration, sections: Mapping[str, Mapping[str, Any]]
 ) -> Configuration:
@@ -96,6 +119,8 @@ def redeclared(
         A value is wrong.
     """
     document = deepcopy(configuration.document)
+    if "damper" in sections:  # keys of another model must not stay
+        document["damper"] = damper_defaults(_model_of([_Layer("run.json", "", sections)]))
     _merge(document, sections)
     keys = {f"{section}.{key}" for section, values in sections.items() for key in values}
     try:
@@ -173,13 +198,28 @@ def _check_keys(layer: _Layer, *, known: Mapping[str, Any]) -> None:
             )
         if not isinstance(values, dict):
             raise ConfigurationError(f"{layer.name}: {section} is a section: write [{section}]")
-        for key in values:
-            if key not in known[section]:
-                there = f" There are {_listed(known[section])}."
-                raise ConfigurationError(
-                    f"{layer.place(section, key)}: unknown key '{key}' in [{section}]."
-                    f"{did_you_mean(key, known[section]) or there}"
-                )
+        _check_section(layer, values, known[section], section)
+
+
+def _check_section(
+    layer: _Layer, values: Mapping[str, Any], known: Mapping[str, Any], *section: str
+) -> None:
+    """Refuse keys that a section does not have; of [damper] those inside its sections too."""
+    name = ".".join(section)
+    for key, value in values.items():
+        if key not in known:
+            there = f" There are {_listed(known)}."
+            raise ConfigurationError(
+                f"{layer.place(*section, key)}: unknown key '{key}' in [{name}]."
+                f"{did_you_mean(key, known) or there}"
+            )
+        if section[0] != "damper" or not isinstance(known[key], dict):
+            continue
+        if not isinstance(value, dict):
+            raise ConfigurationError(
+                f"{layer.place(*section, key)}: {name}.{key} is a section: write [{name}.{key}]"
+            )
+        _check_section(layer, value, known[key], *section, key)
 
 
 def _listed(names: Iterable[str]) -> str:
@@ -275,16 +315,33 @@ def configuration_toml(configuration: Configuration) -> str:
     `load_configuration` of the text gives equal settings.
     """
     section = ""
-    lines = []
+    lines: list[str] = []
+    is_other = configuration.damper.name != _DEFAULT_MODEL
     for line in _defaults_text().splitlines():
         if header := _HEADER.match(line):
             section = header[1].strip()
+            if is_other and section == "damper":
+                lines.extend(_damper_lines(configuration.document["damper"]))
+        if is_other and section == "damper":
+            continue
         if entry := _ENTRY.match(line):
             value = _toml_value(configuration.document[section][entry["key"]])
             lines.append(f"{entry['key']} = {value}{entry['comment'] or ''}")
         else:
             lines.append(line)
     return "\n".join(lines) + "\n"
+
+
+def _damper_lines(values: Mapping[str, Any], section: str = "damper") -> Iterator[str]:
+    """Yield [damper] of a model that defaults.toml does not show."""
+    yield f"[{section}]"
+    for key, value in values.items():
+        if not isinstance(value, dict):
+            yield f"{key} = {_toml_value(value)}"
+    yield ""
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from _damper_lines(value, f"{section}.{key}")
 
 
 def _toml_value(value: Any) -> str:

@@ -6,14 +6,14 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from damperfit.damper.parameters import DAMPER_RANGES, PARAMETER_NAMES, Damper
-from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.errors import ConfigurationError
 from damperfit.quantities import parse_quantity, says_absolute_or_gauge
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.conditioning import ConditionOptions
+    from damperfit.damper.model import Model, Quantity
     from damperfit.identification import FitOptions
     from damperfit.readers import ReadOptions
     from damperfit.setting import Setting
@@ -28,8 +28,8 @@ __all__ = [
     "parameter_value",
 ]
 
-# Parameters whose unit has a short name; the others are bare numbers in SI.
-_PARAMETER_DIMENSIONS = {"k_e": "pressure", "f_f": "force", "f_0": "force"}
+# Of units that have a short name; parameters of other units are bare numbers in SI.
+_DIMENSIONS = {"Pa": "pressure", "N": "force", "m": "length", "s": "time", "N/m": "stiffness"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,8 +106,8 @@ class Configuration:
 
     Attributes
     ----------
-    damper : Damper
-        Geometry, oil and gas.
+    damper : Model
+        The model, with geometry, oil and gas as far as it has them.
     rig : RigOptions
         Nominal test.
     reading : ReadOptions
@@ -130,7 +130,7 @@ class Configuration:
         The same as one TOML document, quantities as they were written.
     """
 
-    damper: Damper
+    damper: Model
     rig: RigOptions
     reading: ReadOptions
     conditioning: ConditionOptions
@@ -145,32 +145,33 @@ class Configuration:
     @property
     def undeclared(self) -> tuple[str, ...]:
         """Keys of [damper] that nobody gave."""
-        return tuple(name for name in DAMPER_RANGES if f"damper.{name}" not in self.declared)
+        return tuple(name for name in self.keys if f"damper.{name}" not in self.declared)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Keys of [damper] that the model has."""
+        return tuple(name for name in self.document["damper"] if name != "model")
 
     @property
     def damper_sentence(self) -> str:
         """The damper's main figures, and whose they are."""
-        one = self.damper
-        is_assumed = len(self.undeclared) == len(DAMPER_RANGES)
-        assumed = " (the paper's: [damper] is not declared)" if is_assumed else ""
-        return (
-            f"Damper: rod {1e3 * one.rod_diameter:g} mm, piston {1e3 * one.piston_diameter:g} mm, "
-            f"gas piston {1e3 * one.gas_piston_diameter:g} mm, chambers "
-            f"{1e3 * one.chamber_1_length:g} and {1e3 * one.chamber_2_length:g} mm, gas "
-            f"{1e3 * one.gas_length:g} mm at {one.gas_pressure / 1e5:.5g} bar absolute, exponent "
-            f"{one.gas_exponent:g}, oil {one.oil_density:g} kg/m3{assumed}."
-        )
+        assumed = ""
+        if self.keys and len(self.undeclared) == len(self.keys):
+            whose = "the paper's" if self.damper.name == "purdy" else "made up"
+            assumed = f" ({whose}: [damper] is not declared)"
+        return f"Damper: {self.damper.sentence}{assumed}."
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed of the damper, a sentence each."""
         said = []
-        if 0 < len(self.undeclared) < len(DAMPER_RANGES):
+        if 0 < len(self.undeclared) < len(self.keys):
+            whose = "the paper's damper" if self.damper.name == "purdy" else "a made-up damper"
             said.append(
-                f"[damper] leaves {', '.join(self.undeclared)} to the paper's damper: declare "
+                f"[damper] leaves {', '.join(self.undeclared)} to {whose}: declare "
                 "what your damper has (damperfit config prints every key)"
             )
-        pressure = self.document["damper"]["gas_pressure"]
+        pressure = self.document["damper"].get("gas_pressure")
         if isinstance(pressure, str) and not says_absolute_or_gauge(pressure):
             said.append(
                 f"damper.gas_pressure = {pressure} is taken as absolute; a gauge shows 1.013 bar "
@@ -179,13 +180,13 @@ class Configuration:
         return tuple(said)
 
 
-def parameter_value(name: str, value: str | float) -> float:
+def parameter_value(quantity: Quantity, value: str | float) -> float:
     """Return a parameter's value in SI; text may carry a unit where the parameter has a plain one.
 
     Parameters
     ----------
-    name : str
-        One of `damperfit.damper.parameters.PARAMETER_NAMES`.
+    quantity : Quantity
+        Which.
     value : str or float
         As in "500MPa", "50N" or 3e4.
 
@@ -194,20 +195,14 @@ def parameter_value(name: str, value: str | float) -> float:
     ConfigurationError
         The name is unknown or the value is no finite number.
     """
-    if name not in PARAMETER_NAMES:
-        known = ", ".join(PARAMETER_NAMES)
-        hint = did_you_mean(name, PARAMETER_NAMES)
-        raise ConfigurationError(f"no parameter {name!r}; there are {known}.{hint}")
-    dimension = _PARAMETER_DIMENSIONS.get(name)
+    name, unit = quantity.name, quantity.unit
+    dimension = _DIMENSIONS.get(unit)
     try:
         if isinstance(value, str) and dimension is not None:
             number = parse_quantity(value, dimension)
         else:
             number = float(value)
     except ValueError as error:
-        from damperfit.tables import PARAMETER_UNITS
-
-        unit = PARAMETER_UNITS[name]
         raise ConfigurationError(f"{name} = {value}: expected a number in {unit}") from error
     if not math.isfinite(number):
         raise ConfigurationError(f"{name} = {value}: expected a finite number")

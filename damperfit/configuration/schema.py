@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 from pydantic import (
     AfterValidator,
@@ -17,7 +17,6 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    ValidationInfo,
     create_model,
     field_validator,
     model_validator,
@@ -25,6 +24,7 @@ from pydantic import (
 
 from damperfit.checks import expand_checks
 from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
+from damperfit.configuration.damper_section import DAMPER_SECTIONS, DamperSection
 from damperfit.configuration.options import (
     Configuration,
     OutputOptions,
@@ -32,15 +32,18 @@ from damperfit.configuration.options import (
     SimulationOptions,
     parameter_value,
 )
-from damperfit.damper.parameters import DAMPER_RANGES, PARAMETER_NAMES, Damper
+from damperfit.damper.models import MODELS
 from damperfit.errors import did_you_mean
-from damperfit.identification import FitOptions, check_options
-from damperfit.quantities import parse_quantity, says_absolute_or_gauge
+from damperfit.identification import FitOptions, check_options, shared_names
+from damperfit.quantities import parse_quantity
 from damperfit.readers import Profile, ReadOptions
 from damperfit.readers.options import Declarations
 from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import HoldOutOptions, check_profile_names
+
+if TYPE_CHECKING:
+    from damperfit.damper.model import Model
 
 __all__ = ["build_configuration"]
 
@@ -66,23 +69,7 @@ def _known_or_detect(value: object) -> object:
     raise ValueError("expected true, false or 'detect'")
 
 
-_ASKED_BELOW = 2e5  # Pa: a gauge reading taken as absolute is here a third too low, or more
 _LONGEST = 2.0  # m, beyond any rig's amplitude: mm were meant
-
-
-def _gas_pressure(value: object) -> object:
-    """Return an absolute pressure; ask what a low one counts from."""
-    if not isinstance(value, str | float | int) or isinstance(value, bool):
-        return value
-    pressure = parse_quantity(value, "absolute pressure")
-    is_told = isinstance(value, str) and says_absolute_or_gauge(value)
-    is_low = pressure == 0.0 or DAMPER_RANGES["gas_pressure"][0] <= pressure < _ASKED_BELOW
-    if is_low and not is_told:
-        raise ValueError(
-            "is it absolute, or does it count from the atmosphere? expected a unit that says so, "
-            "as in 'bara' or 'barg'"
-        )
-    return pressure
 
 
 def _not_in_mm(length: float) -> float:
@@ -104,38 +91,6 @@ _Speed = Annotated[float, _quantity("velocity"), _NotNegative]
 
 class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-
-class _DamperSection(_Section):
-    rod_diameter: _Dimension
-    piston_diameter: _Dimension
-    gas_piston_diameter: _Dimension
-    chamber_1_length: _Dimension
-    chamber_2_length: _Dimension
-    gas_length: _Dimension
-    oil_density: Annotated[float, _quantity("density")]
-    gas_pressure: Annotated[float, BeforeValidator(_gas_pressure)]
-    gas_exponent: float
-
-    @field_validator("*")
-    @classmethod
-    def _is_plausible(cls, value: float, info: ValidationInfo) -> float:
-        low, high, unit = DAMPER_RANGES[str(info.field_name)]
-        if not low <= value <= high:
-            raise ValueError(f"expected {low:g} to {high:g}{' ' + unit if unit else ''}")
-        return value
-
-    @model_validator(mode="after")
-    def _rod_fits(self) -> _DamperSection:
-        if self.rod_diameter >= self.piston_diameter:
-            raise ValueError(
-                f"rod_diameter: expected less than piston_diameter, {self.piston_diameter:g} m, "
-                f"found {self.rod_diameter:g} m"
-            )
-        return self
-
-    def build(self) -> Damper:
-        return Damper(**self.model_dump())
 
 
 class _DeclaredKeys(_Section):
@@ -238,7 +193,7 @@ class _ConditioningSection(_Section):
     max_force: _Force
 
     def build(
-        self, rig: _RigSection, damper: Damper, fit: _IdentificationSection
+        self, rig: _RigSection, damper: Model, fit: _IdentificationSection
     ) -> ConditionOptions:
         return ConditionOptions(
             filter=self.filter,
@@ -251,14 +206,13 @@ class _ConditioningSection(_Section):
             steadiness=self.steadiness,
             spikes=self.spikes,
             skew=rig.skew,
-            gas=GasFacts(
-                rod_area=damper.rod_area,
-                pressure=damper.gas_pressure,
-                volume=damper.gas_volume,
-                exponent=damper.gas_exponent,
+            gas=None if damper.gas is None else _gas_facts(*damper.gas),
+            is_offset_known=any(
+                one.name in {*fit.fix, *fit.free} or one.default is None
+                for one in damper.quantities
+                if one.is_offset
             ),
-            is_offset_known="f_0" in fit.fix or "f_0" in fit.free,
-            chamber_lengths=(damper.chamber_1_length, damper.chamber_2_length),
+            chamber_lengths=damper.chamber_lengths,
             min_amplitude=self.min_amplitude,
             max_amplitude=self.max_amplitude,
             max_force=self.max_force,
@@ -269,6 +223,10 @@ class _ConditioningSection(_Section):
                 temperature_tolerance=rig.temperature_tolerance,
             ),
         )
+
+
+def _gas_facts(rod_area: float, pressure: float, volume: float, exponent: float) -> GasFacts:
+    return GasFacts(rod_area=rod_area, pressure=pressure, volume=volume, exponent=exponent)
 
 
 class _IdentificationSection(_Section):
@@ -297,11 +255,11 @@ class _IdentificationSection(_Section):
     def build_hold_out(self) -> HoldOutOptions:
         return HoldOutOptions(tuple(self.hold_out), self.hold_out_cycles)
 
-    def build(self) -> FitOptions:
+    def build(self, damper: Model) -> FitOptions:
         options = FitOptions(
             procedure=self.procedure,
             free=tuple(name.strip() for name in self.free) or None,
-            fixed={name: parameter_value(name, value) for name, value in self.fix.items()},
+            fixed={n: parameter_value(damper.quantity(n), value) for n, value in self.fix.items()},
             share=tuple(name.strip() for name in self.share),
             solver=SolverOptions(tolerance=self.tolerance, dead_band=self.dead_band),
             max_evaluations=self.max_evaluations,
@@ -310,12 +268,12 @@ class _IdentificationSection(_Section):
             fallback_r_m3=self.fallback_r_m3,
             fallback_f_f=self.fallback_f_f,
         )
-        check_options(options)
+        check_options(options, damper)
         return options
 
-    def build_profile(self) -> tuple[str, ...]:
+    def build_profile(self, damper: Model) -> tuple[str, ...]:
         names = tuple(name.strip() for name in self.profile)
-        check_profile_names(names, PARAMETER_NAMES, fixed=self.fix)
+        check_profile_names(names, damper.names, fixed=self.fix)
         return names
 
 
@@ -343,12 +301,24 @@ class _OutputSection(_Section):
 
 
 class _Document(_Section):
-    damper: _DamperSection
+    damper: DamperSection
     rig: _RigSection
     conditioning: _ConditioningSection
     identification: _IdentificationSection
     simulation: _SimulationSection
     output: _OutputSection
+
+
+def _with_own(document: dict[str, Any], declared: frozenset[str], **own: object) -> dict[str, Any]:
+    """Put what a model has of its own where nobody has declared it."""
+    left = {key: one for key, one in own.items() if f"identification.{key}" not in declared}
+    return {**document, "identification": document["identification"] | left}
+
+
+_DOCUMENTS = {
+    name: create_model("_Document", __base__=_Document, damper=(section, ...))
+    for name, section in DAMPER_SECTIONS.items()
+}
 
 
 def build_configuration(
@@ -370,16 +340,23 @@ def build_configuration(
     ConfigurationError
         Values that do not go together, such as a parameter both free and fixed.
     """
-    checked = _Document.model_validate(document)
+    model = document["damper"]["model"]
+    if model != "purdy":
+        document = _with_own(document, declared, procedure=MODELS[model].procedures[0], share=[])
+    checked: Any = _DOCUMENTS[model].model_validate(document)
+    if model != "purdy":
+        share = list(shared_names(FitOptions(), checked.damper.build()))
+        document = _with_own(document, declared, share=share)
+        checked = _DOCUMENTS[model].model_validate(document)
     damper = checked.damper.build()
     return Configuration(
         damper=damper,
         rig=checked.rig.build(),
         reading=checked.rig.build_reading(),
         conditioning=checked.conditioning.build(checked.rig, damper, checked.identification),
-        identification=checked.identification.build(),
+        identification=checked.identification.build(damper),
         hold_out=checked.identification.build_hold_out(),
-        profile=checked.identification.build_profile(),
+        profile=checked.identification.build_profile(damper),
         simulation=checked.simulation.build(checked.identification.dead_band),
         output=checked.output.build(checked.rig),
         declared=declared,

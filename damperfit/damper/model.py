@@ -41,7 +41,6 @@ __all__ = [
     "RIG",
     "SETTING",
     "Detour",
-    "Key",
     "Model",
     "Quantity",
     "Values",
@@ -87,6 +86,8 @@ class Quantity:
         People read it in 10^power of the unit, which they write like this.
     is_open : bool
         What lies beyond the upper edge looks like the edge: rigid. It is then no fault of the logs.
+    may_vanish : bool
+        Of a logarithmic one: it may be held at nothing.
     trend_degree : int or None
         Degree of the polynomial that it follows over the settings, where that is agreed beforehand.
     believable : tuple of float
@@ -109,6 +110,7 @@ class Quantity:
     power: int = 0
     shown_unit: str = ""
     is_open: bool = False
+    may_vanish: bool = False
     trend_degree: int | None = None
     believable: tuple[float, float] = (float("-inf"), float("inf"))
     belief: str = ""
@@ -212,33 +214,6 @@ def _quantity(quantities: Sequence[Quantity], name: str) -> Quantity:
 
 
 @dataclass(frozen=True, slots=True)
-class Key:
-    """What a key of ``[damper]`` may be; stands under "key" in the metadata of a model's field.
-
-    Attributes
-    ----------
-    dimension : str
-        As `damperfit.quantities` has it; empty: a bare number or a word.
-    plausible : tuple of float
-        What lies outside was misread: mm as m, bar as Pa.
-    unit : str
-        SI, for messages.
-    words : tuple of str
-        What it may be, where it is no number.
-    """
-
-    dimension: str = ""
-    plausible: tuple[float, float] = (float("-inf"), float("inf"))
-    unit: str = ""
-    words: tuple[str, ...] = ()
-
-    @property
-    def metadata(self) -> dict[str, Key]:
-        """For `dataclasses.field`."""
-        return {"key": self}
-
-
-@dataclass(frozen=True, slots=True)
 class Detour:
     """Another way to a minimum, for a fit that has ended in a wrong valley.
 
@@ -271,6 +246,10 @@ class Model(ABC):
     """Names of the procedures of a fit that it can be fitted by; the first is its own."""
     conditions: ClassVar[tuple[str, ...]] = ()
     """What is declared, not fitted, and the force can be differentiated by all the same."""
+    ranges: ClassVar[Mapping[str, tuple[float, float, str]]] = MappingProxyType({})
+    """Range of each declared number in SI, and its unit; what lies outside was misread."""
+    bulk_moduli: ClassVar[tuple[str, ...]] = ("free",)
+    """How the bulk modulus of the settings may be found."""
 
     @property
     @abstractmethod
@@ -331,6 +310,21 @@ class Model(ABC):
     ) -> Cavitation:
         """Return whether a chamber was empty in a setting's logs, and how far from it they are."""
         return seen_cavitation(seen)
+
+    @property
+    def gas(self) -> tuple[float, float, float, float] | None:
+        """Rod area, gas pressure, gas volume, gas exponent, SI; None: there is no gas."""
+        return None
+
+    @property
+    def chamber_lengths(self) -> tuple[float, float] | None:
+        """l_1 and l_2, m; None: it has no chambers."""
+        return None
+
+    @property
+    def sentence(self) -> str:
+        """The damper's main figures, for people, without a full stop."""
+        return self.title
 
     @property
     def travel(self) -> float:

@@ -102,6 +102,8 @@ class Damper(Model):
     title: ClassVar[str] = "the paper's damper: one orifice, two linear checks"
     procedures: ClassVar[tuple[str, ...]] = ("paper", "joint", "plain")
     conditions: ClassVar[tuple[str, ...]] = ("gas_pressure", "gas_exponent")
+    ranges: ClassVar[Mapping[str, tuple[float, float, str]]] = DAMPER_RANGES
+    bulk_moduli: ClassVar[tuple[str, ...]] = ("free", "appendix1")
 
     def __post_init__(self) -> None:
         """Refuse what is no damper."""
@@ -127,6 +129,27 @@ class Damper(Model):
     def values_type(self) -> type[Values]:
         """`Parameters`."""
         return Parameters
+
+    @property
+    def gas(self) -> tuple[float, float, float, float]:
+        """Rod area, gas pressure, gas volume, gas exponent, SI."""
+        return self.rod_area, self.gas_pressure, self.gas_volume, self.gas_exponent
+
+    @property
+    def chamber_lengths(self) -> tuple[float, float]:
+        """l_1 and l_2, m."""
+        return self.chamber_1_length, self.chamber_2_length
+
+    @property
+    def sentence(self) -> str:
+        """The damper's main figures."""
+        return (
+            f"rod {1e3 * self.rod_diameter:g} mm, piston {1e3 * self.piston_diameter:g} mm, "
+            f"gas piston {1e3 * self.gas_piston_diameter:g} mm, chambers "
+            f"{1e3 * self.chamber_1_length:g} and {1e3 * self.chamber_2_length:g} mm, gas "
+            f"{1e3 * self.gas_length:g} mm at {self.gas_pressure / 1e5:.5g} bar absolute, exponent "
+            f"{self.gas_exponent:g}, oil {self.oil_density:g} kg/m3"
+        )
 
     @property
     def travel(self) -> float:

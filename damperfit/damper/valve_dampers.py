@@ -100,6 +100,7 @@ class ValveDamper(Model):
     mounting: Mounting = Mounting()
 
     conditions: ClassVar[tuple[str, ...]] = ("gas_pressure", "gas_exponent", "gas_volume")
+    ranges: ClassVar[Mapping[str, tuple[float, float, str]]] = VALVE_RANGES
 
     def __post_init__(self) -> None:
         """Refuse what is no damper."""
@@ -131,6 +132,31 @@ class ValveDamper(Model):
     def quantities(self) -> tuple[Quantity, ...]:
         """The valves' numbers, oil, friction, mounting, offset."""
         return _quantities(self)
+
+    @property
+    def gas(self) -> tuple[float, float, float, float]:
+        """Rod area, gas pressure, gas volume, gas exponent, SI."""
+        return self.rod_area, self.gas_pressure, self.gas_volume, self.gas_exponent
+
+    @property
+    def chamber_lengths(self) -> tuple[float, float]:
+        """l_1 and l_2, m."""
+        return self.chamber_1_length, self.chamber_2_length
+
+    @property
+    def sentence(self) -> str:
+        """The damper's main figures."""
+        valves = ", ".join(
+            f"{stroke} {valve.bleed} bleed and {valve.blow_off} blow-off"
+            for stroke, valve in (("rebound", self.rebound), ("compression", self.compression))
+        )
+        return (
+            f"{self.title}; rod {1e3 * self.rod_diameter:g} mm, piston "
+            f"{1e3 * self.piston_diameter:g} mm, chambers {1e3 * self.chamber_1_length:g} and "
+            f"{1e3 * self.chamber_2_length:g} mm, gas {1e6 * self.gas_volume:g} cm3 at "
+            f"{self.gas_pressure / 1e5:.5g} bar absolute, exponent {self.gas_exponent:g}, oil "
+            f"{self.oil_density:g} kg/m3; {valves}"
+        )
 
     @property
     def travel(self) -> float:
@@ -291,11 +317,11 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
         ),
         Quantity(
             "f_f", "f_f", "friction", "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
-            shown_unit="N",
+            may_vanish=True, shown_unit="N",
         ),
         Quantity(
             "drag", "c", "drag of the seals", "force of the seals by the speed", "N s/m",
-            (1e-2, 1e5), default=0.0, shown_unit="N s/m",
+            (1e-2, 1e5), default=0.0, may_vanish=True, shown_unit="N s/m",
         ),
         *_of_mounting(damper.mounting),
         Quantity(

@@ -4,7 +4,7 @@ from damperfit.identification.campaign import PROCEDURES, Campaign, identify
 from damperfit.identification.failures import SettingFailure
 from damperfit.identification.model_versus_log import Comparison, compare, normalised_mse
 from damperfit.identification.multistart import Search, Valley, describe_searches
-from damperfit.identification.options import FitOptions, check_options
+from damperfit.identification.options import FitOptions, check_options, shared_names
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.setting import Fit, LogFit
 from damperfit.identification.sharing import Sharing
@@ -27,4 +27,5 @@ __all__ = [
     "describe_searches",
     "identify",
     "normalised_mse",
+    "shared_names",
 ]

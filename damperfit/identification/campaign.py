@@ -21,18 +21,18 @@ from damperfit.identification.failures import SettingFailure, attempted, attempt
 from damperfit.identification.first_pass import first_pass
 from damperfit.identification.joint_procedure import fit_together
 from damperfit.identification.multistart import Search, fit_from
-from damperfit.identification.options import FitOptions, check_options
+from damperfit.identification.options import FitOptions, check_options, shared_names
 from damperfit.identification.outcome import Status
 from damperfit.identification.procedure_input import ProcedureInput, first_start
 from damperfit.identification.setting import Fit, Judged, describe_fit
-from damperfit.identification.sharing import Sharing
+from damperfit.identification.sharing import MEAN, TAKEN, Sharing
 from damperfit.recording import natural_order
 from damperfit.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from damperfit.damper.model import Model
+    from damperfit.damper.model import Model, Quantity
     from damperfit.recording import Trace
 
 __all__ = ["PROCEDURES", "Campaign", "identify"]
@@ -41,7 +41,7 @@ _MODEL_PARAMETERS = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
 _PAPER_FREE = ("r_m1", "r_m2", "k_e")
 _NOT_JOINT = (
     "the joint fit needs two settings at a sound minimum and a shared parameter: these are the "
-    "results of procedure paper."
+    "results of procedure {}."
 )
 _NOT_FITTED_JOINTLY = "the joint fit met an error: these are the results of procedure paper."
 
@@ -68,6 +68,8 @@ class Campaign:
         What fits from many starts found, where they were asked for.
     mishap : Mishap or None
         What damperfit got wrong in a step over all settings, done without.
+    named : tuple of Quantity
+        Quantities of the model, where there may be no fit to tell them.
     """
 
     procedure: str
@@ -78,6 +80,12 @@ class Campaign:
     sharing: Sharing = Sharing()
     searches: tuple[Search, ...] = ()
     mishap: Mishap | None = None
+    named: tuple[Quantity, ...] = ()
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What the model has; nothing where neither it nor a fit is known."""
+        return self.named or (self.fits[0].parameters.quantities if self.fits else ())
 
     @property
     def gaps(self) -> tuple[tuple[int, int], ...]:
@@ -136,7 +144,7 @@ def identify(
     LogError
         No trace, or one without a setting.
     """
-    check_options(options)
+    check_options(options, damper)
     if not traces:
         raise LogError("identify: there is no log to fit; give one trace or more")
     task = ProcedureInput(
@@ -152,7 +160,7 @@ def identify(
     with one_blas_thread():
         campaign = PROCEDURES[options.procedure](task)
     said = [f"setting {one.setting}: {one.warning}" for one in campaign.searches if one.warning]
-    return replace(campaign, warnings=(*campaign.warnings, *said))
+    return replace(campaign, warnings=(*campaign.warnings, *said), named=damper.quantities)
 
 
 def _plain(task: ProcedureInput) -> Campaign:
@@ -207,15 +215,18 @@ def _paper(task: ProcedureInput) -> Campaign:
 
 
 def _joint(task: ProcedureInput) -> Campaign:
-    """One fit over the settings, from the paper's procedure as start; unsound ones follow it."""
-    shared = task.ordered(task.options.share)
+    """One fit over the settings, from the model's own procedure; unsound ones follow it."""
+    shared = task.ordered(shared_names(task.options, task.damper))
     # What is neither shared nor fixed is the settings' own: R_m3 or f_f too.
     own = task.options.free or tuple(
-        name for name in _MODEL_PARAMETERS if name not in {*task.options.fixed, *shared}
+        one.name
+        for one in task.damper.quantities
+        if one.default is None and one.name not in {*task.options.fixed, *shared}
     )
-    varying = tuple(name for name in shared if name not in {"r_m3", "f_f"})
+    begin = _paper if "paper" in task.damper.procedures else _plain
+    varying = tuple(name for name in shared if begin is _plain or name not in {TAKEN, MEAN})
     options = replace(task.options, free=(*own, *varying), starts=1)
-    before = _paper(replace(task, options=options, on_fit=lambda _fit: None))
+    before = begin(replace(task, options=options, on_fit=lambda _fit: None))
     failed = {one.setting: one for one in before.failures}
     try:
         found = attempted_for_all(
@@ -229,7 +240,7 @@ def _joint(task: ProcedureInput) -> Campaign:
     together, broken = found
     failed.update(broken)
     if not before.is_complete or together is None:
-        said = () if not before.is_complete else (_NOT_JOINT,)
+        said = () if not before.is_complete else (_NOT_JOINT.format(begin.__name__.strip("_")),)
         return replace(
             before,
             procedure="joint",
@@ -248,7 +259,7 @@ def _joint(task: ProcedureInput) -> Campaign:
 
     collected = _collect(task, fit, (*before.warnings, *together.warnings), known=failed)
     sharing = together.sharing
-    if "f_f" in shared:
+    if MEAN in shared:
         sharing = replace(
             sharing,
             f_f_range=before.sharing.f_f_range,

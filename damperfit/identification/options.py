@@ -5,15 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.damper.purdy.quantities import QUANTITIES
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.identification.gas_content import GAS_FOLLOWER
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["BULK_MODULUS_NAMES", "PROCEDURE_NAMES", "FitOptions", "check_options"]
+    from damperfit.damper.model import Model
+
+__all__ = ["BULK_MODULUS_NAMES", "PROCEDURE_NAMES", "FitOptions", "check_options", "shared_names"]
 
 PROCEDURE_NAMES = ("paper", "joint", "plain")
 BULK_MODULUS_NAMES = ("free", "appendix1")
@@ -29,7 +30,7 @@ class FitOptions:
         A name of `PROCEDURE_NAMES`.
     free : tuple of str or None
         Parameters to fit; None takes the procedure's own (`paper` and `joint`: R_m1, R_m2, K_e
-        per setting; `plain`: all five that are not fixed).
+        per setting; `plain`: all that are not fixed and have no value that they are held at).
     fixed : mapping of str to float
         Parameters held at a value, SI.
     solver : SolverOptions
@@ -37,8 +38,9 @@ class FitOptions:
         what 4 N of noise does; a fit with less misfit is refined with a tighter integrator.
     max_evaluations : int
         Limit of simulations for one descent.
-    share : tuple of str
-        Parameters that all settings have in common in procedure `joint`.
+    share : tuple of str or None
+        Parameters that all settings have in common in procedure `joint`; None: those that the model
+        says are the damper's or the rig's.
     fallback_r_m3, fallback_f_f : float
         The paper's published values, used with a warning only where no log fixes these
         parameters; R_m3 only where it also fits the logs as well as any other value.
@@ -55,15 +57,15 @@ class FitOptions:
     fixed: Mapping[str, float] = field(default_factory=dict)
     solver: SolverOptions = SolverOptions(tolerance=1e-2)
     max_evaluations: int = 100
-    share: tuple[str, ...] = ("r_m3", "f_f")
+    share: tuple[str, ...] | None = None
     fallback_r_m3: float = 2.597e6
     fallback_f_f: float = 50.0
     bulk_modulus: str = "free"
     starts: int = 1
 
 
-def check_options(options: FitOptions) -> None:
-    """Refuse options that cannot be, before any log is read.
+def check_options(options: FitOptions, damper: Model) -> None:
+    """Refuse options that cannot be for a model, before any log is read.
 
     Raises
     ------
@@ -74,21 +76,24 @@ def check_options(options: FitOptions) -> None:
         hint = did_you_mean(options.procedure, PROCEDURE_NAMES)
         known = ", ".join(PROCEDURE_NAMES)
         raise ConfigurationError(f"no procedure {options.procedure!r}; there are {known}.{hint}")
-    for name in (*(options.free or ()), *options.fixed, *options.share):
-        if name not in PARAMETER_NAMES:
-            hint = did_you_mean(name, PARAMETER_NAMES)
-            known = ", ".join(PARAMETER_NAMES)
-            raise ConfigurationError(f"no parameter {name!r}; there are {known}.{hint}")
+    if options.procedure not in damper.procedures:
+        raise ConfigurationError(
+            f"procedure {options.procedure} does not know the model {damper.name!r}; expected one "
+            f"of {', '.join(damper.procedures)}."
+        )
+    share = shared_names(options, damper)
+    for name in (*(options.free or ()), *options.fixed, *share):
+        damper.quantity(name)
     for name in options.free or ():
         if name in options.fixed:
             raise ConfigurationError(f"{name} is both free and fixed; choose one.")
-    for name in options.share if options.procedure == "joint" else ():
+    for name in share if options.procedure == "joint" else ():
         if name in options.fixed or name in (options.free or ()):
             raise ConfigurationError(f"{name} is shared and also free or fixed; choose one.")
-    _check_bulk_modulus(options)
-    for quantity in QUANTITIES:
+    _check_bulk_modulus(options, damper)
+    for quantity in damper.quantities:
         value = options.fixed.get(quantity.name)
-        if value is None or (quantity.name == "f_f" and value == 0.0):
+        if value is None or (quantity.may_vanish and value == 0.0):
             continue
         low, high = quantity.plausible
         if not low <= value <= high:
@@ -98,7 +103,15 @@ def check_options(options: FitOptions) -> None:
             )
 
 
-def _check_bulk_modulus(options: FitOptions) -> None:
+def shared_names(options: FitOptions, damper: Model) -> tuple[str, ...]:
+    """Return the parameters that a joint fit of a model has in common for all settings."""
+    if options.share is not None:
+        return options.share
+    shared = (one for one in damper.quantities if one.is_shared and one.default is None)
+    return tuple(one.name for one in shared)
+
+
+def _check_bulk_modulus(options: FitOptions, damper: Model) -> None:
     if options.bulk_modulus not in BULK_MODULUS_NAMES:
         hint = did_you_mean(options.bulk_modulus, BULK_MODULUS_NAMES)
         known = ", ".join(BULK_MODULUS_NAMES)
@@ -107,12 +120,17 @@ def _check_bulk_modulus(options: FitOptions) -> None:
         )
     if options.bulk_modulus == "free":
         return
+    if options.bulk_modulus not in damper.bulk_moduli:
+        raise ConfigurationError(
+            f"bulk modulus {options.bulk_modulus}: the model {damper.name!r} knows no gas content "
+            "that K_e could follow; expected free."
+        )
     if options.procedure != "joint":
         raise ConfigurationError(
             f"bulk modulus {options.bulk_modulus}: one gas content for all settings needs one fit "
             f"of all settings; expected procedure joint, found {options.procedure}."
         )
-    if "k_e" in options.fixed or "k_e" in (options.free or ()) or "k_e" in options.share:
+    if GAS_FOLLOWER in {*options.fixed, *(options.free or ()), *shared_names(options, damper)}:
         raise ConfigurationError(
             f"bulk modulus {options.bulk_modulus}: K_e follows from the gas content; it cannot be "
             "free, fixed or shared too."

@@ -21,21 +21,22 @@ from damperfit.adjustment import (
     which_setting,
 )
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.parameters import PARAMETER_NAMES, Damper, Parameters
 from damperfit.errors import ConfigurationError, Mishap, mishap_of
 from damperfit.identification.sharing import listed_settings
 from damperfit.quantities import parse_quantity
 from damperfit.queries.origin import Origin, configured_as, motion_of_tests
 from damperfit.setting import Setting
 from damperfit.simulation import refuse_amplitude
-from damperfit.tables import read_results
+from damperfit.tables import read_results, values_from
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from damperfit.configuration.options import Configuration
+    from damperfit.damper.model import Model, Values
     from damperfit.simulation import SolverOptions
+    from damperfit.tables import Results
 
 __all__ = [
     "AdjusterResults",
@@ -55,7 +56,7 @@ class AdjusterResults:
     ----------
     stages : tuple of Stage
         By rising setting.
-    damper : Damper
+    damper : Model
         Geometry, oil and gas of the run.
     sine : Sine
         The test's own motion, or the one asked for.
@@ -68,7 +69,7 @@ class AdjusterResults:
     """
 
     stages: tuple[Stage, ...]
-    damper: Damper
+    damper: Model
     sine: Sine
     source: str
     solver: SolverOptions
@@ -192,7 +193,7 @@ def read_adjuster(
     results = read_results(folder, parts=("parameters",))
     remarks = list(results.remarks)
     configuration = _configuration(folder, config, results.record, remarks)
-    stages = tuple(_stages(results.parameters, results.record, remarks))
+    stages = tuple(_stages(results, remarks))
     if not stages:
         raise ConfigurationError(
             f"{folder}: no setting has all parameters; run damperfit identify LOGS first"
@@ -281,10 +282,9 @@ def _configuration(
     return given
 
 
-def _stages(
-    rows: Sequence[Mapping[str, Any]], record: Mapping[str, Any], remarks: list[str]
-) -> Iterator[Stage]:
-    entries = record.get("uncertainty")
+def _stages(results: Results, remarks: list[str]) -> Iterator[Stage]:
+    rows, quantities = results.parameters, results.quantities
+    entries = results.record.get("uncertainty")
     known = {
         entry["setting"]: entry
         for entry in (entries if isinstance(entries, list) else ())
@@ -292,10 +292,11 @@ def _stages(
     }
     without = []
     for row in sorted(rows, key=lambda row: Setting.of(row["setting"])):
-        values = {name: row[name] for name in PARAMETER_NAMES if row[name] is not None}
-        if set(PARAMETER_NAMES) - {"f_0"} - set(values):
+        told = [one.default if row[one.name] is None else row[one.name] for one in quantities]
+        numbers = [one for one in told if one is not None]
+        if len(numbers) < len(quantities):
             continue
-        setting, parameters = Setting.of(row["setting"]), Parameters(**values)
+        setting, parameters = Setting.of(row["setting"]), values_from(quantities, numbers)
         try:
             yield _stage(setting, parameters, row, known[setting])
         except (KeyError, TypeError, ValueError):
@@ -312,7 +313,7 @@ def _stages(
 
 
 def _stage(
-    setting: Setting, parameters: Parameters, row: Mapping[str, Any], entry: Mapping[str, Any]
+    setting: Setting, parameters: Values, row: Mapping[str, Any], entry: Mapping[str, Any]
 ) -> Stage:
     """Return a stage with the covariance of ln y from standard errors and correlations."""
     names = tuple(str(name) for name in entry["parameters"])
@@ -320,7 +321,12 @@ def _stage(
     told = entry.get("shared", [name for name in names if row[f"{name}_status"] == "shared"])
     shared = tuple(name for name in names if name in told)
     own = tuple(name for name in names if name not in told)
-    scales = np.array([1.0 if name == "f_0" else getattr(parameters, name) for name in names])
+    scales = np.array(
+        [
+            getattr(parameters, name) if parameters.quantity(name).is_logarithmic else 1.0
+            for name in names
+        ]
+    )
     errors = np.array([float(row[f"{name}_se"]) for name in names]) / scales
     correlation = np.array(entry["correlation"], dtype=np.float64).reshape(len(names), len(names))
     order = [names.index(name) for name in (*own, *shared)]

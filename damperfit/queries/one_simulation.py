@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING
 from damperfit.atomic import settle
 from damperfit.conditioning import condition
 from damperfit.configuration.options import parameter_value
-from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
+from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.reference import REFERENCE_SOURCE, reference_parameters
 from damperfit.errors import (
     ConfigurationError,
     DamperfitError,
     InternalError,
     SimulationError,
+    did_you_mean,
     mishap_of,
 )
 from damperfit.queries.origin import configured_as, origin_of
@@ -33,12 +34,13 @@ from damperfit.simulation import (
     sine_motion,
     triangle_motion,
 )
-from damperfit.tables import read_parameters
+from damperfit.tables import read_parameters, table_quantities
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Collection, Mapping, Sequence
 
     from damperfit.configuration.options import Configuration
+    from damperfit.damper.model import Model, Quantity, Values
     from damperfit.recording import Trace
     from damperfit.simulation import Motion
 
@@ -47,7 +49,6 @@ __all__ = ["Choice", "SimulatedTest", "choose_parameters", "damper_of", "simulat
 _FEW_SAMPLES = 200  # a cycle: at 33 the force at 0.05 m/s is 5 N off, at 333 it is not
 _PILOT_SAMPLES = 100  # of one cycle: the integrator's own steps are more
 _WAVES = {"sine": sine_motion, "triangle": triangle_motion}
-_NEEDED = tuple(name for name in PARAMETER_NAMES if name != "f_0")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +57,7 @@ class Choice:
 
     Attributes
     ----------
-    parameters : Parameters
+    parameters : Values
         SI.
     setting : Setting or None
         Adjuster setting, None when all parameters were given one by one.
@@ -66,7 +67,7 @@ class Choice:
         Where they stand; None for the reference set, and when all were given.
     """
 
-    parameters: Parameters
+    parameters: Values
     setting: Setting | None
     source: str
     table: Path | None = None
@@ -127,13 +128,14 @@ def choose_parameters(
     table: Path | None,
     replaced: Mapping[str, str],
     folder: Path = Path("results"),
+    damper: Model = PURDY_DAMPER,
 ) -> Choice:
     """Return the parameters to simulate with.
 
     Parameters
     ----------
     setting : Setting, int, str or None
-        Adjuster setting, or its label; not needed when all five parameters are replaced.
+        Adjuster setting, or its label; not needed when all parameters are replaced.
     table : pathlib.Path or None
         Parameters table or results folder; None takes the table in ``folder`` when there is one,
         else the reference set.
@@ -141,35 +143,45 @@ def choose_parameters(
         Values that replace the setting's, as text with or without a unit.
     folder : pathlib.Path
         Where `identify` writes its results.
+    damper : Model
+        The model, where all are replaced or no table tells its own.
 
     Raises
     ------
     ConfigurationError
         No setting, an unknown setting, an unknown name, or a table that cannot be read.
     """
-    values = {name: parameter_value(name, text) for name, text in replaced.items()}
-    if set(_NEEDED) <= values.keys():
-        chosen_name = None if setting is None else _meant(setting)
+    if all(one.name in replaced for one in damper.quantities if one.default is None):
         if table is not None:
             raise ConfigurationError(
-                f"--parameters {table}: nothing is taken from it, as --set gives all five; leave "
-                "one of the two out"
+                f"--parameters {table}: nothing is taken from it, as --set gives all "
+                "parameters; leave one of the two out"
             )
-        return Choice(Parameters(**values), chosen_name, "parameters: all given by --set")
-    if setting is None:
-        missing = ", ".join(name for name in _NEEDED if name not in values)
-        raise ConfigurationError(f"no parameters for {missing}: give --setting N or --set them all")
+        chosen_name = None if setting is None else _meant(setting)
+        given = damper.values(_replaced(damper.quantities, replaced))
+        return Choice(given, chosen_name, "parameters: all given by --set")
     path = _table(table, folder)
+    quantities = damper.quantities if path is None else table_quantities(path)
+    values = _replaced(quantities, replaced)
+    if setting is None:
+        needed = (one.name for one in quantities if one.default is None)
+        missing = ", ".join(name for name in needed if name not in values)
+        raise ConfigurationError(f"no parameters for {missing}: give --setting N or --set them all")
+    if path is None and damper.name != PURDY_DAMPER.name:
+        raise ConfigurationError(
+            f"there is no reference set of the model {damper.name!r}: give --parameters FILE, or "
+            "all of them by --set"
+        )
     if path is None:
         chosen = _meant(setting)
         if isinstance(chosen.cell, str):
             raise ConfigurationError(
                 f"--setting {setting}: not in the reference set; expected a whole number, 1 to 20"
             )
-        parameters = reference_parameters(chosen.cell)
+        parameters: Values = reference_parameters(chosen.cell)
         source = f"setting {chosen} of the {REFERENCE_SOURCE}"
     else:
-        known = read_parameters(path)
+        known = read_parameters(path, quantities)
         chosen = _meant(setting, known)
         if chosen not in known:
             there = ", ".join(str(number) for number in sorted(known)) or "none"
@@ -179,7 +191,17 @@ def choose_parameters(
         parameters, source = known[chosen], f"setting {chosen} of {path}"
     if values:
         source = f"{source}; replaced: {', '.join(values)}"
-    return Choice(replace(parameters, **values), chosen, f"parameters: {source}", path)
+    return Choice(parameters.replace(values), chosen, f"parameters: {source}", path)
+
+
+def _replaced(quantities: Sequence[Quantity], texts: Mapping[str, str]) -> dict[str, float]:
+    known = {one.name: one for one in quantities}
+    for name in texts:
+        if name not in known:
+            raise ConfigurationError(
+                f"no parameter {name!r}; there are {', '.join(known)}.{did_you_mean(name, known)}"
+            )
+    return {name: parameter_value(known[name], text) for name, text in texts.items()}
 
 
 def _meant(setting: Setting | int | str, known: Collection[Setting] = ()) -> Setting:
@@ -309,7 +331,7 @@ def _wave(configuration: Configuration) -> tuple[Motion, str]:
     return motion, words
 
 
-def _refuse_work(parameters: Parameters, configuration: Configuration) -> None:
+def _refuse_work(parameters: Values, configuration: Configuration) -> None:
     """Estimate samples and steps before any are made, the steps from one cycle."""
     rig, options = configuration.rig, configuration.simulation
     n_samples = options.cycles * options.sample_rate / rig.frequency

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.adjustment import Sine, fastest_sine
 from damperfit.configuration.loading import load_configuration, redeclared
-from damperfit.damper.parameters import DAMPER_RANGES
 from damperfit.errors import ConfigurationError
 from damperfit.tables import read_facts
 
@@ -87,7 +86,14 @@ def configured_as(
         raise ConfigurationError(
             f"the damper in {origin.place} cannot be used ({error}); give --config"
         ) from error
-    for name, (_, _, unit) in DAMPER_RANGES.items():
+    if "damper.model" in configuration.declared and configuration.damper.name != own.name:
+        raise ConfigurationError(
+            f"--config {config}: damper.model is {configuration.damper.name}, but the parameters "
+            f"of {origin.place} are of {own.name}; leave --config out, or identify anew with it"
+        )
+    if configuration.damper.name != own.name:
+        return _redeclared(configuration, origin)
+    for name, (_, _, unit) in own.ranges.items():
         found, fitted = getattr(configuration.damper, name), getattr(own, name)
         is_declared = f"damper.{name}" in configuration.declared
         if is_declared and not math.isclose(found, fitted, rel_tol=_SAME):
@@ -96,7 +102,12 @@ def configured_as(
                 f"{origin.place} were fitted with {_said(fitted, unit)} and hold for that damper "
                 "alone; leave --config out, or identify anew with it"
             )
-    sections: dict[str, Mapping[str, Any]] = {"damper": origin.damper}
+    return _redeclared(configuration, origin)
+
+
+def _redeclared(configuration: Configuration, origin: Origin) -> Configuration:
+    """The damper of a run, and its motion unless one was declared."""
+    sections: dict[str, Mapping[str, Any]] = {"damper": origin.damper or {}}
     if origin.motion is not None:
         sections["rig"] = {
             name: getattr(origin.motion, name)

@@ -6,10 +6,9 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.damper.parameters import PURDY_DAMPER, Damper
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.queries.one_simulation import simulate_test
-from damperfit.tables import PARAMETER_UNITS
 
 if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
@@ -17,8 +16,13 @@ if TYPE_CHECKING:
 
 __all__ = ["PAPER_SWEEPS", "SWEPT_UNITS", "Member", "Variation", "parse_variation", "run_sweep"]
 
-SWEPT_UNITS = PARAMETER_UNITS | {"p_0": "Pa", "gamma": "", "amplitude": "m", "frequency": "Hz"}
-_MAY_BE_ZERO = ("f_f", "f_0")
+SWEPT_UNITS = {one.name: one.unit for one in PURDY_DAMPER.quantities} | {
+    "p_0": "Pa",
+    "gamma": "",
+    "amplitude": "m",
+    "frequency": "Hz",
+}
+_MAY_BE_ZERO = [q.name for q in PURDY_DAMPER.quantities if q.may_vanish or q.is_offset]
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,22 +149,28 @@ def run_sweep(
 
 def _value(choice: Choice, configuration: Configuration, name: str) -> float:
     others = {
-        "p_0": configuration.damper.gas_pressure,
-        "gamma": configuration.damper.gas_exponent,
+        "p_0": _damper(configuration).gas_pressure,
+        "gamma": _damper(configuration).gas_exponent,
         "amplitude": configuration.rig.amplitude,
         "frequency": configuration.rig.frequency,
     }
     return others[name] if name in others else float(getattr(choice.parameters, name))
 
 
+def _damper(configuration: Configuration) -> Damper:
+    if not isinstance(configuration.damper, Damper):
+        raise ConfigurationError(
+            f"sweep varies the paper's model; these parameters are of {configuration.damper.name!r}"
+        )
+    return configuration.damper
+
+
 def _changed(
     choice: Choice, configuration: Configuration, name: str, *, value: float
 ) -> tuple[Choice, Configuration]:
-    if name in PARAMETER_NAMES:
-        return replace(
-            choice, parameters=replace(choice.parameters, **{name: value})
-        ), configuration
-    rig, damper = configuration.rig, configuration.damper
+    if name in choice.parameters.names:
+        return replace(choice, parameters=choice.parameters.replace({name: value})), configuration
+    rig, damper = configuration.rig, _damper(configuration)
     if name == "amplitude":
         rig = replace(rig, amplitude=value)
     elif name == "frequency":

@@ -55,10 +55,11 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
         Failures, warnings, procedure and the rest.
     """
     parameters = tables.parameters.to_pylist()
+    errors = mse_sheet(tables.mse.to_pylist(), parameters, tables.quantities)
     parts: list[Iterable[str]] = [
         ["# MSE report", "", *_summary(parameters, facts)],
-        _section("Parameters", _table(parameter_sheet(parameters))),
-        _section("MSE by setting and log", _table(mse_sheet(tables.mse.to_pylist(), parameters))),
+        _section("Parameters", _table(parameter_sheet(parameters, tables.quantities))),
+        _section("MSE by setting and log", _table(errors)),
         _section("Held out: predicted, not fitted", _table(held_out_sheet(facts.held_out))),
         _section("Grades withheld", _list(facts.withheld)),
         _section("Not done", _list(_missing(facts))),

@@ -166,5 +166,6 @@ def _checks(
         temperature=configuration.rig.temperature,
         temperature_tolerance=configuration.rig.temperature_tolerance,
         undeclared=configuration.undeclared,
+        n_declarable=len(configuration.keys),
     )
     return run_checks(subject)

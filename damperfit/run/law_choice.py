@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.damper.parameters import Damper
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.laws import SettingLogs, climb, fit_law, rank_rivals
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from damperfit.configuration.options import Configuration
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.model import Model
     from damperfit.laws import Ladder, LawFit, Rung, Tried
     from damperfit.report import Failure
     from damperfit.run.hold_out import Parted
@@ -167,8 +168,13 @@ def _told_most(evidence: Sequence[SettingLogs]) -> tuple[SettingLogs, ...]:
     return tuple(one for one in evidence if one in kept)
 
 
-def _layouts(damper: Damper, layout: str | None) -> list[ValveDamper]:
+def _layouts(damper: Model, layout: str | None) -> list[ValveDamper]:
     """The damper in each layout that it may have."""
+    if not isinstance(damper, Damper | ValveDamper):
+        raise ConfigurationError(
+            f"models: damper.model = {damper.name} has no geometry that a layout could take; "
+            "declare [damper] as of the paper's model or of real valves"
+        )
     kinds = LAYOUTS if layout is None else {layout: LAYOUTS[layout]}
     return [
         kind(

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from damperfit.configuration.options import Configuration
-    from damperfit.damper.parameters import Parameters
+    from damperfit.damper.model import Values
     from damperfit.identification import Comparison, Fit
     from damperfit.recording import Trace
     from damperfit.report import Failure, ReportFacts
@@ -291,7 +291,11 @@ def _identify(
     configuration: Configuration, traces: Sequence[Trace], *, jobs: int, watch: Watch
 ) -> Campaign:
     if not traces or watch.cancelled():
-        return Campaign(procedure=configuration.identification.procedure, fits=())
+        return Campaign(
+            procedure=configuration.identification.procedure,
+            fits=(),
+            named=configuration.damper.quantities,
+        )
     return identify(
         traces,
         configuration.damper,
@@ -309,7 +313,8 @@ def _profiles(
     if not configuration.profile:
         return None
     wanted = (p for p in judgement.assessment.profiles if p.name in configuration.profile)
-    return profiles_table(wanted, provenance=origin)
+    quantities = configuration.damper.quantities
+    return profiles_table(wanted, provenance=origin, quantities=quantities)
 
 
 def _comparisons(
@@ -318,7 +323,7 @@ def _comparisons(
     """Simulate each log once more, a few at a time and no more: they are large."""
     take = mishaps.at_log("simulating the response of")
 
-    def one(pair: tuple[Parameters, Trace]) -> Comparison | None:
+    def one(pair: tuple[Values, Trace]) -> Comparison | None:
         parameters, trace = pair
         try:
             return compare(

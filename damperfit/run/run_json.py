@@ -15,14 +15,14 @@ from damperfit import __version__
 from damperfit.adjustment import Adjustment
 from damperfit.checks import Check, missed_gates
 from damperfit.damper.cavitation import describe_cavitation
-from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification import Outcome, Status, describe_searches
+from damperfit.identification.sharing import MEAN
 from damperfit.quantities import engineering
 from damperfit.report import Failure, ReportFacts, to_record
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
 from damperfit.run.trust import confidence_record, unconfirmed_tares
 from damperfit.setting import ADJUSTER, Setting
-from damperfit.tables import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables
+from damperfit.tables import SCHEMA_VERSION, describe_tables, quantity_records
 from damperfit.uncertainty import METHOD, Assessment, prediction_warnings
 
 if TYPE_CHECKING:
@@ -212,9 +212,10 @@ def record(
             for setting, why in judgement.assessment.objections.items()
         ],
         "held_out": [one.describe() for one in judgement.predictions],
-        **_across(judgement.adjustment),
+        **_across(judgement.adjustment, campaign),
         "adjusters": list(_adjusters(campaign)),
-        "schema": describe_tables([fit.setting for fit in campaign.fits]),
+        "schema": describe_tables([fit.setting for fit in campaign.fits], campaign.quantities),
+        "quantities": quantity_records(campaign.quantities),
     }
     cleaned: dict[str, Any] = json_values(document)
     return cleaned
@@ -239,14 +240,14 @@ def _stretches(fit: Fit) -> Iterator[dict[str, Any]]:
             }
 
 
-def _across(adjustment: Adjustment) -> dict[str, Any]:
+def _across(adjustment: Adjustment, campaign: Campaign) -> dict[str, Any]:
     """Return trends, and the changes of force by click at the sine that stands for the tests."""
+    units = {one.name: one.unit for one in campaign.quantities}
     sine = adjustment.sine
     motion = {} if sine is None else {"amplitude_m": sine.amplitude, "frequency_Hz": sine.frequency}
     return {
         "trends": [
-            {**to_record(trend), "unit": PARAMETER_UNITS[trend.parameter]}
-            for trend in adjustment.trends
+            {**to_record(trend), "unit": units[trend.parameter]} for trend in adjustment.trends
         ],
         "clicks": [to_record(click) for click in adjustment.clicks],
         "clicks_motion": motion,
@@ -305,14 +306,13 @@ def _procedure(configuration: Configuration, campaign: Campaign) -> Iterator[str
     yield f"Filter: {fit.logs[0].trace.model_filter.description}"
     yield f"Procedure: {campaign.procedure}."
     yield from (f"Put right: {line}." for line in corrections(campaign))
-    for name in PARAMETER_NAMES:
-        value = getattr(fit.parameters, name)
-        unit = PARAMETER_UNITS[name]
+    for one in fit.parameters.quantities:
+        name, unit, value = one.name, one.unit, getattr(fit.parameters, one.name)
         said = f"{name} = {engineering(value, digits=5)} {unit}"
         if fit.status[name] == Status.SHARED:
-            spread = _friction_spread(campaign) if name == "f_f" else ""
+            spread = _friction_spread(campaign) if name == MEAN else ""
             yield f"{said} is shared by all settings, found from the logs{spread}."
-        elif fit.status[name] == Status.FIXED and (name != "f_0" or value != 0.0):
+        elif fit.status[name] == Status.FIXED and value != one.default:
             yield f"{said} is fixed."
 
 

@@ -5,13 +5,20 @@ order of columns and the schema in run.json all come from there. `results` lays 
 responses out, `files` writes and reads. Tables are Arrow tables; ``Tables.frame`` gives pandas.
 """
 
-from damperfit.tables.columns import PARAMETER_UNITS, SCHEMA_VERSION, describe_tables, table_schema
+from damperfit.tables.columns import SCHEMA_VERSION, describe_tables, table_schema
 from damperfit.tables.files import (
     read_facts,
     read_parameters,
     safe_cell,
+    table_quantities,
     write_responses,
     write_table,
+)
+from damperfit.tables.quantities import (
+    PAPER_QUANTITIES,
+    quantities_in,
+    quantity_records,
+    values_from,
 )
 from damperfit.tables.reading import LogSignals, Results, read_results
 from damperfit.tables.results import (
@@ -27,7 +34,7 @@ from damperfit.tables.results import (
 
 __all__ = [
     "MISSING",
-    "PARAMETER_UNITS",
+    "PAPER_QUANTITIES",
     "SCHEMA_VERSION",
     "WITHHELD",
     "LogSignals",
@@ -38,12 +45,16 @@ __all__ = [
     "grade",
     "make_tables",
     "profiles_table",
+    "quantities_in",
+    "quantity_records",
     "read_facts",
     "read_parameters",
     "read_results",
     "safe_cell",
+    "table_quantities",
     "table_schema",
     "time_series_table",
+    "values_from",
     "write_responses",
     "write_table",
 ]

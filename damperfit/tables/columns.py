@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.setting import ADJUSTER, LONGEST_WORD, Place, Setting, parse_place
+from damperfit.tables.quantities import PAPER_QUANTITIES, quantity_records
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
+    from damperfit.damper.model import Quantity
+
 __all__ = [
     "LATE_COLUMNS",
-    "PARAMETER_UNITS",
     "SCHEMA_VERSION",
     "adjusters_in",
     "column_kinds",
@@ -28,26 +29,9 @@ __all__ = [
     "table_schema",
 ]
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 # Results of before these were added lack nothing that a reader must be told of.
 LATE_COLUMNS = frozenset({"grade_reason"})
-
-PARAMETER_UNITS = {
-    "r_m1": "s sqrt(N)/(m kg)",
-    "r_m2": "N s/(m2 kg)",
-    "r_m3": "N s/(m2 kg)",
-    "k_e": "Pa",
-    "f_f": "N",
-    "f_0": "N",
-}
-_PARAMETER_MEANINGS = {
-    "r_m1": "resistance of valve 1, the adjuster",
-    "r_m2": "resistance of valve 2, in the piston, open in bump",
-    "r_m3": "resistance of valve 3, open in rebound",
-    "k_e": "effective bulk modulus of oil, air and tube",
-    "f_f": "Coulomb friction of seals and bearings",
-    "f_0": "constant offset added to the force, the rig's tare",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,29 +48,27 @@ _CHANGED = _Column("changed", _TEXT, "", "adjuster that change_N is a click of")
 _LOG = _Column("log", _TEXT, "", "file name of the log; empty for the row of the whole setting")
 _MSE = _Column("mse_percent", _FLOAT, "%", "normalised mean square error of the force, eq. (22)")
 _GRADE = _Column("grade", _TEXT, "", "excellent below 1 %, good below 5 %, else poor; or withheld")
+# In their place stand columns for each quantity of the model.
+_QUANTITIES = _Column("", _FLOAT, "", "")
+_REFITTED = _Column("", _FLOAT, "", "refitted")
 _SAMPLES = _Column("n_samples", _INT, "1", "samples evaluated")
 
 
-def _parameter_columns() -> tuple[_Column, ...]:
-    values = [
-        _Column(name, _FLOAT, PARAMETER_UNITS[name], _PARAMETER_MEANINGS[name])
-        for name in PARAMETER_NAMES
-    ]
-    details = [
-        column
-        for name in PARAMETER_NAMES
-        for column in (
-            _Column(f"{name}_se", _FLOAT, PARAMETER_UNITS[name], f"standard error of {name}"),
-            _Column(f"{name}_ci_low", _FLOAT, PARAMETER_UNITS[name], f"95 % interval of {name}"),
-            _Column(f"{name}_ci_high", _FLOAT, PARAMETER_UNITS[name], f"95 % interval of {name}"),
-            _Column(f"{name}_status", _TEXT, "", f"how {name} was found"),
-        )
-    ]
-    return (_SETTING, *values, *details)
+def _parameter_columns(quantities: Sequence[Quantity]) -> Iterator[_Column]:
+    """A column for each quantity, then what is known of each."""
+    for one in quantities:
+        yield _Column(one.name, _FLOAT, one.unit, one.meaning)
+    for one in quantities:
+        name, unit = one.name, one.unit
+        yield _Column(f"{name}_se", _FLOAT, unit, f"standard error of {name}")
+        yield _Column(f"{name}_ci_low", _FLOAT, unit, f"95 % interval of {name}")
+        yield _Column(f"{name}_ci_high", _FLOAT, unit, f"95 % interval of {name}")
+        yield _Column(f"{name}_status", _TEXT, "", f"how {name} was found")
 
 
 _PARAMETERS: tuple[_Column, ...] = (
-    *_parameter_columns(),
+    _SETTING,
+    _QUANTITIES,
     _MSE,
     _GRADE,
     _Column("outcome", _TEXT, "", "how the fit ended"),
@@ -151,10 +133,7 @@ _PROFILES: tuple[_Column, ...] = (
         "1",
         "rise of the misfit above its minimum; 3.84 is the 95 % limit",
     ),
-    *(
-        _Column(name, _FLOAT, PARAMETER_UNITS[name], f"{_PARAMETER_MEANINGS[name]}, refitted")
-        for name in PARAMETER_NAMES
-    ),
+    _REFITTED,
 )
 _ADJUSTMENT: tuple[_Column, ...] = (
     _SETTING,
@@ -216,7 +195,9 @@ def setting_cells(setting: Setting, *, is_whole: bool) -> dict[str, Place]:
     return {"setting": known.cell if is_whole else known.label, **named}
 
 
-def adjusters_in(names: Sequence[str]) -> tuple[str, ...]:
+def adjusters_in(
+    names: Sequence[str], quantities: Sequence[Quantity] = PAPER_QUANTITIES
+) -> tuple[str, ...]:
     """Return the adjusters that have a column in a table: what follows ``setting`` unknown.
 
     Examples
@@ -226,8 +207,9 @@ def adjusters_in(names: Sequence[str]) -> tuple[str, ...]:
     """
     if ADJUSTER not in names:
         return ()
+    known = column_names(quantities)
     after = names[list(names).index(ADJUSTER) + 1 :]
-    return tuple(takewhile(lambda name: name not in column_names(), after))
+    return tuple(takewhile(lambda name: name not in known, after))
 
 
 def read_setting(row: Mapping[str, Any], adjusters: Sequence[str] = ()) -> Setting | None:
@@ -259,14 +241,18 @@ def read_setting(row: Mapping[str, Any], adjusters: Sequence[str] = ()) -> Setti
     return Setting.of(parse_place(text) if len(text) <= LONGEST_WORD else text)
 
 
-def column_names() -> frozenset[str]:
+def column_names(quantities: Sequence[Quantity] = PAPER_QUANTITIES) -> frozenset[str]:
     """Return the names of all columns, which no adjuster may have."""
-    every = (*(c.name for columns in _TABLES.values() for c in columns), _CHANGED.name)
-    return frozenset(every) - {ADJUSTER}
+    every = (c.name for table in _TABLES for c in _columns(table, (), quantities))
+    return frozenset((*every, _CHANGED.name)) - {ADJUSTER}
 
 
 def table_schema(
-    name: str, facts: Mapping[str, Any], *, settings: Collection[Setting] = ()
+    name: str,
+    facts: Mapping[str, Any],
+    *,
+    settings: Collection[Setting] = (),
+    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
 ) -> pa.Schema:
     """Return the Arrow schema of a table.
 
@@ -278,33 +264,50 @@ def table_schema(
         JSON values for the schema's ``damperfit`` entry, beside version and name of the table.
     settings : collection of Setting
         Of the run: they say what the column ``setting`` holds, and which columns follow it.
+    quantities : sequence of Quantity
+        Of the model.
     """
-    entry = {"schema_version": SCHEMA_VERSION, "table": name, **facts}
+    told = {"quantities": quantity_records(quantities)}
+    entry = {"schema_version": SCHEMA_VERSION, "table": name, **told, **facts}
     fields = [
         pa.field(c.name, c.kind, metadata={"unit": c.unit, "description": c.description})
-        for c in _columns(name, settings)
+        for c in _columns(name, settings, quantities)
     ]
     return pa.schema(fields, metadata={"damperfit": json.dumps(entry, sort_keys=True)})
 
 
-def _columns(table: str, settings: Collection[Setting]) -> Iterator[_Column]:
-    for one in _TABLES[table]:
-        yield from _setting_columns(table, settings) if one is _SETTING else (one,)
+def _columns(
+    table: str, settings: Collection[Setting], quantities: Sequence[Quantity]
+) -> Iterator[_Column]:
+    for column in _TABLES[table]:
+        if column is _SETTING:
+            yield from _setting_columns(table, settings)
+        elif column is _QUANTITIES:
+            yield from _parameter_columns(quantities)
+        elif column is _REFITTED:
+            for one in quantities:
+                yield _Column(one.name, _FLOAT, one.unit, f"{one.meaning}, {column.description}")
+        else:
+            yield column
 
 
-def column_kinds(name: str) -> dict[str, type]:
+def column_kinds(name: str, quantities: Sequence[Quantity] = PAPER_QUANTITIES) -> dict[str, type]:
     """Return the Python type of each column of a table, in order."""
     kinds = {_INT: int, _FLOAT: float, _TEXT: str}
-    return {column.name: kinds[column.kind] for column in _TABLES[name]}
+    return {column.name: kinds[column.kind] for column in _columns(name, (), quantities)}
 
 
-def describe_tables(settings: Collection[Setting] = ()) -> dict[str, list[dict[str, str]]]:
+def describe_tables(
+    settings: Collection[Setting] = (), quantities: Sequence[Quantity] = PAPER_QUANTITIES
+) -> dict[str, list[dict[str, str]]]:
     """Return name, type, unit and meaning of every column that `identify` writes.
 
     Parameters
     ----------
     settings : collection of Setting
         Of the run.
+    quantities : sequence of Quantity
+        Of the model.
     """
     return {
         table: [
@@ -314,7 +317,7 @@ def describe_tables(settings: Collection[Setting] = ()) -> dict[str, list[dict[s
                 "unit": c.unit,
                 "description": c.description,
             }
-            for c in _columns(table, settings)
+            for c in _columns(table, settings, quantities)
         ]
         for table in _TABLES
         if table != "time_series"

@@ -9,26 +9,35 @@ from __future__ import annotations
 
 import csv
 import json
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from damperfit.atomic import settle
-from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
 from damperfit.errors import ConfigurationError
 from damperfit.tables.arrays import float_array, repeated
 from damperfit.tables.columns import adjusters_in, read_setting, setting_cells, table_schema
+from damperfit.tables.quantities import PAPER_QUANTITIES, quantities_in, values_from
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
+    from damperfit.damper.model import Quantity, Values
     from damperfit.identification import Campaign, Comparison
     from damperfit.recording import Trace
     from damperfit.setting import Place, Setting
 
-__all__ = ["read_facts", "read_parameters", "safe_cell", "write_responses", "write_table"]
+__all__ = [
+    "read_facts",
+    "read_parameters",
+    "safe_cell",
+    "table_quantities",
+    "write_responses",
+    "write_table",
+]
 
 
 def write_responses(
@@ -59,7 +68,8 @@ def write_responses(
         Rows written.
     """
     settings = [fit.setting for fit in campaign.fits]
-    schema = table_schema("responses", provenance or {}, settings=settings)
+    quantities = campaign.quantities or PAPER_QUANTITIES
+    schema = table_schema("responses", provenance or {}, settings=settings, quantities=quantities)
     logs = ((fit.setting, log.trace) for fit in campaign.fits for log in fit.logs)
     n_rows = 0
     # A dictionary of numbers that never repeat costs twice the time and a sixth more space.
@@ -160,7 +170,9 @@ def safe_cell(text: str) -> str:
     return "'" + text if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
 
 
-def read_parameters(path: Path) -> dict[Setting, Parameters]:
+def read_parameters(
+    path: Path, quantities: tuple[Quantity, ...] = PAPER_QUANTITIES
+) -> dict[Setting, Values]:
     """Read a parameters table (.parquet or .csv) back, by setting.
 
     Settings with an empty cell among their parameters are left out.
@@ -168,8 +180,10 @@ def read_parameters(path: Path) -> dict[Setting, Parameters]:
     Parameters
     ----------
     path : pathlib.Path
-        A table written by `write_table`, or any table with the columns ``setting``, ``r_m1``,
-        ``r_m2``, ``r_m3``, ``k_e``, ``f_f`` in SI and perhaps ``f_0``.
+        A table written by `write_table`, or any table with the columns ``setting`` and those of the
+        quantities in SI, as ``r_m1``, ``r_m2``, ``r_m3``, ``k_e``, ``f_f`` and perhaps ``f_0``.
+    quantities : tuple of Quantity
+        Of the model; a quantity that has a default may be absent.
 
     Raises
     ------
@@ -180,16 +194,16 @@ def read_parameters(path: Path) -> dict[Setting, Parameters]:
     """
     settle(path.parent)
     try:
-        rows = _read_rows(path)
+        rows = _read_rows(path, quantities)
         known = {
-            setting: [row.get(name) for name in PARAMETER_NAMES]
+            setting: [_number(row.get(one.name), one) for one in quantities]
             for row in rows
-            if (setting := read_setting(row, adjusters_in(tuple(row)))) is not None
+            if (setting := read_setting(row, adjusters_in(tuple(row), quantities))) is not None
         }
         return {
-            setting: Parameters(*(float(value or 0.0) for value in values))
-            for setting, values in known.items()
-            if all(value not in (None, "") for value in values[:-1])  # f_0 may be absent: 0
+            setting: values_from(quantities, [one for one in numbers if one is not None])
+            for setting, numbers in known.items()
+            if None not in numbers
         }
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror or error}") from error
@@ -199,6 +213,23 @@ def read_parameters(path: Path) -> dict[Setting, Parameters]:
         ) from error
     except (ValueError, TypeError, csv.Error, pa.ArrowException) as error:
         raise ConfigurationError(f"{path}: no parameters table: {error}") from error
+
+
+def _number(cell: Any, quantity: Quantity) -> float | None:
+    return quantity.default if cell in (None, "") else float(cell)
+
+
+def table_quantities(path: Path) -> tuple[Quantity, ...]:
+    """Return the quantities that a table of parameters is of: as it, or run.json beside it, tells.
+
+    Older tables are of the paper's model.
+    """
+    facts = read_facts(path)
+    if "quantities" not in facts:
+        with suppress(OSError, ValueError, RecursionError):
+            told = json.loads((path.parent / "run.json").read_text(encoding="utf-8"))
+            facts = told if isinstance(told, dict) else {}
+    return quantities_in(facts)
 
 
 def read_facts(path: Path) -> dict[str, Any]:
@@ -211,26 +242,29 @@ def read_facts(path: Path) -> dict[str, Any]:
     return facts if isinstance(facts, dict) else {}
 
 
-def _read_rows(path: Path) -> list[dict[str, Any]]:
-    wanted = ("setting", *PARAMETER_NAMES)
+def _read_rows(path: Path, quantities: Sequence[Quantity]) -> list[dict[str, Any]]:
+    wanted = ("setting", *(one.name for one in quantities))
+    needed = ("setting", *(one.name for one in quantities if one.default is None))
     if path.suffix.lower() == ".parquet":
         with pq.ParquetFile(path, page_checksum_verification=True) as file:
             table = file.read()
         rows: list[dict[str, Any]] = table.select(
             [
                 *(name for name in wanted[:1] if name in table.column_names),
-                *adjusters_in(table.column_names),
+                *adjusters_in(table.column_names, quantities),
                 *(name for name in wanted[1:] if name in table.column_names),
             ]
         ).to_pylist()
-        return _complete(rows, table.column_names)
+        return _complete(rows, table.column_names, needed)
     with path.open(encoding="utf-8-sig", newline="") as file:
         reader = csv.DictReader(line for line in file if not line.startswith("#"))
-        return _complete(list(reader), reader.fieldnames or ())
+        return _complete(list(reader), reader.fieldnames or (), needed)
 
 
-def _complete(rows: list[dict[str, Any]], names: Sequence[str]) -> list[dict[str, Any]]:
-    for name in ("setting", *PARAMETER_NAMES[:-1]):
+def _complete(
+    rows: list[dict[str, Any]], names: Sequence[str], needed: Sequence[str]
+) -> list[dict[str, Any]]:
+    for name in needed:
         if name not in names:
             raise KeyError(name)
     return rows

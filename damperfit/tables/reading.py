@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,7 @@ from damperfit.tables.columns import (
     column_kinds,
     read_setting,
 )
+from damperfit.tables.quantities import PAPER_QUANTITIES, quantities_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -35,11 +37,15 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from damperfit.damper.model import Quantity
+
     FloatArray = NDArray[np.float64]
 
 __all__ = ["LogSignals", "Results", "read_results"]
 
 _BROKEN = (OSError, ValueError, TypeError, KeyError, csv.Error, pa.ArrowException)
+# 1 did not tell the quantities: they are the paper's.
+_READ_VERSIONS = (1, SCHEMA_VERSION)
 _MANY = 6  # columns that are named when they are missing
 _SIGNALS = (
     "time_s",
@@ -93,6 +99,8 @@ class Results:
         run.json, empty when there is none.
     remarks : tuple of str
         What was missing, damaged or written by another version.
+    quantities : tuple of Quantity
+        What the columns of ``parameters`` are of.
     """
 
     parameters: tuple[dict[str, Any], ...]
@@ -100,6 +108,7 @@ class Results:
     logs: tuple[LogSignals, ...]
     record: dict[str, Any]
     remarks: tuple[str, ...]
+    quantities: tuple[Quantity, ...] = PAPER_QUANTITIES
 
 
 def read_results(
@@ -130,9 +139,12 @@ def read_results(
     record = _record(folder / "run.json", remarks)
     _check_version(record, remarks)
     _check_files(folder, record, remarks, parts)
-    parameters = _rows(folder, "parameters", remarks) if "parameters" in parts else ()
-    mse = _rows(folder, "mse", remarks) if "mse" in parts else ()
-    signals = _logs(folder, remarks) if "responses" in parts else ()
+    quantities = _quantities(folder, record)
+    parameters: tuple[dict[str, Any], ...] = ()
+    if "parameters" in parts:
+        parameters = _rows(folder, "parameters", remarks, quantities)
+    mse = _rows(folder, "mse", remarks, quantities) if "mse" in parts else ()
+    signals = _logs(folder, remarks, quantities) if "responses" in parts else ()
     logs = tuple(sorted(signals, key=lambda log: (log.setting, natural_order(log.log))))
     if not parameters and not logs:
         raise ConfigurationError(
@@ -141,7 +153,23 @@ def read_results(
         )
     parameters = _once(parameters, remarks)
     _check_settings(parameters, logs, remarks)
-    return Results(parameters, mse, logs, record, tuple(dict.fromkeys(remarks)))
+    return Results(parameters, mse, logs, record, tuple(dict.fromkeys(remarks)), quantities)
+
+
+def _quantities(folder: Path, record: dict[str, Any]) -> tuple[Quantity, ...]:
+    """What the table of parameters is of: as it says itself, else run.json, else its columns."""
+    try:
+        schema = pq.read_schema(folder / "parameters.parquet")
+        facts = json.loads((schema.metadata or {}).get(b"damperfit", b"{}"))
+        if isinstance(facts, dict) and "quantities" in facts:
+            return quantities_in(facts)
+        columns = schema.names
+    except (*_BROKEN, RecursionError):
+        columns = []
+        with suppress(OSError, UnicodeDecodeError):
+            text = (folder / "parameters.csv").read_text(encoding="utf-8-sig")
+            columns = text.partition("\n")[0].split(",")
+    return quantities_in(record, columns)
 
 
 def _record(path: Path, remarks: list[str]) -> dict[str, Any]:
@@ -160,7 +188,7 @@ def _record(path: Path, remarks: list[str]) -> dict[str, Any]:
 
 def _check_version(record: dict[str, Any], remarks: list[str]) -> None:
     version = record.get("schema_version", SCHEMA_VERSION)
-    if version != SCHEMA_VERSION:
+    if version not in _READ_VERSIONS:
         remarks.append(
             f"the results are of schema version {version} (damperfit {record.get('version')}), "
             f"this damperfit knows {SCHEMA_VERSION}: what it does not find is left out"
@@ -208,13 +236,15 @@ def _check_settings(
         remarks.append(f"setting {names}: signals but no parameters")
 
 
-def _rows(folder: Path, table: str, remarks: list[str]) -> tuple[dict[str, Any], ...]:
+def _rows(
+    folder: Path, table: str, remarks: list[str], quantities: Sequence[Quantity] = PAPER_QUANTITIES
+) -> tuple[dict[str, Any], ...]:
     """Return the rows of a table, from Parquet, else from CSV."""
-    kinds = column_kinds(table)
+    kinds = column_kinds(table, quantities)
     for suffix, read in ((".parquet", _parquet_rows), (".csv", _csv_rows)):
         path = folder / (table + suffix)
         try:
-            rows = [_clean(row, kinds) for row in read(path)]
+            rows = [_clean(row, kinds, quantities) for row in read(path)]
         except FileNotFoundError:
             remarks.append(f"{path.name} is missing")
         except _BROKEN as error:
@@ -230,11 +260,15 @@ def _rows(folder: Path, table: str, remarks: list[str]) -> tuple[dict[str, Any],
     return ()
 
 
-def _clean(row: dict[str, Any], kinds: dict[str, type]) -> dict[str, Any]:
+def _clean(
+    row: dict[str, Any], kinds: dict[str, type], quantities: Sequence[Quantity] = PAPER_QUANTITIES
+) -> dict[str, Any]:
     cells = ((name, kind) for name, kind in kinds.items() if name in row and name != "setting")
     told = {name: _cell(row[name], kind) for name, kind in cells}
     return told | (
-        {"setting": read_setting(row, adjusters_in(tuple(row)))} if "setting" in row else {}
+        {"setting": read_setting(row, adjusters_in(tuple(row), quantities))}
+        if "setting" in row
+        else {}
     )
 
 
@@ -255,7 +289,9 @@ def _csv_rows(path: Path) -> list[dict[str, Any]]:
         return list(csv.DictReader(file, strict=True))
 
 
-def _logs(folder: Path, remarks: list[str]) -> Iterator[LogSignals]:
+def _logs(
+    folder: Path, remarks: list[str], quantities: Sequence[Quantity] = PAPER_QUANTITIES
+) -> Iterator[LogSignals]:
     """Yield the signals of each log; a damaged row group costs that log alone."""
     path = folder / "responses.parquet"
     try:
@@ -265,27 +301,29 @@ def _logs(folder: Path, remarks: list[str]) -> Iterator[LogSignals]:
             if missing:
                 remarks.append(f"{path.name} has no column {', '.join(missing)}: no loops")
                 return
-            named = adjusters_in(file.schema_arrow.names)
+            named = adjusters_in(file.schema_arrow.names, quantities)
             for group in range(file.num_row_groups):
                 try:
                     table = file.read_row_group(group, columns=["setting", *named, *wanted[1:]])
                 except _BROKEN as error:
                     remarks.append(f"{path.name}: log {group + 1} is damaged: {_reason(error)}")
                     continue
-                yield from _split(table)
+                yield from _split(table, quantities)
     except FileNotFoundError:
         remarks.append(f"{path.name} is missing: no loops")
     except _BROKEN as error:
         remarks.append(f"{path.name} cannot be read: {_reason(error)}")
 
 
-def _split(table: pa.Table) -> Iterator[LogSignals]:
+def _split(
+    table: pa.Table, quantities: Sequence[Quantity] = PAPER_QUANTITIES
+) -> Iterator[LogSignals]:
     """Yield each log of a table whose rows stand log by log."""
     if table.num_rows == 0:
         return
     names = table.column("log").combine_chunks().dictionary_encode()
     settings = table.column("setting").to_pylist()
-    named = adjusters_in(table.column_names)
+    named = adjusters_in(table.column_names, quantities)
     codes = names.indices.to_numpy(zero_copy_only=False)
     edges = (
         np.flatnonzero(

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from damperfit.adjustment import Adjustment
-from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.identification.setting import EXCELLENT
 from damperfit.tables.arrays import column, float_array
 from damperfit.tables.columns import setting_cells, table_schema
+from damperfit.tables.quantities import PAPER_QUANTITIES
 from damperfit.uncertainty import Assessment
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from damperfit.adjustment import Click, Level
+    from damperfit.damper.model import Quantity
     from damperfit.identification import Campaign, Fit, LogFit
     from damperfit.setting import Setting
     from damperfit.simulation import Response
@@ -65,11 +66,14 @@ class Tables:
         One row per setting (``log`` empty) and one per log.
     adjustment : pyarrow.Table
         Force and its change by click: one row per setting, named speed and stroke.
+    quantities : tuple of Quantity
+        What the columns of ``parameters`` are of.
     """
 
     parameters: pa.Table
     mse: pa.Table
     adjustment: pa.Table
+    quantities: tuple[Quantity, ...] = PAPER_QUANTITIES
 
     def frame(self, name: str) -> pd.DataFrame:
         """Return the table ``name`` (as the attributes) as a pandas data frame."""
@@ -132,8 +136,10 @@ def make_tables(
     }
     for setting in set(expected) - rows.keys():
         rows[setting] = {"setting": setting, "outcome": MISSING}
-    lay = partial(_table, facts=dict(provenance or {}), settings=tuple(rows))
+    quantities = campaign.quantities or PAPER_QUANTITIES
+    lay = partial(_table, facts=dict(provenance or {}), settings=tuple(rows), quantities=quantities)
     return Tables(
+        quantities=quantities,
         parameters=lay("parameters", [rows[setting] for setting in sorted(rows)]),
         mse=lay("mse", list(_mse_rows(campaign, predictions, reasons))),
         adjustment=lay("adjustment", adjustment_rows(adjustment.levels, adjustment.clicks)),
@@ -143,7 +149,7 @@ def make_tables(
 def _parameter_row(fit: Fit, assessment: Assessment, reason: str | None) -> dict[str, Any]:
     row: dict[str, Any] = {"setting": fit.setting}
     known = {one.setting: one.intervals for one in assessment.uncertainties}
-    for name in PARAMETER_NAMES:
+    for name in fit.parameters.names:
         row[name] = _finite(getattr(fit.parameters, name))
         interval = known.get(fit.setting, {}).get(name)
         if interval is not None:
@@ -209,7 +215,10 @@ def _mse_row(
 
 
 def profiles_table(
-    profiles: Iterable[MisfitProfile], *, provenance: Mapping[str, Any] | None = None
+    profiles: Iterable[MisfitProfile],
+    *,
+    provenance: Mapping[str, Any] | None = None,
+    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
 ) -> pa.Table:
     """Lay profiles out as a table with one row per point.
 
@@ -219,6 +228,8 @@ def profiles_table(
         As in `damperfit.uncertainty.Assessment`.
     provenance : mapping, optional
         Facts for the schema's ``damperfit`` entry, as JSON values.
+    quantities : sequence of Quantity
+        Of the model.
     """
     known = tuple(profiles)
     rows = [
@@ -228,12 +239,18 @@ def profiles_table(
             "value": _finite(point.value),
             "misfit_rise": _finite(point.rise),
         }
-        | {name: _finite(getattr(point.parameters, name)) for name in PARAMETER_NAMES}
+        | {name: _finite(getattr(point.parameters, name)) for name in point.parameters.names}
         for profile in known
         for point in profile.points
     ]
     settings = {profile.setting for profile in known}
-    return _table("profiles", rows, facts=dict(provenance or {}), settings=tuple(settings))
+    return _table(
+        "profiles",
+        rows,
+        facts=dict(provenance or {}),
+        settings=tuple(settings),
+        quantities=quantities,
+    )
 
 
 def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[dict[str, Any]]:
@@ -291,8 +308,9 @@ def _table(
     *,
     facts: Mapping[str, Any],
     settings: Collection[Setting],
+    quantities: Sequence[Quantity],
 ) -> pa.Table:
-    schema = table_schema(name, facts, settings=settings)
+    schema = table_schema(name, facts, settings=settings, quantities=quantities)
     is_whole = schema.field("setting").type == pa.int64()
     cells = [{**row, **setting_cells(row["setting"], is_whole=is_whole)} for row in rows]
     arrays = [column([row.get(field.name) for row in cells], field.type) for field in schema]

@@ -130,7 +130,7 @@ REFUSED = [
 @pytest.mark.parametrize(("options", "says"), REFUSED, ids=range(len(REFUSED)))
 def test_options_that_cannot_be_are_refused(options, says) -> None:
     with pytest.raises(ConfigurationError) as caught:
-        check_options(options)
+        check_options(options, PURDY_DAMPER)
     assert says in str(caught.value)
 
 
@@ -149,7 +149,7 @@ def test_options_that_cannot_be_are_refused(options, says) -> None:
     ],
 )
 def test_options_that_can_be_are_let_through(options) -> None:
-    check_options(options)
+    check_options(options, PURDY_DAMPER)
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ QUANTITIES = (
     ),
     Quantity(
         "f_f", "f_f", "friction", "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
-        scope=DAMPER, fallback=50.0, shown_unit="N",
+        scope=DAMPER, may_vanish=True, fallback=50.0, shown_unit="N",
     ),
     # A force offset is about as much as the rod's gas force.
     Quantity(

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 from damperfit.report.page.summary import setting_verdict
 from damperfit.report.rows.log_force_table import measured_and_simulated_sheet
 from damperfit.report.rows.parameter_table import parameter_line
+from damperfit.tables import PAPER_QUANTITIES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from damperfit.damper.model import Quantity
     from damperfit.report.evaluated_log import EvaluatedLog
     from damperfit.report.page.plot_data import Figure
     from damperfit.report.rows.sheet import Sheet
@@ -55,10 +57,15 @@ class LogSection:
 
 
 def log_section(
-    log: EvaluatedLog, figures: Sequence[Figure], row: Mapping[str, Any] | None
+    log: EvaluatedLog,
+    figures: Sequence[Figure],
+    row: Mapping[str, Any] | None,
+    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
 ) -> LogSection:
     """Return the section of a log; ``row`` holds the parameters of its setting, if known."""
-    verdict = f"Fit of the setting: {setting_verdict(row)}. {parameter_line(row)}" if row else ""
+    verdict = ""
+    if row:
+        verdict = f"Fit of the setting: {setting_verdict(row)}. {parameter_line(row, quantities)}"
     return LogSection(
         setting=log.signals.setting,
         log=log.signals.log,

@@ -41,7 +41,12 @@ def html_report(shown: ReportPlots, *, title: str) -> str:
     overall = [data.add(plot) for plot in shown.overall]
     rows = {row["setting"]: row for row in shown.results.parameters}
     logs = [
-        log_section(log, [data.add(plot) for plot in plots], rows.get(log.signals.setting))
+        log_section(
+            log,
+            [data.add(plot) for plot in plots],
+            rows.get(log.signals.setting),
+            shown.results.quantities,
+        )
         for log, plots in shown.by_log
     ]
     return draw(

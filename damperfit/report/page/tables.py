@@ -23,8 +23,8 @@ def page_tables(results: Results) -> list[tuple[str, Sheet]]:
     settings = {row["setting"] for row in rows}
     errors = [row for row in results.mse if row["setting"] in settings]
     sheets = [
-        ("Parameters", parameter_sheet(rows)),
-        ("MSE by setting and log", mse_sheet(errors, rows)),
+        ("Parameters", parameter_sheet(rows, results.quantities)),
+        ("MSE by setting and log", mse_sheet(errors, rows, results.quantities)),
         ("Change of force by click", click_sheet(clicks_in(results.record))),
         ("How near to cavitation", cavitation_sheet(results.parameters)),
     ]

@@ -19,6 +19,7 @@ from damperfit.report.plots.description import (
 )
 from damperfit.report.plots.parameters import parameter_plots
 from damperfit.simulation import NAMED_SPEEDS
+from damperfit.tables import PAPER_QUANTITIES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.adjustment import Trend
+    from damperfit.damper.model import Quantity
     from damperfit.report.evaluated_log import EvaluatedLog
     from damperfit.setting import Setting
 
@@ -45,6 +47,7 @@ def campaign_plots(
     *,
     colours: Mapping[Setting, str],
     trends: Sequence[Trend] = (),
+    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
 ) -> tuple[Plot, ...]:
     """Return the plots that compare settings; those without data are left out.
 
@@ -58,8 +61,10 @@ def campaign_plots(
         Colour of each setting.
     trends : sequence of Trend
         Trends that the run found; where there is none, a quadratic is drawn.
+    quantities : sequence of Quantity
+        What the rows of parameters are of.
     """
-    plots = [*parameter_plots(parameters, colours, trends), *_errors(mse, colours)]
+    plots = [*parameter_plots(parameters, colours, trends, quantities), *_errors(mse, colours)]
     if views:
         plots += [_fan(views, colours), _absolute(views, colours)]
     if any(view.measured for view in views):

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.damper.parameters import PARAMETER_NAMES
 from damperfit.report.plots.description import (
     Line,
     Panel,
@@ -17,13 +16,15 @@ from damperfit.report.plots.description import (
     setting_names,
     setting_places,
 )
-from damperfit.report.rows.parameter_table import PARAMETER_SCALES
+from damperfit.report.rows.parameter_table import scale_of
 from damperfit.setting import Setting
+from damperfit.tables import PAPER_QUANTITIES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from damperfit.adjustment import Trend
+    from damperfit.damper.model import Quantity
 
     Row = Mapping[str, Any]
 
@@ -34,7 +35,10 @@ _FAR = 3.0  # heights of the fitted values: a value at a bound beyond it would f
 
 
 def parameter_plots(
-    rows: Sequence[Row], colours: Mapping[Setting, str], trends: Sequence[Trend] = ()
+    rows: Sequence[Row],
+    colours: Mapping[Setting, str],
+    trends: Sequence[Trend] = (),
+    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
 ) -> Iterator[Plot]:
     """Yield one plot per parameter that is known at some setting.
 
@@ -46,15 +50,17 @@ def parameter_plots(
         Colour of each setting.
     trends : sequence of Trend
         Trends that the run found.
+    quantities : sequence of Quantity
+        What the rows are of.
     """
     places = setting_places(row["setting"] for row in rows)
     names = setting_names(places)
     told = {} if names else {trend.parameter: trend for trend in trends}
-    for name in PARAMETER_NAMES:
+    for one in quantities:
+        name, scale = one.name, scale_of(one)
         known = [row for row in rows if _is_shown(row, name)]
-        if not known or (name == "f_0" and not any(row[name] for row in known)):
+        if not known or (one.default is not None and {row[name] for row in known} == {one.default}):
             continue
-        scale = PARAMETER_SCALES[name]
         y_range, far = _window(known, name, scale.factor)
         points = [
             replace(

@@ -63,6 +63,7 @@ def report_plots(results: Results) -> ReportPlots:
         *(results.parameters, results.mse, logs),
         colours=colours,
         trends=trends_in(results.record),
+        quantities=results.quantities,
     )
     by_log = []
     counts: dict[Setting, int] = {}

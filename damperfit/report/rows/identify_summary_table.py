@@ -10,27 +10,30 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.damper.model import SETTING
 from damperfit.report.rows.notes_below_tables import errors_and_flags, units_and_marks
 from damperfit.report.rows.parameter_table import (
     PARAMETER_MARKS,
-    PARAMETER_SCALES,
-    has_offset,
     limit_text,
+    scale_of,
+    scaled_units,
+    shown_quantities,
 )
 from damperfit.report.rows.rounding import NOTHING, percent, rounded_by_error
 from damperfit.report.rows.sheet import Sheet, sheet_width
 from damperfit.report.rows.sparkline import BLOCK_LEVELS, setting_sparklines
+from damperfit.tables import PAPER_QUANTITIES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
+
+    from damperfit.damper.model import Quantity
 
     Row = Mapping[str, Any]
 
 __all__ = ["summary_sheet"]
 
 _SAME = 1e-12
-_ADJUST = ("r_m1", "r_m2", "k_e")  # in columns of their own, equal at all settings or not
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +53,13 @@ _LOOKS = (
 )
 
 
-def summary_sheet(rows: Sequence[Row], *, columns: int = 80, levels: str = BLOCK_LEVELS) -> Sheet:
+def summary_sheet(
+    rows: Sequence[Row],
+    *,
+    columns: int = 80,
+    levels: str = BLOCK_LEVELS,
+    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
+) -> Sheet:
     """Return one row per setting: parameters, MSE, grade, outcome, flags; sparklines below.
 
     Parameters
@@ -61,14 +70,24 @@ def summary_sheet(rows: Sequence[Row], *, columns: int = 80, levels: str = BLOCK
         Room for a row.
     levels : str
         Characters of the sparklines, from low to high.
+    quantities : sequence of Quantity
+        What the rows are of.
     """
-    names = [name for name in PARAMETER_NAMES if name != "f_0" or has_offset(rows)]
-    common = [name for name in names if name not in _ADJUST and _is_common(rows, name)]
-    names = [name for name in names if name not in common]
-    notes = (*_common_notes(rows, common), *setting_sparklines(rows, names, levels))
-    sheets = [_sheet(rows, names, look, (*notes, *_legend(rows, names, look))) for look in _LOOKS]
+    shown = shown_quantities(rows, quantities)
+    # What is each setting's own has a column, equal at all settings or not.
+    common = [q for q in shown if not _is_own(q) and _is_common(rows, q.name)]
+    shown = [one for one in shown if one not in common]
+    units = scaled_units(quantities)
+    notes = (*_common_notes(rows, common), *setting_sparklines(rows, shown, levels))
+    sheets = [
+        _sheet(rows, shown, look, (*notes, *_legend(rows, shown, look, units))) for look in _LOOKS
+    ]
     fitting = (sheet for sheet in sheets if sheet_width(sheet, gap=1) <= columns)
     return next(fitting, sheets[-1])
+
+
+def _is_own(quantity: Quantity) -> bool:
+    return quantity.scope == SETTING and quantity.default is None
 
 
 def _is_common(rows: Sequence[Row], name: str) -> bool:
@@ -78,8 +97,10 @@ def _is_common(rows: Sequence[Row], name: str) -> bool:
     return bool(values) and held and max(values) - min(values) <= _SAME * abs(values[0])
 
 
-def _sheet(rows: Sequence[Row], names: Sequence[str], look: _Look, notes: tuple[str, ...]) -> Sheet:
-    scales = [PARAMETER_SCALES[name] for name in names]
+def _sheet(
+    rows: Sequence[Row], shown: Sequence[Quantity], look: _Look, notes: tuple[str, ...]
+) -> Sheet:
+    scales = [scale_of(one) for one in shown]
     has = (look.has_grade, True, look.has_flags)
 
     def last(cells: tuple[str, str, str]) -> tuple[str, ...]:
@@ -94,23 +115,24 @@ def _sheet(rows: Sequence[Row], names: Sequence[str], look: _Look, notes: tuple[
         rows=tuple(
             (
                 str(row["setting"]),
-                *(_cell(row, name, has_error=look.has_errors) for name in names),
+                *(_cell(row, one, has_error=look.has_errors) for one in shown),
                 percent(row["mse_percent"]),
                 *last((row["grade"] or NOTHING, row["outcome"].replace("_", " "), _flags(row))),
             )
             for row in rows
         ),
-        is_number=(True, *(True for _ in names), True, *(False for _ in last(("", "", "")))),
+        is_number=(True, *(True for _ in shown), True, *(False for _ in last(("", "", "")))),
         notes=notes,
     )
 
 
-def _cell(row: Row, name: str, *, has_error: bool) -> str:
+def _cell(row: Row, quantity: Quantity, *, has_error: bool) -> str:
+    name = quantity.name
     value, error, status = row[name], row[f"{name}_se"], row[f"{name}_status"]
     if status == "not_identifiable":
         return PARAMETER_MARKS[status]
-    factor = PARAMETER_SCALES[name].factor
-    at_edge = status == "at_bound" and value is not None and limit_text(name, value, factor)
+    factor = scale_of(quantity).factor
+    at_edge = status == "at_bound" and value is not None and limit_text(quantity, value, factor)
     text = at_edge or rounded_by_error(
         None if value is None else factor * value,
         None if error is None else factor * error,
@@ -126,9 +148,9 @@ def _flags(row: Row) -> str:
     return f"cav. {100.0 * share:.0f} %" if share else ""
 
 
-def _common_notes(rows: Sequence[Row], names: Sequence[str]) -> Iterator[str]:
-    for name in names:
-        scale = PARAMETER_SCALES[name]
+def _common_notes(rows: Sequence[Row], shown: Sequence[Quantity]) -> Iterator[str]:
+    for one in shown:
+        name, scale = one.name, scale_of(one)
         row = next(row for row in rows if row[name] is not None)
         error = row[f"{name}_se"]
         text = rounded_by_error(
@@ -138,6 +160,9 @@ def _common_notes(rows: Sequence[Row], names: Sequence[str]) -> Iterator[str]:
         yield f"{scale.symbol} = {scale.say(text)}, {how}"
 
 
-def _legend(rows: Sequence[Row], names: Sequence[str], look: _Look) -> tuple[str, ...]:
+def _legend(
+    rows: Sequence[Row], shown: Sequence[Quantity], look: _Look, units: str
+) -> tuple[str, ...]:
+    names = [one.name for one in shown]
     said = errors_and_flags(rows, names, shows_errors=look.has_errors)
-    return (*units_and_marks(rows, names), *said)
+    return (*units_and_marks(rows, names, units), *said)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from damperfit.damper.parameters import PARAMETER_NAMES
-from damperfit.report.rows.parameter_table import PARAMETER_SCALES
 from damperfit.report.rows.rounding import NOTHING, percent
 from damperfit.report.rows.sheet import Sheet
+from damperfit.tables import PAPER_QUANTITIES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from damperfit.damper.model import Quantity
     from damperfit.setting import Setting
 
     Row = Mapping[str, Any]
@@ -22,7 +22,11 @@ __all__ = ["flags", "grade_counts", "mse_sheet"]
 _GRADES = ("excellent", "good", "poor", "withheld")
 
 
-def mse_sheet(everything: Sequence[Row], parameters: Sequence[Row]) -> Sheet:
+def mse_sheet(
+    everything: Sequence[Row],
+    parameters: Sequence[Row],
+    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
+) -> Sheet:
     """Return one row per setting and log: MSE, noise floor, grade; the outcome per setting."""
     settings = {row["setting"]: row for row in parameters}
     logs: dict[Setting, list[str]] = {}
@@ -46,7 +50,7 @@ def mse_sheet(everything: Sequence[Row], parameters: Sequence[Row]) -> Sheet:
                 row["grade"] or NOTHING,
                 str(row["n_samples"]),
                 setting["outcome"].replace("_", " ") if is_whole else "",
-                flags(setting) if is_whole else _role(row),
+                flags(setting, quantities) if is_whole else _role(row),
             )
         )
     return Sheet(
@@ -64,13 +68,19 @@ def grade_counts(rows: Iterable[Row]) -> str:
     return f"Grades: {', '.join(counts)} (excellent below 1 %, good below 5 %)."
 
 
-def flags(row: Row) -> str:
+def flags(row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES) -> str:
     """Return what makes a setting's parameters less than plainly fitted, in words."""
+    symbols = {one.name: one.symbol for one in quantities}
+    told = {
+        key.removesuffix("_status"): status
+        for key, status in row.items()
+        if key.endswith("_status")
+    }
     found = [
-        f"{PARAMETER_SCALES[name].symbol} {words}"
+        f"{symbols.get(name, name)} {words}"
         for status, words in (("at_bound", "at bound"), ("not_identifiable", "not identifiable"))
-        for name in PARAMETER_NAMES
-        if row.get(f"{name}_status") == status
+        for name, found in told.items()
+        if found == status
     ]
     if row.get("cavitation_fraction"):
         found.append(f"cavitates for {100.0 * row['cavitation_fraction']:.1f} % of the cycle")

@@ -35,7 +35,6 @@ BRANCHES_AND_RATIO = (
     "Force at a speed: mean of the opening and the closing branch. Hysteresis: opening less "
     "closing. Ratio: rebound over bump; none where the gas pushes both to one side."
 )
-_UNITS = "R_m1 in 1e3 s sqrt(N)/(m kg), R_m2 and R_m3 in 1e6 N s/(m2 kg)"
 _MARKS = {
     "fixed": "f fixed",
     "shared": "s shared by all settings",
@@ -46,11 +45,21 @@ _MARKS = {
 _MOST_STEPS = 5  # named below a table
 
 
-def units_and_marks(rows: Sequence[Row], names: Sequence[str]) -> tuple[str, ...]:
-    """Return what the units and the marks of a table of parameters mean."""
+def units_and_marks(rows: Sequence[Row], names: Sequence[str], units: str) -> tuple[str, ...]:
+    """Return what the units and the marks of a table of parameters mean.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Rows of the table.
+    names : sequence of str
+        Parameters in it.
+    units : str
+        What is said of their units; empty where nothing is.
+    """
     used = {row[f"{name}_status"] for row in rows for name in names}
     marks = ", ".join(text for status, text in _MARKS.items() if status in used)
-    return (_UNITS, marks) if marks else (_UNITS,)
+    return tuple(note for note in (units, marks) if note)
 
 
 def errors_and_flags(

@@ -10,11 +10,13 @@ import math
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
-from damperfit.report.rows.parameter_table import PARAMETER_SCALES
+from damperfit.report.rows.parameter_table import scale_of
 from damperfit.report.rows.rounding import number, percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from damperfit.damper.model import Quantity
 
     Row = Mapping[str, Any]
 
@@ -69,14 +71,16 @@ def differ(values: Sequence[float], errors: Sequence[float]) -> bool:
     return any(abs(a - b) > math.hypot(e, f) for (a, e), (b, f) in pairs)
 
 
-def setting_sparklines(rows: Sequence[Row], names: Sequence[str], levels: str) -> Iterator[str]:
+def setting_sparklines(
+    rows: Sequence[Row], shown: Sequence[Quantity], levels: str
+) -> Iterator[str]:
     """Yield each parameter over the settings as one line, and the MSE, which spans decades.
 
     Parameters
     ----------
     rows : sequence of mapping
         Rows of the table of parameters.
-    names : sequence of str
+    shown : sequence of Quantity
         Parameters that are drawn.
     levels : str
         Characters from low to high.
@@ -84,8 +88,8 @@ def setting_sparklines(rows: Sequence[Row], names: Sequence[str], levels: str) -
     fitted = [row for row in rows if row["mse_percent"] is not None]
     if len(fitted) < _FEWEST or len(rows) > _MOST:
         return
-    for name in names:
-        yield from _parameter(rows, name, levels)
+    for one in shown:
+        yield from _parameter(rows, one, levels)
     errors = [row["mse_percent"] for row in rows]
     logs = [math.log10(error) if error else None for error in errors]
     seen = [error for error in errors if error is not None]
@@ -93,9 +97,9 @@ def setting_sparklines(rows: Sequence[Row], names: Sequence[str], levels: str) -
     yield f"{'MSE':<4} {sparkline(logs, levels=levels)}  {ends}"
 
 
-def _parameter(rows: Sequence[Row], name: str, levels: str) -> Iterator[str]:
+def _parameter(rows: Sequence[Row], quantity: Quantity, levels: str) -> Iterator[str]:
     """Yield one parameter as a line, and a second one where it says nothing of its course."""
-    scale = PARAMETER_SCALES[name]
+    name, scale = quantity.name, scale_of(quantity)
     shown = [
         None if row[f"{name}_status"] in {"at_bound", "not_identifiable"} else row[name]
         for row in rows

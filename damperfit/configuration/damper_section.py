@@ -1,0 +1,149 @@
+"""The section [damper] of a configuration: its keys are the fields of the model that it names."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, fields, is_dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, create_model, model_validator
+from pydantic import ValidationInfo as Info
+from pydantic import field_validator as checks
+
+from damperfit.damper.models import MODELS
+from damperfit.errors import ConfigurationError
+from damperfit.quantities import parse_quantity, says_absolute_or_gauge
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from typing import Self
+
+    from damperfit.damper.model import Model
+
+__all__ = ["DAMPER_SECTIONS", "DamperSection", "damper_defaults"]
+
+_ASKED_BELOW = 2e5  # Pa: a gauge reading taken as absolute is here a third too low, or more
+_DIMENSIONS = {"m": "length", "m3": "volume", "kg/m3": "density", "Pa": "absolute pressure"}
+# Numbers of a section inside [damper], which may be words too.
+_INNER_DIMENSIONS = {"series_stiffness": "stiffness", "play": "length", "lag": "time"}
+_BEGIN_OF_NUMBER = frozenset("0123456789.+-")
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class DamperSection(_Section):
+    """[damper] of any model."""
+
+    model: str
+
+    @checks("*")
+    @classmethod
+    def _is_plausible(cls, value: Any, info: Info) -> Any:
+        name = str(info.field_name)
+        if name in MODELS[cls.__name__].ranges:
+            low, high, unit = MODELS[cls.__name__].ranges[name]
+            if not low <= value <= high:
+                raise ValueError(f"expected {low:g} to {high:g}{' ' + unit if unit else ''}")
+        return value
+
+    @model_validator(mode="after")
+    def _goes_together(self) -> Self:
+        try:
+            self.build()
+        except ConfigurationError as error:
+            raise ValueError(str(error)) from error
+        return self
+
+    def build(self) -> Model:
+        """Return the damper that is declared."""
+        kind = MODELS[type(self).__name__]
+        values = self.model_dump(exclude={"model"})
+        inner = _inner(kind)
+        return kind(**{k: inner[k](**v) if k in inner else v for k, v in values.items()})
+
+
+def damper_defaults(model: str) -> dict[str, Any]:
+    """Return every key of [damper] for a model, as in defaults.toml, in SI."""
+    damper: Any = MODELS[model]()
+    return {"model": model, **asdict(damper)}
+
+
+def _inner(kind: Any) -> dict[str, type]:
+    """The fields of a model that are sections of their own, and what they are."""
+    return {one.name: type(one.default) for one in fields(kind) if is_dataclass(one.default)}
+
+
+def _section(kind: type[Model]) -> type[DamperSection]:
+    inner = _inner(kind)
+    keys: dict[str, Any] = {}
+    for one in fields(kind):  # type: ignore[arg-type]
+        if one.name in inner:
+            found: dict[str, Any] = {
+                part.name: (_word(part.name, str(part.type)), ...)
+                for part in fields(inner[one.name])
+            }
+            whole = {"_whole": _goes_together(inner[one.name])}
+            section = create_model(one.name, __base__=_Section, __validators__=whole, **found)
+            keys[one.name] = (section, ...)
+        else:
+            keys[one.name] = (_number(one.name, _unit(kind, one.name)), ...)
+    return create_model(kind.name, __base__=DamperSection, **keys)
+
+
+def _goes_together(kind: Any) -> Any:
+    def build(section: BaseModel) -> BaseModel:
+        try:
+            kind(**section.model_dump())
+        except ConfigurationError as error:
+            raise ValueError(str(error)) from error
+        return section
+
+    return model_validator(mode="after")(build)
+
+
+def _unit(kind: type[Model], name: str) -> str:
+    return kind.ranges[name][2] if name in kind.ranges else ""
+
+
+def _number(name: str, unit: str) -> Any:
+    if unit not in _DIMENSIONS:
+        return float
+    dimension = _DIMENSIONS[unit]
+
+    def convert(value: object) -> object:
+        return parse_quantity(value, dimension) if isinstance(value, str) else value
+
+    is_gas = name == "gas_pressure"
+    return Annotated[float, BeforeValidator(_gas_pressure if is_gas else convert)]
+
+
+def _word(name: str, kind: str) -> Any:
+    """Text is a quantity where it begins like a number, else a word that its owner judges."""
+    if kind == "str":
+        return str
+
+    def convert(value: object) -> object:
+        is_number = isinstance(value, str) and value[:1] in _BEGIN_OF_NUMBER
+        return parse_quantity(str(value), _INNER_DIMENSIONS[name]) if is_number else value
+
+    return Annotated[float | str, BeforeValidator(convert)]
+
+
+def _gas_pressure(value: object) -> object:
+    """Return an absolute pressure; ask what a low one counts from."""
+    if not isinstance(value, str | float | int) or isinstance(value, bool):
+        return value
+    pressure = parse_quantity(value, "absolute pressure")
+    is_told = isinstance(value, str) and says_absolute_or_gauge(value)
+    least: Mapping[str, Any] = MODELS["purdy"].ranges
+    is_low = pressure == 0.0 or least["gas_pressure"][0] <= pressure < _ASKED_BELOW
+    if is_low and not is_told:
+        raise ValueError(
+            "is it absolute, or does it count from the atmosphere? expected a unit that says so, "
+            "as in 'bara' or 'barg'"
+        )
+    return pressure
+
+
+DAMPER_SECTIONS = {name: _section(kind) for name, kind in MODELS.items()}

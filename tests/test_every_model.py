@@ -1,0 +1,195 @@
+"""Every model of `MODELS`: simulated, differentiated, recovered, judged, laid out, shown.
+
+A log of two strokes with 2 N of noise is made of each model's own numbers and fitted by procedure
+`plain`, as any user would. What a model adds to these tests is its numbers, in `TRUTH`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from damperfit.conditioning import ConditionOptions, condition
+from damperfit.damper.models import MODELS, model_named
+from damperfit.damper.reference import reference_parameters
+from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
+from damperfit.errors import ConfigurationError
+from damperfit.identification import Campaign, FitOptions, Status, compare, identify
+from damperfit.recording import Recording
+from damperfit.report import html_report, markdown_report, report_plots
+from damperfit.report.mse_report import escape
+from damperfit.simulation import Motion, SolverOptions, simulate
+from damperfit.tables import (
+    Tables,
+    make_tables,
+    read_parameters,
+    read_results,
+    table_quantities,
+    write_responses,
+    write_table,
+)
+from damperfit.uncertainty import Assessment, assess
+from tests.damper.test_rivals import NUMBERS
+from tests.damper.test_valve_dampers import VALVES
+from tests.test_report import FACTS
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from damperfit.damper.model import Model, Values
+    from damperfit.recording import Trace
+
+EVERY = pytest.mark.parametrize("name", MODELS)
+RATE, NOISE = 500.0, 2.0
+ROUGH = SolverOptions(tolerance=1e-2)
+
+TRUTH = {
+    "purdy": asdict(reference_parameters(5)),
+    "twin_tube": {**VALVES, "k_s": 4e5},
+    "monotube": {**VALVES, "k_s": 4e5},
+    "through_flow": {**VALVES, "k_s": 4e5},
+    **NUMBERS,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A model, its true numbers, and what became of a log of them."""
+
+    model: Model
+    truth: Values
+    trace: Trace
+    campaign: Campaign
+    assessment: Assessment
+    tables: Tables
+
+
+def damper(name: str) -> Model:
+    """The paper's damper is as it is; a monotube needs pressure to stay full."""
+    made = {
+        "twin_tube": TwinTube(),
+        "through_flow": ThroughFlow(),
+        "monotube": Monotube(gas_pressure=2.5e6),
+    }
+    return made.get(name) or model_named(name)()
+
+
+def truth_of(model: Model) -> Values:
+    numbers = TRUTH.get(model.name)
+    if numbers is None:  # polynomials
+        numbers = {one.name: 0.1 * one.size / (k + 1) for k, one in enumerate(model.quantities)}
+        numbers["c_1"] = 2e3 if "c_1" in model.names else 0.0
+        numbers = {key: value for key, value in numbers.items() if key in model.names}
+    return model.values({key: numbers[key] for key in numbers if key in model.names})
+
+
+def log_of(model: Model, truth: Values) -> Trace:
+    """Six cycles of 20 mm at 1.5 Hz."""
+    t = np.arange(-400, round(6.2 / 1.5 * RATE)) / RATE
+    angle = 2.0 * np.pi * 1.5 * t + 0.4
+    x, v = 0.02 * np.sin(angle), 0.02 * 2.0 * np.pi * 1.5 * np.cos(angle)
+    force = simulate(truth, model, Motion(1.0 / RATE, x, v), options=ROUGH).force
+    noise = np.random.default_rng(7).normal(0.0, NOISE, len(t))
+    part = t >= 0.0
+    recording = Recording(
+        name="run_5.csv",
+        path="",
+        sha256="",
+        setting=5,
+        time=t[part],
+        displacement=x[part],
+        force=(force + noise)[part],
+    )
+    return condition(recording, ConditionOptions())
+
+
+@cache
+def case(name: str) -> Case:
+    model = damper(name)
+    truth = truth_of(model)
+    trace = log_of(model, truth)
+    campaign = identify([trace], model, FitOptions("plain", max_evaluations=60))
+    assessment = assess(campaign, model)
+    tables = make_tables(campaign, assessment=assessment)
+    return Case(model, truth, trace, campaign, assessment, tables)
+
+
+@EVERY
+def test_values_have_its_order_and_its_force_is_differentiated_by_every_number(name: str) -> None:
+    one = case(name)
+    assert one.truth.names == one.model.names == tuple(q.name for q in one.model.quantities)
+    wanted = (*one.model.names, *one.model.conditions)
+    seen = compare(one.truth, one.trace, one.model, sensitivities=wanted, solver=ROUGH)
+    assert seen.sensitivities.shape == (len(wanted), len(one.trace.force))
+    assert np.all(np.isfinite(seen.sensitivities))
+    loop = np.array([float(np.ptp(row)) for row in seen.sensitivities])
+    held = {q.name for q in one.model.quantities if q.default == getattr(one.truth, q.name)}
+    told = [k for k, name in enumerate(wanted) if name not in held and name in one.model.names]
+    assert np.all((loop[told] > 0.0) | [one.model.quantity(wanted[k]).is_offset for k in told])
+
+
+@EVERY
+def test_its_own_log_is_met_to_the_noise_and_the_truth_is_inside_the_intervals(name: str) -> None:
+    one = case(name)
+    (fit,) = one.campaign.fits
+    measured = one.trace.force[one.trace.compared]
+    floor = 100.0 * NOISE**2 / float(np.var(measured))
+    assert fit.mse_percent < max(3.0 * floor, 0.02), fit.outcome
+    assert list(fit.status) == list(one.model.names)
+    (known,) = one.assessment.uncertainties
+    for quantity in one.model.quantities:
+        if fit.status[quantity.name] is not Status.FITTED:
+            continue
+        interval, true = known.intervals[quantity.name], getattr(one.truth, quantity.name)
+        assert interval.low < getattr(fit.parameters, quantity.name) < interval.high
+        if quantity.is_logarithmic and interval.error < 0.1 * abs(true):
+            off = abs(getattr(fit.parameters, quantity.name) - true) / interval.error
+            assert off < 5.0 or fit.mse_percent > 2.0 * floor, (quantity.name, off)
+
+
+@EVERY
+def test_tables_carry_its_quantities_and_are_read_back(name: str, tmp_path: Path) -> None:
+    one = case(name)
+    for suffix in (".parquet", ".csv"):
+        write_table(tmp_path / f"parameters{suffix}", one.tables.parameters)
+        write_table(tmp_path / f"mse{suffix}", one.tables.mse)
+    schema = pq.read_schema(tmp_path / "parameters.parquet")
+    for quantity in one.model.quantities:
+        told = schema.field(quantity.name).metadata
+        assert told[b"unit"] == quantity.unit.encode()
+        assert told[b"description"] == quantity.meaning.encode()
+        assert {f"{quantity.name}_{end}" for end in ("se", "ci_low", "ci_high", "status")} <= set(
+            schema.names
+        )
+    quantities = table_quantities(tmp_path / "parameters.parquet")
+    assert quantities == one.model.quantities
+    read = read_parameters(tmp_path / "parameters.parquet", quantities)
+    assert [values.numbers for values in read.values()] == [one.campaign.fits[0].parameters.numbers]
+
+
+@EVERY
+def test_the_report_shows_it_and_knows_no_model(name: str, tmp_path: Path) -> None:
+    one = case(name)
+    write_table(tmp_path / "parameters.parquet", one.tables.parameters)
+    write_table(tmp_path / "mse.parquet", one.tables.mse)
+    (fit,) = one.campaign.fits
+    seen = compare(fit.parameters, one.trace, one.model, solver=ROUGH)
+    write_responses(tmp_path / "responses.parquet", one.campaign, [seen])
+    found = read_results(tmp_path)
+    assert found.quantities == one.model.quantities
+    page = html_report(report_plots(found), title=name)
+    text = markdown_report(one.tables, FACTS)
+    for quantity in one.model.quantities:
+        is_idle = quantity.default == getattr(fit.parameters, quantity.name)
+        assert is_idle or escape(quantity.symbol) in text, quantity.name
+        assert is_idle or quantity.symbol in page, quantity.name
+
+
+def test_a_model_that_is_not_known_is_refused_with_the_nearest() -> None:
+    with pytest.raises(ConfigurationError, match=r"no model 'bouc_wenn'\. Did you mean 'bouc_wen'"):
+        model_named("bouc_wenn")
