@@ -41,7 +41,14 @@ def test_valves_of_one_direction_each_are_told_by_one_speed() -> None:
 def two_stretches(noise: float) -> Any:
     stretches = [SimpleNamespace(noise=one, n_samples=500) for one in (noise, 40.0)]
     force = np.concatenate([np.full(500, 100.0), np.full(500, -100.0)])
-    return SimpleNamespace(force=force, compared=slice(None), stretches=stretches)
+    v = np.ones(1000)  # one array: the drive is as it is compared
+    return SimpleNamespace(
+        force=force,
+        compared=slice(None),
+        stretches=stretches,
+        velocity=v,
+        drive=SimpleNamespace(velocity=v),
+    )
 
 
 @pytest.mark.parametrize(("factor", "n_weighed"), [(0.99, 0), (1.01, 1000)])
