@@ -21,7 +21,7 @@ def test_95_percent_intervals_hold_on_a_road_that_cavitates():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("motion", ["steps", "sweep", "road", "rough road"])
+@pytest.mark.parametrize("motion", ["steps", "sweep", "road", "rough road", "two triangles"])
 def test_95_percent_intervals_cover_90_to_98_of_100(motion):
     hits, ratio, bias = covered(motion, 50, jobs=2)
     # 45 to 49 of 50, and what chance makes of that: fewer than 41 come once in a thousand.
