@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ConditioningError",
     "ConfigurationError",
+    "ContradictionError",
     "DamperfitError",
     "InstallationError",
     "InternalError",
@@ -66,6 +67,10 @@ class LogError(DamperfitError):
     """
 
     says_setting = True
+
+
+class ContradictionError(LogError):
+    """Logs of one setting contradict each other, or one test is given under two settings."""
 
 
 class TimelessError(LogError):

@@ -24,6 +24,7 @@ SURFACE = {
         "Judgement",
         "ending_of",
         "failures_of",
+        "identity_of",
         "json_values",
         "log_documents",
         "provenance",
@@ -260,6 +261,7 @@ SURFACE = {
     "damperfit.errors": [
         "ConditioningError",
         "ConfigurationError",
+        "ContradictionError",
         "DamperfitError",
         "InstallationError",
         "InternalError",
@@ -295,6 +297,7 @@ SURFACE = {
     ],
     "damperfit.run.hold_out": [
         "Parted",
+        "fitting",
         "named_files",
         "note_unpredicted",
         "part",
@@ -328,11 +331,42 @@ SURFACE = {
         "run_warnings",
         "skipped_files",
     ],
+    "damperfit.identity": [
+        "IDENTITY_KEYS",
+        "Identity",
+        "common_identity",
+        "identity_in",
+    ],
+    "damperfit.configuration.what_is_tested": [
+        "COUNTED",
+        "TestOptions",
+        "TestSection",
+        "check_adjusters",
+        "declared_settings",
+    ],
+    "damperfit.run.log_paths": [
+        "matches",
+    ],
+    "damperfit.run.labelling": [
+        "GUESSED",
+        "Labels",
+        "labels_for",
+    ],
+    "damperfit.run.same_setting": [
+        "once_each",
+        "without_contradictions",
+    ],
+    "damperfit.run.dampers": [
+        "by_damper",
+        "folder_name",
+        "of_one_damper",
+    ],
     "damperfit.run.pipeline": [
         "RunResult",
         "UnwrittenError",
         "Watch",
         "run",
+        "run_each",
     ],
     "damperfit.quantities": [
         "QuantityError",
@@ -346,11 +380,17 @@ SURFACE = {
     ],
     "damperfit.readers": [
         "ForceCurve",
+        "Guess",
         "Profile",
         "ReadOptions",
+        "TestRow",
+        "TestsTable",
+        "guess_settings",
+        "is_tests_table",
         "read_curves",
         "read_log",
         "read_logs",
+        "read_tests",
     ],
     "damperfit.recording": [
         "Drive",
@@ -471,6 +511,7 @@ SURFACE = {
         "Tables",
         "WITHHELD",
         "adjustment_rows",
+        "column_names",
         "describe_tables",
         "grade",
         "make_tables",

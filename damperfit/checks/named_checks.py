@@ -15,7 +15,7 @@ from damperfit.checks.physical_checks import PHYSICAL_CHECKS
 from damperfit.identification import Status
 from damperfit.identification.setting import EXCELLENT
 from damperfit.identification.sharing import listed_runs, listed_settings
-from damperfit.setting import clicks_between
+from damperfit.setting import ADJUSTER, clicks_between
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -168,9 +168,14 @@ def _trend_monotone(subject: Subject) -> _Verdict:
     bad = [trend.sentence for trend in judged if not trend.monotone]
     if bad:
         return False, "; ".join(bad)
-    said = ", ".join(f"{trend.parameter} {_DIRECTIONS[trend.direction or '']}" for trend in judged)
+    lines: dict[str, list[str]] = defaultdict(list)
+    for trend in judged:
+        by = "the setting" if trend.adjuster == ADJUSTER else trend.adjuster
+        by += f" ({trend.held})" if trend.held else ""
+        lines[by].append(f"{trend.parameter} {_DIRECTIONS[trend.direction or '']}")
+    said = "; with ".join(f"{by} {', '.join(told)}" for by, told in lines.items())
     untold = [f"; {trend.parameter} is not told" for trend in trends if trend.monotone is None]
-    return True, f"with the setting {said}, within errors and scatter{''.join(untold)}"
+    return True, f"with {said}, within errors and scatter{''.join(untold)}"
 
 
 _DIRECTIONS = {"rising": "rises", "falling": "falls", "flat": "stays"}

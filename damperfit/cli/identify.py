@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -31,6 +31,7 @@ from damperfit.cli.options import (
     SettingOption,
     SkewOption,
     StrictOption,
+    TestsOption,
     TruncatedOption,
     VersionOption,
     assignments,
@@ -43,8 +44,11 @@ from damperfit.cli.report import check_kind, write_report
 from damperfit.errors import ConfigurationError, OutputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from damperfit.configuration.options import Configuration
     from damperfit.run.pipeline import RunResult
+    from damperfit.run.run_json import Ending
 
 __all__ = ["identify"]
 
@@ -113,6 +117,7 @@ def identify(
         ),
     ] = None,
     setting: SettingOption = None,
+    tests: TestsOption = None,
     strict: StrictOption = False,
     skew: SkewOption = None,
     rig_profile: RigProfileOption = None,
@@ -145,14 +150,9 @@ def identify(
     """
     from damperfit.cli.interrupt import stop_on_signal
     from damperfit.cli.progress import progress
-    from damperfit.report import (
-        check_lines,
-        held_out_sheet,
-        markdown_report,
-        summary_sheet,
-        terminal_table,
-    )
-    from damperfit.run.pipeline import UnwrittenError, Watch, run
+    from damperfit.report import markdown_report
+    from damperfit.run.dampers import folder_name
+    from damperfit.run.pipeline import UnwrittenError, Watch, run_each
 
     check_kind("--plots", plots)
     if max_mse == 0.0:
@@ -174,6 +174,7 @@ def identify(
         ("--hold-out", "identification.hold_out", hold_out or None),
         ("--hold-out-cycles", "identification.hold_out_cycles", hold_out_cycles),
         ("--strict", "rig.strict", strict or None),
+        ("--tests", "test.table", str(tests) if tests is not None else None),
         *rig_entries(rig),
         ("--skew", "rig.skew", skew),
         ("--rig-profile", "rig.profile", rig_profile),
@@ -188,42 +189,70 @@ def identify(
             f"--share {share} cannot act: only procedure joint fits shared parameters, found "
             f"procedure {procedure_used}; add --procedure joint"
         )
+    declared = declared_setting(setting, configuration)
     lost: UnwrittenError | None = None
+    found: list[tuple[str, RunResult]] = []
     with stop_on_signal() as cancelled, progress(is_wanted=not quiet) as bar:
         watch = Watch(on_start=bar.start, on_fit=bar.advance, cancelled=cancelled)
         try:
-            result = run(
-                configuration, logs, jobs=jobs, setting=declared_setting(setting), watch=watch
-            )
+            for one in run_each(configuration, logs, jobs=jobs, setting=declared, watch=watch):
+                found.append(one)  # noqa: PERF402 - what is done is kept where the next one fails
         except UnwrittenError as error:
-            result, lost = error.result, error
-    say_failures(result.facts.failures, is_debug=debug)
-    _tell_people(result, configuration=configuration, is_quiet=quiet, is_written=lost is None)
-    if result.campaign.fits and (report or plots) and lost is None:
+            lost = error
+            found.append((error.owner, error.result))
+    for owner, result in found:
+        is_written = lost is None or result is not lost.result
         folder = configuration.output.folder
-        write_report(folder, folder, page=report, figures=plots)
-    if summary is not None:
-        _append(summary, markdown_report(result.tables, result.facts))
+        folder = folder / folder_name(owner) if owner else folder
+        say_failures(result.facts.failures, is_debug=debug)
+        _tell_people(result, configuration, folder, is_quiet=quiet, is_written=is_written)
+        if result.campaign.fits and (report or plots) and is_written:
+            write_report(folder, folder, page=report, figures=plots)
+        if summary is not None:
+            _append(summary, markdown_report(result.tables, result.facts))
+        if not json and result.campaign.fits:
+            _show(result, configuration, owner=owner)
     if json:
-        print_json(result.document())
-    elif result.campaign.fits:
-        sheet = summary_sheet(
-            result.tables.parameters.to_pylist(),
-            columns=screen_columns(),
-            levels=spark_levels(),
-            quantities=result.tables.quantities,
-        )
-        print_renderable(terminal_table(sheet))
-        if result.facts.held_out:
-            held_out = held_out_sheet(result.facts.held_out, is_narrow=True)
-            print_renderable(terminal_table(held_out))
-        damper = wrap(configuration.damper_sentence, screen_columns())
-        lines = map(one_line, check_lines(result.facts.checks))
-        checks = (part for line in lines for part in wrap(line, screen_columns()))
-        print_lines([*damper, "", *checks])
+        print_json(_document(found))
     if lost is not None:
         raise lost
-    return result.ending.value
+    return _worst([result.ending for _, result in found])
+
+
+def _document(found: Sequence[tuple[str, RunResult]]) -> dict[str, Any]:
+    """Return the results as one document; of several dampers one inside the other, by name."""
+    if len(found) == 1:
+        return found[0][1].document()
+    return {"dampers": {owner: result.document() for owner, result in found}}
+
+
+def _worst(endings: Sequence[Ending]) -> int:
+    """Return the exit code of all: that of one, where all ended alike, else the gravest."""
+    codes = {ending.value for ending in endings}
+    if len(codes) == 1:
+        return int(codes.pop())
+    return next((code for code in (130, 1, 3, 4) if code in codes), 0) if 3 not in codes else 1
+
+
+def _show(result: RunResult, configuration: Configuration, *, owner: str) -> None:
+    from damperfit.report import check_lines, held_out_sheet, summary_sheet, terminal_table
+
+    if owner:
+        print_lines([f"damper {owner}", ""])
+    sheet = summary_sheet(
+        result.tables.parameters.to_pylist(),
+        columns=screen_columns(),
+        levels=spark_levels(),
+        quantities=result.tables.quantities,
+    )
+    print_renderable(terminal_table(sheet))
+    if result.facts.held_out:
+        held_out = held_out_sheet(result.facts.held_out, is_narrow=True)
+        print_renderable(terminal_table(held_out))
+    damper = wrap(configuration.damper_sentence, screen_columns())
+    lines = map(one_line, check_lines(result.facts.checks))
+    checks = (part for line in lines for part in wrap(line, screen_columns()))
+    print_lines([*damper, "", *checks, *([""] if owner else [])])
 
 
 def _summary_file() -> Path:
@@ -247,7 +276,12 @@ def _append(path: Path, report: str) -> None:
 
 
 def _tell_people(
-    result: RunResult, *, configuration: Configuration, is_quiet: bool, is_written: bool
+    result: RunResult,
+    configuration: Configuration,
+    folder: Path,
+    *,
+    is_quiet: bool,
+    is_written: bool,
 ) -> None:
     from damperfit.report import short_listing
     from damperfit.run.remarks import corrections
@@ -267,7 +301,7 @@ def _tell_people(
     if not is_written:
         return
     profiles = ", the profiles in profiles.csv" if configuration.profile else ""
-    say(f"damperfit: {_summary(result, configuration.output.folder)}{profiles}")
+    say(f"damperfit: {_summary(result, folder)}{profiles}")
 
 
 def _summary(result: RunResult, folder: Path) -> str:

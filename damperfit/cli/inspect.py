@@ -24,6 +24,7 @@ from damperfit.cli.options import (
     SettingOption,
     SkewOption,
     StrictOption,
+    TestsOption,
     TruncatedOption,
     VersionOption,
     configured,
@@ -40,6 +41,7 @@ __all__ = ["inspect"]
 def inspect(
     logs: LogsArgument,
     setting: SettingOption = None,
+    tests: TestsOption = None,
     strict: StrictOption = False,
     skew: SkewOption = None,
     rig_profile: RigProfileOption = None,
@@ -62,6 +64,7 @@ def inspect(
 
     configuration = configured(
         config,
+        ("--tests", "test.table", str(tests) if tests is not None else None),
         *rig_entries(rig),
         ("--strict", "rig.strict", strict or None),
         ("--skew", "rig.skew", skew),
@@ -71,11 +74,15 @@ def inspect(
     paths = expand(logs)
     workers = jobs or available_cores()
     batch = read_batch(
-        paths, configuration, jobs=workers, setting=declared_setting(setting), keeps_traces=False
+        paths,
+        configuration,
+        jobs=workers,
+        setting=declared_setting(setting, configuration),
+        keeps_traces=False,
     )
     say_failures(batch.failures, is_debug=debug)
     if not quiet:
-        for warning in skipped_files(batch):
+        for warning in (*skipped_files(batch), *batch.remarks):
             say(f"warning: {warning}")
     if json:
         print_json(log_documents(batch))

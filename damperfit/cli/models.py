@@ -95,7 +95,7 @@ def models(
         logs,
         layout=layout,
         jobs=jobs,
-        setting=declared_setting(setting),
+        setting=declared_setting(setting, configuration),
         on_rung=lambda rung: None if quiet else say(f"damperfit: tried {rung.tried.title}"),
         on_rival=(lambda one: None if quiet else say(f"damperfit: tried {one.title}"))
         if rivals

@@ -29,6 +29,7 @@ __all__ = [
     "SettingOption",
     "SkewOption",
     "StrictOption",
+    "TestsOption",
     "TruncatedOption",
     "VersionOption",
     "assignments",
@@ -78,6 +79,12 @@ JobsOption = Annotated[
 SettingOption = Annotated[
     str | None,
     typer.Option("--setting", metavar="N", help="Setting of the logs that do not say theirs."),
+]
+TestsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--tests", metavar="FILE", help="Table of tests: file, adjusters, damper.  [tests.csv]"
+    ),
 ]
 StrictOption = Annotated[
     bool, typer.Option("--strict", help="Refuse logs that have a warning; ends with code 4.")
@@ -185,7 +192,7 @@ def configured(config: Path | None, *entries: tuple[str, str, Any]) -> Configura
     return load_configuration(config, overlay=sections, options=options)
 
 
-def declared_setting(text: str | None) -> Setting | None:
+def declared_setting(text: str | None, configuration: Configuration) -> Setting | None:
     """Return the setting that ``--setting`` gives.
 
     Raises
@@ -196,7 +203,7 @@ def declared_setting(text: str | None) -> Setting | None:
     from damperfit.setting import parse_setting
 
     try:
-        return None if text is None else parse_setting(text)
+        return None if text is None else parse_setting(text, configuration.reading.adjusters)
     except ValueError as error:
         raise ConfigurationError(f"--setting {text}: {error}") from error
 

@@ -27,6 +27,7 @@ from damperfit.cli.options import (
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from damperfit.adjustment import Answer, Wanted
     from damperfit.queries.force_by_setting import AdjusterResults, ForceTable, Question
 
 __all__ = ["settings"]
@@ -127,11 +128,13 @@ def _show(
     from damperfit.report import force_by_setting_sheet, force_by_speed_sheet, terminal_table
     from damperfit.tables import adjustment_rows
 
-    if forces.wanted is not None:
+    if forces.wanted:
         if is_quiet:
-            print_lines([forces.wanted.sentence])
+            print_lines([one.sentence for one in forces.wanted])
             return
-        print_lines([*wrap(forces.wanted.sentence, screen_columns()), ""])
+        print_lines(
+            [part for one in forces.wanted for part in wrap(one.sentence, screen_columns())] + [""]
+        )
     rows = adjustment_rows(forces.levels, forces.clicks)
     print_lines([f"force by setting, {adjuster.source}", ""])
     if question.speed is not None:
@@ -140,6 +143,14 @@ def _show(
     for stroke in (question.stroke,) if question.stroke else ("rebound", "bump"):
         print_renderable(terminal_table(force_by_speed_sheet(rows, stroke)))
         print_lines([""])
+
+
+def _answer(wanted: Wanted, answer: Answer) -> dict[str, Any]:
+    from damperfit.report import to_record
+
+    along = {"adjuster": wanted.adjuster, "held": wanted.held} if wanted.held else {}
+    told: dict[str, Any] = to_record(answer)
+    return told | along
 
 
 def _document(
@@ -155,9 +166,9 @@ def _document(
         {
             "motion": {"amplitude_m": sine.amplitude, "frequency_Hz": sine.frequency},
             "source": adjuster.source,
-            "question": None if wanted is None else to_record(question),
-            "sentence": None if wanted is None else wanted.sentence,
-            "answers": [] if wanted is None else [to_record(answer) for answer in wanted.answers],
+            "question": to_record(question) if wanted else None,
+            "sentence": "; ".join(one.sentence for one in wanted) or None,
+            "answers": [_answer(one, answer) for one in wanted for answer in one.answers],
             "forces": adjustment_rows(forces.levels, forces.clicks),
             "remarks": list(remarks),
             "notes": list(forces.notes),

@@ -33,6 +33,7 @@ __all__ = ["configuration_toml", "load_configuration", "redeclared"]
 _MAX_BYTES = 1_000_000  # a configuration is a page; anything larger is some other file
 _COMMAND_LINE = "command line"
 _DEFAULT_MODEL = "purdy"
+_WHOLE = ("adjusters",)  # a section whose keys are the user's: it takes the place of the one before
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]")
 _ENTRY = re.compile(r"(?P<key>\w+) = (?P<value>[^#]*[^#\s])(?P<comment>\s*#.*)?$")
 
@@ -76,6 +77,9 @@ def load_configuration(
         _check_keys(layer, known=known)
         if layer.name == _COMMAND_LINE:
             _put_over_profiles(document, layer.values.get("rig", {}))
+        for section in _WHOLE:
+            if layer.values.get(section):
+                document.pop(section, None)
         _merge(document, layer.values)
     declared = {
         f"{section}.{key}"
@@ -198,7 +202,8 @@ def _check_keys(layer: _Layer, *, known: Mapping[str, Any]) -> None:
             )
         if not isinstance(values, dict):
             raise ConfigurationError(f"{layer.name}: {section} is a section: write [{section}]")
-        _check_section(layer, values, known[section], section)
+        if section not in _WHOLE:
+            _check_section(layer, values, known[section], section)
 
 
 def _check_section(
@@ -320,8 +325,13 @@ def configuration_toml(configuration: Configuration) -> str:
     for line in _defaults_text().splitlines():
         if header := _HEADER.match(line):
             section = header[1].strip()
+            if section in _WHOLE:
+                lines += [line, *_entries(configuration.document[section])]
+                continue
             if is_other and section == "damper":
                 lines.extend(_damper_lines(configuration.document["damper"]))
+        if section in _WHOLE and _ENTRY.match(line):
+            continue
         if is_other and section == "damper":
             continue
         if entry := _ENTRY.match(line):
@@ -342,6 +352,10 @@ def _damper_lines(values: Mapping[str, Any], section: str = "damper") -> Iterato
     for key, value in values.items():
         if isinstance(value, dict):
             yield from _damper_lines(value, f"{section}.{key}")
+
+
+def _entries(values: Mapping[str, Any]) -> list[str]:
+    return [f"{key} = {_toml_value(value)}" for key, value in values.items()]
 
 
 def _toml_value(value: Any) -> str:

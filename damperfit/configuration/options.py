@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.conditioning import ConditionOptions
+    from damperfit.configuration.what_is_tested import TestOptions
     from damperfit.damper.model import Model, Quantity
     from damperfit.identification import FitOptions
     from damperfit.readers import ReadOptions
@@ -46,6 +47,8 @@ class RigOptions:
         What the test should be held at, degrees Celsius; a log outside is warned about.
     is_strict : bool
         A log with a warning is refused.
+    is_averaging : bool
+        Logs of one setting that contradict each other are fitted together all the same.
     """
 
     amplitude: float
@@ -54,6 +57,7 @@ class RigOptions:
     temperature: float
     temperature_tolerance: float
     is_strict: bool = False
+    is_averaging: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +128,8 @@ class Configuration:
         Defaults of `simulate`.
     output : OutputOptions
         Folder and gates.
+    test : TestOptions
+        Whose damper it is, where the logs do not say.
     declared : frozenset of str
         Keys that somebody gave, as in "damper.rod_diameter"; the others are defaults.
     document : dict
@@ -139,6 +145,7 @@ class Configuration:
     profile: tuple[str, ...]
     simulation: SimulationOptions
     output: OutputOptions
+    test: TestOptions
     declared: frozenset[str] = field(compare=False)
     document: dict[str, Any] = field(compare=False, repr=False)
 

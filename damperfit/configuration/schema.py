@@ -32,13 +32,18 @@ from damperfit.configuration.options import (
     SimulationOptions,
     parameter_value,
 )
+from damperfit.configuration.what_is_tested import (
+    COUNTED,
+    TestSection,
+    check_adjusters,
+    declared_settings,
+)
 from damperfit.damper.models import MODELS
 from damperfit.errors import did_you_mean
 from damperfit.identification import FitOptions, check_options, shared_names
 from damperfit.quantities import parse_quantity
 from damperfit.readers import Profile, ReadOptions
 from damperfit.readers.options import Declarations
-from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import HoldOutOptions, check_profile_names
 
@@ -150,7 +155,8 @@ _ProfileSection: Any = create_model(
 class _RigSection(_DeclaredKeys):
     amplitude: _Amplitude
     frequency: _Frequency
-    settings: list[int]
+    settings: list[int | str]
+    contradictions: Literal["refuse", "average"]
     strict: bool
     temperature: Annotated[float, Field(allow_inf_nan=False)]
     temperature_tolerance: Annotated[float, Field(ge=0.0)]  # infinite: none is asked for
@@ -163,18 +169,19 @@ class _RigSection(_DeclaredKeys):
     profile: str
     profiles: dict[str, _ProfileSection]
 
-    def build(self) -> RigOptions:
+    def build(self, adjusters: tuple[str, ...]) -> RigOptions:
         return RigOptions(
             amplitude=self.amplitude,
             frequency=self.frequency,
-            settings=tuple(sorted(set(map(Setting.of, self.settings)))),
+            settings=declared_settings(self.settings, adjusters, key="rig.settings"),
+            is_averaging=self.contradictions == "average",
             temperature=self.temperature,
             temperature_tolerance=self.temperature_tolerance,
             is_strict=self.strict,
         )
 
-    def build_reading(self) -> ReadOptions:
-        general = ReadOptions(**self.declared(), max_bytes=self.max_log_bytes)
+    def build_reading(self, adjusters: tuple[str, ...]) -> ReadOptions:
+        general = ReadOptions(**self.declared(), adjusters=adjusters, max_bytes=self.max_log_bytes)
         profiles = (
             Profile(name=name, files=keys.files, declared=keys.declared())
             for name, keys in self.profiles.items()
@@ -302,6 +309,8 @@ class _OutputSection(_Section):
 
 class _Document(_Section):
     damper: DamperSection
+    adjusters: dict[str, COUNTED]
+    test: TestSection
     rig: _RigSection
     conditioning: _ConditioningSection
     identification: _IdentificationSection
@@ -349,10 +358,12 @@ def build_configuration(
         document = _with_own(document, declared, share=share)
         checked = _DOCUMENTS[model].model_validate(document)
     damper = checked.damper.build()
+    adjusters = check_adjusters(checked.adjusters)
     return Configuration(
         damper=damper,
-        rig=checked.rig.build(),
-        reading=checked.rig.build_reading(),
+        rig=checked.rig.build(adjusters),
+        reading=checked.rig.build_reading(adjusters),
+        test=checked.test.build(),
         conditioning=checked.conditioning.build(checked.rig, damper, checked.identification),
         identification=checked.identification.build(damper),
         hold_out=checked.identification.build_hold_out(),

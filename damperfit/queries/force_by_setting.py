@@ -25,7 +25,7 @@ from damperfit.errors import ConfigurationError, Mishap, mishap_of
 from damperfit.identification.sharing import listed_settings
 from damperfit.quantities import parse_quantity
 from damperfit.queries.origin import Origin, configured_as, motion_of_tests
-from damperfit.setting import Setting
+from damperfit.setting import Setting, lines_of
 from damperfit.simulation import refuse_amplitude
 from damperfit.tables import read_results, values_from
 
@@ -105,8 +105,8 @@ class ForceTable:
         By setting, speed and stroke.
     clicks : tuple of Click
         Between neighbouring settings.
-    wanted : Wanted or None
-        The answer, where a force was asked for.
+    wanted : tuple of Wanted
+        The answers, where a force was asked for: one for each line on which one adjuster turns.
     remarks : tuple of str
         Settings that could not be simulated.
     traces : tuple of str
@@ -117,7 +117,7 @@ class ForceTable:
 
     levels: tuple[Level, ...]
     clicks: tuple[Click, ...]
-    wanted: Wanted | None
+    wanted: tuple[Wanted, ...]
     remarks: tuple[str, ...]
     notes: tuple[str, ...] = ()
     traces: tuple[str, ...] = ()
@@ -198,7 +198,7 @@ def read_adjuster(
         raise ConfigurationError(
             f"{folder}: no setting has all parameters; run damperfit identify LOGS first"
         )
-    own = motion_of_tests(results.record, {stage.setting for stage in stages})
+    own = motion_of_tests(results.record, {stage.setting.cell for stage in stages})
     if own is None and not (amplitude and frequency):
         own = Sine(configuration.rig.amplitude, configuration.rig.frequency)
         remarks.append("the motion of the test is not known: the nominal one is taken")
@@ -247,11 +247,18 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question, *, jobs: int 
         for stage in adjuster.stages
         if stage.setting not in done
     )
-    wanted = None
+    wanted: tuple[Wanted, ...] = ()
     if question.force is not None:
         if len(done) < 2:
             raise ConfigurationError("one setting does not tell which gives a force; fit more logs")
-        wanted = which_setting([x for x in found if x.stroke == question.stroke], question.force)
+        mine = [level for level in found if level.stroke == question.stroke]
+        lines = [line for line in lines_of(done) if len(line.settings) > 1]
+        if not lines:
+            raise ConfigurationError(
+                "no two settings differ in the clicks of one adjuster alone; --velocity without "
+                "--force shows the forces of all"
+            )
+        wanted = tuple(which_setting(mine, question.force, line=line) for line in lines)
     changes = clicks(found, adjuster.damper)
     notes = tuple(_cavitation_notes(adjuster, found))
     traces = tuple(mishaps[setting].trace for setting in sorted(mishaps))
@@ -298,7 +305,7 @@ def _stages(results: Results, remarks: list[str]) -> Iterator[Stage]:
             continue
         setting, parameters = Setting.of(row["setting"]), values_from(quantities, numbers)
         try:
-            yield _stage(setting, parameters, row, known[setting])
+            yield _stage(setting, parameters, row, known[setting.cell])
         except (KeyError, TypeError, ValueError):
             without.append(setting)
             yield Stage(setting, parameters)

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.configuration.options import Configuration
-    from damperfit.setting import Setting
 
 __all__ = ["Origin", "configured_as", "motion_of_tests", "origin_of"]
 
@@ -121,7 +120,9 @@ def _said(value: float, unit: str) -> str:
     return f"{value:g} {unit}".rstrip()
 
 
-def motion_of_tests(record: Mapping[str, Any], settings: set[Setting] | None = None) -> Sine | None:
+def motion_of_tests(
+    record: Mapping[str, Any], settings: set[int | str] | None = None
+) -> Sine | None:
     """Return the fastest motion of the logs that were fitted, as far as run.json tells.
 
     Parameters

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import LogError, TimelessError
+from damperfit.readers.name_guess import Guess, guess_settings
 from damperfit.readers.options import Profile, ReadOptions
+from damperfit.readers.tests_table import TestRow, TestsTable, is_tests_table, read_tests
 
 if TYPE_CHECKING:
     import os
@@ -15,7 +17,20 @@ if TYPE_CHECKING:
     from damperfit.readers.table import Table
     from damperfit.recording import Recording
 
-__all__ = ["ForceCurve", "Profile", "ReadOptions", "read_curves", "read_log", "read_logs"]
+__all__ = [
+    "ForceCurve",
+    "Guess",
+    "Profile",
+    "ReadOptions",
+    "TestRow",
+    "TestsTable",
+    "guess_settings",
+    "is_tests_table",
+    "read_curves",
+    "read_log",
+    "read_logs",
+    "read_tests",
+]
 
 _DEFAULTS = ReadOptions()
 

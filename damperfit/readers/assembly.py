@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from itertools import chain, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.errors import LogError
+from damperfit.identity import identity_in
 from damperfit.readers.channels import choose_channels, has_channel, told_at_once
 from damperfit.readers.options import EXTRAS
-from damperfit.readers.setting_number import file_setting, told_setting
+from damperfit.readers.setting_number import Told, file_setting, place_of, preamble_setting
 from damperfit.readers.write_buffers import TITLE, join_buffers
 from damperfit.recording import Recording
 from damperfit.setting import Setting
@@ -70,8 +72,8 @@ def make_recordings(
             name=f"{source.name} part {i + 1}" if len(parts) > 1 else source.name,
             path=source.path,
             sha256=source.sha256,
-            setting=Setting.of(settings[i])
-            if settings and options.setting is None
+            setting=Setting(((options.adjusters[0], settings[i]),))
+            if settings and options.setting is None and len(options.adjusters) == 1
             else part.setting,
             time=part.time,
             displacement=part.displacement,
@@ -119,7 +121,11 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
     parts = []
     for start, stop in cuts:
         part = slice(start, stop)
-        setting, setting_notes = _setting(samples, part, table.metadata, source, options)
+        told = _setting(samples, part, table.metadata, source, options)
+        setting = told.setting(options.adjusters)
+        partly = {} if setting else {name: str(place) for name, place in told.places.items()}
+        preamble = identity_in(table.metadata).describe()
+        named = {key: text for key, text in told.others.items() if key not in preamble}
         is_own_time = "time" in channels and options.sample_rate == 0.0
         time_notes = () if is_own_time else rate_notes
         time = channels["time"][part] if is_own_time else np.arange(stop - start) / rate
@@ -133,8 +139,8 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
                 displacement=channels["displacement"][part],
                 force=channels["force"][part],
                 temperature=None if temperature is None else temperature[part],
-                notes=(*notes, *time_notes, *setting_notes),
-                metadata=table.metadata,
+                notes=(*notes, *time_notes, *told.notes),
+                metadata={**named, **table.metadata, **partly},
                 findings=findings,
                 velocity=None if velocity is None else velocity[part],
                 reverse_displacement=signs["displacement"],
@@ -216,16 +222,17 @@ def _cuts(
     n = len(channels["force"])
     is_cut = np.zeros(n + 1, dtype=bool)
     is_cut[[0, n]] = True
-    if "setting" in samples.channels:
-        values = samples.channels["setting"]
-        if problem := _not_finite(values, "setting", samples):
+    turned = [one for one in options.adjusters if one in samples.channels]
+    for one in turned:
+        values = samples.channels[one]
+        if problem := _not_finite(values, one, samples):
             raise LogError(f"{name}, {problem}")
         is_cut[1:n] |= values[1:] != values[:-1]
     first = 0
     if "time" in channels and n > 1:
         steps = np.diff(channels["time"])
         is_plain = steps.min() > 0.0 and steps.max() <= (options.pause or _PAUSE)
-        if is_plain and "setting" not in samples.channels:
+        if is_plain and not turned:
             return [(0, n)]
         late = np.flatnonzero((steps <= 0.0) & ~is_cut[1:n])
         if len(late) and options.restarts == "refuse" and options.sample_rate == 0.0:
@@ -280,35 +287,42 @@ def _setting(
     metadata: Mapping[str, str],
     source: Source,
     options: ReadOptions,
-) -> tuple[Setting | None, tuple[str, ...]]:
-    """Return the setting from the declaration, the preamble, a column or the file name."""
+) -> Told:
+    """Return the setting from the declaration, the preamble, columns or the file name."""
+    named = file_setting(source.name, options.setting_pattern, options.adjusters)
     if options.setting is not None:
-        return options.setting, ("setting: as declared",)
-    if "setting" in metadata:
-        told = told_setting(metadata["setting"], f"{source.name}: metadata 'setting'")
-        return told, _other_name(told, source.name, options.setting_pattern)
-    if "setting" in samples.channels:
-        value = f"{samples.channels['setting'][part.start]:.15g}"
-        return told_setting(value, f"{source.name}: column 'setting'"), ()
-    return file_setting(source.name, options.setting_pattern)
+        places = dict(Setting.of(options.setting).places)
+        return Told(places, named.others, ("setting: as declared",))
+    columns = Told(
+        {
+            one: place_of(samples.channels[one][part.start], f"{source.name}: column '{one}'")
+            for one in options.adjusters
+            if one in samples.channels
+        }
+    )
+    told = preamble_setting(metadata, source.name, options.adjusters)
+    found = told.over(columns).over(named)
+    return replace(found, notes=(*found.notes, *_other_name(told, named)))
 
 
 def _says_setting(table: Table, source: Source, options: ReadOptions) -> bool:
     """Say whether a log that cannot be read says its setting, or tries to."""
-    if options.setting is not None or options.part_settings or "setting" in table.metadata:
+    if options.setting is not None or options.part_settings:
+        return True
+    if "setting" in table.metadata or any(one in table.metadata for one in options.adjusters):
         return True
     if has_channel("setting", table.columns, options):
         return True
     with suppress(LogError):
-        return file_setting(source.name, options.setting_pattern)[0] is not None
+        return bool(file_setting(source.name, options.setting_pattern, options.adjusters).places)
     return True
 
 
-def _other_name(told: Setting, name: str, pattern: str) -> tuple[str, ...]:
+def _other_name(told: Told, named: Told) -> tuple[str, ...]:
     """Say that the file's name names another setting than its preamble."""
-    named = None
-    with suppress(LogError):  # a name that says nothing whole is no contradiction
-        named, _ = file_setting(name, pattern)
-    if named is None or named == told:
-        return ()
-    return (f"setting: {told} of the preamble; the file name says {named}: look which is right",)
+    return tuple(
+        f"{one}: {told.places[one]} of the preamble; the file name says {place}: look which is "
+        "right"
+        for one, place in named.places.items()
+        if one in told.places and told.places[one] != place
+    )

@@ -184,7 +184,15 @@ def choose_channels(
         problems.insert(0, _missing(lost, columns, hint))
     if problems:
         raise LogError(f"{where}: {told_at_once(problems)}")
+    for name in options.adjusters:
+        columns_of = [i for i, column in enumerate(columns) if _is_named(column, name)]
+        if name not in chosen and len(columns_of) == 1:
+            chosen[name] = ChannelChoice(columns_of[0], name, None)
     return chosen, tuple(notes)
+
+
+def _is_named(column: Column, adjuster: str) -> bool:
+    return "_".join(words_of(split_name(column.name)[0])) == adjuster.casefold()
 
 
 def has_channel(channel: str, columns: Sequence[Column], options: ReadOptions) -> bool:

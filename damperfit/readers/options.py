@@ -9,7 +9,9 @@ from fnmatch import fnmatch
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.identity import IDENTITY_KEYS
 from damperfit.quantities import find_unit
+from damperfit.setting import ADJUSTER
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -38,8 +40,10 @@ CHANNELS = {
 EXTRAS = ("temperature", "velocity")
 
 # Number after "setting" or "s" in a file name. "s" must stand alone (run_s10, not runs10 and not
-# 30s_2), and 10.5 is no setting.
-SETTING_PATTERN = r"(?:setting|(?<![^\W_])s)[ _=-]?(\d+)(?![.]?\d)"
+# 30s_2), with three digits at most, for more are a serial number; and 10.5 is no setting.
+SETTING_PATTERN = (
+    r"(?:setting(?:[ _](?=-\d)|[ _=-]?)|(?<![^\W_])s[ _=-]?(?=\d{1,3}(?!\d)))(-?\d+)(?![.]?\d)"
+)
 
 _SIGNS = ("reverse_force", "reverse_displacement")
 # What the user may call a character that is hard to see in a configuration.
@@ -102,7 +106,7 @@ class Declarations:
     """
 
     setting_pattern: str = SETTING_PATTERN
-    part_settings: tuple[Setting, ...] = ()
+    part_settings: tuple[int, ...] = ()
     columns: Mapping[str, str | int] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
@@ -176,6 +180,17 @@ def _check_pattern(pattern: str) -> None:
         )
 
 
+def _check_groups(pattern: str, adjusters: tuple[str, ...]) -> None:
+    known = (*adjusters, *IDENTITY_KEYS)
+    for name in re.compile(pattern).groupindex:
+        if name not in known:
+            raise ConfigurationError(
+                f"setting_pattern: {pattern!r} has a group {name!r}; there are "
+                f"{', '.join(known)}, and adjusters that [adjusters] names."
+                f"{did_you_mean(name, known)}"
+            )
+
+
 def _check_encoding(encoding: str) -> None:
     try:
         "".encode(encoding or "utf-8")
@@ -231,6 +246,8 @@ class ReadOptions(Declarations):
     ----------
     setting : Setting or None
         Adjuster setting, whatever the log says.
+    adjusters : tuple of str
+        Names of the damper's adjusters, in the order of labels.
     profile : str
         Name of the profile for every log; empty: the first whose pattern fits the file name.
     profiles : tuple of Profile
@@ -245,6 +262,7 @@ class ReadOptions(Declarations):
     """
 
     setting: Setting | None = None
+    adjusters: tuple[str, ...] = (ADJUSTER,)
     profile: str = ""
     profiles: tuple[Profile, ...] = ()
     max_bytes: int = 500_000_000
@@ -254,6 +272,7 @@ class ReadOptions(Declarations):
         Declarations.__post_init__(self)
         if self.max_bytes <= 0:
             raise ConfigurationError(f"max_log_bytes: found {self.max_bytes}, expected more than 0")
+        _check_groups(self.setting_pattern, self.adjusters)
         names = [profile.name for profile in self.profiles]
         if self.profile and self.profile not in names:
             raise ConfigurationError(

@@ -101,6 +101,8 @@ class ReportFacts:
     ----------
     version : str
         Version of damperfit.
+    tested : str
+        Whose test it is; empty where nobody said.
     procedure : tuple of str
         How the parameters were found, one sentence each.
     failures : tuple of Failure
@@ -137,6 +139,7 @@ class ReportFacts:
 
     version: str
     procedure: tuple[str, ...] = ()
+    tested: str = ""
     failures: tuple[Failure, ...] = ()
     warnings: tuple[str, ...] = ()
     gaps: tuple[tuple[int, int], ...] = ()

@@ -79,6 +79,9 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
 
 def _summary(parameters: Sequence[Mapping[str, Any]], facts: ReportFacts) -> Iterator[str]:
     rows = [row for row in parameters if row["mse_percent"] is not None]
+    if facts.tested:
+        yield f"Tested: {escape(facts.tested)}."
+        yield ""
     if facts.is_interrupted:
         yield "**Interrupted: these are the settings that were finished.**"
         yield ""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from damperfit.report import Failure
     from damperfit.uncertainty import HoldOutOptions, Prediction
 
-__all__ = ["Parted", "named_files", "note_unpredicted", "part"]
+__all__ = ["Parted", "fitting", "named_files", "note_unpredicted", "part"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +72,19 @@ def _named(pattern: str, paths: Sequence[Path]) -> tuple[Path, ...]:
         return ()
 
 
+def fitting(
+    batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[Path]]
+) -> HoldOutOptions:
+    """Return the options with the patterns alone that fit a log of the batch."""
+    patterns = tuple(one for one in options.patterns if _hits(one, batch, named))
+    return replace(options, patterns=patterns)
+
+
+def _hits(pattern: str, batch: LogBatch, named: Mapping[str, Sequence[Path]]) -> set[str]:
+    files = {str(path) for path in named.get(pattern, ())}
+    return {log.log for log in batch.logs if log.path in files or _fits(pattern, log.log)}
+
+
 def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[Path]]) -> Parted:
     """Part what was read into what is fitted and what is predicted.
 
@@ -91,8 +104,7 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
     """
     names: set[str] = set()
     for pattern in options.patterns:
-        files = {str(path) for path in named.get(pattern, ())}
-        hits = {log.log for log in batch.logs if log.path in files or _fits(pattern, log.log)}
+        hits = _hits(pattern, batch, named)
         if not hits:
             raise ConfigurationError(
                 f"hold-out {pattern}: fits no log and names no other; quote a pattern, as in "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import TYPE_CHECKING
 
@@ -13,8 +13,10 @@ from damperfit.damper.parameters import Damper
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.laws import SettingLogs, climb, fit_law, rank_rivals
+from damperfit.run.dampers import of_one_damper
 from damperfit.run.hold_out import named_files, part
 from damperfit.run.logs import available_cores, expand, read_batch
+from damperfit.run.same_setting import once_each, without_contradictions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -101,8 +103,12 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     named = named_files(configuration.hold_out.patterns, paths)
     paths = tuple(dict.fromkeys((*paths, *chain.from_iterable(named.values()))))
     workers = jobs or available_cores()
-    batch = read_batch(paths, configuration, jobs=workers, setting=setting)
+    batch = of_one_damper(read_batch(paths, configuration, jobs=workers, setting=setting))
     parted = part(batch, configuration.hold_out, named)
+    left = without_contradictions(
+        once_each(parted.batch), is_averaging=configuration.rig.is_averaging
+    )
+    parted = replace(parted, batch=left)
     evidence = _evidence(parted)
     if not evidence:
         raise ConfigurationError(

@@ -5,13 +5,12 @@ A log that cannot be read or evaluated becomes a `Failure`; the others are not t
 
 from __future__ import annotations
 
-import glob
 import hashlib
 import os
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,15 +25,19 @@ from damperfit.errors import (
     mishap_of,
 )
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.readers import read_curves, read_logs
+from damperfit.identity import Identity
+from damperfit.readers import is_tests_table, read_curves, read_logs
 from damperfit.recording import Finding, natural_order
 from damperfit.report import Failure
+from damperfit.run.labelling import GUESSED, labels_for
+from damperfit.run.log_paths import matches
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from damperfit.configuration.options import Configuration
     from damperfit.recording import Recording, Trace
+    from damperfit.run.labelling import Labels
     from damperfit.setting import Setting
 
 _LARGE = 1_000_000  # bytes
@@ -82,6 +85,10 @@ class LogBatch:
         Files that are no logs and are not meant to be.
     n_good : int
         Logs that can be used, whether or not their traces were kept.
+    remarks : tuple of str
+        How settings were found, where that is more than reading them.
+    identities : mapping of str to Identity
+        Whose test each log is, by its name.
     """
 
     traces: tuple[Trace, ...]
@@ -89,6 +96,8 @@ class LogBatch:
     failures: tuple[Failure, ...]
     skipped: tuple[str, ...]
     n_good: int
+    remarks: tuple[str, ...] = ()
+    identities: Mapping[str, Identity] = field(default_factory=dict)
 
 
 def expand(patterns: Iterable[str]) -> tuple[Path, ...]:
@@ -101,45 +110,13 @@ def expand(patterns: Iterable[str]) -> tuple[Path, ...]:
     """
     found: dict[str, Path] = {}
     for pattern in patterns:
-        for path in _matches(pattern):
+        for path in matches(pattern):
             found.setdefault(os.path.realpath(path), path)
     return tuple(sorted(found.values(), key=_by_number))
 
 
 def _by_number(path: Path) -> tuple[object, ...]:
     return natural_order(path.name), natural_order(str(path))
-
-
-def _matches(pattern: str) -> list[Path]:
-    path = Path(pattern)
-    if _is_folder(path):
-        raise ConfigurationError(f"{pattern}: is a folder; name the logs in it, as in {path}/*.csv")
-    if _may_exist(path):
-        return [path]
-    if any(c in pattern for c in "*?["):
-        hits = [Path(hit) for hit in glob.glob(pattern, recursive=True)]
-        files = [hit for hit in hits if not _is_folder(hit)]
-        if not files:
-            raise ConfigurationError(f"{pattern}: the pattern matches no file")
-        return files
-    raise ConfigurationError(f"{pattern}: no such file")
-
-
-def _is_folder(path: Path) -> bool:
-    with suppress(OSError, ValueError):
-        return path.is_dir()
-    return False
-
-
-def _may_exist(path: Path) -> bool:
-    """Whether there is a file, or nobody may look: then reading it says so."""
-    try:
-        path.lstat()
-    except PermissionError:
-        return True
-    except (OSError, ValueError):
-        return False
-    return True
 
 
 def available_cores() -> int:
@@ -177,10 +154,12 @@ def read_batch(
         Asked before each log; once it says True, the remaining logs are left out.
     """
     is_table = {path: _is_parameter_table(path) for path in paths}
-    logs = [path for path in paths if not is_table[path]]
+    logs = [path for path in paths if not is_table[path] and not is_tests_table(path)]
+    labels = labels_for(logs, configuration, setting=setting)
+    labelled = _Labelled(labels, is_needed=keeps_traces)
 
     def one(path: Path, name: str) -> list[_Taken]:
-        taken = [] if cancelled() else _take_file(path, name, configuration, setting=setting)
+        taken = [] if cancelled() else _take_file(path, name, configuration, labelled)
         if not keeps_traces and [part.kind for part in taken] == [TimelessError.__name__]:
             taken = [_take_curves(path, taken[0].facts, configuration)]
         return taken if keeps_traces else [replace(part, trace=None) for part in taken]
@@ -195,7 +174,19 @@ def read_batch(
         failures=tuple(part.failure for part in taken if part.failure is not None),
         skipped=tuple(_shown(str(path)) for path in paths if is_table[path]),
         n_good=sum(part.failure is None for part in taken),
+        remarks=tuple(_label_remarks(labels, taken)),
+        identities={part.facts.log: part.identity for part in taken},
     )
+
+
+def _label_remarks(labels: Labels, taken: Sequence[_Taken]) -> Iterator[str]:
+    """Say which tables of tests were used, and what was guessed."""
+    for table in labels.tables:
+        n = len(table.rows)
+        yield f"{table.path}: taken as the table of tests, {n} row{'s' * (n != 1)}"
+    yield from labels.notes
+    if any(GUESSED in part.facts.facts.get("notes", ()) for part in taken):
+        yield labels.guess.sentence
 
 
 def _gains_by_threads(path: Path) -> bool:
@@ -236,6 +227,25 @@ def _shown(name: str) -> str:
     return os.fsencode(name).decode("utf-8", "backslashreplace")
 
 
+@dataclass(frozen=True, slots=True)
+class _Labelled:
+    """Who says what of the logs, and whether a log must have a setting."""
+
+    labels: Labels
+    is_needed: bool
+
+    def is_unsaid(self, path: Path) -> bool:
+        """Whether a log must have a setting, and none is told from outside."""
+        labels = self.labels
+        told = labels.declared is not None or labels.row(path) is not None
+        return self.is_needed and not told and path.name not in labels.guess.settings
+
+    def check(self, recording: Recording) -> None:
+        """Refuse a log that must have a setting and has none."""
+        if recording.setting is None and self.is_needed:
+            raise self.labels.missing(recording.name, recording)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Taken:
     """One test: its facts, and either a trace or a failure."""
@@ -243,6 +253,7 @@ class _Taken:
     facts: LogFacts
     trace: Trace | None = None
     failure: Failure | None = None
+    identity: Identity = Identity()
 
     @property
     def kind(self) -> str:
@@ -251,7 +262,7 @@ class _Taken:
 
 
 def _take_file(
-    path: Path, name: str, configuration: Configuration, *, setting: Setting | None
+    path: Path, name: str, configuration: Configuration, labelled: _Labelled
 ) -> list[_Taken]:
     """Read one file, which may hold several tests."""
     try:
@@ -259,12 +270,17 @@ def _take_file(
     except _USAGE:
         raise
     except Exception as error:  # noqa: BLE001 - whatever it is, the other logs go on
-        if isinstance(error, LogError) and not error.says_setting and setting is None:
+        if isinstance(error, LogError) and not error.says_setting and labelled.is_unsaid(path):
             error = type(error)(f"{error}{_NO_SETTING_EITHER}")
-        known = LogFacts(name, _shown(str(path)), _hash(path), {"name": name, "setting": setting})
+        known = LogFacts(
+            name,
+            _shown(str(path)),
+            _hash(path),
+            {"name": name, "setting": labelled.labels.declared},
+        )
         return [_failed(known, error, task="reading the log")]
     parts = [replace(part, name=part.name.replace(path.name, name, 1)) for part in recordings]
-    return [_take_test(part, path, configuration, setting=setting) for part in parts]
+    return [_take_test(part, path, configuration, labelled) for part in parts]
 
 
 def _take_curves(path: Path, known: LogFacts, configuration: Configuration) -> _Taken:
@@ -281,8 +297,10 @@ def _take_curves(path: Path, known: LogFacts, configuration: Configuration) -> _
 
 
 def _take_test(
-    recording: Recording, path: Path, configuration: Configuration, *, setting: Setting | None
+    recording: Recording, path: Path, configuration: Configuration, labelled: _Labelled
 ) -> _Taken:
+    recording, identity = labelled.labels.labelled(recording, path)
+    whose = {"test": identity.describe()} if identity.describe() else {}
     known = LogFacts(
         log=recording.name,
         path=_shown(str(path)),
@@ -292,23 +310,24 @@ def _take_test(
             "setting": recording.setting,
             "n_samples_read": len(recording.time),
             "notes": list(recording.notes),
+            **whose,
         },
     )
     try:
         try:
             trace = condition(recording, configuration.conditioning)
         except LogError as error:
-            if recording.setting is None and setting is None:
+            if recording.setting is None and labelled.is_needed:
                 raise type(error)(f"{error}{_NO_SETTING_EITHER}") from error
             raise
-        if recording.setting is None:
-            trace = replace(trace, setting=_known(setting, recording.name))
+        labelled.check(recording)
     except _USAGE:
         raise
     except Exception as error:  # noqa: BLE001
         return _failed(known, error, _seen_raw(recording), task="conditioning the log")
     sentences = (one.sentence for one in trace.findings)
     facts = trace.describe() | {
+        **whose,
         "n_samples_read": len(recording.time),
         "notes": list(dict.fromkeys([*recording.notes, *trace.notes, *sentences])),
         "verdict": "warnings" if trace.warnings else "good",
@@ -318,7 +337,7 @@ def _take_test(
         more = f" (and {len(trace.warnings) - 1} more)" if len(trace.warnings) > 1 else ""
         text = f"refused for a warning, as strict quality was asked for: {trace.warnings[0]}{more}"
         return _failed(known, QualityError(f"{recording.name}: {text}"), trace.findings)
-    return _Taken(known, trace)
+    return _Taken(known, trace, identity=identity)
 
 
 # Names of the finding that says why a log is refused, by the class of the error.
@@ -363,15 +382,6 @@ def _failed(
 
 # What is wrong is told at once, not one by one over as many runs.
 _NO_SETTING_EITHER = ". Nor does the log say its adjuster setting: give --setting N too"
-
-
-def _known(setting: Setting | None, name: str) -> Setting:
-    if setting is None:
-        raise LogError(
-            f"{name}: the log does not say its adjuster setting; expected a line '# setting: 10', "
-            "a column 'setting' or a name such as setting_10.csv; or give --setting N"
-        )
-    return setting
 
 
 def _hash(path: Path) -> str:

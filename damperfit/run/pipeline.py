@@ -13,6 +13,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +21,9 @@ from damperfit.atomic import check_writable, file_set, reserved
 from damperfit.errors import ConfigurationError, OutputError
 from damperfit.identification import Campaign, compare, identify
 from damperfit.report import markdown_report
+from damperfit.run.dampers import by_damper, folder_name
 from damperfit.run.earlier import PAGE, forget_figures
-from damperfit.run.hold_out import Parted, named_files, note_unpredicted, part
+from damperfit.run.hold_out import Parted, fitting, named_files, note_unpredicted, part
 from damperfit.run.judging import assessed, judge, with_profiles
 from damperfit.run.logs import available_cores, expand, read_batch
 from damperfit.run.mishaps import Mishaps
@@ -33,6 +35,7 @@ from damperfit.run.run_json import (
     record,
     report_facts,
 )
+from damperfit.run.same_setting import once_each, without_contradictions
 from damperfit.tables import make_tables, profiles_table, write_responses, write_table
 from damperfit.uncertainty import Bench
 
@@ -51,7 +54,7 @@ if TYPE_CHECKING:
     from damperfit.setting import Setting
     from damperfit.tables import Tables
 
-__all__ = ["RunResult", "UnwrittenError", "Watch", "run"]
+__all__ = ["RunResult", "UnwrittenError", "Watch", "run", "run_each"]
 
 # Tables that are written only when they were asked for.
 _ON_REQUEST = {"profiles"}
@@ -128,11 +131,14 @@ class UnwrittenError(OutputError):
     ----------
     result : RunResult
         What the run found.
+    owner : str
+        Of several dampers, whose result it is.
     """
 
-    def __init__(self, message: str, result: RunResult) -> None:
+    def __init__(self, message: str, result: RunResult, owner: str = "") -> None:
         super().__init__(message)
         self.result = result
+        self.owner = owner
 
 
 def run(
@@ -143,7 +149,7 @@ def run(
     setting: Setting | None = None,
     watch: Watch = Watch(),
 ) -> RunResult:
-    """Identify every setting in the logs and write the results as a set.
+    """Identify every setting in the logs of one damper and write the results as a set.
 
     Parameters
     ----------
@@ -165,27 +171,110 @@ def run(
     Raises
     ------
     ConfigurationError
-        A path or pattern names no file; nothing was touched.
+        A path or pattern names no file, or the logs are of several dampers; nothing was touched.
     OutputError
         The results cannot be written; earlier results are untouched. At the end of a run it is an
         `UnwrittenError` that holds the result.
     """
+    workers = jobs or available_cores()
+    check_writable(configuration.output.folder)
+    with reserved(configuration.output.folder):
+        parts = _read(configuration, logs, jobs=workers, setting=setting, watch=watch)
+        if len(parts) > 1:
+            raise ConfigurationError(
+                f"logs of {len(parts)} dampers: {', '.join(one.owner for one in parts)}; run_each "
+                "gives each a result of its own"
+            )
+        return parts[0].run(watch)
+
+
+def run_each(
+    configuration: Configuration,
+    logs: Sequence[str],
+    *,
+    jobs: int | None = None,
+    setting: Setting | None = None,
+    watch: Watch = Watch(),
+) -> Iterator[tuple[str, RunResult]]:
+    """Identify the dampers in the logs one after the other; each writes a set of its own.
+
+    Several dampers write into folders of their own inside the results' folder, by serial number or
+    name. Parameters and errors are those of `run`; each damper is yielded with its name, empty
+    where there is one.
+    """
+    workers = jobs or available_cores()
+    check_writable(configuration.output.folder)
+    with reserved(configuration.output.folder):
+        parts = _read(configuration, logs, jobs=workers, setting=setting, watch=watch)
+        for one in parts:
+            try:
+                yield one.folder_owner, one.run(watch)
+            except UnwrittenError as error:
+                raise UnwrittenError(str(error), error.result, one.folder_owner) from error
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _OneDamper:
+    """The logs of one damper, read, and where its results go."""
+
+    owner: str
+    folder_owner: str
+    configuration: Configuration
+    parted: Parted
+    clock: _Clock
+    jobs: int
+
+    def run(self, watch: Watch) -> RunResult:
+        fit = partial(
+            _run, self.configuration, self.parted, clock=self.clock, jobs=self.jobs, watch=watch
+        )
+        if not self.folder_owner:
+            return fit()
+        check_writable(self.configuration.output.folder)
+        with reserved(self.configuration.output.folder):
+            return fit()
+
+
+def _read(
+    configuration: Configuration,
+    logs: Sequence[str],
+    *,
+    jobs: int,
+    setting: Setting | None,
+    watch: Watch,
+) -> list[_OneDamper]:
+    """Read the logs and part them by damper; what is held out is parted from each."""
     clock = _Clock()
     folder = configuration.output.folder
     paths = expand(logs)
     named = named_files(configuration.hold_out.patterns, paths)
     paths = tuple(dict.fromkeys((*paths, *chain.from_iterable(named.values()))))
-    check_writable(folder)
-    workers = jobs or available_cores()
-    with reserved(folder):
-        with clock.lap("read_s"):
-            batch = read_batch(
-                paths, configuration, jobs=workers, setting=setting, cancelled=watch.cancelled
-            )
-        if not batch.logs and not watch.cancelled():
-            raise ConfigurationError("no logs among the files given: they are all parameter tables")
-        parted = Parted(batch) if watch.cancelled() else part(batch, configuration.hold_out, named)
-        return _run(configuration, parted, clock=clock, jobs=workers, watch=watch)
+    with clock.lap("read_s"):
+        batch = read_batch(
+            paths, configuration, jobs=jobs, setting=setting, cancelled=watch.cancelled
+        )
+    if not batch.logs and not watch.cancelled():
+        raise ConfigurationError("no logs among the files given: they are all tables")
+    groups = by_damper(batch)
+    is_averaging = configuration.rig.is_averaging
+    found = []
+    for owner, mine in groups.items():
+        parted = Parted(mine)
+        if not watch.cancelled():
+            options = configuration.hold_out
+            if len(groups) > 1:
+                part(batch, options, named)  # a pattern that fits no log at all is refused
+                options = fitting(mine, options, named)
+            parted = part(mine, options, named)
+            once = once_each(parted.batch)
+            left = without_contradictions(once, is_averaging=is_averaging)
+            parted = replace(parted, batch=left)
+        own = configuration
+        if len(groups) > 1:
+            output = replace(configuration.output, folder=folder / folder_name(owner))
+            own = replace(configuration, output=output)
+        found.append(_OneDamper(owner, owner if len(groups) > 1 else "", own, parted, clock, jobs))
+    return found
 
 
 def _run(

@@ -42,7 +42,7 @@ def run_warnings(batch: LogBatch, campaign: Campaign) -> Iterator[str]:
         The fits.
     """
     yield from skipped_files(batch)
-    yield from _twin_warnings(batch)
+    yield from batch.remarks
     yield from _log_warnings(campaign)
     yield from campaign.warnings
     if campaign.sharing.friction_varies and campaign.sharing.f_f_range is not None:
@@ -72,22 +72,6 @@ def _at_settings(said: Sequence[tuple[Setting, str]]) -> Iterator[str]:
         yield f"setting {first}: {sentence} (with other numbers at {listed_settings(others)})"
         return
     yield from (f"setting {setting}: {sentence}" for setting, sentence in said)
-
-
-def _twin_warnings(batch: LogBatch) -> Iterator[str]:
-    """One line for each set of files with the same bytes; the tests in one file are no twins."""
-    twins: dict[str, dict[str, str]] = {}
-    for log in batch.logs:
-        twins.setdefault(log.sha256 or log.path, {}).setdefault(log.path, log.log)
-    sets = [list(names.values()) for names in twins.values() if len(names) > 1]
-    for first, *others in sets[:MANY]:
-        if len(others) == 1:
-            yield f"{others[0]}: holds the same bytes as {first}; both are used"
-        else:
-            n = len(others) - 1
-            yield f"{others[0]} and {n} other log{'s' * (n > 1)}: hold the same bytes as {first}"
-    if len(sets) > MANY:
-        yield f"and so do the logs of {len(sets) - MANY} other sets"
 
 
 def _log_warnings(campaign: Campaign) -> Iterator[str]:

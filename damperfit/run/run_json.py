@@ -17,6 +17,7 @@ from damperfit.checks import Check, missed_gates
 from damperfit.damper.cavitation import describe_cavitation
 from damperfit.identification import Outcome, Status, describe_searches
 from damperfit.identification.sharing import MEAN
+from damperfit.identity import common_identity
 from damperfit.quantities import engineering
 from damperfit.report import Failure, ReportFacts, to_record
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
@@ -26,10 +27,11 @@ from damperfit.tables import SCHEMA_VERSION, describe_tables, quantity_records
 from damperfit.uncertainty import METHOD, Assessment, prediction_warnings
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Campaign, Fit
+    from damperfit.identity import Identity
     from damperfit.run.logs import LogBatch, LogFacts
     from damperfit.uncertainty import Prediction
 
@@ -38,6 +40,7 @@ __all__ = [
     "Judgement",
     "ending_of",
     "failures_of",
+    "identity_of",
     "json_values",
     "log_documents",
     "provenance",
@@ -102,6 +105,7 @@ def report_facts(
     outcomes = {fit.outcome for fit in campaign.fits if fit.outcome is not Outcome.CONVERGED}
     return ReportFacts(
         version=__version__,
+        tested=identity_of(batch, _used(campaign)).sentence,
         procedure=(
             *_procedure(configuration, campaign),
             *((assessment.gas.sentence,) if assessment.gas is not None else ()),
@@ -167,12 +171,32 @@ def provenance(
     used = {log.trace.name for fit in campaign.fits for log in fit.logs}
     used |= {one.trace.name for one in predictions}
     document = {key: value for key, value in configuration.document.items() if key != "output"}
+    tested = identity_of(batch, used).describe()
     return {
         "version": __version__,
         "procedure": campaign.procedure,
+        **({"test": tested} if tested else {}),
         "configuration": document,
         "inputs": {log.log: log.sha256 for log in batch.logs if log.log in used},
     }
+
+
+def identity_of(batch: LogBatch, names: Collection[str]) -> Identity:
+    """Return whose test the logs of a run are; what differs between them is listed.
+
+    Parameters
+    ----------
+    batch : LogBatch
+        What was read.
+    names : collection of str
+        The logs that count; none: all.
+    """
+    known = batch.identities
+    return common_identity(one for name, one in known.items() if name in names or not names)
+
+
+def _used(campaign: Campaign) -> set[str]:
+    return {log.trace.name for fit in campaign.fits for log in fit.logs}
 
 
 def record(
@@ -190,6 +214,7 @@ def record(
         "schema_version": SCHEMA_VERSION,
         "ending": ending.name.lower(),
         "exit_code": ending.value,
+        "test": identity_of(batch, _used(campaign)).describe(),
         "configuration": configuration.document,
         "inputs": [_input(log) for log in batch.logs],
         "skipped": list(batch.skipped),

@@ -5,7 +5,7 @@ order of columns and the schema in run.json all come from there. `results` lays 
 responses out, `files` writes and reads. Tables are Arrow tables; ``Tables.frame`` gives pandas.
 """
 
-from damperfit.tables.columns import SCHEMA_VERSION, describe_tables, table_schema
+from damperfit.tables.columns import SCHEMA_VERSION, column_names, describe_tables, table_schema
 from damperfit.tables.files import (
     read_facts,
     read_parameters,
@@ -41,6 +41,7 @@ __all__ = [
     "Results",
     "Tables",
     "adjustment_rows",
+    "column_names",
     "describe_tables",
     "grade",
     "make_tables",

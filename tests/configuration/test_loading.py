@@ -170,7 +170,11 @@ def test_values_arrive_where_they_are_used(tmp_path: Path) -> None:
             "[damper]\nrod_diameter = '30mm'\n",
             r"rig\.toml:2: damper\.rod_diameter: expected less than piston_diameter, 0\.0285 m",
         ),
-        ("[rig]\nsettings = ['a']\n", r"rig\.toml:2: rig\.settings\.0: .*integer"),
+        ("[rig]\nsettings = ['?']\n", r"rig\.settings: found '\?', expected clicks"),
+        ("[adjusters]\nlog = ''\n", r"adjusters: 'log' is taken"),
+        ("[adjusters]\nRebound = ''\n", r"adjusters: found 'Rebound', expected small letters"),
+        ("[adjusters]\nrebound = 'open'\n", r"rig\.toml:2: adjusters\.rebound: expected ''"),
+        ("[test]\nseriall = '1'\n", r"rig\.toml:2: unknown key 'seriall' in \[test\]"),
         ("[rig]\nfilter = 'kausal'\n", r"rig\.filter: expected 'none', 'causal' or 'zero_phase'"),
         (
             "[rig]\nreverse_force = 'yes'\n",

@@ -167,6 +167,13 @@ def _headline(results: Results) -> Iterator[str]:
     yield grade_counts(results.parameters)
 
 
+def _tested(record: Mapping[str, Any]) -> str:
+    """Whose test it is."""
+    told = record.get("test")
+    known = told.items() if isinstance(told, dict) else ()
+    return "; ".join(f"{key}: {value}" for key, value in known)
+
+
 def _facts(results: Results, logs: Sequence[EvaluatedLog]) -> Sheet | None:
     """Return damper, rig, test and procedure as a small table."""
     record = results.record
@@ -175,6 +182,7 @@ def _facts(results: Results, logs: Sequence[EvaluatedLog]) -> Sheet | None:
         "",
     )
     rows = [
+        ("tested", _tested(record)),
         ("damper", _damper(record)),
         ("rig", "; ".join(line.removeprefix("Rig: ").rstrip(".") for line in _rig(record))),
         ("test", _test(logs)),

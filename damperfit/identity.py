@@ -1,0 +1,119 @@
+"""Whose test it is: damper, serial number, customer, operator, date, rig and whatever was said."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+__all__ = ["IDENTITY_KEYS", "Identity", "common_identity", "identity_in"]
+
+# What a preamble or a table may call it, in lower case and without what is no letter.
+_WORDS = {
+    "damper": ("damper", "shock", "shockabsorber", "daempfer", "dämpfer", "article", "part"),
+    "serial": (
+        "serial", "serialnumber", "serialno", "serialnr", "sn", "damperserial", "seriennummer",
+        "seriennr", "damperid",
+    ),
+    "customer": ("customer", "client", "kunde", "team"),
+    "operator": ("operator", "tester", "engineer", "technician", "prüfer", "pruefer", "bediener"),
+    "date": ("date", "testdate", "dateoftest", "datum", "datetime"),
+    "rig": ("rig", "testrig", "machine", "dyno", "prüfstand", "pruefstand"),
+    "text": ("text", "comment", "remark", "notes", "note", "bemerkung", "kommentar"),
+}  # fmt: skip
+_MANY = 3  # values of one key that are named
+_LONGEST = 200  # letters of a value; a longer one is cut
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identity:
+    """What is known of the thing on the rig and of its test; empty text is not known.
+
+    Attributes
+    ----------
+    damper, serial, customer, operator, date, rig, text : str
+        As somebody wrote them.
+    more : tuple of (str, str)
+        Other columns of the table of tests.
+    """
+
+    damper: str = ""
+    serial: str = ""
+    customer: str = ""
+    operator: str = ""
+    date: str = ""
+    rig: str = ""
+    text: str = ""
+    more: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def owner(self) -> str:
+        """What tells one damper from another: the serial number, else the damper's name."""
+        return self.serial or self.damper
+
+    def over(self, other: Identity) -> Identity:
+        """Return this identity with what it does not know taken from another one."""
+        told = dict(other.more) | dict(self.more)
+        named = {key: getattr(self, key) or getattr(other, key) for key in IDENTITY_KEYS}
+        return _identity(named, told)
+
+    def describe(self) -> dict[str, str]:
+        """Return what is known, by its names."""
+        named = {key: getattr(self, key) for key in IDENTITY_KEYS}
+        return {key: value for key, value in (named | dict(self.more)).items() if value}
+
+    @property
+    def sentence(self) -> str:
+        """For people: "damper D7, serial 1234; rig: hall 2"; empty where nothing is known."""
+        told = self.describe()
+        whose = ", ".join(f"{key} {told.pop(key)}" for key in ("damper", "serial") if key in told)
+        return "; ".join(([whose] if whose else []) + [f"{k}: {v}" for k, v in told.items()])
+
+
+IDENTITY_KEYS = tuple(one.name for one in fields(Identity) if one.name != "more")
+
+
+def _identity(named: Mapping[str, str], more: Mapping[str, str] | None = None) -> Identity:
+    known: dict[str, Any] = dict(named)
+    return Identity(**known, more=tuple((more or {}).items()))
+
+
+def identity_in(metadata: Mapping[str, str]) -> Identity:
+    """Return what a preamble tells of the test.
+
+    Examples
+    --------
+    >>> identity_in({"Serial No.": "1234", "rig": "hall 2"}).sentence
+    'serial 1234; rig: hall 2'
+    """
+    words = {re.sub(r"[\W_]+", "", key.casefold()): value for key, value in metadata.items()}
+    found: dict[str, str] = {}
+    for key, known in _WORDS.items():
+        told = next((words[word] for word in known if words.get(word, "").strip()), "")
+        found[key] = " ".join(told.split())[:_LONGEST]
+    return _identity(found)
+
+
+def common_identity(identities: Iterable[Identity]) -> Identity:
+    """Return what several tests have in common; what differs is listed, of many the first.
+
+    Examples
+    --------
+    >>> tests = [Identity(damper="D7", date="Monday"), Identity(damper="D7", date="Tuesday")]
+    >>> common_identity(tests).sentence
+    'damper D7; date: Monday, Tuesday'
+    """
+    known = list(identities)
+    named = {key: _listed(getattr(one, key) for one in known) for key in IDENTITY_KEYS}
+    others = dict.fromkeys(name for one in known for name, _ in one.more)
+    more = {name: _listed(dict(one.more).get(name, "") for one in known) for name in others}
+    return _identity(named, more)
+
+
+def _listed(values: Iterable[str]) -> str:
+    told = list(dict.fromkeys(value for value in values if value))
+    more = f" and {len(told) - _MANY} more" if len(told) > _MANY else ""
+    return ", ".join(told[:_MANY]) + more

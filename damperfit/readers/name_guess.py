@@ -1,0 +1,189 @@
+r"""Which number in the names of logs is the setting, where nobody said so.
+
+Names that differ in numbers alone, as in ``D7_C02.csv`` and ``D7_C08.csv``, show what was turned:
+the one number that differs and is no speed, serial number or count of runs. Several such numbers
+are no guess but a question, with an option to copy.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+from damperfit.quantities import is_unit
+from damperfit.setting import Setting, parse_place
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+__all__ = ["Guess", "guess_settings"]
+
+_CLICKS = {
+    "click", "clicks", "clk", "clicked", "setting", "set", "pos", "position", "adj", "adjuster",
+    "detent", "notch", "klick", "klicks", "raste", "stufe",
+}  # fmt: skip
+_NO_CLICKS = {
+    "sn", "serial", "ser", "nr", "no", "id", "d", "damper", "unit", "customer", "rig",
+    "run", "runs", "test", "tests", "t", "rep", "repeat", "log", "part", "file", "try", "meas",
+    "v", "ver", "version", "rev", "cycle", "cycles", "n", "date", "time", "day",
+    "f", "freq", "frequency", "hz", "a", "amp", "amplitude", "stroke", "speed", "vel", "temp",
+    "p", "pressure", "gas", "psi", "bar",
+}  # fmt: skip
+_LONGEST_NUMBER = 3  # digits; more is a serial number or a date
+
+
+@dataclass(frozen=True, slots=True)
+class Guess:
+    """What the names of logs tell of their settings.
+
+    Attributes
+    ----------
+    settings : mapping of str to Setting
+        By name; empty where the names leave a choice.
+    sentence : str
+        What was guessed, and how to say it for certain; empty without a guess.
+    advice : str
+        What to write where nothing was guessed, as an option to copy.
+    """
+
+    settings: Mapping[str, Setting] = field(default_factory=dict)
+    sentence: str = ""
+    advice: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Field:
+    """One number in names that differ in numbers alone."""
+
+    place: int
+    before: str
+    word: str
+    after: str
+    values: tuple[str, ...]
+
+    @property
+    def is_varied(self) -> bool:
+        return len(set(self.values)) > 1
+
+    @property
+    def is_clicks(self) -> bool:
+        return self.word in _CLICKS
+
+    @property
+    def may_be(self) -> bool:
+        """Whether nothing says that it counts something else than clicks."""
+        is_short = all(len(value) <= _LONGEST_NUMBER and "." not in value for value in self.values)
+        has_unit = bool(self.after) and (is_unit(self.after) or self.after in _NO_CLICKS)
+        return is_short and not has_unit and self.word not in _NO_CLICKS
+
+
+def guess_settings(names: Iterable[str]) -> Guess:
+    r"""Return what the names of logs tell of their settings.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Of the files whose setting nobody said.
+
+    Examples
+    --------
+    >>> guess = guess_settings(["D7_C02.csv", "D7_C08.csv"])
+    >>> guess.settings["D7_C08.csv"].cell
+    8
+    >>> guess.sentence.endswith("--rig 'setting_pattern=C(?P<setting>\\d+)'")
+    True
+    """
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name in dict.fromkeys(names):
+        groups.setdefault(_texts(name), []).append(name)
+    if not groups:
+        return Guess()
+    texts, alike = max(groups.items(), key=lambda pair: len(pair[1]))
+    fields = _fields(texts, alike)
+    chosen = _chosen(fields) if len(groups) == 1 else None
+    if chosen is None:
+        best = _likely(fields)
+        return Guess(advice=_option(_pattern(best, alike)) if best else "")
+    pattern = _pattern(chosen, alike)
+    settings = {
+        name: Setting.of(parse_place(value))
+        for name, value in zip(alike, chosen.values, strict=True)
+    }
+    why = "what differs between the names" if chosen.is_varied else "the clicks in the name"
+    where = f"the number after '{chosen.before}'" if chosen.before else "the first number"
+    return Guess(
+        settings,
+        f"the setting is guessed from the file names: {why}, {where}; "
+        f"to say so: {_option(pattern)}",
+        _option(pattern),
+    )
+
+
+def _texts(name: str) -> tuple[str, ...]:
+    return tuple(part.casefold() for part in _parts(name)[::2])
+
+
+def _parts(name: str) -> list[str]:
+    """Return text and numbers of a name in turn, text first; the suffixes are left out."""
+    path = PurePath(name)
+    while re.fullmatch(r"\.[A-Za-z]\w{0,7}", path.suffix):
+        path = path.with_suffix("")
+    return re.split(r"(\d+(?:\.\d+)?)", path.name)
+
+
+def _fields(texts: Sequence[str], names: Sequence[str]) -> list[_Field]:
+    numbers = [_parts(name)[1::2] for name in names]
+    first = _parts(names[0])[::2]
+    found = []
+    for k in range(len(texts) - 1):
+        word = re.search(r"([^\W\d_]+)[ _=.-]*$", texts[k])
+        after = re.match(r" ?([^\W\d_]+)", texts[k + 1])
+        values = tuple(row[k] for row in numbers)
+        found.append(
+            _Field(k, first[k], word[1] if word else "", after[1] if after else "", values)
+        )
+    return found
+
+
+def _chosen(fields: Sequence[_Field]) -> _Field | None:
+    """Return the number that counts clicks; None where there is none or a choice."""
+    clicks = [one for one in fields if one.is_clicks and one.may_be]
+    varied = [one for one in fields if one.is_varied and one.may_be]
+    for found in (clicks, varied):
+        if len(found) == 1:
+            return found[0]
+        if found:
+            return None
+    return None
+
+
+def _likely(fields: Sequence[_Field]) -> _Field | None:
+    """Return the number that an option to copy shows."""
+    ranked = sorted(
+        fields, key=lambda one: (not one.is_clicks, not one.may_be, not one.is_varied, one.place)
+    )
+    return ranked[0] if ranked else None
+
+
+def _pattern(chosen: _Field, names: Sequence[str]) -> str:
+    r"""Return an expression that finds the number, and nothing else, in every name."""
+    ending = re.search(r"[^\W\d_]+[ _=.-]*$|[ _=.-]+$", chosen.before)
+    short = ending[0] if ending else ""
+    number = r"(?P<setting>\d+)"
+    for start in (short, chosen.before):
+        pattern = f"{re.escape(start)}{number}".replace(r"\ ", " ").replace(r"\-", "-")
+        if start and all(
+            _finds(pattern, name, value) for name, value in zip(names, chosen.values, strict=True)
+        ):
+            return pattern
+    return "^" + r"\D*\d+" * chosen.place + r"\D*" + number
+
+
+def _finds(pattern: str, name: str, value: str) -> bool:
+    return [match["setting"] for match in re.finditer(pattern, name, re.IGNORECASE)][-1:] == [value]
+
+
+def _option(pattern: str) -> str:
+    return f"--rig 'setting_pattern={pattern}'"

@@ -1,0 +1,208 @@
+"""What each log is a test of: setting and identity, from every source that says something.
+
+``--setting`` and the table of tests go before the log's own preamble and columns, these before its
+name; what no source says is guessed from what differs between the names, and the guess is told.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from damperfit.errors import ConfigurationError, LogError
+from damperfit.identity import Identity, identity_in
+from damperfit.readers import Guess, TestRow, TestsTable, guess_settings, is_tests_table, read_tests
+from damperfit.readers.setting_number import file_setting
+from damperfit.setting import Setting, parse_place
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.recording import Recording
+    from damperfit.setting import Place
+
+__all__ = ["GUESSED", "Labels", "labels_for"]
+
+GUESSED = "setting: guessed from the file name"
+_FEW = 3  # rows of a table that are named
+
+
+@dataclass(frozen=True, slots=True)
+class Labels:
+    """Who says what of the logs of a run.
+
+    Attributes
+    ----------
+    adjusters : tuple of str
+        Names of the adjusters.
+    declared : Setting or None
+        What the command line says of all logs.
+    identity : Identity
+        What the configuration says of all logs.
+    tables : tuple of TestsTable
+        Tables of tests.
+    guess : Guess
+        What the names tell.
+    notes : tuple of str
+        What was doubtful in the tables.
+    """
+
+    adjusters: tuple[str, ...]
+    declared: Setting | None = None
+    identity: Identity = Identity()
+    tables: tuple[TestsTable, ...] = ()
+    guess: Guess = field(default_factory=Guess)
+    notes: tuple[str, ...] = ()
+
+    def labelled(self, recording: Recording, path: Path) -> tuple[Recording, Identity]:
+        """Return the recording with its setting, None where nobody says it, and whose it is.
+
+        Raises
+        ------
+        ConfigurationError
+            The log says another setting than the command line, or is another damper's than the
+            configuration says.
+        """
+        row = self.row(path)
+        own = _places(recording, self.adjusters)
+        places = {**own, **(row.places if row else {})}
+        notes = [
+            f"{name}: {place} of the table of tests; the log says {own[name]}: look which is right"
+            for name, place in (row.places.items() if row else ())
+            if name in own and own[name] != place
+        ]
+        setting = _complete(places, self.adjusters)
+        if setting is None and recording.setting is not None and row is None:
+            setting = recording.setting
+        if self.declared is not None:
+            if setting is not None and setting != self.declared:
+                raise ConfigurationError(
+                    f"--setting {self.declared}: {recording.name} says setting {setting}; leave "
+                    "--setting out, or give it the logs that do not say theirs alone"
+                )
+            setting = self.declared
+        if setting is None and path.name in self.guess.settings:
+            setting = self.guess.settings[path.name]
+            notes.append(GUESSED)
+        told = identity_in(recording.metadata)
+        identity = (row.identity.over(told) if row else told).over(self.identity)
+        for key in ("serial", "damper"):
+            mine, others = getattr(self.identity, key), getattr(identity, key)
+            if mine and others and mine != others:
+                raise ConfigurationError(
+                    f"test.{key}: found {mine!r}, but {recording.name} is of {key} {others!r}; "
+                    f"leave test.{key} out, and each {key} gets a result of its own"
+                )
+        labelled = replace(recording, setting=setting, notes=(*recording.notes, *notes))
+        return labelled, identity
+
+    def missing(self, name: str, recording: Recording) -> LogError:
+        """Return why a log without a setting cannot be fitted, with what to write."""
+        if len(self.adjusters) > 1:
+            own = _places(recording, self.adjusters)
+            lacks = ", ".join(one for one in self.adjusters if one not in own)
+            example = ", ".join(f"{one}=8" for one in self.adjusters)
+            return LogError(
+                f"{name}: the log does not say where {lacks} stands; expected lines such as "
+                f"'# {self.adjusters[0]}: 8', columns, named groups of rig.setting_pattern, or a "
+                f"table tests.csv; or give --setting '{example}'"
+            )
+        said = f", or {self.guess.advice}" if self.guess.advice else ""
+        return LogError(
+            f"{name}: the log does not say its adjuster setting; expected a line '# setting: 10', "
+            f"a column 'setting' or a name such as setting_10.csv; or give --setting N{said}"
+        )
+
+    def row(self, path: Path) -> TestRow | None:
+        """Return the row of a log: the one that names most of its path."""
+        best: tuple[int, TestRow] | None = None
+        for table in self.tables:
+            for name, row in table.rows.items():
+                parts = Path(name).parts
+                if path.resolve().parts[-len(parts) :] == parts and (
+                    best is None or len(parts) > best[0]
+                ):
+                    best = (len(parts), row)
+        return None if best is None else best[1]
+
+
+def _places(recording: Recording, adjusters: Sequence[str]) -> dict[str, Place]:
+    """Return where a log says that its adjusters stand."""
+    if recording.setting is not None:
+        return dict(recording.setting.places)
+    known = recording.metadata
+    return {name: parse_place(known[name]) for name in adjusters if name in known}
+
+
+def _complete(places: dict[str, Place], adjusters: Sequence[str]) -> Setting | None:
+    if any(name not in places for name in adjusters):
+        return None
+    return Setting(tuple((name, places[name]) for name in adjusters))
+
+
+def labels_for(
+    paths: Iterable[Path], configuration: Configuration, *, setting: Setting | None
+) -> Labels:
+    """Return who says what of some logs, before they are read.
+
+    Parameters
+    ----------
+    paths : iterable of pathlib.Path
+        The logs.
+    configuration : Configuration
+        Adjusters, identity and table of tests.
+    setting : Setting or None
+        What the command line says.
+
+    Raises
+    ------
+    ConfigurationError
+        A table of tests is wrong, with its line.
+    """
+    logs = list(paths)
+    reading = configuration.reading
+    given = configuration.test.table
+    found = [given] if given is not None else _beside(logs)
+    tables = tuple(read_tests(path, reading.adjusters) for path in found)
+    labels = Labels(
+        reading.adjusters,
+        setting,
+        configuration.test.identity,
+        tables,
+        notes=tuple(note for table in tables for note in (*table.notes, *_unknown(table))),
+    )
+    unsaid = [
+        path.name
+        for path in logs
+        if labels.row(path) is None and not _says(path.name, configuration)
+    ]
+    guess = guess_settings(unsaid) if len(reading.adjusters) == 1 and setting is None else Guess()
+    return replace(labels, guess=guess)
+
+
+def _beside(logs: Iterable[Path]) -> list[Path]:
+    folders = dict.fromkeys(path.parent for path in logs)
+    return [folder / "tests.csv" for folder in folders if is_tests_table(folder / "tests.csv")]
+
+
+def _says(name: str, configuration: Configuration) -> bool:
+    options, _ = configuration.reading.for_file(name)
+    try:
+        return bool(file_setting(name, options.setting_pattern, options.adjusters).places)
+    except LogError:
+        return True
+
+
+def _unknown(table: TestsTable) -> list[str]:
+    """Name the rows whose file is not there."""
+    lost = [
+        f"line {row.line} '{name}'"
+        for name, row in table.rows.items()
+        if not (table.path.parent / name).exists() and not list(table.path.parent.rglob(name))
+    ]
+    if not lost:
+        return []
+    more = f" and {len(lost) - _FEW} more" if len(lost) > _FEW else ""
+    return [f"{table.path}: no such file: {', '.join(lost[:_FEW])}{more}"]

@@ -1,0 +1,205 @@
+"""Logs of one setting beside each other: the same test twice, and tests that contradict each other.
+
+Two logs hold the same test where their signals are the same sample by sample, in whatever format
+they came. Two tests contradict each other where the same motion meets other forces: the peak forces
+differ by more than cycles scatter and rigs repeat.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import defaultdict
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.errors import ContradictionError
+from damperfit.report import Failure
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from damperfit.recording import Stretch, Trace
+    from damperfit.run.logs import LogBatch
+    from damperfit.setting import Setting
+
+__all__ = ["once_each", "without_contradictions"]
+
+# Of the range: text of four digits stands 1e-4 beside the binary file, and noise of 4 N in 1300 N
+# makes two tests differ by 4e-3.
+_SAME = 5e-4
+_ALIKE = 0.05  # motions nearer than this are one: rigs repeat speed and stroke to 1 %
+_REPEATS = 0.05  # a damper at one setting, taken off and put on again, is within 5 %
+_SCATTERS = 3.0  # standard deviations
+_WARMER = 5.0  # degC; forces fall by some 0.5 % for each
+_MANY = 20
+
+
+@dataclass(frozen=True, slots=True)
+class _Contradiction:
+    """Two tests of one motion whose forces differ."""
+
+    first: Trace
+    second: Trace
+    stroke: str
+    forces: tuple[float, float]
+    speed: float
+    excess: float
+
+    @property
+    def sentence(self) -> str:
+        """What differs, and where."""
+        a, b = self.forces
+        size = 200.0 * abs(a - b) / (abs(a) + abs(b))
+        warmth = (self.first.temperature, self.second.temperature)
+        said = (
+            f"{self.first.name} and {self.second.name} contradict each other: peak force in "
+            f"{self.stroke} {a:.4g} N and {b:.4g} N at {self.speed:.3g} m/s, {size:.3g} % apart"
+        )
+        if None not in warmth and abs((warmth[0] or 0.0) - (warmth[1] or 0.0)) > _WARMER:
+            said += f", at {warmth[0]:.3g} and {warmth[1]:.3g} degC"
+        return said
+
+
+def once_each(batch: LogBatch) -> LogBatch:
+    """Return the batch with each test once; a test under two settings is a failure of both."""
+    paths = {log.log: log.path for log in batch.logs}
+    twins: dict[str, list[Trace]] = {}
+    kept: list[Trace] = []
+    by_length: dict[int, list[Trace]] = defaultdict(list)
+    for trace in batch.traces:
+        alike = by_length[len(trace.force)]
+        first = next(
+            (
+                one
+                for one in alike
+                if paths.get(one.name) != paths.get(trace.name) and _is_same(one, trace)
+            ),
+            None,
+        )
+        if first is None:
+            alike.append(trace)
+            kept.append(trace)
+        else:
+            twins.setdefault(first.name, []).append(trace)
+    named = {trace.name: trace for trace in kept}
+    bad = {
+        name: [one for one in copies if one.setting != named[name].setting]
+        for name, copies in twins.items()
+    }
+    failures = [
+        Failure("", "", None, ContradictionError.__name__, _two_settings(named[name], others))
+        for name, others in bad.items()
+        if others
+    ]
+    fitted = tuple(trace for trace in kept if not bad.get(trace.name))
+    said = _told_once({name: copies for name, copies in twins.items() if not bad[name]})
+    return replace(
+        batch,
+        traces=fitted,
+        failures=(*batch.failures, *failures),
+        remarks=(*batch.remarks, *said),
+    )
+
+
+def _is_same(one: Trace, other: Trace) -> bool:
+    if not math.isclose(one.interval, other.interval, rel_tol=1e-6):
+        return False
+    return all(
+        _apart(getattr(one, name), getattr(other, name)) <= _SAME
+        for name in ("force", "displacement")
+    )
+
+
+def _apart(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.sqrt(np.mean((a - b) ** 2)) / (np.ptp(a) or 1.0))
+
+
+def _two_settings(first: Trace, others: Sequence[Trace]) -> str:
+    told = ", ".join(f"{one.name} setting {one.setting}" for one in (first, *others))
+    return (
+        f"the same test under several settings: {told}; look which is right and leave out the rest"
+    )
+
+
+def _told_once(twins: dict[str, list[Trace]]) -> Iterator[str]:
+    for first, copies in list(twins.items())[:_MANY]:
+        n = len(copies) - 1
+        others = f" and {n} other log{'s' * (n > 1)}" if n else ""
+        yield f"{copies[0].name}{others}: the same test as {first}; it counts once"
+    if len(twins) > _MANY:
+        yield f"and so do {len(twins) - _MANY} other tests that were given several times"
+
+
+def without_contradictions(batch: LogBatch, *, is_averaging: bool) -> LogBatch:
+    """Return the batch without the settings whose logs contradict each other, which fail.
+
+    Parameters
+    ----------
+    batch : LogBatch
+        What was read.
+    is_averaging : bool
+        Such logs are to be fitted together all the same; then it is only said.
+    """
+    groups: dict[Setting, list[Trace]] = defaultdict(list)
+    for trace in batch.traces:
+        if trace.setting is not None:
+            groups[trace.setting].append(trace)
+    worst = {
+        setting: max(found, key=lambda one: one.excess)
+        for setting, traces in groups.items()
+        if (found := list(_contradictions(traces)))
+    }
+    if is_averaging:
+        said = (f"setting {one}: {found.sentence}; averaged" for one, found in worst.items())
+        return replace(batch, remarks=(*batch.remarks, *said))
+    failures = [
+        Failure(
+            *("", "", setting, ContradictionError.__name__),
+            f"setting {setting}: {found.sentence}, more than they scatter; look whether the "
+            "setting or the damper is another, leave one out, or fit them together by "
+            "--rig contradictions=average",
+        )
+        for setting, found in worst.items()
+    ]
+    kept = tuple(trace for trace in batch.traces if trace.setting not in worst)
+    return replace(batch, traces=kept, failures=(*batch.failures, *failures))
+
+
+def _contradictions(traces: Sequence[Trace]) -> Iterator[_Contradiction]:
+    for first, second in itertools.combinations(traces, 2):
+        for a, b in itertools.product(_told(first), _told(second)):
+            if _is_one_motion(a, b):
+                yield from _compared(first, second, a, b)
+
+
+def _told(trace: Trace) -> list[Stretch]:
+    return [one for one in trace.stretches if one.kind == "steady" and one.figures is not None]
+
+
+def _is_one_motion(a: Stretch, b: Stretch) -> bool:
+    return all(
+        abs(getattr(a, name) / getattr(b, name) - 1.0) <= _ALIKE
+        for name in ("peak_speed", "amplitude")
+    )
+
+
+def _compared(first: Trace, second: Trace, a: Stretch, b: Stretch) -> Iterator[_Contradiction]:
+    one, other = a.figures, b.figures
+    assert one is not None
+    assert other is not None
+    scale = 0.25 * sum(
+        f.peak_force_rebound - f.peak_force_bump for f in (one, other)
+    )  # half of the mean range
+    noise = math.hypot(*(0.0 if math.isnan(s.noise) else s.noise for s in (a, b)))
+    for stroke in ("rebound", "bump"):
+        forces = (getattr(one, f"peak_force_{stroke}"), getattr(other, f"peak_force_{stroke}"))
+        speeds = (getattr(one, f"peak_speed_{stroke}"), getattr(other, f"peak_speed_{stroke}"))
+        # A force grows with the square of the speed at most.
+        by_speed = 2.0 * abs(math.log(speeds[0] / speeds[1])) * max(map(abs, forces))
+        allowed = max(_SCATTERS * noise, _REPEATS * scale) + by_speed
+        excess = abs(forces[0] - forces[1]) / allowed
+        if excess > 1.0:
+            yield _Contradiction(first, second, stroke, forces, a.peak_speed, excess)

@@ -1,0 +1,129 @@
+"""Settings guessed from what differs between the names of logs; a choice is no guess."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from damperfit.readers import ReadOptions, guess_settings, read_log
+
+LOG = "time_s,displacement_mm,force_N\n0,1,2\n1,2,3\n"
+
+
+@pytest.mark.parametrize(
+    ("names", "cells", "pattern"),
+    [
+        (["D7_C02.csv", "D7_C08.csv"], [2, 8], r"C(?P<setting>\d+)"),
+        (["SN1234_click08_1.5Hz.csv"], [8], r"click(?P<setting>\d+)"),
+        (["SN1_click2_1Hz.csv", "SN1_click4_2Hz.csv"], [2, 4], r"click(?P<setting>\d+)"),
+        (["08.csv", "09.csv"], [8, 9], r"^\D*(?P<setting>\d+)"),
+        (["R12_C08.csv", "R12_C10.csv"], [8, 10], r"C(?P<setting>\d+)"),
+        (["run1_a3_32mm.txt", "run2_a3_32mm.txt", "run3_a5_32mm.txt"], [], r"a(?P<setting>\d+)"),
+        (["D7_b3.csv.gz", "D7_b4.csv.gz"], [3, 4], r"b(?P<setting>\d+)"),
+        (["s1234_2.csv", "s1234_4.csv"], [2, 4], r"_(?P<setting>\d+)"),
+        (["lot999_7.csv", "lot999_9.csv"], [7, 9], r"_(?P<setting>\d+)"),
+    ],
+)
+def test_what_differs_is_the_setting(names, cells, pattern) -> None:
+    guess = guess_settings(names)
+    if cells:
+        assert [guess.settings[name].cell for name in names] == cells
+        assert "guessed from the file names" in guess.sentence
+        assert guess.sentence.endswith(f"--rig 'setting_pattern={pattern}'")
+        # What is to be copied finds the same.
+        found = [int(list(re.finditer(pattern, name))[-1]["setting"]) for name in names]
+        assert found == cells
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["R12_C08.csv", "R10_C10.csv"],  # two adjusters
+        ["t1_2_2_24_24_x5_100psi.csv", "t2_4_4_24_24_x5_100psi.csv"],
+        ["D7_C08.csv"],  # one log: nothing differs
+        ["run_1Hz.csv", "run_2Hz.csv"],  # a speed
+        ["test1.csv", "test2.csv"],  # a count
+        ["SN1234.csv", "SN1235.csv"],
+        ["b_1234.csv", "b_1235.csv"],  # four digits
+        ["a_3.csv", "b_x_4.csv"],  # names of two kinds
+        ["log.csv"],
+        [],
+    ],
+)
+def test_a_choice_is_no_guess(names) -> None:
+    guess = guess_settings(names)
+    assert guess.settings == {}
+    assert guess.sentence == ""
+    has_number = any(re.search(r"\d", name) for name in names)
+    assert bool(guess.advice) is has_number
+
+
+def test_three_digits_are_clicks_and_four_are_not() -> None:
+    assert guess_settings(["b_998.csv", "b_999.csv"]).settings
+    assert not guess_settings(["b_999.csv", "b_1000.csv"]).settings
+
+
+@pytest.mark.parametrize(
+    ("name", "cell", "serial"),
+    [
+        ("s1234_click02.csv", 2, None),
+        ("click02_s5.csv", 2, None),
+        ("s999.csv", 999, None),
+        ("s1000.csv", None, None),
+        ("SN1234_click08_1.5Hz.csv", 8, "1234"),
+        ("setting_-3.csv", -3, None),
+        ("setting-3.csv", 3, None),
+        ("clicks=-2.csv", -2, None),
+        ("clicks_-2.csv", -2, None),
+    ],
+)
+def test_a_serial_number_is_no_setting(tmp_path, name, cell, serial) -> None:
+    (tmp_path / name).write_text(LOG)
+    log = read_log(tmp_path / name)
+    assert (None if log.setting is None else log.setting.cell) == cell
+    assert log.metadata.get("serial") == serial
+
+
+TWO = ("rebound", "compression")
+
+
+@pytest.mark.parametrize(
+    ("name", "preamble", "pattern"),
+    [
+        ("a.csv", "# setting: R12 C08\n", None),
+        ("a.csv", "# rebound: 12\n# Compression: 8\n", None),
+        ("R12_C08_1.5Hz.csv", "", None),
+        ("x12y8.csv", "", r"x(?P<rebound>\d+)y(?P<compression>\d+)"),
+        ("12-8.csv", "# compression: 8\n", r"^(?P<rebound>\d+)"),
+    ],
+)
+def test_two_adjusters_are_found(tmp_path, name, preamble, pattern) -> None:
+    (tmp_path / name).write_text(preamble + LOG)
+    more = {} if pattern is None else {"setting_pattern": pattern}
+    log = read_log(tmp_path / name, ReadOptions(adjusters=TWO, **more))
+    assert log.setting is not None
+    assert log.setting.label == "R12 C8"
+
+
+def test_adjusters_in_columns_cut_a_log(tmp_path) -> None:
+    rows = [(0, 1, 2, 12, 8), (1, 2, 3, 12, 8), (2, 1, 2, 12, 10), (3, 2, 3, 12, 10)]
+    head = "time_s,displacement_mm,force_N,rebound,compression\n"
+    text = head + "".join(",".join(map(str, row)) + "\n" for row in rows)
+    (tmp_path / "a.csv").write_text(text)
+    from damperfit.readers import read_logs
+
+    logs = read_logs(tmp_path / "a.csv", ReadOptions(adjusters=TWO))
+    assert [log.setting.label for log in logs] == ["R12 C8", "R12 C10"]
+
+
+def test_half_a_setting_is_none(tmp_path) -> None:
+    (tmp_path / "a.csv").write_text("# rebound: 12\n" + LOG)
+    assert read_log(tmp_path / "a.csv", ReadOptions(adjusters=TWO)).setting is None
+
+
+def test_an_unknown_group_is_refused() -> None:
+    from damperfit.errors import ConfigurationError
+
+    with pytest.raises(ConfigurationError, match=r"group 'rebund'.*Did you mean 'rebound'"):
+        ReadOptions(adjusters=TWO, setting_pattern=r"(?P<rebund>\d+)")

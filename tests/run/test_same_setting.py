@@ -1,0 +1,129 @@
+"""The same test twice counts once; tests of one setting that contradict each other are named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.recording import StretchFigures
+from damperfit.run.logs import LogBatch, LogFacts
+from damperfit.run.same_setting import once_each, without_contradictions
+from damperfit.setting import Setting
+from tests.fakes import trace
+
+NOISE = np.random.default_rng(5)
+
+
+def log(name, setting=1, *, rebound=1000.0, bump=-800.0, speed=0.3, noise=4.0, temperature=26.0):
+    """A log with one steady stretch of known peak forces."""
+    one = trace(setting, name)
+    figures = StretchFigures(rebound, bump, speed, speed, 1.0, 0.1, 0.0, 0.0)
+    stretch = replace(
+        one.stretches[0], kind="steady", figures=figures, noise=noise, peak_speed=speed
+    )
+    force = one.force + NOISE.normal(0.0, 0.02 * np.ptp(one.force), len(one.force))
+    return replace(
+        one,
+        setting=Setting.of(setting),
+        stretches=(stretch,),
+        force=force,
+        temperature=temperature,
+    )
+
+
+def batch(*traces, paths=None):
+    places = paths or [one.name for one in traces]
+    facts = [LogFacts(one.name, path, "", {}) for one, path in zip(traces, places, strict=True)]
+    return LogBatch(tuple(traces), tuple(facts), (), (), len(traces))
+
+
+def names(found):
+    return [one.name for one in found.traces]
+
+
+def test_the_same_test_in_another_format_counts_once():
+    first = log("a.csv")
+    printed = np.round(first.force, 3)
+    found = once_each(batch(first, replace(first, name="a.tdms", force=printed), log("b.csv")))
+    assert names(found) == ["a.csv", "b.csv"]
+    assert found.remarks == ("a.tdms: the same test as a.csv; it counts once",)
+    assert found.failures == ()
+
+
+def test_many_copies_are_one_line():
+    first = log("0.csv")
+    copies = [replace(first, name=f"{n}.csv") for n in range(1, 5)]
+    found = once_each(batch(first, *copies))
+    assert found.remarks == ("1.csv and 3 other logs: the same test as 0.csv; it counts once",)
+
+
+def test_the_tests_in_one_file_are_no_twins():
+    first = log("a.txt part 1")
+    second = replace(first, name="a.txt part 2")
+    assert names(once_each(batch(first, second, paths=["a.txt", "a.txt"]))) == [
+        "a.txt part 1",
+        "a.txt part 2",
+    ]
+
+
+@pytest.mark.parametrize(("share", "n"), [(4.9e-4, 1), (5.1e-4, 2)])
+def test_how_near_is_the_same(share, n):
+    first = log("a.csv")
+    step = share * np.ptp(first.force)
+    signs = np.where(np.arange(len(first.force)) % 2, 1.0, -1.0)
+    other = replace(first, name="b.csv", force=first.force + step * signs)
+    assert len(names(once_each(batch(first, other)))) == n
+
+
+def test_one_test_under_two_settings_is_a_failure_of_both():
+    first = log("a.csv", 3)
+    other = replace(first, name="b.csv", setting=Setting.of(4))
+    found = once_each(batch(first, other, log("c.csv", 5)))
+    assert names(found) == ["c.csv"]
+    (failure,) = found.failures
+    assert failure.kind == "ContradictionError"
+    assert "a.csv setting 3, b.csv setting 4" in failure.message
+
+
+# Half of the mean range is 900 N: 5 % of it are 45 N.
+@pytest.mark.parametrize(
+    ("change", "is_contradiction"),
+    [
+        ({"rebound": 1043.0}, False),
+        ({"rebound": 1048.0}, True),
+        ({"bump": -843.0}, False),
+        ({"bump": -848.0}, True),
+        ({"rebound": 1048.0, "noise": 20.0}, False),  # 3 times 20.4 N
+        ({"rebound": 1200.0, "noise": 20.0}, True),
+        ({"rebound": 1120.0, "speed": 0.314}, False),  # speed explains 2 x 4.6 % more
+        ({"rebound": 1180.0, "speed": 0.314}, True),
+        ({"rebound": 2000.0, "speed": 0.33}, False),  # another motion
+    ],
+)
+def test_what_contradicts(change, is_contradiction):
+    found = without_contradictions(batch(log("a.csv"), log("b.csv", **change)), is_averaging=False)
+    assert (found.traces == ()) is is_contradiction
+    assert bool(found.failures) is is_contradiction
+
+
+def test_a_contradiction_is_told_by_name_and_costs_its_setting_alone():
+    logs = batch(log("a.csv"), log("b.csv", rebound=1300.0, temperature=60.0), log("c.csv", 2))
+    found = without_contradictions(logs, is_averaging=False)
+    assert names(found) == ["c.csv"]
+    (failure,) = found.failures
+    assert failure.setting == 1
+    assert failure.message.startswith(
+        "setting 1: a.csv and b.csv contradict each other: peak force in rebound 1000 N and 1300 N "
+        "at 0.3 m/s, 26.1 % apart, at 26 and 60 degC, more than they scatter"
+    )
+    assert "--rig contradictions=average" in failure.message
+
+
+def test_told_to_they_are_averaged_and_it_is_said():
+    logs = batch(log("a.csv"), log("b.csv", rebound=1300.0))
+    found = without_contradictions(logs, is_averaging=True)
+    assert names(found) == ["a.csv", "b.csv"]
+    assert "a.csv and b.csv contradict" in found.remarks[0]
+    assert found.failures == ()
