@@ -248,7 +248,7 @@ def record(
 
 def _adjusters(campaign: Campaign) -> tuple[str, ...]:
     """Names of the adjusters that the settings tell the place of."""
-    return campaign.fits[0].setting.adjusters if campaign.fits else (ADJUSTER,)
+    return Setting.of(campaign.fits[0].setting).adjusters if campaign.fits else (ADJUSTER,)
 
 
 def _stretches(fit: Fit) -> Iterator[dict[str, Any]]:

@@ -12,7 +12,7 @@ from damperfit.identification import Outcome
 from damperfit.report import Failure, failure_lines
 from damperfit.run import judging
 from damperfit.run.hold_out import Parted
-from damperfit.run.logs import LogBatch, LogFacts
+from damperfit.run.logs import LogBatch
 from damperfit.run.remarks import (
     MANY,
     gates_not_met,
@@ -123,17 +123,6 @@ def test_checks_are_told_of_a_few_lost_logs_and_how_many_more(n, more, monkeypat
     batch = replace(NO_LOGS, failures=failures)
     missing = judging._checks(load_configuration(), Parted(batch), campaign(fit(1)), None, None)
     assert list(missing) == [f"{k}.csv failed" for k in range(MANY)] + more
-
-
-@pytest.mark.parametrize(("n", "lines"), [(MANY, MANY), (MANY + 1, MANY + 1), (200, MANY + 1)])
-def test_many_sets_of_twins_are_a_few_lines(n, lines) -> None:
-    logs = tuple(
-        LogFacts(f"{name}{k}.csv", f"{name}{k}.csv", str(k), {}) for k in range(n) for name in "ab"
-    )
-    said = list(run_warnings(replace(NO_LOGS, logs=logs), campaign()))
-    assert len(said) == lines
-    if n > MANY:
-        assert said[-1] == f"and so do the logs of {n - MANY} other sets"
 
 
 @pytest.mark.parametrize(("n", "lines"), [(5, 5), (6, 1), (300, 1)])

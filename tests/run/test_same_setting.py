@@ -59,6 +59,16 @@ def test_many_copies_are_one_line():
     assert found.remarks == ("1.csv and 3 other logs: the same test as 0.csv; it counts once",)
 
 
+@pytest.mark.parametrize(("n", "lines"), [(20, 20), (21, 21), (40, 21)])
+def test_many_sets_of_twins_are_a_few_lines(n, lines):
+    pairs = [(one, replace(one, name=f"b{k}.csv")) for k in range(n) for one in [log(f"a{k}.csv")]]
+    found = once_each(batch(*(one for pair in pairs for one in pair)))
+    assert len(found.traces) == n
+    assert len(found.remarks) == lines
+    if n > 20:
+        assert found.remarks[-1] == f"and so do {n - 20} other tests that were given several times"
+
+
 def test_the_tests_in_one_file_are_no_twins():
     first = log("a.txt part 1")
     second = replace(first, name="a.txt part 2")
