@@ -38,6 +38,7 @@ __all__ = ["LawFit", "SettingLogs", "fit_law"]
 
 # Laws are compared by factors of their MSE: a fall of a few in ten thousand changes nothing.
 _STOPPING = Stopping(cost_tolerance=3e-4, step_tolerance=1e-4, max_evaluations=60, rest=math.inf)
+_SHORTEST = 0.25  # s; less that is not compared tells nothing
 # Starts that are followed for a few evaluations before the best is followed to its end.
 _TRIED = 2
 _SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, rest=math.inf)
@@ -81,7 +82,10 @@ class LawFit:
     stretches : tuple of float
         Eq. (22) of each of their stretches alone.
     held_out_percent : float
-        Eq. (22) over what is compared in the logs that were held out; NaN without any.
+        Eq. (22) over what is compared in the logs that were held out. Without any over what lies
+        between the stretches of those that were fitted, the changes of speed; NaN without any.
+    held_out : str
+        What that was: "logs", "transients", or nothing.
     residuals : tuple of numpy.ndarray
         Model less measurement over each stretch, N.
     evaluations : int
@@ -96,6 +100,7 @@ class LawFit:
     mse_percent: float
     stretches: tuple[float, ...]
     held_out_percent: float
+    held_out: str
     residuals: tuple[FloatArray, ...]
     evaluations: int
 
@@ -155,12 +160,14 @@ def fit_law(
     ended = task.descend(best.point.extra, _STOPPING)
     values = ended.point.extra
     residuals, alone, mse = _misses(model, values, evidence.fitted, solver)
-    held_out = math.nan
-    if evidence.held_out:
-        try:
+    held_out, kind = math.nan, "logs" if evidence.held_out else "transients"
+    try:
+        if evidence.held_out:
             held_out = _misses(model, values, evidence.held_out, solver)[2]
-        except SimulationError:
-            held_out = math.inf
+        else:
+            held_out = _missed_between(model, values, evidence.fitted, solver)
+    except SimulationError:
+        held_out = math.inf
     return LawFit(
         setting=evidence.setting,
         model=model,
@@ -170,6 +177,7 @@ def fit_law(
         mse_percent=mse,
         stretches=alone,
         held_out_percent=held_out,
+        held_out="" if math.isnan(held_out) else kind,
         residuals=residuals,
         evaluations=spent + ended.evaluations,
     )
@@ -261,3 +269,26 @@ def _misses(
     together = np.concatenate(measured)
     mse = normalised_mse(together, together + np.concatenate(residuals))
     return tuple(residuals), tuple(alone), mse
+
+
+def _missed_between(
+    model: Model, values: Values, traces: Sequence[Trace], solver: SolverOptions
+) -> float:
+    """The MSE over what lies between the stretches of a log, by what is compared's variance.
+
+    Before its first stretch the model's state is not yet that of the damper.
+    """
+    misses, measured = [], []
+    for trace in traces:
+        between = np.zeros(len(trace.force), dtype=bool)
+        between[trace.stretches[0].stop : trace.stretches[-1].first] = True
+        between[trace.compared] = False
+        if np.count_nonzero(between) * trace.interval < _SHORTEST:
+            continue
+        force = compare(values, trace, model, solver=solver).force
+        misses.append((force - trace.force)[between])
+        measured.append(trace.force[trace.compared])
+    if not misses:
+        return math.nan
+    rest = np.concatenate(misses)
+    return float(100.0 * np.mean(rest * rest) / np.var(np.concatenate(measured)))

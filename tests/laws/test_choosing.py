@@ -27,6 +27,7 @@ def tried(mse, k, *, held=math.nan, at_bound=(), rest=None):
         mse_percent=mse,
         stretches=(mse,),
         held_out_percent=held,
+        held_out="",
         residuals=(np.zeros(333) if rest is None else rest,),
         evaluations=1,
     )

@@ -81,12 +81,15 @@ def test_a_mounting_without_play_and_lag_gets_none(tmp_path, run_once):
     (tmp_path / "damper.toml").write_text(DAMPER_TOML)
     code, out, err = run_once(
         "models", tmp_path / "one.csv", "--config", tmp_path / "damper.toml",
-        "--layout", "through_flow",
+        "--layout", "through_flow", "--json",
     )  # fmt: skip
     assert code == 0, err
-    text = " ".join(out.split())
-    assert "The logs speak for through flow: bleed and blow-off; elastic mounting. In" in text
-    assert "held out" in text
+    document = json.loads(out)
+    assert document["chosen"] == "through flow: bleed and blow-off; elastic mounting"
+    # Nothing was held out: its change of speed is predicted.
+    (setting,) = document["settings"]
+    assert setting["held_out"] == "transients"
+    assert setting["held_out_mse_percent"] < 0.05
 
 
 def test_the_papers_damper_is_left_to_the_papers_model(run_once, tmp_path):
@@ -97,7 +100,14 @@ def test_the_papers_damper_is_left_to_the_papers_model(run_once, tmp_path):
     document = json.loads(out)
     assert document["chosen"] == "the paper's model"
     assert len(document["laws"]) == 1
+    assert document["settings"][0]["held_out"] is None  # a single steady run
     assert err == ""
+    code, out, err = run_once("models", log)
+    assert code == 0, err
+    text = " ".join(out.split())
+    assert "The logs speak for the paper's model." in text
+    assert "the paper's model: it leaves nothing that anyone would use" in text
+    assert "damperfit: tried the paper's model" in err
 
 
 def test_an_unknown_layout_is_named_with_the_nearest(run_once, tmp_path):

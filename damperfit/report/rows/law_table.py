@@ -146,6 +146,7 @@ def chosen_records(fits: Sequence[LawFit]) -> list[dict[str, Any]]:
             "mse_percent": fit.mse_percent,
             "stretch_mse_percent": list(fit.stretches),
             "held_out_mse_percent": _finite(fit.held_out_percent),
+            "held_out": fit.held_out or None,
             "evaluations": fit.evaluations,
         }
         for fit in fits
