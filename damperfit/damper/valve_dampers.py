@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from damperfit.damper.model import RIG, Model, Quantity
+from damperfit.damper.model import DAMPER, RIG, Model, Quantity
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import Network, Valve, monotube, through_flow, twin_tube
 from damperfit.damper.purdy.quantities import OF_OIL, OIL
@@ -99,7 +99,7 @@ class ValveDamper(Model):
     compression: Valve = Valve()
     mounting: Mounting = Mounting()
 
-    conditions: ClassVar[tuple[str, ...]] = ("gas_pressure", "gas_exponent", "gas_volume")
+    conditions: ClassVar[tuple[str, ...]] = ("gas_pressure", "gas_exponent")
     ranges: ClassVar[Mapping[str, tuple[float, float, str]]] = VALVE_RANGES
 
     def __post_init__(self) -> None:
@@ -307,6 +307,12 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
                 (1e2, 1e10), default=_RETURN, power=6, shown_unit="10⁶ N s / (m² kg)",
             )
         )  # fmt: skip
+    found.append(
+        Quantity(
+            "gas_volume", "V_g", "gas volume", "volume of the gas at x = 0", "m3", (1e-8, 1.0),
+            scope=DAMPER, default=damper.gas_volume, power=-6, shown_unit="cm³",
+        )
+    )  # fmt: skip
     is_rigid = damper.mounting.series_stiffness == NONE
     found += [
         Quantity(

@@ -39,7 +39,7 @@ BLOW_OFF = Valve("none", "linear")
 BOTH = Valve("orifice", "linear")
 _EVERYTHING = Mounting(FIT, FIT, FIT)
 # What is offered to what is left over, one after the other.
-_FURTHER = ("k_e", "return_slope", "drag")
+_FURTHER = ("gas_volume", "k_e", "return_slope", "drag")
 # Two layouts whose MSE, times that of what was held out, differ by less are not told apart.
 _TOLD_APART = 1.5
 
@@ -125,9 +125,6 @@ def climb(
         return course.ended(simplest)
     best = min(found, key=lambda one: one.score)
     course.n_eff = effective_samples(best, evidence)
-    if simplest is not None:
-        verdict = judged(simplest, best, course.n_eff)
-        course.told(simplest, verdict.reason, is_taken=not verdict.takes_larger, bic=verdict.bic)
     for one in found:
         if one is not best:
             course.told(one, _against(best, one), is_taken=False)
@@ -231,8 +228,22 @@ class _Course:
     def settled(self, simplest: Tried, law: Tried) -> Tried:
         """The paper's model where the other is not worth its quantities."""
         if law.n_quantities <= simplest.n_quantities:
-            return min(simplest, law, key=lambda one: one.score)
-        return law if judged(simplest, law, self.n_eff).takes_larger else simplest
+            chosen = min(simplest, law, key=lambda one: one.score)
+            reason = (
+                "fits and predicts better than the law of valves"
+                if chosen is simplest
+                else "the law of valves fits and predicts better with no more quantities"
+            )
+            self.told(simplest, reason, is_taken=chosen is simplest)
+            return chosen
+        verdict = judged(simplest, law, self.n_eff)
+        reason = (
+            f"valves on a mounting are needed: {verdict.reason}"
+            if verdict.takes_larger
+            else verdict.reason
+        )
+        self.told(simplest, reason, is_taken=not verdict.takes_larger, bic=verdict.bic)
+        return law if verdict.takes_larger else simplest
 
     def ended(self, chosen: Tried) -> Ladder:
         rungs = tuple(dataclasses.replace(one, is_taken=one.tried is chosen) for one in self.rungs)
