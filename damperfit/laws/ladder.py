@@ -39,7 +39,8 @@ BLOW_OFF = Valve("none", "linear")
 BOTH = Valve("orifice", "linear")
 _EVERYTHING = Mounting(FIT, FIT, FIT)
 # What is offered to what is left over, one after the other.
-_FURTHER = ("gas_volume", "k_e", "return_slope", "drag")
+_DECLARED = ("gas_volume",)
+_FURTHER = ("k_e", "return_slope", "drag", "")
 # Two layouts whose MSE, times that of what was held out, differ by less are not told apart.
 _TOLD_APART = 1.5
 
@@ -129,7 +130,9 @@ def climb(
         if one is not best:
             course.told(one, _against(best, one), is_taken=False)
     course.told(best, "the layout that fits and predicts best", is_taken=True)
-    rich = course.enriched(course.lean(best))
+    # Before parts of the rig are judged: a gas volume that nobody measured hides them.
+    lean = course.lean(course.enriched(best, _DECLARED))
+    rich = course.enriched(lean, _FURTHER)
     return course.ended(rich if simplest is None else course.settled(simplest, rich))
 
 
@@ -147,6 +150,7 @@ class _Course:
         self.on_rung, self.jobs = on_rung, jobs
         self.rungs: list[Rung] = []
         self.n_eff = math.nan
+        self.freed: tuple[str, ...] = ()  # although it has a default
 
     def fitted(
         self, model: Model, *, freed: tuple[str, ...] = (), near: Tried | None = None
@@ -188,26 +192,23 @@ class _Course:
         """Take out what is not needed, until nothing can be."""
         for smaller in _SMALLER:
             model = smaller(_valve_damper(law))
-            if model is None:
-                continue
-            one = self.fitted(model, near=law)
+            one = None if model is None else self.fitted(model, freed=self.freed, near=law)
             if one is None:
                 continue
             verdict = judged(one, law, self.n_eff)
             reason = (
-                verdict.reason
-                if not verdict.takes_larger
-                else (f"what it lacks is needed: {verdict.reason}")
+                f"what it lacks is needed: {verdict.reason}"
+                if verdict.takes_larger
+                else verdict.reason
             )
             self.told(one, reason, is_taken=not verdict.takes_larger, bic=verdict.bic)
             if not verdict.takes_larger:
                 law = one
         return law
 
-    def enriched(self, law: Tried) -> Tried:
-        """Offer what is left over to further quantities, and to a blow-off that lifts gradually."""
-        freed: tuple[str, ...] = ()
-        for name in (*_FURTHER, ""):
+    def enriched(self, law: Tried, names: Sequence[str]) -> Tried:
+        """Offer what is left over to further quantities; "" is a blow-off that lifts gradually."""
+        for name in names:
             model = _valve_damper(law)
             if law.mse_percent <= ENOUGH_PERCENT:
                 return law
@@ -215,14 +216,14 @@ class _Course:
                 model = _rounded(model)
             elif name not in model.names or name in law.fits[0].free:
                 continue
-            wanted = (*freed, name) if name else freed
+            wanted = (*self.freed, name) if name else self.freed
             one = self.fitted(model, freed=wanted, near=law)
             if one is None:
                 continue
             verdict = judged(law, one, self.n_eff)
             self.told(one, verdict.reason, is_taken=verdict.takes_larger, bic=verdict.bic)
             if verdict.takes_larger:
-                law, freed = one, wanted
+                law, self.freed = one, wanted
         return law
 
     def settled(self, simplest: Tried, law: Tried) -> Tried:
