@@ -111,9 +111,21 @@ def deaths(work, prepare, ending):
     raise AssertionError("it never came to its end")
 
 
-@pytest.mark.parametrize("ending", [die_before, die_after])
-@pytest.mark.parametrize("old", [OLD, {}], ids=["over results", "into an empty folder"])
-@pytest.mark.parametrize("what_next", [settle, lambda folder: write_text(folder / "z", "z")])
+def _written_into(folder):
+    write_text(folder / "z", "z")
+
+
+# Each with each of the others once; the rest of the eight are slow.
+_KILLED = [(settle, OLD, die_before), (settle, {}, die_after), (_written_into, OLD, die_after)]
+_KILLED += [(_written_into, {}, die_before)]
+_ALSO = [(settle, OLD, die_after), (settle, {}, die_before), (_written_into, OLD, die_before)]
+_ALSO += [(_written_into, {}, die_after)]
+
+
+@pytest.mark.parametrize(
+    ("what_next", "old", "ending"),
+    [*_KILLED, *(pytest.param(*one, marks=pytest.mark.slow) for one in _ALSO)],
+)
 def test_a_run_killed_at_any_call_leaves_one_whole_set(tmp_path, ending, old, what_next) -> None:
     folder = tmp_path / "results"
 
@@ -133,7 +145,13 @@ def test_a_run_killed_at_any_call_leaves_one_whole_set(tmp_path, ending, old, wh
     assert found == sorted(found, key=lambda one: one == NEW)  # never back again
 
 
-@pytest.mark.parametrize("old", [OLD, {}], ids=["over results", "into an empty folder"])
+@pytest.mark.parametrize(
+    "old",
+    [
+        pytest.param(OLD, id="over results"),
+        pytest.param({}, id="into an empty folder", marks=pytest.mark.slow),
+    ],
+)
 def test_putting_back_may_be_killed_at_any_call_too(tmp_path, old) -> None:
     folder, halves = tmp_path / "results", tmp_path / "halves"
     halves.mkdir()

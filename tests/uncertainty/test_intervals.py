@@ -248,13 +248,18 @@ def test_a_tie_is_a_correlation_that_triples_an_error(correlation: float, *, is_
 
 
 @pytest.mark.parametrize(
-    "trial", [Trial(), pytest.param(Trial(is_white=True), marks=pytest.mark.slow)]
+    ("trial", "n"),
+    [
+        (Trial(), 50),
+        pytest.param(Trial(), 100, marks=pytest.mark.slow),
+        pytest.param(Trial(is_white=True), 100, marks=pytest.mark.slow),
+    ],
 )
-def test_intervals_cover_the_truth_through_the_whole_procedure(trial: Trial) -> None:
-    # 100 campaigns of three settings; 1000 by hand: python -m tests.uncertainty.coverage.
-    covered, width, bias = summary(run(trial, 100))
+def test_intervals_cover_the_truth_through_the_whole_procedure(trial: Trial, n: int) -> None:
+    # Campaigns of three settings; 1000 by hand: python -m tests.uncertainty.coverage.
+    covered, width, bias = summary(run(trial, n))
     # Three standard deviations of a binomial at 95 %, and of the scatter's own estimate.
-    assert covered.min() > 0.95 - 3 * math.sqrt(0.95 * 0.05 / 100)
+    assert covered.min() > 0.95 - 3 * math.sqrt(0.95 * 0.05 / n)
     assert 0.93 <= covered[:, :3].mean() <= 0.98
-    assert np.abs(width - 1.0).max() < 3 / math.sqrt(2 * 100)
-    assert np.abs(bias).max() < 3 / math.sqrt(100)
+    assert np.abs(width - 1.0).max() < 3 / math.sqrt(2 * n)
+    assert np.abs(bias).max() < 3 / math.sqrt(n)

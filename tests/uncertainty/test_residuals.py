@@ -106,17 +106,20 @@ def test_friction_that_depends_on_velocity_is_named(fall: float) -> None:
     assert "friction that depends on velocity" in found.warnings[0]
 
 
-def test_r_m3_that_cannot_be_seen_is_named() -> None:
+def test_r_m3_that_cannot_be_seen_is_named_and_said_to_stand_for_nothing() -> None:
     # With a thousandth of the rebound resistance valve 3 makes a tenth of a newton. The paper's
     # value used to stand in for it, and the residuals said that it should not.
     logs = [
         trace(setting, replace(reference_parameters(setting), r_m3=2.6e3), noise=4.0)
         for setting in SETTINGS
     ]
-    campaign = identify(logs, PURDY_DAMPER)
-    assert any("do not fix R_m3" in text for text in campaign.warnings)
+    campaign = identify(logs, PURDY_DAMPER, FitOptions(fallback_r_m3=2.597e6))
     judged = assess(campaign, PURDY_DAMPER)
+    assert any("do not fix R_m3" in text for text in campaign.warnings)
     assert judged.doubts(campaign)[0].startswith("r_m3 at setting 1, 10, 20: these logs do not")
+    assert "is used for all settings, in place of nothing: any value below" in " ".join(
+        judged.doubts(campaign)
+    )
     assert not any(one.is_structured for one in judged.diagnoses)
     held = FitOptions(fixed={"r_m3": 2.597e6})
     for one in assess(identify(logs, PURDY_DAMPER, held), PURDY_DAMPER).diagnoses:
@@ -160,17 +163,6 @@ def test_a_misfit_points_to_the_warning_on_its_log() -> None:
     found = judged([condition(clipped)], FitOptions(fixed=KNOWN)).diagnoses[0]
     assert found.is_structured
     assert f"; first look at the warning force_clipping of {log.name}" in found.sentence
-
-
-def test_an_r_m3_at_its_lower_limit_is_said_to_stand_for_nothing() -> None:
-    logs = [
-        trace(setting, replace(reference_parameters(setting), r_m3=2.6e3), noise=4.0)
-        for setting in SETTINGS
-    ]
-    options = FitOptions(fallback_r_m3=2.597e6)
-    campaign = identify(logs, PURDY_DAMPER, options)
-    said = " ".join(judged(logs, options).doubts(campaign))
-    assert "is used for all settings, in place of nothing: any value below" in said
 
 
 def test_a_weak_misfit_that_repeats_for_long_is_seen_below_white_noise() -> None:
