@@ -2,8 +2,9 @@
 
 Suspicious is a misfit well above the noise that no known flaw explains, and a chamber that
 cavitates beside a misfit that is more than noise. Short descents then begin far from the start:
-K_e by a factor of 10 either way, friction and R_m1 likewise. The first that gets lower than the fit
-is followed to its end, and is used when it fits better by more than noise, or as well and sound.
+K_e by a factor of 10 either way, friction and valves likewise. The first that gets lower than the
+fit is followed to its end, and is used when it fits better by more than noise, or as well and
+sound.
 
 A fit that is not suspicious costs nothing more, or one evaluation where its misfit is large. The
 short descents cost no more than the fit has cost, or than three ordinary ones where that is more.
@@ -40,14 +41,16 @@ LEAST = 1e-3
 # Share of the misfit that one flaw must explain, as in `damperfit.uncertainty.flaws`.
 EXPLAINED = 0.5
 
-# Factors on where the fit began: stiffness, friction and the first of the other quantities.
+# Factors on where the fit began: stiffness, friction, the first of the other quantities, and those
+# that come after it (check valves: a chamber that they hardly fill).
 _ELSEWHERE = (
-    (0.1, 1.0, 1.0),
-    (10.0, 1.0, 1.0),
-    (1.0, 10.0, 0.5),
-    (1.0, 0.1, 2.0),
-    (0.3, 1.0, 5.0),
-    (3.0, 1.0, 0.2),
+    (1.0, 1.0, 1.0, 10.0),
+    (0.1, 1.0, 1.0, 1.0),
+    (10.0, 1.0, 1.0, 1.0),
+    (1.0, 10.0, 0.5, 1.0),
+    (1.0, 0.1, 2.0, 1.0),
+    (0.3, 1.0, 5.0, 1.0),
+    (3.0, 1.0, 0.2, 1.0),
 )
 _SHORT = 12  # evaluations of a short descent
 _LEAST_ALLOWED = 60
@@ -194,7 +197,9 @@ def _places(misfit: Misfit, start: Values) -> Iterator[Values]:
     for factors in _ELSEWHERE:
         moved = {
             name: factor * getattr(start, name)
-            for names, factor in zip((stiff, friction, others[:1]), factors, strict=True)
+            for names, factor in zip(
+                (stiff, friction, others[:1], others[1:]), factors, strict=True
+            )
             for name in names
             if factor != 1.0
         }
