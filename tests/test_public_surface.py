@@ -347,6 +347,13 @@ SURFACE = {
     "damperfit.run.log_paths": [
         "matches",
     ],
+    "damperfit.run.work": [
+        "Clock",
+        "comparisons",
+        "fitted",
+        "profile_points",
+        "sha256_of",
+    ],
     "damperfit.run.labelling": [
         "GUESSED",
         "Labels",

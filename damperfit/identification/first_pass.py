@@ -352,11 +352,9 @@ def _free_everywhere(
         start = starting_values(misfit.traces, damper, known, anchor.k_e)
         return fit_guided(misfit, start, REBOUND)
 
-    def guarded(setting: Setting) -> Judged | SettingFailure:
-        return attempted(setting, lambda: one(setting))
-
     with ThreadPoolExecutor(task.jobs) as pool:
-        return dict(zip(settings, pool.map(guarded, settings), strict=True))
+        found = pool.map(lambda setting: attempted(setting, lambda: one(setting)), settings)
+        return dict(zip(settings, found, strict=True))
 
 
 def _shared_friction(

@@ -7,19 +7,15 @@ Failures of single logs and settings are collected; what can be done is done and
 
 from __future__ import annotations
 
-import hashlib
 import json
-import time
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from damperfit.atomic import check_writable, file_set, reserved
 from damperfit.errors import ConfigurationError, OutputError
-from damperfit.identification import Campaign, compare, identify
+from damperfit.identification import Campaign
 from damperfit.report import markdown_report
 from damperfit.run.dampers import by_damper, folder_name
 from damperfit.run.earlier import PAGE, forget_figures
@@ -36,19 +32,17 @@ from damperfit.run.run_json import (
     report_facts,
 )
 from damperfit.run.same_setting import once_each, without_contradictions
-from damperfit.tables import make_tables, profiles_table, write_responses, write_table
+from damperfit.run.work import Clock, comparisons, fitted, profile_points, sha256_of
+from damperfit.tables import make_tables, write_responses, write_table
 from damperfit.uncertainty import Bench
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
-    from pathlib import Path
 
     import pyarrow as pa
 
     from damperfit.configuration.options import Configuration
-    from damperfit.damper.model import Values
-    from damperfit.identification import Comparison, Fit
-    from damperfit.recording import Trace
+    from damperfit.identification import Fit
     from damperfit.report import Failure, ReportFacts
     from damperfit.run.logs import LogBatch
     from damperfit.setting import Setting
@@ -221,7 +215,7 @@ class _OneDamper:
     folder_owner: str
     configuration: Configuration
     parted: Parted
-    clock: _Clock
+    clock: Clock
     jobs: int
 
     def run(self, watch: Watch) -> RunResult:
@@ -244,7 +238,7 @@ def _read(
     watch: Watch,
 ) -> list[_OneDamper]:
     """Read the logs and part them by damper; what is held out is parted from each."""
-    clock = _Clock()
+    clock = Clock()
     folder = configuration.output.folder
     paths = expand(logs)
     named = named_files(configuration.hold_out.patterns, paths)
@@ -278,13 +272,19 @@ def _read(
 
 
 def _run(
-    configuration: Configuration, parted: Parted, *, clock: _Clock, jobs: int, watch: Watch
+    configuration: Configuration, parted: Parted, *, clock: Clock, jobs: int, watch: Watch
 ) -> RunResult:
     """Fit, judge and write what was read."""
     batch = parted.batch
     watch.on_start(len({trace.setting for trace in batch.traces}))
     with clock.lap("fit_s"):
-        campaign = _identify(configuration, batch.traces, jobs=jobs, watch=watch)
+        campaign = fitted(
+            configuration,
+            batch.traces,
+            jobs=jobs,
+            on_fit=watch.on_fit,
+            cancelled=watch.cancelled,
+        )
     mishaps = Mishaps(batch)
     if campaign.mishap is not None:
         mishaps.add(campaign.mishap)
@@ -352,83 +352,11 @@ class _Told:
             record=record(
                 self.configuration, self.batch, facts, self.campaign, judgement, ending=ending
             ),
-            profiles=_profiles(self.configuration, judgement, self.origin),
+            profiles=profile_points(self.configuration, judgement, self.origin),
         )
 
 
-@dataclass(slots=True)
-class _Clock:
-    """Seconds spent in each part of a run."""
-
-    laps: dict[str, float] = field(default_factory=dict)
-    started: float = field(default_factory=time.perf_counter)
-
-    @contextmanager
-    def lap(self, name: str) -> Iterator[None]:
-        begin = time.perf_counter()
-        try:
-            yield
-        finally:
-            spent = time.perf_counter() - begin
-            self.laps[name] = round(self.laps.get(name, 0.0) + spent, 4)
-
-    def read(self) -> dict[str, float]:
-        return self.laps | {"total_s": round(time.perf_counter() - self.started, 4)}
-
-
-def _identify(
-    configuration: Configuration, traces: Sequence[Trace], *, jobs: int, watch: Watch
-) -> Campaign:
-    if not traces or watch.cancelled():
-        return Campaign(
-            procedure=configuration.identification.procedure,
-            fits=(),
-            named=configuration.damper.quantities,
-        )
-    return identify(
-        traces,
-        configuration.damper,
-        configuration.identification,
-        jobs=jobs,
-        on_fit=watch.on_fit,
-        cancelled=watch.cancelled,
-    )
-
-
-def _profiles(
-    configuration: Configuration, judgement: Judgement, origin: Mapping[str, Any]
-) -> pa.Table | None:
-    """The table of the profiles that were asked for."""
-    if not configuration.profile:
-        return None
-    wanted = (p for p in judgement.assessment.profiles if p.name in configuration.profile)
-    quantities = configuration.damper.quantities
-    return profiles_table(wanted, provenance=origin, quantities=quantities)
-
-
-def _comparisons(
-    configuration: Configuration, campaign: Campaign, mishaps: Mishaps, *, jobs: int
-) -> Iterator[Comparison | None]:
-    """Simulate each log once more, a few at a time and no more: they are large."""
-    take = mishaps.at_log("simulating the response of")
-
-    def one(pair: tuple[Values, Trace]) -> Comparison | None:
-        parameters, trace = pair
-        try:
-            return compare(
-                parameters, trace, configuration.damper, solver=configuration.identification.solver
-            )
-        except Exception as error:  # noqa: BLE001 - the other logs have their signals
-            take(trace, error)
-            return None
-
-    pairs = [(fit.parameters, log.trace) for fit in campaign.fits for log in fit.logs]
-    with ThreadPoolExecutor(max_workers=jobs) as pool:
-        for start in range(0, len(pairs), 2 * jobs):
-            yield from pool.map(one, pairs[start : start + 2 * jobs])
-
-
-def _write(told: _Told, mishaps: Mishaps, *, clock: _Clock, jobs: int) -> RunResult:
+def _write(told: _Told, mishaps: Mishaps, *, clock: Clock, jobs: int) -> RunResult:
     """Write all files as a set, run.json last; page and figures of an earlier run go."""
     configuration, campaign = told.configuration, told.campaign
     folder = configuration.output.folder
@@ -438,7 +366,7 @@ def _write(told: _Told, mishaps: Mishaps, *, clock: _Clock, jobs: int) -> RunRes
             write_responses(
                 files.path("responses.parquet"),
                 campaign,
-                _comparisons(configuration, campaign, mishaps, jobs=jobs),
+                comparisons(configuration, campaign, mishaps, jobs=jobs),
                 provenance=told.origin,
             )
             result = told.result(mishaps.failures)
@@ -451,14 +379,9 @@ def _write(told: _Told, mishaps: Mishaps, *, clock: _Clock, jobs: int) -> RunRes
             files.without(PAGE)
             report = markdown_report(result.tables, result.facts)
             files.path("report.md").write_bytes(report.encode("utf-8", "backslashreplace"))
-        result.record["files"] = {name: _sha256(files.path(name)) for name in sorted(files.names)}
+        result.record["files"] = {name: sha256_of(files.path(name)) for name in sorted(files.names)}
         result.record["timings"] = clock.read()
         text = json.dumps(result.record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
         files.path("run.json").write_bytes(text.encode("utf-8", "backslashreplace"))
     forget_figures(folder)
     return result
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -320,20 +320,17 @@ def profile_jointly(
     place = known.names.index(name)
     variance = float(known.covariance[place, place])
     curvature = shared_curvature(evidence, sharing)[sharing.variables.index(name)]
-    unit = unit_of(fits[0].parameters.quantity(name))
     walk = _JointWalk(held, name, best, curvature / variance)
     quantity = fits[0].parameters.quantity(name)
-    profiles = _walked(walk, quantity, walk.value, math.sqrt(variance) / unit, stride)
+    error = math.sqrt(variance) / unit_of(quantity)
+    profiles = _walked(walk, quantity, walk.value, error, stride)
     return tuple(profiles[setting] for setting in sorted(profiles))
 
 
 def _walked(
     walker: _Walker, quantity: Quantity, best: float, error: float, stride: Stride
 ) -> dict[Setting, MisfitProfile]:
-    """The profile of every setting that a walker sees; it walks both sides of its start.
-
-    ``error`` is the standard error of the parameter's u.
-    """
+    """The profile of every setting that a walker sees on both sides; ``error`` is that of u."""
     limits, is_complete = [], True
     for side in (-1.0, 1.0):
         walker.restart()

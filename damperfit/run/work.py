@@ -1,0 +1,114 @@
+"""What a run computes between reading and writing, and how long each part takes."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from damperfit.identification import Campaign, compare, identify
+from damperfit.tables import profiles_table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    import pyarrow as pa
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.damper.model import Values
+    from damperfit.identification import Comparison, Fit
+    from damperfit.recording import Trace
+    from damperfit.run.mishaps import Mishaps
+    from damperfit.run.run_json import Judgement
+
+__all__ = ["Clock", "comparisons", "fitted", "profile_points", "sha256_of"]
+
+
+@dataclass(slots=True)
+class Clock:
+    """Seconds spent in each part of a run."""
+
+    laps: dict[str, float] = field(default_factory=dict)
+    started: float = field(default_factory=time.perf_counter)
+
+    @contextmanager
+    def lap(self, name: str) -> Iterator[None]:
+        """Add the time spent inside to a part."""
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            spent = time.perf_counter() - begin
+            self.laps[name] = round(self.laps.get(name, 0.0) + spent, 4)
+
+    def read(self) -> dict[str, float]:
+        """Return the seconds of each part, and of all."""
+        return self.laps | {"total_s": round(time.perf_counter() - self.started, 4)}
+
+
+def fitted(
+    configuration: Configuration,
+    traces: Sequence[Trace],
+    *,
+    jobs: int,
+    on_fit: Callable[[Fit], None],
+    cancelled: Callable[[], bool],
+) -> Campaign:
+    """Return the fits of all settings; none where there is no log, or the user has stopped."""
+    if not traces or cancelled():
+        return Campaign(
+            procedure=configuration.identification.procedure,
+            fits=(),
+            named=configuration.damper.quantities,
+        )
+    return identify(
+        traces,
+        configuration.damper,
+        configuration.identification,
+        jobs=jobs,
+        on_fit=on_fit,
+        cancelled=cancelled,
+    )
+
+
+def profile_points(
+    configuration: Configuration, judgement: Judgement, origin: Mapping[str, Any]
+) -> pa.Table | None:
+    """Return the table of the profiles that were asked for."""
+    if not configuration.profile:
+        return None
+    wanted = (p for p in judgement.assessment.profiles if p.name in configuration.profile)
+    quantities = configuration.damper.quantities
+    return profiles_table(wanted, provenance=origin, quantities=quantities)
+
+
+def comparisons(
+    configuration: Configuration, campaign: Campaign, mishaps: Mishaps, *, jobs: int
+) -> Iterator[Comparison | None]:
+    """Yield each log simulated once more, a few at a time and no more: they are large."""
+    take = mishaps.at_log("simulating the response of")
+
+    def one(pair: tuple[Values, Trace]) -> Comparison | None:
+        parameters, trace = pair
+        try:
+            return compare(
+                parameters, trace, configuration.damper, solver=configuration.identification.solver
+            )
+        except Exception as error:  # noqa: BLE001 - the other logs have their signals
+            take(trace, error)
+            return None
+
+    pairs = [(fit.parameters, log.trace) for fit in campaign.fits for log in fit.logs]
+    with ThreadPoolExecutor(max_workers=jobs) as pool:
+        for start in range(0, len(pairs), 2 * jobs):
+            yield from pool.map(one, pairs[start : start + 2 * jobs])
+
+
+def sha256_of(path: Path) -> str:
+    """Return the hash of a file, hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
