@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from damperfit.damper.cavitation import Cavitation
-from damperfit.damper.parameters import PARAMETER_NAMES, Parameters
+from damperfit.damper.parameters import PURDY_DAMPER, Parameters
 from damperfit.identification import Campaign, Fit, LogFit, Outcome, Status
 from damperfit.recording import Drive, FilterDesign, Stretch, Trace
 
@@ -58,7 +58,7 @@ def fit(
 ) -> Fit:
     """Return a fit with round numbers."""
     names = logs or (f"setting_{setting:02d}.csv",)
-    plain = {name: "fitted" if name in FREE else "shared" for name in PARAMETER_NAMES}
+    plain = {name: "fitted" if name in FREE else "shared" for name in PURDY_DAMPER.names}
     named = plain | {"f_0": "fixed"} | (status or {})
     return Fit(
         setting=setting,

@@ -249,7 +249,6 @@ SURFACE = {
     "damperfit.damper.parameters": [
         "DAMPER_RANGES",
         "Damper",
-        "PARAMETER_NAMES",
         "PURDY_DAMPER",
         "Parameters",
     ],

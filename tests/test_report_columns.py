@@ -18,7 +18,7 @@ import pytest
 from damperfit.adjustment import Click
 from damperfit.checks import Check
 from damperfit.damper.cavitation import Cavitation
-from damperfit.damper.parameters import PARAMETER_NAMES
+from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.report import (
     ReportFacts,
     cycle_force_sheet,
@@ -537,7 +537,7 @@ AXES = {
 }
 
 
-@pytest.mark.parametrize("name", PARAMETER_NAMES)
+@pytest.mark.parametrize("name", PURDY_DAMPER.names)
 def test_a_parameter_is_drawn_in_the_unit_of_its_axis(name):
     from damperfit.report.plots.parameters import parameter_plots
 

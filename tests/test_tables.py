@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from damperfit.adjustment import Adjustment, Click, Level
-from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER, Parameters
+from damperfit.damper.parameters import PURDY_DAMPER, Parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Outcome, compare
 from damperfit.simulation import simulate, sine_motion
@@ -109,7 +109,7 @@ def test_values_are_those_of_the_fits_and_intervals_stay_empty() -> None:
     assert row["grade"] == "excellent"
     assert row["outcome"] == "converged"
     assert (row["n_logs"], row["n_samples"], row["evaluations"]) == (1, 333, 12)
-    for name in PARAMETER_NAMES:
+    for name in PURDY_DAMPER.names:
         assert row[f"{name}_se"] is row[f"{name}_ci_low"] is row[f"{name}_ci_high"] is None
 
 

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
 
-__all__ = ["DAMPER_RANGES", "PARAMETER_NAMES", "PURDY_DAMPER", "Damper", "Parameters"]
+__all__ = ["DAMPER_RANGES", "PURDY_DAMPER", "Damper", "Parameters"]
 
 # What any damper has, from a model car's to a bridge's, with room to spare, in SI. What lies
 # outside was misread: mm as m, bar as Pa. Pressures are absolute, hence never nothing.
@@ -233,5 +233,3 @@ class Damper(Model):
 
 
 PURDY_DAMPER = Damper()
-
-PARAMETER_NAMES: tuple[str, ...] = PURDY_DAMPER.names

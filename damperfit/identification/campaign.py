@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
 __all__ = ["PROCEDURES", "Campaign", "identify"]
 
-_MODEL_PARAMETERS = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
-_PAPER_FREE = ("r_m1", "r_m2", "k_e")
 _NOT_JOINT = (
     "the joint fit needs two settings at a sound minimum and a shared parameter: these are the "
     "results of procedure {}."
@@ -189,12 +187,14 @@ def _plain(task: ProcedureInput) -> Campaign:
 
 def _paper(task: ProcedureInput) -> Campaign:
     """The paper's own procedure, sections 3 and 4 of its identification."""
+    quantities = task.damper.quantities
     fixed = dict(task.options.fixed)
-    free = task.options.free or tuple(name for name in _PAPER_FREE if name not in fixed)
-    shared_free = tuple(name for name in (*_MODEL_PARAMETERS, "f_0") if name not in fixed)
-    if "f_0" not in free:
-        fixed.setdefault("f_0", 0.0)
-        shared_free = tuple(name for name in shared_free if name != "f_0")
+    own = (one.name for one in quantities if one.default is None and not one.is_shared)
+    free = task.options.free or tuple(name for name in own if name not in fixed)
+    for one in quantities:
+        if one.default is not None and one.name not in free:
+            fixed.setdefault(one.name, one.default)
+    shared_free = tuple(one.name for one in quantities if one.name not in fixed)
     try:
         first, warnings = first_pass(task, task.ordered(shared_free), fixed, set(free))
     except FitCancelledError:

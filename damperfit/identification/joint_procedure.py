@@ -10,12 +10,12 @@ import numpy as np
 
 from damperfit.damper.model import Values
 from damperfit.identification.failures import SettingError, SettingFailure, attempted
-from damperfit.identification.gas_content import first_law, working_pressure
+from damperfit.identification.gas_content import GAS_FOLLOWER, first_law, working_pressure
 from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_jointly
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import NOT_FIT_TO_SHARE
-from damperfit.identification.sharing import Sharing
+from damperfit.identification.sharing import TAKEN, Sharing
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -122,7 +122,7 @@ def _fit_sound(
         return None
     common = {name: _common(name, task, list(sound.values())) for name in shared}
     starts = {setting: fit.parameters.replace(common) for setting, fit in sound.items()}
-    moving = {*own, *shared, *(("k_e",) if is_gas else ())}
+    moving = {*own, *shared, *((GAS_FOLLOWER,) if is_gas else ())}
     misfits = {setting: task.misfit(setting, task.ordered(moving)) for setting in sound}
     problem = JointProblem(misfits, shared, jobs=task.jobs)
     solution = fit_jointly(problem, starts)
@@ -143,7 +143,7 @@ def _fit_sound(
     )
     return JointResult(
         solution=solution,
-        own=tuple(name for name in own if not (is_gas and name == "k_e")),
+        own=tuple(name for name in own if not (is_gas and name == GAS_FOLLOWER)),
         status=_statuses(solution, shared, is_gas=is_gas),
         sharing=sharing,
         evaluations=spent,
@@ -156,7 +156,7 @@ def _common(name: str, task: ProcedureInput, fits: Sequence[Fit]) -> float:
 
     From a value without effect a logarithm would not come back.
     """
-    if name == "r_m3" and any(fit.status[name] == Status.NOT_IDENTIFIABLE for fit in fits):
+    if name == TAKEN and any(fit.status[name] == Status.NOT_IDENTIFIABLE for fit in fits):
         return task.options.fallback_r_m3
     return float(np.mean([getattr(fit.parameters, name) for fit in fits]))
 
@@ -165,7 +165,7 @@ def _with_gas(
     task: ProcedureInput, problem: JointProblem, starts: Mapping[Setting, Values]
 ) -> tuple[JointSolution, int]:
     """Fit with K_e from a gas content; the working pressures are those of the fit itself."""
-    moduli = {setting: start.k_e for setting, start in starts.items()}
+    moduli = {setting: getattr(start, GAS_FOLLOWER) for setting, start in starts.items()}
     pressures = _pressures(problem, starts)
     gas = first_law(moduli, pressures, cast("Damper", task.damper).gas_exponent)
     solution = fit_jointly(replace(problem, gas=gas), starts)
@@ -234,4 +234,4 @@ def _statuses(
         status[name] = Status.SHARED if low < getattr(agreed, name) < high else Status.AT_BOUND
         if one.is_logarithmic and solution.errors[name] > NOT_FIT_TO_SHARE:
             status[name] = Status.NOT_IDENTIFIABLE
-    return status | ({"k_e": Status.SHARED} if is_gas else {})
+    return status | ({GAS_FOLLOWER: Status.SHARED} if is_gas else {})

@@ -83,7 +83,7 @@ def unconfirmed_tares(campaign: Campaign, assessment: Assessment) -> Iterator[st
     doubted = [
         fit.setting
         for fit in campaign.fits
-        if fit.setting in sound and fit.status["f_0"] == Status.FIXED and _is_warned_of_tare(fit)
+        if fit.setting in sound and _has_fixed_offset(fit) and _is_warned_of_tare(fit)
     ]
     if doubted:
         where = f"setting{'s' if len(doubted) > 1 else ''} {listed_settings(doubted)}"
@@ -91,6 +91,11 @@ def unconfirmed_tares(campaign: Campaign, assessment: Assessment) -> Iterator[st
             f"{where}: the warning tare is not confirmed: the fit meets the force to its noise "
             "without an offset"
         )
+
+
+def _has_fixed_offset(fit: Fit) -> bool:
+    offsets = (one.name for one in fit.parameters.quantities if one.is_offset)
+    return all(fit.status[name] == Status.FIXED for name in offsets)
 
 
 def _is_warned_of_tare(fit: Fit) -> bool:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.atomic import file_set
-from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.reference import REFERENCE_SETTINGS, reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.samples.steady import RTOL, SteadyCycle, steady_cycle
@@ -189,9 +189,9 @@ def _log_text(cycle: SteadyCycle, setting: int, options: SampleOptions) -> str:
 
 def _truth_text(truth: Mapping[int, Parameters]) -> str:
     """Return the true values as CSV, every digit, SI."""
-    rows = [",".join(("setting", *PARAMETER_NAMES))]
+    rows = [",".join(("setting", *PURDY_DAMPER.names))]
     for setting, parameters in truth.items():
-        values = (getattr(parameters, name) for name in PARAMETER_NAMES)
+        values = (getattr(parameters, name) for name in PURDY_DAMPER.names)
         rows.append(",".join((str(setting), *(repr(float(value)) for value in values))))
     return "\n".join([*rows, ""])
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.reference import reference_parameters
 from damperfit.errors import ConfigurationError, OutputError, SimulationError
 from damperfit.samples import SampleOptions, make_samples, steady_cycle
@@ -133,7 +133,7 @@ def test_truth_holds_every_digit(tmp_path):
     assert [int(row["setting"]) for row in rows] == [3, 20]
     for row in rows:
         true = reference_parameters(int(row["setting"]))
-        for name in PARAMETER_NAMES:
+        for name in PURDY_DAMPER.names:
             assert float(row[name]) == getattr(true, name)
 
 

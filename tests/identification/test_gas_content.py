@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from damperfit.damper.bulk_modulus import modulus_at_pressure
-from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER, Parameters
+from damperfit.damper.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Outcome, identify
@@ -87,7 +87,7 @@ def test_errors_are_those_of_one_big_least_squares_with_the_law_inside(campaign)
     """The slow twin: every variable of every setting in one matrix, K_e by the chain rule."""
     evidence = collect_evidence(campaign, PURDY_DAMPER)
     law, n = campaign.sharing.gas, len(SETTINGS)
-    k_e = PARAMETER_NAMES.index("k_e")
+    k_e = PURDY_DAMPER.names.index("k_e")
     size = 2 * n + 4
     information, scores = np.zeros((size, size)), np.zeros((size, size))
     chains = []
@@ -113,7 +113,7 @@ def test_errors_are_those_of_one_big_least_squares_with_the_law_inside(campaign)
     assert np.sqrt(np.diag(shared)) == pytest.approx(np.sqrt(np.diag(whole)[2 * n :]), rel=1e-4)
     for chain, known in zip(chains, uncertainties(evidence, campaign.sharing), strict=True):
         expected = chain @ whole @ chain.T
-        places = [PARAMETER_NAMES.index(name) for name in known.names]
+        places = [PURDY_DAMPER.names.index(name) for name in known.names]
         assert np.sqrt(np.diag(known.covariance)) == pytest.approx(
             np.sqrt(np.diag(expected)[places]), rel=1e-3
         )

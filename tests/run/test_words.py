@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from damperfit.configuration.loading import load_configuration
+from damperfit.damper.model import values_type
 from damperfit.identification import Outcome, Sharing, Status
 from damperfit.recording import Finding, natural_order
 from damperfit.report.failures_and_warnings import Failure
@@ -250,3 +251,12 @@ def test_a_log_whose_cycles_cannot_be_parted_hides_none_behind_it(monkeypatch) -
     assert [one.setting for one in parted.batch.traces] == [2, 3]
     assert [one.setting for one in parted.held_out] == [2, 3]
     assert [one.setting for one in parted.batch.failures] == [1]
+
+
+def test_a_tare_is_judged_of_a_model_without_an_offset_too() -> None:
+    warned = with_findings(1, TARE)
+    (friction,) = (one for one in warned.parameters.quantities if one.name == "f_f")
+    bare = replace(warned, parameters=values_type((friction,))(50.0), status={"f_f": Status.FITTED})
+    sound = SimpleNamespace(setting=1, is_structured=False, noise_percent=0.1)
+    (said,) = unconfirmed_tares(campaign(bare), SimpleNamespace(diagnoses=(sound,)))
+    assert said.startswith("setting 1: the warning tare is not confirmed")

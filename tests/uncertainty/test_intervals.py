@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER
+from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.reference import reference_parameters
 from damperfit.identification import FitOptions, Sharing, identify
 from damperfit.uncertainty import (
@@ -142,7 +142,7 @@ def test_errors_of_white_residuals_are_those_of_the_textbook() -> None:
     options = FitOptions("plain", FREE, KNOWN)
     campaign = identify([log], PURDY_DAMPER, options)
     evidence = collect_evidence(campaign, PURDY_DAMPER)
-    places = [PARAMETER_NAMES.index(name) for name in FREE]
+    places = [PURDY_DAMPER.names.index(name) for name in FREE]
     jacobian = evidence[0].logs[0].jacobian[:, places]
     rng = np.random.default_rng(17)
     values = []

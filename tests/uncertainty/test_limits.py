@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER
+from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.identification import Outcome, Sharing
 from damperfit.recording import Finding
 from damperfit.uncertainty import Prediction, assessment
@@ -216,7 +216,7 @@ def test_a_common_friction_is_in_doubt_where_the_settings_own_differ(
     quiet = repeating(2.0, noise=0.1)
     (log,) = quiet.logs
     jacobian = log.jacobian.copy()
-    jacobian[:, PARAMETER_NAMES.index("f_f")] = repeating(1.0, noise=0.0).logs[0].residuals
+    jacobian[:, PURDY_DAMPER.names.index("f_f")] = repeating(1.0, noise=0.0).logs[0].residuals
     told = replace(quiet, logs=(replace(log, jacobian=jacobian),))
     monkeypatch.setattr(assessment, "collect_evidence", lambda *_, **__: (told,))
     sharing = Sharing(f_f_from=(1, 2), f_f_range=spread)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.parameters import PARAMETER_NAMES, PURDY_DAMPER
+from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.identification import Sharing, Status
 from damperfit.uncertainty import profile_walk
 from damperfit.uncertainty.intervals import _shared_rows
@@ -77,7 +77,7 @@ def test_a_mean_friction_has_no_profile_in_one_setting(monkeypatch) -> None:
 
 def test_profiles_end_with_their_budget(monkeypatch) -> None:
     found = profiled(
-        monkeypatch, status={}, errors=dict.fromkeys(PARAMETER_NAMES[:4], 0.5),
+        monkeypatch, status={}, errors=dict.fromkeys(PURDY_DAMPER.names[:4], 0.5),
         sharing=Sharing(), budget=100, cost=60,
     )  # fmt: skip
     assert [one.name for one in found] == ["r_m1", "r_m2"]  # 70, then 10: no more than a look
@@ -131,6 +131,6 @@ def test_a_mean_friction_has_the_weight_of_the_settings_that_were_judged(setting
     sharing = Sharing(free=("r_m1", "f_f"), f_f_from=settings)
     first, second = _shared_rows(both, sharing)
     expected = np.zeros((1, 6))
-    expected[0, PARAMETER_NAMES.index("f_f")] = share / 4.0
+    expected[0, PURDY_DAMPER.names.index("f_f")] = share / 4.0
     assert first == pytest.approx(expected)
     assert second == pytest.approx(expected if 2 in settings else np.zeros((1, 6)))
