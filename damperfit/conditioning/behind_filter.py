@@ -93,7 +93,10 @@ def _filtered(
         corner, order = options.filter_corner, options.filter_order
     else:
         corner, order = options.rig_filter_corner, options.rig_filter_order
-    design = design_filter("causal", corner, sample_rate=rate, order=order)
+    section = "conditioning" if options.rig_filter == "none" else "rig"
+    design = design_filter(
+        "causal", corner, sample_rate=rate, order=order, key=f"{section}.filter_corner"
+    )
     if options.rig_filter == "none":
         channels = apply_filter(design, channels)
     if options.rig_filter != "zero_phase":

@@ -49,6 +49,12 @@ _DITHER = 0.45  # of a step: its rounding alone has 0.29, noise of half a step m
 _SPIKE = 0.02  # of the range
 _SPIKE_NOISE = 7.0  # times the noise
 _HARMLESS = 0.2  # of the range, all spikes together
+_USUAL, _RARE = 6.0, 98.0  # times what one sample in 50 exceeds
+_NEAR, _ALONE = 5, 2  # samples
+_PART = 0.4  # of a spike; one like it
+_PHASE = 0.05  # of a cycle: when play closes
+_AT_TURNS = 0.25  # of the range
+_OFTEN = 0.25  # of the cycles
 _MOST_SPIKES = 0.02  # of the samples; more are noise
 
 
@@ -313,23 +319,40 @@ def find_spikes(channel: Channel, usual: float, *, noise: float) -> IntArray:
     size = np.abs(beside)
     if float(size.max()) <= least:
         return np.empty(0, dtype=np.int64)
+    if not period:
+        # Where nothing repeats, turns and corners of the motion stand out by themselves.
+        least = max(least, _USUAL * float(np.percentile(size, _RARE)))
+        if channel.name == "force":
+            # Friction that turns twice within a few samples is such a corner.
+            turns = np.flatnonzero(np.diff(np.sign(np.diff(channel.other))) != 0.0) + 1
+            for reach in range(-2, 3):
+                at = np.clip(turns + reach, 0, len(size) - 1)
+                size[at] = np.where(size[at] < _AT_TURNS * usual, 0.0, size[at])
     rows = np.flatnonzero(size > max(least, _SPIKE_NOISE * noise))
     if len(rows) > _MOST_SPIKES * len(size):
         return rows[:0]
-    return rows[[not _is_repeated(beside, int(row), period) for row in rows]]
+    return rows[[not (_rings(size, row) or _repeats(size, row, period)) for row in rows.tolist()]]
 
 
-def _is_repeated(beside: FloatArray, row: int, period: float) -> bool:
-    """Whether the cycle before or behind has the same at the same phase."""
+def _rings(size: FloatArray, row: int) -> bool:
+    """Whether more than two samples in a row stand out: a blow, as where play closes."""
+    near = size[max(row - _NEAR, 0) : row + _NEAR + 1]
+    return int(np.count_nonzero(near > _PART * size[row])) > _ALONE
+
+
+def _repeats(size: FloatArray, row: int, period: float) -> bool:
+    """Whether the cycle before or behind has one of its kind too, or many others have."""
     if not period:
         return False
-    reach = max(2, round(0.02 * period))
-    for sign in (-1.0, 1.0):
-        middle = round(row + sign * period)
-        near = beside[max(middle - reach, 0) : max(middle + reach + 1, 0)]
-        if len(near) and float((near * np.sign(beside[row])).max()) > 0.4 * abs(beside[row]):
-            return True
-    return False
+    reach = max(2, round(_PHASE * period))
+    n_cycles = math.floor(len(size) / period)
+    alike = []
+    for k in range(-n_cycles, n_cycles + 1):
+        middle = round(row + k * period)
+        near = size[max(middle - reach, 0) : max(middle + reach + 1, 0)]
+        if k and len(near):
+            alike.append(float(near.max()) > _PART * size[row])
+    return bool(alike) and sum(alike) >= max(1.0, _OFTEN * len(alike))
 
 
 def _beside(values: FloatArray) -> FloatArray:

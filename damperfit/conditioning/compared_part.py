@@ -19,11 +19,11 @@ from damperfit.conditioning.cycles import Cycles, find_cycles
 from damperfit.conditioning.drive import content_beyond
 from damperfit.conditioning.filters import fading_samples, settling_samples
 from damperfit.conditioning.moving import find_moving
+from damperfit.conditioning.passages import ends_in_motion
 from damperfit.conditioning.refusals import MIN_CYCLES, refuse_fast
 from damperfit.conditioning.stretches import (
     Edges,
     Found,
-    ends_in_motion,
     find_runs,
     steady_stretch,
 )

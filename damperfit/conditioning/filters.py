@@ -56,7 +56,14 @@ _SETTLED = 1e-8
 _PADDED = 1e-3
 
 
-def design_filter(kind: str, corner: float, *, sample_rate: float, order: int = 4) -> FilterDesign:
+def design_filter(
+    kind: str,
+    corner: float,
+    *,
+    sample_rate: float,
+    order: int = 4,
+    key: str = "conditioning.filter_corner",
+) -> FilterDesign:
     """Return a Butterworth low-pass of the kind "zero_phase", "causal" or "none".
 
     Parameters
@@ -70,6 +77,8 @@ def design_filter(kind: str, corner: float, *, sample_rate: float, order: int = 
         Hz.
     order : int
         Order of one pass.
+    key : str
+        What the corner is called where a user says it, for the refusal.
 
     Raises
     ------
@@ -94,7 +103,8 @@ def design_filter(kind: str, corner: float, *, sample_rate: float, order: int = 
         raise ConditioningError(
             f"the filter corner of {corner:g} Hz is not below half the sample rate "
             f"({sample_rate / 2.0:.4g} Hz at {sample_rate:.4g} samples per second); "
-            "log faster, lower the corner, or choose the filter 'none'"
+            f"log faster, say {key} = '{0.4 * sample_rate:.2g}Hz', which fits, or choose the "
+            "filter 'none'"
         )
     if kind == "causal":
         text = f"causal Butterworth low-pass, order {order}, -3 dB at {corner:g} Hz"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from damperfit.conditioning.compared_part import Compared, choose_compared
+from damperfit.conditioning.corner import with_corner
 from damperfit.conditioning.corrections import (
     describe_level,
     describe_middle,
@@ -71,6 +72,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         lenient = replace(options, max_force=math.inf)
         recording = bridge_spikes(recording, condition(recording, lenient))
     refuse_dead(recording)
+    options, corner = with_corner(recording, options)
     delay = options.skew if isinstance(options.skew, float | int) else 0.0
     too_large = oversize(recording, options)
     try:
@@ -93,6 +95,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     trace = with_figures(traced.trace)
     refuse_stroke(trace, options)
     told = (
+        *corner,
         describe_middle(trace, options),
         *describe_level(level, options),
         *skew_findings,

@@ -3,8 +3,6 @@
 Limits, and what the faults cost near them (`python -m tests.conditioning.limits`; the largest error
 at settings 1, 10 and 20 of the reference set, 500 Hz, no noise):
 
-- A force offset that drifts by 1 % of the peak force costs 1.6 % of K_e, by 3 % 5 %; a mid-stroke
-  that drifts by 5 % of the amplitude 0.7 %.
 - Noise of the displacement acts through the velocity and bends K_e: 20 um cost 0.9 %, 37 um 2.4 %,
   67 um 7 %. The bar is the noise of the velocity behind the filter over its peak; 20 um are below
   it.
@@ -22,10 +20,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning.channels import noise_of
+from damperfit.conditioning.corner import fitting_corner
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.drive import content_beyond
 from damperfit.conditioning.filters import gain_at
-from damperfit.conditioning.scatter import noise_floor
 from damperfit.quantities import parse_quantity
 from damperfit.recording import Finding
 
@@ -43,14 +41,10 @@ if TYPE_CHECKING:
 
 __all__ = ["examine_motion"]
 
-_SCATTER = 1.0  # %
-_FORCE_DRIFT = 1.0  # % of the peak force
-_STROKE_DRIFT = 5.0  # % of the amplitude
 _VELOCITY_NOISE = 0.35  # % of the peak velocity
+_HARMONICS = 8.0
 _BEYOND_HALF = 2.0  # % of the speed; noise of 8 um at 500 Hz makes 0.2, a triangle 15
 _TELLING = 20.0  # samples in a cycle, from which on noise can be told from motion
-_SURE = 4.0  # standard errors
-_ENOUGH = 4  # cycles, to tell a trend from scatter
 _DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
 _SOON, _SAME = 3.0, 0.01  # cycles; of frequency and amplitude
 _MANY_ELSEWHERE = 2  # steady cycles beyond a break; one may be chance in a run-up
@@ -71,6 +65,7 @@ def examine_motion(
     """Yield what is remarkable in the steady cycles of a log."""
     yield _sample_rate(trace, options)
     yield from _filter_loss(trace)
+    yield from _few_harmonics(trace, options)
     yield from _displacement_noise(log, trace, options)
     yield from _drive(trace, options)
     if cycles is None:
@@ -83,19 +78,8 @@ def examine_motion(
         yield _amplitude(metadata, trace, options)
     yield _trimmed(log, trace)
     yield from _force_range(trace)
-    fastest = len(clean_cycles(trace.fastest)) - 1 if trace.fastest.n_cycles else 0
-    if fastest:
+    if trace.fastest.n_cycles:
         yield _harmonics(trace)
-    if fastest >= 2 and math.isfinite(floor := noise_floor(trace)):
-        yield _scatter(trace)
-        text = f"the force differs from cycle to cycle by {floor:.2g} % of its variance"
-        yield Finding(
-            "noise_floor", "note", f"{text}: a right model reaches about this MSE", floor, "%"
-        )
-    if fastest >= _ENOUGH:
-        if float(np.ptp(trace.force[trace.compared])) > 0.0:
-            yield _force_drift(trace)
-        yield _stroke_drift(trace)
 
 
 def _sample_rate(trace: Trace, options: ConditionOptions) -> Finding:
@@ -117,10 +101,26 @@ def _filter_loss(trace: Trace) -> Iterator[Finding]:
     if lost > 1e-3:
         text = (
             f"the filter takes {100.0 * lost:.2g} % off the motion at {trace.frequency:.3g} Hz: "
-            "parameters will be off by about as much; raise its corner"
+            "parameters will be off by about as much; raise its corner (conditioning.filter_corner "
+            "= 'auto' follows the motion)"
         )
         severity = "warning" if lost > 1e-2 else "note"
         yield Finding("filter_loss", severity, text, 100.0 * lost, "%")
+
+
+def _few_harmonics(trace: Trace, options: ConditionOptions) -> Iterator[Finding]:
+    """Say that a fast motion has its knees and play hidden by a corner for slow ones."""
+    if options.rig_filter != "none" or options.filter == "none" or not trace.fastest.n_cycles:
+        return
+    passed = options.filter_corner / trace.frequency
+    fits = fitting_corner(trace.frequency, 1.0 / trace.interval)
+    if passed < _HARMONICS and fits > 1.5 * options.filter_corner:
+        text = (
+            f"{options.filter_corner:g} Hz let the first {passed:.1f} harmonics of "
+            f"{trace.frequency:.3g} Hz pass: knees of the valves and play may be hidden; "
+            f"conditioning.filter_corner = 'auto' takes {fits:g} Hz"
+        )
+        yield Finding("filter_corner", "note", text, passed)
 
 
 def _displacement_noise(
@@ -322,79 +322,3 @@ def _harmonics(trace: Trace) -> Finding:
         "driven by the measured displacement"
     )
     return Finding("harmonics", "note", text, max(second, third), "%")
-
-
-def _scatter(trace: Trace) -> Finding:
-    tops, bottoms = _extremes(trace.force, trace)
-    rebound, bump = (
-        100.0 * float(np.std(peaks, ddof=1)) / max(abs(float(np.mean(peaks))), 1e-300)
-        for peaks in (tops, bottoms)
-    )
-    # A peak much smaller than the other one scatters more in per cent without being worse.
-    size = max(abs(float(np.mean(tops))), abs(float(np.mean(bottoms))))
-    worst = 100.0 * max(float(np.std(tops, ddof=1)), float(np.std(bottoms, ddof=1))) / size
-    text = (
-        f"peak force scatters by {rebound:.2g} % (rebound) and {bump:.2g} % (bump) over the cycles"
-    )
-    # The standard deviation of n cycles is itself uncertain by 1/sqrt(2(n-1)).
-    sure = _SCATTER * (1.0 + 2.0 / math.sqrt(2.0 * (len(tops) - 1)))
-    if worst <= sure:
-        return Finding("cycle_scatter", "note", text, worst, "%")
-    text += f"; a good rig has {_SCATTER:g} % or less: check play, temperature, air in the oil"
-    return Finding("cycle_scatter", "warning", text, worst, "%")
-
-
-def _force_drift(trace: Trace) -> Finding:
-    tops, bottoms = _extremes(trace.force, trace)
-    half = 0.5 * float(np.mean(tops) - np.mean(bottoms))
-    drift, error = _trend(_cycle_means(trace.force, clean_cycles(trace.fastest)))
-    share = 100.0 * drift / half
-    text = (
-        f"the mean force drifts by {drift:+.3g} N over the cycles, {abs(share):.2g} % of the peak"
-    )
-    if abs(share) <= _FORCE_DRIFT or abs(drift) <= _SURE * error:
-        return Finding("force_drift", "note", text, share, "%")
-    text += "; K_e is off by about as much; check amplifier and temperature"
-    return Finding("force_drift", "warning", text, share, "%")
-
-
-def _stroke_drift(trace: Trace) -> Finding:
-    tops, bottoms = _extremes(trace.displacement, trace)
-    middle, middle_error = _trend(0.5 * (tops + bottoms))
-    swing, swing_error = _trend(0.5 * (tops - bottoms))
-    text = (
-        f"mid-stroke drifts by {1e3 * middle:+.2g} mm and the amplitude by {1e3 * swing:+.2g} mm "
-        "over the cycles"
-    )
-    drift, error = max((middle, middle_error), (swing, swing_error), key=lambda pair: abs(pair[0]))
-    share = 100.0 * drift / trace.amplitude
-    if abs(share) <= _STROKE_DRIFT or abs(drift) <= _SURE * error:
-        return Finding("stroke_drift", "note", text, share, "%")
-    text += f", {abs(share):.2g} % of the amplitude; check the sensor's fixing"
-    return Finding("stroke_drift", "warning", text, share, "%")
-
-
-def _extremes(values: FloatArray, trace: Trace) -> tuple[FloatArray, FloatArray]:
-    """Return the highest and the lowest value of each cycle."""
-    edges = np.rint(clean_cycles(trace.fastest)).astype(np.int64)
-    inside = values[: edges[-1]]
-    return np.maximum.reduceat(inside, edges[:-1]), np.minimum.reduceat(inside, edges[:-1])
-
-
-def _cycle_means(values: FloatArray, starts: FloatArray) -> FloatArray:
-    """Return the mean of each cycle between its fractional boundaries."""
-    total = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]))])
-    at = np.clip(np.floor(starts).astype(np.int64), 0, len(values) - 2)
-    u = starts - at
-    reached = total[at] + u * values[at] + 0.5 * u**2 * (values[at + 1] - values[at])
-    return np.asarray(np.diff(reached) / np.diff(starts))
-
-
-def _trend(values: FloatArray) -> tuple[float, float]:
-    """Return how far the straight line through the values goes over all, and its error."""
-    n = len(values)
-    place = np.arange(n) - 0.5 * (n - 1)
-    slope = float(place @ values) / float(place @ place)
-    rest = values - np.mean(values) - slope * place
-    error = math.sqrt(float(rest @ rest) / max(n - 2, 1) / float(place @ place))
-    return slope * (n - 1), error * (n - 1)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.conditioning.stretches import TURN, Edges, Found, turning_points
+from damperfit.conditioning.passages import TURN, turning_points
+from damperfit.conditioning.stretches import Edges, Found
 from damperfit.recording import Stretch
 
 if TYPE_CHECKING:

@@ -68,6 +68,8 @@ class ConditionOptions:
         `damperfit.conditioning.filters` for what each does. Not used when the rig has filtered.
     filter_corner : float
         Frequency of -3 dB, Hz.
+    auto_corner : bool
+        The corner follows the fastest motion of each log; `filter_corner` is not used.
     filter_order : int
         Order of one pass.
     rig_filter : str
@@ -101,6 +103,7 @@ class ConditionOptions:
 
     filter: str = "zero_phase"
     filter_corner: float = 30.0
+    auto_corner: bool = False
     filter_order: int = 4
     rig_filter: str = "none"
     rig_filter_corner: float = 30.0

@@ -9,8 +9,10 @@ names                                                  from
 rounded_time, missing_samples, jitter                  `damperfit.conditioning.timebase`
 force_clipping, _stuck, _steps, _spikes; displacement  `damperfit.conditioning.channels`
 sample_rate, filter_loss, cycles, unsteady_cycles,     `damperfit.conditioning.motion`
-trimmed, frequency, amplitude, harmonics,
-cycle_scatter, noise_floor, force_drift, stroke_drift
+stretches, trimmed, frequency, amplitude, harmonics
+cycle_scatter, force_trend, noise_floor, force_drift,  `damperfit.conditioning.repeatability`
+stroke_drift
+continued                                              `damperfit.conditioning.compared_part`
 temperature, temperature_drift, temperature_missing    here
 rig_filter                                             `damperfit.conditioning.rig_filter`
 =====================================================  ==========================================
@@ -26,6 +28,7 @@ import numpy as np
 
 from damperfit.conditioning.channels import Channel, examine_channel, find_spikes, noise_of
 from damperfit.conditioning.motion import examine_motion
+from damperfit.conditioning.repeatability import examine_repeatability
 from damperfit.conditioning.rig_filter import looks_filtered
 from damperfit.recording import Finding
 
@@ -74,8 +77,9 @@ def examine(
         *log.findings,
         *_channels(recording, window, driven, period=_period(trace)),
         *examine_motion(log, trace, cycles, options, metadata=recording.metadata),
+        *examine_repeatability(recording, trace),
         *_temperature(recording, window, options.nominal),
-        *_rig_filter(log, options),
+        *_rig_filter(log, trace, options),
     )
 
 
@@ -175,10 +179,17 @@ def _temperature(recording: Recording, window: slice, test: NominalTest) -> Iter
     yield Finding("temperature_drift", severity, text, drift, "degC")
 
 
-def _rig_filter(log: UniformLog, options: ConditionOptions) -> Iterator[Finding]:
-    if options.rig_filter != "none":
-        return
-    if looks_filtered(log.displacement, log.force, log.interval):
+def _rig_filter(log: UniformLog, trace: Trace, options: ConditionOptions) -> Iterator[Finding]:
+    steady = [stretch for stretch in trace.stretches if stretch.n_cycles]
+    if options.rig_filter != "none" or not steady:
+        return  # a motion that does not repeat may have content where noise is looked for
+    longest = max(steady, key=lambda stretch: stretch.n_samples)
+    rows = slice(0, len(log.force))
+    if len(trace.stretches) > 1:
+        first = round((trace.start_time - log.start_time) / log.interval)
+        rows = slice(first + longest.first, first + longest.stop)
+    channels = log.displacement[rows], log.force[rows]
+    if looks_filtered(*channels, log.interval, longest.frequency):
         # Undeclared, a causal filter in the rig costs 0.3 to 2 % in every parameter.
         text = (
             "both channels look as if the rig had filtered them: if so, say rig.filter = "

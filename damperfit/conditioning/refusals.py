@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.conditioning.corner import fitting_corner
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.errors import ConditioningError
 
@@ -140,8 +141,16 @@ def refuse_fast(name: str, log: UniformLog, cycles: Cycles, options: ConditionOp
     if (is_rig or options.filter != "none") and frequency >= corner:
         raise ConditioningError(
             f"{name}: the motion found has {frequency:.3g} Hz, not below the filter "
-            f"corner of {corner:g} Hz; the displacement is noise, or the corner must be raised"
+            f"corner of {corner:g} Hz; {_raised(is_rig, frequency, log)}"
         )
+
+
+def _raised(is_rig: bool, frequency: float, log: UniformLog) -> str:  # noqa: FBT001
+    if is_rig:
+        return "the displacement is noise, or rig.filter_corner is another one"
+    corner = fitting_corner(frequency, 1.0 / log.interval)
+    fits = f"say conditioning.filter_corner = '{corner:g}Hz' or 'auto'"
+    return f"the displacement is noise, or the corner must be raised: {fits}"
 
 
 def refuse_stroke(trace: Trace, options: ConditionOptions) -> None:

@@ -6,6 +6,7 @@ the two levels, as medians over the lines of the spectrum so that harmonics do n
 measured on made-up logs (`python -m tests.conditioning.limits --filters`): without a filter 0.7 to
 1.4 for displacement and 1 to 20 for force; behind 30 or 60 Hz up to 990 and 56 000, but 4 and 130
 where the noise that is left is below the last digit of the log. Such a filter is not seen.
+Lines beside a harmonic are left out: in a short cut of a fast motion none may be left to tell.
 """
 
 from __future__ import annotations
@@ -25,11 +26,14 @@ _NEAR = (15.0, 25.0)  # Hz, below any low-pass that a damper rig uses
 _FAR = (0.3, 0.45)  # of the sample rate
 _LEAST_FAR = 60.0  # Hz
 _FEWEST_LINES = 8
+_LOBE = 4.0  # lines beside a harmonic that Blackman's window smears it over
 _DISPLACEMENT_RATIO = 100.0
 _FORCE_RATIO = 1000.0
 
 
-def looks_filtered(displacement: FloatArray, force: FloatArray, interval: float) -> bool:
+def looks_filtered(
+    displacement: FloatArray, force: FloatArray, interval: float, frequency: float
+) -> bool:
     """Whether both channels lack the noise far above the motion that they have just above it.
 
     Parameters
@@ -38,6 +42,8 @@ def looks_filtered(displacement: FloatArray, force: FloatArray, interval: float)
         Shape (n,), as logged.
     interval : float
         Sample interval, s.
+    frequency : float
+        Of the motion, Hz: its harmonics are no noise.
 
     Returns
     -------
@@ -45,15 +51,17 @@ def looks_filtered(displacement: FloatArray, force: FloatArray, interval: float)
         False also where the log is too short or too slow to tell.
     """
     return (
-        _fall(displacement, interval) > _DISPLACEMENT_RATIO
-        and _fall(force, interval) > _FORCE_RATIO
+        _fall(displacement, interval, frequency) > _DISPLACEMENT_RATIO
+        and _fall(force, interval, frequency) > _FORCE_RATIO
     )
 
 
-def _fall(signal: FloatArray, interval: float) -> float:
+def _fall(signal: FloatArray, interval: float, motion: float) -> float:
     """Ratio of the spectrum's level near the motion to that far above it; 0 when not known."""
     frequency = np.fft.rfftfreq(len(signal), interval)
     near = (frequency > _NEAR[0]) & (frequency < _NEAR[1])
+    order = np.rint(frequency / motion)
+    near &= np.abs(frequency - order * motion) * len(signal) * interval > _LOBE
     far = (frequency > max(_LEAST_FAR, _FAR[0] / interval)) & (frequency < _FAR[1] / interval)
     if min(np.count_nonzero(near), np.count_nonzero(far)) < _FEWEST_LINES:
         return 0.0

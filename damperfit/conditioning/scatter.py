@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning.channels import noise_of
+from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.filters import apply_filter, settling_samples
 from damperfit.recording import FilterDesign
 
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["noise_floor", "scatter_between_cycles", "with_noise"]
+__all__ = ["noise_beside_motion", "noise_floor", "scatter_between_cycles", "with_noise"]
 
 _FEWEST_PHASES = 8
 
@@ -117,6 +118,33 @@ def scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
         for j in range(4)
     )
     return float(scatter / kept)
+
+
+def noise_beside_motion(trace: Trace) -> float:
+    """Return what is left of the fastest stretch's noise floor beside what its motion explains, %.
+
+    The force of each cycle, less the mean cycle, is laid upon what displacement, velocity and its
+    square differ by from theirs: a motion that drifts makes a force that does.
+    """
+    starts = clean_cycles(trace.fastest)
+    variance = float(np.var(trace.force[trace.compared]))
+    if len(starts) < 3 or not variance > 0.0:
+        return math.nan
+    n_phases = max(8, round(float(np.mean(np.diff(starts)))))
+    positions = starts[:-1, None] + np.diff(starts)[:, None] * (np.arange(n_phases) / n_phases)
+    weights, index = _cubic(positions, len(trace.force))
+
+    def off_mean(values: FloatArray) -> FloatArray:
+        folded = np.sum([w * values[index + k] for k, w in enumerate(weights)], axis=0)
+        return np.asarray((folded - folded.mean(axis=0)).ravel())
+
+    x, v, f = trace.displacement, trace.velocity, trace.force
+    columns = [off_mean(x), off_mean(v), off_mean(v * np.abs(v))]
+    basis = np.stack([one / max(float(np.abs(one).max()), 1e-300) for one in columns], axis=-1)
+    force = off_mean(f)
+    rest = force - basis @ np.linalg.lstsq(basis, force, rcond=None)[0]
+    whole = float(force @ force)
+    return noise_floor(trace) * (float(rest @ rest) / whole if whole > 0.0 else 1.0)
 
 
 def _cubic(positions: FloatArray, n: int) -> tuple[list[FloatArray], NDArray[np.int64]]:

@@ -1,10 +1,6 @@
 """Where a log's motion repeats, and where it moves without repeating: what is to be compared.
 
-A motion is read as turning points: a turn counts when the way back from it is a fiftieth of the
-whole range, so that small strokes beside large ones are seen and noise is not. A cycle runs from
-one passage through the middle of its own stroke to the next but one. Cycles whose neighbours have
-their period, amplitude and middle within `steadiness` make a run, or several where its level
-changes (`damperfit.conditioning.plateaus`).
+How cycles and runs are found is told in `damperfit.conditioning.passages`.
 
 Where runs hold a third of all cycles or more they are what is compared; else all of the motion is.
 Rest never is. The model runs through the whole log, so a run that follows another motion needs no
@@ -15,33 +11,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from damperfit.conditioning.cycles import clean_cycles, crossings
-from damperfit.conditioning.plateaus import level_parts, like_halves
+from damperfit.conditioning.passages import FEWEST, Run, cycles_of, run_of, runs_of
 from damperfit.recording import Stretch
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from numpy.typing import NDArray
 
     FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
-__all__ = ["Edges", "Found", "ends_in_motion", "find_runs", "steady_stretch", "turning_points"]
+__all__ = ["Edges", "Found", "find_runs", "steady_stretch"]
 
-TURN = 0.02  # of the whole range
 _MOVED = 1.5e-3  # s; a filter of 30 Hz moves a passage so far where the speed doubles
 _HYSTERESIS = 0.25  # of the run's amplitude
-_FEWEST = 3  # passages at which a cycle begins: two whole cycles
 _SHARE = 1.0 / 3.0  # of all cycles, from which on runs are the test; chance gives less than a tenth
 _NEAR = 0.01  # of a cycle; rigs repeat a period to 0.3 %
-_CUT = 0.8  # of a cycle may be ahead of a run's first passage: the turn before it, cut
-_ALIKE = 0.1  # of the amplitude; the period is rounded to a sample
 _ROUNDING = 0.01  # of a cycle: as many whole ones as were logged, though the length is not exact
 
 
@@ -73,20 +61,6 @@ class Found:
     end: float
 
 
-class _Turns(NamedTuple):
-    """Cycles that begin at each passage through the middle of a stroke, up or down.
-
-    So many samples from a passage to the next but one; half the stroke and the middle of both
-    strokes between.
-    """
-
-    at_turns: FloatArray
-    passages: FloatArray
-    period: FloatArray
-    amplitude: FloatArray
-    middle: FloatArray
-
-
 def find_runs(
     displacement: FloatArray,
     velocity: FloatArray,
@@ -115,16 +89,16 @@ def find_runs(
     int
         Cycles, steady or not.
     """
-    seen = _cycles(displacement)
+    seen = cycles_of(displacement)
     n_passages = len(seen.passages)
-    if n_passages < _FEWEST:
+    if n_passages < FEWEST:
         return (), n_passages // 2
-    runs = list(_runs(seen, steadiness, near=_MOVED / interval))
+    runs = list(runs_of(seen, steadiness, near=_MOVED / interval))
     if sum(stop - first + 2 for first, stop in runs) < _SHARE * n_passages:
         return (), n_passages // 2
     found: list[Found] = []
     for first, stop in runs:
-        run = _run(seen, first, stop)
+        run = run_of(seen, first, stop)
         one = _of_run(run, displacement, velocity, interval=interval, edges=edges)
         if one is None:
             continue
@@ -137,102 +111,8 @@ def find_runs(
     return tuple(found), n_passages // 2
 
 
-def _cycles(x: FloatArray) -> _Turns:
-    turns = turning_points(x, TURN * float(np.ptp(x)))
-    passages = []
-    for begin, end in pairwise(turns.tolist()):
-        sign = 1.0 if x[end] > x[begin] else -1.0
-        stroke = sign * (x[begin : end + 1] - 0.5 * (x[begin] + x[end]))
-        at = int(np.argmax(stroke >= 0.0))
-        passages.append(begin + at - stroke[at] / (stroke[at] - stroke[at - 1]))
-    at_turns = x[turns]
-    strokes = np.abs(np.diff(at_turns))
-    return _Turns(
-        at_turns,
-        np.array(passages),
-        np.asarray(np.array(passages[2:]) - np.array(passages[: max(len(passages) - 2, 0)])),
-        0.25 * (strokes[:-2] + strokes[1:-1]),
-        0.25 * (at_turns[:-3] + 2.0 * at_turns[1:-2] + at_turns[2:-1]),
-    )
-
-
-def turning_points(x: FloatArray, reach: float) -> IntArray:
-    """Return the samples at which the motion turns, valleys and peaks by turns.
-
-    Parameters
-    ----------
-    x : numpy.ndarray
-        Shape (n,), m.
-    reach : float
-        Way back from a turn from which on it counts, m.
-    """
-    steps = np.diff(x)
-    places = np.flatnonzero(steps[:-1] * steps[1:] <= 0.0) + 1
-    places = np.concatenate([[0], places, [len(x) - 1]])
-    values = x[places].tolist()
-    turns: list[int] = []
-    low = high = 0
-    rising = 0
-    for k, value in enumerate(values):
-        if value > values[high]:
-            high = k
-        if value < values[low]:
-            low = k
-        if rising >= 0 and values[high] - value > reach:
-            turns.append(high)
-            rising, low = -1, k
-            high = k
-        elif rising <= 0 and value - values[low] > reach:
-            turns.append(low)
-            rising, high = 1, k
-            low = k
-    return np.asarray(places[turns], dtype=np.int64)
-
-
-def _runs(seen: _Turns, steadiness: float, *, near: float) -> Iterator[tuple[int, int]]:
-    """Yield first and stop of the cycles of each run."""
-    period, amplitude, middle = seen.period, seen.amplitude, seen.middle
-    smaller = np.minimum(amplitude[:-1], amplitude[1:])
-    alike = (
-        (np.abs(np.log(period[1:] / period[:-1])) <= steadiness)
-        & (np.abs(np.log(amplitude[1:] / amplitude[:-1])) <= steadiness)
-        & (np.abs(np.diff(middle)) <= steadiness * smaller)
-    )
-    first = 0
-    for k in range(len(period)):
-        if k == len(alike) or not alike[k]:
-            part = slice(first, k + 1)
-            for begin, stop in level_parts(
-                period[part], amplitude[part], fewest=_FEWEST, steadiness=steadiness
-            ):
-                run = like_halves(
-                    seen.passages, seen.at_turns, first + begin, first + stop, near=near
-                )
-                if run[1] - run[0] >= _FEWEST:
-                    yield run
-            first = k + 1
-
-
-class _Run(NamedTuple):
-    """The run's passages as first found, samples; medians of its cycles, samples and m."""
-
-    first: float
-    last: float
-    period: float
-    amplitude: float
-    middle: float
-
-
-def _run(seen: _Turns, first: int, stop: int) -> _Run:
-    medians = (
-        float(np.median(values[first:stop]))
-        for values in (seen.period, seen.amplitude, seen.middle)
-    )
-    return _Run(float(seen.passages[first]), float(seen.passages[stop + 1]), *medians)
-
-
 def _of_run(
-    run: _Run,
+    run: Run,
     displacement: FloatArray,
     velocity: FloatArray,
     *,
@@ -274,7 +154,7 @@ def _of_run(
     return Found(replace(stretch, peak_speed=fastest), begin, end)
 
 
-def _inner(run: _Run, n: int, edges: Edges, *, begin: float, end: float) -> tuple[float, float]:
+def _inner(run: Run, n: int, edges: Edges, *, begin: float, end: float) -> tuple[float, float]:
     """Return the samples between which a run may be compared."""
     slack = 0.5 * _ROUNDING * run.period
     low = begin - slack
@@ -295,7 +175,7 @@ def _unsmeared(at: FloatArray, period: float, first: float, last: float) -> Floa
     return np.asarray(nearest + period * np.rint((at - nearest) / period))
 
 
-def _belonging(at: FloatArray, run: _Run, x: FloatArray, *, moved: float) -> FloatArray:
+def _belonging(at: FloatArray, run: Run, x: FloatArray, *, moved: float) -> FloatArray:
     """Return the passages of one direction that are a run's, one more at an end if alike.
 
     `x` is the displacement, `moved` the samples that the filter may move a passage by.
@@ -362,38 +242,3 @@ def steady_stretch(
         amplitude=amplitude,
         peak_speed=float(np.abs(velocity[first:stop]).max()),
     )
-
-
-def ends_in_motion(
-    displacement: FloatArray, steadiness: float
-) -> tuple[float | None, float | None]:
-    """Return the samples in a cycle of the steady motion a log begins in, and ends in; else None.
-
-    Parameters
-    ----------
-    displacement : numpy.ndarray
-        Shape (n,), as logged: a filter would bend the ends.
-    steadiness : float
-        Share within which neighbours must be alike.
-    """
-    seen = _cycles(displacement)
-    if len(seen.passages) < _FEWEST:
-        return None, None
-    runs = [_run(seen, *run) for run in _runs(seen, steadiness, near=1.0)]
-    if not runs:
-        return None, None
-    begin, end = runs[0], runs[-1]
-    return (
-        begin.period if _repeats(displacement, begin.first, begin) else None,
-        end.period
-        if _repeats(displacement[::-1], len(displacement) - 1.0 - end.last, end)
-        else None,
-    )
-
-
-def _repeats(x: FloatArray, ahead: float, run: _Run) -> bool:
-    """Whether what is ahead of a run's first passage is of the same motion: no rest, no run-up."""
-    n, period = math.ceil(ahead), round(run.period)
-    if ahead > _CUT * run.period or n + period >= len(x):
-        return False
-    return float(np.abs(x[: n + 1] - x[period : period + n + 1]).max()) < _ALIKE * run.amplitude

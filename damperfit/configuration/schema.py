@@ -191,7 +191,7 @@ class _RigSection(_DeclaredKeys):
 
 class _ConditioningSection(_Section):
     filter: Literal["none", "causal", "zero_phase"]
-    filter_corner: _Frequency
+    filter_corner: Annotated[float | str, _quantity_or_word("frequency", "auto")]
     filter_order: int
     steadiness: float
     spikes: str
@@ -204,7 +204,8 @@ class _ConditioningSection(_Section):
     ) -> ConditionOptions:
         return ConditionOptions(
             filter=self.filter,
-            filter_corner=self.filter_corner,
+            filter_corner=30.0 if isinstance(self.filter_corner, str) else self.filter_corner,
+            auto_corner=isinstance(self.filter_corner, str),
             filter_order=self.filter_order,
             rig_filter=rig.filter,
             rig_filter_corner=rig.filter_corner,

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.conditioning import motion
+from damperfit.conditioning import motion, repeatability
 from damperfit.conditioning.channels import (
     Channel,
     _is_clip,
@@ -64,7 +64,7 @@ def ramp(n, whole, ripple=0.0):
     ],
 )
 def test_a_force_drifts_by_one_per_cent_and_four_errors(whole, ripple, severity):
-    found = motion._force_drift(cycles(9, force=ramp(9, whole, ripple)))
+    found = repeatability._force_drift(cycles(9, force=ramp(9, whole, ripple)))
     assert found.severity == severity
     assert found.value == pytest.approx(0.1 * whole, rel=0.02)
     assert f"drifts by {whole:+.3g} N over the cycles, {0.1 * abs(whole):.2g} %" in found.sentence
@@ -80,7 +80,7 @@ def test_a_force_drifts_by_one_per_cent_and_four_errors(whole, ripple, severity)
     ],
 )
 def test_a_mid_stroke_drifts_by_a_twentieth_and_four_errors(whole, ripple, severity):
-    found = motion._stroke_drift(cycles(9, displacement=3.2e-4 * ramp(9, whole, ripple)))
+    found = repeatability._stroke_drift(cycles(9, displacement=3.2e-4 * ramp(9, whole, ripple)))
     assert found.severity == severity
     assert found.value == pytest.approx(whole, rel=0.02)
 
@@ -88,12 +88,8 @@ def test_a_mid_stroke_drifts_by_a_twentieth_and_four_errors(whole, ripple, sever
 @pytest.mark.parametrize(("n", "drifts"), [(3, False), (4, True)])
 def test_a_drift_takes_four_cycles_to_tell(n, drifts):
     trace = cycles(n, force=ramp(n, 50.0))
-    names = {
-        one.name
-        for one in motion.examine_motion(
-            _log(trace), trace, _Cycles(n), ConditionOptions(), metadata={}
-        )
-    }
+    silent = SimpleNamespace(temperature=None)
+    names = {one.name for one in repeatability.examine_repeatability(silent, trace)}
     assert ("force_drift" in names) is drifts
     assert ("stroke_drift" in names) is drifts
 
@@ -117,7 +113,7 @@ def _log(trace):
 def test_peaks_scatter_by_one_per_cent_and_what_chance_adds(share, severity):
     # Nine cycles: a standard deviation is itself uncertain by a quarter; 1 % and two of these.
     sizes = 1.0 + 0.01 * share * (-1.0) ** np.arange(9) * np.sqrt(72.0 / 80.0)
-    found = motion._scatter(cycles(9, size=sizes))
+    (found, *_) = repeatability._scatter(cycles(9, size=sizes))
     assert found.severity == severity
     assert found.value == pytest.approx(share, rel=0.02)
 
