@@ -179,6 +179,8 @@ class StretchFigures:
         Speed at which the hysteresis is taken, m/s: half of the lower peak speed.
     hysteresis_rebound, hysteresis_bump : float
         Opening minus closing force there, N; NaN where nothing repeats.
+    start, stop : float
+        Time stamps between which they were read, s: cycles without another motion in the filter.
     """
 
     peak_force_rebound: float
@@ -189,11 +191,15 @@ class StretchFigures:
     hysteresis_speed: float
     hysteresis_rebound: float
     hysteresis_bump: float
+    start: float = math.nan
+    stop: float = math.nan
 
     def describe(self) -> dict[str, float | None]:
         """Return the figures for run.json."""
         units = {"peak_force": "N", "peak_speed": "m_per_s", "energy": "J", "hysteresis": "N"}
+        units |= {"start": "s", "stop": "s"}
         named = {"hysteresis_speed": "hysteresis_speed_m_per_s"}
+        named |= {"start": "figures_start_s", "stop": "figures_stop_s"}
         told = {}
         for name, value in asdict(self).items():
             unit = next(unit for start, unit in units.items() if name.startswith(start))

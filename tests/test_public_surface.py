@@ -92,6 +92,7 @@ SURFACE = {
         "design_filter",
         "differentiate",
         "examine_raw",
+        "figures_of",
         "noise_floor",
     ],
     "damperfit.run.trust": [

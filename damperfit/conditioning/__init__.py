@@ -9,6 +9,7 @@ from __future__ import annotations
 from damperfit.conditioning.derivatives import differentiate
 from damperfit.conditioning.filters import apply_filter, design_filter
 from damperfit.conditioning.log_to_trace import condition
+from damperfit.conditioning.measured_characteristics import figures_of
 from damperfit.conditioning.options import ConditionOptions, GasFacts, NominalTest
 from damperfit.conditioning.quality import examine_raw
 from damperfit.conditioning.scatter import noise_floor
@@ -22,5 +23,6 @@ __all__ = [
     "design_filter",
     "differentiate",
     "examine_raw",
+    "figures_of",
     "noise_floor",
 ]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["with_figures"]
+__all__ = ["figures_of", "with_figures"]
 
 
 def with_figures(trace: Trace) -> Trace:
@@ -38,8 +38,40 @@ def _figures(trace: Trace, stretch: Stretch) -> StretchFigures:
     edges = np.array([stretch.first, stretch.stop])
     if stretch.n_cycles:
         edges = np.rint(clean_cycles(stretch)).astype(np.int64)
-    v, f = trace.velocity[edges[0] : edges[-1]], trace.force[edges[0] : edges[-1]]
-    edges = edges - edges[0]
+    window = slice(int(edges[0]), int(edges[-1]))
+    figures = figures_of(
+        trace.velocity[window],
+        trace.force[window],
+        edges - edges[0],
+        interval=trace.interval,
+        is_steady=stretch.n_cycles > 0,
+    )
+    ends = (trace.start_time + trace.interval * int(edge) for edge in (edges[0], edges[-1]))
+    return replace(figures, **dict(zip(("start", "stop"), ends, strict=True)))
+
+
+def figures_of(
+    velocity: FloatArray,
+    force: FloatArray,
+    edges: NDArray[np.int64],
+    *,
+    interval: float,
+    is_steady: bool,
+) -> StretchFigures:
+    """Return what is read off some cycles, or off a motion that does not repeat.
+
+    Parameters
+    ----------
+    velocity, force : numpy.ndarray
+        Shape (n,); m/s, N.
+    edges : numpy.ndarray
+        First samples of the cycles, and the end of the last one.
+    interval : float
+        s.
+    is_steady : bool
+        The cycles repeat.
+    """
+    v, f = velocity, force
     begins = edges[:-1]
     stop = int(edges[-1])
 
@@ -49,14 +81,14 @@ def _figures(trace: Trace, stretch: Stretch) -> StretchFigures:
     speeds = largest(v), largest(-v)
     half = 0.5 * min(speeds)
     hysteresis = (math.nan, math.nan)
-    if stretch.n_cycles:
+    if is_steady:
         hysteresis = _hysteresis(v, f, half), _hysteresis(-v, f, half)
     return StretchFigures(
         peak_force_rebound=largest(f),
         peak_force_bump=-largest(-f),
         peak_speed_rebound=speeds[0],
         peak_speed_bump=speeds[1],
-        energy=float(np.sum(f[:stop] * v[:stop])) * trace.interval / len(begins),
+        energy=float(np.sum(f[:stop] * v[:stop])) * interval / len(begins),
         hysteresis_speed=half,
         hysteresis_rebound=hysteresis[0],
         hysteresis_bump=hysteresis[1],

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from damperfit.conditioning import figures_of
 from damperfit.errors import SimulationError
 from damperfit.report.json_records import findings_in, listed_in, number_in
 from damperfit.simulation import Characteristics, Response, characterise
@@ -14,12 +15,45 @@ from damperfit.simulation import Characteristics, Response, characterise
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from damperfit.recording import Finding
+    from damperfit.recording import Finding, StretchFigures
     from damperfit.tables import LogSignals, Results
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["EvaluatedLog", "evaluate_logs"]
+__all__ = ["EvaluatedLog", "EvaluatedStretch", "evaluate_logs"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EvaluatedStretch:
+    """One stretch of a log that is no single steady run.
+
+    Attributes
+    ----------
+    window : slice
+        Its samples of the log's signals.
+    cycle : slice
+        Its last whole cycle without another motion in the filter; all of it where none repeats.
+    start : float
+        Time stamp of its first sample, s.
+    n_cycles : int
+        Whole cycles; 0 where nothing repeats.
+    frequency : float
+        Hz.
+    measured, simulated : StretchFigures
+        What is read off both forces.
+    """
+
+    window: slice
+    cycle: slice
+    start: float
+    n_cycles: int
+    frequency: float
+    measured: StretchFigures
+    simulated: StretchFigures
+
+
+_LATE = 1e-6  # s; time stamps are rounded alike
+_FEWEST = 8  # samples
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,6 +78,8 @@ class EvaluatedLog:
         How the log was read.
     findings : tuple of Finding
         What its data show.
+    stretches : tuple of EvaluatedStretch
+        Of a log that is no single steady run; then the figures above are of the fastest cycle.
     """
 
     signals: LogSignals
@@ -55,6 +91,7 @@ class EvaluatedLog:
     temperature: float | None
     notes: tuple[str, ...]
     findings: tuple[Finding, ...]
+    stretches: tuple[EvaluatedStretch, ...] = ()
 
 
 def evaluate_logs(results: Results) -> tuple[EvaluatedLog, ...]:
@@ -68,21 +105,86 @@ def evaluate_logs(results: Results) -> tuple[EvaluatedLog, ...]:
 
 
 def _evaluate(signals: LogSignals, facts: dict[str, Any]) -> EvaluatedLog:
-    frequency = _frequency(signals, number_in(facts, "frequency_Hz"))
+    stretches = _stretches(signals, facts)
+    steady = [one for one in stretches if one.n_cycles]
+    first, told = 0, number_in(facts, "frequency_Hz")
+    inner = signals
+    if steady:
+        fastest = max(steady, key=lambda one: one.measured.peak_speed_rebound)
+        until = slice(fastest.window.start, fastest.cycle.stop)
+        first, told, inner = until.start, fastest.frequency, _cut(signals, until)
+    frequency = np.nan if stretches and not steady else _frequency(inner, told)
     cycle = slice(0, len(signals.time))
     if np.isfinite(frequency):
-        start = signals.time[-1] - 1.0 / frequency
-        cycle = slice(max(0, int(np.searchsorted(signals.time, start)) - 1), len(signals.time))
+        start = inner.time[-1] - 1.0 / frequency
+        begin = max(0, int(np.searchsorted(inner.time, start)) - 1)
+        cycle = slice(first + begin, first + len(inner.time))
     return EvaluatedLog(
         signals=signals,
         frequency=frequency,
         cycle=cycle,
-        measured=_figures(signals, signals.force_measured, frequency),
-        simulated=_figures(signals, signals.force, frequency),
+        stretches=stretches,
+        measured=_figures(inner, inner.force_measured, frequency),
+        simulated=_figures(inner, inner.force, frequency),
         amplitude=0.5 * float(np.ptp(signals.displacement)) if len(signals.time) else np.nan,
         temperature=number_in(facts, "temperature_degC"),
         notes=tuple(str(note) for note in listed_in(facts, "notes")),
         findings=findings_in(facts),
+    )
+
+
+def _stretches(signals: LogSignals, facts: dict[str, Any]) -> tuple[EvaluatedStretch, ...]:
+    """Return the stretches of a log that is no single steady run, as far as run.json tells."""
+    told = [one for one in listed_in(facts, "stretches") if isinstance(one, dict)]
+    if len(told) < 2 and not any(one.get("kind") == "moving" for one in told):
+        return ()
+    found = (_stretch(signals, one) for one in told)
+    return tuple(one for one in found if one is not None)
+
+
+def _stretch(signals: LogSignals, told: dict[str, Any]) -> EvaluatedStretch | None:
+    start, stop, rate = (number_in(told, key) for key in ("start_s", "stop_s", "frequency_Hz"))
+    if start is None or stop is None or rate is None or len(signals.time) < 2 or not rate > 0.0:
+        return None
+    window = _between(signals, start, stop)
+    begin, end = (number_in(told, f"figures_{key}_s") for key in ("start", "stop"))
+    inner = window if begin is None or end is None else _between(signals, begin, end)
+    n = inner.stop - inner.start
+    if n < _FEWEST or inner.start < window.start or inner.stop > window.stop:
+        return None
+    n_cycles = int(number_in(told, "cycles") or 0)
+    interval = float(np.median(np.diff(signals.time[inner])))
+    inside = max(round(n * interval * rate), 1) if n_cycles else 1
+    edges = np.rint(np.linspace(0, n, inside + 1)).astype(np.int64)
+    measured, simulated = (
+        figures_of(
+            signals.velocity[inner],
+            force[inner],
+            edges,
+            interval=interval,
+            is_steady=n_cycles > 0,
+        )
+        for force in (signals.force_measured, signals.force)
+    )
+    cycle = slice(inner.start + int(edges[-2]), inner.stop)
+    return EvaluatedStretch(window, cycle, start, n_cycles, rate, measured, simulated)
+
+
+def _between(signals: LogSignals, start: float, stop: float) -> slice:
+    """Return the samples from one time stamp to another."""
+    first, last = np.searchsorted(signals.time, [start - _LATE, stop - _LATE])
+    return slice(int(first), int(last))
+
+
+def _cut(signals: LogSignals, window: slice) -> LogSignals:
+    return replace(
+        signals,
+        time=signals.time[window],
+        displacement=signals.displacement[window],
+        velocity=signals.velocity[window],
+        force_measured=signals.force_measured[window],
+        force=signals.force[window],
+        pressures=signals.pressures[:, window],
     )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from damperfit.report.alike import shape_of, summarised
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from damperfit.checks import Check
     from damperfit.setting import Setting
@@ -133,6 +133,8 @@ class ReportFacts:
         Every check, with reason.
     withheld : tuple of str
         Settings whose grade is withheld, and why.
+    stretches : tuple of mapping
+        What was compared, stretch by stretch, as in run.json.
     is_interrupted : bool
         The run was stopped before all settings were done.
     """
@@ -154,4 +156,5 @@ class ReportFacts:
     across: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()
     withheld: tuple[str, ...] = ()
+    stretches: tuple[Mapping[str, Any], ...] = ()
     is_interrupted: bool = False

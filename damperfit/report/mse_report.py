@@ -15,6 +15,7 @@ from damperfit.report.rows.held_out_table import held_out_sheet
 from damperfit.report.rows.mse_table import grade_counts, mse_sheet
 from damperfit.report.rows.parameter_table import parameter_sheet
 from damperfit.report.rows.rounding import percent
+from damperfit.report.rows.stretch_table import measured_stretch_sheet
 from damperfit.report.text import printable
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
         ["# MSE report", "", *_summary(parameters, facts)],
         _section("Parameters", _table(parameter_sheet(parameters, tables.quantities))),
         _section("MSE by setting and log", _table(errors)),
+        _section("Characteristics as measured", _table(measured_stretch_sheet(facts.stretches))),
         _section("Held out: predicted, not fitted", _table(held_out_sheet(facts.held_out))),
         _section("Grades withheld", _list(facts.withheld)),
         _section("Not done", _list(_missing(facts))),

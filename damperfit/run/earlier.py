@@ -19,7 +19,7 @@ PAGE = "report.html"
 FIGURES = "figures"
 _DRAWN = re.compile(
     r"(mse|fan|absolute_velocity|peak_force|named_speeds|parameter_(r_m[123]|k_e|f_f|f_0)"
-    r"|setting_[\w.+-]+_(force_velocity|force_displacement|force_time|residual|pressures))"
+    r"|setting_[\w.+-]+_(force_velocity|force_displacement|force_time|residual|pressures|peaks))"
     r"\.(png|svg|pdf)"
 )
 

@@ -136,6 +136,7 @@ def report_facts(
             f"setting {setting}: {'; '.join(one.sentence for one in why)}"
             for setting, why in assessment.objections.items()
         ),
+        stretches=tuple(entry for fit in campaign.fits for entry in _stretches(fit)),
         is_interrupted=is_interrupted,
     )
 
@@ -261,7 +262,7 @@ def _stretches(fit: Fit) -> Iterator[dict[str, Any]]:
                 "setting": fit.setting,
                 "log": log.trace.name,
                 "mse_percent": mse,
-                **{name: told[name] for name in ("kind", "start_s", "noise_N", "noise_source")},
+                **told,
             }
 
 

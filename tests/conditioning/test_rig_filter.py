@@ -38,10 +38,10 @@ def test_the_noise_far_above_the_motion_is_looked_at_alone() -> None:
     """White noise with the motion's own lines: level by level the same near and far."""
     rng = np.random.default_rng(1)
     noise = rng.standard_normal(20_000)
-    assert _fall(noise, 1e-3) == pytest.approx(1.0, abs=0.15)
+    assert _fall(noise, 1e-3, 1.5) == pytest.approx(1.0, abs=0.15)
     quiet = sosfilt(butter(4, 60.0, fs=1000.0, output="sos"), noise)
-    assert _fall(quiet, 1e-3) > 1e3
-    assert _fall(noise[:50], 1e-3) == 0.0
+    assert _fall(quiet, 1e-3, 1.5) > 1e3
+    assert _fall(noise[:50], 1e-3, 1.5) == 0.0
 
 
 def test_lines_between_the_motion_and_the_far_ones_do_not_count() -> None:
@@ -52,4 +52,4 @@ def test_lines_between_the_motion_and_the_far_ones_do_not_count() -> None:
     level[(frequency > 290.0) & (frequency < 452.0)] = 1.0
     turns = np.exp(2j * np.pi * np.random.default_rng(6).random(len(frequency)))
     signal = np.fft.irfft(level * turns, 4000)
-    assert _fall(signal, 1e-3) == pytest.approx(1e4, rel=0.5)
+    assert _fall(signal, 1e-3, 1.5) == pytest.approx(1e4, rel=0.5)

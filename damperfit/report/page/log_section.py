@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from damperfit.report.page.summary import setting_verdict
 from damperfit.report.rows.log_force_table import measured_and_simulated_sheet
 from damperfit.report.rows.parameter_table import parameter_line
+from damperfit.report.rows.stretch_table import ComparedStretch, compared_stretch_sheet
 from damperfit.tables import PAPER_QUANTITIES
 
 if TYPE_CHECKING:
@@ -43,6 +44,8 @@ class LogSection:
         Where its plots stand.
     forces : Sheet or None
         None when the log has no whole cycle.
+    stretches : Sheet or None
+        None when the log is one steady run.
     """
 
     setting: Setting
@@ -54,6 +57,7 @@ class LogSection:
     reading: tuple[str, ...]
     figures: tuple[Figure, ...]
     forces: Sheet | None
+    stretches: Sheet | None = None
 
 
 def log_section(
@@ -76,12 +80,28 @@ def log_section(
         reading=log.notes,
         figures=tuple(figures),
         forces=_forces(log),
+        stretches=_stretches(log),
+    )
+
+
+def _stretches(log: EvaluatedLog) -> Sheet | None:
+    if not log.stretches:
+        return None
+    return compared_stretch_sheet(
+        [
+            ComparedStretch(one.start, one.n_cycles, one.frequency, one.measured, one.simulated)
+            for one in log.stretches
+        ]
     )
 
 
 def _facts(log: EvaluatedLog) -> str:
     frequency = f"{log.frequency:.3g} Hz" if math.isfinite(log.frequency) else "frequency unknown"
     amplitude = f"amplitude {1e3 * log.amplitude:.3g} mm"
+    if log.stretches:
+        fastest = max(one.measured.peak_speed_rebound for one in log.stretches)
+        n = len(log.stretches)
+        frequency = f"{n} stretch{'es' * (n > 1)}, to {fastest:.3g} m/s"
     warmth = log.temperature
     temperature = "temperature not logged" if warmth is None else f"{warmth:.1f} degC"
     samples = f"{len(log.signals.time)} samples evaluated"

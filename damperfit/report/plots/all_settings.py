@@ -153,7 +153,12 @@ def _peaks(views: Sequence[EvaluatedLog], colours: Mapping[Setting, str]) -> Plo
     for setting in sorted({view.signals.setting for view in views}):
         mine = [view for view in views if view.signals.setting == setting]
         for words, style in (("measured", "dot_line"), ("simulated", "triangle_line")):
-            known = [figures for view in mine if (figures := getattr(view, words)) is not None]
+            known = [
+                figures
+                for view in mine
+                for one in ([each for each in view.stretches if each.n_cycles] or [view])
+                if (figures := getattr(one, words)) is not None
+            ]
             for stroke in ("rebound", "bump"):
                 sign = 1.0 if stroke == "rebound" else -1.0
                 pairs = sorted(
@@ -173,6 +178,8 @@ def _peaks(views: Sequence[EvaluatedLog], colours: Mapping[Setting, str]) -> Plo
         "One pair per log, rebound right, bump left; dots: measured, triangles: simulated. "
         "Logs of one setting at several speeds are joined."
     )
+    if any(view.stretches for view in views):
+        caption = caption.replace("per log", "per log and stretch")
     key = (("measured", "points"), ("simulated", "triangles"))
     return Plot("peak_force", "Peak force against peak velocity", (panel,), caption, key)
 

@@ -27,6 +27,7 @@ _CYCLE_BUCKETS = 120  # of one cycle: finer than a screen shows
 _CLOUD = 800  # points of a residual plot, besides the peaks
 _BINS = 24  # of velocity, for the mean residual
 _FEW = 3  # samples: no mean of fewer
+_GAP = 1.5  # sample intervals
 _BAR = 1e5  # Pa
 
 
@@ -45,6 +46,7 @@ def setting_plots(view: EvaluatedLog, *, name: str, colour: str) -> tuple[Plot, 
     return (
         _force_velocity(view, name, colour),
         _force_displacement(view, name, colour),
+        *_peaks(view, name, colour),
         _force_time(view, name, colour),
         _residual(view, name, colour),
         _pressures(view, name),
@@ -55,22 +57,67 @@ def _title(view: EvaluatedLog, words: str) -> str:
     return f"Setting {view.signals.setting}: {words}"
 
 
-def _loops(view: EvaluatedLog, signal: FloatArray, colour: str) -> tuple[Line, Line]:
-    """Return the last cycle: simulated in the setting's colour, measured thin on top of it."""
-    signals = view.signals
-    x, f = signal[view.cycle], signals.force[view.cycle]
-    measured = signals.force_measured[view.cycle]
-    part = thin(_CYCLE_BUCKETS, x, f, measured)
-    setting = signals.setting
-    return (
-        Line(x[part], f[part], "simulated", colour, setting=setting, style="wide"),
-        Line(x[part], measured[part], "measured", "ink", setting=setting, style="thin"),
-    )
+def _loops(view: EvaluatedLog, signal: FloatArray, colour: str) -> tuple[Line, ...]:
+    """Return the last cycle: simulated in the setting's colour, measured thin on top of it.
+
+    Of a log with several stretches the last cycle of each.
+    """
+    cycles = [one.cycle for one in view.stretches] or [view.cycle]
+    simulated: list[Line] = []
+    measured: list[Line] = []
+    for cycle in cycles:
+        x, f, f_measured = (
+            values[cycle] for values in (signal, view.signals.force, view.signals.force_measured)
+        )
+        part = thin(_CYCLE_BUCKETS, x, f, f_measured)
+        is_first = cycle is cycles[0]
+        for lines, y, word, ink, style in (
+            (simulated, f, "simulated", colour, "wide"),
+            (measured, f_measured, "measured", "ink", "thin"),
+        ):
+            lines.append(
+                Line(
+                    *(x[part], y[part], word, ink),
+                    setting=view.signals.setting,
+                    style=style,
+                    in_legend=is_first,
+                )
+            )
+    return (*simulated, *measured)
+
+
+def _last_cycle(view: EvaluatedLog) -> str:
+    return "Last cycle of each stretch" if view.stretches else "Last cycle"
+
+
+def _peaks(view: EvaluatedLog, name: str, colour: str) -> tuple[Plot, ...]:
+    """Return peak force against peak speed, where more than one speed was run."""
+    steady = [one for one in view.stretches if one.n_cycles]
+    if len(steady) < 2:
+        return ()
+    setting = view.signals.setting
+    lines = []
+    for side, sign in (("rebound", 1.0), ("bump", -1.0)):
+        for word, ink, style in (("simulated", colour, "rings"), ("measured", "ink", "points")):
+            told = sorted(
+                (
+                    sign * getattr(getattr(one, word), f"peak_speed_{side}"),
+                    getattr(getattr(one, word), f"peak_force_{side}"),
+                )
+                for one in steady
+            )
+            x, y = np.array(told).T
+            is_first = side == "rebound"
+            lines.append(Line(x, y, word, ink, setting=setting, style=style, in_legend=is_first))
+    panel = Panel("peak velocity", "m/s", "peak force", "N", tuple(lines))
+    caption = "One point a stretch and stroke: mean of its cycles."
+    title = _title(view, "peak force against peak velocity")
+    return (Plot(f"{name}_peaks", title, (panel,), caption),)
 
 
 def _force_velocity(view: EvaluatedLog, name: str, colour: str) -> Plot:
     panel = Panel("velocity", "m/s", "force", "N", _loops(view, view.signals.velocity, colour))
-    caption = "Last cycle; rebound to the right and up, bump to the left and down."
+    caption = f"{_last_cycle(view)}; rebound to the right and up, bump to the left and down."
     title = _title(view, "force against velocity")
     return Plot(f"{name}_force_velocity", title, (panel,), caption)
 
@@ -78,8 +125,8 @@ def _force_velocity(view: EvaluatedLog, name: str, colour: str) -> Plot:
 def _force_displacement(view: EvaluatedLog, name: str, colour: str) -> Plot:
     lines = _loops(view, 1e3 * view.signals.displacement, colour)
     panel = Panel("displacement", "mm", "force", "N", lines)
-    caption = "Last cycle."
-    if view.measured and view.simulated:
+    caption = f"{_last_cycle(view)}."
+    if view.measured and view.simulated and not view.stretches:
         caption = (
             f"Last cycle. Energy per cycle: {view.measured.energy:.4g} J measured, "
             f"{view.simulated.energy:.4g} J simulated."
@@ -92,15 +139,20 @@ def _force_time(view: EvaluatedLog, name: str, colour: str) -> Plot:
     signals = view.signals
     residual = signals.force_measured - signals.force
     kept = thin(_BUCKETS, signals.force_measured, signals.force, residual)
-    time = (signals.time - signals.time[0])[kept]
+    time = signals.time - signals.time[0]
+    # A line across what was not compared would show a motion that nobody ran.
+    gaps = np.flatnonzero(np.diff(time) > _GAP * float(np.median(np.diff(time)))) + 1
+    kept = np.union1d(kept, np.concatenate([gaps - 1, gaps]))
+    time, simulated, measured, residual = (
+        np.insert(values[kept], np.searchsorted(kept, gaps), np.nan)
+        for values in (time, signals.force, signals.force_measured, residual)
+    )
     setting = signals.setting
     forces = (
-        Line(time, signals.force[kept], "simulated", colour, setting=setting, style="wide"),
-        Line(time, signals.force_measured[kept], "measured", "ink", setting=setting, style="thin"),
+        Line(time, simulated, "simulated", colour, setting=setting, style="wide"),
+        Line(time, measured, "measured", "ink", setting=setting, style="thin"),
     )
-    left = Line(
-        time, residual[kept], "residual", colour, setting=setting, style="thin", in_legend=False
-    )
+    left = Line(time, residual, "residual", colour, setting=setting, style="thin", in_legend=False)
     panels = (
         Panel("time", "s", "force", "N", forces),
         Panel("time", "s", "residual", "N", (left,)),
@@ -168,6 +220,8 @@ def _pressures(view: EvaluatedLog, name: str) -> Plot:
         ]
         caption = f"Shaded: cavitation, {' and '.join(parts)} of the cycle."
     caption += f" Lowest pressure {pressures.min() / _BAR:.3g} bar."
+    if view.stretches and np.isfinite(view.frequency):
+        caption = f"Last cycle of the fastest stretch. {caption}"
     title = _title(view, "chamber pressures, simulated")
     return Plot(f"{name}_pressures", title, (panel,), caption)
 

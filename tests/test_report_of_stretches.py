@@ -1,0 +1,151 @@
+"""What the report reads off a log of several stretches: each with its own cycle rate."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from damperfit.report.evaluated_log import _evaluate
+from damperfit.report.page.log_section import log_section
+from damperfit.report.plots.one_log import setting_plots
+from damperfit.report.rows.stretch_table import measured_stretch_sheet
+from damperfit.setting import Setting
+from damperfit.tables import LogSignals
+
+RATE = 1000.0
+SPEEDS = ((1.0, 0.03, 4), (2.0, 0.03, 6), (5.0, 0.004, 5))
+GAP = 2.0  # s, before the last
+
+
+def force_of(speed):
+    """100 N at 0.1 m/s, 30 N of friction."""
+    return 1000.0 * speed + 30.0 * np.sign(speed)
+
+
+def log(*, moving=False):
+    """Signals as in responses.parquet, and what run.json tells of them."""
+    at, told, parts = 1.0, [], []
+    for frequency, amplitude, cycles in SPEEDS:
+        at += GAP if frequency == 5.0 else 0.0
+        time = at + np.arange(round(cycles / frequency * RATE)) / RATE
+        turn = 2.0 * np.pi * frequency * (time - at)
+        parts.append(
+            (time, amplitude * np.sin(turn), 2.0 * np.pi * frequency * amplitude * np.cos(turn))
+        )
+        kind = "moving" if moving and frequency == 5.0 else "steady"
+        told.append(
+            {
+                "kind": kind,
+                "start_s": at,
+                "stop_s": at + cycles / frequency,
+                "cycles": 0 if kind == "moving" else cycles,
+                "frequency_Hz": frequency,
+                "figures_start_s": at,
+                "figures_stop_s": at + cycles / frequency,
+            }
+        )
+        at += cycles / frequency
+    time, x, v = (np.concatenate(one) for one in zip(*parts, strict=True))
+    force = force_of(v)
+    pressures = np.full((3, len(time)), 4.6e5)
+    signals = LogSignals(Setting.of(3), "steps.csv", time, x, v, force, 1.1 * force, pressures)
+    return signals, {"log": "steps.csv", "frequency_Hz": 2.0, "stretches": told}
+
+
+def test_each_stretch_has_its_own_figures():
+    view = _evaluate(*log())
+    for one, (frequency, amplitude, cycles) in zip(view.stretches, SPEEDS, strict=True):
+        speed = 2.0 * math.pi * frequency * amplitude
+        assert (one.n_cycles, one.frequency) == (cycles, frequency)
+        assert one.measured.peak_speed_rebound == pytest.approx(speed, rel=1e-3)
+        assert one.measured.peak_force_rebound == pytest.approx(1000.0 * speed + 30.0, rel=1e-3)
+        assert one.simulated.peak_force_bump == pytest.approx(-1100.0 * speed - 33.0, rel=1e-3)
+        energy = math.pi * 1000.0 * speed * amplitude + 4.0 * 30.0 * amplitude
+        assert one.measured.energy == pytest.approx(energy, rel=2e-3)
+        assert one.simulated.energy == pytest.approx(1.1 * energy, rel=2e-3)
+        cycle = view.signals.time[one.cycle]
+        assert cycle[-1] - cycle[0] == pytest.approx(1.0 / frequency, abs=2.0 / RATE)
+        assert np.all(np.diff(cycle) < 1.5 / RATE)
+
+
+def test_the_log_stands_by_the_fastest_stretch():
+    view = _evaluate(*log())
+    assert view.frequency == pytest.approx(2.0)
+    speed = 2.0 * math.pi * 2.0 * 0.03
+    assert view.measured.peak_force_rebound == pytest.approx(1000.0 * speed + 30.0, rel=1e-3)
+    times = view.signals.time[view.cycle]
+    assert times[-1] - times[0] == pytest.approx(0.5, abs=3.0 / RATE)
+    assert times[-1] < 1.0 + 4.0 + 3.0
+
+
+def test_one_steady_run_is_as_before():
+    signals, facts = log()
+    facts["stretches"] = facts["stretches"][:1]
+    assert _evaluate(signals, facts).stretches == ()
+
+
+@pytest.mark.parametrize(
+    "facts",
+    [
+        {"stretches": "three"},
+        {"stretches": [{"kind": "moving"}, 7, None]},
+        {
+            "stretches": [{"kind": "steady", "start_s": 99.0, "stop_s": 98.0, "frequency_Hz": 1.0}]
+            * 2
+        },
+        {
+            "stretches": [{"kind": "steady", "start_s": None, "stop_s": "x", "frequency_Hz": 0.0}]
+            * 2
+        },
+    ],
+)
+def test_damaged_facts_are_left_out(facts):
+    signals, _ = log()
+    assert _evaluate(signals, facts).stretches == ()
+
+
+def test_plots_show_every_stretch_and_no_line_across_a_gap():
+    view = _evaluate(*log())
+    plots = {plot.name: plot for plot in setting_plots(view, name="setting_03", colour="#000000")}
+    loops = plots["setting_03_force_velocity"].panels[0].lines
+    assert [line.label for line in loops] == ["simulated"] * 3 + ["measured"] * 3
+    assert sum(line.in_legend for line in loops) == 2
+    peaks = plots["setting_03_peaks"].panels[0].lines
+    assert [len(line.x) for line in peaks] == [3, 3, 3, 3]
+    (over_time, _), (left, *_) = (panel.lines for panel in plots["setting_03_force_time"].panels)
+    for line in (over_time, left):
+        assert np.count_nonzero(np.isnan(line.x)) == 1
+        assert not (np.diff(line.x[np.isfinite(line.x)]) > 1.9).sum() > 1
+    assert plots["setting_03_force_velocity"].caption.startswith("Last cycle of each stretch")
+
+
+def test_the_page_s_section_has_a_table_of_them():
+    section = log_section(_evaluate(*log(moving=True)), (), None)
+    assert section.facts.startswith("3 stretches, to 0.377 m/s")
+    rows = section.stretches.rows
+    assert [row[1] for row in rows] == ["4", "6", "moving"]
+    assert rows[0][:6] == ("1.000", "4", "1.00", "0.188", "218.5", "240.3")
+    assert rows[2][-1] == rows[2][-4]  # no hysteresis where nothing repeats
+
+
+def test_the_report_lists_what_was_measured():
+    entry = {
+        "setting": Setting.of(3),
+        "log": "steps.csv",
+        "cycles": 4,
+        "frequency_Hz": 1.0,
+        "peak_speed_rebound_m_per_s": 0.1885,
+        "peak_speed_bump_m_per_s": 0.19,
+        "peak_force_rebound_N": 218.5,
+        "peak_force_bump_N": -300.0,
+        "energy_J": 21.36,
+        "hysteresis_rebound_N": -43.5,
+        "hysteresis_bump_N": None,
+        "mse_percent": 0.0123,
+    }
+    sheet = measured_stretch_sheet([entry] * 61)
+    told = ("3", "steps.csv", "4", "1.00", "0.190", "218.5", "-300.0", "21.36", "-43.5")
+    assert sheet.rows[0][:9] == told
+    assert (len(sheet.rows), sheet.notes[-1]) == (60, "1 more stretch stands in run.json")
