@@ -56,7 +56,7 @@ _HIGHEST = 0.35
 _TOP = (0.3, 0.45)  # of the sample rate, where a motion has nothing
 _NOISE_BETWEEN = 0.005
 _HALF = math.log(2.0)  # median over mean of the power of noise
-_LINES = 12.0  # that tell the noise of an order, near enough
+_LINES = 8.0  # that tell the noise of an order, near enough
 _CLEAR = 8.0  # a line of pure noise is so much above its mean once in 3000
 
 

@@ -187,7 +187,7 @@ def _rig_filter(log: UniformLog, trace: Trace, options: ConditionOptions) -> Ite
     rows = slice(0, len(log.force))
     if len(trace.stretches) > 1:
         first = round((trace.start_time - log.start_time) / log.interval)
-        rows = slice(first + longest.first, first + longest.stop)
+        rows = slice(max(first + longest.first, 0), first + longest.stop)
     channels = log.displacement[rows], log.force[rows]
     if looks_filtered(*channels, log.interval, longest.frequency):
         # Undeclared, a causal filter in the rig costs 0.3 to 2 % in every parameter.

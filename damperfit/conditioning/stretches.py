@@ -102,8 +102,13 @@ def find_runs(
         one = _of_run(run, displacement, velocity, interval=interval, edges=edges)
         if one is None:
             continue
+        overlap = found[-1].stretch.stop - one.stretch.first if found else 0
+        if 0 < overlap <= 2.0 * _ROUNDING * run.period + 1.0:
+            # The same passage, a little off in both.
+            one = replace(one, stretch=replace(one.stretch, first=found[-1].stretch.stop))
+            overlap = 0
         # Two runs may both claim the cycle that leads over from one to the other.
-        if found and one.stretch.first < found[-1].stretch.stop:
+        if overlap > 0:
             longer = max(one, found.pop(), key=lambda each: each.stretch.n_samples)
             found.append(longer)
         else:

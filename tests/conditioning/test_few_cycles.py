@@ -139,6 +139,19 @@ def several_speeds(cycles, *, blend, seed=1):
     return noisy(recording(np.arange(len(x)) / RATE, x, static_force(v)), seed)
 
 
+def test_speeds_whose_cycles_are_no_whole_samples_lose_no_stretch():
+    frequencies = np.geomspace(0.2, 10.0, 13)
+    parts = [
+        min(0.025, 0.4 / (2.0 * np.pi * f))
+        * np.sin(2.0 * np.pi * f * np.arange(int(4 / f * RATE)) / RATE)
+        for f in frequencies
+    ]
+    x = np.concatenate([np.zeros(2048), *parts, np.linspace(0.0, 0.01, 2048)])
+    log = noisy(recording(np.arange(len(x)) / RATE, x, static_force(np.gradient(x, 1.0 / RATE))))
+    found = [one.frequency for one in condition(log).stretches]
+    assert found == pytest.approx(list(frequencies), rel=0.01)
+
+
 @pytest.mark.parametrize("blend", [0.0, 0.03])
 @pytest.mark.parametrize("cycles", [3, 4])
 def test_thirteen_speeds_without_a_pause_are_thirteen_stretches(cycles, blend):

@@ -28,8 +28,10 @@ if TYPE_CHECKING:
 
     from damperfit.adjustment import Trend
     from damperfit.damper.model import Quantity
+    from damperfit.recording import StretchFigures
     from damperfit.report.evaluated_log import EvaluatedLog
     from damperfit.setting import Setting
+    from damperfit.simulation import Characteristics
 
     FloatArray = NDArray[np.float64]
     Row = Mapping[str, Any]
@@ -153,12 +155,7 @@ def _peaks(views: Sequence[EvaluatedLog], colours: Mapping[Setting, str]) -> Plo
     for setting in sorted({view.signals.setting for view in views}):
         mine = [view for view in views if view.signals.setting == setting]
         for words, style in (("measured", "dot_line"), ("simulated", "triangle_line")):
-            known = [
-                figures
-                for view in mine
-                for one in ([each for each in view.stretches if each.n_cycles] or [view])
-                if (figures := getattr(one, words)) is not None
-            ]
+            known = [figures for view in mine for figures in _figures_of(view, words)]
             for stroke in ("rebound", "bump"):
                 sign = 1.0 if stroke == "rebound" else -1.0
                 pairs = sorted(
@@ -182,6 +179,12 @@ def _peaks(views: Sequence[EvaluatedLog], colours: Mapping[Setting, str]) -> Plo
         caption = caption.replace("per log", "per log and stretch")
     key = (("measured", "points"), ("simulated", "triangles"))
     return Plot("peak_force", "Peak force against peak velocity", (panel,), caption, key)
+
+
+def _figures_of(view: EvaluatedLog, words: str) -> list[Characteristics | StretchFigures]:
+    """Return what is read off a log, or off each of its steady stretches."""
+    steady = [getattr(one, words) for one in view.stretches if one.n_cycles]
+    return steady or [one for one in (getattr(view, words),) if one is not None]
 
 
 def _named_speeds(views: Sequence[EvaluatedLog]) -> Iterator[Plot]:
