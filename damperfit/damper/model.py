@@ -19,7 +19,6 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
-from damperfit.damper.cavitation import seen_cavitation
 from damperfit.errors import ConfigurationError, did_you_mean
 
 if TYPE_CHECKING:
@@ -309,6 +308,8 @@ class Model(ABC):
         solver: SolverOptions,  # noqa: ARG002
     ) -> Cavitation:
         """Return whether a chamber was empty in a setting's logs, and how far from it they are."""
+        from damperfit.damper.cavitation import seen_cavitation
+
         return seen_cavitation(seen)
 
     @property
