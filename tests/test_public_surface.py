@@ -181,6 +181,7 @@ SURFACE = {
         "LAYOUTS",
         "LawChoice",
         "choose_law",
+        "with_chosen_law",
     ],
     "damperfit.damper.force_channel": [
         "behind_lag",

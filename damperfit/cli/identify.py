@@ -56,6 +56,9 @@ _SUMMARY_BYTES = 1_000_000
 _TOO_LONG = b"The MSE report is too long for a summary; it stands in report.md.\n"
 
 
+_AUTO = "auto"
+
+
 def identify(
     logs: LogsArgument,
     free: Annotated[
@@ -71,7 +74,9 @@ def identify(
     ] = None,
     model: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Model of the damper.  [purdy]"),
+        typer.Option(
+            metavar="NAME", help="Model of the damper; auto: the one that the logs tell.  [purdy]"
+        ),
     ] = None,
     procedure: Annotated[
         str | None, typer.Option(metavar="NAME", help="How to fit: paper, joint, plain.")
@@ -165,7 +170,7 @@ def identify(
         config,
         ("--free", "identification.free", free.split(",") if free is not None else None),
         ("--fix", "identification.fix", assignments(fix or [], option="--fix") or None),
-        ("--model", "damper.model", model),
+        ("--model", "damper.model", None if model == _AUTO else model),
         ("--procedure", "identification.procedure", procedure),
         ("--share", "identification.share", share.split(",") if share is not None else None),
         ("--bulk-modulus", "identification.bulk_modulus", bulk_modulus),
@@ -183,6 +188,8 @@ def identify(
         ("--check", "output.checks", names_of(check) if check else None),
         ("--out", "output.folder", str(out) if out is not None else None),
     )
+    if model == _AUTO:
+        configuration = _with_law(configuration, logs, setting, jobs=jobs, is_quiet=quiet)
     procedure_used = configuration.identification.procedure
     if share is not None and procedure_used != "joint":
         raise ConfigurationError(
@@ -314,3 +321,28 @@ def _summary(result: RunResult, folder: Path) -> str:
         return "interrupted before a setting was finished; nothing was written"
     interrupted = "interrupted; " if result.facts.is_interrupted else ""
     return f"{interrupted}{done}{failed}; results in {folder}"
+
+
+def _with_law(
+    configuration: Configuration,
+    logs: list[str],
+    setting: str | None,
+    *,
+    jobs: int | None,
+    is_quiet: bool,
+) -> Configuration:
+    """Let the logs choose the law, and say which it is."""
+    from damperfit.laws import physics_seen
+    from damperfit.run.law_choice import choose_law, with_chosen_law
+
+    choice = choose_law(
+        configuration,
+        logs,
+        jobs=jobs,
+        setting=declared_setting(setting, configuration),
+        on_rung=lambda rung: None if is_quiet else say(f"damperfit: tried {rung.tried.title}"),
+    )
+    if not is_quiet:
+        said = " ".join(physics_seen(choice.fits))
+        say(f"damperfit: the logs speak for {choice.ladder.chosen.title}. {said}".rstrip())
+    return with_chosen_law(configuration, choice)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import chain
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from damperfit.configuration.loading import redeclared
 from damperfit.damper.parameters import Damper
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 from damperfit.errors import ConfigurationError, SimulationError
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from damperfit.run.hold_out import Parted
     from damperfit.setting import Setting
 
-__all__ = ["LAYOUTS", "LawChoice", "choose_law"]
+__all__ = ["LAYOUTS", "LawChoice", "choose_law", "with_chosen_law"]
 
 LAYOUTS: dict[str, type[ValveDamper]] = {
     kind.name: kind for kind in (TwinTube, Monotube, ThroughFlow)
@@ -149,6 +150,30 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         tuple(e.setting for e, one in zip(evidence, fits, strict=True) if one is None),
         rivals,
     )
+
+
+def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configuration:
+    """Return the configuration with the damper of the law that was taken, as if it was declared.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        As the law was chosen with.
+    choice : LawChoice
+        What `choose_law` found.
+    """
+    best = choice.ladder.chosen.fits[0]
+    if not isinstance(best.model, ValveDamper):
+        return configuration
+    sections: dict[str, dict[str, Any]] = {
+        "damper": {"model": best.model.name, **asdict(best.model)}
+    }
+    if any(best.model.quantity(name).default is not None for name in best.free):
+        sections["identification"] = {"free": list(best.free)}
+    made = redeclared(configuration, sections)
+    # Nobody has measured what stood at its default.
+    chosen = {"damper.model", "damper.rebound", "damper.compression", "damper.mounting"}
+    return replace(made, declared=configuration.declared | chosen)
 
 
 def _evidence(parted: Parted) -> tuple[SettingLogs, ...]:

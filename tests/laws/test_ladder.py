@@ -110,6 +110,30 @@ def test_the_papers_damper_is_left_to_the_papers_model(run_once, tmp_path):
     assert "damperfit: tried the paper's model" in err
 
 
+def test_identify_leaves_the_papers_damper_to_the_papers_model(run_once, tmp_path):
+    run_once("samples", tmp_path, "--settings", "10", "--quiet")
+    log = next(tmp_path.glob("*10*.csv"))
+    code, out, err = run_once(
+        "identify", log, "--model", "auto", "--json", "--quiet", "--out", tmp_path / "results"
+    )
+    assert code == 0, err
+    assert {"r_m1", "k_e"} <= set(json.loads(out)["parameters"][0])
+
+
+@pytest.mark.slow
+def test_identify_takes_the_law_that_the_logs_tell(logs, run_once, tmp_path):
+    code, out, err = run_once(
+        "identify", logs / "*.csv", "--hold-out", "*_check.csv", "--model", "auto", "--json",
+        "--config", logs / "damper.toml", "--out", tmp_path / "results",
+    )  # fmt: skip
+    assert code == 0, err
+    document = json.loads(out)
+    (held,) = document["held_out"]
+    assert held["mse_percent"] < 0.02
+    assert document["parameters"][0]["play"] == pytest.approx(VALUES["play"], rel=0.1)
+    assert "the logs speak for through flow: bleed and blow-off; elastic mounting, play" in err
+
+
 def test_an_unknown_layout_is_named_with_the_nearest(run_once, tmp_path):
     code, out, err = run_once("models", tmp_path / "a.csv", "--layout", "twin_tub")
     assert (code, out) == (2, "")
