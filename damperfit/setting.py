@@ -9,7 +9,7 @@ from functools import total_ordering
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 __all__ = [
     "ADJUSTER",
@@ -101,6 +101,17 @@ class Setting:
             return None
         place = self.places[0][1] if adjuster is None else self.place(adjuster)
         return None if isinstance(place, str) else float(place)
+
+    def softness(self, from_closed: Collection[str]) -> tuple[Any, ...]:
+        """Return the order from soft to stiff, for adjusters of which some count from closed.
+
+        Examples
+        --------
+        >>> sorted(map(Setting.of, [1, 20]), key=lambda one: one.softness(["setting"]))[0].cell
+        20
+        """
+        ends = zip(self.adjusters, self._order, strict=True)
+        return tuple((a, -b if name in from_closed else b, c) for name, (a, b, c) in ends)
 
     def __str__(self) -> str:
         return self.label

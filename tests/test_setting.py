@@ -103,6 +103,13 @@ def test_order_is_by_adjuster_by_number_words_last():
     ]
 
 
+def test_from_closed_the_highest_click_is_the_softest():
+    given = [two(2, 8), two(12, 8), two(2, 3)]
+    order = sorted(given, key=lambda one: one.softness(["rebound"]))
+    assert [one.label for one in order] == ["R12 C8", "R2 C3", "R2 C8"]
+    assert sorted(given, key=lambda one: one.softness([])) == sorted(given)
+
+
 def test_short_names_are_unlike_or_whole():
     assert short_names(TWO) == {"rebound": "R", "compression": "C"}
     assert short_names(("low_c", "low_r", "lever")) == {"low_c": "LC", "low_r": "LR", "lever": "L"}

@@ -366,7 +366,10 @@ def build_configuration(
         reading=checked.rig.build_reading(adjusters),
         test=checked.test.build(),
         conditioning=checked.conditioning.build(checked.rig, damper, checked.identification),
-        identification=checked.identification.build(damper),
+        identification=replace(
+            checked.identification.build(damper),
+            from_closed=tuple(k for k, way in checked.adjusters.items() if way == "from closed"),
+        ),
         hold_out=checked.identification.build_hold_out(),
         profile=checked.identification.build_profile(damper),
         simulation=checked.simulation.build(checked.identification.dead_band),

@@ -125,7 +125,7 @@ def _begin(
 ) -> _Begun:
     """Everything free at the lowest setting that can be fitted so, and from there at the others."""
     broken: dict[Setting, SettingFailure] = {}
-    for lowest in sorted(task.settings):
+    for lowest in task.softest_first:
         misfit = task.misfit(lowest, names)
 
         def fit(lowest: Setting = lowest, misfit: Misfit = misfit) -> tuple[Judged, Search | None]:
@@ -159,7 +159,7 @@ def _concluded(
     lowest, judged = begun.lowest, dict(begun.judged)
     warnings: list[str] = []
     if "r_m3" in wanted:
-        warnings.extend(_other_lowest(min(task.settings), lowest))
+        warnings.extend(_other_lowest(task.softest_first[0], lowest))
     shared: dict[str, float] = {}
     source = _source(judged, lowest) if "r_m3" in wanted else None
     f_f_from: tuple[Setting, ...] = ()

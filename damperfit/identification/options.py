@@ -50,6 +50,8 @@ class FitOptions:
     starts : int
         Starts of each setting's fit, spread at random over a factor of ten to both sides; 1 takes
         the procedure's own start alone.
+    from_closed : tuple of str
+        Adjusters whose clicks count from closed: there the highest is the softest.
     """
 
     procedure: str = "paper"
@@ -62,6 +64,7 @@ class FitOptions:
     fallback_f_f: float = 50.0
     bulk_modulus: str = "free"
     starts: int = 1
+    from_closed: tuple[str, ...] = ()
 
 
 def check_options(options: FitOptions, damper: Model) -> None:

@@ -33,6 +33,11 @@ class ProcedureInput:
     on_fit: Callable[[Fit], None]
     cancelled: Callable[[], bool]
 
+    @property
+    def softest_first(self) -> list[Setting]:
+        """Settings by rising stiffness, as far as it is declared how clicks count."""
+        return sorted(self.settings, key=lambda one: one.softness(self.options.from_closed))
+
     def ordered(self, names: Iterable[str]) -> tuple[str, ...]:
         """Return the names in the order of the model."""
         wanted = set(names)

@@ -15,6 +15,7 @@ door = sys.modules["damperfit.cli.main"]  # the package has the function under t
 CODES = {
     "DamperfitError": 1,
     "ConditioningError": 1,
+    "ContradictionError": 1,
     "ConfigurationError": 2,
     "InstallationError": 2,
     "InternalError": 1,
