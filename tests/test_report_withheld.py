@@ -7,11 +7,22 @@ from dataclasses import replace
 import pytest
 
 from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.report import ReportFacts, markdown_report
+from damperfit.report import (
+    ReportFacts,
+    force_by_setting_sheet,
+    force_by_speed_sheet,
+    markdown_report,
+    measured_force_sheet,
+)
 from damperfit.report.page.summary import setting_verdict
 from damperfit.report.rows.identify_summary_table import summary_sheet
 from damperfit.report.rows.mse_table import grade_counts
-from damperfit.report.rows.parameter_table import limit_text, parameter_line, parameter_sheet
+from damperfit.report.rows.parameter_table import (
+    limit_text,
+    parameter_line,
+    parameter_sheet,
+    total_error,
+)
 from damperfit.tables import make_tables
 from damperfit.uncertainty import Assessment, Objection
 from tests.fakes import campaign, fit
@@ -64,3 +75,59 @@ def test_the_report_says_why_a_grade_is_withheld() -> None:
     assert verdict.startswith("withheld, MSE 0.0123 %")
     assert f"withheld because {WHY.sentence}" in verdict
     assert "## Grades withheld" not in markdown_report(made, ReportFacts(version="0"))
+
+
+def forces(**changes):
+    plain = {
+        "setting": 1,
+        "speed_m_per_s": 0.3,
+        "stroke": "rebound",
+        "force_N": 900.0,
+        "force_ci_low_N": 890.0,
+        "force_ci_high_N": 910.0,
+        "measured_N": 1000.0,
+        "measured_se_N": 1.0,
+        "difference_N": 95.0,
+        "told_from": "measured",
+        "change_N": None,
+        "change_ci_high_N": None,
+        "change_percent": None,
+    }
+    return plain | changes
+
+
+def test_the_measured_force_is_told_where_the_model_misses_it() -> None:
+    bump = forces(stroke="bump", force_N=-700.0, measured_N=-705.0, difference_N=-4.0)
+    rows = [forces(), bump | {"told_from": "model", "force_ci_high_N": -690.0}]
+    sheet = force_by_setting_sheet(rows)
+    assert sheet.rows[0][1] == "1000.0 ± 2.0 m"
+    assert sheet.rows[0][4] == "-700.0 ± 10.0"
+    assert any(note.startswith("m measured: the model misses") for note in sheet.notes)
+    beside = measured_force_sheet(rows)
+    assert beside.rows == (("1", "0.3", "1000 m", "905.0", "+95.0", "-705.0", "-701.0", "-4.0"),)
+    single = forces(measured_se_N=None)
+    assert force_by_setting_sheet([single, rows[1]]).rows[0][1] == "1000 m"
+    assert force_by_speed_sheet([single], "rebound").rows[0][1] == "1000 m"
+
+
+def test_slower_speeds_stand_beside_where_the_model_misses_them() -> None:
+    slow = [forces(speed_m_per_s=0.1, told_from=told) for told in ("model", "measured")]
+    assert [row[1] for row in measured_force_sheet([forces(), slow[0]]).rows] == ["0.3"]
+    assert [row[1] for row in measured_force_sheet([forces(), slow[1]]).rows] == ["0.1", "0.3"]
+
+
+def test_results_of_before_have_no_measured_forces() -> None:
+    old = forces()
+    for name in ("measured_N", "measured_se_N", "difference_N", "told_from"):
+        del old[name]
+    assert measured_force_sheet([old]).rows == ()
+    assert force_by_speed_sheet([old], "rebound").rows[0][1] == "900.0"
+
+
+def test_errors_in_tables_are_of_noise_and_misfit_together() -> None:
+    row = tables().parameters.to_pylist()[1]
+    row |= {"r_m1_se": 30.0, "r_m1_misfit_se": 40.0}
+    assert total_error(row, "r_m1") == 50.0
+    assert any("what repeats in the residual" in note for note in parameter_sheet([row]).notes)
+    assert total_error(row | {"r_m1_misfit_se": None}, "r_m1") == 30.0
+    assert total_error(row | {"r_m1_se": None}, "r_m1") is None

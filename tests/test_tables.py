@@ -39,6 +39,7 @@ CONTRACT_PARAMETERS = [
         for name in ("r_m1", "r_m2", "r_m3", "k_e", "f_f", "f_0")
         for part in ("se", "ci_low", "ci_high", "status")
     ),
+    *(f"{name}_misfit_se" for name in ("r_m1", "r_m2", "r_m3", "k_e", "f_f", "f_0")),
     *("mse_percent", "grade", "outcome", "n_logs", "n_samples", "n_cycles", "evaluations"),
     *("cavitation_fraction", "r_m3_cavitation_margin"),
     *("lowest_pressure", "lowest_pressure_chamber"),
@@ -310,7 +311,11 @@ def test_a_change_of_force_stands_in_the_row_of_the_harder_setting_number_by_num
     click = Click(1, 2, 0.3, "bump", -100.0, -105.5, -94.5, 90.0, 84.0, 96.0)
     told = Adjustment(levels=(first, second), clicks=(click,))
     plain, changed = make_tables(campaign(fit(1), fit(2)), adjustment=told).adjustment.to_pylist()
-    assert plain == {
+    beside = {
+        "force_misfit_se_N": 0.0, "measured_N": None, "measured_se_N": None,
+        "difference_N": None, "told_from": "model",
+    }  # fmt: skip
+    assert plain == beside | {
         "setting": 1, "speed_m_per_s": 0.3, "stroke": "bump", "force_N": -100.0, "force_se_N": 2.0,
         "force_ci_low_N": first.low, "force_ci_high_N": first.high, "change_N": None,
         "change_ci_low_N": None, "change_ci_high_N": None, "change_percent": None,
@@ -318,7 +323,7 @@ def test_a_change_of_force_stands_in_the_row_of_the_harder_setting_number_by_num
     }  # fmt: skip
     assert first.high - first.low == pytest.approx(7.84, abs=1e-3)
     assert changed["setting"] == 2
-    assert [changed[name] for name in list(changed)[7:]] == [
+    assert [changed[name] for name in list(changed)[7:13]] == [
         -100.0,
         -105.5,
         -94.5,

@@ -2,9 +2,7 @@
 
 from damperfit.adjustment.across_settings import Adjustment, compare_settings
 from damperfit.adjustment.forces import (
-    STROKES,
     Click,
-    Level,
     Sine,
     Stage,
     clicks,
@@ -14,6 +12,8 @@ from damperfit.adjustment.forces import (
     sine_of,
     stage_of,
 )
+from damperfit.adjustment.level import STROKES, Level
+from damperfit.adjustment.measured import beside_measured, told_levels
 from damperfit.adjustment.trends import Outlier, Trend, TrendPoint, find_trends
 from damperfit.adjustment.wanted import Answer, Wanted, which_setting
 
@@ -29,6 +29,7 @@ __all__ = [
     "Trend",
     "TrendPoint",
     "Wanted",
+    "beside_measured",
     "clicks",
     "compare_settings",
     "fastest_sine",
@@ -37,5 +38,6 @@ __all__ = [
     "named_speeds",
     "sine_of",
     "stage_of",
+    "told_levels",
     "which_setting",
 ]

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from damperfit.adjustment.forces import (
     Click,
-    Level,
     Sine,
     clicks,
     levels,
@@ -15,6 +14,8 @@ from damperfit.adjustment.forces import (
     sine_of,
     stage_of,
 )
+from damperfit.adjustment.level import Level
+from damperfit.adjustment.measured import beside_measured, told_levels
 from damperfit.adjustment.trends import Trend, find_trends
 from damperfit.simulation import SolverOptions
 
@@ -38,7 +39,7 @@ class Adjustment:
     sine : Sine or None
         Motion of the forces; None without a fit.
     levels : tuple of Level
-        Force by setting, named speed and stroke.
+        Force of the model by setting, named speed and stroke, the measured one beside it.
     clicks : tuple of Click
         Its change between neighbouring settings.
     """
@@ -93,9 +94,10 @@ def compare_settings(
         jobs=jobs,
         on_error=on_error,
     )
+    found = beside_measured(found, assessment.forces, sine)
     return Adjustment(
         trends=find_trends(campaign.fits, known),
         sine=sine,
         levels=found,
-        clicks=clicks(found, damper),
+        clicks=clicks(told_levels(found), damper),
     )

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.adjustment.level import STROKES, Level
 from damperfit.damper.model import Model, Values
 from damperfit.errors import SimulationError, sparing
 from damperfit.setting import ADJUSTER, lines_of
@@ -49,9 +50,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = [
-    "STROKES",
     "Click",
-    "Level",
     "Sine",
     "Stage",
     "clicks",
@@ -62,7 +61,6 @@ __all__ = [
     "stage_of",
 ]
 
-STROKES = ("rebound", "bump")
 _SAMPLES_PER_CYCLE = 1000  # forces at a speed move by less than 0.01 N from there to 4000
 _AS_FAST = 0.05  # rigs repeat a speed to 1 %
 _SINE = 0.1  # peak speed of a sine by its frequency against the one found; a triangle's is 36 % off
@@ -109,51 +107,6 @@ class Stage:
     own: tuple[str, ...] = ()
     shared: tuple[str, ...] = ()
     covariance: FloatArray | None = None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Level:
-    """Force of one setting at one speed, mean of the opening and the closing branch.
-
-    Attributes
-    ----------
-    setting : Setting
-        Which.
-    speed : float
-        m/s, positive.
-    stroke : str
-        "rebound" or "bump".
-    force : float
-        N, positive in rebound; the gas force is in it.
-    error : float
-        Standard error, N; NaN where it is not known.
-    rest : float
-        The part of it that is the setting's alone, N.
-    carried : numpy.ndarray
-        Shape (number of shared parameters,): what independent unit errors of the shared parameters
-        do to the force, N; in the same order for all settings.
-    is_cavitating : bool
-        A chamber is empty of pressure somewhere on this motion.
-    """
-
-    setting: Setting
-    speed: float
-    stroke: str
-    force: float
-    error: float
-    rest: float
-    carried: FloatArray
-    is_cavitating: bool = False
-
-    @property
-    def low(self) -> float:
-        """Lower end of the 95 % interval, N."""
-        return self.force - NORMAL_95 * self.error
-
-    @property
-    def high(self) -> float:
-        """Upper end of the 95 % interval, N."""
-        return self.force + NORMAL_95 * self.error
 
 
 @dataclass(frozen=True, slots=True)
@@ -389,4 +342,6 @@ def _spread(first: Level, second: Level, *, ratio: float = 1.0) -> float:
     if first.carried.shape != second.carried.shape:
         return math.nan
     apart = second.carried - ratio * first.carried
-    return math.sqrt(second.rest**2 + (ratio * first.rest) ** 2 + float(apart @ apart))
+    rest = second.rest**2 + (ratio * first.rest) ** 2
+    misfit = second.misfit**2 + (ratio * first.misfit) ** 2
+    return math.sqrt(rest + misfit + float(apart @ apart))

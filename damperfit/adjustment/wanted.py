@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.interpolate import PchipInterpolator
 
-    from damperfit.adjustment.forces import Level
+    from damperfit.adjustment.level import Level
     from damperfit.setting import Line
 
     FloatArray = NDArray[np.float64]

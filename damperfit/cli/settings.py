@@ -125,7 +125,12 @@ def _curves(
 def _show(
     adjuster: AdjusterResults, question: Question, forces: ForceTable, *, is_quiet: bool
 ) -> None:
-    from damperfit.report import force_by_setting_sheet, force_by_speed_sheet, terminal_table
+    from damperfit.report import (
+        force_by_setting_sheet,
+        force_by_speed_sheet,
+        measured_force_sheet,
+        terminal_table,
+    )
     from damperfit.tables import adjustment_rows
 
     if forces.wanted:
@@ -139,10 +144,17 @@ def _show(
     print_lines([f"force by setting, {adjuster.source}", ""])
     if question.speed is not None:
         print_renderable(terminal_table(force_by_setting_sheet(rows)))
+        measured = measured_force_sheet(rows)
+        if measured.rows:
+            print_lines([""])
+            print_renderable(terminal_table(measured))
         return
     for stroke in (question.stroke,) if question.stroke else ("rebound", "bump"):
         print_renderable(terminal_table(force_by_speed_sheet(rows, stroke)))
         print_lines([""])
+    measured = measured_force_sheet(rows)
+    if measured.rows:
+        print_renderable(terminal_table(measured))
 
 
 def _answer(wanted: Wanted, answer: Answer) -> dict[str, Any]:

@@ -15,9 +15,11 @@ from damperfit.adjustment import (
     Sine,
     Stage,
     Wanted,
+    beside_measured,
     clicks,
     levels,
     named_speeds,
+    told_levels,
     which_setting,
 )
 from damperfit.configuration.loading import load_configuration
@@ -25,9 +27,11 @@ from damperfit.errors import ConfigurationError, Mishap, mishap_of
 from damperfit.identification.sharing import listed_settings
 from damperfit.quantities import parse_quantity
 from damperfit.queries.origin import Origin, configured_as, motion_of_tests
+from damperfit.report.json_records import listed_in, read_back
 from damperfit.setting import Setting, lines_of
 from damperfit.simulation import refuse_amplitude
 from damperfit.tables import read_results, values_from
+from damperfit.uncertainty import SpeedForces
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -66,6 +70,8 @@ class AdjusterResults:
         How exactly to integrate.
     remarks : tuple of str
         What was missing or damaged in the folder.
+    forces : tuple of SpeedForces
+        As measured, at the motion of the tests.
     """
 
     stages: tuple[Stage, ...]
@@ -74,6 +80,7 @@ class AdjusterResults:
     source: str
     solver: SolverOptions
     remarks: tuple[str, ...]
+    forces: tuple[SpeedForces, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +212,13 @@ def read_adjuster(
     sine, source = _motion(own, amplitude, frequency)
     refuse_amplitude(sine.amplitude, configuration.damper.travel)
     return AdjusterResults(
-        stages, configuration.damper, sine, source, configuration.simulation.solver, tuple(remarks)
+        stages,
+        configuration.damper,
+        sine,
+        source,
+        configuration.simulation.solver,
+        tuple(remarks),
+        tuple(_forces(results.record)),
     )
 
 
@@ -230,7 +243,7 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question, *, jobs: int 
     def take(setting: Setting, error: Exception) -> None:
         mishaps[setting] = mishap_of(error, f"simulating setting {setting}")
 
-    found = levels(
+    modelled = levels(
         adjuster.stages,
         adjuster.damper,
         sine,
@@ -239,6 +252,8 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question, *, jobs: int 
         jobs=jobs,
         on_error=take,
     )
+    found = beside_measured(modelled, adjuster.forces, sine)
+    told = told_levels(found)
     done = {level.setting for level in found}
     remarks = tuple(
         mishaps[stage.setting].message
@@ -251,7 +266,7 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question, *, jobs: int 
     if question.force is not None:
         if len(done) < 2:
             raise ConfigurationError("one setting does not tell which gives a force; fit more logs")
-        mine = [level for level in found if level.stroke == question.stroke]
+        mine = [level for level in told if level.stroke == question.stroke]
         lines = [line for line in lines_of(done) if len(line.settings) > 1]
         if not lines:
             raise ConfigurationError(
@@ -259,8 +274,8 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question, *, jobs: int 
                 "--force shows the forces of all"
             )
         wanted = tuple(which_setting(mine, question.force, line=line) for line in lines)
-    changes = clicks(found, adjuster.damper)
-    notes = tuple(_cavitation_notes(adjuster, found))
+    changes = clicks(told, adjuster.damper)
+    notes = (*_cavitation_notes(adjuster, found), *_measured_notes(told))
     traces = tuple(mishaps[setting].trace for setting in sorted(mishaps))
     return ForceTable(found, changes, wanted, remarks, notes, traces)
 
@@ -273,6 +288,29 @@ def _cavitation_notes(adjuster: AdjusterResults, found: Sequence[Level]) -> Iter
             f"a chamber cavitates at {adjuster.source} at setting {listed_settings(settings)}: "
             "the forces there are the model's with an empty chamber"
         )
+
+
+def _measured_notes(found: Sequence[Level]) -> Iterator[str]:
+    """Say where measured forces are told in place of the model's, and by how much it misses."""
+    missed = [level for level in found if level.is_measured and level.disagrees]
+    if missed:
+        worst = max(missed, key=lambda level: abs(level.difference / level.measured))
+        share = 100.0 * abs(worst.difference / worst.measured)
+        where = listed_settings(dict.fromkeys(level.setting for level in missed))
+        yield (
+            f"the model misses measured forces at setting {where}, most by {share:.2g} % at "
+            f"{worst.speed:g} m/s in {worst.stroke} (setting {worst.setting}): measured forces, "
+            "the mean of all compared cycles, are told at those speeds"
+        )
+
+
+def _forces(record: Mapping[str, Any]) -> Iterator[SpeedForces]:
+    """Yield the measured forces of a run; older runs have none."""
+    for entry in listed_in(record, "speed_forces"):
+        one = read_back(SpeedForces, entry)
+        rows = () if one is None else (one.measured, one.measured_se, one.difference, one.misfit)
+        if one is not None and all(len(row) == len(one.speeds) for row in rows):
+            yield one
 
 
 def _configuration(

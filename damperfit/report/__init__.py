@@ -14,6 +14,7 @@ from damperfit.report.rows.check_table import check_lines
 from damperfit.report.rows.force_by_setting_table import (
     force_by_setting_sheet,
     force_by_speed_sheet,
+    measured_force_sheet,
 )
 from damperfit.report.rows.held_out_table import held_out_sheet
 from damperfit.report.rows.identify_summary_table import summary_sheet
@@ -87,6 +88,7 @@ __all__ = [
     "ladder_records",
     "ladder_sheet",
     "markdown_report",
+    "measured_force_sheet",
     "parameter_sheet",
     "read_back",
     "report_plots",

@@ -10,7 +10,10 @@ from damperfit.identification.sharing import listed_runs
 from damperfit.report.alike import short_listing
 from damperfit.report.failures_and_warnings import failure_lines
 from damperfit.report.rows.check_table import check_sheet, check_summary
-from damperfit.report.rows.force_by_setting_table import force_by_setting_sheet
+from damperfit.report.rows.force_by_setting_table import (
+    force_by_setting_sheet,
+    measured_force_sheet,
+)
 from damperfit.report.rows.held_out_table import held_out_sheet
 from damperfit.report.rows.mse_table import grade_counts, mse_sheet
 from damperfit.report.rows.parameter_table import parameter_sheet
@@ -108,8 +111,9 @@ def _checks(facts: ReportFacts) -> list[str]:
 
 def _clicks(tables: Tables) -> list[str]:
     """The force at the fastest named speed by setting, below the sentences."""
-    table = _table(force_by_setting_sheet(tables.adjustment.to_pylist()))
-    return ["", *table] if table else []
+    rows = tables.adjustment.to_pylist()
+    shown = [_table(force_by_setting_sheet(rows)), _table(measured_force_sheet(rows))]
+    return [line for table in shown if table for line in ("", *table)]
 
 
 def _missing(facts: ReportFacts) -> Iterator[str]:

@@ -32,6 +32,7 @@ def confidence_record(campaign: Campaign, assessment: Assessment) -> dict[str, A
         "uncertainty": list(_trust(campaign, assessment)),
         "profiles": [_profile(one, assessment) for one in assessment.profiles],
         "gas_content": None if assessment.gas is None else to_record(assessment.gas),
+        "speed_forces": [to_record(one) for one in assessment.forces],
         "searches": [to_record(one) for one in campaign.searches],
     }
 

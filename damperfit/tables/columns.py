@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Quantity
 
 __all__ = [
-    "LATE_COLUMNS",
     "SCHEMA_VERSION",
     "adjusters_in",
     "column_kinds",
     "column_names",
     "describe_tables",
+    "is_late",
     "read_setting",
     "setting_cells",
     "table_schema",
@@ -31,7 +31,16 @@ __all__ = [
 
 SCHEMA_VERSION = 2
 # Results of before these were added lack nothing that a reader must be told of.
-LATE_COLUMNS = frozenset({"grade_reason"})
+_LATE = frozenset(
+    {
+        "grade_reason",
+        "force_misfit_se_N",
+        "measured_N",
+        "measured_se_N",
+        "difference_N",
+        "told_from",
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +63,11 @@ _REFITTED = _Column("", _FLOAT, "", "refitted")
 _SAMPLES = _Column("n_samples", _INT, "1", "samples evaluated")
 
 
+def is_late(name: str) -> bool:
+    """Whether a column was added later, so that older results are whole without it."""
+    return name in _LATE or name.endswith("_misfit_se")
+
+
 def _parameter_columns(quantities: Sequence[Quantity]) -> Iterator[_Column]:
     """A column for each quantity, then what is known of each."""
     for one in quantities:
@@ -64,6 +78,9 @@ def _parameter_columns(quantities: Sequence[Quantity]) -> Iterator[_Column]:
         yield _Column(f"{name}_ci_low", _FLOAT, unit, f"95 % interval of {name}")
         yield _Column(f"{name}_ci_high", _FLOAT, unit, f"95 % interval of {name}")
         yield _Column(f"{name}_status", _TEXT, "", f"how {name} was found")
+    for one in quantities:
+        said = f"error of {one.name} for what the model misses"
+        yield _Column(f"{one.name}_misfit_se", _FLOAT, one.unit, said)
 
 
 _PARAMETERS: tuple[_Column, ...] = (
@@ -149,6 +166,11 @@ _ADJUSTMENT: tuple[_Column, ...] = (
     _Column("change_percent", _FLOAT, "%", "the same of the damping, which is without gas force"),
     _Column("change_percent_ci_low", _FLOAT, "%", "95 % interval of change_percent"),
     _Column("change_percent_ci_high", _FLOAT, "%", "95 % interval of change_percent"),
+    _Column("force_misfit_se_N", _FLOAT, "N", "error of force_N for the wrong model"),
+    _Column("measured_N", _FLOAT, "N", "measured force there, mean of all compared cycles"),
+    _Column("measured_se_N", _FLOAT, "N", "standard error of measured_N"),
+    _Column("difference_N", _FLOAT, "N", "measured less modelled force on the same cycles"),
+    _Column("told_from", _TEXT, "", "model, or measured where the model misses it"),
 )
 _TABLES: dict[str, tuple[_Column, ...]] = {
     "parameters": _PARAMETERS,

@@ -23,10 +23,10 @@ from damperfit.errors import ConfigurationError
 from damperfit.recording import natural_order
 from damperfit.setting import Setting
 from damperfit.tables.columns import (
-    LATE_COLUMNS,
     SCHEMA_VERSION,
     adjusters_in,
     column_kinds,
+    is_late,
     read_setting,
 )
 from damperfit.tables.quantities import PAPER_QUANTITIES, quantities_in
@@ -251,7 +251,7 @@ def _rows(
             remarks.append(f"{path.name} cannot be read: {_reason(error)}")
         else:
             missing = [name for name in kinds if not rows or name not in rows[0]]
-            missing = [name for name in missing if name not in LATE_COLUMNS]
+            missing = [name for name in missing if not is_late(name)]
             if rows and missing:
                 more = f" and {len(missing) - _MANY} more" if len(missing) > _MANY else ""
                 remarks.append(f"{path.name} has no column {', '.join(missing[:_MANY])}{more}")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from damperfit.adjustment import Adjustment
+from damperfit.adjustment import Adjustment, told_levels
 from damperfit.identification.setting import EXCELLENT
 from damperfit.tables.arrays import column, float_array
 from damperfit.tables.columns import setting_cells, table_schema
@@ -154,6 +154,7 @@ def _parameter_row(fit: Fit, assessment: Assessment, reason: str | None) -> dict
         interval = known.get(fit.setting, {}).get(name)
         if interval is not None:
             row[f"{name}_se"] = _finite(interval.error)
+            row[f"{name}_misfit_se"] = _finite(interval.misfit)
         low, high = assessment.limits(fit.setting, name)
         row[f"{name}_ci_low"], row[f"{name}_ci_high"] = _finite(low), _finite(high)
         row[f"{name}_status"] = fit.status[name].value
@@ -268,7 +269,7 @@ def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[di
     for click in clicks:
         changes[click.second, click.speed, click.stroke].append(click)
     rows = []
-    for level in levels:
+    for level, told in zip(levels, told_levels(levels), strict=True):
         row: dict[str, Any] = {
             "setting": level.setting,
             "speed_m_per_s": level.speed,
@@ -277,6 +278,11 @@ def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[di
             "force_se_N": _finite(level.error),
             "force_ci_low_N": _finite(level.low),
             "force_ci_high_N": _finite(level.high),
+            "force_misfit_se_N": _finite(level.misfit),
+            "measured_N": _finite(level.measured),
+            "measured_se_N": _finite(level.measured_error),
+            "difference_N": _finite(level.difference),
+            "told_from": "measured" if told.is_measured else "model",
         }
         for one in changes.get((level.setting, level.speed, level.stroke), [None]):
             changed = {} if one is None else {"changed": one.adjuster}

@@ -32,6 +32,7 @@ from damperfit.uncertainty.profiles import (
     check_profile_names,
 )
 from damperfit.uncertainty.residuals import Diagnosis, diagnose
+from damperfit.uncertainty.speed_forces import SpeedForces
 from damperfit.uncertainty.withheld import Objection, objections
 
 __all__ = [
@@ -50,6 +51,7 @@ __all__ = [
     "Objection",
     "Prediction",
     "ProfilePoint",
+    "SpeedForces",
     "Stride",
     "Uncertainty",
     "assess",

@@ -20,6 +20,7 @@ from damperfit.identification.sharing import MEAN, TAKEN, listed_settings
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.gas import GasContent, gas_content
 from damperfit.uncertainty.intervals import Uncertainty, collect_evidence, uncertainties
+from damperfit.uncertainty.misfit_scores import misfit_scores
 from damperfit.uncertainty.profile_walk import (
     doubtful_profiles,
     profile_jointly,
@@ -34,7 +35,8 @@ from damperfit.uncertainty.profiles import (
     is_doubtful,
     lines_of,
 )
-from damperfit.uncertainty.residuals import Diagnosis, diagnose, reconciled
+from damperfit.uncertainty.residuals import Diagnosis, diagnose, group_warning, reconciled
+from damperfit.uncertainty.speed_forces import SpeedForces, speed_forces
 from damperfit.uncertainty.verdicts import doubts, untold, verdicts
 
 if TYPE_CHECKING:
@@ -60,7 +62,8 @@ _BLIND = 0.4
 
 METHOD = (
     "Errors and 95 % intervals: sandwich covariance on the logarithm of the parameter with the "
-    "residuals' own autocorrelation; the errors of shared parameters are included."
+    "residuals' own autocorrelation; the errors of shared parameters are included. Where a misfit "
+    "repeats, what blocks of the cycle make of it is added as an error for the wrong model."
 )
 
 
@@ -78,6 +81,8 @@ class Assessment:
         Of the parameters that were in doubt, and of those asked for (see `profile_campaign`).
     gas : GasContent or None
         The gas content that K_e follows from, in a joint fit that asked for it.
+    forces : tuple of SpeedForces
+        Measured forces over speed, and what the model misses there.
     objections : mapping of Setting to tuple of Objection
         Why grades are withheld: `damperfit.uncertainty.withheld.objections`.
     """
@@ -86,6 +91,7 @@ class Assessment:
     diagnoses: tuple[Diagnosis, ...] = ()
     profiles: tuple[MisfitProfile, ...] = ()
     gas: GasContent | None = None
+    forces: tuple[SpeedForces, ...] = ()
     objections: Mapping[Setting, tuple[Objection, ...]] = field(default_factory=dict)
 
     def profile(self, setting: Setting, name: str) -> MisfitProfile | None:
@@ -96,18 +102,21 @@ class Assessment:
     def limits(self, setting: Setting, name: str) -> tuple[float | None, float | None]:
         """Return the 95 % limits to print, SI; None where the logs set none.
 
-        Those of the sandwich covariance, or of the profile where the quadratic approximation was
-        in doubt or the profile is flat.
+        Those of the covariances, or of the profile where the quadratic approximation was in doubt
+        or the profile is flat. A profile follows noise: with a misfit the wider limits hold.
         """
         profile = self.telling(setting).get(name)
+        known = {one.setting: one.intervals for one in self.uncertainties}.get(setting, {}).get(
+            name
+        )
         if profile is not None and (
             profile.is_flat or (profile.is_complete and profile.is_doubtful)
         ):
-            return profile.low, profile.high
-        for known in self.uncertainties:
-            if known.setting == setting and name in known.intervals:
-                return known.intervals[name].low, known.intervals[name].high
-        return None, None
+            low, high = profile.low, profile.high
+            if known is None or not known.misfit or low is None or high is None:
+                return low, high
+            return min(low, known.low), max(high, known.high)
+        return (None, None) if known is None else (known.low, known.high)
 
     def verdicts(self, campaign: Campaign) -> dict[Setting, dict[str, str]]:
         """Return a sentence on each parameter, by setting."""
@@ -147,7 +156,7 @@ class Assessment:
         for one in self.diagnoses:
             if one.is_structured:
                 groups[one.hints[0].name if one.hints else ""].append(one)
-        return tuple(_warning(group) for group in groups.values())
+        return tuple(group_warning(group) for group in groups.values())
 
     @property
     def cycle_check(self) -> str:
@@ -219,12 +228,16 @@ def assess(
     """
     evidence: list[Evidence] = []
     diagnoses: list[Diagnosis] = []
+    forces: list[SpeedForces] = []
     doubted = (MEAN,) if campaign.sharing.friction_varies else ()
     for seen in _evidence_in_turns(campaign, damper, solver=solver, jobs=jobs, on_error=on_error):
         for one in seen:
             with sparing(one.fit.setting, on_error):
-                diagnoses.append(diagnose(one, doubted=doubted))
-                evidence.append(_without_curves(one))
+                told = diagnose(one, doubted=doubted)
+                forces.extend(speed_forces(one, is_structured=told.is_structured))
+                diagnoses.append(told)
+                misfit = misfit_scores(one) if told.is_structured else None
+                evidence.append(replace(_without_curves(one), misfit=misfit))
     known = uncertainties(evidence, campaign.sharing, on_error=on_error)
     judged = {one.setting for one in known}
     evidence = [one for one in evidence if one.fit.setting in judged]
@@ -244,6 +257,7 @@ def assess(
         diagnoses=reconciled(diagnoses),
         profiles=profiles,
         gas=gas_content(evidence, campaign.sharing),
+        forces=tuple(forces),
     )
 
 
@@ -379,12 +393,3 @@ def _is_unfit(fit: Fit, name: str, known: Uncertainty | None) -> bool:
         return False
     place = known.names.index(name)
     return bool(known.covariance[place, place] > NOT_FIT_TO_SHARE**2)
-
-
-def _warning(group: list[Diagnosis]) -> str:
-    """The sentence of the setting with the largest misfit, for all settings of its kind."""
-    worst = max(group, key=lambda one: one.mse_percent)
-    if len(group) == 1:
-        return f"setting {worst.setting}: {worst.sentence}."
-    listed = listed_settings(one.setting for one in group)
-    return f"settings {listed}, most at {worst.setting}: {worst.sentence}."

@@ -97,6 +97,8 @@ class Evidence:
         Log by log.
     conditions : tuple of str
         Names of the columns of each log's `gas`.
+    misfit : numpy.ndarray or None
+        In place of `scores` what a misfit that repeats does; None where nothing repeats.
     """
 
     fit: Fit
@@ -106,6 +108,7 @@ class Evidence:
     gradient: FloatArray
     logs: tuple[LogEvidence, ...]
     conditions: tuple[str, ...] = ()
+    misfit: FloatArray | None = None
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -70,9 +70,10 @@ class Interval:
     Attributes
     ----------
     error : float
-        Standard error: y times that of ln y.
+        Standard error of noise: y times that of ln y.
     low, high : float
-        y exp(-+1.96 se(ln y)); an offset, which may be negative, has y -+ 1.96 se.
+        y exp(-+1.96 se(ln y)); an offset, which may be negative, has y -+ 1.96 se. The errors of
+        noise and misfit together.
     cycle_ratio : float
         The error from the scatter between whole cycles (linearised jackknife, the setting's own
         logs only) over the same from the residuals' autocorrelation. 1 within about
@@ -80,12 +81,15 @@ class Interval:
         the cycle; now and then far above 1 where noise of the displacement, which enters as its
         derivative, leaves hardly more than their ends in the cycles' sums (Monte Carlo: the
         errors given are right there). NaN for a shared parameter and for a single cycle.
+    misfit : float
+        Standard error for the wrong model, from what repeats in the residual; 0 where nothing does.
     """
 
     error: float
     low: float
     high: float
     cycle_ratio: float
+    misfit: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,10 +166,15 @@ def uncertainties(
     # Summed without the setting's own: a difference of sums could turn negative by rounding.
     nothing = np.zeros((len(sharing.variables),) * 2)
     others = [np.sum([nothing, *parts[:k], *parts[k + 1 :]], axis=0) for k in range(len(parts))]
+    bent = [
+        nothing if one.misfit is None else row @ one.misfit @ row.T
+        for row, one in zip(rows, evidence, strict=True)
+    ]
     found = []
-    for one, row, rest in zip(evidence, rows, others, strict=True):
+    for k, (one, row, rest) in enumerate(zip(evidence, rows, others, strict=True)):
+        bent_by_others = np.sum([nothing, *bent[:k], *bent[k + 1 :]], axis=0)
         with sparing(one.fit.setting, on_error):
-            found.append(_of_setting(one, sharing, row, rest))
+            found.append(_of_setting(one, sharing, row, (rest, bent_by_others)))
     return tuple(found)
 
 
@@ -206,9 +215,12 @@ def shared_slopes(fit: Fit, sharing: Sharing) -> FloatArray:
 
 
 def _of_setting(
-    evidence: Evidence, sharing: Sharing, row: FloatArray, others: FloatArray
+    evidence: Evidence, sharing: Sharing, row: FloatArray, others: tuple[FloatArray, FloatArray]
 ) -> Uncertainty:
-    """One setting: its own scores (through own fit and shared rows), then the other settings'."""
+    """One setting: its own scores (through own fit and shared rows), then the other settings'.
+
+    Those of noise first, then those of the misfit.
+    """
     own, shared = own_names(evidence.fit, sharing), sharing.found
     slopes = shared_slopes(evidence.fit, sharing)
     direct = solved(evidence, own)
@@ -216,14 +228,17 @@ def _of_setting(
     told = slopes[evidence.places(shared)]
     from_own = np.vstack([direct + carried @ row, told @ row])
     from_others = np.vstack([carried, told])
-    covariance = from_own @ evidence.scores @ from_own.T + from_others @ others @ from_others.T
+    noise, misfit = (from_others @ rest @ from_others.T for rest in others)
+    covariance = from_own @ evidence.scores @ from_own.T + noise
+    if evidence.misfit is not None:
+        misfit = from_own @ evidence.misfit @ from_own.T + misfit
     names = (*own, *shared)
     residual_part = np.diag(direct @ evidence.scores @ direct.T)
     cycle_part = np.diag(direct @ evidence.cycle_scores @ direct.T)
     ratios = np.full(len(names), math.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratios[: len(own)] = np.sqrt(cycle_part / residual_part)
-    errors = np.sqrt(np.diag(covariance))
+    errors, bends = np.sqrt(np.diag(covariance)), np.sqrt(np.maximum(np.diag(misfit), 0.0))
     values = evidence.fit.parameters
     intervals = {
         name: make_interval(
@@ -231,8 +246,9 @@ def _of_setting(
             float(error),
             float(ratio),
             is_logarithmic=values.quantity(name).is_logarithmic,
+            misfit=float(bend),
         )
-        for name, error, ratio in zip(names, errors, ratios, strict=True)
+        for name, error, ratio, bend in zip(names, errors, ratios, bends, strict=True)
     }
     return Uncertainty(evidence.fit.setting, intervals, names, covariance, shared)
 
@@ -253,15 +269,20 @@ def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
 
 
 def make_interval(
-    value: float, error: float, ratio: float = math.nan, *, is_logarithmic: bool = True
+    value: float,
+    error: float,
+    ratio: float = math.nan,
+    *,
+    is_logarithmic: bool = True,
+    misfit: float = 0.0,
 ) -> Interval:
-    """Return the 95 % interval of a value whose u has a standard error."""
-    reach = NORMAL_95 * error
+    """Return the 95 % interval of a value whose u has standard errors of noise and misfit."""
+    reach = NORMAL_95 * math.hypot(error, misfit)
     if not is_logarithmic:
-        return Interval(error, value - reach, value + reach, ratio)
+        return Interval(error, value - reach, value + reach, ratio, misfit)
     # e^700 is the largest factor that is a number; such an interval says "anything".
     factor = math.exp(min(reach, 700.0))
-    return Interval(value * error, value / factor, value * factor, ratio)
+    return Interval(value * error, value / factor, value * factor, ratio, value * misfit)
 
 
 def _shared_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatArray]:

@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.identification.sharing import listed_settings
 from damperfit.uncertainty.correlated_noise import autocorrelation
 from damperfit.uncertainty.flaws import Hint, seek_flaws
 from damperfit.uncertainty.yielding import YIELDS, held_share
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Diagnosis", "diagnose", "reconciled", "scatter_between_cycles"]
+__all__ = ["Diagnosis", "diagnose", "group_warning", "reconciled", "scatter_between_cycles"]
 
 # The repeating power of pure noise over its scatter is F-distributed; beyond the bar once in as
 # many settings.
@@ -349,3 +350,12 @@ def _runs_ratio(evidence: Evidence) -> float:
         about = np.signbit(folded - folded.mean(axis=0))
         expected += int(np.count_nonzero(np.diff(about, axis=1)))
     return found / expected if expected else math.nan
+
+
+def group_warning(group: Sequence[Diagnosis]) -> str:
+    """Return the sentence of the setting with the largest misfit, for all settings of its kind."""
+    worst = max(group, key=lambda one: one.mse_percent)
+    if len(group) == 1:
+        return f"setting {worst.setting}: {worst.sentence}."
+    listed = listed_settings(one.setting for one in group)
+    return f"settings {listed}, most at {worst.setting}: {worst.sentence}."

@@ -139,7 +139,7 @@ def _verdict(
     tied = _tied(name, known) if is_tied else ""
     where = (
         f"95 % from {interval.low:.4g} to {interval.high:.4g}"
-        if profile is None or not profile.is_complete
+        if profile is None or not profile.is_complete or (interval.misfit and not profile.is_flat)
         else _seen(profile)
     )
     if profile is not None and profile.better is not None:
@@ -159,6 +159,11 @@ def _verdict(
         if used and profile is not None and profile.shape == "flat downward":
             used += ", in place of nothing: any value below the limit fits as well"
         return f"these logs do not tell it ({where}{tied}){used}; fix it, or fit more logs"
+    if interval.misfit > 0.0:
+        where += (
+            f" (standard errors: {interval.error:.2g} of noise, {interval.misfit:.2g} for what the "
+            "model misses)"
+        )
     found = "shared by all settings" if status == Status.SHARED else "fitted"
     return f"{found}, {where}{tied}"
 

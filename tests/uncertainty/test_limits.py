@@ -60,7 +60,7 @@ def test_a_flaw_is_named_that_explains_half_of_what_repeats(share: float, *, is_
 def test_a_second_flaw_is_named_that_explains_nearly_as_much(share: float, *, is_tied) -> None:
     rest = even(fakes.trace(1), 14)
     gas = math.sqrt(share) + math.sqrt(1.0 - share) * (rest - rest.mean())
-    found = named(np.full(len(rest), 3.0), gas=gas)
+    found = named(np.full(len(rest), 0.3), gas=gas)  # a gas 30 % off
     assert found == (["offset", "gas_pressure"] if is_tied else ["offset"])
 
 

@@ -43,7 +43,7 @@ _SYMBOLS = (
     "noise floor: the MSE that the scatter of the force between cycles gives by itself",
     "hysteresis: force on the opening branch (speed rising) less force on the closing branch",
     "ratio: rebound force over bump force, without signs",
-    "interval: 95 % confidence, as far as noise goes; it says nothing of a wrong model",
+    "interval: 95 % confidence, of noise and of what repeats in the residual",
     "cavitation: a chamber at zero absolute pressure in the simulation",
 )
 

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.report.rows.notes_below_tables import (
     DAMPING_SHARE,
+    MEASURED_BESIDE_MODEL,
+    TOLD_AS_MEASURED,
     force_and_click_at,
     over_several_clicks,
     stroke_and_click_at,
@@ -13,11 +15,12 @@ from damperfit.report.rows.notes_below_tables import (
 from damperfit.report.rows.rounding import NOTHING, number, with_interval
 from damperfit.report.rows.sheet import Sheet
 from damperfit.setting import Setting
+from damperfit.uncertainty import NORMAL_95
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-__all__ = ["force_by_setting_sheet", "force_by_speed_sheet"]
+__all__ = ["force_by_setting_sheet", "force_by_speed_sheet", "measured_force_sheet"]
 
 
 def force_by_setting_sheet(rows: Sequence[Mapping[str, Any]]) -> Sheet:
@@ -52,7 +55,7 @@ def force_by_setting_sheet(rows: Sequence[Mapping[str, Any]]) -> Sheet:
             for setting, changed in places
         ),
         is_number=(True,) * 7,
-        notes=(force_and_click_at(fastest), *gaps, DAMPING_SHARE),
+        notes=(force_and_click_at(fastest), *gaps, DAMPING_SHARE, *_marks(by_place.values())),
     )
 
 
@@ -72,13 +75,13 @@ def force_by_speed_sheet(rows: Sequence[Mapping[str, Any]], stroke: str) -> Shee
         rows=tuple(
             (
                 _words(setting, changed),
-                *(number(table[setting, changed, speed]["force_N"], digits=4) for speed in speeds),
+                *(_told(table[setting, changed, speed], digits=4) for speed in speeds),
                 *_cells(table[setting, changed, speeds[-1]])[1:],
             )
             for setting, changed in places
         ),
         is_number=(True,) * (len(speeds) + 3),
-        notes=(stroke_and_click_at(stroke, speeds[-1]), *gaps, DAMPING_SHARE),
+        notes=(stroke_and_click_at(stroke, speeds[-1]), *gaps, DAMPING_SHARE, *_marks(rows)),
     )
 
 
@@ -93,10 +96,79 @@ def _words(setting: Any, changed: str | None) -> str:
     return f"{setting}, {changed}" if several else str(setting)
 
 
+def measured_force_sheet(rows: Sequence[Mapping[str, Any]]) -> Sheet:
+    """Return the measured force beside the model's on the same cycles, with the difference.
+
+    At the fastest speed of all settings, and wherever else the model misses the measured force.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of the table "adjustment".
+    """
+    known = [row for row in rows if row.get("measured_N") is not None]
+    table = {(row["setting"], row["speed_m_per_s"], row["stroke"]): row for row in known}
+    fastest = max((row["speed_m_per_s"] for row in known), default=0.0)
+    missed = {(row["setting"], row["speed_m_per_s"]) for row in known if _is_measured(row)}
+    places = sorted(
+        {(a, b) for a, b, _ in table if b == fastest or (a, b) in missed},
+        key=lambda place: (Setting.of(place[0]), place[1]),
+    )
+    return Sheet(
+        headings=("set", "speed", *("rebound",) * 3, *("bump",) * 3),
+        units=("", "m/s", *("measured", "model", "diff.") * 2),
+        rows=tuple(
+            (
+                str(setting),
+                f"{speed:g}",
+                *(
+                    cell
+                    for stroke in ("rebound", "bump")
+                    for cell in _beside(table.get((setting, speed, stroke)))
+                ),
+            )
+            for setting, speed in places
+        ),
+        is_number=(True,) * 8,
+        notes=(MEASURED_BESIDE_MODEL, *_marks(known)),
+    )
+
+
+def _beside(row: Mapping[str, Any] | None) -> tuple[str, str, str]:
+    if row is None:
+        return (NOTHING,) * 3
+    measured, difference = row["measured_N"], row["difference_N"]
+    mark = " m" if _is_measured(row) else ""
+    return (
+        number(measured, digits=4) + mark,
+        number(measured - difference, digits=4),
+        f"{difference:+.1f}",
+    )
+
+
+def _is_measured(row: Mapping[str, Any]) -> bool:
+    return row.get("told_from") == "measured"
+
+
+def _told(row: Mapping[str, Any], *, digits: int | None = None) -> str:
+    """Return the force to tell: the model's, or as measured where the model misses it."""
+    force, high, mark = row["force_N"], row["force_ci_high_N"], ""
+    if _is_measured(row):
+        force, mark = row["measured_N"], " m"
+        error = row["measured_se_N"]
+        high = None if error is None else force + NORMAL_95 * error
+    text = with_interval(force, high) if digits is None else number(force, digits=digits)
+    return text + mark
+
+
+def _marks(rows: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
+    return (TOLD_AS_MEASURED,) if any(_is_measured(row) for row in rows) else ()
+
+
 def _cells(row: Mapping[str, Any]) -> tuple[str, str, str]:
     """Force and change, each with half of its 95 % interval, and the change in per cent."""
     return (
-        with_interval(row["force_N"], row["force_ci_high_N"]),
+        _told(row),
         with_interval(row["change_N"], row["change_ci_high_N"], plus="+"),
         NOTHING if row["change_percent"] is None else f"{row['change_percent']:+.1f}",
     )

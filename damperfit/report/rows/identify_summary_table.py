@@ -18,6 +18,7 @@ from damperfit.report.rows.parameter_table import (
     scale_of,
     scaled_units,
     shown_quantities,
+    total_error,
 )
 from damperfit.report.rows.rounding import NOTHING, percent, rounded_by_error
 from damperfit.report.rows.sheet import Sheet, sheet_width
@@ -128,7 +129,7 @@ def _sheet(
 
 def _cell(row: Row, quantity: Quantity, *, has_error: bool) -> str:
     name = quantity.name
-    value, error, status = row[name], row[f"{name}_se"], row[f"{name}_status"]
+    value, error, status = row[name], total_error(row, name), row[f"{name}_status"]
     if status == "not_identifiable":
         return PARAMETER_MARKS[status]
     factor = scale_of(quantity).factor
@@ -152,7 +153,7 @@ def _common_notes(rows: Sequence[Row], shown: Sequence[Quantity]) -> Iterator[st
     for one in shown:
         name, scale = one.name, scale_of(one)
         row = next(row for row in rows if row[name] is not None)
-        error = row[f"{name}_se"]
+        error = total_error(row, name)
         text = rounded_by_error(
             scale.factor * row[name], None if error is None else scale.factor * error
         )

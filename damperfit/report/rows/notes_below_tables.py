@@ -19,6 +19,8 @@ __all__ = [
     "BRANCHES",
     "BRANCHES_AND_RATIO",
     "DAMPING_SHARE",
+    "MEASURED_BESIDE_MODEL",
+    "TOLD_AS_MEASURED",
     "energy_and_temperature",
     "errors_and_flags",
     "force_and_click_at",
@@ -35,6 +37,10 @@ BRANCHES_AND_RATIO = (
     "Force at a speed: mean of the opening and the closing branch. Hysteresis: opening less "
     "closing. Ratio: rebound over bump; none where the gas pushes both to one side."
 )
+MEASURED_BESIDE_MODEL = (
+    "force in N, mean of all compared cycles, beside the model's on the same cycles"
+)
+TOLD_AS_MEASURED = "m measured: the model misses the force there by more than 2 %"
 _MARKS = {
     "fixed": "f fixed",
     "shared": "s shared by all settings",
@@ -42,6 +48,9 @@ _MARKS = {
     "not_identifiable": "? these logs cannot tell it",
 }
 
+_OF_MISFIT = (
+    "errors are of noise and of what repeats in the residual; parameters.csv has them apart"
+)
 _MOST_STEPS = 5  # named below a table
 
 
@@ -59,7 +68,8 @@ def units_and_marks(rows: Sequence[Row], names: Sequence[str], units: str) -> tu
     """
     used = {row[f"{name}_status"] for row in rows for name in names}
     marks = ", ".join(text for status, text in _MARKS.items() if status in used)
-    return tuple(note for note in (units, marks) if note)
+    is_bent = any(row.get(f"{name}_misfit_se") for row in rows for name in names)
+    return tuple(note for note in (units, marks, _OF_MISFIT * is_bent) if note)
 
 
 def errors_and_flags(

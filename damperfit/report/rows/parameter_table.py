@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.report.rows.notes_below_tables import units_and_marks
@@ -25,6 +26,7 @@ __all__ = [
     "scale_of",
     "scaled_units",
     "shown_quantities",
+    "total_error",
 ]
 
 
@@ -138,7 +140,7 @@ def parameter_line(row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES) 
         if status == "not_identifiable":
             parts.append(f"{scale.symbol} cannot be told")
             continue
-        error = row[f"{name}_se"]
+        error = total_error(row, name)
         at_edge = status == "at_bound" and limit_text(one, row[name], scale.factor)
         if at_edge:
             words = "below" if at_edge.startswith("<") else "above"
@@ -154,7 +156,7 @@ def parameter_line(row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES) 
 
 def _parameter_cell(row: Row, quantity: Quantity) -> str:
     name, factor = quantity.name, scale_of(quantity).factor
-    value, error, status = row[name], row[f"{name}_se"], row[f"{name}_status"]
+    value, error, status = row[name], total_error(row, name), row[f"{name}_status"]
     if status == "not_identifiable":
         return PARAMETER_MARKS[status]  # no number that pretends to be known
     at_edge = status == "at_bound" and value is not None and limit_text(quantity, value, factor)
@@ -163,6 +165,16 @@ def _parameter_cell(row: Row, quantity: Quantity) -> str:
     )
     mark = PARAMETER_MARKS.get(status or "", "")
     return f"{text} {mark}" if mark else text
+
+
+def total_error(row: Row, name: str) -> float | None:
+    """Return the standard error of noise and of the misfit together, SI; None where none is known.
+
+    Older results have no misfit in them.
+    """
+    error = row[f"{name}_se"]
+    bend = row.get(f"{name}_misfit_se")
+    return math.hypot(error, bend) if error is not None and bend else error
 
 
 def limit_text(quantity: Quantity, value: float, factor: float) -> str:

@@ -1,0 +1,113 @@
+"""Force of one setting at one speed, as the model gives it and as it was measured."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.uncertainty import NORMAL_95
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from damperfit.setting import Setting
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["STROKES", "Level"]
+
+STROKES = ("rebound", "bump")
+# A model may miss the measured force by 2 % of it, near its passage through zero by 0.5 % of half
+# the force's range, and by three standard errors of the difference.
+_OF_FORCE, _OF_RANGE, _ERRORS = 0.02, 0.005, 3.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Level:
+    """Force of one setting at one speed, mean of the opening and the closing branch.
+
+    Attributes
+    ----------
+    setting : Setting
+        Which.
+    speed : float
+        m/s, positive.
+    stroke : str
+        "rebound" or "bump".
+    force : float
+        N, positive in rebound; the gas force is in it.
+    error : float
+        Standard error, N; NaN where it is not known.
+    rest : float
+        The part of it that is the setting's alone, N.
+    carried : numpy.ndarray
+        Shape (number of shared parameters,): what independent unit errors of the shared parameters
+        do to the force, N; in the same order for all settings.
+    is_cavitating : bool
+        A chamber is empty of pressure somewhere on this motion.
+    misfit : float
+        Error of the force for the wrong model, N: what repeats in the residual at like speeds.
+    measured, measured_error : float
+        Force as measured at this motion and its standard error, N; NaN where it was not measured.
+    difference : float
+        Measured less modelled force on the cycles of the test, N.
+    half_range : float
+        Half the range of the measured force, N.
+    is_measured : bool
+        Whether `force` is the measured one.
+    """
+
+    setting: Setting
+    speed: float
+    stroke: str
+    force: float
+    error: float
+    rest: float
+    carried: FloatArray
+    is_cavitating: bool = False
+    misfit: float = 0.0
+    measured: float = math.nan
+    measured_error: float = math.nan
+    difference: float = math.nan
+    half_range: float = math.nan
+    is_measured: bool = False
+
+    @property
+    def low(self) -> float:
+        """Lower end of the 95 % interval, N."""
+        return self.force - self._reach
+
+    @property
+    def high(self) -> float:
+        """Upper end of the 95 % interval, N."""
+        return self.force + self._reach
+
+    @property
+    def _reach(self) -> float:
+        """Half the 95 % interval, of noise and misfit, N."""
+        return NORMAL_95 * math.hypot(self.error, self.misfit)
+
+    @property
+    def disagrees(self) -> bool:
+        """Whether the model misses the measured force by more than it may."""
+        may = max(_OF_FORCE * abs(self.measured), _OF_RANGE * self.half_range)
+        noise = 0.0 if math.isnan(self.measured_error) else self.measured_error
+        return abs(self.difference) > may + _ERRORS * noise
+
+    @property
+    def as_measured(self) -> Level:
+        """The same with the measured force in place of the model's, where there is one."""
+        if math.isnan(self.measured):
+            return self
+        return replace(
+            self,
+            force=self.measured,
+            error=self.measured_error,
+            rest=self.measured_error,
+            carried=np.zeros_like(self.carried),
+            misfit=0.0,
+            is_measured=True,
+        )
