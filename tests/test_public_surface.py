@@ -99,6 +99,7 @@ SURFACE = {
     ],
     "damperfit.run.trust": [
         "confidence_record",
+        "ladder_advice",
         "unconfirmed_tares",
     ],
     "damperfit.configuration.loading": [
@@ -498,6 +499,7 @@ SURFACE = {
         "SpeedForce",
         "Work",
         "characterise",
+        "mean_figures",
         "motion_of",
         "refuse_amplitude",
         "signals_at_speeds",

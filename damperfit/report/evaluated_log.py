@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import numpy as np
 from damperfit.conditioning import figures_of
 from damperfit.errors import SimulationError
 from damperfit.report.json_records import findings_in, listed_in, number_in
-from damperfit.simulation import Characteristics, Response, characterise
+from damperfit.simulation import Characteristics, Response, characterise, mean_figures
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -69,7 +70,7 @@ class EvaluatedLog:
     cycle : slice
         The last whole cycle, all samples when the frequency cannot be told.
     measured, simulated : Characteristics or None
-        Figures of the last cycle; None when there is no whole cycle.
+        Means over its cycles (pressures: of the last one); None when there is no whole cycle.
     amplitude : float
         Half the stroke, m; NaN when it cannot be told.
     temperature : float or None
@@ -234,6 +235,25 @@ def _figures(signals: LogSignals, force: FloatArray, frequency: float) -> Charac
         masses=np.empty((2, 0)),
     )
     try:
-        return characterise(response, frequency)
+        last = characterise(response, frequency)
     except SimulationError:  # shorter than one cycle
         return None
+    # Back from the end, cycle by cycle, over what is evaluated.
+    n, cycles = len(signals.time), [last]
+    for k in range(1, n // max(n_back, 1)):
+        stop = n - round(k * period / _interval(signals))
+        with suppress(SimulationError):
+            one = _cut_response(response, max(stop - n_back, 0), stop + 1)
+            cycles.append(characterise(one, frequency))
+    return mean_figures(cycles)
+
+
+def _cut_response(response: Response, first: int, stop: int) -> Response:
+    return replace(
+        response,
+        time=response.time[first:stop],
+        displacement=response.displacement[first:stop],
+        velocity=response.velocity[first:stop],
+        force=response.force[first:stop],
+        pressures=response.pressures[:, first:stop],
+    )

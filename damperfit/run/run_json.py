@@ -21,7 +21,7 @@ from damperfit.identity import common_identity
 from damperfit.quantities import engineering
 from damperfit.report import Failure, ReportFacts, to_record
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
-from damperfit.run.trust import confidence_record, unconfirmed_tares
+from damperfit.run.trust import confidence_record, ladder_advice, unconfirmed_tares
 from damperfit.setting import ADJUSTER, Setting
 from damperfit.tables import SCHEMA_VERSION, describe_tables, quantity_records
 from damperfit.uncertainty import METHOD, Assessment, prediction_warnings
@@ -116,6 +116,7 @@ def report_facts(
             *run_warnings(batch, campaign),
             *unconfirmed_tares(campaign, assessment),
             *assessment.warnings,
+            *ladder_advice(assessment, configuration.damper),
             *prediction_warnings(judgement.predictions),
         ),
         trust=assessment.sentences,

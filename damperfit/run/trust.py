@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.identification import Status
 from damperfit.identification.sharing import listed_settings
 from damperfit.report import to_record
@@ -12,10 +13,38 @@ from damperfit.report import to_record
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from damperfit.damper.model import Model
     from damperfit.identification import Campaign, Fit
     from damperfit.uncertainty import Assessment, MisfitProfile
 
-__all__ = ["confidence_record", "unconfirmed_tares"]
+__all__ = ["confidence_record", "ladder_advice", "unconfirmed_tares"]
+
+# What another law may mend; an offset it cannot.
+_OF_LAWS = frozenset({"bound", "beyond", "cavitation", "friction", "misfit"})
+
+
+def ladder_advice(assessment: Assessment, damper: Model) -> Iterator[str]:
+    """Say where a grade is withheld that the ladder of models is worth climbing.
+
+    Not of a damper whose law the ladder has chosen, or its user has declared valve by valve.
+
+    Parameters
+    ----------
+    assessment : Assessment
+        With what speaks against the grades.
+    damper : Model
+        The model that was fitted.
+    """
+    withheld = [
+        setting
+        for setting, why in assessment.objections.items()
+        if any(one.kind in _OF_LAWS for one in why)
+    ]
+    if withheld and not isinstance(damper, ValveDamper):
+        yield (
+            f"model {damper.name} does not describe setting {listed_settings(withheld)}: "
+            "climb the ladder of models, damperfit identify LOGS --model auto"
+        )
 
 
 def confidence_record(campaign: Campaign, assessment: Assessment) -> dict[str, Any]:

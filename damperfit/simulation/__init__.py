@@ -5,6 +5,7 @@ from damperfit.simulation.characteristics import (
     Characteristics,
     SpeedForce,
     characterise,
+    mean_figures,
     signals_at_speeds,
 )
 from damperfit.simulation.motion import (
@@ -26,6 +27,7 @@ __all__ = [
     "SpeedForce",
     "Work",
     "characterise",
+    "mean_figures",
     "motion_of",
     "refuse_amplitude",
     "signals_at_speeds",

@@ -10,8 +10,8 @@ speed, here half of the peak speed unless another is asked for.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,8 +26,20 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["NAMED_SPEEDS", "Characteristics", "SpeedForce", "characterise", "signals_at_speeds"]
+__all__ = [
+    "NAMED_SPEEDS",
+    "Characteristics",
+    "SpeedForce",
+    "characterise",
+    "mean_figures",
+    "signals_at_speeds",
+]
 
+# What is averaged over cycles.
+_MEANT = (
+    *("peak_force_rebound", "peak_force_bump", "peak_speed_rebound", "peak_speed_bump"),
+    *("energy", "hysteresis_speed", "hysteresis_rebound", "hysteresis_bump"),
+)
 # The test speeds that damper dynos use by habit, m/s.
 NAMED_SPEEDS = (0.05, 0.1, 0.13, 0.26, 0.3, 0.52, 1.05)
 
@@ -133,6 +145,36 @@ def characterise(
             SpeedForce(s, _mean(_branch_forces(cycle, s)), _mean(_branch_forces(cycle, -s)))
             for s in speeds
             if s < slower
+        ),
+    )
+
+
+def mean_figures(cycles: Sequence[Characteristics]) -> Characteristics:
+    """Return the mean of what is read off several cycles of one motion.
+
+    Parameters
+    ----------
+    cycles : sequence of Characteristics
+        The last cycle first: its pressures are kept. Of the named speeds those that all reach.
+    """
+    last = cycles[0]
+
+    def mean(name: str) -> float:
+        return float(np.mean([getattr(one, name) for one in cycles]))
+
+    means: dict[str, Any] = {name: mean(name) for name in _MEANT}
+    tables = [{at.speed: at for at in one.speed_forces} for one in cycles]
+    return replace(
+        last,
+        **means,
+        speed_forces=tuple(
+            SpeedForce(
+                at.speed,
+                float(np.mean([table[at.speed].rebound for table in tables])),
+                float(np.mean([table[at.speed].bump for table in tables])),
+            )
+            for at in last.speed_forces
+            if all(at.speed in table for table in tables)
         ),
     )
 
