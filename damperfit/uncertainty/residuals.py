@@ -91,7 +91,7 @@ class Diagnosis:
         For people.
     held_share : float
         Share of the force's range left at a tenth of the speed while slowing down; NaN where
-        nothing repeats. A damper that yields before it slides holds `YIELDS` or more.
+        no log tells it. A damper that yields before it slides holds `YIELDS` or more.
     """
 
     setting: Setting

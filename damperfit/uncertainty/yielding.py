@@ -32,14 +32,14 @@ _SLOW = 0.1  # of the stretch's peak speed
 def held_share(trace: Trace) -> float:
     """Return the share of the force's range that is left at a tenth of the speed.
 
-    The median over the steady stretches of a log; NaN where none is.
+    The median over the stretches of a log; NaN where none passes that speed both ways.
 
     Parameters
     ----------
     trace : Trace
         Conditioned.
     """
-    shares = [_share(trace, one) for one in trace.stretches if one.n_cycles]
+    shares = [_share(trace, one) for one in trace.stretches]
     known = [share for share in shares if math.isfinite(share)]
     return float(np.median(known)) if known else math.nan
 

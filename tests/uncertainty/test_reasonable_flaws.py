@@ -80,6 +80,10 @@ def test_from_which_share_on_it_yields() -> None:
     assert YIELDS - 0.08 < below < YIELDS <= above < YIELDS + 0.08
     assert held_share(condition(recording(1, duration=6.0))) < 0.2
     assert math.isnan(held_share(SimpleNamespace(stretches=())))
+    # Motion that does not repeat shows it too.
+    seen = condition(yielding(0.8))
+    moving = tuple(replace(one, cycle_starts=np.empty(0)) for one in seen.stretches)
+    assert held_share(replace(seen, stretches=moving)) == held_share(seen) > 0.6
 
 
 def diagnosis(setting: int, *hints: Hint, **changes: object) -> Diagnosis:
