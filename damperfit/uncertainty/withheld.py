@@ -59,6 +59,9 @@ class GradeLimits:
         What repeats in the residual, over the noise and as a share of the force's variance, both
         at once: rigs repeat so well that 0.05 % is many times their noise and of no consequence;
         0.2 % is 4.5 % of the force's standard deviation, 3 % of its peak.
+    nothing_percent : float
+        An MSE that leaves nothing anyone would use, whatever repeats in it: such a fit knows the
+        offset and the friction better than the level and the jumps of the log do.
     """
 
     cavitation: float = 0.05
@@ -66,6 +69,7 @@ class GradeLimits:
     jump: float = 1.25
     times_noise: float = 30.0
     misfit_percent: float = 0.2
+    nothing_percent: float = 0.02
 
 
 LIMITS = GradeLimits()
@@ -129,7 +133,7 @@ def _misses(fit: Fit, told: Diagnosis | None) -> bool:
     """Whether the model is seen to miss the logs, or to miss much where noise is not known."""
     if told is None or math.isnan(told.noise_percent):
         return fit.mse_percent > LIMITS.misfit_percent
-    return told.is_structured
+    return told.is_structured and fit.mse_percent > LIMITS.nothing_percent
 
 
 def _bounds(fit: Fit) -> Iterator[Objection]:
@@ -169,10 +173,17 @@ def _found(fit: Fit) -> Iterator[tuple[Quantity, float]]:
 def _misfit(told: Diagnosis) -> Iterator[Objection]:
     repeats, noise = told.repeating_percent, told.noise_percent
     if repeats > LIMITS.misfit_percent and repeats > LIMITS.times_noise * noise:
-        times = f"{repeats / noise:.2g} times the noise" if noise > 0.0 else "without any noise"
+        times = f"{_round(repeats / noise)} times the noise" if noise > 0.0 else "without any noise"
         yield Objection(
-            "misfit", "", f"what repeats in the residual is {repeats:.2g} % of it, {times}"
+            "misfit",
+            "",
+            f"a misfit of {repeats:.2g} % repeats from cycle to cycle, {times}",
         )
+
+
+def _round(times: float) -> str:
+    """Two digits, and no power of ten."""
+    return f"{float(f'{times:.2g}'):.0f}"
 
 
 def _cavitation(fit: Fit) -> Iterator[Objection]:

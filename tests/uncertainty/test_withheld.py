@@ -15,7 +15,8 @@ from damperfit.identification import Fit, Status
 from damperfit.identification.plausible import edge_of
 from damperfit.uncertainty import Assessment, Diagnosis, objections
 from damperfit.uncertainty.withheld import LIMITS, jump_ratio, offset_apart
-from tests.fakes import campaign, fit
+from tests import fakes
+from tests.fakes import campaign
 
 GAS = GasFacts(
     rod_area=PURDY_DAMPER.rod_area,
@@ -23,6 +24,10 @@ GAS = GasFacts(
     volume=PURDY_DAMPER.gas_volume,
     exponent=PURDY_DAMPER.gas_exponent,
 )
+
+
+def fit(setting: int) -> Fit:
+    return fakes.fit(setting, mse=0.05)
 
 
 def told(mse: float = 0.05, noise: float = 0.001, *, misses: bool = True) -> Diagnosis:
@@ -112,6 +117,10 @@ def test_an_offset_far_from_that_of_the_log() -> None:
     assert kinds(having(f_0=seen - 1.02 * limit), told(), GAS) == ["offset"]
     assert kinds(having(f_0=100.0), told(misses=False), GAS) == []
     assert kinds(having(f_0=100.0), told()) == []
+    # A fit that leaves nothing to explain knows the offset better than the level does.
+    nothing = LIMITS.nothing_percent
+    assert kinds(replace(having(f_0=100.0), mse_percent=1.05 * nothing), told(), GAS) == ["offset"]
+    assert kinds(replace(having(f_0=100.0), mse_percent=0.95 * nothing), told(), GAS) == []
     (reason,) = objections(
         campaign(having(f_0=-218.0)),
         Assessment(diagnoses=(replace(told(), setting=one.setting),)),
