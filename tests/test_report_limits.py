@@ -27,6 +27,7 @@ from damperfit.report.plots.one_log import setting_plots
 from damperfit.report.plots.parameters import parameter_plots
 from damperfit.report.rows.mse_table import grade_counts
 from damperfit.report.rows.rounding import number, percent, with_interval
+from damperfit.report.rows.sheet import sheet_width
 from damperfit.report.rows.sparkline import differ
 from damperfit.tables import Results, grade, make_tables, read_results
 from tests.fakes import campaign, fit
@@ -285,6 +286,26 @@ def test_what_is_the_same_at_all_settings_stands_below_the_table(more, is_common
     assert any("shared by all settings" in n and n.startswith("R_m3") for n in sheet.notes) is (
         is_common
     )
+
+
+def test_many_quantities_stand_below_each_other_where_they_do_not_fit_beside():
+    fitted = dict.fromkeys(("r_m3", "f_f", "f_0"), "fitted")
+    rows = rows_of(fit(1, status=fitted))
+    beside = summary_sheet(rows, columns=1)  # nothing fits: the narrowest
+    assert beside.headings == (
+        *("set", "R_m1", "R_m2", "R_m3", "K_e", "f_f", "f_0", "MSE", "outcome"),
+    )
+    wide = sheet_width(beside, gap=1)
+    below = summary_sheet(rows, columns=wide - 1)
+    assert below.headings == ("set", "", "1")
+    assert sheet_width(below, gap=1) < wide
+    lines = {row[0]: row[1:] for row in below.rows}
+    assert lines["R_m1"] == ("1e3 s sqrt(N)/(m kg)", *(row[1] for row in beside.rows))
+    assert lines["K_e"] == ("MPa", *(row[4] for row in beside.rows))
+    assert lines["MSE"] == ("%", *(row[7] for row in beside.rows))
+    assert lines["grade"] == ("", *(row["grade"] for row in rows))
+    assert lines["outcome"] == ("", *(row[8] for row in beside.rows))
+    assert summary_sheet(rows, columns=wide).headings == beside.headings
 
 
 # Sparklines.

@@ -83,7 +83,8 @@ def summary_sheet(
     sheets = [
         _sheet(rows, shown, look, (*notes, *_legend(rows, shown, look, units))) for look in _LOOKS
     ]
-    fitting = (sheet for sheet in sheets if sheet_width(sheet, gap=1) <= columns)
+    turned = _turned(rows, shown, (*notes, *_legend(rows, shown, _LOOKS[-1], "")))
+    fitting = (one for one in (*sheets, turned) if sheet_width(one, gap=1) <= columns)
     return next(fitting, sheets[-1])
 
 
@@ -123,6 +124,28 @@ def _sheet(
             for row in rows
         ),
         is_number=(True, *(True for _ in shown), True, *(False for _ in last(("", "", "")))),
+        notes=notes,
+    )
+
+
+def _turned(rows: Sequence[Row], shown: Sequence[Quantity], notes: tuple[str, ...]) -> Sheet:
+    """Return a column for each setting: for models of many quantities, where settings are few."""
+    lines = [
+        (scale.symbol, scale.unit_with_power, *(_cell(row, one, has_error=False) for row in rows))
+        for one, scale in ((one, scale_of(one)) for one in shown)
+    ]
+    lines += [
+        ("MSE", "%", *(percent(row["mse_percent"]) for row in rows)),
+        ("grade", "", *(row["grade"] or NOTHING for row in rows)),
+        ("outcome", "", *(row["outcome"].replace("_", " ") for row in rows)),
+        ("flags", "", *(_flags(row) for row in rows)),
+    ]
+    told = tuple(line for line in lines if any(line[2:]))
+    return Sheet(
+        headings=("set", "", *(str(row["setting"]) for row in rows)),
+        units=("",) * (len(rows) + 2),
+        rows=told,
+        is_number=(False, False, *(True for _ in rows)),
         notes=notes,
     )
 

@@ -51,6 +51,13 @@ class Scale(NamedTuple):
             return self.unit
         return f"1e{self.power}" if self.power else "SI"
 
+    @property
+    def unit_with_power(self) -> str:
+        """For a column of units: "1e3 s sqrt(N)/(m kg)"."""
+        if len(self.unit) <= _SHORT or not self.power:
+            return self.unit
+        return f"1e{self.power} {self.unit}"
+
     def say(self, text: str) -> str:
         """Return a shown value, with or without its error, and its unit."""
         if len(self.unit) <= _SHORT:
