@@ -302,7 +302,7 @@ def _damper_declared(subject: Subject) -> _Verdict:
         return None, "no damper is declared: the paper's is taken; give its [damper] by --config"
     if names:
         return False, (
-            f"[damper] is declared, but not {', '.join(names)}: these are defaults, not your damper's"
+            f"[damper] is declared, but not {', '.join(names)}: there a default is taken"
         )
     return True, "every key of [damper] is declared"
 
