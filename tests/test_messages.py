@@ -13,6 +13,7 @@ import typer
 
 import damperfit
 from damperfit.cli.main import app
+from damperfit.damper.models import MODELS
 from damperfit.readers.options import Profile
 
 SOURCE = Path(damperfit.__file__).parent
@@ -21,6 +22,9 @@ DEFAULTS = tomllib.loads((SOURCE / "configuration" / "defaults.toml").read_text(
 COMMANDS = typer.main.get_command(app).commands
 OPTIONS = {name for command in COMMANDS.values() for p in command.params for name in p.opts}
 OTHERS = {"--help", "--force-reinstall"}  # typer's and pip's
+# Beside the paper's damper: every model has keys of its own under [damper].
+for _model in MODELS.values():
+    DEFAULTS["damper"] |= {one.name: None for one in fields(_model)}
 # Names of fields of our own dataclasses that read like keys and are none.
 NO_KEYS = {"max_bytes"}
 

@@ -171,7 +171,8 @@ def test_another_damper_with_no_number_of_the_paper() -> None:
         for setting, truth in settings.items()
     ]
     campaign = identify(logs, damper)
-    assert any("R_m3 is taken from setting 3" in text for text in campaign.warnings)
+    assert campaign.sharing.r_m3_from == 3
+    assert campaign.warnings == ()
     for fit in campaign.fits:
         found = errors(fit.parameters, settings[fit.setting])
         assert fit.outcome is Outcome.CONVERGED
