@@ -248,7 +248,9 @@ def _read(
             paths, configuration, jobs=jobs, setting=setting, cancelled=watch.cancelled
         )
     if not batch.logs and not watch.cancelled():
-        raise ConfigurationError("no logs among the files given: they are all tables")
+        raise ConfigurationError(
+            "no logs among the files given: they are all parameter tables or tables of tests"
+        )
     groups = by_damper(batch)
     is_averaging = configuration.rig.is_averaging
     found = []

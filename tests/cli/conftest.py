@@ -8,6 +8,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from damperfit.cli import main
@@ -32,6 +33,23 @@ def logs(tmp_path_factory) -> Path:
     )
     make_samples(folder, options)
     return folder
+
+
+@pytest.fixture(scope="session")
+def repeated():
+    """Repeat a test: the text of its log with other noise, for the same test counts once."""
+
+    def repeat(text: str, seed: int) -> str:
+        noise = np.random.default_rng(seed)
+        lines = text.splitlines()
+        for i, line in enumerate(lines):
+            if line[:1].isdigit():
+                time, displacement, force, *rest = line.split(",")
+                force = f"{float(force) + noise.normal(0.0, 2.0):.1f}"
+                lines[i] = ",".join([time, displacement, force, *rest])
+        return "\n".join(lines) + "\n"
+
+    return repeat
 
 
 @pytest.fixture

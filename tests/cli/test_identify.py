@@ -209,12 +209,12 @@ def test_a_parameter_table_among_the_logs_is_left_out_aloud(run, logs) -> None:
     assert "truth.csv: a parameter table of damperfit, not a log; skipped" in ended.err
 
 
-def test_several_logs_of_one_setting_are_fitted_together(run, logs, tmp_path) -> None:
+def test_several_logs_of_one_setting_are_fitted_together(run, logs, repeated, tmp_path) -> None:
     text = (logs / "setting_01.csv").read_text()
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
     (tmp_path / "a" / "x.csv").write_text(text)
-    (tmp_path / "b" / "x.csv").write_text(text + "\n")
+    (tmp_path / "b" / "x.csv").write_text(repeated(text, 1))
     ended = run("identify", "a/x.csv", "b/x.csv")
     assert ended.code == 0
     row = pq.read_table(tmp_path / "results" / "parameters.parquet").to_pylist()[0]

@@ -60,10 +60,10 @@ def test_a_signal_asks_to_stop_and_a_second_one_ends_at_once(number, capsys) -> 
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_the_command_ends_with_130_and_no_temporary_file(logs, tmp_path, number) -> None:
+def test_the_command_ends_with_130_and_no_temporary_file(logs, repeated, tmp_path, number) -> None:
     text = (logs / "setting_01.csv").read_text()
     for i in range(40):  # enough work for a signal to arrive in the middle of it
-        content = text.replace("setting: 1\n", f"setting: {i}\n")
+        content = repeated(text, i).replace("setting: 1\n", f"setting: {i}\n")
         (tmp_path / f"setting_{i}.csv").write_text(content)
     process = subprocess.Popen(
         [sys.executable, "-m", "damperfit", "identify", "*.csv", "--jobs", "1"],
@@ -74,7 +74,7 @@ def test_the_command_ends_with_130_and_no_temporary_file(logs, tmp_path, number)
         text=True,
     )
     with process:
-        _wait_until_numerics_are_loaded(process.pid)
+        _wait_until_numerics_are_loaded(process)
         process.send_signal(number)
         _, err = process.communicate(timeout=60)
     assert process.returncode == 130
@@ -84,11 +84,12 @@ def test_the_command_ends_with_130_and_no_temporary_file(logs, tmp_path, number)
     assert not results.exists() or json.loads((results / "run.json").read_text())
 
 
-def _wait_until_numerics_are_loaded(pid: int) -> None:
-    maps = Path(f"/proc/{pid}/maps")
+def _wait_until_numerics_are_loaded(process: subprocess.Popen) -> None:
+    maps = Path(f"/proc/{process.pid}/maps")
     if not maps.exists():
         pytest.skip("needs /proc")
     deadline = time.monotonic() + 30.0
     while "damperfit/damper/_core" not in maps.read_text():
+        assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.01)

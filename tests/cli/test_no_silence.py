@@ -28,6 +28,7 @@ GIVEN = [
         (["identify", "LOG", "--share", "r_m3"], "--share r_m3 cannot act: only procedure joint"),
         (["identify", "LOG", "--max-mse", "0"], "--max-mse 0: expected more than 0"),
         (["identify", "LOG", "--setting=?"], "--setting ?: expected clicks"),
+        (["identify", "LOG", "--setting", "0"], "--setting 0: setting_01.csv says setting 1"),
         (["inspect", "LOG", "--setting=?"], "--setting ?: expected clicks"),
         (["simulate", "--setting=?"], "--setting ?: expected clicks"),
         (["sweep", "--setting=?", "--vary", "r_m1=1,2"], "--setting ?: expected clicks"),
@@ -67,11 +68,14 @@ def test_what_cannot_be_or_cannot_act_is_code_2(run, logs, tmp_path, arguments, 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_just_inside_they_act(run, logs) -> None:
+def test_just_inside_they_act(run, logs, tmp_path) -> None:
     log = logs / "setting_01.csv"
     assert run("identify", log, "--share", "r_m3", "--procedure", "joint").code == 0
     assert run("identify", log, "--max-mse", "1e-9").code == 4
-    assert run("identify", log, "--setting", "0", "--rig", "amplitude=2").code == 0
+    assert run("identify", log, "--setting", "1", "--rig", "amplitude=2").code == 0
+    lines = log.read_text().splitlines(keepends=True)
+    (tmp_path / "bench.csv").write_text("".join(x for x in lines if "setting" not in x))
+    assert run("identify", "bench.csv", "--setting", "0", "--rig", "amplitude=2").code == 0
     assert run("simulate", *GIVEN, "--displacement", log).code == 0
 
 
@@ -188,12 +192,12 @@ def test_samples_leave_no_log_that_truth_does_not_know(run, tmp_path) -> None:
     assert names == ["README.md", "setting_02.csv", "setting_09.csv", "truth.csv"]
 
 
-def test_logs_stand_in_the_order_of_their_numbers(run, logs, tmp_path) -> None:
-    for folder in ("run_10", "run_2"):
-        (tmp_path / folder).mkdir()
-        shutil.copy(logs / "setting_01.csv", tmp_path / folder / "one.csv")
+def test_logs_stand_in_the_order_of_their_numbers(run, logs, repeated, tmp_path) -> None:
+    one, two = ((logs / f"setting_0{n}.csv").read_text() for n in (1, 2))
     for number in (10, 2):
-        shutil.copy(logs / "setting_02.csv", tmp_path / f"b_{number}.csv")
+        (tmp_path / f"run_{number}").mkdir()
+        (tmp_path / f"run_{number}" / "one.csv").write_text(repeated(one, number))
+        (tmp_path / f"b_{number}.csv").write_text(repeated(two, number))
     ended = run("identify", "run_*/*.csv", "b_*.csv", "--json", "--quiet", "--plots", "svg")
     names = [row["log"] for row in json.loads(ended.out)["mse"] if row["log"]]
     assert names == ["run_2/one.csv", "run_10/one.csv", "b_2.csv", "b_10.csv"]

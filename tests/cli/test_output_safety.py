@@ -109,14 +109,14 @@ def test_two_runs_into_one_folder_at_once_are_refused_before_they_work(
     folder = tmp_path / "results"
     shutil.copytree(results, folder)
     told = []
-    identify = pipeline._identify
+    fitted = pipeline.fitted
 
     def meanwhile(*arguments, **how):
         told.append(spawn("identify", logs / "setting_02.csv", *QUICK))
         told.append(spawn("report", "results"))  # reading goes on
-        return identify(*arguments, **how)
+        return fitted(*arguments, **how)
 
-    monkeypatch.setattr(pipeline, "_identify", meanwhile)
+    monkeypatch.setattr(pipeline, "fitted", meanwhile)
     assert run("identify", logs / "setting_01.csv", *QUICK).code == 0
     second, report = told
     assert second.code == 1

@@ -6,6 +6,7 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 HEAD = ["time_s,displacement_mm,force_N,temperature_degC"]
@@ -33,6 +34,12 @@ def column(rows, i, change):
 
 def number(change):
     return lambda n, cell: f"{change(n, float(cell)):.4f}"
+
+
+def repeated(rows, seed):
+    """Repeat the test: the same rows with other noise, for the same test counts once."""
+    noise = np.random.default_rng(seed)
+    return column(rows, 2, number(lambda _, f: f + noise.normal(0.0, 2.0)))
 
 
 TOP = 380.0
@@ -178,7 +185,7 @@ def test_a_cut_last_line_fails_strict_quality(run, tmp_path, rows, command) -> N
 
 def test_warnings_of_one_kind_are_one_line(run, tmp_path, rows) -> None:
     for setting in (2, 3, 4):
-        hot = column(rows, 3, lambda _, __, s=setting: f"{27 + s}.0")
+        hot = column(repeated(rows, setting), 3, lambda _, __, s=setting: f"{27 + s}.0")
         write(tmp_path / f"hot_s{setting}.csv", hot)
     told = [line for line in run("identify", "*.csv").err.splitlines() if "outside 26" in line]
     assert len(told) == 1
@@ -209,14 +216,25 @@ def test_settings_in_one_file_are_parts_and_twice_one_setting_is_one_fit(
         ("both.csv part 2", 5),
     ]
     write(tmp_path / "a_s2.csv", rows)
-    write(tmp_path / "b_s2.csv", rows[1:])
+    write(tmp_path / "b_s2.csv", repeated(rows, 1))
     document = json.loads(run("identify", "a_s2.csv", "b_s2.csv", "--json").out)
     (row,) = document["parameters"]
     assert (row["setting"], row["n_logs"]) == (2, 2)
 
 
-@pytest.mark.parametrize("setting", ["2.5", "-3", "soft"])
-def test_a_setting_that_is_no_whole_number_is_refused(run, tmp_path, rows, setting) -> None:
+@pytest.mark.parametrize(
+    ("setting", "cell"), [("2.5", "2.5"), ("-3", -3), ("soft", "soft"), ("1000000", 1_000_000)]
+)
+def test_a_setting_is_a_label(run, tmp_path, rows, setting, cell) -> None:
+    write(tmp_path / "log.csv", rows, head=[f"# setting: {setting}", *HEAD])
+    ended = run("inspect", "log.csv", "--json")
+    assert ended.code == 0
+    (log,) = json.loads(ended.out)["logs"]
+    assert (log["verdict"], log["setting"]) == ("good", cell)
+
+
+@pytest.mark.parametrize("setting", ["?", "nan", "-inf", "1e3", "1000001", "x" * 41])
+def test_a_setting_that_is_no_label_is_refused(run, tmp_path, rows, setting) -> None:
     write(tmp_path / "log.csv", rows, head=[f"# setting: {setting}", *HEAD])
     ended = run("inspect", "log.csv", "--json")
     assert ended.code == 3

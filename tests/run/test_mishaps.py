@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from damperfit.cli import main
-from damperfit.run import judging, logs, pipeline
+from damperfit.run import judging, logs, work
 from damperfit.samples import SampleOptions, make_samples
 from damperfit.uncertainty import assessment
 
@@ -284,8 +284,8 @@ def test_a_response_that_fails_leaves_the_others(
     from damperfit.errors import SimulationError
 
     error = SimulationError("simulation failed") if "simulation" in what_is_told else None
-    broken = broken_at(pipeline.compare, lambda _, trace, *__, **___: trace.setting == 2, error)
-    monkeypatch.setattr(pipeline, "compare", broken)
+    broken = broken_at(work.compare, lambda _, trace, *__, **___: trace.setting == 2, error)
+    monkeypatch.setattr(work, "compare", broken)
     ended = identify(call, samples)
     assert ended.code == 1
     (failure,) = record_of(tmp_path)["failures"]

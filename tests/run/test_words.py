@@ -18,10 +18,10 @@ from damperfit.report.failures_and_warnings import Failure
 from damperfit.run import hold_out
 from damperfit.run.logs import LogBatch, LogFacts, _distinct_names
 from damperfit.run.mishaps import Mishaps
-from damperfit.run.pipeline import _Clock, _sha256
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
 from damperfit.run.run_json import Judgement, _procedure, json_values, report_facts
 from damperfit.run.trust import _profile, unconfirmed_tares
+from damperfit.run.work import Clock, sha256_of
 from tests.fakes import campaign, fit, trace
 
 PLAIN = load_configuration()
@@ -145,13 +145,13 @@ def test_numbers_in_names_are_sorted_as_numbers() -> None:
 
 def test_a_file_is_known_by_its_hash(tmp_path) -> None:
     (tmp_path / "a").write_bytes(b"abc")
-    assert _sha256(tmp_path / "a") == hashlib.sha256(b"abc").hexdigest()
+    assert sha256_of(tmp_path / "a") == hashlib.sha256(b"abc").hexdigest()
 
 
 def test_the_time_of_a_part_is_summed_to_tenths_of_milliseconds(monkeypatch) -> None:
     ticks = iter([10.0, 10.00044, 20.0, 21.0, 30.0, 30.00016])
     monkeypatch.setattr(time, "perf_counter", lambda: next(ticks))
-    clock = _Clock()
+    clock = Clock()
     for name in ("read_s", "fit_s", "read_s"):
         with clock.lap(name):
             pass
