@@ -6,6 +6,11 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+# How long an example takes says something of the machine, nothing of the code.
+settings.register_profile("damperfit", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("damperfit")
 
 BENCHMARKS = Path(__file__).parent / "benchmarks"
 

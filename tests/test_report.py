@@ -30,7 +30,7 @@ from damperfit.report import (
     terminal_table,
 )
 from damperfit.report.mse_report import escape
-from damperfit.report.rows.rounding import number, percent, with_error
+from damperfit.report.sheets.rounding import number, percent, with_error
 from damperfit.tables import make_tables
 from tests.fakes import campaign, fit
 

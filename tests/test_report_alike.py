@@ -13,7 +13,7 @@ from damperfit.report import (
     stretch_sheet,
 )
 from damperfit.report.alike import MANY_KINDS, listed_names, shape_of
-from damperfit.report.rows.inspection_table import MANY_ROWS
+from damperfit.report.sheets.inspection_sheet import MANY_ROWS
 
 CAUSES = (
     "empty file (0 bytes)",

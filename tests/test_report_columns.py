@@ -31,8 +31,8 @@ from damperfit.report import (
     report_plots,
     summary_sheet,
 )
-from damperfit.report.rows.click_table import click_sheet
-from damperfit.report.rows.notes_below_tables import over_several_clicks
+from damperfit.report.sheets.click_sheet import click_sheet
+from damperfit.report.sheets.notes_below import over_several_clicks
 from damperfit.simulation import Characteristics, SpeedForce
 from damperfit.tables import Tables, make_tables, read_results, table_schema
 from damperfit.uncertainty import Prediction

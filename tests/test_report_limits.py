@@ -25,10 +25,10 @@ from damperfit.report.page.summary import setting_verdict, summary
 from damperfit.report.plots.colours import setting_colours
 from damperfit.report.plots.one_log import setting_plots
 from damperfit.report.plots.parameters import parameter_plots
-from damperfit.report.rows.mse_table import grade_counts
-from damperfit.report.rows.rounding import number, percent, with_interval
-from damperfit.report.rows.sheet import sheet_width
-from damperfit.report.rows.sparkline import differ
+from damperfit.report.sheets.mse_sheet import grade_counts
+from damperfit.report.sheets.rounding import number, percent, with_interval
+from damperfit.report.sheets.sheet import sheet_width
+from damperfit.report.sheets.sparkline import differ
 from damperfit.tables import Results, grade, make_tables, read_results
 from tests.fakes import campaign, fit
 from tests.report_folder import make_results

@@ -10,7 +10,7 @@ import pytest
 from damperfit.report.evaluated_log import _evaluate
 from damperfit.report.page.log_section import log_section
 from damperfit.report.plots.one_log import setting_plots
-from damperfit.report.rows.stretch_table import measured_stretch_sheet
+from damperfit.report.sheets.stretch_sheet import measured_stretch_sheet
 from damperfit.setting import Setting
 from damperfit.tables import LogSignals
 

@@ -26,7 +26,7 @@ from damperfit.report.page.plot_data import PlotData
 from damperfit.report.plots.colours import setting_colours
 from damperfit.report.plots.description import setting_axis, thin
 from damperfit.report.plots.one_log import setting_plots
-from damperfit.report.rows.cavitation_table import cavitation_sheet
+from damperfit.report.sheets.cavitation_sheet import cavitation_sheet
 from damperfit.tables import read_results
 from tests.report_folder import EVIL, damage_row_group, make_results
 

@@ -17,7 +17,7 @@ from damperfit.report.plots.colours import setting_colours
 from damperfit.report.plots.description import Line, Panel, Plot, thin
 from damperfit.report.plots.figure_files import compose, fixed_style
 from damperfit.report.plots.parameters import parameter_plots
-from damperfit.report.rows.parameter_table import parameter_line
+from damperfit.report.sheets.parameter_sheet import parameter_line
 from damperfit.tables import make_tables, read_results
 from tests.fakes import campaign, fit
 from tests.report_folder import make_results

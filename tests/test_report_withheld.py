@@ -15,9 +15,9 @@ from damperfit.report import (
     measured_force_sheet,
 )
 from damperfit.report.page.summary import setting_verdict
-from damperfit.report.rows.identify_summary_table import summary_sheet
-from damperfit.report.rows.mse_table import grade_counts
-from damperfit.report.rows.parameter_table import (
+from damperfit.report.sheets.identify_summary_sheet import summary_sheet
+from damperfit.report.sheets.mse_sheet import grade_counts
+from damperfit.report.sheets.parameter_sheet import (
     limit_text,
     parameter_line,
     parameter_sheet,

@@ -13,7 +13,7 @@ from damperfit.adjustment.forces import (
     stage_of,
 )
 from damperfit.adjustment.level import STROKES, Level
-from damperfit.adjustment.measured import beside_measured, told_levels
+from damperfit.adjustment.measured import beside_measured, credible_forces
 from damperfit.adjustment.trends import Outlier, Trend, TrendPoint, find_trends
 from damperfit.adjustment.wanted import Answer, Wanted, which_setting
 
@@ -32,12 +32,12 @@ __all__ = [
     "beside_measured",
     "clicks",
     "compare_settings",
+    "credible_forces",
     "fastest_sine",
     "find_trends",
     "levels",
     "named_speeds",
     "sine_of",
     "stage_of",
-    "told_levels",
     "which_setting",
 ]

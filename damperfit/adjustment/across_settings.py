@@ -15,7 +15,7 @@ from damperfit.adjustment.forces import (
     stage_of,
 )
 from damperfit.adjustment.level import Level
-from damperfit.adjustment.measured import beside_measured, told_levels
+from damperfit.adjustment.measured import beside_measured, credible_forces
 from damperfit.adjustment.trends import Trend, find_trends
 from damperfit.simulation import SolverOptions
 
@@ -99,5 +99,5 @@ def compare_settings(
         trends=find_trends(campaign.fits, known),
         sine=sine,
         levels=found,
-        clicks=clicks(told_levels(found), damper),
+        clicks=clicks(credible_forces(found), damper),
     )

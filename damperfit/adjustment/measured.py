@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from damperfit.adjustment.level import Level
     from damperfit.uncertainty import SpeedForces
 
-__all__ = ["beside_measured", "told_levels"]
+__all__ = ["beside_measured", "credible_forces"]
 
 
 def beside_measured(
@@ -58,7 +58,7 @@ def _beside(level: Level, known: SpeedForces | None, sine: Sine) -> Level:
     )
 
 
-def told_levels(levels: Sequence[Level]) -> tuple[Level, ...]:
+def credible_forces(levels: Sequence[Level]) -> tuple[Level, ...]:
     """Return the levels to tell: as measured at speeds and strokes where any setting disagrees.
 
     All settings there, so that a change from one to the next is of one kind.

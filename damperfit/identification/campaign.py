@@ -145,7 +145,7 @@ def identify(
     check_options(options, damper)
     if not traces:
         raise LogError("identify: there is no log to fit; give one trace or more")
-    task = ProcedureInput(
+    given = ProcedureInput(
         _by_setting(traces),
         damper,
         options,
@@ -156,20 +156,20 @@ def identify(
     # BLAS threads spin between the small products of a fit and take the core that the next
     # setting's thread needs: 200 logs on two cores took 4.9 s with them and 2.8 s without.
     with one_blas_thread():
-        campaign = PROCEDURES[options.procedure](task)
+        campaign = PROCEDURES[options.procedure](given)
     said = [f"setting {one.setting}: {one.warning}" for one in campaign.searches if one.warning]
     return replace(campaign, warnings=(*campaign.warnings, *said), named=damper.quantities)
 
 
-def _plain(task: ProcedureInput) -> Campaign:
+def _plain(given: ProcedureInput) -> Campaign:
     """Fit at every setting what is free, from the closed form."""
-    quantities = task.damper.quantities
+    quantities = given.damper.quantities
     wanted = [one.name for one in quantities if one.default is None]
-    free = task.options.free
+    free = given.options.free
     if free is None:
-        free = tuple(name for name in wanted if name not in task.options.fixed)
+        free = tuple(name for name in wanted if name not in given.options.fixed)
     held = {one.name: one.default for one in quantities if one.default is not None}
-    fixed = {**{k: v for k, v in held.items() if k not in free}, **task.options.fixed}
+    fixed = {**{k: v for k, v in held.items() if k not in free}, **given.options.fixed}
     for name in wanted:
         if name not in free and name not in fixed:
             raise ConfigurationError(
@@ -178,59 +178,59 @@ def _plain(task: ProcedureInput) -> Campaign:
             )
 
     def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        misfit = task.misfit(setting, task.ordered(free))
-        judged, found = fit_from(task, setting, misfit, first_start(misfit, fixed))
+        misfit = given.misfit(setting, given.ordered(free))
+        judged, found = fit_from(given, setting, misfit, first_start(misfit, fixed))
         return describe_fit(setting, judged, misfit), found
 
-    return _collect(task, fit)
+    return _collect(given, fit)
 
 
-def _paper(task: ProcedureInput) -> Campaign:
+def _paper(given: ProcedureInput) -> Campaign:
     """The paper's own procedure, sections 3 and 4 of its identification."""
-    quantities = task.damper.quantities
-    fixed = dict(task.options.fixed)
+    quantities = given.damper.quantities
+    fixed = dict(given.options.fixed)
     own = (one.name for one in quantities if one.default is None and not one.is_shared)
-    free = task.options.free or tuple(name for name in own if name not in fixed)
+    free = given.options.free or tuple(name for name in own if name not in fixed)
     for one in quantities:
         if one.default is not None and one.name not in free:
             fixed.setdefault(one.name, one.default)
     shared_free = tuple(one.name for one in quantities if one.name not in fixed)
     try:
-        first, warnings = first_pass(task, task.ordered(shared_free), fixed, set(free))
+        first, warnings = first_pass(given, given.ordered(shared_free), fixed, set(free))
     except FitCancelledError:
         return Campaign("paper", (), is_complete=False)
     held = {**{k: v for k, v in fixed.items() if k not in free}, **first.shared}
 
     def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        misfit = task.misfit(setting, task.ordered(free))
+        misfit = given.misfit(setting, given.ordered(free))
         start = (first.start(setting) or first_start(misfit, held)).replace(held)
-        judged, found = fit_from(task, setting, misfit, start, spent=first.evaluations(setting))
+        judged, found = fit_from(given, setting, misfit, start, spent=first.evaluations(setting))
         named = dict.fromkeys(first.sharing.found, Status.SHARED) | dict(first.status)
         return describe_fit(setting, _named(judged, named), misfit), found
 
-    collected = _collect(task, fit, warnings, known=first.broken)
+    collected = _collect(given, fit, warnings, known=first.broken)
     return replace(
         collected, sharing=first.sharing, searches=(*first.searches, *collected.searches)
     )
 
 
-def _joint(task: ProcedureInput) -> Campaign:
+def _joint(given: ProcedureInput) -> Campaign:
     """One fit over the settings, from the model's own procedure; unsound ones follow it."""
-    shared = task.ordered(shared_names(task.options, task.damper))
+    shared = given.ordered(shared_names(given.options, given.damper))
     # What is neither shared nor fixed is the settings' own: R_m3 or f_f too.
-    own = task.options.free or tuple(
+    own = given.options.free or tuple(
         one.name
-        for one in task.damper.quantities
-        if one.default is None and one.name not in {*task.options.fixed, *shared}
+        for one in given.damper.quantities
+        if one.default is None and one.name not in {*given.options.fixed, *shared}
     )
-    begin = _paper if "paper" in task.damper.procedures else _plain
+    begin = _paper if "paper" in given.damper.procedures else _plain
     varying = tuple(name for name in shared if begin is _plain or name not in {TAKEN, MEAN})
-    options = replace(task.options, free=(*own, *varying), starts=1)
-    before = begin(replace(task, options=options, on_fit=lambda _fit: None))
+    options = replace(given.options, free=(*own, *varying), starts=1)
+    before = begin(replace(given, options=options, on_fit=lambda _fit: None))
     failed = {one.setting: one for one in before.failures}
     try:
         found = attempted_for_all(
-            lambda: fit_together(task, before.fits, task.ordered(own), shared)
+            lambda: fit_together(given, before.fits, given.ordered(own), shared)
         )
     except FitCancelledError:
         return Campaign("joint", (), is_complete=False)
@@ -251,13 +251,13 @@ def _joint(task: ProcedureInput) -> Campaign:
     fits = {fit.setting: fit for fit in before.fits}
 
     def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        misfit = task.misfit(setting, together.own)
+        misfit = given.misfit(setting, together.own)
         start = together.start(fits[setting], misfit)
         spent = fits[setting].evaluations + together.evaluations
-        judged, found = fit_from(task, setting, misfit, start, spent=spent)
+        judged, found = fit_from(given, setting, misfit, start, spent=spent)
         return describe_fit(setting, _named(judged, together.status), misfit), found
 
-    collected = _collect(task, fit, (*before.warnings, *together.warnings), known=failed)
+    collected = _collect(given, fit, (*before.warnings, *together.warnings), known=failed)
     sharing = together.sharing
     if MEAN in shared:
         sharing = replace(
@@ -281,7 +281,7 @@ def _named(judged: Judged, status: Mapping[str, Status]) -> Judged:
 
 
 def _collect(
-    task: ProcedureInput,
+    given: ProcedureInput,
     fit: Callable[[Setting], tuple[Fit, Search | None]],
     warnings: Iterable[str] = (),
     *,
@@ -305,14 +305,14 @@ def _collect(
         result, search = found
         if search is not None:
             searches[setting] = search
-        task.on_fit(result)
+        given.on_fit(result)
         return result
 
-    settings = sorted(task.settings)
-    with ThreadPoolExecutor(task.jobs) as pool:
+    settings = sorted(given.settings)
+    with ThreadPoolExecutor(given.jobs) as pool:
         results = list(pool.map(one, settings))
     return Campaign(
-        procedure=task.options.procedure,
+        procedure=given.options.procedure,
         fits=tuple(result for result in results if isinstance(result, Fit)),
         searches=tuple(searches[setting] for setting in sorted(searches)),
         failures=tuple(result for result in results if isinstance(result, SettingFailure)),

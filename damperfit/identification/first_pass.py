@@ -82,19 +82,19 @@ class FirstPass:
 
 
 def first_pass(
-    task: ProcedureInput, names: tuple[str, ...], fixed: Mapping[str, float], free: set[str]
+    given: ProcedureInput, names: tuple[str, ...], fixed: Mapping[str, float], free: set[str]
 ) -> tuple[FirstPass, tuple[str, ...]]:
     """All parameters free at every setting; returns R_m3 and f_f as the paper takes them."""
     wanted = [name for name in ("r_m3", "f_f") if name not in fixed and name not in free]
     if not wanted:
         return FirstPass({}, {}), ()
-    begun = _begin(task, names, fixed, wanted)
+    begun = _begin(given, names, fixed, wanted)
     while begun.judged:
         try:
-            return _concluded(task, begun, names, wanted)
+            return _concluded(given, begun, names, wanted)
         except SettingError as error:
             begun = begun.without(error.failure)
-    shared = {name: getattr(task.options, f"fallback_{name}") for name in wanted}
+    shared = {name: getattr(given.options, f"fallback_{name}") for name in wanted}
     return FirstPass({}, shared, status=dict.fromkeys(wanted, Status.FIXED), broken=begun.broken), (
         "with all parameters free no setting can be fitted: these are used: "
         + ", ".join(f"{n} {value:.4g} (identification.fallback_{n})" for n, value in shared.items())
@@ -121,15 +121,15 @@ class _Begun:
 
 
 def _begin(
-    task: ProcedureInput, names: tuple[str, ...], fixed: Mapping[str, float], wanted: Sequence[str]
+    given: ProcedureInput, names: tuple[str, ...], fixed: Mapping[str, float], wanted: Sequence[str]
 ) -> _Begun:
     """Everything free at the lowest setting that can be fitted so, and from there at the others."""
     broken: dict[Setting, SettingFailure] = {}
-    for lowest in task.softest_first:
-        misfit = task.misfit(lowest, names)
+    for lowest in given.softest_first:
+        misfit = given.misfit(lowest, names)
 
         def fit(lowest: Setting = lowest, misfit: Misfit = misfit) -> tuple[Judged, Search | None]:
-            return fit_from(task, lowest, misfit, first_start(misfit, fixed))
+            return fit_from(given, lowest, misfit, first_start(misfit, fixed))
 
         found = attempted(lowest, fit)
         if not isinstance(found, SettingFailure):
@@ -141,10 +141,10 @@ def _begin(
     one, looked = found
     anchor = one.solution.parameters
     if "r_m3" in wanted and not _tells_r_m3(one):
-        anchor = anchor.replace(r_m3=task.options.fallback_r_m3)
-    others = set(task.settings) - {lowest, *broken}
+        anchor = anchor.replace(r_m3=given.options.fallback_r_m3)
+    others = set(given.settings) - {lowest, *broken}
     judged = {lowest: one}
-    for setting, other in _free_everywhere(task, names, fixed, anchor, sorted(others)).items():
+    for setting, other in _free_everywhere(given, names, fixed, anchor, sorted(others)).items():
         if not isinstance(other, SettingFailure):
             judged[setting] = other
         elif other.is_internal:
@@ -153,20 +153,20 @@ def _begin(
 
 
 def _concluded(
-    task: ProcedureInput, begun: _Begun, names: tuple[str, ...], wanted: Sequence[str]
+    given: ProcedureInput, begun: _Begun, names: tuple[str, ...], wanted: Sequence[str]
 ) -> tuple[FirstPass, tuple[str, ...]]:
     """R_m3 and f_f from the fits with everything free."""
     lowest, judged = begun.lowest, dict(begun.judged)
     warnings: list[str] = []
     if "r_m3" in wanted:
-        warnings.extend(_other_lowest(task.softest_first[0], lowest))
+        warnings.extend(_other_lowest(given.softest_first[0], lowest))
     shared: dict[str, float] = {}
     source = _source(judged, lowest) if "r_m3" in wanted else None
     f_f_from: tuple[Setting, ...] = ()
     f_f_range, is_certain = None, True
     if "f_f" in wanted:
         known = None if source is None else judged[source].solution.parameters.r_m3
-        shared["f_f"], f_f_from, said = _shared_friction(judged, known, task.options)
+        shared["f_f"], f_f_from, said = _shared_friction(judged, known, given.options)
         warnings.extend(said)
         f_f_range, is_certain = _friction_range([judged[setting] for setting in f_f_from])
     sharing = Sharing(
@@ -179,7 +179,7 @@ def _concluded(
     holds = source is None or not sharing.friction_varies
     f_f = shared.get("f_f") if holds else None
     where = lowest if source is None else source
-    found = attempted(where, lambda: _shared_r_m3(task, judged, names, where, f_f))
+    found = attempted(where, lambda: _shared_r_m3(given, judged, names, where, f_f))
     if isinstance(found, SettingFailure):
         raise SettingError(found)
     if where != lowest:
@@ -257,23 +257,23 @@ class _SharedR_m3:  # noqa: N801 - the paper's symbol
 
 
 def _shared_r_m3(
-    task: ProcedureInput,
+    given: ProcedureInput,
     judged: Mapping[Setting, Judged],
     names: tuple[str, ...],
     setting: Setting,
     f_f: float | None,
 ) -> _SharedR_m3:
     """R_m3 from the logs of one setting, and how far they tell it."""
-    misfit, first = task.misfit(setting, names), judged[setting]
+    misfit, first = given.misfit(setting, names), judged[setting]
     again = first
     # An unsound fit that tells R_m3 all the same is left alone: other friction may upset it.
     if f_f is not None and (not _tells_r_m3(first) or (is_sound(first) and len(judged) > 1)):
-        again = _with_mean_friction(misfit, first, f_f, task.options.fallback_r_m3)
+        again = _with_mean_friction(misfit, first, f_f, given.options.fallback_r_m3)
     is_refined = again is not first
     value = again.solution.parameters.r_m3
     if _tells_r_m3(again):
         return _SharedR_m3(value, Status.SHARED, again, setting, is_refined)
-    fallback = task.options.fallback_r_m3
+    fallback = given.options.fallback_r_m3
     if not again.outcome.is_minimum:
         said = (
             f"the logs of setting {setting} do not fix R_m3 ({again.outcome.value}): "
@@ -337,22 +337,22 @@ def _with_mean_friction(misfit: Misfit, judged: Judged, f_f: float, r_m3: float)
 
 
 def _free_everywhere(
-    task: ProcedureInput,
+    given: ProcedureInput,
     names: tuple[str, ...],
     fixed: Mapping[str, float],
     anchor: Values,
     settings: Sequence[Setting],
 ) -> dict[Setting, Judged | SettingFailure]:
     """The first pass at other settings than the lowest, from their closed forms and the anchor."""
-    damper = cast("Damper", task.damper)
+    damper = cast("Damper", given.damper)
 
     def one(setting: Setting) -> Judged:
-        misfit = task.misfit(setting, names)
+        misfit = given.misfit(setting, names)
         known = {**fixed, "r_m3": anchor.r_m3, "f_f": anchor.f_f}
         start = starting_values(misfit.traces, damper, known, anchor.k_e)
         return fit_guided(misfit, start, REBOUND)
 
-    with ThreadPoolExecutor(task.jobs) as pool:
+    with ThreadPoolExecutor(given.jobs) as pool:
         found = pool.map(lambda setting: attempted(setting, lambda: one(setting)), settings)
         return dict(zip(settings, found, strict=True))
 

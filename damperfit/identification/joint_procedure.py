@@ -80,7 +80,7 @@ class JointResult:
 
 
 def fit_together(
-    task: ProcedureInput, before: Sequence[Fit], own: tuple[str, ...], shared: tuple[str, ...]
+    given: ProcedureInput, before: Sequence[Fit], own: tuple[str, ...], shared: tuple[str, ...]
 ) -> tuple[JointResult | None, dict[Setting, SettingFailure]]:
     """Fit the settings that have a sound minimum together; None where there are not two.
 
@@ -97,7 +97,7 @@ def fit_together(
     said: list[str] = []
     while True:
         try:
-            together = _fit_sound(task, sound, own, shared)
+            together = _fit_sound(given, sound, own, shared)
         except SettingError as error:
             failure = error.failure
             del sound[failure.setting]
@@ -112,30 +112,30 @@ def fit_together(
 
 
 def _fit_sound(
-    task: ProcedureInput,
+    given: ProcedureInput,
     sound: Mapping[Setting, Fit],
     own: tuple[str, ...],
     shared: tuple[str, ...],
 ) -> JointResult | None:
-    is_gas = task.options.bulk_modulus == "appendix1"
+    is_gas = given.options.bulk_modulus == "appendix1"
     if len(sound) < 2 or not (shared or is_gas):
         return None
-    common = {name: _common(name, task, list(sound.values())) for name in shared}
+    common = {name: _common(name, given, list(sound.values())) for name in shared}
     starts = {setting: fit.parameters.replace(common) for setting, fit in sound.items()}
     moving = {*own, *shared, *((GAS_FOLLOWER,) if is_gas else ())}
-    misfits = {setting: task.misfit(setting, task.ordered(moving)) for setting in sound}
-    problem = JointProblem(misfits, shared, jobs=task.jobs)
+    misfits = {setting: given.misfit(setting, given.ordered(moving)) for setting in sound}
+    problem = JointProblem(misfits, shared, jobs=given.jobs)
     solution = fit_jointly(problem, starts)
     spent, rises = solution.evaluations, {}
     warnings = [] if solution.is_converged else [_NO_MINIMUM]
     if is_gas:
         alone = solution
-        solution, more = _with_gas(task, problem, alone.parameters)
+        solution, more = _with_gas(given, problem, alone.parameters)
         spent += more
         rises = _rises(alone, solution)
         warnings = [*([] if solution.is_converged else [_NO_MINIMUM]), *_judged_law(rises)]
     sharing = Sharing(
-        task.ordered(moving),
+        given.ordered(moving),
         jointly=shared,
         settings=tuple(sorted(sound)),
         gas=solution.gas,
@@ -151,23 +151,23 @@ def _fit_sound(
     )
 
 
-def _common(name: str, task: ProcedureInput, fits: Sequence[Fit]) -> float:
+def _common(name: str, given: ProcedureInput, fits: Sequence[Fit]) -> float:
     """Where a shared parameter starts: the mean, or the fallback where R_m3 was not told.
 
     From a value without effect a logarithm would not come back.
     """
     if name == TAKEN and any(fit.status[name] == Status.NOT_IDENTIFIABLE for fit in fits):
-        return task.options.fallback_r_m3
+        return given.options.fallback_r_m3
     return float(np.mean([getattr(fit.parameters, name) for fit in fits]))
 
 
 def _with_gas(
-    task: ProcedureInput, problem: JointProblem, starts: Mapping[Setting, Values]
+    given: ProcedureInput, problem: JointProblem, starts: Mapping[Setting, Values]
 ) -> tuple[JointSolution, int]:
     """Fit with K_e from a gas content; the working pressures are those of the fit itself."""
     moduli = {setting: getattr(start, GAS_FOLLOWER) for setting, start in starts.items()}
     pressures = _pressures(problem, starts)
-    gas = first_law(moduli, pressures, cast("Damper", task.damper).gas_exponent)
+    gas = first_law(moduli, pressures, cast("Damper", given.damper).gas_exponent)
     solution = fit_jointly(replace(problem, gas=gas), starts)
     spent = solution.evaluations + 1
     for _ in range(_MAX_ROUNDS):

@@ -144,13 +144,13 @@ def _ending(one: Search) -> str:
 
 
 def fit_from(
-    task: ProcedureInput, setting: Setting, misfit: Misfit, start: Values, *, spent: int = 0
+    given: ProcedureInput, setting: Setting, misfit: Misfit, start: Values, *, spent: int = 0
 ) -> tuple[Judged, Search | None]:
     """Fit from a start, and from as many more as the options ask for or a doubt gives reason to."""
     first = fit_setting(misfit, start, spent=spent)
-    if task.options.starts < 2 or not misfit.free:
+    if given.options.starts < 2 or not misfit.free:
         return reconsidered(misfit, first, start), None
-    return search(setting, misfit, first, n_starts=task.options.starts)
+    return search(setting, misfit, first, n_starts=given.options.starts)
 
 
 def search(

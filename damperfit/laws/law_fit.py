@@ -139,17 +139,17 @@ def fit_law(
         if one.default is not None and one.name not in freed
     }
     free = tuple(name for name in model.names if name not in held)
-    task = _Task(model, evidence.fitted, free, solver)
+    misfit = _LawMisfit(model, evidence.fitted, free, solver)
     starts = model.start(evidence.fitted, held)
     if near is not None:
         shared = {n: v for n, v in zip(near.names, near.numbers, strict=True) if n in free}
         starts = (starts[0].replace(shared), *starts)
-    ranked = _ranked(task, starts)
+    ranked = _ranked(misfit, starts)
     spent = 0
     candidates = []
     for start in ranked[:_TRIED]:
         try:
-            short = task.descend(start, _SHORT)
+            short = misfit.descend(start, _SHORT)
         except SimulationError:
             continue
         spent += short.evaluations
@@ -157,7 +157,7 @@ def fit_law(
     if not candidates:
         raise SimulationError(f"{model.name} cannot be simulated from any of its starts.")
     best = min(candidates, key=lambda one: one.point.cost)
-    ended = task.descend(best.point.extra, _STOPPING)
+    ended = misfit.descend(best.point.extra, _STOPPING)
     values = ended.point.extra
     residuals, alone, mse = _misses(model, values, evidence.fitted, solver)
     held_out, kind = math.nan, "logs" if evidence.held_out else "transients"
@@ -173,7 +173,7 @@ def fit_law(
         model=model,
         values=values,
         free=free,
-        at_bound=tuple(name for name in free if task.is_at_edge(values, name)),
+        at_bound=tuple(name for name in free if misfit.is_at_edge(values, name)),
         mse_percent=mse,
         stretches=alone,
         held_out_percent=held_out,
@@ -184,7 +184,7 @@ def fit_law(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Task:
+class _LawMisfit:
     """A law, logs, and what moves."""
 
     model: Model
@@ -240,13 +240,13 @@ class _Task:
         return rows
 
 
-def _ranked(task: _Task, starts: Sequence[Values]) -> list[Values]:
+def _ranked(misfit: _LawMisfit, starts: Sequence[Values]) -> list[Values]:
     """Starts by how well they fit the log with the strongest force, the best first."""
-    trace = max(task.traces, key=lambda one: float(np.std(one.force[one.compared])))
+    trace = max(misfit.traces, key=lambda one: float(np.std(one.force[one.compared])))
     found = []
     for place, start in enumerate(starts):
         try:
-            force = compare(start, trace, task.model, solver=task.solver).force
+            force = compare(start, trace, misfit.model, solver=misfit.solver).force
         except SimulationError:
             continue
         part = trace.compared

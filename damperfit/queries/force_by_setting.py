@@ -17,9 +17,9 @@ from damperfit.adjustment import (
     Wanted,
     beside_measured,
     clicks,
+    credible_forces,
     levels,
     named_speeds,
-    told_levels,
     which_setting,
 )
 from damperfit.configuration.loading import load_configuration
@@ -253,7 +253,7 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question, *, jobs: int 
         on_error=take,
     )
     found = beside_measured(modelled, adjuster.forces, sine)
-    told = told_levels(found)
+    told = credible_forces(found)
     done = {level.setting for level in found}
     remarks = tuple(
         mishaps[stage.setting].message

@@ -11,7 +11,7 @@ import numpy as np
 
 from damperfit.errors import LogError
 from damperfit.identity import identity_in
-from damperfit.readers.channels import choose_channels, has_channel, told_at_once
+from damperfit.readers.channels import all_told_together, choose_channels, has_channel
 from damperfit.readers.options import EXTRAS
 from damperfit.readers.setting_number import Told, file_setting, place_of, preamble_setting
 from damperfit.readers.write_buffers import TITLE, join_buffers
@@ -188,7 +188,7 @@ def _si_channels(
     if len(problems) == 1:
         raise LogError(f"{name}, {problems[0]}")
     if problems:
-        raise LogError(f"{name}: {told_at_once(problems)}")
+        raise LogError(f"{name}: {all_told_together(problems)}")
     return channels
 
 

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ChannelChoice",
+    "all_told_together",
     "choose_channels",
     "has_channel",
     "mentions_channel",
     "split_name",
-    "told_at_once",
     "unit_of_channel",
     "visible",
     "words_of",
@@ -183,7 +183,7 @@ def choose_channels(
     if lost:
         problems.insert(0, _missing(lost, columns, hint))
     if problems:
-        raise LogError(f"{where}: {told_at_once(problems)}")
+        raise LogError(f"{where}: {all_told_together(problems)}")
     for name in options.adjusters:
         columns_of = [i for i, column in enumerate(columns) if _is_named(column, name)]
         if name not in chosen and len(columns_of) == 1:
@@ -220,12 +220,12 @@ def unit_of_channel(
     return choice.unit
 
 
-def told_at_once(problems: Sequence[str]) -> str:
+def all_told_together(problems: Sequence[str]) -> str:
     """Return one sentence for all that is wrong with a log.
 
     Examples
     --------
-    >>> told_at_once(["no column for time", "column 'x' has no unit"])
+    >>> all_told_together(["no column for time", "column 'x' has no unit"])
     "2 things are wrong: (1) no column for time; (2) column 'x' has no unit"
     """
     if len(problems) == 1:

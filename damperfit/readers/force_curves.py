@@ -19,9 +19,9 @@ import numpy as np
 from damperfit.errors import LogError
 from damperfit.quantities import QuantityError, find_unit
 from damperfit.readers.channels import (
+    all_told_together,
     has_channel,
     split_name,
-    told_at_once,
     unit_of_channel,
     visible,
     words_of,
@@ -290,7 +290,7 @@ def _units(
         except LogError as error:
             problems.setdefault(kind, str(error).removeprefix(f"{where}: "))
     if problems:
-        raise LogError(f"{where}: {told_at_once(list(problems.values()))}")
+        raise LogError(f"{where}: {all_told_together(list(problems.values()))}")
     return units
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from damperfit.setting import Place
 
-__all__ = ["Told", "file_setting", "place_of", "preamble_setting", "told_setting"]
+__all__ = ["Told", "file_setting", "place_of", "preamble_setting", "setting_in_words"]
 
 # A word that can mean nothing else, where nobody declared a pattern: it goes before a bare "s".
 _CLICKS = r"(?<![^\W_])clicks?(?:[ _=](?=-\d)|[ _=-]?)(-?\d+)(?![.]?\d)"
@@ -59,7 +59,7 @@ class Told:
         )
 
 
-def told_setting(text: str, where: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
+def setting_in_words(text: str, where: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
     """Return the setting that a text says.
 
     Raises
@@ -69,7 +69,7 @@ def told_setting(text: str, where: str, adjusters: Sequence[str] = (ADJUSTER,)) 
 
     Examples
     --------
-    >>> told_setting("10", "log.csv").cell, told_setting("soft", "log.csv").cell
+    >>> setting_in_words("10", "log.csv").cell, setting_in_words("soft", "log.csv").cell
     (10, 'soft')
     """
     try:
@@ -87,13 +87,13 @@ def preamble_setting(metadata: Mapping[str, str], name: str, adjusters: Sequence
         What stands there is no setting.
     """
     if ADJUSTER in metadata:
-        told = told_setting(metadata[ADJUSTER], f"{name}: metadata '{ADJUSTER}'", adjusters)
+        told = setting_in_words(metadata[ADJUSTER], f"{name}: metadata '{ADJUSTER}'", adjusters)
         return Told(dict(told.places))
     keys = {re.sub(r"[\W_]+", "_", key.strip()): key for key in metadata}
     named = {one: metadata[keys[one.casefold()]] for one in adjusters if one.casefold() in keys}
     return Told(
         {
-            one: told_setting(text, f"{name}: metadata '{one}'").places[0][1]
+            one: setting_in_words(text, f"{name}: metadata '{one}'").places[0][1]
             for one, text in named.items()
         }
     )
@@ -130,7 +130,7 @@ def _told_by(found: Sequence[re.Match[str]], name: str, adjusters: Sequence[str]
     for match in found:
         named |= {key: text for key, text in match.groupdict().items() if text is not None}
     places = {
-        key: told_setting(text, where).places[0][1]
+        key: setting_in_words(text, where).places[0][1]
         for key, text in named.items()
         if key in adjusters
     }
@@ -138,7 +138,7 @@ def _told_by(found: Sequence[re.Match[str]], name: str, adjusters: Sequence[str]
     indexed = set(found[-1].re.groupindex.values())
     plain = [text for k, text in enumerate(found[-1].groups(), 1) if k not in indexed and text]
     if plain and not places and (len(adjusters) == 1 or _is_label(plain[-1], adjusters)):
-        places = dict(told_setting(plain[-1], where, adjusters).places)
+        places = dict(setting_in_words(plain[-1], where, adjusters).places)
     notes = ("setting: from the file name",) if places else ()
     return Told(places, others, notes)
 

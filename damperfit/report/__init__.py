@@ -10,23 +10,23 @@ from typing import TYPE_CHECKING, Any
 from damperfit.report.alike import short_listing
 from damperfit.report.failures_and_warnings import Failure, ReportFacts, failure_lines
 from damperfit.report.mse_report import markdown_report
-from damperfit.report.rows.check_table import check_lines
-from damperfit.report.rows.force_by_setting_table import (
+from damperfit.report.sheets.check_sheet import check_lines
+from damperfit.report.sheets.force_by_setting_sheet import (
     force_by_setting_sheet,
     force_by_speed_sheet,
     measured_force_sheet,
 )
-from damperfit.report.rows.held_out_table import held_out_sheet
-from damperfit.report.rows.identify_summary_table import summary_sheet
-from damperfit.report.rows.inspection_table import (
+from damperfit.report.sheets.held_out_sheet import held_out_sheet
+from damperfit.report.sheets.identify_summary_sheet import summary_sheet
+from damperfit.report.sheets.inspection_sheet import (
     VERDICT_COLOURS,
     finding_lines,
     inspection_sheet,
     stretch_sheet,
 )
-from damperfit.report.rows.parameter_table import parameter_sheet
-from damperfit.report.rows.sheet import Sheet
-from damperfit.report.rows.sparkline import ASCII_LEVELS, BLOCK_LEVELS, sparkline
+from damperfit.report.sheets.parameter_sheet import parameter_sheet
+from damperfit.report.sheets.sheet import Sheet
+from damperfit.report.sheets.sparkline import ASCII_LEVELS, BLOCK_LEVELS, sparkline
 from damperfit.report.terminal_table import terminal_table
 
 if TYPE_CHECKING:
@@ -37,13 +37,13 @@ if TYPE_CHECKING:
     from damperfit.report.plots.report_plots import ReportPlots, report_plots
     from damperfit.report.plots.simulated_cycle import draw_loops
     from damperfit.report.plots.sweep import sweep_plot, sweep_pressure_plot
-    from damperfit.report.rows.curve_table import curve_forces_sheet, curve_sheet
-    from damperfit.report.rows.cycle_table import (
+    from damperfit.report.sheets.curve_sheet import curve_forces_sheet, curve_sheet
+    from damperfit.report.sheets.cycle_sheet import (
         cycle_force_sheet,
         cycle_pressure_sheet,
         cycle_sparklines,
     )
-    from damperfit.report.rows.law_table import (
+    from damperfit.report.sheets.law_sheet import (
         chosen_records,
         chosen_sheet,
         ladder_records,
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
         rival_records,
         rival_sheet,
     )
-    from damperfit.report.rows.sweep_table import (
+    from damperfit.report.sheets.sweep_sheet import (
         SweepMember,
         sweep_records,
         sweep_sentence,
@@ -110,28 +110,28 @@ __all__ = [
 _LATE = {
     "Plot": "plots.description",
     "ReportPlots": "plots.report_plots",
-    "SweepMember": "rows.sweep_table",
-    "chosen_records": "rows.law_table",
-    "chosen_sheet": "rows.law_table",
-    "curve_forces_sheet": "rows.curve_table",
-    "curve_sheet": "rows.curve_table",
-    "cycle_force_sheet": "rows.cycle_table",
-    "cycle_pressure_sheet": "rows.cycle_table",
-    "cycle_sparklines": "rows.cycle_table",
+    "SweepMember": "sheets.sweep_sheet",
+    "chosen_records": "sheets.law_sheet",
+    "chosen_sheet": "sheets.law_sheet",
+    "curve_forces_sheet": "sheets.curve_sheet",
+    "curve_sheet": "sheets.curve_sheet",
+    "cycle_force_sheet": "sheets.cycle_sheet",
+    "cycle_pressure_sheet": "sheets.cycle_sheet",
+    "cycle_sparklines": "sheets.cycle_sheet",
     "draw_loops": "plots.simulated_cycle",
     "draw_plot": "plots.figure_files",
     "html_report": "page.page",
-    "ladder_records": "rows.law_table",
-    "ladder_sheet": "rows.law_table",
-    "rival_records": "rows.law_table",
-    "rival_sheet": "rows.law_table",
+    "ladder_records": "sheets.law_sheet",
+    "ladder_sheet": "sheets.law_sheet",
+    "rival_records": "sheets.law_sheet",
+    "rival_sheet": "sheets.law_sheet",
     "read_back": "json_records",
     "report_plots": "plots.report_plots",
     "sweep_plot": "plots.sweep",
     "sweep_pressure_plot": "plots.sweep",
-    "sweep_records": "rows.sweep_table",
-    "sweep_sentence": "rows.sweep_table",
-    "sweep_sheet": "rows.sweep_table",
+    "sweep_records": "sheets.sweep_sheet",
+    "sweep_sentence": "sheets.sweep_sheet",
+    "sweep_sheet": "sheets.sweep_sheet",
     "to_record": "json_records",
 }
 

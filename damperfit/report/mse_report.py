@@ -9,23 +9,23 @@ from typing import TYPE_CHECKING, Any
 from damperfit.identification.sharing import listed_runs
 from damperfit.report.alike import short_listing
 from damperfit.report.failures_and_warnings import failure_lines
-from damperfit.report.rows.check_table import check_sheet, check_summary
-from damperfit.report.rows.force_by_setting_table import (
+from damperfit.report.sheets.check_sheet import check_sheet, check_summary
+from damperfit.report.sheets.force_by_setting_sheet import (
     force_by_setting_sheet,
     measured_force_sheet,
 )
-from damperfit.report.rows.held_out_table import held_out_sheet
-from damperfit.report.rows.mse_table import grade_counts, mse_sheet
-from damperfit.report.rows.parameter_table import parameter_sheet
-from damperfit.report.rows.rounding import percent
-from damperfit.report.rows.stretch_table import measured_stretch_sheet
+from damperfit.report.sheets.held_out_sheet import held_out_sheet
+from damperfit.report.sheets.mse_sheet import grade_counts, mse_sheet
+from damperfit.report.sheets.parameter_sheet import parameter_sheet
+from damperfit.report.sheets.rounding import percent
+from damperfit.report.sheets.stretch_sheet import measured_stretch_sheet
 from damperfit.report.text import printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from damperfit.report.failures_and_warnings import ReportFacts
-    from damperfit.report.rows.sheet import Sheet
+    from damperfit.report.sheets.sheet import Sheet
     from damperfit.tables import Tables
 
 __all__ = ["escape", "markdown_report"]

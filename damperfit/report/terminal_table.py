@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from damperfit.report.rows.sheet import Sheet, sheet_width
+from damperfit.report.sheets.sheet import Sheet, sheet_width
 from damperfit.report.text import printable
 
 if TYPE_CHECKING:

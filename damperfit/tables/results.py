@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from damperfit.adjustment import Adjustment, told_levels
+from damperfit.adjustment import Adjustment, credible_forces
 from damperfit.identification.setting import EXCELLENT
 from damperfit.tables.arrays import column, float_array
 from damperfit.tables.columns import setting_cells, table_schema
@@ -269,7 +269,7 @@ def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[di
     for click in clicks:
         changes[click.second, click.speed, click.stroke].append(click)
     rows = []
-    for level, told in zip(levels, told_levels(levels), strict=True):
+    for level, told in zip(levels, credible_forces(levels), strict=True):
         row: dict[str, Any] = {
             "setting": level.setting,
             "speed_m_per_s": level.speed,

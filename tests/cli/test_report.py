@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.report import to_record
 from damperfit.report.json_records import checks_in, clicks_in, findings_in, trends_in
-from damperfit.report.rows.cavitation_table import cavitation_sheet
+from damperfit.report.sheets.cavitation_sheet import cavitation_sheet
 from damperfit.tables import read_results
 from tests.report_folder import make_results
 

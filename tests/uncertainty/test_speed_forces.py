@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.adjustment import Level, Sine, beside_measured, compare_settings, told_levels
+from damperfit.adjustment import Level, Sine, beside_measured, compare_settings, credible_forces
 from damperfit.conditioning import condition
 from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, identify
@@ -48,7 +48,7 @@ def test_forces_of_a_sound_log_agree_and_have_no_error_of_the_model(both) -> Non
         assert not level.disagrees
         assert level.measured == pytest.approx(level.force, abs=8.0)  # the filter at the ends
         assert level.high - level.force == pytest.approx(1.959964 * level.error)
-    assert told_levels(levels.levels) == levels.levels
+    assert credible_forces(levels.levels) == levels.levels
     assert all(one.misfit == 0.0 for one in known.uncertainties[0].intervals.values())
 
 
@@ -76,7 +76,7 @@ def test_a_model_that_misses_has_intervals_that_hold_the_measured_force(both) ->
         assert level.misfit > level.error
         # On the cycles of the log: the level's own sine has another filter.
         assert abs(level.difference) < 1.96 * math.hypot(level.misfit, level.error) + 1.0
-    told = {(one.speed, one.stroke): one for one in told_levels(levels.levels)}
+    told = {(one.speed, one.stroke): one for one in credible_forces(levels.levels)}
     for level in missed:
         one = told[level.speed, level.stroke]
         assert one.is_measured
@@ -131,7 +131,7 @@ def test_by_how_much_a_model_may_miss_the_measured_force() -> None:
 def test_where_one_setting_disagrees_all_are_told_as_measured() -> None:
     agrees = replace(level(1.0), setting=Setting.of(2))
     elsewhere = replace(agrees, speed=0.2)
-    told = told_levels((level(100.0), agrees, elsewhere))
+    told = credible_forces((level(100.0), agrees, elsewhere))
     assert [one.is_measured for one in told] == [True, True, False]
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from damperfit.report.page.summary import setting_verdict
-from damperfit.report.rows.log_force_table import measured_and_simulated_sheet
-from damperfit.report.rows.parameter_table import parameter_line
-from damperfit.report.rows.stretch_table import ComparedStretch, compared_stretch_sheet
+from damperfit.report.sheets.log_force_sheet import measured_and_simulated_sheet
+from damperfit.report.sheets.parameter_sheet import parameter_line
+from damperfit.report.sheets.stretch_sheet import ComparedStretch, compared_stretch_sheet
 from damperfit.tables import PAPER_QUANTITIES
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Quantity
     from damperfit.report.evaluated_log import EvaluatedLog
     from damperfit.report.page.plot_data import Figure
-    from damperfit.report.rows.sheet import Sheet
+    from damperfit.report.sheets.sheet import Sheet
     from damperfit.setting import Setting
 
 __all__ = ["LogSection", "log_section"]

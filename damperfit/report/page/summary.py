@@ -19,10 +19,10 @@ from damperfit.report.json_records import (
     sentences_in,
     trends_in,
 )
-from damperfit.report.rows.check_table import CHECK_WORDS
-from damperfit.report.rows.mse_table import flags, grade_counts
-from damperfit.report.rows.rounding import number, percent
-from damperfit.report.rows.sheet import Sheet
+from damperfit.report.sheets.check_sheet import CHECK_WORDS
+from damperfit.report.sheets.mse_sheet import flags, grade_counts
+from damperfit.report.sheets.rounding import number, percent
+from damperfit.report.sheets.sheet import Sheet
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

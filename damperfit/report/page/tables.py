@@ -1,17 +1,17 @@
-"""Which tables stand on the page, and under which title; each is laid out in `report/rows`."""
+"""Which tables stand on the page, and under which title; each is laid out in `report/sheets`."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from damperfit.report.json_records import clicks_in
-from damperfit.report.rows.cavitation_table import cavitation_sheet
-from damperfit.report.rows.click_table import click_sheet
-from damperfit.report.rows.mse_table import mse_sheet
-from damperfit.report.rows.parameter_table import parameter_sheet
+from damperfit.report.sheets.cavitation_sheet import cavitation_sheet
+from damperfit.report.sheets.click_sheet import click_sheet
+from damperfit.report.sheets.mse_sheet import mse_sheet
+from damperfit.report.sheets.parameter_sheet import parameter_sheet
 
 if TYPE_CHECKING:
-    from damperfit.report.rows.sheet import Sheet
+    from damperfit.report.sheets.sheet import Sheet
     from damperfit.tables import Results
 
 __all__ = ["page_tables"]

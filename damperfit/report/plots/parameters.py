@@ -16,7 +16,7 @@ from damperfit.report.plots.description import (
     setting_names,
     setting_places,
 )
-from damperfit.report.rows.parameter_table import scale_of
+from damperfit.report.sheets.parameter_sheet import scale_of
 from damperfit.setting import Setting
 from damperfit.tables import PAPER_QUANTITIES
 

@@ -9,12 +9,12 @@ import numpy as np
 from damperfit.report.plots.colours import setting_colours
 from damperfit.report.plots.description import Line, Panel, Plot, thin
 from damperfit.report.plots.one_log import pressure_panel
-from damperfit.report.rows.sweep_table import sweep_sentence
+from damperfit.report.sheets.sweep_sheet import sweep_sentence
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from damperfit.report.rows.sweep_table import SweepMember
+    from damperfit.report.sheets.sweep_sheet import SweepMember
 
 __all__ = ["sweep_plot", "sweep_pressure_plot"]
 

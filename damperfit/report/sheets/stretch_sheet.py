@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from damperfit.report.rows.rounding import number, percent
-from damperfit.report.rows.sheet import Sheet
+from damperfit.report.sheets.rounding import number, percent
+from damperfit.report.sheets.sheet import Sheet
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

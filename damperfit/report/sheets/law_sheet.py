@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from damperfit.damper.rivals import Rival
-from damperfit.report.rows.rounding import number
-from damperfit.report.rows.sheet import Sheet
+from damperfit.report.sheets.rounding import number
+from damperfit.report.sheets.sheet import Sheet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

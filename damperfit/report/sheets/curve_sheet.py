@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.readers import ForceCurve
-from damperfit.report.rows.inspection_table import MANY_ROWS
-from damperfit.report.rows.rounding import number
-from damperfit.report.rows.sheet import Sheet
+from damperfit.report.sheets.inspection_sheet import MANY_ROWS
+from damperfit.report.sheets.rounding import number
+from damperfit.report.sheets.sheet import Sheet
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

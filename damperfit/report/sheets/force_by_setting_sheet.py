@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from damperfit.report.rows.notes_below_tables import (
+from damperfit.report.sheets.notes_below import (
     DAMPING_SHARE,
     MEASURED_BESIDE_MODEL,
     TOLD_AS_MEASURED,
@@ -12,8 +12,8 @@ from damperfit.report.rows.notes_below_tables import (
     over_several_clicks,
     stroke_and_click_at,
 )
-from damperfit.report.rows.rounding import NOTHING, number, with_interval
-from damperfit.report.rows.sheet import Sheet
+from damperfit.report.sheets.rounding import NOTHING, number, with_interval
+from damperfit.report.sheets.sheet import Sheet
 from damperfit.setting import Setting
 from damperfit.uncertainty import NORMAL_95
 

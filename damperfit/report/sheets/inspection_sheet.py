@@ -9,8 +9,8 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from damperfit.report.alike import FEW, MANY_KINDS, listed_names, shape_of
-from damperfit.report.rows.rounding import NOTHING, number
-from damperfit.report.rows.sheet import Sheet
+from damperfit.report.sheets.rounding import NOTHING, number
+from damperfit.report.sheets.sheet import Sheet
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence

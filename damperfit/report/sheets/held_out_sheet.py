@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from damperfit.report.rows.rounding import number, percent
-from damperfit.report.rows.sheet import Sheet
+from damperfit.report.sheets.rounding import number, percent
+from damperfit.report.sheets.sheet import Sheet
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

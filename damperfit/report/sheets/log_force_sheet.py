@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from damperfit.report.rows.notes_below_tables import BRANCHES_AND_RATIO, energy_and_temperature
-from damperfit.report.rows.rounding import number
-from damperfit.report.rows.sheet import Sheet
+from damperfit.report.sheets.notes_below import BRANCHES_AND_RATIO, energy_and_temperature
+from damperfit.report.sheets.rounding import number
+from damperfit.report.sheets.sheet import Sheet
 
 if TYPE_CHECKING:
     from damperfit.simulation import Characteristics

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from damperfit.report.rows.rounding import number
-from damperfit.report.rows.sheet import Sheet
+from damperfit.report.sheets.rounding import number
+from damperfit.report.sheets.sheet import Sheet
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

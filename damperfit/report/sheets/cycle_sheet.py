@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.report.rows.notes_below_tables import BRANCHES
-from damperfit.report.rows.rounding import number
-from damperfit.report.rows.sheet import Sheet
-from damperfit.report.rows.sparkline import BLOCK_LEVELS, sparkline
+from damperfit.report.sheets.notes_below import BRANCHES
+from damperfit.report.sheets.rounding import number
+from damperfit.report.sheets.sheet import Sheet
+from damperfit.report.sheets.sparkline import BLOCK_LEVELS, sparkline
 
 if TYPE_CHECKING:
     from damperfit.simulation import Characteristics, Response

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from damperfit.report.rows.sheet import Sheet
+from damperfit.report.sheets.sheet import Sheet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

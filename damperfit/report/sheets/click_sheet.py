@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from damperfit.report.rows.notes_below_tables import simulated_clicks_at
-from damperfit.report.rows.rounding import NOTHING, with_interval
-from damperfit.report.rows.sheet import Sheet
+from damperfit.report.sheets.notes_below import simulated_clicks_at
+from damperfit.report.sheets.rounding import NOTHING, with_interval
+from damperfit.report.sheets.sheet import Sheet
 from damperfit.setting import clicks_between
 
 if TYPE_CHECKING:

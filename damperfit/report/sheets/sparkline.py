@@ -10,8 +10,8 @@ import math
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
-from damperfit.report.rows.parameter_table import scale_of
-from damperfit.report.rows.rounding import number, percent
+from damperfit.report.sheets.parameter_sheet import scale_of
+from damperfit.report.sheets.rounding import number, percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from damperfit.report.rows.rounding import NOTHING, percent
-from damperfit.report.rows.sheet import Sheet
+from damperfit.report.sheets.rounding import NOTHING, percent
+from damperfit.report.sheets.sheet import Sheet
 from damperfit.tables import PAPER_QUANTITIES
 
 if TYPE_CHECKING:

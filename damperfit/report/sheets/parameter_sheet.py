@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from damperfit.report.rows.notes_below_tables import units_and_marks
-from damperfit.report.rows.rounding import NOTHING, percent, with_error
-from damperfit.report.rows.sheet import Sheet
+from damperfit.report.sheets.notes_below import units_and_marks
+from damperfit.report.sheets.rounding import NOTHING, percent, with_error
+from damperfit.report.sheets.sheet import Sheet
 from damperfit.tables import PAPER_QUANTITIES
 
 if TYPE_CHECKING:

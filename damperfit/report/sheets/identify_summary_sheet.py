@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from damperfit.damper.model import SETTING
-from damperfit.report.rows.notes_below_tables import errors_and_flags, units_and_marks
-from damperfit.report.rows.parameter_table import (
+from damperfit.report.sheets.notes_below import errors_and_flags, units_and_marks
+from damperfit.report.sheets.parameter_sheet import (
     PARAMETER_MARKS,
     limit_text,
     scale_of,
@@ -20,9 +20,9 @@ from damperfit.report.rows.parameter_table import (
     shown_quantities,
     total_error,
 )
-from damperfit.report.rows.rounding import NOTHING, percent, rounded_by_error
-from damperfit.report.rows.sheet import Sheet, sheet_width
-from damperfit.report.rows.sparkline import BLOCK_LEVELS, setting_sparklines
+from damperfit.report.sheets.rounding import NOTHING, percent, rounded_by_error
+from damperfit.report.sheets.sheet import Sheet, sheet_width
+from damperfit.report.sheets.sparkline import BLOCK_LEVELS, setting_sparklines
 from damperfit.tables import PAPER_QUANTITIES
 
 if TYPE_CHECKING:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from damperfit.report.rows.notes_below_tables import ABSOLUTE_PRESSURES
-from damperfit.report.rows.rounding import NOTHING, number
-from damperfit.report.rows.sheet import Sheet
+from damperfit.report.sheets.notes_below import ABSOLUTE_PRESSURES
+from damperfit.report.sheets.rounding import NOTHING, number
+from damperfit.report.sheets.sheet import Sheet
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
