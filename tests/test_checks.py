@@ -124,7 +124,7 @@ FAILING = {
     "no_log_warnings": (subject(with_trace(3, findings=(FINDING, NOTE))), "clipping at setting 3"),
     "damper_declared": (
         subject(undeclared=("gas_length",), n_declarable=9),
-        "but not gas_length: there the paper",
+        "but not gas_length: there a default is taken",
     ),
 }
 FAILING |= {
