@@ -235,7 +235,7 @@ def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
         return Setting(((adjusters[0], parse_place(plain)),))
     told = _named_places(text, adjusters)
     if told is None:
-        parts = re.split(r"[/;|,]|\s+", text.strip())
+        parts = re.split(r"\s*[/;|,]\s*|\s+", text.strip())
         told = dict(zip(adjusters, parts, strict=False)) if len(parts) == len(adjusters) else {}
     missing = [name for name in adjusters if name not in told]
     if missing:

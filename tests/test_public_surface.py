@@ -366,6 +366,7 @@ SURFACE = {
     "damperfit.run.same_setting": [
         "once_each",
         "without_contradictions",
+        "without_copies",
     ],
     "damperfit.run.dampers": [
         "by_damper",

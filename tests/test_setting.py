@@ -130,3 +130,8 @@ def test_lines_hold_the_other_adjusters():
     (words,) = lines_of(["soft", "hard"])
     assert words.settings == ()
     assert lines_of([]) == ()
+
+
+@pytest.mark.parametrize("text", ["12/8", "12, 8", "12 / 8", "12 8", "12; 8", "12|8"])
+def test_places_may_be_parted_by_a_mark_with_blanks(text):
+    assert parse_setting(text, ["rebound", "compression"]).label == "R12 C8"

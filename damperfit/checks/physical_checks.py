@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from damperfit.identification import Status
 from damperfit.identification.sharing import listed_settings
-from damperfit.uncertainty.withheld import is_friction
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -57,7 +56,7 @@ def _offset_as_in_log(fits: Sequence[Fit], said: Objections) -> Verdict:
 
 
 def _friction_within_jump(fits: Sequence[Fit], said: Objections) -> Verdict:
-    names = _quantities(fits, is_friction)
+    names = _quantities(fits, lambda one: one.is_friction)
     if not names:
         return None, "not evaluated: the model has no friction"
     if _quantities(fits, lambda one: one.unit in {"N/m", "s"}):

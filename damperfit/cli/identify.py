@@ -57,6 +57,7 @@ _TOO_LONG = b"The MSE report is too long for a summary; it stands in report.md.\
 
 
 _AUTO = "auto"
+_ALL_FAILED = 3
 
 
 def identify(
@@ -238,7 +239,9 @@ def _worst(endings: Sequence[Ending]) -> int:
     codes = {ending.value for ending in endings}
     if len(codes) == 1:
         return int(codes.pop())
-    return next((code for code in (130, 1, 3, 4) if code in codes), 0) if 3 not in codes else 1
+    # Where one damper failed altogether others did not: that is a failure in part.
+    codes = {1 if code == _ALL_FAILED else code for code in codes}
+    return next((code for code in (130, 1, 4) if code in codes), 0)
 
 
 def _show(result: RunResult, configuration: Configuration, *, owner: str) -> None:

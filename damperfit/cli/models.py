@@ -101,6 +101,9 @@ def models(
         if rivals
         else None,
     )
+    if not quiet:
+        for remark in choice.remarks:
+            say(f"note: {remark}")
     say_failures(choice.failures, is_debug=debug)
     if json:
         _print_document(choice)

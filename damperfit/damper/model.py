@@ -53,6 +53,11 @@ LOG = "log"  # each log's own: tare, skew, gas pressure
 RIG = "rig"  # one for all logs of the rig
 
 
+# Labels by which a tare and Coulomb's friction are known; a unit does not tell: coefficients of a
+# surface and yield forces are newtons too.
+OFFSET, FRICTION = "force offset", "friction"
+
+
 @dataclass(frozen=True, slots=True)
 class Quantity:
     """A number of a model that a fit may find.
@@ -117,7 +122,12 @@ class Quantity:
     @property
     def is_offset(self) -> bool:
         """Whether it is a force of either sign that is added: a tare."""
-        return not self.is_logarithmic and self.unit == "N"
+        return not self.is_logarithmic and self.label == OFFSET
+
+    @property
+    def is_friction(self) -> bool:
+        """Whether it is a force that turns with the sign of the velocity."""
+        return self.is_logarithmic and self.label == FRICTION
 
     @property
     def is_shared(self) -> bool:

@@ -33,5 +33,6 @@ def model_named(name: str) -> type[Model]:
     """
     if name not in MODELS:
         there = f" There are {', '.join(MODELS)}."
-        raise ConfigurationError(f"no model {name!r}.{did_you_mean(name, MODELS) or there}")
+        near = did_you_mean(name, (*MODELS, "auto"))  # what `identify` takes beside them
+        raise ConfigurationError(f"no model {name!r}.{near or there}")
     return MODELS[name]

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from damperfit.damper.model import DAMPER, RIG, Model, Quantity
+from damperfit.damper.model import DAMPER, FRICTION, OFFSET, RIG, Model, Quantity
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import Network, Valve, monotube, through_flow, twin_tube
 from damperfit.damper.purdy.quantities import OF_OIL, OIL
@@ -322,7 +322,7 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
             belief=OF_OIL,
         ),
         Quantity(
-            "f_f", "f_f", "friction", "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
+            "f_f", "f_f", FRICTION, "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
             may_vanish=True, shown_unit="N",
         ),
         Quantity(
@@ -331,7 +331,7 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
         ),
         *_of_mounting(damper.mounting),
         Quantity(
-            "f_0", "f_0", "force offset", "constant offset added to the force, the rig's tare",
+            "f_0", "f_0", OFFSET, "constant offset added to the force, the rig's tare",
             "N", (-math.inf, math.inf), is_logarithmic=False, size=100.0, shown_unit="N",
         ),
     ]  # fmt: skip

@@ -65,7 +65,7 @@ def valve_starts(
         _general(damper, one, traces) | _valves(damper, one, traces, None) for one in readings
     ]
     points += [points[0] | _valves(damper, readings[0], traces, guess) for guess in _GUESSES]
-    return tuple(_values(damper, point | dict(fixed)) for point in points)
+    return tuple(_values(damper, point, fixed) for point in points)
 
 
 def read_strokes(
@@ -168,12 +168,14 @@ def _parts(
     return {part: known[part] for part in (*BLEEDS[valve.bleed], *BLOW_OFFS[valve.blow_off])}
 
 
-def _values(damper: ValveDamper, point: Mapping[str, float]) -> Values:
+def _values(damper: ValveDamper, point: Mapping[str, float], fixed: Mapping[str, float]) -> Values:
     """Return values within the plausible ranges; what the damper has not is left out."""
-    within: dict[str, float] = {}
+    found: dict[str, float] = {}
     for one in damper.quantities:
-        if one.name in point:
-            within[one.name] = float(point[one.name])
+        if one.name in fixed:  # also at 0, where a part is absent
+            found[one.name] = fixed[one.name]
+        elif one.name in point:
+            found[one.name] = float(np.clip(point[one.name], *one.plausible))
         elif one.default is not None:
-            within[one.name] = one.default
-    return damper.values(within)
+            found[one.name] = one.default
+    return damper.values(found)

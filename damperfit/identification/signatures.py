@@ -49,7 +49,8 @@ def signatures(
     def passed(values: FloatArray) -> FloatArray:
         return apply_filter(trace.model_filter, values)[trace.compared]
 
-    rate = np.gradient(force, trace.interval)
+    # Stretch by stretch: where one ends and the next begins nothing was logged in between.
+    rate = np.concatenate([np.gradient(force[place], trace.interval) for place in trace.places])
     found = {
         "delay": [-rate],
         "gas_volume": [passed(x / stroke)],

@@ -37,7 +37,6 @@ __all__ = ["Ladder", "Rung", "climb", "in_words"]
 BLEED = Valve("orifice", "none")
 BLOW_OFF = Valve("none", "linear")
 BOTH = Valve("orifice", "linear")
-_EVERYTHING = Mounting(FIT, FIT, FIT)
 # What is offered to what is left over, one after the other.
 _DECLARED = ("gas_volume",)
 _FURTHER = ("k_e", "return_slope", "drag", "")
@@ -117,7 +116,7 @@ def climb(
     if simplest is not None and simplest.mse_percent <= ENOUGH_PERCENT:
         course.told(simplest, "it leaves nothing that anyone would use", is_taken=True)
         return course.ended(simplest)
-    richest = [_with(layout, BOTH, _EVERYTHING) for layout in layouts]
+    richest = [_with(layout, BOTH, _everything(layout.mounting)) for layout in layouts]
     found = [one for one in course.all_fitted(richest) if one is not None]
     if not found:
         if simplest is None:
@@ -214,6 +213,8 @@ class _Course:
                 return law
             if not name:
                 model = _rounded(model)
+                if model == _valve_damper(law):  # there is no blow-off
+                    continue
             elif name not in model.names or name in law.fits[0].free:
                 continue
             wanted = (*self.freed, name) if name else self.freed
@@ -261,6 +262,12 @@ def _against(best: Tried, other: Tried) -> str:
     return f"{best.fits[0].model.name.replace('_', ' ')} {what} better"
 
 
+def _everything(declared: Mounting) -> Mounting:
+    """All that a mounting may have is fitted; what was measured stays."""
+    wanted = {one.name: getattr(declared, one.name) for one in dataclasses.fields(declared)}
+    return Mounting(**{k: FIT if isinstance(v, str) else v for k, v in wanted.items()})
+
+
 def _with(damper: ValveDamper, valve: Valve, mounting: Mounting) -> ValveDamper:
     return dataclasses.replace(damper, rebound=valve, compression=valve, mounting=mounting)
 
@@ -280,7 +287,7 @@ def _rounded(damper: ValveDamper) -> ValveDamper:
 
 def _without(part: str) -> Callable[[ValveDamper], ValveDamper | None]:
     def smaller(damper: ValveDamper) -> ValveDamper | None:
-        if getattr(damper.mounting, part) == NONE:
+        if getattr(damper.mounting, part) != FIT:
             return None
         return dataclasses.replace(
             damper, mounting=dataclasses.replace(damper.mounting, **{part: NONE})

@@ -10,14 +10,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.configuration.loading import redeclared
+from damperfit.damper.mounting import Mounting
 from damperfit.damper.parameters import Damper
-from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
+from damperfit.damper.valve_dampers import (
+    AMBIENT,
+    Monotube,
+    ThroughFlow,
+    TwinTube,
+    ValveDamper,
+)
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.laws import SettingLogs, climb, fit_law, rank_rivals
 from damperfit.run.dampers import of_one_damper
 from damperfit.run.hold_out import named_files, part
 from damperfit.run.logs import available_cores, expand, read_batch
-from damperfit.run.same_setting import once_each, without_contradictions
+from damperfit.run.same_setting import once_each, without_contradictions, without_copies
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -56,6 +63,8 @@ class LawChoice:
         Settings that the chosen law cannot be simulated at.
     rivals : tuple of Tried
         Models of the literature at the settings that were compared; empty unless asked for.
+    remarks : tuple of str
+        What was done with the logs: copies left out, contradictions averaged.
     """
 
     ladder: Ladder
@@ -64,6 +73,7 @@ class LawChoice:
     failures: tuple[Failure, ...]
     lost: tuple[Setting, ...] = ()
     rivals: tuple[Tried, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 def choose_law(  # noqa: PLR0913 - what a user may ask of it
@@ -109,11 +119,14 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     left = without_contradictions(
         once_each(parted.batch), is_averaging=configuration.rig.is_averaging
     )
-    parted = replace(parted, batch=left)
+    left, held_out = without_copies(left, parted.held_out)
+    parted = replace(parted, batch=left, held_out=held_out)
     evidence = _evidence(parted)
     if not evidence:
+        said = "; ".join(one.message for one in parted.batch.failures[:3])
         raise ConfigurationError(
-            "no log can be used to compare laws by; damperfit inspect tells what is wrong with them"
+            f"no log can be used to compare laws by{f': {said}' if said else ''}; "
+            "damperfit inspect tells what is wrong with logs"
         )
     solver = configuration.identification.solver
     compared = _told_most(evidence)
@@ -146,9 +159,10 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         ladder,
         tuple(one.setting for one in compared),
         tuple(one for one in fits if one is not None),
-        batch.failures,
+        parted.batch.failures,
         tuple(e.setting for e, one in zip(evidence, fits, strict=True) if one is None),
         rivals,
+        tuple(parted.batch.remarks),
     )
 
 
@@ -217,6 +231,8 @@ def _layouts(damper: Model, layout: str | None) -> list[ValveDamper]:
             gas_pressure=damper.gas_pressure,
             gas_volume=damper.gas_volume,
             gas_exponent=damper.gas_exponent,
+            ambient_pressure=getattr(damper, "ambient_pressure", AMBIENT),
+            mounting=getattr(damper, "mounting", Mounting()),
         )
         for kind in kinds.values()
     ]

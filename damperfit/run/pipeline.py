@@ -31,7 +31,7 @@ from damperfit.run.run_json import (
     record,
     report_facts,
 )
-from damperfit.run.same_setting import once_each, without_contradictions
+from damperfit.run.same_setting import once_each, without_contradictions, without_copies
 from damperfit.run.work import Clock, comparisons, fitted, profile_points, sha256_of
 from damperfit.tables import make_tables, write_responses, write_table
 from damperfit.uncertainty import Bench
@@ -264,7 +264,8 @@ def _read(
             parted = part(mine, options, named)
             once = once_each(parted.batch)
             left = without_contradictions(once, is_averaging=is_averaging)
-            parted = replace(parted, batch=left)
+            left, held_out = without_copies(left, parted.held_out)
+            parted = replace(parted, batch=left, held_out=held_out)
         own = configuration
         if len(groups) > 1:
             output = replace(configuration.output, folder=folder / folder_name(owner))

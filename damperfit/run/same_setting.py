@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from damperfit.run.logs import LogBatch
     from damperfit.setting import Setting
 
-__all__ = ["once_each", "without_contradictions"]
+__all__ = ["once_each", "without_contradictions", "without_copies"]
 
 # Of the range: text of four digits stands 1e-4 beside the binary file, and noise of 4 N in 1300 N
 # makes two tests differ by 4e-3.
@@ -102,6 +102,27 @@ def once_each(batch: LogBatch) -> LogBatch:
         failures=(*batch.failures, *failures),
         remarks=(*batch.remarks, *said),
     )
+
+
+def without_copies(
+    batch: LogBatch, held_out: Sequence[Trace]
+) -> tuple[LogBatch, tuple[Trace, ...]]:
+    """Return the batch, and what is held out without the tests that are fitted by another name."""
+    kept, said = [], []
+    for trace in held_out:
+        same = (one for one in batch.traces if one.name != trace.name and _is_copy(one, trace))
+        first = next(same, None)
+        if first is None:
+            kept.append(trace)
+        else:
+            said.append(
+                f"{trace.name}: the same test as {first.name}, which is fitted; it is not held out"
+            )
+    return replace(batch, remarks=(*batch.remarks, *said)), tuple(kept)
+
+
+def _is_copy(one: Trace, other: Trace) -> bool:
+    return len(one.force) == len(other.force) and _is_same(one, other)
 
 
 def _is_same(one: Trace, other: Trace) -> bool:

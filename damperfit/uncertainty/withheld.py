@@ -36,7 +36,6 @@ __all__ = [
     "LIMITS",
     "GradeLimits",
     "Objection",
-    "is_friction",
     "jump_ratio",
     "objections",
     "offset_apart",
@@ -223,13 +222,14 @@ def offset_apart(fit: Fit, name: str, gas: GasFacts) -> tuple[float, float] | No
         level = force_level(log.trace, gas)
         seen = level.force - level.expected
         allowed = _OF_UNCERTAINTY * level.uncertainty + _OF_GAS * gas.force
-        found.append((abs(value - seen) / allowed, seen))
+        if math.isfinite(seen) and allowed > 0.0:
+            found.append((abs(value - seen) / allowed, seen))
     return max(found, default=None)
 
 
 def _friction(fit: Fit) -> Iterator[Objection]:
     for one, value in _found(fit):
-        if is_friction(one):
+        if one.is_friction:
             ratio = jump_ratio(fit, value)
             if ratio > LIMITS.jump:
                 yield Objection(
@@ -238,11 +238,6 @@ def _friction(fit: Fit) -> Iterator[Objection]:
                     f"{one.symbol} = {value:.3g} N asks for a jump of the force at each reversal "
                     f"{ratio:.2g} times that of the log",
                 )
-
-
-def is_friction(one: Quantity) -> bool:
-    """Whether a quantity is a force that turns with the sign of the velocity."""
-    return one.unit == "N" and one.is_logarithmic
 
 
 def jump_ratio(fit: Fit, friction: float) -> float:
@@ -276,4 +271,5 @@ def _jumps(trace: Trace, friction: float) -> float:
     def over(signal: FloatArray) -> float:
         return float(np.mean(sign * (signal[places + 1 + reach] - signal[places - reach])))
 
-    return over(jump) / max(over(trace.force), 1e-300)
+    seen = over(trace.force)  # against the motion where the force is late or of the other sign
+    return over(jump) / seen if seen > 0.0 else math.nan

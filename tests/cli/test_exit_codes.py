@@ -10,6 +10,8 @@ import typer
 
 from damperfit import errors
 from damperfit.cli import main
+from damperfit.cli.identify import _worst
+from damperfit.run.run_json import Ending
 
 door = sys.modules["damperfit.cli.main"]  # the package has the function under this name
 CODES = {
@@ -81,3 +83,18 @@ def test_what_a_command_returns_is_the_code(code, monkeypatch) -> None:
 def test_without_arguments_the_help_is_shown(capsys) -> None:
     assert main([]) == 0
     assert "Usage: damperfit" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("endings", "code"),
+    [
+        ((Ending.COMPLETE, Ending.COMPLETE), 0),
+        ((Ending.ALL_FAILED, Ending.ALL_FAILED), 3),
+        ((Ending.COMPLETE, Ending.ALL_FAILED), 1),
+        ((Ending.ALL_FAILED, Ending.INTERRUPTED), 130),
+        ((Ending.COMPLETE, Ending.GATE_MISSED), 4),
+        ((Ending.SOME_FAILED, Ending.GATE_MISSED), 1),
+    ],
+)
+def test_of_several_dampers_the_gravest_ending_tells(endings, code) -> None:
+    assert _worst(endings) == code

@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.recording import StretchFigures
 from damperfit.run.logs import LogBatch, LogFacts
-from damperfit.run.same_setting import once_each, without_contradictions
+from damperfit.run.same_setting import once_each, without_contradictions, without_copies
 from damperfit.setting import Setting
 from tests.fakes import trace
 
@@ -137,3 +137,15 @@ def test_told_to_they_are_averaged_and_it_is_said():
     assert names(found) == ["a.csv", "b.csv"]
     assert "a.csv and b.csv contradict" in found.remarks[0]
     assert found.failures == ()
+
+
+def test_a_copy_of_a_fitted_log_is_not_held_out():
+    fitted, other = log("a.csv"), log("b.csv")
+    copy = replace(fitted, name="a_copy.csv")
+    left, held_out = without_copies(batch(fitted), (copy, other))
+    assert [one.name for one in held_out] == ["b.csv"]
+    assert left.remarks == (
+        "a_copy.csv: the same test as a.csv, which is fitted; it is not held out",
+    )
+    # The last cycles of a fitted log itself are no copy.
+    assert without_copies(batch(fitted), (fitted,))[1] == (fitted,)

@@ -11,6 +11,7 @@ from damperfit.conditioning import GasFacts
 from damperfit.damper.cavitation import Cavitation
 from damperfit.damper.model import Quantity, values_type
 from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.rivals import Biviscous, RestoringForceSurface
 from damperfit.identification import Fit, Status
 from damperfit.identification.plausible import edge_of
 from damperfit.uncertainty import Assessment, Diagnosis, objections
@@ -155,3 +156,21 @@ def test_an_elastic_mounting_spreads_the_jump() -> None:
     values = values_type((*one.parameters.quantities, spring))(*one.parameters.numbers, 5e5)
     assert np.isnan(jump_ratio(replace(one, parameters=values), 50.0))
     assert np.isnan(jump_ratio(replace(one, logs=()), 50.0))
+
+
+def test_a_force_that_jumps_against_the_motion_tells_nothing_of_friction() -> None:
+    one = rubbing(50.0)
+    (log,) = one.logs
+    turned = replace(log, trace=replace(log.trace, force=-log.trace.force))
+    assert np.isnan(jump_ratio(replace(one, logs=(turned,)), 50.0))
+
+
+def test_coefficients_and_yield_forces_are_neither_tare_nor_friction() -> None:
+    for kind in (RestoringForceSurface, Biviscous):
+        found = kind().quantities
+        assert [one.name for one in found if one.is_offset] == (
+            ["f_0"] if kind is Biviscous else []
+        )
+        assert not any(one.is_friction for one in found)
+    assert [one.name for one in PURDY_DAMPER.quantities if one.is_friction] == ["f_f"]
+    assert [one.name for one in PURDY_DAMPER.quantities if one.is_offset] == ["f_0"]

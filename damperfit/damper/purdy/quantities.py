@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import inf
 
-from damperfit.damper.model import DAMPER, Quantity
+from damperfit.damper.model import DAMPER, FRICTION, OFFSET, Quantity
 
 __all__ = ["OF_OIL", "OIL", "QUANTITIES"]
 
@@ -37,12 +37,12 @@ QUANTITIES = (
         shown_unit="MPa", is_open=True, trend_degree=2, believable=OIL, belief=OF_OIL,
     ),
     Quantity(
-        "f_f", "f_f", "friction", "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
+        "f_f", "f_f", FRICTION, "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
         scope=DAMPER, may_vanish=True, fallback=50.0, shown_unit="N",
     ),
     # A force offset is about as much as the rod's gas force.
     Quantity(
-        "f_0", "f_0", "force offset", "constant offset added to the force, the rig's tare", "N",
+        "f_0", "f_0", OFFSET, "constant offset added to the force, the rig's tare", "N",
         (-inf, inf), is_logarithmic=False, size=100.0, default=0.0, shown_unit="N",
     ),
 )  # fmt: skip

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from damperfit.damper import model as labels
 from damperfit.damper.model import Model, Quantity
 from damperfit.errors import SimulationError
 from damperfit.simulation import Response
@@ -146,5 +147,5 @@ def signed(name: str, symbol: str, meaning: str, unit: str, size: float) -> Quan
     return Quantity(name, symbol, meaning, meaning, unit, limits, is_logarithmic=False, size=size)
 
 
-OFFSET = signed("f_0", "f_0", "force offset", "N", 100.0)
-FRICTION = positive("f_f", "f_f", "Coulomb friction", "N", (1e-3, 1e5), "friction")
+OFFSET = signed("f_0", "f_0", labels.OFFSET, "N", 100.0)
+FRICTION = positive("f_f", "f_f", "Coulomb friction", "N", (1e-3, 1e5), labels.FRICTION)

@@ -1,0 +1,57 @@
+"""What was declared or measured stays as it is while laws are compared; copies predict nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.damper.mounting import FIT, NONE, Mounting
+from damperfit.damper.valve_dampers import TwinTube
+from damperfit.identification.signatures import gain, signatures
+from damperfit.laws.ladder import _everything, _without
+from damperfit.recording import Trace
+from damperfit.run.law_choice import _layouts
+from tests import fakes
+
+
+def test_a_layout_keeps_ambient_pressure_and_mounting() -> None:
+    measured = Mounting(series_stiffness=3e5, play=NONE, lag=8e-3)
+    damper = TwinTube(ambient_pressure=0.0, mounting=measured)
+    for layout in _layouts(damper, None):
+        assert layout.ambient_pressure == 0.0
+        assert layout.mounting == measured
+    assert _everything(measured) == Mounting(3e5, FIT, 8e-3)
+    assert _everything(Mounting()) == Mounting(FIT, FIT, FIT)
+
+
+def test_a_measured_lag_is_not_taken_out() -> None:
+    fitted = TwinTube(mounting=Mounting(FIT, FIT, FIT))
+    smaller = _without("lag")(fitted)
+    assert smaller is not None
+    assert smaller.mounting == Mounting(FIT, FIT, NONE)
+    assert _without("lag")(replace(fitted, mounting=Mounting(FIT, FIT, 8e-3))) is None
+    assert _without("lag")(replace(fitted, mounting=Mounting(FIT, FIT, NONE))) is None
+
+
+def stepped() -> Trace:
+    """A log of two stretches whose forces jump where one ends and the next begins."""
+    one = fakes.trace(1)
+    (whole,) = one.stretches
+    middle = (whole.first + whole.stop) // 2
+    first = replace(whole, stop=middle)
+    second = replace(whole, first=middle)
+    force = one.force.copy()
+    force[middle : whole.stop] += 5e3
+    return replace(one, force=force, stretches=(first, second))
+
+
+def test_a_delay_is_no_jump_between_stretches() -> None:
+    trace = stepped()
+    force = trace.force[trace.compared]
+    late = np.concatenate([np.gradient(force[k], trace.interval) for k in trace.places])
+    (delay,) = signatures(trace, force)["delay"]
+    share, amount = gain(delay, np.zeros((len(force), 0)), -2e-3 * late)
+    assert amount == pytest.approx(2e-3, rel=1e-9)
+    assert share == pytest.approx(float(np.sum((2e-3 * late) ** 2)), rel=1e-9)
