@@ -170,6 +170,7 @@ SURFACE = {
         "Rung",
         "SettingLogs",
         "Tried",
+        "UNTOLD",
         "Verdict",
         "climb",
         "effective_samples",

@@ -31,6 +31,7 @@ _PERIOD, _AMPLITUDE = 0.01, 0.02
 _USUAL = 4.4
 _KEPT = 0.6  # of the allowance; what drifts through more is on its way
 _SHARE = 0.5  # of the run
+_RECENT = 200  # half cycles that say the level; of all of them an hour's log would take minutes
 
 
 def level_parts(
@@ -149,11 +150,11 @@ def _allowed(values: FloatArray, least: float, steadiness: float, *, lag: int = 
 def _parts(
     period: FloatArray, amplitude: FloatArray, allowed: tuple[float, float]
 ) -> list[tuple[int, int]]:
-    """Cut a run where a cycle is off the median of those since the last cut."""
+    """Cut a run where a cycle is off the median of the last ones since the last cut."""
     parts, first = [], 0
     for k in range(1, len(period) + 1):
         if k < len(period) and all(
-            abs(values[k] / float(np.median(values[first:k])) - 1.0) <= share
+            abs(values[k] / float(np.median(values[max(first, k - _RECENT) : k])) - 1.0) <= share
             for values, share in zip((period, amplitude), allowed, strict=True)
         ):
             continue

@@ -2,12 +2,13 @@
 
 from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
 from damperfit.laws.ladder import Ladder, Rung, climb, in_words
-from damperfit.laws.law_fit import LawFit, SettingLogs, fit_law
+from damperfit.laws.law_fit import UNTOLD, LawFit, SettingLogs, fit_law
 from damperfit.laws.physics import opening_force, physics_seen
 from damperfit.laws.rivalry import rank_rivals
 
 __all__ = [
     "ENOUGH_PERCENT",
+    "UNTOLD",
     "Ladder",
     "LawFit",
     "Rung",

@@ -17,7 +17,7 @@ import numpy as np
 from damperfit.conditioning import apply_filter
 from damperfit.errors import SimulationError
 from damperfit.identification import compare, normalised_mse
-from damperfit.identification.minimiser import Minimum, Transformation, minimise
+from damperfit.identification.minimiser import Minimum, Point, Transformation, minimise
 from damperfit.identification.trust_region import Stopping
 from damperfit.identification.weights import weights
 from damperfit.simulation import SolverOptions
@@ -34,11 +34,14 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["LawFit", "SettingLogs", "fit_law"]
+__all__ = ["UNTOLD", "LawFit", "SettingLogs", "fit_law"]
 
 # Laws are compared by factors of their MSE: a fall of a few in ten thousand changes nothing.
 _STOPPING = Stopping(cost_tolerance=3e-4, step_tolerance=1e-4, max_evaluations=60, rest=math.inf)
 _SHORTEST = 0.25  # s; less that is not compared tells nothing
+# A standard error of this factor to both sides, and a quantity is not told.
+UNTOLD = 1.65
+_SAMPLES = 20.0  # as the fewest effective samples of a stretch in `choosing`
 # Starts that are followed for a few evaluations before the best is followed to its end.
 _TRIED = 2
 _SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, rest=math.inf)
@@ -90,6 +93,8 @@ class LawFit:
         Model less measurement over each stretch, N.
     evaluations : int
         Simulations with sensitivities.
+    untold : tuple of str
+        What may as well be `UNTOLD` times as much or as little: these logs do not determine it.
     """
 
     setting: Setting
@@ -103,6 +108,7 @@ class LawFit:
     held_out: str
     residuals: tuple[FloatArray, ...]
     evaluations: int
+    untold: tuple[str, ...] = ()
 
 
 def fit_law(
@@ -180,6 +186,26 @@ def fit_law(
         held_out="" if math.isnan(held_out) else kind,
         residuals=residuals,
         evaluations=spent + ended.evaluations,
+        untold=_untold(ended.point, model, free, len(alone)),
+    )
+
+
+def _untold(
+    point: Point[Values], model: Model, free: Sequence[str], n_stretches: int
+) -> tuple[str, ...]:
+    """Return the quantities whose logarithm has too large a standard error, to first order.
+
+    What a law leaves over is not white: a stretch counts as `_SAMPLES` samples, not as thousands.
+    """
+    lengths = np.sqrt(np.sum(point.jacobian**2, axis=0))
+    columns = point.jacobian / np.maximum(lengths, 1e-300)
+    spread = np.linalg.inv(columns.T @ columns + 1e-12 * np.eye(len(free)))
+    variance = np.diag(spread) * point.cost / (_SAMPLES * n_stretches)
+    errors = np.sqrt(variance) / np.maximum(lengths, 1e-300)
+    return tuple(
+        name
+        for name, error in zip(free, errors.tolist(), strict=True)
+        if model.quantity(name).is_logarithmic and error > math.log(UNTOLD)
     )
 
 

@@ -50,24 +50,29 @@ def physics_seen(fits: Sequence[LawFit]) -> tuple[str, ...]:
     for stroke, people in (("rebound", "rebound"), ("compression", "bump")):
         valve = getattr(model, stroke)
         if valve.blow_off != "none":
-            openings = _all(fits, f"{stroke}_opening")
+            openings = _told(fits, f"{stroke}_opening")
             forces = [opening_force(model, stroke, one) for one in openings]
             said.append(
                 f"in {people} a blow-off opens at {_range(forces)} N "
                 f"({_range([1e-5 * one for one in openings])} bar)"
+                if openings
+                else f"in {people} these logs do not determine where a blow-off opens"
             )
         if valve.bleed == "orifice":
-            areas = [_orifice(model, one) for one in _all(fits, f"{stroke}_bleed")]
-            said.append(f"in {people} a bleed as an orifice of {_range(areas)} mm2 (C_d A)")
+            areas = [_orifice(model, one) for one in _told(fits, f"{stroke}_bleed")]
+            if areas:
+                said.append(f"in {people} a bleed as an orifice of {_range(areas)} mm2 (C_d A)")
     names = fits[0].values.names
-    if "k_s" in names:
-        stiffness = [1e-3 * one for one in _all(fits, "k_s")]
-        said.append(f"{_range(stiffness)} N/mm of elasticity in series with the damper")
-    if "play" in names:
-        said.append(f"{_range([1e3 * one for one in _all(fits, 'play')])} mm of play at the joints")
-    if "lag" in names:
-        said.append(f"the force is read {_range([1e3 * x for x in _all(fits, 'lag')])} ms late")
-    said.append(f"{_range(_all(fits, 'f_f'))} N of friction")
+    beside = (
+        ("k_s", 1e-3, "{} N/mm of elasticity in series with the damper"),
+        ("play", 1e3, "{} mm of play at the joints"),
+        ("lag", 1e3, "the force is read {} ms late"),
+        ("f_f", 1.0, "{} N of friction"),
+    )
+    for name, factor, words in beside:
+        told = _told(fits, name) if name in names else []
+        if told:
+            said.append(words.format(_range([factor * one for one in told])))
     return tuple(f"{one[0].upper()}{one[1:]}." for one in said)
 
 
@@ -75,8 +80,9 @@ def _orifice(damper: ValveDamper, resistance: float) -> float:
     return 1e6 / (resistance * math.sqrt(2.0 * damper.oil_density))
 
 
-def _all(fits: Sequence[LawFit], name: str) -> list[float]:
-    return [float(getattr(one.values, name)) for one in fits]
+def _told(fits: Sequence[LawFit], name: str) -> list[float]:
+    """Return the values at the settings whose logs determine it."""
+    return [float(getattr(one.values, name)) for one in fits if name not in one.untold]
 
 
 def _range(values: Sequence[float]) -> str:

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from damperfit.damper.rivals import Rival
+from damperfit.laws import UNTOLD
 from damperfit.report.sheets.rounding import number
 from damperfit.report.sheets.sheet import Sheet
 
@@ -117,7 +118,7 @@ def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
             one.shown_unit or one.unit,
             *(
                 number(getattr(fit.values, one.name) / 10.0**one.power, digits=4)
-                + "!" * (one.name in fit.at_bound)
+                + ("!" if one.name in fit.at_bound else "?" * (one.name in fit.untold))
                 for fit in fits
             ),
         )
@@ -125,13 +126,18 @@ def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
     ]
     rows.append(("MSE", "%", *(_percent(fit.mse_percent) for fit in fits)))
     rows.append(("MSE held out", "%", *(_percent(fit.held_out_percent) for fit in fits)))
-    is_bounded = any(fit.at_bound for fit in fits)
+    marks = {
+        "! at the edge of its range: not told by these logs": any(fit.at_bound for fit in fits),
+        f"? not told by these logs: {UNTOLD:g} times as much or as little would do as well": any(
+            fit.untold for fit in fits
+        ),
+    }
     return Sheet(
         headings=("setting", "", *(str(fit.setting) for fit in fits)),
         units=("",) * (len(fits) + 2),
         rows=tuple(rows),
         is_number=(False, False, *(True for _ in fits)),
-        notes=("! at the edge of its range: not told by these logs",) if is_bounded else (),
+        notes=tuple(mark for mark, is_there in marks.items() if is_there),
     )
 
 
@@ -143,6 +149,7 @@ def chosen_records(fits: Sequence[LawFit]) -> list[dict[str, Any]]:
             "values": dict(zip(fit.values.names, fit.values.numbers, strict=True)),
             "free": list(fit.free),
             "at_bound": list(fit.at_bound),
+            "not_told": list(fit.untold),
             "mse_percent": fit.mse_percent,
             "stretch_mse_percent": list(fit.stretches),
             "held_out_mse_percent": _finite(fit.held_out_percent),

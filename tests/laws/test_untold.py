@@ -1,0 +1,66 @@
+"""What the logs of a setting do not determine is marked and left out of the sentences."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.damper.valve_dampers import TwinTube
+from damperfit.identification.minimiser import Point
+from damperfit.laws import UNTOLD, LawFit, physics_seen
+from damperfit.laws.law_fit import _SAMPLES, _untold
+from damperfit.report import chosen_records, chosen_sheet
+from damperfit.setting import Setting
+
+MODEL = TwinTube()
+NAMES = MODEL.names
+
+
+def point(error: float) -> Point[None]:
+    """Two quantities, the first of which has this standard error of its logarithm."""
+    cost = 1e-4
+    length = math.sqrt(cost / (_SAMPLES * 3)) / error
+    jacobian = np.zeros((100, 2))
+    jacobian[0, 0], jacobian[1, 1] = length, 1.0
+    return Point(np.ones(2), np.full(100, 1e-3), jacobian, cost, None)
+
+
+@pytest.mark.parametrize(("factor", "is_untold"), [(0.99, False), (1.01, True)])
+def test_an_error_beyond_the_limit_is_untold(factor: float, *, is_untold: bool) -> None:
+    names = ("compression_opening", "rebound_bleed")
+    found = _untold(point(factor * math.log(UNTOLD)), MODEL, names, 3)
+    assert found == (names[:1] if is_untold else ())
+
+
+def test_a_column_of_zeros_is_untold_and_an_offset_never() -> None:
+    flat = replace(point(0.1), jacobian=np.zeros((100, 2)))
+    assert _untold(flat, MODEL, ("rebound_opening", "f_0"), 3) == ("rebound_opening",)
+
+
+def found(setting: int, opening: float, untold: tuple[str, ...] = ()) -> LawFit:
+    numbers = {one.name: one.default or 1e5 for one in MODEL.quantities}
+    values = MODEL.values(numbers | {"rebound_opening": opening})
+    own = Setting.of(setting)
+    return LawFit(
+        own, MODEL, values, NAMES, (), 0.01, (0.01,), math.nan, "", (np.zeros(3),), 9, untold
+    )
+
+
+def test_sentences_and_table_leave_out_or_mark_what_is_not_told() -> None:
+    name = "rebound_opening"
+    fits = [found(1, 5e5), found(2, 2e4, (name,))]
+    assert physics_seen(fits)[0].endswith("N (5 bar).")
+    assert physics_seen(fits[1:])[0] == (
+        "In rebound these logs do not determine where a blow-off opens."
+    )
+    sheet = chosen_sheet(fits)
+    row = next(row for row in sheet.rows if row[0] == "rebound opening")
+    assert row[2:] == ("5.000", "0.2000?")
+    assert sheet.notes == (
+        "? not told by these logs: 1.65 times as much or as little would do as well",
+    )
+    assert chosen_sheet(fits[:1]).notes == ()
+    assert [one["not_told"] for one in chosen_records(fits)] == [[], [name]]
