@@ -187,6 +187,9 @@ SURFACE = {
         "choose_law",
         "with_chosen_law",
     ],
+    "damperfit.damper.cylinder": [
+        "Cylinder",
+    ],
     "damperfit.damper.force_channel": [
         "behind_lag",
         "lag_slope",

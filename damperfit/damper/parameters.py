@@ -29,6 +29,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from damperfit.damper.cylinder import Cylinder
 from damperfit.damper.model import Model, Quantity, Values
 from damperfit.damper.purdy.quantities import QUANTITIES
 from damperfit.errors import ConfigurationError
@@ -76,7 +77,7 @@ class Parameters(Values):
 
 
 @dataclass(frozen=True, slots=True)
-class Damper(Model):
+class Damper(Cylinder, Model):
     """Geometry, oil and gas of a damper; the defaults are Table 1 of the paper.
 
     The paper does not print P_0 and gamma. P_0 = 0.46 MPa is recovered from its section 6.2
@@ -200,31 +201,6 @@ class Damper(Model):
         from damperfit.damper.closed_forms import gas_pressure
 
         return -self.rod_area * gas_pressure(self, displacement)
-
-    @property
-    def piston_area(self) -> float:
-        """a_p2, full bore, m2."""
-        return math.pi / 4.0 * self.piston_diameter**2
-
-    @property
-    def rod_area(self) -> float:
-        """a_r, m2."""
-        return math.pi / 4.0 * self.rod_diameter**2
-
-    @property
-    def annulus_area(self) -> float:
-        """a_p1 = a_p2 - a_r, m2."""
-        return self.piston_area - self.rod_area
-
-    @property
-    def chamber_1_volume(self) -> float:
-        """V_10, rod side at x = 0, m3."""
-        return self.chamber_1_length * self.annulus_area
-
-    @property
-    def chamber_2_volume(self) -> float:
-        """V_20, full-bore side at x = 0, m3."""
-        return self.chamber_2_length * self.piston_area
 
     @property
     def gas_volume(self) -> float:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from damperfit.damper.cylinder import Cylinder
 from damperfit.damper.model import DAMPER, FRICTION, OFFSET, RIG, Model, Quantity
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import Network, Valve, monotube, through_flow, twin_tube
@@ -62,7 +63,7 @@ _CORE_NAMES = {"k_s": "series_stiffness"}
 
 
 @dataclass(frozen=True, slots=True)
-class ValveDamper(Model):
+class ValveDamper(Cylinder, Model):
     """Geometry, oil, gas, valves and mounting of a damper with real valves.
 
     Attributes
@@ -126,6 +127,11 @@ class ValveDamper(Model):
 
     @property
     def _layout(self) -> Callable[[Valve, Valve], Network]:
+        raise NotImplementedError
+
+    @property
+    def pressed_areas(self) -> tuple[float, float]:
+        """What presses oil through the rebound valve and through that of compression, m2."""
         raise NotImplementedError
 
     @property
@@ -209,31 +215,6 @@ class ValveDamper(Model):
 
         return valve_starts(self, traces, fixed)
 
-    @property
-    def piston_area(self) -> float:
-        """a_p2, full bore, m2."""
-        return math.pi / 4.0 * self.piston_diameter**2
-
-    @property
-    def rod_area(self) -> float:
-        """a_r, m2."""
-        return math.pi / 4.0 * self.rod_diameter**2
-
-    @property
-    def annulus_area(self) -> float:
-        """a_p1 = a_p2 - a_r, m2."""
-        return self.piston_area - self.rod_area
-
-    @property
-    def chamber_1_volume(self) -> float:
-        """V_10, rod side at x = 0, m3."""
-        return self.chamber_1_length * self.annulus_area
-
-    @property
-    def chamber_2_volume(self) -> float:
-        """V_20, full-bore side at x = 0, m3."""
-        return self.chamber_2_length * self.piston_area
-
 
 @dataclass(frozen=True, slots=True)
 class TwinTube(ValveDamper):
@@ -245,6 +226,11 @@ class TwinTube(ValveDamper):
     @property
     def _layout(self) -> Callable[[Valve, Valve], Network]:
         return twin_tube
+
+    @property
+    def pressed_areas(self) -> tuple[float, float]:
+        """The annulus; in bump the rod, whose oil leaves through the base valve."""
+        return self.annulus_area, self.rod_area
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,6 +244,11 @@ class Monotube(ValveDamper):
     def _layout(self) -> Callable[[Valve, Valve], Network]:
         return monotube
 
+    @property
+    def pressed_areas(self) -> tuple[float, float]:
+        """The annulus in both strokes: the floating piston keeps chamber 2 at the gas pressure."""
+        return self.annulus_area, self.annulus_area
+
 
 @dataclass(frozen=True, slots=True)
 class ThroughFlow(ValveDamper):
@@ -269,6 +260,11 @@ class ThroughFlow(ValveDamper):
     @property
     def _layout(self) -> Callable[[Valve, Valve], Network]:
         return through_flow
+
+    @property
+    def pressed_areas(self) -> tuple[float, float]:
+        """Either side of the solid piston."""
+        return self.annulus_area, self.piston_area
 
 
 # part: symbol, in a table's row, meaning, unit, range, power of ten and unit for people

@@ -86,16 +86,14 @@ def _loops(damper: ValveDamper, traces: Sequence[Trace]) -> list[Loop]:
 
 def _sides(damper: ValveDamper, fixed: Mapping[str, float]) -> tuple[Side, Side]:
     """What presses through the rebound valve and through that of compression."""
-    rod_side = Side(damper.annulus_area)
-    if damper.name == "through_flow":
-        return rod_side, Side(damper.piston_area)
-    if damper.name == "monotube":
-        return rod_side, rod_side
+    rebound, compression = damper.pressed_areas
+    if damper.name != "twin_tube":
+        return Side(rebound), Side(compression)
     # In bump the rod's oil goes through the base valve and the annulus fills through the return.
     known = {one.name: one.default for one in damper.quantities}["return_slope"]
     resistance = fixed.get("return_slope", known or 0.0)
     back = resistance * damper.oil_density * damper.annulus_area**2
-    return rod_side, Side(damper.rod_area, back)
+    return Side(rebound), Side(compression, back)
 
 
 def _general(

@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["ENOUGH_PERCENT", "Tried", "Verdict", "effective_samples", "judged"]
+__all__ = ["ENOUGH_PERCENT", "FEWEST_SAMPLES", "Tried", "Verdict", "effective_samples", "judged"]
 
 GAIN = 1.5
 ENOUGH_PERCENT = 0.02
 # Two predictions this near each other differ by noise.
 _NO_WORSE = 1.1
-_FEWEST = 20.0
+FEWEST_SAMPLES = 20.0  # effective ones, of a stretch
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,8 +164,8 @@ def _effective(rest: FloatArray, n_cycles: int) -> float:
     lines = power[n_cycles::n_cycles]
     whole = float(np.sum(lines))
     if whole <= 0.0:
-        return _FEWEST
-    return max(2.0 * whole**2 / float(np.sum(lines**2)), _FEWEST)
+        return FEWEST_SAMPLES
+    return max(2.0 * whole**2 / float(np.sum(lines**2)), FEWEST_SAMPLES)
 
 
 def _mean(values: Sequence[float]) -> float:

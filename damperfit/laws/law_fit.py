@@ -20,6 +20,7 @@ from damperfit.identification import compare, normalised_mse
 from damperfit.identification.minimiser import Minimum, Point, Transformation, minimise
 from damperfit.identification.trust_region import Stopping
 from damperfit.identification.weights import weights
+from damperfit.laws.choosing import FEWEST_SAMPLES
 from damperfit.simulation import SolverOptions
 from damperfit.simulation.motion import motion_of
 
@@ -41,7 +42,6 @@ _STOPPING = Stopping(cost_tolerance=3e-4, step_tolerance=1e-4, max_evaluations=6
 _SHORTEST = 0.25  # s; less that is not compared tells nothing
 # A standard error of this factor to both sides, and a quantity is not told.
 UNTOLD = 1.65
-_SAMPLES = 20.0  # as the fewest effective samples of a stretch in `choosing`
 # Starts that are followed for a few evaluations before the best is followed to its end.
 _TRIED = 2
 _SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, rest=math.inf)
@@ -195,12 +195,12 @@ def _untold(
 ) -> tuple[str, ...]:
     """Return the quantities whose logarithm has too large a standard error, to first order.
 
-    What a law leaves over is not white: a stretch counts as `_SAMPLES` samples, not as thousands.
+    What a law leaves over is not white: a stretch counts as `FEWEST_SAMPLES`, not as thousands.
     """
     lengths = np.sqrt(np.sum(point.jacobian**2, axis=0))
     columns = point.jacobian / np.maximum(lengths, 1e-300)
     spread = np.linalg.inv(columns.T @ columns + 1e-12 * np.eye(len(free)))
-    variance = np.diag(spread) * point.cost / (_SAMPLES * n_stretches)
+    variance = np.diag(spread) * point.cost / (FEWEST_SAMPLES * n_stretches)
     errors = np.sqrt(variance) / np.maximum(lengths, 1e-300)
     return tuple(
         name

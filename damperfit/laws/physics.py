@@ -28,11 +28,8 @@ def opening_force(damper: ValveDamper, stroke: str, opening: float) -> float:
     opening : float
         p_open, Pa.
     """
-    if stroke == "rebound" or damper.name == "monotube":
-        return opening * damper.annulus_area
-    if damper.name == "through_flow":
-        return opening * damper.piston_area
-    return opening * damper.rod_area
+    rebound, compression = damper.pressed_areas
+    return opening * (rebound if stroke == "rebound" else compression)
 
 
 def physics_seen(fits: Sequence[LawFit]) -> tuple[str, ...]:

@@ -68,7 +68,7 @@ class GradeLimits:
     jump: float = 1.25
     times_noise: float = 30.0
     misfit_percent: float = 0.2
-    nothing_percent: float = 0.02
+    nothing_percent: float = 0.02  # as `laws.ENOUGH_PERCENT`, which takes too long to import here
 
 
 LIMITS = GradeLimits()

@@ -11,7 +11,8 @@ import pytest
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification.minimiser import Point
 from damperfit.laws import UNTOLD, LawFit, physics_seen
-from damperfit.laws.law_fit import _SAMPLES, _untold
+from damperfit.laws.choosing import FEWEST_SAMPLES
+from damperfit.laws.law_fit import _untold
 from damperfit.report import chosen_records, chosen_sheet
 from damperfit.setting import Setting
 
@@ -22,7 +23,7 @@ NAMES = MODEL.names
 def point(error: float) -> Point[None]:
     """Two quantities, the first of which has this standard error of its logarithm."""
     cost = 1e-4
-    length = math.sqrt(cost / (_SAMPLES * 3)) / error
+    length = math.sqrt(cost / (FEWEST_SAMPLES * 3)) / error
     jacobian = np.zeros((100, 2))
     jacobian[0, 0], jacobian[1, 1] = length, 1.0
     return Point(np.ones(2), np.full(100, 1e-3), jacobian, cost, None)

@@ -14,6 +14,7 @@ from damperfit.damper.parameters import PURDY_DAMPER
 from damperfit.damper.rivals import Biviscous, RestoringForceSurface
 from damperfit.identification import Fit, Status
 from damperfit.identification.plausible import edge_of
+from damperfit.laws import ENOUGH_PERCENT
 from damperfit.uncertainty import Assessment, Diagnosis, objections
 from damperfit.uncertainty.withheld import LIMITS, jump_ratio, offset_apart
 from tests import fakes
@@ -128,6 +129,10 @@ def test_an_offset_far_from_that_of_the_log() -> None:
         GAS,
     )[one.setting]
     assert reason.sentence == f"f_0 is -218 N where the log shows {seen:.0f} N"
+
+
+def test_a_grade_and_the_ladder_agree_on_what_leaves_nothing() -> None:
+    assert LIMITS.nothing_percent == ENOUGH_PERCENT
 
 
 def rubbing(friction: float) -> Fit:

@@ -45,11 +45,6 @@ class Seen(NamedTuple):
         return float(np.max(np.abs(self.v)))
 
     @property
-    def offset(self) -> float:
-        """Middle between the highest and the lowest force, N."""
-        return 0.5 * float(np.max(self.f) + np.min(self.f))
-
-    @property
     def rebound(self) -> float:
         """Highest force above the mean of what is slow, N."""
         return max(float(np.max(self.f) - self.middle), 1.0)
