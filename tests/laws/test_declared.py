@@ -7,12 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from damperfit.cli import main
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification.signatures import gain, signatures
-from damperfit.laws.ladder import _everything, _without
+from damperfit.laws import LawFit, Tried
+from damperfit.laws.ladder import BLEED, _Course, _everything, _without
 from damperfit.recording import Trace
 from damperfit.run.law_choice import _layouts
+from damperfit.setting import Setting
+from damperfit.simulation import SolverOptions
 from tests import fakes
 
 
@@ -55,3 +59,26 @@ def test_a_delay_is_no_jump_between_stretches() -> None:
     share, amount = gain(delay, np.zeros((len(force), 0)), -2e-3 * late)
     assert amount == pytest.approx(2e-3, rel=1e-9)
     assert share == pytest.approx(float(np.sum((2e-3 * late) ** 2)), rel=1e-9)
+
+
+def test_a_law_without_a_blow_off_is_not_offered_a_rounded_one(monkeypatch) -> None:
+    model = TwinTube(rebound=BLEED, compression=BLEED)
+    values = model.values({one.name: 1.0 for one in model.quantities})
+    rest = (np.zeros(3),)
+    fit = LawFit(Setting.of(1), model, values, model.names, (), 1.0, (1.0,), np.nan, "", rest, 9)
+    law = Tried("bleed", (fit,))
+    course = _Course([], SolverOptions(), lambda _: None, 1)
+    monkeypatch.setattr(course, "fitted", lambda *_, **__: pytest.fail("fitted once more"))
+    assert course.enriched(law, [""]) is law
+
+
+def test_models_tells_the_logs_that_contradict_each_other(tmp_path, capsys) -> None:
+    assert main(["samples", str(tmp_path), "--settings", "5,10", "--quiet"]) == 0
+    copied = (tmp_path / "setting_10.csv").read_text().replace("# setting: 10", "# setting: 17")
+    (tmp_path / "setting_17.csv").write_text(copied)
+    logs = [str(tmp_path / f"setting_{k}.csv") for k in ("05", "10", "17")]
+    capsys.readouterr()
+    assert main(["models", "--quiet", *logs]) == 1
+    assert "the same test under several settings" in capsys.readouterr().err
+    assert main(["models", "--quiet", *logs[1:]]) == 2
+    assert "the same test under several settings" in capsys.readouterr().err
