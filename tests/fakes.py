@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from damperfit.damper.cavitation import Cavitation
-from damperfit.damper.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.identification import Campaign, Fit, LogFit, Outcome, Status
 from damperfit.recording import Drive, FilterDesign, Stretch, Trace
 

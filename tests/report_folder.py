@@ -9,7 +9,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import Outcome, compare
 from damperfit.tables import make_tables, table_schema, write_responses, write_table
 from tests.fakes import campaign, fit

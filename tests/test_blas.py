@@ -11,7 +11,7 @@ import pytest
 import scipy.linalg  # noqa: F401 - it brings a BLAS of its own
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, identify
 from damperfit.identification.blas_threads import one_blas_thread
 from tests.fakes import trace

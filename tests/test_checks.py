@@ -19,7 +19,7 @@ from damperfit.checks import (
     run_checks,
 )
 from damperfit.damper.model import Quantity, values_type
-from damperfit.damper.parameters import DAMPER_RANGES
+from damperfit.damper.purdy.parameters import DAMPER_RANGES
 from damperfit.errors import ConfigurationError
 from damperfit.identification import LogFit, Outcome, Status
 from damperfit.recording import Finding

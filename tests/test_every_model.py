@@ -16,7 +16,7 @@ import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.models import MODELS, model_named
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Status, compare, identify

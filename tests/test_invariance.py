@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from damperfit.conditioning import condition
-from damperfit.damper.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.readers import ReadOptions, read_log
 from tests.identification.rig import recording

@@ -41,7 +41,7 @@ def test_imports_go_one_way():
             "from damperfit.configuration.loading import load_configuration",
             "Imports go one way BROKEN",
         ),
-        ("damper/reference.py", "import pandas", "Numerics know no tables"),
+        ("damper/purdy/reference.py", "import pandas", "Numerics know no tables"),
         ("stray.py", "", "stray"),
     ],
 )

@@ -18,7 +18,7 @@ import pytest
 from damperfit.adjustment import Click
 from damperfit.checks import Check
 from damperfit.damper.cavitation import Cavitation
-from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.report import (
     ReportFacts,
     cycle_force_sheet,

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.report import (
     ReportFacts,
     force_by_setting_sheet,

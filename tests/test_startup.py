@@ -87,8 +87,8 @@ def test_a_checkout_without_the_core_uses_the_installed_one(tmp_path: Path) -> N
     shutil.copy(core.__file__, place)
     code = (
         "import damperfit, sys; from damperfit.simulation import simulate, sine_motion;"
-        "from damperfit.damper.parameters import PURDY_DAMPER;"
-        "from damperfit.damper.reference import reference_parameters;"
+        "from damperfit.damper.purdy.parameters import PURDY_DAMPER;"
+        "from damperfit.damper.purdy.reference import reference_parameters;"
         "m = sine_motion(0.032, 1.5, cycles=1, sample_rate=500);"
         "r = simulate(reference_parameters(10), PURDY_DAMPER, m);"
         "print(damperfit.__file__, len(r.force))"

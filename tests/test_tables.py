@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from damperfit.adjustment import Adjustment, Click, Level
-from damperfit.damper.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Outcome, compare
 from damperfit.simulation import simulate, sine_motion

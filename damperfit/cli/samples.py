@@ -18,7 +18,7 @@ from damperfit.cli.options import (
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from damperfit.damper.parameters import Parameters
+    from damperfit.damper.purdy.parameters import Parameters
 
 __all__ = ["samples"]
 
@@ -58,7 +58,7 @@ def samples(
     """
     from damperfit.cli.progress import progress
     from damperfit.configuration.loading import load_configuration
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.purdy.parameters import Damper
     from damperfit.quantities import parse_quantity
     from damperfit.samples import SampleOptions, make_samples
 

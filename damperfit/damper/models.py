@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from damperfit.damper.parameters import Damper
+from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.rivals import RIVALS
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError, did_you_mean

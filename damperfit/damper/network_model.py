@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.network import Network
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.purdy.parameters import Damper
     from damperfit.damper.valve_dampers import ValveDamper
     from damperfit.simulation import Motion
 
@@ -73,7 +73,7 @@ def simulate_network(
     Examples
     --------
     >>> from damperfit.damper.network import purdy
-    >>> from damperfit.damper.parameters import PURDY_DAMPER
+    >>> from damperfit.damper.purdy.parameters import PURDY_DAMPER
     >>> from damperfit.simulation import sine_motion
     >>> y = {"r_m1": 1.8e4, "r_m2": 3.527e6, "r_m3": 2.597e6, "k_e": 3.65e8, "f_f": 50.0}
     >>> motion = sine_motion(0.032, 1.5, cycles=4, sample_rate=1500)

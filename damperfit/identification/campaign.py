@@ -8,31 +8,28 @@ the friction over a first pass of all settings gives f_f; then R_m1, R_m2 and K_
 from __future__ import annotations
 
 from collections import defaultdict
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from itertools import pairwise
-from types import MappingProxyType
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, LogError, Mishap
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.descent import FitCancelledError
-from damperfit.identification.failures import SettingFailure, attempted, attempted_for_all
-from damperfit.identification.first_pass import first_pass
+from damperfit.identification.every_setting import Campaign, fit_every_setting, with_status
+from damperfit.identification.failures import attempted_for_all
 from damperfit.identification.joint_procedure import fit_together
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.options import FitOptions, check_options, shared_names
-from damperfit.identification.outcome import Status
+from damperfit.identification.paper.procedure import as_in_the_paper
 from damperfit.identification.procedure_input import ProcedureInput, first_start
-from damperfit.identification.setting import Fit, Judged, describe_fit
-from damperfit.identification.sharing import MEAN, TAKEN, Sharing
+from damperfit.identification.setting import Fit, describe_fit
+from damperfit.identification.sharing import MEAN, TAKEN
 from damperfit.recording import natural_order
 from damperfit.setting import Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
-    from damperfit.damper.model import Model, Quantity
+    from damperfit.damper.model import Model
     from damperfit.recording import Trace
 
 __all__ = ["PROCEDURES", "Campaign", "identify"]
@@ -42,63 +39,6 @@ _NOT_JOINT = (
     "results of procedure {}."
 )
 _NOT_FITTED_JOINTLY = "the joint fit met an error: these are the results of procedure paper."
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Campaign:
-    """The fits of a damper over its settings.
-
-    Attributes
-    ----------
-    procedure : str
-        How they were made.
-    fits : tuple of Fit
-        By rising setting.
-    failures : tuple of SettingFailure
-        Settings without a fit and why.
-    warnings : tuple of str
-        One plain sentence each.
-    is_complete : bool
-        False when the caller asked to stop before every setting was done.
-    sharing : Sharing
-        How the shared parameters were estimated.
-    searches : tuple of Search
-        What fits from many starts found, where they were asked for.
-    mishap : Mishap or None
-        What damperfit got wrong in a step over all settings, done without.
-    named : tuple of Quantity
-        Quantities of the model, where there may be no fit to tell them.
-    """
-
-    procedure: str
-    fits: tuple[Fit, ...]
-    failures: tuple[SettingFailure, ...] = ()
-    warnings: tuple[str, ...] = ()
-    is_complete: bool = True
-    sharing: Sharing = Sharing()
-    searches: tuple[Search, ...] = ()
-    mishap: Mishap | None = None
-    named: tuple[Quantity, ...] = ()
-
-    @property
-    def quantities(self) -> tuple[Quantity, ...]:
-        """What the model has; nothing where neither it nor a fit is known."""
-        return self.named or (self.fits[0].parameters.quantities if self.fits else ())
-
-    @property
-    def gaps(self) -> tuple[tuple[int, int], ...]:
-        """Runs of settings without a fit within a run of clicks: first and last of each.
-
-        Where every other click or none but 1, 5, 10 was tested, those between are no gaps.
-        """
-        cells = [Setting.of(fit.setting).cell for fit in self.fits]
-        done = [cell for cell in cells if isinstance(cell, int)]
-        if len(done) < len(cells):
-            return ()
-        steps = sorted(later - earlier for earlier, later in pairwise(done))
-        if not steps or steps[len(steps) // 2] != 1:
-            return ()
-        return tuple((a + 1, b - 1) for a, b in pairwise(done) if b - a > 1)
 
 
 def identify(
@@ -182,36 +122,7 @@ def _plain(given: ProcedureInput) -> Campaign:
         judged, found = fit_from(given, setting, misfit, first_start(misfit, fixed))
         return describe_fit(setting, judged, misfit), found
 
-    return _collect(given, fit)
-
-
-def _paper(given: ProcedureInput) -> Campaign:
-    """The paper's own procedure, sections 3 and 4 of its identification."""
-    quantities = given.damper.quantities
-    fixed = dict(given.options.fixed)
-    own = (one.name for one in quantities if one.default is None and not one.is_shared)
-    free = given.options.free or tuple(name for name in own if name not in fixed)
-    for one in quantities:
-        if one.default is not None and one.name not in free:
-            fixed.setdefault(one.name, one.default)
-    shared_free = tuple(one.name for one in quantities if one.name not in fixed)
-    try:
-        first, warnings = first_pass(given, given.ordered(shared_free), fixed, set(free))
-    except FitCancelledError:
-        return Campaign("paper", (), is_complete=False)
-    held = {**{k: v for k, v in fixed.items() if k not in free}, **first.shared}
-
-    def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        misfit = given.misfit(setting, given.ordered(free))
-        start = (first.start(setting) or first_start(misfit, held)).replace(held)
-        judged, found = fit_from(given, setting, misfit, start, spent=first.evaluations(setting))
-        named = dict.fromkeys(first.sharing.found, Status.SHARED) | dict(first.status)
-        return describe_fit(setting, _named(judged, named), misfit), found
-
-    collected = _collect(given, fit, warnings, known=first.broken)
-    return replace(
-        collected, sharing=first.sharing, searches=(*first.searches, *collected.searches)
-    )
+    return fit_every_setting(given, fit)
 
 
 def _joint(given: ProcedureInput) -> Campaign:
@@ -223,10 +134,10 @@ def _joint(given: ProcedureInput) -> Campaign:
         for one in given.damper.quantities
         if one.default is None and one.name not in {*given.options.fixed, *shared}
     )
-    begin = _paper if "paper" in given.damper.procedures else _plain
-    varying = tuple(name for name in shared if begin is _plain or name not in {TAKEN, MEAN})
+    name = "paper" if "paper" in given.damper.procedures else "plain"
+    varying = tuple(name for name in shared if name == "plain" or name not in {TAKEN, MEAN})
     options = replace(given.options, free=(*own, *varying), starts=1)
-    before = begin(replace(given, options=options, on_fit=lambda _fit: None))
+    before = PROCEDURES[name](replace(given, options=options, on_fit=lambda _fit: None))
     failed = {one.setting: one for one in before.failures}
     try:
         found = attempted_for_all(
@@ -240,7 +151,7 @@ def _joint(given: ProcedureInput) -> Campaign:
     together, broken = found
     failed.update(broken)
     if not before.is_complete or together is None:
-        said = () if not before.is_complete else (_NOT_JOINT.format(begin.__name__.strip("_")),)
+        said = () if not before.is_complete else (_NOT_JOINT.format(name),)
         return replace(
             before,
             procedure="joint",
@@ -255,9 +166,9 @@ def _joint(given: ProcedureInput) -> Campaign:
         start = together.start(fits[setting], misfit)
         spent = fits[setting].evaluations + together.evaluations
         judged, found = fit_from(given, setting, misfit, start, spent=spent)
-        return describe_fit(setting, _named(judged, together.status), misfit), found
+        return describe_fit(setting, with_status(judged, together.status), misfit), found
 
-    collected = _collect(given, fit, (*before.warnings, *together.warnings), known=failed)
+    collected = fit_every_setting(given, fit, (*before.warnings, *together.warnings), known=failed)
     sharing = together.sharing
     if MEAN in shared:
         sharing = replace(
@@ -269,56 +180,10 @@ def _joint(given: ProcedureInput) -> Campaign:
 
 
 PROCEDURES: dict[str, Callable[[ProcedureInput], Campaign]] = {
-    "paper": _paper,
+    "paper": as_in_the_paper,
     "joint": _joint,
     "plain": _plain,
 }
-
-
-def _named(judged: Judged, status: Mapping[str, Status]) -> Judged:
-    """Values that were found once for all settings are not fixed but shared, or cannot be told."""
-    return replace(judged, status={**judged.status, **status})
-
-
-def _collect(
-    given: ProcedureInput,
-    fit: Callable[[Setting], tuple[Fit, Search | None]],
-    warnings: Iterable[str] = (),
-    *,
-    known: Mapping[Setting, SettingFailure] = MappingProxyType({}),
-) -> Campaign:
-    """Run the fit at every setting, in threads; one setting's failure leaves the others.
-
-    Settings that are known to have failed are not tried again.
-    """
-    searches: dict[Setting, Search] = {}
-
-    def one(setting: Setting) -> Fit | SettingFailure | None:
-        if setting in known:
-            return known[setting]
-        try:
-            found = attempted(setting, lambda: fit(setting))
-        except FitCancelledError:
-            return None
-        if isinstance(found, SettingFailure):
-            return found
-        result, search = found
-        if search is not None:
-            searches[setting] = search
-        given.on_fit(result)
-        return result
-
-    settings = sorted(given.settings)
-    with ThreadPoolExecutor(given.jobs) as pool:
-        results = list(pool.map(one, settings))
-    return Campaign(
-        procedure=given.options.procedure,
-        fits=tuple(result for result in results if isinstance(result, Fit)),
-        searches=tuple(searches[setting] for setting in sorted(searches)),
-        failures=tuple(result for result in results if isinstance(result, SettingFailure)),
-        warnings=tuple(warnings),
-        is_complete=all(result is not None for result in results),
-    )
 
 
 def _by_name(trace: Trace) -> tuple[object, ...]:

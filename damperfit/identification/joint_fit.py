@@ -22,8 +22,8 @@ import numpy as np
 
 from damperfit.identification.descent import common_variables, linearise
 from damperfit.identification.failures import SettingError, SettingFailure, attempted
-from damperfit.identification.gas_content import GAS_FOLLOWER, GAS_NAMES
 from damperfit.identification.minimiser import inverse_information
+from damperfit.identification.paper.gas_content import GAS_FOLLOWER, GAS_NAMES
 from damperfit.identification.step_solvers import BorderedSystem, reduced
 from damperfit.identification.trust_region import Ended, Stopping, iterate
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Values
     from damperfit.identification.descent import Misfit
-    from damperfit.identification.gas_content import GasLaw
+    from damperfit.identification.paper.gas_content import GasLaw
     from damperfit.setting import Setting
 
     FloatArray = NDArray[np.float64]

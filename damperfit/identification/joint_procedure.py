@@ -10,9 +10,9 @@ import numpy as np
 
 from damperfit.damper.model import Values
 from damperfit.identification.failures import SettingError, SettingFailure, attempted
-from damperfit.identification.gas_content import GAS_FOLLOWER, first_law, working_pressure
 from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_jointly
 from damperfit.identification.outcome import Outcome, Status
+from damperfit.identification.paper.gas_content import GAS_FOLLOWER, first_law, working_pressure
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import NOT_FIT_TO_SHARE
 from damperfit.identification.sharing import TAKEN, Sharing
@@ -20,7 +20,7 @@ from damperfit.identification.sharing import TAKEN, Sharing
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.purdy.parameters import Damper
     from damperfit.identification.descent import Misfit
     from damperfit.identification.setting import Fit
     from damperfit.setting import Setting

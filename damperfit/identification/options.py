@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.identification.gas_content import GAS_FOLLOWER
+from damperfit.identification.paper.gas_content import GAS_FOLLOWER
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:

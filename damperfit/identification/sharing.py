@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from damperfit.identification.gas_content import GAS_FOLLOWER, GAS_NAMES
+from damperfit.identification.paper.gas_content import GAS_FOLLOWER, GAS_NAMES
 from damperfit.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from damperfit.identification.gas_content import GasLaw
+    from damperfit.identification.paper.gas_content import GasLaw
     from damperfit.setting import Place
 
 __all__ = ["MEAN", "TAKEN", "Sharing", "listed_runs", "listed_settings"]

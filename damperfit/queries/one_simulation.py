@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from damperfit.atomic import settle
 from damperfit.conditioning import condition
 from damperfit.configuration.options import parameter_value
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import REFERENCE_SOURCE, reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import REFERENCE_SOURCE, reference_parameters
 from damperfit.errors import (
     ConfigurationError,
     DamperfitError,

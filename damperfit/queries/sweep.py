@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from damperfit.damper.parameters import PURDY_DAMPER, Damper
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.queries.one_simulation import simulate_test
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from damperfit.configuration.loading import redeclared
 from damperfit.damper.mounting import Mounting
-from damperfit.damper.parameters import Damper
+from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import (
     AMBIENT,
     Monotube,

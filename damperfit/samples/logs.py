@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.atomic import file_set
-from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
-from damperfit.damper.reference import REFERENCE_SETTINGS, reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.purdy.reference import REFERENCE_SETTINGS, reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.samples.steady import RTOL, SteadyCycle, steady_cycle
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.closed_forms import gas_pressure
+from damperfit.damper.purdy.closed_forms import gas_pressure
 from damperfit.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.parameters import Damper, Parameters
+    from damperfit.damper.purdy.parameters import Damper, Parameters
 
     FloatArray = NDArray[np.float64]
 

@@ -66,7 +66,7 @@ def simulate(
 
     Examples
     --------
-    >>> from damperfit.damper.parameters import PURDY_DAMPER, Parameters
+    >>> from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
     >>> from damperfit.simulation import sine_motion
     >>> y = Parameters(r_m1=1.8e4, r_m2=3.527e6, r_m3=2.597e6, k_e=3.65e8, f_f=50.0)
     >>> response = simulate(y, PURDY_DAMPER, sine_motion(0.032, 1.5, cycles=4, sample_rate=1500))

@@ -7,7 +7,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from damperfit.damper.model import Quantity, values_type
-from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

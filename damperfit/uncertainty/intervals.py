@@ -27,8 +27,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import SimulationError, sparing
-from damperfit.identification.gas_content import GAS_FOLLOWER, GAS_NAMES
 from damperfit.identification.outcome import Status
+from damperfit.identification.paper.gas_content import GAS_FOLLOWER, GAS_NAMES
 from damperfit.identification.sharing import MEAN, TAKEN
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.information import Evidence, gather

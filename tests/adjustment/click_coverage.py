@@ -14,8 +14,8 @@ import numpy as np
 
 from damperfit.adjustment import Stage, clicks, compare_settings, levels, named_speeds
 from damperfit.conditioning import condition
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import identify
 from damperfit.uncertainty import assess
 from tests.uncertainty.coverage import SETTINGS, Trial, clean_logs, noisy

@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from tests.adjustment.ladders import SMOOTH, SUBSETS, trend_of
 
 SCATTERS = (0.0, 0.005, 0.02, 0.1)

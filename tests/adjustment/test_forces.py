@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment import Sine, Stage, clicks, levels, named_speeds, stage_of
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import Status
 from damperfit.simulation import (
     SolverOptions,

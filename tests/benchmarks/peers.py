@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from damperfit.conditioning import apply_filter
-from damperfit.damper.parameters import PURDY_DAMPER as DAMPER
+from damperfit.damper.purdy.parameters import PURDY_DAMPER as DAMPER
 from damperfit.recording import Trace
 
 FREE = ("r_m1", "r_m2", "k_e")

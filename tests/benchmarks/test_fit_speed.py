@@ -14,8 +14,8 @@ from dataclasses import replace
 
 import pytest
 
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions
 from damperfit.identification.descent import Misfit, descend
 from damperfit.recording import Trace

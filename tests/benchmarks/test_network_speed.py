@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.damper.network import purdy
 from damperfit.damper.network_model import simulate_network
-from damperfit.damper.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.simulation import SolverOptions, simulate, sine_motion
 
 VALUES = {"r_m1": 1.8e4, "r_m2": 3.527e6, "r_m3": 2.597e6, "k_e": 3.65e8, "f_f": 50.0}

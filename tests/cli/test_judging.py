@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from damperfit.cli import main
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.samples import SampleOptions, make_samples
 from tests.identification.rig import recording
 

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from damperfit.cli.main import main
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.samples import SampleOptions, make_samples
 
 PAIRS = [(r, 8) for r in (4, 6, 8, 10)] + [(8, c) for c in (4, 12)]

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.tables import read_parameters
 from tests.oracles.golden import GOLDEN, PHASES
 

@@ -11,7 +11,7 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.parameters import DAMPER_RANGES
+from damperfit.damper.purdy.parameters import DAMPER_RANGES
 from damperfit.errors import ConfigurationError
 from damperfit.quantities import parse_quantity, says_absolute_or_gauge
 from damperfit.samples import SampleOptions, make_samples

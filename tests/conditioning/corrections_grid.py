@@ -14,8 +14,8 @@ from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.gas_force import force_level
 from damperfit.conditioning.skew import estimate_skew
 from damperfit.conditioning.timebase import make_uniform
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConditioningError
 from tests.conditioning.test_corrections import MIRRORS, SLIM, SLIM_SETTING, gas_of, mirrored
 from tests.conditioning.test_skew import late_log

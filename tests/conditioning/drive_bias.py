@@ -14,8 +14,8 @@ import argparse
 import numpy as np
 
 from damperfit.conditioning import condition
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from tests.oracles.motions import MOTIONS, logged
 

@@ -20,8 +20,8 @@ from scipy.signal import butter, sosfilt
 
 from damperfit.conditioning import condition
 from damperfit.conditioning.rig_filter import _fall
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import DamperfitError
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording

@@ -11,9 +11,9 @@ import pytest
 from damperfit.conditioning import ConditionOptions, GasFacts, condition
 from damperfit.conditioning.gas_force import ForceLevel, force_level
 from damperfit.conditioning.polarity import find_signs
-from damperfit.damper.closed_forms import gas_pressure
-from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.closed_forms import gas_pressure
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConditioningError
 from tests.conditioning.logs import recording, sine_log, static_force
 from tests.fakes import trace

@@ -17,9 +17,9 @@ from damperfit.conditioning import (
     differentiate,
     examine_raw,
 )
-from damperfit.damper.closed_forms import incompressible_force
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.closed_forms import incompressible_force
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConditioningError
 from damperfit.recording import Finding, Recording
 

@@ -11,8 +11,8 @@ import pytest
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.skew import _around, _beside, estimate_skew, take_back
 from damperfit.conditioning.timebase import UniformLog
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording

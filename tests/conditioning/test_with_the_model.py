@@ -9,8 +9,8 @@ import pytest
 from scipy.signal import butter, sosfilt, sosfiltfilt
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, compare, identify
 from damperfit.identification.model_versus_log import normalised_mse
 from damperfit.samples.steady import steady_cycle

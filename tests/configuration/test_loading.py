@@ -11,7 +11,7 @@ import pytest
 
 from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
 from damperfit.configuration.loading import configuration_toml, load_configuration
-from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, shared_names
 from damperfit.readers import ReadOptions

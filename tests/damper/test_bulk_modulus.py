@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from damperfit.damper import appendices
-from damperfit.damper import bulk_modulus as bm
+from damperfit.damper.purdy import appendices
+from damperfit.damper.purdy import bulk_modulus as bm
 from damperfit.errors import ConfigurationError
 
 ratios = st.floats(0.0, 0.5)

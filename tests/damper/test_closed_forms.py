@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from damperfit.damper import appendices
-from damperfit.damper import closed_forms as cf
-from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.purdy import appendices
+from damperfit.damper.purdy import closed_forms as cf
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.errors import SimulationError
 from damperfit.simulation import SolverOptions, simulate, sine_motion
 

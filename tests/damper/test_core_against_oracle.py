@@ -9,9 +9,9 @@ import math
 import numpy as np
 import pytest
 
-from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.integration import SENSITIVITY_NAMES
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import (
     Motion,
     SolverOptions,

@@ -31,8 +31,8 @@ whole = f'''
 import sys, warnings
 warnings.simplefilter("ignore")
 sys.path.insert(0, {root!r})
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import simulate, sine_motion
 motion = sine_motion(0.032, 1.5, cycles=2, sample_rate=500)
 peak = simulate(reference_parameters(10), PURDY_DAMPER, motion).force.max()

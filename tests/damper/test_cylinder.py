@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from damperfit.damper.parameters import Damper
+from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 
 LENGTHS = {

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.closed_forms import incompressible_force
-from damperfit.damper.parameters import PURDY_DAMPER, Parameters
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.closed_forms import incompressible_force
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion
 
 DAMPER = replace(PURDY_DAMPER)

@@ -9,8 +9,8 @@ import pickle
 import pytest
 
 from damperfit.damper.model import Quantity, Values, values_type
-from damperfit.damper.parameters import PURDY_DAMPER, Parameters
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 
 QUANTITIES = (

@@ -19,7 +19,7 @@ from damperfit.damper.network import (
     twin_tube,
 )
 from damperfit.damper.network_model import simulate_network
-from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.simulation import SolverOptions, simulate, sine_motion
 from tests.oracles import network as twin

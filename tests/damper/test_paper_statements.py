@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from damperfit.damper.closed_forms import gas_pressure
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.closed_forms import gas_pressure
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import SolverOptions, simulate, sine_motion
 
 N = 3000  # samples a cycle

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from damperfit.damper.reference import REFERENCE_SETTINGS, reference_parameters
+from damperfit.damper.purdy.reference import REFERENCE_SETTINGS, reference_parameters
 from damperfit.errors import ConfigurationError
 
 E = [
@@ -47,5 +47,5 @@ def test_other_settings_are_refused(setting):
 
 
 def test_needs_no_numpy():
-    code = "import sys, damperfit.damper.reference; sys.exit('numpy' in sys.modules)"
+    code = "import sys, damperfit.damper.purdy.reference; sys.exit('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.parameters import DAMPER_RANGES, PURDY_DAMPER, Damper
+from damperfit.damper.purdy.parameters import DAMPER_RANGES, PURDY_DAMPER, Damper
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.simulation import Motion, simulate, sine_motion, triangle_motion
 from tests.oracles.golden import SET_M

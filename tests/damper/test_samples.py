@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError, OutputError, SimulationError
 from damperfit.samples import SampleOptions, make_samples, steady_cycle
 from damperfit.samples import logs as logs_of_samples

@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from damperfit.damper.closed_forms import gas_pressure
 from damperfit.damper.network import monotube, through_flow, twin_tube
 from damperfit.damper.network_model import simulate_network
-from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.closed_forms import gas_pressure
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_curves import Loop, Side, read_valves
 from damperfit.simulation import sine_motion
 

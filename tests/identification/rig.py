@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.recording import Recording, Trace
 from damperfit.simulation import Motion, SolverOptions, simulate
 

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.signal import butter, sosfilt, sosfiltfilt
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording, Trace
 from tests.identification.rig import errors, recording

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from damperfit.damper.cavitation import Cavitation, describe_cavitation
-from damperfit.damper.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.cavitation import examine_cavitation
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import compare
 from damperfit.simulation import SolverOptions, simulate, sine_motion
 from tests.identification.rig import trace

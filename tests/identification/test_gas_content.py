@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.bulk_modulus import modulus_at_pressure
-from damperfit.damper.parameters import PURDY_DAMPER, Parameters
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.bulk_modulus import modulus_at_pressure
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Outcome, identify
 from damperfit.identification.descent import Misfit
-from damperfit.identification.gas_content import GasLaw, first_law, working_pressure
 from damperfit.identification.joint_fit import JointProblem, fit_jointly
+from damperfit.identification.paper.gas_content import GasLaw, first_law, working_pressure
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import assess, collect_evidence, uncertainties
 from damperfit.uncertainty.intervals import shared_covariance

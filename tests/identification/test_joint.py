@@ -10,8 +10,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from damperfit.conditioning import condition
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import (
     PROCEDURES,

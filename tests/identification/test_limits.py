@@ -7,15 +7,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.damper.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy import starting
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.errors import SimulationError
-from damperfit.identification import FitOptions, Status, blas_threads, descent, first_pass, setting
+from damperfit.identification import FitOptions, Status, blas_threads, descent, setting
 from damperfit.identification.descent import Misfit
 from damperfit.identification.failures import SettingFailure
-from damperfit.identification.first_pass import _Begun, _is_contradicted, _other_lowest, _tells_r_m3
 from damperfit.identification.joint_procedure import _common
 from damperfit.identification.multistart import _is_level
+from damperfit.identification.paper import first_pass
+from damperfit.identification.paper.first_pass import (
+    _Begun,
+    _is_contradicted,
+    _other_lowest,
+    _tells_r_m3,
+)
 from damperfit.identification.plausible import points_inside
 from damperfit.identification.procedure_input import first_start
 from damperfit.identification.step_solvers import _inverted

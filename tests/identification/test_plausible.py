@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from damperfit.damper.parameters import PURDY_DAMPER, Parameters
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import Fit, FitOptions, Outcome, descent, identify
 from damperfit.identification.descent import Misfit, descend
 from damperfit.identification.plausible import first_edge, is_within, kept_within

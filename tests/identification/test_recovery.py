@@ -9,8 +9,8 @@ import pytest
 from scipy.signal import butter, sosfilt, sosfiltfilt
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.damper.parameters import PURDY_DAMPER, Damper, Parameters
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, Outcome, identify
 from damperfit.identification.descent import Misfit, approach, descend
 from damperfit.simulation import SolverOptions

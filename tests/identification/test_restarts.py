@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import apply_filter
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify, multistart
 from damperfit.identification import campaign as campaign_module
 from damperfit.identification.descent import Misfit

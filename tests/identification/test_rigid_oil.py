@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.damper.closed_forms import incompressible_force
-from damperfit.damper.parameters import PURDY_DAMPER, Parameters
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.closed_forms import incompressible_force
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import Campaign, Fit, FitOptions, Outcome, compare, identify
 from damperfit.identification.descent import Misfit, descend
 from damperfit.recording import Recording, Trace

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from damperfit.damper.cavitation import Cavitation, describe_cavitation
-from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.errors import ConfigurationError
 from damperfit.identification import (
     FitOptions,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.parameters import Damper, Parameters
+    from damperfit.damper.purdy.parameters import Damper, Parameters
 
     FloatArray = NDArray[np.float64]
     Function = Callable[[float], float]

@@ -325,7 +325,7 @@ def test_settings_tell_the_one_that_meets_a_bug(call, samples, monkeypatch) -> N
 
 def test_without_somebody_to_tell_the_library_raises(samples, monkeypatch) -> None:
     from damperfit.conditioning import condition
-    from damperfit.damper.parameters import PURDY_DAMPER
+    from damperfit.damper.purdy.parameters import PURDY_DAMPER
     from damperfit.identification import FitOptions
     from damperfit.identification import identify as fit
     from damperfit.readers import read_log

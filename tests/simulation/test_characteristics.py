@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from damperfit.damper.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.errors import SimulationError
 from damperfit.simulation import Response, characterise, simulate, sine_motion, triangle_motion
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Trace
 from damperfit.uncertainty import collect_evidence, uncertainties

@@ -17,8 +17,8 @@ from functools import cache
 import numpy as np
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording
 from damperfit.samples.steady import steady_cycle

@@ -19,8 +19,8 @@ from functools import partial
 import numpy as np
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, LogFit, Sharing, identify
 from damperfit.identification.descent import Misfit, linearise
 from damperfit.recording import Recording

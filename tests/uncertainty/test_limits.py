@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import Outcome, Sharing
 from damperfit.recording import Finding
 from damperfit.uncertainty import Prediction, assessment

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import Sharing, Status
 from damperfit.uncertainty import profile_walk
 from damperfit.uncertainty.intervals import _shared_rows

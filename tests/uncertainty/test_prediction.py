@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import condition
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import LogError
 from damperfit.identification import identify
 from damperfit.recording import Trace

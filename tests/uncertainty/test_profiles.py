@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Outcome, identify
 from damperfit.identification.descent import Misfit, descend

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import condition
-from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Finding, Recording
 from damperfit.uncertainty import Assessment, assess

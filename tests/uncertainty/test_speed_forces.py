@@ -10,7 +10,7 @@ import pytest
 
 from damperfit.adjustment import Level, Sine, beside_measured, compare_settings, credible_forces
 from damperfit.conditioning import condition
-from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording
 from damperfit.setting import Setting

@@ -10,7 +10,7 @@ import pytest
 from damperfit.conditioning import GasFacts
 from damperfit.damper.cavitation import Cavitation
 from damperfit.damper.model import Quantity, values_type
-from damperfit.damper.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.rivals import Biviscous, RestoringForceSurface
 from damperfit.identification import Fit, Status
 from damperfit.identification.plausible import edge_of

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.cavitation import emptiest, seen_cavitation
-from damperfit.damper.closed_forms import gas_pressure
+from damperfit.damper.purdy.closed_forms import gas_pressure
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.simulation import Motion, SolverOptions, motion_of, simulate
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.cavitation import Cavitation
     from damperfit.damper.model import Values
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.purdy.parameters import Damper
     from damperfit.recording import Trace
     from damperfit.simulation import Response
 

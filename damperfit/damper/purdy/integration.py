@@ -1,7 +1,7 @@
 """Parameters of the paper's model and a displacement to the damper's response.
 
-The core integrates the oil masses of chambers 1 and 2 (theory: `damperfit.damper.parameters` for
-the symbols)::
+The core integrates the oil masses of chambers 1 and 2 (theory:
+`damperfit.damper.purdy.parameters` for the symbols)::
 
     dm_1/dt = -w_1 + w_2        dm_2/dt = -w_2 + w_3        dm_3 = -(dm_1 + dm_2)
     P_i = max(0, K_e (m_i/(rho_0 V_i) - 1) + P_0)           (4) (7) (11) (12)
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Values
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.purdy.parameters import Damper
     from damperfit.simulation import Motion, SolverOptions
 
     FloatArray = NDArray[np.float64]

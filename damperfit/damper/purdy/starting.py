@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.closed_forms import gas_pressure, incompressible_design
 from damperfit.damper.model import Detour
-from damperfit.damper.parameters import Parameters
+from damperfit.damper.purdy.closed_forms import gas_pressure, incompressible_design
+from damperfit.damper.purdy.parameters import Parameters
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from damperfit.damper.model import Values
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.purdy.parameters import Damper
     from damperfit.recording import Trace
 
 __all__ = ["REBOUND", "cavitation_limit", "detours", "starting_values", "starts"]

@@ -63,13 +63,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.closed_forms import gas_pressure
+from damperfit.damper.purdy.closed_forms import gas_pressure
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.purdy.parameters import Damper
 
     FloatArray = NDArray[np.float64]
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from damperfit.damper.model import Values
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.purdy.parameters import Damper
     from damperfit.identification.options import FitOptions
     from damperfit.setting import Setting
 

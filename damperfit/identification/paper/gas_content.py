@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from damperfit.damper.bulk_modulus import modulus_at_pressure
+from damperfit.damper.purdy.bulk_modulus import modulus_at_pressure
 from damperfit.identification.model_versus_log import compare
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from damperfit.damper.model import Values
-    from damperfit.damper.parameters import Damper
+    from damperfit.damper.purdy.parameters import Damper
     from damperfit.identification.descent import Misfit
     from damperfit.setting import Setting
 

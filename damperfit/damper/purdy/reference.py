@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 
-from damperfit.damper.parameters import Parameters
+from damperfit.damper.purdy.parameters import Parameters
 from damperfit.errors import ConfigurationError
 
 __all__ = ["REFERENCE_SETTINGS", "REFERENCE_SOURCE", "reference_parameters"]

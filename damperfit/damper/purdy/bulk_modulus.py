@@ -53,7 +53,7 @@ def modulus_at_pressure(
     liquid : float
         K_B, Pa.
     compliance : float
-        C of the tube, see `damperfit.damper.appendices`.
+        C of the tube, see `damperfit.damper.purdy.appendices`.
     gas_exponent : float
         gamma.
 

@@ -34,7 +34,7 @@ from damperfit.errors import SimulationError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from damperfit.damper.parameters import Damper, Parameters
+    from damperfit.damper.purdy.parameters import Damper, Parameters
 
     FloatArray = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ def gas_pressure(damper: Damper, displacement: ArrayLike) -> FloatArray:
 
     Examples
     --------
-    >>> from damperfit.damper.parameters import PURDY_DAMPER
+    >>> from damperfit.damper.purdy.parameters import PURDY_DAMPER
     >>> float(gas_pressure(PURDY_DAMPER, 0.0))
     460000.0
     """
@@ -149,7 +149,7 @@ def incompressible_force(
 
     Examples
     --------
-    >>> from damperfit.damper.parameters import PURDY_DAMPER, Parameters
+    >>> from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
     >>> set_m = Parameters(r_m1=1.8e4, r_m2=3.527e6, r_m3=2.597e6, k_e=3.65e8, f_f=0.0)
     >>> speed = 2.0 * 3.141592653589793 * 1.5 * 0.032
     >>> incompressible_force(set_m, PURDY_DAMPER, [0.0, 0.0], [speed, -speed]).round(3)

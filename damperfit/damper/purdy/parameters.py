@@ -198,7 +198,7 @@ class Damper(Cylinder, Model):
 
     def rest_force(self, displacement: ArrayLike) -> NDArray[np.float64]:
         """Gas pressure on the rod, N."""
-        from damperfit.damper.closed_forms import gas_pressure
+        from damperfit.damper.purdy.closed_forms import gas_pressure
 
         return -self.rod_area * gas_pressure(self, displacement)
 

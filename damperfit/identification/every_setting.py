@@ -1,0 +1,129 @@
+"""The fit of every setting, run side by side, and the campaign that they make."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from damperfit.identification.descent import FitCancelledError
+from damperfit.identification.failures import SettingFailure, attempted
+from damperfit.identification.setting import Fit, Judged
+from damperfit.identification.sharing import Sharing
+from damperfit.setting import Setting
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from damperfit.damper.model import Quantity
+    from damperfit.errors import Mishap
+    from damperfit.identification.multistart import Search
+    from damperfit.identification.outcome import Status
+    from damperfit.identification.procedure_input import ProcedureInput
+
+__all__ = ["Campaign", "fit_every_setting", "with_status"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Campaign:
+    """The fits of a damper over its settings.
+
+    Attributes
+    ----------
+    procedure : str
+        How they were made.
+    fits : tuple of Fit
+        By rising setting.
+    failures : tuple of SettingFailure
+        Settings without a fit and why.
+    warnings : tuple of str
+        One plain sentence each.
+    is_complete : bool
+        False when the caller asked to stop before every setting was done.
+    sharing : Sharing
+        How the shared parameters were estimated.
+    searches : tuple of Search
+        What fits from many starts found, where they were asked for.
+    mishap : Mishap or None
+        What damperfit got wrong in a step over all settings, done without.
+    named : tuple of Quantity
+        Quantities of the model, where there may be no fit to tell them.
+    """
+
+    procedure: str
+    fits: tuple[Fit, ...]
+    failures: tuple[SettingFailure, ...] = ()
+    warnings: tuple[str, ...] = ()
+    is_complete: bool = True
+    sharing: Sharing = Sharing()
+    searches: tuple[Search, ...] = ()
+    mishap: Mishap | None = None
+    named: tuple[Quantity, ...] = ()
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What the model has; nothing where neither it nor a fit is known."""
+        return self.named or (self.fits[0].parameters.quantities if self.fits else ())
+
+    @property
+    def gaps(self) -> tuple[tuple[int, int], ...]:
+        """Runs of settings without a fit within a run of clicks: first and last of each.
+
+        Where every other click or none but 1, 5, 10 was tested, those between are no gaps.
+        """
+        cells = [Setting.of(fit.setting).cell for fit in self.fits]
+        done = [cell for cell in cells if isinstance(cell, int)]
+        if len(done) < len(cells):
+            return ()
+        steps = sorted(later - earlier for earlier, later in pairwise(done))
+        if not steps or steps[len(steps) // 2] != 1:
+            return ()
+        return tuple((a + 1, b - 1) for a, b in pairwise(done) if b - a > 1)
+
+
+def with_status(judged: Judged, status: Mapping[str, Status]) -> Judged:
+    """Values that were found once for all settings are not fixed but shared, or cannot be told."""
+    return replace(judged, status={**judged.status, **status})
+
+
+def fit_every_setting(
+    given: ProcedureInput,
+    fit: Callable[[Setting], tuple[Fit, Search | None]],
+    warnings: Iterable[str] = (),
+    *,
+    known: Mapping[Setting, SettingFailure] = MappingProxyType({}),
+) -> Campaign:
+    """Run the fit at every setting, in threads; one setting's failure leaves the others.
+
+    Settings that are known to have failed are not tried again.
+    """
+    searches: dict[Setting, Search] = {}
+
+    def one(setting: Setting) -> Fit | SettingFailure | None:
+        if setting in known:
+            return known[setting]
+        try:
+            found = attempted(setting, lambda: fit(setting))
+        except FitCancelledError:
+            return None
+        if isinstance(found, SettingFailure):
+            return found
+        result, search = found
+        if search is not None:
+            searches[setting] = search
+        given.on_fit(result)
+        return result
+
+    settings = sorted(given.settings)
+    with ThreadPoolExecutor(given.jobs) as pool:
+        results = list(pool.map(one, settings))
+    return Campaign(
+        procedure=given.options.procedure,
+        fits=tuple(result for result in results if isinstance(result, Fit)),
+        searches=tuple(searches[setting] for setting in sorted(searches)),
+        failures=tuple(result for result in results if isinstance(result, SettingFailure)),
+        warnings=tuple(warnings),
+        is_complete=all(result is not None for result in results),
+    )

@@ -1,0 +1,3 @@
+"""What only the paper's own damper and its procedure need of the identification."""
+
+__all__: list[str] = []
