@@ -32,6 +32,16 @@ SURFACE = {
         "record",
         "report_facts",
     ],
+    "damperfit.export": [
+        "ExportOptions",
+        "HandedOver",
+        "HandedSetting",
+        "TARGETS",
+        "Target",
+        "Tested",
+        "find_target",
+        "hand_over",
+    ],
     "damperfit.queries.force_by_setting": [
         "AdjusterResults",
         "ForceTable",

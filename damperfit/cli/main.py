@@ -12,6 +12,7 @@ import typer
 
 from damperfit.cli.config import config
 from damperfit.cli.console import say, shield_streams, silence_broken_pipe
+from damperfit.cli.export import export
 from damperfit.cli.identify import identify
 from damperfit.cli.inspect import inspect
 from damperfit.cli.models import models
@@ -40,7 +41,18 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog="Example: damperfit identify sample_runs/*.csv",
 )
-for _command in (identify, report, settings, simulate, sweep, models, inspect, samples, config):
+for _command in (
+    identify,
+    report,
+    settings,
+    simulate,
+    sweep,
+    models,
+    export,
+    inspect,
+    samples,
+    config,
+):
     app.command()(_command)
 
 

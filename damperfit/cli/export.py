@@ -1,0 +1,132 @@
+"""``damperfit export``: a results folder handed over to another program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from damperfit.cli.console import print_json, print_lines, say
+from damperfit.cli.options import (
+    ConfigOption,
+    DebugOption,
+    JsonOption,
+    QuietOption,
+    VersionOption,
+)
+from damperfit.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from damperfit.export import Target
+
+__all__ = ["export"]
+
+
+def export(
+    results: Annotated[
+        Path, typer.Argument(metavar="RESULTS", help="Folder that identify wrote.")
+    ] = Path("results"),
+    to: Annotated[
+        str | None, typer.Option(metavar="TARGET", help="What to write; --list shows them.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH",
+            help="A file where it has a suffix, else a folder.  [export in the results folder]",
+        ),
+    ] = None,
+    list_: Annotated[
+        bool, typer.Option("--list", help="Show the targets with file, units and sign.")
+    ] = False,
+    config: ConfigOption = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+    version: VersionOption = False,
+) -> int:
+    """Hand an identified damper over to a simulator or a spreadsheet.
+
+    Example: damperfit export results --to csv
+    """
+    from damperfit.export import TARGETS, ExportOptions, find_target, hand_over
+
+    if list_:
+        _show(tuple(TARGETS.values()), is_json=json)
+        return 0
+    if to is None:
+        raise ConfigurationError(
+            f"export: to what? Give --to {'|'.join(TARGETS)}; --list shows what they are"
+        )
+    target = find_target(to)
+    folder, stem = _destination(results, out, target)
+    handed = hand_over(results, config=config)
+    for remark in handed.remarks:
+        say(f"damperfit: {results}: {remark}")
+    files = target.write(handed, ExportOptions(stem=stem))
+    written = _write(folder, dict(files))
+    if json:
+        document = {"target": to, "units": target.units, "sign": target.sign}
+        names = [str(path) for path in written]
+        print_json({**document, "files": names, "remarks": list(handed.remarks)})
+    elif not quiet:
+        more = f" and {len(written) - 1} more" if len(written) > 1 else ""
+        say(f"damperfit: {written[0]} written{more}; {target.units}; {target.sign}")
+    return 1 if handed.remarks else 0
+
+
+def _destination(results: Path, out: Path | None, target: Target) -> tuple[Path, str]:
+    """Return the folder to write to, and what the files' names begin with.
+
+    Raises
+    ------
+    ConfigurationError
+        The suffix of ``out`` is not the target's.
+    """
+    if out is None:
+        return results / "export", "damper"
+    if not out.suffix or out.is_dir():
+        return out, "damper"
+    if out.suffix.lower() != target.suffix:
+        raise ConfigurationError(
+            f"--out {out}: {target.name} writes {target.suffix} files; give a name that ends so, "
+            "or a folder"
+        )
+    return out.parent, out.stem
+
+
+def _write(folder: Path, files: dict[str, bytes]) -> list[Path]:
+    from damperfit.atomic import file_set
+
+    with file_set(folder) as drafts:
+        for name, content in files.items():
+            drafts.path(name).write_bytes(content)
+    return [folder / name for name in files]
+
+
+def _show(targets: tuple[Target, ...], *, is_json: bool) -> None:
+    told = [
+        {
+            "target": one.name,
+            "title": one.title,
+            "file": one.file.format(stem="damper", setting="N"),
+            "units": one.units,
+            "sign": one.sign,
+            "place": one.place,
+        }
+        for one in targets
+    ]
+    if is_json:
+        print_json({"targets": told})
+        return
+    for one in told:
+        print_lines(
+            [
+                f"{one['target']}: {one['title']}",
+                f"  file   {one['file']}",
+                f"  units  {one['units']}",
+                f"  sign   {one['sign']}",
+                f"  goes   to {one['place']}",
+            ]
+        )

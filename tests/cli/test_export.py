@@ -1,0 +1,55 @@
+"""damperfit export on the command line."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tests.report_folder import make_results
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    return make_results(tmp_path_factory.mktemp("export") / "results")
+
+
+def test_the_list_needs_no_results(run) -> None:
+    ended = run("export", "--list")
+    assert ended.code == 0
+    assert "csv: table of force" in ended.out
+    assert "sign   rebound is positive" in ended.out
+
+
+def test_the_list_as_json(run) -> None:
+    told = json.loads(run("export", "--list", "--json").out)["targets"]
+    assert {"target": "csv", "file": "damper.csv", "units": "m/s, N"}.items() <= told[0].items()
+
+
+def test_a_folder_is_made_and_a_file_keeps_its_name(run, results, tmp_path) -> None:
+    for out, expected in (("new/folder", "new/folder/damper.csv"), ("front.csv", "front.csv")):
+        ended = run("export", results, "--to", "csv", "--out", tmp_path / out, "--json")
+        assert json.loads(ended.out)["files"] == [str(tmp_path / expected)]
+        assert (tmp_path / expected).read_text().startswith("setting,")
+
+
+def test_remarks_end_with_one_and_are_told(run, results) -> None:
+    ended = run("export", results, "--to", "csv", "--out", "there")
+    assert ended.code == 1
+    assert "the damper of the run is not known" in ended.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--to", "csw"), "--to csw: expected one of"),
+        ((), "to what? Give --to"),
+        (("--to", "csv", "--out", "front.dpr"), "csv writes .csv files"),
+    ],
+)
+def test_misuse_is_one_line_and_writes_nothing(run, results, tmp_path, arguments, said) -> None:
+    ended = run("export", results, *arguments)
+    assert ended.code == 2
+    assert said in ended.err
+    assert len(ended.err.splitlines()) == 1
+    assert not list(tmp_path.iterdir())

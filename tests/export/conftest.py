@@ -1,0 +1,64 @@
+"""A results folder of known numbers, no fit, and what is handed over of it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from damperfit.damper.reference import reference_parameters
+from damperfit.export import hand_over
+from damperfit.tables import make_tables, write_table
+from tests.fakes import campaign, fit
+
+SETTINGS = (1, 10, 20)
+
+
+def _log(setting: int) -> dict:
+    stretch = {
+        "kind": "steady",
+        "amplitude_m": 0.032,
+        "frequency_Hz": 1.5,
+        "peak_speed_m_per_s": 0.30159,
+    }
+    slow = {"amplitude_m": 0.01, "frequency_Hz": 0.5, "peak_speed_m_per_s": 0.0314}
+    return {
+        "log": f"setting_{setting:02d}.csv",
+        "setting": setting,
+        "temperature_degC": 25.0 + 0.1 * setting,
+        "stretches": [stretch, slow | {"kind": "steady"}],
+    }
+
+
+@pytest.fixture(scope="session")
+def results(tmp_path_factory) -> Path:
+    """Settings 1, 10 and 20 of the reference set, as identify would have written them."""
+    folder = tmp_path_factory.mktemp("handed") / "results"
+    folder.mkdir()
+    fits = [replace(fit(n), parameters=reference_parameters(n)) for n in SETTINGS]
+    tables = make_tables(campaign(*fits))
+    for suffix in (".parquet", ".csv"):
+        write_table(folder / f"parameters{suffix}", tables.parameters)
+    record = {
+        "version": "0.1.0",
+        "schema_version": 2,
+        "test": {"damper": "front left", "serial": 'A <7> & "8"', "rig": "synthetic"},
+        "configuration": {"damper": {"model": "purdy", "gas_pressure": "4.6bara"}},
+        "inputs": [_log(n) for n in SETTINGS],
+    }
+    (folder / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def handed(results):
+    return hand_over(results)
+
+
+@pytest.fixture
+def folder(results, tmp_path) -> Path:
+    """A copy to be spoilt."""
+    return Path(shutil.copytree(results, tmp_path / "results"))
