@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.export import hand_over
 from damperfit.tables import make_tables, write_table
 from tests.fakes import campaign, fit

@@ -7,8 +7,8 @@ import json
 
 import pytest
 
-from damperfit.damper.parameters import PURDY_DAMPER
-from damperfit.damper.reference import reference_parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.export import hand_over
 
