@@ -398,11 +398,15 @@ SURFACE = {
         "of_one_damper",
     ],
     "damperfit.run.pipeline": [
-        "RunResult",
-        "UnwrittenError",
         "Watch",
+        "find_each",
         "run",
         "run_each",
+    ],
+    "damperfit.run.result": [
+        "Found",
+        "RunResult",
+        "UnwrittenError",
     ],
     "damperfit.quantities": [
         "QuantityError",

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from damperfit.configuration.options import Configuration
-    from damperfit.run.pipeline import RunResult
+    from damperfit.run.result import RunResult
     from damperfit.run.run_json import Ending
 
 __all__ = ["identify"]
@@ -158,7 +158,8 @@ def identify(
     from damperfit.cli.progress import progress
     from damperfit.report import markdown_report
     from damperfit.run.dampers import folder_name
-    from damperfit.run.pipeline import UnwrittenError, Watch, run_each
+    from damperfit.run.pipeline import Watch, run_each
+    from damperfit.run.result import UnwrittenError
 
     check_kind("--plots", plots)
     if max_mse == 0.0:

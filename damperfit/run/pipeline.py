@@ -11,11 +11,10 @@ import json
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from damperfit.atomic import check_writable, file_set, reserved
 from damperfit.errors import ConfigurationError, OutputError
-from damperfit.identification import Campaign
 from damperfit.report import markdown_report
 from damperfit.run.dampers import by_damper, folder_name
 from damperfit.run.earlier import PAGE, forget_figures
@@ -23,32 +22,21 @@ from damperfit.run.hold_out import Parted, fitting, named_files, note_unpredicte
 from damperfit.run.judging import assessed, judge, with_profiles
 from damperfit.run.logs import available_cores, expand, read_batch
 from damperfit.run.mishaps import Mishaps
-from damperfit.run.run_json import (
-    Ending,
-    Judgement,
-    ending_of,
-    provenance,
-    record,
-    report_facts,
-)
+from damperfit.run.result import Found, RunResult, UnwrittenError
+from damperfit.run.run_json import provenance
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
-from damperfit.run.work import Clock, comparisons, fitted, profile_points, sha256_of
-from damperfit.tables import make_tables, write_responses, write_table
+from damperfit.run.work import Clock, comparisons, fitted, sha256_of
+from damperfit.tables import write_responses, write_table
 from damperfit.uncertainty import Bench
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-
-    import pyarrow as pa
+    from collections.abc import Callable, Iterator, Sequence
 
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Fit
-    from damperfit.report import Failure, ReportFacts
-    from damperfit.run.logs import LogBatch
     from damperfit.setting import Setting
-    from damperfit.tables import Tables
 
-__all__ = ["RunResult", "UnwrittenError", "Watch", "run", "run_each"]
+__all__ = ["Watch", "find_each", "run", "run_each"]
 
 # Tables that are written only when they were asked for.
 _ON_REQUEST = {"profiles"}
@@ -71,68 +59,6 @@ class Watch:
     on_start: Callable[[int], None] = lambda _: None
     on_fit: Callable[[Fit], None] = lambda _: None
     cancelled: Callable[[], bool] = lambda: False
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RunResult:
-    """What a run found.
-
-    Attributes
-    ----------
-    ending : Ending
-        How it ended.
-    campaign : Campaign
-        The fits.
-    tables : Tables
-        Parameters and MSE.
-    facts : ReportFacts
-        Failures, warnings, procedure.
-    record : dict
-        What stands in run.json.
-    profiles : pyarrow.Table or None
-        Points of the profiles that were asked for.
-    """
-
-    ending: Ending
-    campaign: Campaign
-    tables: Tables
-    facts: ReportFacts
-    record: dict[str, Any]
-    profiles: pa.Table | None = None
-
-    @property
-    def written(self) -> dict[str, pa.Table]:
-        """Tables by the name of their files."""
-        always = {
-            "parameters": self.tables.parameters,
-            "mse": self.tables.mse,
-            "adjustment": self.tables.adjustment,
-        }
-        return always if self.profiles is None else always | {"profiles": self.profiles}
-
-    def document(self) -> dict[str, Any]:
-        """Return run.json and the rows of both tables as one JSON document."""
-        return self.record | {
-            "parameters": self.tables.parameters.to_pylist(),
-            "mse": self.tables.mse.to_pylist(),
-        }
-
-
-class UnwrittenError(OutputError):
-    """The results cannot be written; what was found is not lost with them.
-
-    Attributes
-    ----------
-    result : RunResult
-        What the run found.
-    owner : str
-        Of several dampers, whose result it is.
-    """
-
-    def __init__(self, message: str, result: RunResult, owner: str = "") -> None:
-        super().__init__(message)
-        self.result = result
-        self.owner = owner
 
 
 def run(
@@ -207,6 +133,30 @@ def run_each(
                 raise UnwrittenError(str(error), error.result, one.folder_owner) from error
 
 
+def find_each(
+    configuration: Configuration,
+    logs: Sequence[str],
+    *,
+    jobs: int | None = None,
+    watch: Watch = Watch(),
+) -> Iterator[tuple[str, RunResult]]:
+    """Identify the dampers in the logs as `run_each` does, and write nothing.
+
+    Yields
+    ------
+    str
+        The damper's serial number or name, empty where no log says it.
+    RunResult
+        What was found.
+    """
+    workers = jobs or available_cores()
+    for one in _read(configuration, logs, jobs=workers, setting=None, watch=watch):
+        found, mishaps = _found(
+            one.configuration, one.parted, clock=one.clock, jobs=one.jobs, watch=watch
+        )
+        yield one.owner, found.result(mishaps.failures)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _OneDamper:
     """The logs of one damper, read, and where its results go."""
@@ -278,6 +228,19 @@ def _run(
     configuration: Configuration, parted: Parted, *, clock: Clock, jobs: int, watch: Watch
 ) -> RunResult:
     """Fit, judge and write what was read."""
+    found, mishaps = _found(configuration, parted, clock=clock, jobs=jobs, watch=watch)
+    if not found.campaign.fits and watch.cancelled():
+        return found.result(mishaps.failures)
+    try:
+        return _write(found, mishaps, clock=clock, jobs=jobs)
+    except OutputError as error:
+        raise UnwrittenError(str(error), found.result(mishaps.failures)) from error
+
+
+def _found(
+    configuration: Configuration, parted: Parted, *, clock: Clock, jobs: int, watch: Watch
+) -> tuple[Found, Mishaps]:
+    """Fit and judge what was read."""
     batch = parted.batch
     watch.on_start(len({trace.setting for trace in batch.traces}))
     with clock.lap("fit_s"):
@@ -303,65 +266,14 @@ def _run(
         campaign, judgement = judge(configuration, parted, campaign, assessment, mishaps, jobs=jobs)
     if not watch.cancelled():
         batch = note_unpredicted(parted, campaign, judgement.predictions, mishaps.failures)
-    told = _Told(
-        configuration,
-        batch,
-        campaign,
-        judgement,
-        provenance(configuration, batch, campaign, judgement.predictions),
-        is_interrupted=watch.cancelled(),
-    )
-    if not campaign.fits and watch.cancelled():
-        return told.result(mishaps.failures)
-    try:
-        return _write(told, mishaps, clock=clock, jobs=jobs)
-    except OutputError as error:
-        raise UnwrittenError(str(error), told.result(mishaps.failures)) from error
+    origin = provenance(configuration, batch, campaign, judgement.predictions)
+    is_interrupted = watch.cancelled()
+    return Found(configuration, batch, campaign, judgement, origin, is_interrupted), mishaps
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Told:
-    """All that a run has found, from which its account is made."""
-
-    configuration: Configuration
-    batch: LogBatch
-    campaign: Campaign
-    judgement: Judgement
-    origin: Mapping[str, Any]
-    is_interrupted: bool
-
-    def result(self, mishaps: tuple[Failure, ...]) -> RunResult:
-        judgement = replace(self.judgement, failures=mishaps)
-        facts = report_facts(
-            self.configuration,
-            self.batch,
-            self.campaign,
-            judgement,
-            is_interrupted=self.is_interrupted,
-        )
-        ending = ending_of(self.campaign, facts)
-        return RunResult(
-            ending=ending,
-            campaign=self.campaign,
-            tables=make_tables(
-                self.campaign,
-                assessment=judgement.assessment,
-                predictions=judgement.predictions,
-                adjustment=judgement.adjustment,
-                expected=self.configuration.rig.settings,
-                provenance=self.origin,
-            ),
-            facts=facts,
-            record=record(
-                self.configuration, self.batch, facts, self.campaign, judgement, ending=ending
-            ),
-            profiles=profile_points(self.configuration, judgement, self.origin),
-        )
-
-
-def _write(told: _Told, mishaps: Mishaps, *, clock: Clock, jobs: int) -> RunResult:
+def _write(found: Found, mishaps: Mishaps, *, clock: Clock, jobs: int) -> RunResult:
     """Write all files as a set, run.json last; page and figures of an earlier run go."""
-    configuration, campaign = told.configuration, told.campaign
+    configuration, campaign = found.configuration, found.campaign
     folder = configuration.output.folder
     with file_set(folder) as files:
         with clock.lap("write_s"):
@@ -370,9 +282,9 @@ def _write(told: _Told, mishaps: Mishaps, *, clock: Clock, jobs: int) -> RunResu
                 files.path("responses.parquet"),
                 campaign,
                 comparisons(configuration, campaign, mishaps, jobs=jobs),
-                provenance=told.origin,
+                provenance=found.origin,
             )
-            result = told.result(mishaps.failures)
+            result = found.result(mishaps.failures)
             for name, table in result.written.items():
                 for suffix in (".parquet", ".csv"):
                     write_table(files.path(name + suffix), table, suffix=suffix)

@@ -12,8 +12,8 @@ import pytest
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
-from damperfit.run.pipeline import UnwrittenError
 from damperfit.run.pipeline import run as run_pipeline
+from damperfit.run.result import UnwrittenError
 
 GIVEN = [
     word

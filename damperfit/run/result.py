@@ -1,0 +1,128 @@
+"""What a run found: the fits, judged, and the tables and the record made of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from damperfit.errors import OutputError
+from damperfit.run.run_json import ending_of, record, report_facts
+from damperfit.run.work import profile_points
+from damperfit.tables import make_tables
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import pyarrow as pa
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.identification import Campaign
+    from damperfit.report import Failure, ReportFacts
+    from damperfit.run.logs import LogBatch
+    from damperfit.run.run_json import Ending, Judgement
+    from damperfit.tables import Tables
+
+__all__ = ["Found", "RunResult", "UnwrittenError"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunResult:
+    """What a run found.
+
+    Attributes
+    ----------
+    ending : Ending
+        How it ended.
+    campaign : Campaign
+        The fits.
+    tables : Tables
+        Parameters and MSE.
+    facts : ReportFacts
+        Failures, warnings, procedure.
+    record : dict
+        What stands in run.json.
+    profiles : pyarrow.Table or None
+        Points of the profiles that were asked for.
+    """
+
+    ending: Ending
+    campaign: Campaign
+    tables: Tables
+    facts: ReportFacts
+    record: dict[str, Any]
+    profiles: pa.Table | None = None
+
+    @property
+    def written(self) -> dict[str, pa.Table]:
+        """Tables by the name of their files."""
+        always = {
+            "parameters": self.tables.parameters,
+            "mse": self.tables.mse,
+            "adjustment": self.tables.adjustment,
+        }
+        return always if self.profiles is None else always | {"profiles": self.profiles}
+
+    def document(self) -> dict[str, Any]:
+        """Return run.json and the rows of both tables as one JSON document."""
+        return self.record | {
+            "parameters": self.tables.parameters.to_pylist(),
+            "mse": self.tables.mse.to_pylist(),
+        }
+
+
+class UnwrittenError(OutputError):
+    """The results cannot be written; what was found is not lost with them.
+
+    Attributes
+    ----------
+    result : RunResult
+        What the run found.
+    owner : str
+        Of several dampers, whose result it is.
+    """
+
+    def __init__(self, message: str, result: RunResult, owner: str = "") -> None:
+        super().__init__(message)
+        self.result = result
+        self.owner = owner
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """All that a run has found, from which its account is made."""
+
+    configuration: Configuration
+    batch: LogBatch
+    campaign: Campaign
+    judgement: Judgement
+    origin: Mapping[str, Any]
+    is_interrupted: bool
+
+    def result(self, mishaps: tuple[Failure, ...]) -> RunResult:
+        """Return the account of it; `mishaps` are settings and logs that could not be judged."""
+        judgement = replace(self.judgement, failures=mishaps)
+        facts = report_facts(
+            self.configuration,
+            self.batch,
+            self.campaign,
+            judgement,
+            is_interrupted=self.is_interrupted,
+        )
+        ending = ending_of(self.campaign, facts)
+        return RunResult(
+            ending=ending,
+            campaign=self.campaign,
+            tables=make_tables(
+                self.campaign,
+                assessment=judgement.assessment,
+                predictions=judgement.predictions,
+                adjustment=judgement.adjustment,
+                expected=self.configuration.rig.settings,
+                provenance=self.origin,
+            ),
+            facts=facts,
+            record=record(
+                self.configuration, self.batch, facts, self.campaign, judgement, ending=ending
+            ),
+            profiles=profile_points(self.configuration, judgement, self.origin),
+        )
