@@ -42,12 +42,11 @@ SURFACE = {
         "find_target",
         "hand_over",
     ],
+    "damperfit.queries.adjuster_results": ["AdjusterResults", "adjuster_in", "read_adjuster"],
     "damperfit.queries.force_by_setting": [
-        "AdjusterResults",
         "ForceTable",
         "Question",
         "parse_question",
-        "read_adjuster",
         "tabulate_forces",
     ],
     "damperfit.adjustment": [

@@ -28,7 +28,8 @@ from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from damperfit.adjustment import Answer, Wanted
-    from damperfit.queries.force_by_setting import AdjusterResults, ForceTable, Question
+    from damperfit.queries.adjuster_results import AdjusterResults
+    from damperfit.queries.force_by_setting import ForceTable, Question
 
 __all__ = ["settings"]
 
@@ -68,7 +69,8 @@ def settings(
 
     Example: damperfit settings --force 900N --velocity 0.2m/s
     """
-    from damperfit.queries.force_by_setting import parse_question, read_adjuster, tabulate_forces
+    from damperfit.queries.adjuster_results import read_adjuster
+    from damperfit.queries.force_by_setting import parse_question, tabulate_forces
     from damperfit.run.logs import available_cores
 
     question = parse_question(force=force, velocity=velocity, stroke=stroke)

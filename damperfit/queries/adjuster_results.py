@@ -1,0 +1,229 @@
+"""A results folder read back as an adjuster: its settings with their errors, damper and motion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from damperfit.adjustment import Sine, Stage
+from damperfit.configuration.loading import load_configuration
+from damperfit.errors import ConfigurationError
+from damperfit.identification.sharing import listed_settings
+from damperfit.quantities import parse_quantity
+from damperfit.queries.origin import Origin, configured_as, motion_of_tests
+from damperfit.report.json_records import listed_in, read_back
+from damperfit.setting import Setting
+from damperfit.simulation import refuse_amplitude
+from damperfit.tables import read_results, values_from
+from damperfit.uncertainty import SpeedForces
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.damper.model import Model, Values
+    from damperfit.simulation import SolverOptions
+    from damperfit.tables import Results
+
+__all__ = ["AdjusterResults", "adjuster_in", "read_adjuster"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AdjusterResults:
+    """The settings of a results folder, and the motion at which they are compared.
+
+    Attributes
+    ----------
+    stages : tuple of Stage
+        By rising setting.
+    damper : Model
+        Geometry, oil and gas of the run.
+    sine : Sine
+        The test's own motion, or the one asked for.
+    source : str
+        Where the motion comes from, for people.
+    solver : SolverOptions
+        How exactly to integrate.
+    remarks : tuple of str
+        What was missing or damaged in the folder.
+    forces : tuple of SpeedForces
+        As measured, at the motion of the tests.
+    """
+
+    stages: tuple[Stage, ...]
+    damper: Model
+    sine: Sine
+    source: str
+    solver: SolverOptions
+    remarks: tuple[str, ...]
+    forces: tuple[SpeedForces, ...] = ()
+
+
+def read_adjuster(
+    folder: Path,
+    *,
+    config: Path | None = None,
+    amplitude: str | None = None,
+    frequency: str | None = None,
+) -> AdjusterResults:
+    """Read the settings, damper and motion of a results folder.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        What `identify` wrote.
+    config : pathlib.Path, optional
+        Configuration; its damper is taken where the run does not tell its own.
+    amplitude, frequency : str, optional
+        Motion instead of the test's own.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such folder, no setting in it has parameters, ``config`` declares another
+        damper, or the motion is none.
+    """
+    return adjuster_in(
+        read_results(folder, parts=("parameters",)),
+        folder,
+        config=config,
+        amplitude=amplitude,
+        frequency=frequency,
+    )
+
+
+def adjuster_in(
+    results: Results,
+    folder: Path,
+    *,
+    config: Path | None = None,
+    amplitude: str | None = None,
+    frequency: str | None = None,
+) -> AdjusterResults:
+    """Return the settings, damper and motion of results that were read; see `read_adjuster`.
+
+    Parameters
+    ----------
+    results : Results
+        With its parameters.
+    folder : pathlib.Path
+        Where they stand, for messages.
+    config, amplitude, frequency
+        As `read_adjuster` takes them.
+    """
+    remarks = list(results.remarks)
+    configuration = _configuration(folder, config, results.record, remarks)
+    stages = tuple(_stages(results, remarks))
+    if not stages:
+        raise ConfigurationError(
+            f"{folder}: no setting has all parameters; run damperfit identify LOGS first"
+        )
+    own = motion_of_tests(results.record, {stage.setting.cell for stage in stages})
+    if own is None and not (amplitude and frequency):
+        own = Sine(configuration.rig.amplitude, configuration.rig.frequency)
+        remarks.append("the motion of the test is not known: the nominal one is taken")
+    sine, source = _motion(own, amplitude, frequency)
+    refuse_amplitude(sine.amplitude, configuration.damper.travel)
+    return AdjusterResults(
+        stages,
+        configuration.damper,
+        sine,
+        source,
+        configuration.simulation.solver,
+        tuple(remarks),
+        tuple(_forces(results.record)),
+    )
+
+
+def _forces(record: Mapping[str, Any]) -> Iterator[SpeedForces]:
+    """Yield the measured forces of a run; older runs have none."""
+    for entry in listed_in(record, "speed_forces"):
+        one = read_back(SpeedForces, entry)
+        rows = () if one is None else (one.measured, one.measured_se, one.difference, one.misfit)
+        if one is not None and all(len(row) == len(one.speeds) for row in rows):
+            yield one
+
+
+def _configuration(
+    folder: Path, config: Path | None, record: Mapping[str, Any], remarks: list[str]
+) -> Configuration:
+    """Return the configuration that has the run's damper, whatever else is in its document."""
+    given = load_configuration(config)
+    document = record.get("configuration")
+    damper = document.get("damper") if isinstance(document, dict) else None
+    if isinstance(damper, dict):
+        return configured_as(given, Origin(str(folder / "run.json"), damper), config=config)
+    if config is None:
+        remarks.append("the damper of the run is not known: the paper's is taken; give --config")
+    return given
+
+
+def _stages(results: Results, remarks: list[str]) -> Iterator[Stage]:
+    rows, quantities = results.parameters, results.quantities
+    entries = results.record.get("uncertainty")
+    known = {
+        entry["setting"]: entry
+        for entry in (entries if isinstance(entries, list) else ())
+        if isinstance(entry, dict) and "setting" in entry
+    }
+    without = []
+    for row in sorted(rows, key=lambda row: Setting.of(row["setting"])):
+        told = [one.default if row[one.name] is None else row[one.name] for one in quantities]
+        numbers = [one for one in told if one is not None]
+        if len(numbers) < len(quantities):
+            continue
+        setting, parameters = Setting.of(row["setting"]), values_from(quantities, numbers)
+        try:
+            yield _stage(setting, parameters, row, known[setting.cell])
+        except (KeyError, TypeError, ValueError):
+            without.append(setting)
+            yield Stage(setting, parameters)
+    if without:
+        which = (
+            "all settings" if len(without) == len(rows) else f"setting {listed_settings(without)}"
+        )
+        remarks.append(
+            f"errors and correlations of {which} are missing (an older version, or a damaged "
+            "run.json): forces without intervals"
+        )
+
+
+def _stage(
+    setting: Setting, parameters: Values, row: Mapping[str, Any], entry: Mapping[str, Any]
+) -> Stage:
+    """Return a stage with the covariance of ln y from standard errors and correlations."""
+    names = tuple(str(name) for name in entry["parameters"])
+    # Older versions left it to the status, which tells of a shared value only that it is unsound.
+    told = entry.get("shared", [name for name in names if row[f"{name}_status"] == "shared"])
+    shared = tuple(name for name in names if name in told)
+    own = tuple(name for name in names if name not in told)
+    scales = np.array(
+        [
+            getattr(parameters, name) if parameters.quantity(name).is_logarithmic else 1.0
+            for name in names
+        ]
+    )
+    errors = np.array([float(row[f"{name}_se"]) for name in names]) / scales
+    correlation = np.array(entry["correlation"], dtype=np.float64).reshape(len(names), len(names))
+    order = [names.index(name) for name in (*own, *shared)]
+    covariance = (correlation * np.outer(errors, errors))[np.ix_(order, order)]
+    if not np.all(np.isfinite(covariance)):
+        raise ValueError("a correlation or an error is missing")
+    return Stage(setting, parameters, own, shared, covariance)
+
+
+def _motion(own: Sine | None, amplitude: str | None, frequency: str | None) -> tuple[Sine, str]:
+    """Return the motion asked for, else the test's own."""
+    size = parse_quantity(amplitude, "length") if amplitude else None
+    rate = parse_quantity(frequency, "frequency") if frequency else None
+    for option, value in (("--amplitude", size), ("--frequency", rate)):
+        if value is not None and value <= 0.0:
+            raise ConfigurationError(f"{option} {value:g}: expected more than 0")
+    a = size if size is not None else own.amplitude if own else math.nan
+    f = rate if rate is not None else own.frequency if own else math.nan
+    whose = "the test's sine" if size is None and rate is None else "a sine"
+    return Sine(a, f), f"{whose} of {1e3 * a:.4g} mm at {f:.4g} Hz"
