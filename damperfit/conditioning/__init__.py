@@ -6,10 +6,11 @@ become uniform samples, `cycles` which cycles count, `scatter` how much they dif
 
 from __future__ import annotations
 
+from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.derivatives import differentiate
 from damperfit.conditioning.filters import apply_filter, design_filter
 from damperfit.conditioning.log_to_trace import condition
-from damperfit.conditioning.measured_characteristics import figures_of
+from damperfit.conditioning.measured_characteristics import branch_forces, figures_of
 from damperfit.conditioning.options import ConditionOptions, GasFacts, NominalTest
 from damperfit.conditioning.quality import examine_raw
 from damperfit.conditioning.scatter import noise_floor
@@ -19,6 +20,8 @@ __all__ = [
     "GasFacts",
     "NominalTest",
     "apply_filter",
+    "branch_forces",
+    "clean_cycles",
     "condition",
     "design_filter",
     "differentiate",

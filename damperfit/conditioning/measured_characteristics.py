@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["figures_of", "with_figures"]
+__all__ = ["branch_forces", "figures_of", "with_figures"]
 
 
 def with_figures(trace: Trace) -> Trace:
@@ -97,6 +97,25 @@ def figures_of(
 
 def _hysteresis(speed: FloatArray, force: FloatArray, at: float) -> float:
     """Return the mean force where the speed rises through a value, less that where it falls."""
+    opening, closing = branch_forces(speed, force, at)
+    return opening - closing
+
+
+def branch_forces(speed: FloatArray, force: FloatArray, at: float) -> tuple[float, float]:
+    """Return the mean force where the speed rises through a value, and where it falls.
+
+    Parameters
+    ----------
+    speed, force : numpy.ndarray
+        Shape (n,); m/s, of a stroke positive; N.
+    at : float
+        m/s.
+
+    Returns
+    -------
+    opening, closing : float
+        N; NaN where the speed is never passed so.
+    """
     beyond = speed - at
     before, behind = beyond[:-1], beyond[1:]
     branches = []
@@ -105,7 +124,8 @@ def _hysteresis(speed: FloatArray, force: FloatArray, at: float) -> float:
         np.flatnonzero((before >= 0.0) & (behind < 0.0)),
     ):
         if not len(places):
-            return math.nan
+            branches.append(math.nan)
+            continue
         share = before[places] / (before[places] - behind[places])
         branches.append(float(np.mean(force[places] + share * (force[places + 1] - force[places]))))
-    return branches[0] - branches[1]
+    return branches[0], branches[1]

@@ -22,6 +22,7 @@ from damperfit.run.hold_out import Parted, fitting, named_files, note_unpredicte
 from damperfit.run.judging import assessed, judge, with_profiles
 from damperfit.run.logs import available_cores, expand, read_batch
 from damperfit.run.mishaps import Mishaps
+from damperfit.run.readings import Readings
 from damperfit.run.result import Found, RunResult, UnwrittenError
 from damperfit.run.run_json import provenance
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
@@ -278,13 +279,14 @@ def _write(found: Found, mishaps: Mishaps, *, clock: Clock, jobs: int) -> RunRes
     with file_set(folder) as files:
         with clock.lap("write_s"):
             # First, for what fails in it is told in the others.
+            readings = Readings(configuration, campaign, mishaps)
             write_responses(
                 files.path("responses.parquet"),
                 campaign,
-                comparisons(configuration, campaign, mishaps, jobs=jobs),
+                readings.noted(comparisons(configuration, campaign, mishaps, jobs=jobs)),
                 provenance=found.origin,
             )
-            result = found.result(mishaps.failures)
+            result = found.result(mishaps.failures, readings.table(found.origin))
             for name, table in result.written.items():
                 for suffix in (".parquet", ".csv"):
                     write_table(files.path(name + suffix), table, suffix=suffix)

@@ -43,6 +43,8 @@ class RunResult:
         What stands in run.json.
     profiles : pyarrow.Table or None
         Points of the profiles that were asked for.
+    characteristics : pyarrow.Table or None
+        What is read off each stretch; None where nothing was written.
     """
 
     ending: Ending
@@ -51,6 +53,7 @@ class RunResult:
     facts: ReportFacts
     record: dict[str, Any]
     profiles: pa.Table | None = None
+    characteristics: pa.Table | None = None
 
     @property
     def written(self) -> dict[str, pa.Table]:
@@ -60,7 +63,8 @@ class RunResult:
             "mse": self.tables.mse,
             "adjustment": self.tables.adjustment,
         }
-        return always if self.profiles is None else always | {"profiles": self.profiles}
+        more = {"characteristics": self.characteristics, "profiles": self.profiles}
+        return always | {name: table for name, table in more.items() if table is not None}
 
     def document(self) -> dict[str, Any]:
         """Return run.json and the rows of both tables as one JSON document."""
@@ -98,7 +102,9 @@ class Found:
     origin: Mapping[str, Any]
     is_interrupted: bool
 
-    def result(self, mishaps: tuple[Failure, ...]) -> RunResult:
+    def result(
+        self, mishaps: tuple[Failure, ...], characteristics: pa.Table | None = None
+    ) -> RunResult:
         """Return the account of it; `mishaps` are settings and logs that could not be judged."""
         judgement = replace(self.judgement, failures=mishaps)
         facts = report_facts(
@@ -125,4 +131,5 @@ class Found:
                 self.configuration, self.batch, facts, self.campaign, judgement, ending=ending
             ),
             profiles=profile_points(self.configuration, judgement, self.origin),
+            characteristics=characteristics,
         )

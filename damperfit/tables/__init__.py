@@ -5,6 +5,7 @@ order of columns and the schema in run.json all come from there. `results` lays 
 responses out, `files` writes and reads. Tables are Arrow tables; ``Tables.frame`` gives pandas.
 """
 
+from damperfit.tables.characteristics import characteristic_rows, characteristics_table
 from damperfit.tables.columns import SCHEMA_VERSION, column_names, describe_tables, table_schema
 from damperfit.tables.files import (
     read_facts,
@@ -41,6 +42,8 @@ __all__ = [
     "Results",
     "Tables",
     "adjustment_rows",
+    "characteristic_rows",
+    "characteristics_table",
     "column_names",
     "describe_tables",
     "grade",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from damperfit.setting import ADJUSTER, LONGEST_WORD, Place, Setting, parse_place
+from damperfit.tables.characteristic_columns import CHARACTERISTIC_COLUMNS
 from damperfit.tables.quantities import PAPER_QUANTITIES, quantity_records
 
 if TYPE_CHECKING:
@@ -172,10 +173,16 @@ _ADJUSTMENT: tuple[_Column, ...] = (
     _Column("difference_N", _FLOAT, "N", "measured less modelled force on the same cycles"),
     _Column("told_from", _TEXT, "", "model, or measured where the model misses it"),
 )
+_CHARACTERISTICS: tuple[_Column, ...] = (
+    _SETTING,
+    _LOG,
+    *(_Column(*one) for one in CHARACTERISTIC_COLUMNS),
+)
 _TABLES: dict[str, tuple[_Column, ...]] = {
     "parameters": _PARAMETERS,
     "mse": _MSE_TABLE,
     "adjustment": _ADJUSTMENT,
+    "characteristics": _CHARACTERISTICS,
     "responses": _RESPONSES,
     "profiles": _PROFILES,
     "time_series": _TIME_SERIES,
@@ -281,7 +288,7 @@ def table_schema(
     Parameters
     ----------
     name : str
-        "parameters", "mse", "adjustment", "responses", "profiles" or "time_series".
+        As in the schema of run.json ("parameters", "mse", ...), or "time_series".
     facts : mapping
         JSON values for the schema's ``damperfit`` entry, beside version and name of the table.
     settings : collection of Setting

@@ -35,6 +35,7 @@ __all__ = [
     "Tables",
     "adjustment_rows",
     "grade",
+    "lay_out",
     "make_tables",
     "profiles_table",
     "time_series_table",
@@ -137,7 +138,9 @@ def make_tables(
     for setting in set(expected) - rows.keys():
         rows[setting] = {"setting": setting, "outcome": MISSING}
     quantities = campaign.quantities or PAPER_QUANTITIES
-    lay = partial(_table, facts=dict(provenance or {}), settings=tuple(rows), quantities=quantities)
+    lay = partial(
+        lay_out, facts=dict(provenance or {}), settings=tuple(rows), quantities=quantities
+    )
     return Tables(
         quantities=quantities,
         parameters=lay("parameters", [rows[setting] for setting in sorted(rows)]),
@@ -245,7 +248,7 @@ def profiles_table(
         for point in profile.points
     ]
     settings = {profile.setting for profile in known}
-    return _table(
+    return lay_out(
         "profiles",
         rows,
         facts=dict(provenance or {}),
@@ -308,7 +311,7 @@ def _finite(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)
 
 
-def _table(
+def lay_out(
     name: str,
     rows: Sequence[Mapping[str, Any]],
     *,
@@ -316,6 +319,7 @@ def _table(
     settings: Collection[Setting],
     quantities: Sequence[Quantity],
 ) -> pa.Table:
+    """Return rows as a table of `columns`; cells that a row has not are null."""
     schema = table_schema(name, facts, settings=settings, quantities=quantities)
     is_whole = schema.field("setting").type == pa.int64()
     cells = [{**row, **setting_cells(row["setting"], is_whole=is_whole)} for row in rows]

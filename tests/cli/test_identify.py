@@ -24,6 +24,8 @@ FILES = {
     "mse.csv",
     "adjustment.parquet",
     "adjustment.csv",
+    "characteristics.parquet",
+    "characteristics.csv",
     "responses.parquet",
     "report.md",
     "run.json",

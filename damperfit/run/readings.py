@@ -1,0 +1,62 @@
+"""What is read off each log while its response is written: the table "characteristics"."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from damperfit.tables import characteristic_rows, characteristics_table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    import pyarrow as pa
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.identification import Campaign, Comparison
+    from damperfit.run.mishaps import Mishaps
+
+__all__ = ["Readings"]
+
+
+@dataclass(slots=True)
+class Readings:
+    """The characteristics of the logs of a campaign, noted as they pass.
+
+    Attributes
+    ----------
+    configuration : Configuration
+        Whose damper's gas force is taken off.
+    campaign : Campaign
+        The fits.
+    mishaps : Mishaps
+        Takes what goes wrong with one log.
+    rows : list of dict
+        What was noted.
+    """
+
+    configuration: Configuration
+    campaign: Campaign
+    mishaps: Mishaps
+    rows: list[dict[str, Any]] = field(default_factory=list)
+
+    def noted(self, seen: Iterable[Comparison | None]) -> Iterator[Comparison | None]:
+        """Pass simulated logs on as they come: they are large, and wanted once."""
+        take = self.mishaps.at_log("reading the characteristics of")
+        logs = ((fit.setting, log.trace) for fit in self.campaign.fits for log in fit.logs)
+        for (setting, trace), one in zip(logs, seen, strict=True):
+            if one is not None:
+                try:
+                    self.rows += characteristic_rows(setting, trace, one, self.configuration.damper)
+                except Exception as error:  # noqa: BLE001 - the other logs have theirs
+                    take(trace, error)
+            yield one
+
+    def table(self, origin: Mapping[str, Any]) -> pa.Table:
+        """Return the table of what was noted."""
+        return characteristics_table(
+            self.rows,
+            provenance=origin,
+            settings=[fit.setting for fit in self.campaign.fits],
+            quantities=self.campaign.quantities,
+        )
