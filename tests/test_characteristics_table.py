@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from damperfit.damper.purdy import PURDY_DAMPER
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.tables import characteristic_rows, characteristics_table, write_table
 from tests.fakes import trace
 
