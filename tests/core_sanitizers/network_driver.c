@@ -198,16 +198,16 @@ static void step_by_step(void)
     run r = new_run(400, 1e-3, N_NUMBERS);
     sine(&r, 0.032, 1.5);
     expect(&r, &q, &USUAL, DF_OK, "step by step");
-    df_state *now = block(sizeof *now);
+    df_network_state *now = block(sizeof *now);
     memset(now, 0, sizeof *now);
     df_work work = {0};
     double *slopes = numbers_of(N_NUMBERS);
-    check(df_begin(&q, &USUAL, r.x[0], r.v[0], r.which, r.n_which, now) == DF_OK, "step by step", "begin");
+    check(df_begin_network(&q, &USUAL, r.x[0], r.v[0], r.which, r.n_which, now) == DF_OK, "step by step", "begin");
     for (size_t i = 0; i < r.n; i++) {
         if (i > 0)
-            check(df_advance(&q, &USUAL, r.x[i], r.v[i], r.interval, now, &work) == DF_OK,
+            check(df_advance_network(&q, &USUAL, r.x[i], r.v[i], r.interval, now, &work) == DF_OK,
                   "step by step", "advance");
-        check(df_force(&q, &USUAL, now, slopes) == r.force[i], "step by step", "another force");
+        check(df_force_network(&q, &USUAL, now, slopes) == r.force[i], "step by step", "another force");
         for (int j = 0; j < r.n_which; j++)
             check(slopes[j] == r.sensitivities[(size_t)j * r.n + i], "step by step", "another slope");
     }

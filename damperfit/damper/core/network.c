@@ -141,7 +141,7 @@ static double gas_pressure_by(const df_network *q, double P3, double s, int plac
 }
 
 /* Derivatives of the three pressures by a number at constant masses. */
-static void pressures_by(const df_network *q, const df_balance *b, double s, int place, double P[3])
+static void pressures_by(const df_network *q, const df_network_balance *b, double s, int place, double P[3])
 {
     P[0] = oil_pressure_by(q, b->P[0], place);
     P[2] = gas_pressure_by(q, b->P[2], s, place);
@@ -150,7 +150,7 @@ static void pressures_by(const df_network *q, const df_balance *b, double s, int
 
 /* Pressures, flows, and the Jacobian of the mass balances. */
 static void evaluate(const df_network *q, const chambers *c, const df_gas_point *gas,
-                     const double y[DF_STATES], df_balance *b)
+                     const double y[DF_STATES], df_network_balance *b)
 {
     const df_law P3 = df_gas_pressure(gas, taken(q, c, y));
     const double grow[2] = {q->rho_0 * q->a_1 * c->inverse[0], -q->rho_0 * q->a_2 * c->inverse[1]};
@@ -196,7 +196,7 @@ static void evaluate(const df_network *q, const chambers *c, const df_gas_point 
 }
 
 /* The elastic mounting: stretch x - y beyond half the play, and friction by the piston's speed. */
-static void hold(const df_network *q, const df_options *o, double stretch, double speed, df_balance *b)
+static void hold(const df_network *q, const df_options *o, double stretch, double speed, df_network_balance *b)
 {
     const double k = q->numbers[DF_NUMBER_STIFFNESS], half = 0.5 * q->numbers[DF_NUMBER_PLAY];
     const double beyond = fabs(stretch) - half;
@@ -215,7 +215,7 @@ static double oil_force(const df_network *q, const double P[3])
 }
 
 /* Slope of the oil's force by a state. */
-static double oil_force_by(const df_network *q, const df_balance *b, int state)
+static double oil_force_by(const df_network *q, const df_network_balance *b, int state)
 {
     return b->slope[0][state] * q->a_1 - b->slope[1][state] * q->a_2;
 }
@@ -226,7 +226,7 @@ typedef struct {
     double a[DF_STATES][DF_STATES];
 } inverse3;
 
-static void invert(const df_network *q, const df_balance *b, double hd, inverse3 *i)
+static void invert(const df_network *q, const df_network_balance *b, double hd, inverse3 *i)
 {
     const double a11 = 1.0 - hd * b->J[0][0], a12 = -hd * b->J[0][1];
     const double a21 = -hd * b->J[1][0], a22 = 1.0 - hd * b->J[1][1];
@@ -263,7 +263,7 @@ static void apply(const inverse3 *i, const double r[DF_STATES], double e[DF_STAT
         e[j] = i->a[j][0] * r[0] + i->a[j][1] * r[1] + i->a[j][2] * r[2];
 }
 
-static double change_of(const df_network *q, const df_balance *b, int k, const double e[DF_STATES])
+static double change_of(const df_network *q, const df_network_balance *b, int k, const double e[DF_STATES])
 {
     const int from = q->passages[k].from - 1, to = q->passages[k].to - 1;
     double change = 0.0;
@@ -275,7 +275,7 @@ static double change_of(const df_network *q, const df_balance *b, int k, const d
 /* A passage with an orifice is curved like a root, and plain Newton jumps to and fro across it. The
  * correction is moved so that D follows the flow, in which the law is smooth, for as many passages
  * between different chambers as there are masses; those that turn most come first. */
-static void follow_the_roots(const df_network *q, const df_balance *b, double e[DF_STATES])
+static void follow_the_roots(const df_network *q, const df_network_balance *b, double e[DF_STATES])
 {
     int chosen[2] = {-1, -1}, n_chosen = 0;
     double wanted[2] = {0.0, 0.0};
@@ -327,7 +327,7 @@ static void follow_the_roots(const df_network *q, const df_balance *b, double e[
 }
 
 /* Smallest D across an orifice: how near the last correction must come, see SHARE_DONE. */
-static double nearest_root(const df_network *q, const df_balance *b)
+static double nearest_root(const df_network *q, const df_network_balance *b)
 {
     double least = INFINITY;
     for (int k = 0; k < q->n_passages; k++) {
@@ -340,7 +340,7 @@ static double nearest_root(const df_network *q, const df_balance *b)
 /* One implicit stage: y = known + hd F(y), the mounting in equilibrium. Returns 0 when it converged. */
 static int solve_stage(const df_network *q, const df_options *o, double x, const df_gas_point *gas,
                        const double known[DF_STATES], double hd, double y[DF_STATES], chambers *c,
-                       df_balance *b, inverse3 *inverse, df_work *work, int *code)
+                       df_network_balance *b, inverse3 *inverse, df_work *work, int *code)
 {
     const double K = q->numbers[DF_NUMBER_K], share_done = fmin(SHARE_DONE, 0.01 * o->tolerance);
     const int elastic = is_elastic(q);
@@ -417,7 +417,7 @@ static int solve_stage(const df_network *q, const df_options *o, double x, const
 }
 
 /* dF/d(number) at constant masses, and that of the mounting's balance of forces. */
-static void balance_by(const df_network *q, const df_balance *b, double s, int place, double F[DF_STATES])
+static void balance_by(const df_network *q, const df_network_balance *b, double s, int place, double F[DF_STATES])
 {
     double P[3];
     pressures_by(q, b, s, place, P);
@@ -477,7 +477,7 @@ static void parabola(double t, double t0, double t1, double t2, double w[3])
 enum { STEP_TAKEN, STEP_REFUSED };
 
 /* The sensitivities of a converged stage, by its own Newton matrix. */
-static void carry_slopes(const df_network *q, const df_state *now, const df_balance *b,
+static void carry_slopes(const df_network *q, const df_network_state *now, const df_network_balance *b,
                          const inverse3 *inverse, double s, double h, int stage,
                          double S[][DF_STATES], double G[][DF_STAGES][DF_STATES])
 {
@@ -502,7 +502,7 @@ static void carry_slopes(const df_network *q, const df_state *now, const df_bala
 }
 
 /* What is predicted from step to step, smoother than the states themselves. */
-static void guide_of(const df_network *q, const df_balance *b, double x, const double y[DF_STATES],
+static void guide_of(const df_network *q, const df_network_balance *b, double x, const double y[DF_STATES],
                      double guide[DF_STATES])
 {
     guide[0] = b->fill[0];
@@ -511,7 +511,7 @@ static void guide_of(const df_network *q, const df_balance *b, double x, const d
 }
 
 /* The first guess of a stage, on the parabola through what is known. */
-static void guess_state(const df_network *q, const df_state *now, double guide[][DF_STATES],
+static void guess_state(const df_network *q, const df_network_state *now, double guide[][DF_STATES],
                         int stage, double x, double h, double y[DF_STATES])
 {
     double w[3], g[DF_STATES];
@@ -535,12 +535,12 @@ static void guess_state(const df_network *q, const df_state *now, double guide[]
 
 /* One step of length h from time t of the piece; a refused step leaves `now` alone. */
 static int take_step(const df_network *q, const df_options *o, const piece *motion, double t, double h,
-                     df_state *now, df_work *work, double *error, int *code)
+                     df_network_state *now, df_work *work, double *error, int *code)
 {
     const double hd = h * DF_DIAGONAL;
     double F[DF_STAGES][DF_STATES], guide[DF_STAGES][DF_STATES], y[DF_STATES];
     double G[DF_MOST_NUMBERS][DF_STAGES][DF_STATES], S[DF_MOST_NUMBERS][DF_STATES];
-    df_balance b = now->b;
+    df_network_balance b = now->b;
     inverse3 inverse = {{{0.0}}};
     chambers c;
     guide_of(q, &now->b, hermite(motion, t), now->y, guide[0]);
@@ -636,7 +636,7 @@ static int network_is_sound(const df_network *q)
 }
 
 /* Fill all chambers at one pressure P, and the gas for it. */
-static int fill_at(const df_network *q, const chambers *c, double P, df_state *now, double *growth)
+static int fill_at(const df_network *q, const chambers *c, double P, df_network_state *now, double *growth)
 {
     const df_geometry g = gas_geometry(q);
     const df_parameters p = gas_parameters(q);
@@ -654,7 +654,7 @@ static int fill_at(const df_network *q, const chambers *c, double P, df_state *n
 }
 
 /* One pressure in all chambers, the mounting in equilibrium without friction; P by Newton. */
-static int equalise(const df_network *q, double x, df_state *now, chambers *c)
+static int equalise(const df_network *q, double x, df_network_state *now, chambers *c)
 {
     const double k = q->numbers[DF_NUMBER_STIFFNESS];
     double P = q->numbers[DF_NUMBER_P_0], growth = 0.0;
@@ -679,9 +679,9 @@ static int equalise(const df_network *q, double x, df_state *now, chambers *c)
 }
 
 /* The sensitivities of such a start, by the implicit function theorem. */
-static void start_slopes(const df_network *q, const chambers *c, df_state *now)
+static void start_slopes(const df_network *q, const chambers *c, df_network_state *now)
 {
-    const df_balance *b = &now->b;
+    const df_network_balance *b = &now->b;
     const double k = b->pull_slope, a_r = q->a_2 - q->a_1, s = taken(q, c, now->y);
     for (int j = 0; j < now->n_which; j++) {
         double direct[3], slope[DF_STATES], own = 0.0, growth = 0.0, by_y = b->slope[2][DF_PISTON];
@@ -707,8 +707,8 @@ static void start_slopes(const df_network *q, const chambers *c, df_state *now)
     }
 }
 
-int df_begin(const df_network *q, const df_options *o, double x, double v, const int *which,
-             int n_which, df_state *now)
+int df_begin_network(const df_network *q, const df_options *o, double x, double v, const int *which,
+             int n_which, df_network_state *now)
 {
     chambers c;
     if (!network_is_sound(q) || n_which < 0 || n_which > q->n_numbers || !(o->tolerance > 0.0 && o->dead_band > 0.0))
@@ -740,8 +740,8 @@ int df_begin(const df_network *q, const df_options *o, double x, double v, const
     return DF_OK;
 }
 
-int df_advance(const df_network *q, const df_options *o, double x, double v, double interval,
-               df_state *now, df_work *work)
+int df_advance_network(const df_network *q, const df_options *o, double x, double v, double interval,
+               df_network_state *now, df_work *work)
 {
     const df_geometry g = gas_geometry(q);
     const df_parameters p = gas_parameters(q);
@@ -790,9 +790,9 @@ int df_advance(const df_network *q, const df_options *o, double x, double v, dou
     return isfinite(now->b.P[0]) && isfinite(now->b.P[1]) && isfinite(now->b.P[2]) ? DF_OK : DF_NOT_FINITE;
 }
 
-static double slope_of_force(const df_network *q, const df_state *now, int j, double s, double friction)
+static double slope_of_force(const df_network *q, const df_network_state *now, int j, double s, double friction)
 {
-    const df_balance *b = &now->b;
+    const df_network_balance *b = &now->b;
     const int place = now->which[j];
     if (place == DF_NUMBER_OFFSET)
         return 1.0;
@@ -817,9 +817,9 @@ static double slope_of_force(const df_network *q, const df_state *now, int j, do
     return oil_force(q, P);
 }
 
-double df_force(const df_network *q, const df_options *o, const df_state *now, double *slopes)
+double df_force_network(const df_network *q, const df_options *o, const df_network_state *now, double *slopes)
 {
-    const df_balance *b = &now->b;
+    const df_network_balance *b = &now->b;
     const double friction = df_friction_share(now->v, o->dead_band);
     const double piston = is_elastic(q) ? now->y[DF_PISTON] : now->x;
     const double shift = q->has_floating_piston ? q->rho_0 * q->a_2 * piston : now->y[1] - q->rho_0 * q->V_2;
@@ -833,11 +833,11 @@ double df_force(const df_network *q, const df_options *o, const df_state *now, d
            q->numbers[DF_NUMBER_DRAG] * now->v + offset;
 }
 
-static void write_sample(const df_network *q, const df_options *o, const df_state *now,
+static void write_sample(const df_network *q, const df_options *o, const df_network_state *now,
                          const df_result *r, size_t i, size_t n)
 {
     double slopes[DF_MOST_NUMBERS];
-    r->force[i] = df_force(q, o, now, slopes);
+    r->force[i] = df_force_network(q, o, now, slopes);
     for (int k = 0; k < 3; k++)
         r->pressures[(size_t)k * n + i] = now->b.P[k];
     for (int k = 0; k < 2; k++)
@@ -849,18 +849,18 @@ static void write_sample(const df_network *q, const df_options *o, const df_stat
 int df_simulate_network(const df_network *q, const df_options *o, const df_motion *motion,
                         const df_result *r, df_work *work)
 {
-    df_state now;
+    df_network_state now;
     work->steps = work->rejected = work->newton = 0;
     work->failed_sample = 0;
     if (motion->n < 1 || r->n_which < 0 || !(motion->interval > 0.0))
         return DF_BAD_ARGUMENT;
-    int code = df_begin(q, o, motion->x[0], motion->v[0], r->which, r->n_which, &now);
+    int code = df_begin_network(q, o, motion->x[0], motion->v[0], r->which, r->n_which, &now);
     if (code != DF_OK)
         return code;
     write_sample(q, o, &now, r, 0, motion->n);
     for (size_t i = 1; i < motion->n; i++) {
         work->failed_sample = i;
-        code = df_advance(q, o, motion->x[i], motion->v[i], motion->interval, &now, work);
+        code = df_advance_network(q, o, motion->x[i], motion->v[i], motion->interval, &now, work);
         if (code != DF_OK)
             return code;
         write_sample(q, o, &now, r, i, motion->n);

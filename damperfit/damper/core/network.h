@@ -2,7 +2,7 @@
  * held by a mounting that may be elastic and may have play.
  *
  * No allocation, no globals, no input or output. The state is a plain struct: a simulation is
- * `df_begin` once and `df_advance` from sample to sample, and so is an exported model.
+ * `df_begin_network` once and `df_advance_network` from sample to sample, and so is an exported model.
  */
 #ifndef DAMPERFIT_NETWORK_H
 #define DAMPERFIT_NETWORK_H
@@ -65,31 +65,31 @@ typedef struct {
     double grip, brake;                     /* share of f_f; slope of all friction by speed, N s/m */
     df_flow flow[DF_MOST_PASSAGES];
     double drop[DF_MOST_PASSAGES];
-} df_balance;
+} df_network_balance;
 
 /* The running state between samples. */
 typedef struct {
     int which[DF_MOST_NUMBERS], n_which; /* sensitivities asked for: places among the numbers */
     double y[DF_STATES], F[DF_STATES];
     double S[DF_MOST_NUMBERS][DF_STATES], G[DF_MOST_NUMBERS][DF_STATES]; /* dy/d(number), d/dt of it */
-    df_balance b;
+    df_network_balance b;
     df_gas_point gas;
     /* For the next prediction: fills of the chambers and the stretch of the mounting. */
     double guide_mid[DF_STATES], guide_old[DF_STATES], t_mid, t_old;
     double wish;                                   /* next step, s */
     double x, v;
-} df_state;
+} df_network_state;
 
 /* All chambers at one pressure at x, with the oil mass of the damper at x = 0. */
-int df_begin(const df_network *network, const df_options *options, double x, double v,
-             const int *which, int n_which, df_state *state);
+int df_begin_network(const df_network *network, const df_options *options, double x, double v,
+             const int *which, int n_which, df_network_state *state);
 
 /* From the state's x and v to those given, a time `interval` later, along the cubic Hermite piece. */
-int df_advance(const df_network *network, const df_options *options, double x, double v,
-               double interval, df_state *state, df_work *work);
+int df_advance_network(const df_network *network, const df_options *options, double x, double v,
+               double interval, df_network_state *state, df_work *work);
 
 /* The force of a state and its derivatives by the numbers asked for. */
-double df_force(const df_network *network, const df_options *options, const df_state *state,
+double df_force_network(const df_network *network, const df_options *options, const df_network_state *state,
                 double *slopes);
 
 /* The whole motion; `result->which` names places among the numbers. */
