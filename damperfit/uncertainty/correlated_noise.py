@@ -38,8 +38,11 @@ __all__ = [
     "autocorrelation",
     "correlation_length",
     "cycle_covariance",
+    "flat_topped",
     "larger",
+    "lost_share",
     "score_covariance",
+    "smoothed",
     "stationary_covariance",
 ]
 
@@ -102,14 +105,44 @@ def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
     numpy.ndarray
         Shape (k, k), positive semi-definite.
     """
-    n = len(scores)
-    lags = np.arange(min(2 * lag + 1, n))
-    flat_topped = np.clip(2.0 - lags / max(lag, 1), 0.0, 1.0) if lag else np.ones(1)
-    total = _windowed(scores, flat_topped)
+    window = flat_topped(lag, len(scores))
+    total = _windowed(scores, window)
     if lag and not _is_positive(total):
         # A misfit that repeats with the cycle can do that; a triangle never gives a negative sum.
-        total = _windowed(scores, 1.0 - lags / (2.0 * lag + 1.0))
+        total = _windowed(scores, 1.0 - np.arange(len(window)) / (2.0 * lag + 1.0))
     return total
+
+
+def flat_topped(lag: int, n: int) -> FloatArray:
+    """Return the window of lags from 0 on: 1 up to a lag, falling to 0 at its double.
+
+    Parameters
+    ----------
+    lag : int
+        Correlation length, samples.
+    n : int
+        Samples there are.
+    """
+    lags = np.arange(min(2 * lag + 1, n))
+    return np.asarray(np.clip(2.0 - lags / max(lag, 1), 0.0, 1.0) if lag else np.ones(1))
+
+
+def lost_share(window: FloatArray, n: int) -> float:
+    """Return the share of the variance that the fit takes by making the sum of the scores zero."""
+    return min((2.0 * float(np.sum(window)) - 1.0) / n, 0.5)
+
+
+def smoothed(columns: FloatArray, kernel: FloatArray) -> FloatArray:
+    """Return columns, shape (n, k), convolved with a symmetric kernel that is given from lag 0."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    n, reach = len(columns), len(kernel)
+    length = next_fast_len(n + reach, real=True)
+    whole = np.zeros(length)
+    whole[:reach] = kernel
+    whole[length - reach + 1 :] = kernel[:0:-1]
+    gain = rfft(whole).real
+    return np.asarray(irfft(rfft(columns, length, axis=0) * gain[:, None], length, axis=0)[:n])
 
 
 def stationary_covariance(jacobian: FloatArray, residuals: FloatArray, lag: int) -> FloatArray:
@@ -177,19 +210,8 @@ def larger(one: FloatArray, other: FloatArray) -> FloatArray:
 
 def _windowed(scores: FloatArray, window: FloatArray) -> FloatArray:
     """Sum over lags of window times lagged products; the window holds the lags from 0."""
-    from scipy.fft import irfft, next_fast_len, rfft
-
-    n, reach = len(scores), len(window)
-    length = next_fast_len(n + reach, real=True)
-    kernel = np.zeros(length)
-    kernel[:reach] = window
-    kernel[length - reach + 1 :] = window[:0:-1]
-    gain = rfft(kernel).real
-    smooth = irfft(rfft(scores, length, axis=0) * gain[:, None], length, axis=0)[:n]
-    total = scores.T @ smooth
-    # The fit makes the sum of the scores zero, which takes this share of the variance away.
-    lost = min((2.0 * float(np.sum(window)) - 1.0) / n, 0.5)
-    return np.asarray(0.5 * (total + total.T) / (1.0 - lost))
+    total = scores.T @ smoothed(scores, window)
+    return np.asarray(0.5 * (total + total.T) / (1.0 - lost_share(window, len(scores))))
 
 
 def cycle_covariance(scores: Sequence[FloatArray], starts: Sequence[FloatArray]) -> FloatArray:

@@ -18,6 +18,7 @@ import numpy as np
 
 from damperfit.conditioning import apply_filter
 from damperfit.identification.model_versus_log import compare
+from damperfit.identification.outcome import Status
 from damperfit.identification.weights import weights
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.correlated_noise import (
@@ -27,6 +28,7 @@ from damperfit.uncertainty.correlated_noise import (
     score_covariance,
     stationary_covariance,
 )
+from damperfit.uncertainty.few_samples import ShortStretch, filter_correlation, widening
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -134,6 +136,7 @@ def gather(fit: Fit, damper: Model, *, solver: SolverOptions = SolverOptions()) 
     n = len(own)
     logs: list[LogEvidence] = []
     covariances: list[FloatArray] = []
+    lags: list[int] = []
     traces = [log.trace for log in fit.logs]
     for trace, weight in zip(traces, weights(traces), strict=True):
         seen = compare(
@@ -155,18 +158,21 @@ def gather(fit: Fit, damper: Model, *, solver: SolverOptions = SolverOptions()) 
                 pressures=seen.response.pressures[:, part].min(axis=1),
             )
         )
-        covariances.extend(_covariances(trace, logs[-1]))
+        for lag, found in _covariances(trace, logs[-1]):
+            lags.append(lag)
+            covariances.append(found)
     scores = [_scores(log) for log in logs]
     pieces, edges = [], []
     for log, of_log in zip(fit.logs, scores, strict=True):
         for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
             pieces.append(of_log[place])
             edges.append(stretch.cycle_starts - stretch.first)
+    wider = widening(_short_stretches(fit, logs, lags))
     return Evidence(
         fit=fit,
         information=np.asarray(sum(_information(log) for log in logs)),
-        scores=np.asarray(sum(covariances)),
-        cycle_scores=cycle_covariance(pieces, edges),
+        scores=np.asarray(wider * sum(covariances)),
+        cycle_scores=wider * cycle_covariance(pieces, edges),
         gradient=np.asarray(sum(part.sum(axis=0) for part in scores)),
         logs=tuple(logs),
         conditions=damper.conditions,
@@ -193,8 +199,33 @@ def _sensitivities(trace: Trace, seen: Comparison) -> FloatArray:
     return apply_filter(trace.model_filter, rows)
 
 
-def _covariances(trace: Trace, seen: LogEvidence) -> Iterator[FloatArray]:
-    """Covariance of the summed scores of each stretch: nothing is correlated across a gap."""
+def _short_stretches(
+    fit: Fit, logs: Sequence[LogEvidence], lags: Sequence[int]
+) -> list[ShortStretch]:
+    """Return what each stretch gives to the parameters that the fit found."""
+    names = fit.parameters.names
+    fitted = {Status.FITTED, Status.NOT_IDENTIFIABLE}
+    columns = [k for k, name in enumerate(names) if fit.status[name] in fitted]
+    places = [
+        (log.trace, seen, place)
+        for log, seen in zip(fit.logs, logs, strict=True)
+        for place in log.trace.places
+    ]
+    return [
+        ShortStretch(
+            seen.jacobian[place][:, columns] * seen.weights[place, None],
+            filter_correlation(trace.model_filter, place.stop - place.start),
+            lag,
+        )
+        for (trace, seen, place), lag in zip(places, lags, strict=True)
+    ]
+
+
+def _covariances(trace: Trace, seen: LogEvidence) -> Iterator[tuple[int, FloatArray]]:
+    """Correlation length and covariance of the summed scores of each stretch.
+
+    Nothing is correlated across a gap.
+    """
     scores = _scores(seen)
     for stretch, place in zip(trace.stretches, trace.places, strict=True):
         period = 1.0 / stretch.frequency
@@ -209,7 +240,7 @@ def _covariances(trace: Trace, seen: LogEvidence) -> Iterator[FloatArray]:
                 seen.jacobian[place] * weights[:, None], seen.residuals[place] * weights, lag
             )
             found = larger(found, alike)
-        yield found
+        yield lag, found
 
 
 def _scores(log: LogEvidence) -> FloatArray:

@@ -1,0 +1,134 @@
+r"""By how much errors of a short log are too small, and what puts them right.
+
+A fit takes out of the residuals what its k parameters can follow, and a sum over lags that are
+read off those residuals misses it. Three cycles at 7 Hz behind 30 Hz are worth some 30 independent
+samples: of their noise five parameters take a fifth. What is missed is known for noise that is
+white ahead of the filter, of covariance R behind it: the residuals have P R P^T with the projector
+P of the fit, and the summed scores are expected to have::
+
+    found   J^T (W o P R P^T) J / (1 - lost)      true   J^T R J
+
+with the window W of lags. The ratio of the variances that follow, the mean over the fitted
+parameters, is the first factor. The second makes 1.96 errors hold 95 % of Student's t: a variance
+that a window w sums over n samples has n / sum w^2 degrees of freedom.
+
+Over 120 seeds of three cycles at 5, 7 and 10 Hz errors were 11 to 29 % short, and 83 to 92 of 100
+intervals held the truth; then 90 to 97 (`python -m tests.uncertainty.few_cycles`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.conditioning import apply_filter
+from damperfit.uncertainty.correlated_noise import (
+    autocorrelation,
+    flat_topped,
+    lost_share,
+    smoothed,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.recording import FilterDesign
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["ENOUGH", "ShortStretch", "filter_correlation", "widening"]
+
+# Independent samples a parameter; with more, errors are less than 2 % short.
+ENOUGH = 50.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShortStretch:
+    """What one stretch gives to a fit.
+
+    Attributes
+    ----------
+    slopes : numpy.ndarray
+        Shape (n, k), weighted, by the fitted parameters.
+    correlation : numpy.ndarray
+        Shape (n,), autocorrelation of white noise behind the filter, from lag 0.
+    lag : int
+        Correlation length that was found, samples.
+    """
+
+    slopes: FloatArray
+    correlation: FloatArray
+    lag: int
+
+    @property
+    def independent(self) -> float:
+        """Independent samples of noise."""
+        rho = self.correlation
+        return len(rho) / (2.0 * float(rho @ rho) - 1.0)
+
+
+def filter_correlation(design: FilterDesign, n: int) -> FloatArray:
+    """Return the autocorrelation of white noise behind a filter at lags 0 to n - 1, shape (n,)."""
+    impulse = np.zeros(2 * n + 1)
+    impulse[n] = 1.0
+    return autocorrelation(apply_filter(design, impulse), n - 1)
+
+
+def widening(stretches: Sequence[ShortStretch]) -> float:
+    """Return the factor, 1 or more, on the covariance of the scores of a setting.
+
+    Parameters
+    ----------
+    stretches : sequence of ShortStretch
+        All that were fitted together.
+    """
+    from scipy.special import ndtri, stdtrit
+
+    n_fitted = stretches[0].slopes.shape[1] if stretches else 0
+    if not n_fitted or sum(one.independent for one in stretches) > ENOUGH * n_fitted:
+        return 1.0
+    inverse = np.linalg.pinv(
+        np.sum([one.slopes.T @ one.slopes for one in stretches], axis=0), hermitian=True
+    )
+    true = np.sum([one.slopes.T @ smoothed(one.slopes, one.correlation) for one in stretches], 0)
+    found = np.sum([_expected(one, inverse, true) for one in stretches], axis=0)
+    variances = [np.diag(inverse @ part @ inverse) for part in (true, found)]
+    is_known = (variances[0] > 0.0) & (variances[1] > 0.0)
+    ratio = (
+        float(np.mean(variances[0][is_known] / variances[1][is_known])) if is_known.any() else 1.0
+    )
+    freedom = _freedom(stretches)
+    student = float(stdtrit(freedom, 0.975) / ndtri(0.975))
+    return max(ratio, 1.0) * student**2
+
+
+def _expected(one: ShortStretch, inverse: FloatArray, true: FloatArray) -> FloatArray:
+    """Return what the window finds of the residuals on average, shape (k, k).
+
+    P R P^T is R less a b^T + b a^T with a = J H^-1 and b = R J - a J^T R J / 2.
+    """
+    slopes = one.slopes
+    window = flat_topped(one.lag, len(slopes))
+    reach = len(window)
+    total = slopes.T @ smoothed(slopes, window * one.correlation[:reach])
+    a = slopes @ inverse
+    b = smoothed(slopes, one.correlation) - 0.5 * a @ true
+    for left, right in zip(a.T, b.T, strict=True):
+        crossed = (slopes * left[:, None]).T @ smoothed(slopes * right[:, None], window)
+        total -= crossed + crossed.T
+    return np.asarray(total / (1.0 - lost_share(window, len(slopes))))
+
+
+def _freedom(stretches: Sequence[ShortStretch]) -> float:
+    """Return the degrees of freedom of all, each with the weight of its samples (Satterthwaite)."""
+    sizes, others = 0.0, 0.0
+    for one in stretches:
+        n = len(one.slopes)
+        window = flat_topped(one.lag, n)
+        sizes += n
+        others += n * (2.0 * float(window @ window) - 1.0)
+    return max(sizes * sizes / others, 1.0)
