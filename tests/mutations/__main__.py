@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"{mutant.place} {mutant.function} {mutant.kind}")
             print(f"  - {mutant.before}\n  + {mutant.after}")
         return 0
-    selection = _traced(root, folder, options)
+    selection = traced(root, folder, options)
     results = _run(wanted, selection, folder, options)
     _report(wanted, results, is_known=options.known)
     survivors = [one for one in wanted if _survives(results[one.key])]
@@ -107,7 +107,7 @@ def _hashes(root: Path, *names: str) -> dict[str, str]:
     }
 
 
-def _traced(root: Path, folder: Path, options: argparse.Namespace) -> Selection:
+def traced(root: Path, folder: Path, options: argparse.Namespace) -> Selection:
     """Return which tests run which line, from a traced run of the suite.
 
     Traced again are the test files that changed since; lines of the package are followed through
