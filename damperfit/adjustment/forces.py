@@ -34,7 +34,7 @@ from damperfit.simulation import (
     simulate,
     sine_motion,
 )
-from damperfit.uncertainty import NORMAL_95
+from damperfit.statistics import NORMAL_95
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.uncertainty import NORMAL_95
+from damperfit.statistics import NORMAL_95
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,7 +18,6 @@ from damperfit.identification.descent import FitCancelledError, Misfit
 from damperfit.identification.outcome import Status
 from damperfit.identification.restarts import reconsidered
 from damperfit.identification.setting import (
-    CHI_SQUARED_95,
     Judged,
     fit_setting,
     is_sound,
@@ -26,6 +25,7 @@ from damperfit.identification.setting import (
 )
 from damperfit.identification.sharing import listed_settings
 from damperfit.setting import Setting
+from damperfit.statistics import CHI_SQUARED_95
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -21,9 +21,10 @@ from damperfit.errors import DamperfitError
 from damperfit.identification.descent import FitCancelledError, Misfit, descend, linearise
 from damperfit.identification.one_speed import untold
 from damperfit.identification.plausible import kept_within
-from damperfit.identification.setting import CHI_SQUARED_95, Judged, attempt, is_sound
+from damperfit.identification.setting import Judged, attempt, is_sound
 from damperfit.identification.signatures import gain, signatures
 from damperfit.identification.weights import weights
+from damperfit.statistics import CHI_SQUARED_95
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from damperfit.setting import Setting
 
 __all__ = [
-    "CHI_SQUARED_95",
     "EXCELLENT",
     "NOT_FIT_TO_SHARE",
     "NOT_FOUND",
@@ -56,9 +55,6 @@ NOT_FIT_TO_SHARE = 1.0 / 3.0
 _NO_FRICTION = 1e-2
 # A sound minimum is preferred to a cavitating one unless that one is better by this factor.
 _CLEARLY_BETTER = 1.5
-# Of one degree of freedom: what noise may make of the depth of a minimum. It stands here, not with
-# the other statistics, for `uncertainty` is a layer above the fits that ask for it.
-CHI_SQUARED_95 = 3.84
 # MSE in per cent that the paper calls excellent; the wrong valley's is about 2 %.
 EXCELLENT = 1.0
 

@@ -9,14 +9,13 @@ from damperfit.uncertainty.assessment import (
 )
 from damperfit.uncertainty.flaws import Hint
 from damperfit.uncertainty.gas import GasContent
-from damperfit.uncertainty.information import Evidence, LogEvidence, gather
 from damperfit.uncertainty.intervals import (
-    NORMAL_95,
     Interval,
     Uncertainty,
-    collect_evidence,
+    linearise_settings,
     uncertainties,
 )
+from damperfit.uncertainty.linearisation import Linearisation, LogLinearisation, linearise_at_fit
 from damperfit.uncertainty.prediction import (
     HoldOutOptions,
     Prediction,
@@ -37,16 +36,15 @@ from damperfit.uncertainty.withheld import Objection, objections
 
 __all__ = [
     "METHOD",
-    "NORMAL_95",
     "Assessment",
     "Bench",
     "Diagnosis",
-    "Evidence",
     "GasContent",
     "Hint",
     "HoldOutOptions",
     "Interval",
-    "LogEvidence",
+    "Linearisation",
+    "LogLinearisation",
     "MisfitProfile",
     "Objection",
     "Prediction",
@@ -56,9 +54,9 @@ __all__ = [
     "Uncertainty",
     "assess",
     "check_profile_names",
-    "collect_evidence",
     "diagnose",
-    "gather",
+    "linearise_at_fit",
+    "linearise_settings",
     "objections",
     "predict",
     "prediction_warnings",

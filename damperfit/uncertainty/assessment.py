@@ -19,7 +19,7 @@ from damperfit.identification.setting import NOT_FIT_TO_SHARE
 from damperfit.identification.sharing import MEAN, TAKEN, listed_settings
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.gas import GasContent, gas_content
-from damperfit.uncertainty.intervals import Uncertainty, collect_evidence, uncertainties
+from damperfit.uncertainty.intervals import Uncertainty, linearise_settings, uncertainties
 from damperfit.uncertainty.misfit_scores import misfit_scores
 from damperfit.uncertainty.profile_walk import (
     doubtful_profiles,
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from damperfit.errors import OnError
     from damperfit.identification import Campaign, Fit
     from damperfit.setting import Setting
-    from damperfit.uncertainty.information import Evidence
+    from damperfit.uncertainty.linearisation import Linearisation
     from damperfit.uncertainty.withheld import Objection
 
 __all__ = [
@@ -226,7 +226,7 @@ def assess(
     on_error : callable, optional
         Told of a setting and the error that judging it has met; without it such an error is raised.
     """
-    evidence: list[Evidence] = []
+    linearised: list[Linearisation] = []
     diagnoses: list[Diagnosis] = []
     forces: list[SpeedForces] = []
     doubted = (MEAN,) if campaign.sharing.friction_varies else ()
@@ -237,26 +237,26 @@ def assess(
                 forces.extend(speed_forces(one, is_structured=told.is_structured))
                 diagnoses.append(told)
                 misfit = misfit_scores(one) if told.is_structured else None
-                evidence.append(replace(_without_curves(one), misfit=misfit))
-    known = uncertainties(evidence, campaign.sharing, on_error=on_error)
+                linearised.append(replace(_without_curves(one), misfit=misfit))
+    known = uncertainties(linearised, campaign.sharing, on_error=on_error)
     judged = {one.setting for one in known}
-    evidence = [one for one in evidence if one.fit.setting in judged]
+    linearised = [one for one in linearised if one.fit.setting in judged]
     diagnoses = [one for one in diagnoses if one.setting in judged]
     bench = Bench(damper, solver, cancelled, jobs)
 
-    def doubtful(pair: tuple[Evidence, Uncertainty]) -> tuple[MisfitProfile, ...]:
+    def doubtful(pair: tuple[Linearisation, Uncertainty]) -> tuple[MisfitProfile, ...]:
         with sparing(pair[1].setting, on_error), suppress(SimulationError, FitCancelledError):
             return doubtful_profiles(*pair, campaign.sharing, bench)
         return ()
 
     with ThreadPoolExecutor(max(1, jobs)) as pool, one_blas_thread():
-        pairs = zip(evidence, known, strict=True)
+        pairs = zip(linearised, known, strict=True)
         profiles = tuple(p for several in pool.map(doubtful, pairs) for p in several)
     return Assessment(
         uncertainties=known,
         diagnoses=reconciled(diagnoses),
         profiles=profiles,
-        gas=gas_content(evidence, campaign.sharing),
+        gas=gas_content(linearised, campaign.sharing),
         forces=tuple(forces),
     )
 
@@ -300,8 +300,8 @@ def profile_campaign(
     judged = tuple(fit for fit in campaign.fits if fit.setting in known)
     campaign = replace(campaign, fits=judged)
     turns = _evidence_in_turns(campaign, bench.damper, solver=bench.solver, jobs=bench.jobs)
-    evidence = [_without_curves(one) for seen in turns for one in seen]
-    mine = {one.fit.setting: one for one in evidence}
+    linearised = [_without_curves(one) for seen in turns for one in seen]
+    mine = {one.fit.setting: one for one in linearised}
     sharing = campaign.sharing
     found: list[MisfitProfile] = []
 
@@ -317,7 +317,7 @@ def profile_campaign(
                 traced: tuple[MisfitProfile, ...] = ()
                 with sparing(lowest, on_error), suppress(SimulationError, FitCancelledError):
                     traced = profile_jointly(
-                        name, evidence, known[lowest], sharing, bench, stride=stride
+                        name, linearised, known[lowest], sharing, bench, stride=stride
                     )
             else:
                 lines = lines_of(name, mine, known, sharing, bench)
@@ -343,19 +343,19 @@ def _evidence_in_turns(
     solver: SolverOptions,
     jobs: int,
     on_error: OnError | None = None,
-) -> Iterator[tuple[Evidence, ...]]:
-    """Yield the evidence of a campaign, a few settings at a time: it is large."""
+) -> Iterator[tuple[Linearisation, ...]]:
+    """Yield the linearised fits of a campaign, a few settings at a time: they are large."""
     n_at_once = max(1, jobs)
     for start in range(0, len(campaign.fits), n_at_once):
         few = replace(campaign, fits=campaign.fits[start : start + n_at_once])
-        yield collect_evidence(few, damper, solver=solver, jobs=jobs, on_error=on_error)
+        yield linearise_settings(few, damper, solver=solver, jobs=jobs, on_error=on_error)
 
 
-def _without_curves(evidence: Evidence) -> Evidence:
+def _without_curves(linearised: Linearisation) -> Linearisation:
     """Keep only the residuals of each log: of thousands of logs the rest would fill the memory."""
     none = np.empty((0, 0))
-    logs = (replace(log, jacobian=none, gas=none, force=none) for log in evidence.logs)
-    return replace(evidence, logs=tuple(logs))
+    logs = (replace(log, jacobian=none, gas=none, force=none) for log in linearised.logs)
+    return replace(linearised, logs=tuple(logs))
 
 
 def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:

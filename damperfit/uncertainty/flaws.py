@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.recording import Trace
-    from damperfit.uncertainty.information import Evidence, LogEvidence
+    from damperfit.uncertainty.linearisation import Linearisation, LogLinearisation
 
     FloatArray = NDArray[np.float64]
 
@@ -158,15 +158,17 @@ _FLAWS: Mapping[str, _Flaw] = {
 }
 
 
-def _signatures(trace: Trace, seen: LogEvidence, evidence: Evidence) -> dict[str, list[FloatArray]]:
+def _signatures(
+    trace: Trace, seen: LogLinearisation, linearised: Linearisation
+) -> dict[str, list[FloatArray]]:
     """Force that one unit of each flaw adds, behind the filter, where it is compared."""
-    stiff = [k for k, one in enumerate(evidence.fit.parameters.quantities) if one.is_open]
-    conditions = {name: [seen.gas[:, k]] for k, name in enumerate(evidence.conditions)}
+    stiff = [k for k, one in enumerate(linearised.fit.parameters.quantities) if one.is_open]
+    conditions = {name: [seen.gas[:, k]] for k, name in enumerate(linearised.conditions)}
     return signatures(trace, seen.force, [seen.jacobian[:, k] for k in stiff]) | conditions
 
 
 def seek_flaws(
-    evidence: Evidence,
+    linearised: Linearisation,
     repeats: float,
     *,
     doubted: tuple[str, ...] = (),
@@ -179,7 +181,7 @@ def seek_flaws(
 
     Parameters
     ----------
-    evidence : Evidence
+    linearised : Linearisation
         Of one setting.
     repeats : float
         Mean square of the repeating misfit, N^2.
@@ -188,12 +190,12 @@ def seek_flaws(
     has_yielded : bool
         The damper yields before it slides: nothing of valves, oil or gas is named.
     """
-    residuals = np.concatenate([seen.residuals for seen in evidence.logs])
-    doubted = tuple(name for name in doubted if evidence.fit.status[name] == Status.SHARED)
-    absorbed = _absorbed(evidence, {Status.FITTED, Status.SHARED, Status.NOT_IDENTIFIABLE})
+    residuals = np.concatenate([seen.residuals for seen in linearised.logs])
+    doubted = tuple(name for name in doubted if linearised.fit.status[name] == Status.SHARED)
+    absorbed = _absorbed(linearised, {Status.FITTED, Status.SHARED, Status.NOT_IDENTIFIABLE})
     tables = [
-        _signatures(log.trace, seen, evidence)
-        for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True)
+        _signatures(log.trace, seen, linearised)
+        for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True)
     ]
     columns: dict[str, list[FloatArray]] = {
         name: [
@@ -202,14 +204,14 @@ def seek_flaws(
         ]
         for name in tables[0]
     }
-    for name in (*_held(evidence), *doubted):
-        place = evidence.names.index(name)
-        columns[name] = [np.concatenate([seen.jacobian[:, place] for seen in evidence.logs])]
+    for name in (*_held(linearised), *doubted):
+        place = linearised.names.index(name)
+        columns[name] = [np.concatenate([seen.jacobian[:, place] for seen in linearised.logs])]
     power = repeats * len(residuals)
     # Values that the other settings hold back absorb nothing of what one setting lacks.
-    own = _absorbed(evidence, {Status.FITTED, Status.NOT_IDENTIFIABLE}) if doubted else absorbed
+    own = _absorbed(linearised, {Status.FITTED, Status.NOT_IDENTIFIABLE}) if doubted else absorbed
     found = []
-    half_range = 0.5 * float(np.ptp(np.concatenate([seen.force for seen in evidence.logs])))
+    half_range = 0.5 * float(np.ptp(np.concatenate([seen.force for seen in linearised.logs])))
     unlikely = _OF_VALVES if has_yielded else frozenset()
     for name, candidates in columns.items():
         basis = own if name in doubted else absorbed
@@ -238,9 +240,9 @@ def _is_reasonable(hint: Hint, half_range: float) -> bool:
     return abs(hint.amount) <= largest
 
 
-def _held(evidence: Evidence) -> tuple[str, ...]:
+def _held(linearised: Linearisation) -> tuple[str, ...]:
     """Parameters that nothing in the logs has set; an offset stands among the flaws already."""
-    fit = evidence.fit
+    fit = linearised.fit
     return tuple(
         one.name
         for one in fit.parameters.quantities
@@ -258,11 +260,11 @@ def _held_flaw(name: str, *, is_shared: bool) -> _Flaw:
     )
 
 
-def _absorbed(evidence: Evidence, statuses: set[str]) -> FloatArray:
+def _absorbed(linearised: Linearisation, statuses: set[str]) -> FloatArray:
     """Orthonormal basis of what parameters of these statuses could absorb."""
-    status = evidence.fit.status
-    places = [j for j, name in enumerate(evidence.names) if status[name] in statuses]
-    whole = np.vstack([seen.jacobian[:, places] for seen in evidence.logs])
+    status = linearised.fit.status
+    places = [j for j, name in enumerate(linearised.names) if status[name] in statuses]
+    whole = np.vstack([seen.jacobian[:, places] for seen in linearised.logs])
     lengths = np.sqrt(np.sum(whole * whole, axis=0))
     basis, _ = np.linalg.qr(whole[:, lengths > 0.0] / lengths[lengths > 0.0])
     return np.asarray(basis)

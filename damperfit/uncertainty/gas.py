@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from damperfit.identification import Sharing
     from damperfit.setting import Setting
-    from damperfit.uncertainty.information import Evidence
+    from damperfit.uncertainty.linearisation import Linearisation
 
 __all__ = ["GasContent", "gas_content"]
 
@@ -60,12 +60,12 @@ class GasContent:
         )
 
 
-def gas_content(evidence: Sequence[Evidence], sharing: Sharing) -> GasContent | None:
+def gas_content(linearised: Sequence[Linearisation], sharing: Sharing) -> GasContent | None:
     """Return the gas content of a campaign; None where K_e was not to follow from one.
 
     Parameters
     ----------
-    evidence : sequence of Evidence
+    linearised : sequence of Linearisation
         Of all settings.
     sharing : Sharing
         The law, and what was shared beside it.
@@ -73,7 +73,7 @@ def gas_content(evidence: Sequence[Evidence], sharing: Sharing) -> GasContent | 
     law = sharing.gas
     if law is None:
         return None
-    covariance = shared_covariance(evidence, sharing)[-len(GAS_NAMES) :, -len(GAS_NAMES) :]
+    covariance = shared_covariance(linearised, sharing)[-len(GAS_NAMES) :, -len(GAS_NAMES) :]
     errors = np.sqrt(np.diag(covariance))
     values = zip((law.volume_ratio, law.stiffness), errors, strict=True)
     gas, oil = (make_interval(value, float(error)) for value, error in values)

@@ -1,6 +1,6 @@
 r"""Standard errors and 95 % intervals of a campaign's parameters.
 
-With s the summed scores of a setting (covariance M, see `information`), f its own free parameters
+With s the summed scores of a setting (covariance M, see `linearisation`), f its own free parameters
 and theta the shared ones, the errors are linear::
 
     own       du = H_ff^-1 (s_f - H_f,theta dtheta)
@@ -31,7 +31,8 @@ from damperfit.identification.outcome import Status
 from damperfit.identification.paper.gas_content import GAS_FOLLOWER, GAS_NAMES
 from damperfit.identification.sharing import MEAN, TAKEN
 from damperfit.simulation import SolverOptions
-from damperfit.uncertainty.information import Evidence, gather
+from damperfit.statistics import NORMAL_95
+from damperfit.uncertainty.linearisation import Linearisation, linearise_at_fit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -46,10 +47,9 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = [
-    "NORMAL_95",
     "Interval",
     "Uncertainty",
-    "collect_evidence",
+    "linearise_settings",
     "make_interval",
     "own_names",
     "shared_covariance",
@@ -58,9 +58,6 @@ __all__ = [
     "solved",
     "uncertainties",
 ]
-
-# 95 % of a normal distribution lie within so many standard errors.
-NORMAL_95 = 1.959964
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,74 +120,74 @@ class Uncertainty:
         return np.asarray(self.covariance / np.outer(scale, scale))
 
 
-def collect_evidence(
+def linearise_settings(
     campaign: Campaign,
     damper: Model,
     *,
     solver: SolverOptions = SolverOptions(tolerance=1e-2),
     jobs: int = 1,
     on_error: OnError | None = None,
-) -> tuple[Evidence, ...]:
-    """Return the evidence of every setting, by rising setting; one simulation for each log.
+) -> tuple[Linearisation, ...]:
+    """Linearise the fit of every setting, by rising setting; one simulation for each log.
 
     A setting that cannot be simulated at its fitted point is left out. So is one with another
     error, where ``on_error`` is there to be told of it.
     """
 
-    def one(fit: Fit) -> Evidence | None:
+    def one(fit: Fit) -> Linearisation | None:
         with sparing(fit.setting, on_error), suppress(SimulationError):
-            return gather(fit, damper, solver=solver)
+            return linearise_at_fit(fit, damper, solver=solver)
         return None
 
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         found = pool.map(one, campaign.fits)
-        return tuple(evidence for evidence in found if evidence is not None)
+        return tuple(linearised for linearised in found if linearised is not None)
 
 
 def uncertainties(
-    evidence: Sequence[Evidence], sharing: Sharing, *, on_error: OnError | None = None
+    linearised: Sequence[Linearisation], sharing: Sharing, *, on_error: OnError | None = None
 ) -> tuple[Uncertainty, ...]:
     """Return errors and intervals for every setting.
 
     Parameters
     ----------
-    evidence : sequence of Evidence
+    linearised : sequence of Linearisation
         Of all settings of the campaign.
     sharing : Sharing
         How the shared parameters were found.
     on_error : callable, optional
         Told of a setting and the error that it met; the setting is then left out.
     """
-    rows = _shared_rows(evidence, sharing)
-    parts = [row @ one.scores @ row.T for row, one in zip(rows, evidence, strict=True)]
+    rows = _shared_rows(linearised, sharing)
+    parts = [row @ one.scores @ row.T for row, one in zip(rows, linearised, strict=True)]
     # Summed without the setting's own: a difference of sums could turn negative by rounding.
     nothing = np.zeros((len(sharing.variables),) * 2)
     others = [np.sum([nothing, *parts[:k], *parts[k + 1 :]], axis=0) for k in range(len(parts))]
     bent = [
         nothing if one.misfit is None else row @ one.misfit @ row.T
-        for row, one in zip(rows, evidence, strict=True)
+        for row, one in zip(rows, linearised, strict=True)
     ]
     found = []
-    for k, (one, row, rest) in enumerate(zip(evidence, rows, others, strict=True)):
+    for k, (one, row, rest) in enumerate(zip(linearised, rows, others, strict=True)):
         bent_by_others = np.sum([nothing, *bent[:k], *bent[k + 1 :]], axis=0)
         with sparing(one.fit.setting, on_error):
             found.append(_of_setting(one, sharing, row, (rest, bent_by_others)))
     return tuple(found)
 
 
-def shared_covariance(evidence: Sequence[Evidence], sharing: Sharing) -> FloatArray:
+def shared_covariance(linearised: Sequence[Linearisation], sharing: Sharing) -> FloatArray:
     """Return the covariance of the logarithms of ``sharing.variables``, shape (k, k)."""
-    rows = _shared_rows(evidence, sharing)
-    parts = [row @ one.scores @ row.T for row, one in zip(rows, evidence, strict=True)]
+    rows = _shared_rows(linearised, sharing)
+    parts = [row @ one.scores @ row.T for row, one in zip(rows, linearised, strict=True)]
     return np.asarray(np.sum([np.zeros((len(sharing.variables),) * 2), *parts], axis=0))
 
 
-def shared_curvature(evidence: Sequence[Evidence], sharing: Sharing) -> FloatArray:
+def shared_curvature(linearised: Sequence[Linearisation], sharing: Sharing) -> FloatArray:
     """Return the diagonal of S^-1 of a joint fit, shape (k,), by the logarithms of its variables.
 
     The variances that white noise would give.
     """
-    return np.asarray(np.diag(_joint_rows(evidence, sharing)[0]))
+    return np.asarray(np.diag(_joint_rows(linearised, sharing)[0]))
 
 
 def shared_slopes(fit: Fit, sharing: Sharing) -> FloatArray:
@@ -215,31 +212,34 @@ def shared_slopes(fit: Fit, sharing: Sharing) -> FloatArray:
 
 
 def _of_setting(
-    evidence: Evidence, sharing: Sharing, row: FloatArray, others: tuple[FloatArray, FloatArray]
+    linearised: Linearisation,
+    sharing: Sharing,
+    row: FloatArray,
+    others: tuple[FloatArray, FloatArray],
 ) -> Uncertainty:
     """One setting: its own scores (through own fit and shared rows), then the other settings'.
 
     Those of noise first, then those of the misfit.
     """
-    own, shared = own_names(evidence.fit, sharing), sharing.found
-    slopes = shared_slopes(evidence.fit, sharing)
-    direct = solved(evidence, own)
-    carried = -direct @ evidence.information @ slopes
-    told = slopes[evidence.places(shared)]
+    own, shared = own_names(linearised.fit, sharing), sharing.found
+    slopes = shared_slopes(linearised.fit, sharing)
+    direct = solved(linearised, own)
+    carried = -direct @ linearised.information @ slopes
+    told = slopes[linearised.places(shared)]
     from_own = np.vstack([direct + carried @ row, told @ row])
     from_others = np.vstack([carried, told])
     noise, misfit = (from_others @ rest @ from_others.T for rest in others)
-    covariance = from_own @ evidence.scores @ from_own.T + noise
-    if evidence.misfit is not None:
-        misfit = from_own @ evidence.misfit @ from_own.T + misfit
+    covariance = from_own @ linearised.scores @ from_own.T + noise
+    if linearised.misfit is not None:
+        misfit = from_own @ linearised.misfit @ from_own.T + misfit
     names = (*own, *shared)
-    residual_part = np.diag(direct @ evidence.scores @ direct.T)
-    cycle_part = np.diag(direct @ evidence.cycle_scores @ direct.T)
+    residual_part = np.diag(direct @ linearised.scores @ direct.T)
+    cycle_part = np.diag(direct @ linearised.cycle_scores @ direct.T)
     ratios = np.full(len(names), math.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratios[: len(own)] = np.sqrt(cycle_part / residual_part)
     errors, bends = np.sqrt(np.diag(covariance)), np.sqrt(np.maximum(np.diag(misfit), 0.0))
-    values = evidence.fit.parameters
+    values = linearised.fit.parameters
     intervals = {
         name: make_interval(
             float(getattr(values, name)),
@@ -250,7 +250,7 @@ def _of_setting(
         )
         for name, error, ratio, bend in zip(names, errors, ratios, bends, strict=True)
     }
-    return Uncertainty(evidence.fit.setting, intervals, names, covariance, shared)
+    return Uncertainty(linearised.fit.setting, intervals, names, covariance, shared)
 
 
 def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
@@ -285,12 +285,12 @@ def make_interval(
     return Interval(value * error, value / factor, value * factor, ratio, value * misfit)
 
 
-def _shared_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatArray]:
+def _shared_rows(linearised: Sequence[Linearisation], sharing: Sharing) -> list[FloatArray]:
     """T for every setting, shape (number shared, number of quantities)."""
     if sharing.jointly:
-        inverse, rows = _joint_rows(evidence, sharing)
+        inverse, rows = _joint_rows(linearised, sharing)
         return [np.asarray(inverse @ row) for row in rows]
-    by_setting = {one.fit.setting: one for one in evidence}
+    by_setting = {one.fit.setting: one for one in linearised}
     used = [setting for setting in sharing.f_f_from if setting in by_setting]
     friction = {
         setting: _row(by_setting[setting], sharing.free, MEAN) / len(used) for setting in used
@@ -309,7 +309,7 @@ def _shared_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatAr
                 r_m3[setting] = r_m3.get(setting, np.zeros(len(row))) + carried * other
     tables = {TAKEN: r_m3, MEAN: friction}
     found = []
-    for one in evidence:
+    for one in linearised:
         nothing = np.zeros(len(one.names))
         mine = [tables[name].get(one.fit.setting, nothing) for name in sharing.found]
         found.append(np.array(mine).reshape(-1, len(one.names)))
@@ -317,12 +317,12 @@ def _shared_rows(evidence: Sequence[Evidence], sharing: Sharing) -> list[FloatAr
 
 
 def _joint_rows(
-    evidence: Sequence[Evidence], sharing: Sharing
+    linearised: Sequence[Linearisation], sharing: Sharing
 ) -> tuple[FloatArray, list[FloatArray]]:
     """S^-1 of a joint fit and S T, in which each setting has the weight of its own residual."""
-    slopes = [shared_slopes(one.fit, sharing) for one in evidence]
+    slopes = [shared_slopes(one.fit, sharing) for one in linearised]
     rows = []
-    for one, slope in zip(evidence, slopes, strict=True):
+    for one, slope in zip(linearised, slopes, strict=True):
         own = own_names(one.fit, sharing)
         carried = one.information[:, one.places(own)] @ solved(one, own)
         is_in = one.fit.setting in sharing.settings
@@ -331,7 +331,7 @@ def _joint_rows(
     complement = np.sum(
         [
             row @ one.information @ slope
-            for row, one, slope in zip(rows, evidence, slopes, strict=True)
+            for row, one, slope in zip(rows, linearised, slopes, strict=True)
         ],
         axis=0,
     )
@@ -340,30 +340,30 @@ def _joint_rows(
     return np.asarray(inverse * np.outer(scale, scale)), rows
 
 
-def _weight(evidence: Evidence) -> float:
+def _weight(linearised: Linearisation) -> float:
     """One over the mean square of the residuals, 1/N^2."""
-    squares = sum(float(np.sum((log.weights * log.residuals) ** 2)) for log in evidence.logs)
-    return sum(len(log.residuals) for log in evidence.logs) / max(squares, 1e-300)
+    squares = sum(float(np.sum((log.weights * log.residuals) ** 2)) for log in linearised.logs)
+    return sum(len(log.residuals) for log in linearised.logs) / max(squares, 1e-300)
 
 
-def _row(evidence: Evidence, free: tuple[str, ...], name: str) -> FloatArray:
-    return np.asarray(solved(evidence, free)[free.index(name)])
+def _row(linearised: Linearisation, free: tuple[str, ...], name: str) -> FloatArray:
+    return np.asarray(solved(linearised, free)[free.index(name)])
 
 
-def solved(evidence: Evidence, names: Sequence[str]) -> FloatArray:
+def solved(linearised: Linearisation, names: Sequence[str]) -> FloatArray:
     """Return H_ff^-1 E_f of some parameters, shape (k, n); a pseudo-inverse where H is singular.
 
     Parameters
     ----------
-    evidence : Evidence
+    linearised : Linearisation
         H, shape (n, n), and its order.
     names : sequence of str
         The parameters f.
     """
-    places = evidence.places(names)
-    block = evidence.information[np.ix_(places, places)]
+    places = linearised.places(names)
+    block = linearised.information[np.ix_(places, places)]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(block), 1e-300))
     inverse = np.linalg.pinv(block * np.outer(scale, scale), rcond=1e-14, hermitian=True)
-    result = np.zeros((len(places), len(evidence.names)))
+    result = np.zeros((len(places), len(linearised.names)))
     result[:, places] = inverse * np.outer(scale, scale)
     return result

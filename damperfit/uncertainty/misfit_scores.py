@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.recording import Stretch
-    from damperfit.uncertainty.information import Evidence
+    from damperfit.uncertainty.linearisation import Linearisation
 
     FloatArray = NDArray[np.float64]
 
@@ -30,17 +30,17 @@ __all__ = ["misfit_scores"]
 _BLOCKS = 16
 
 
-def misfit_scores(evidence: Evidence) -> FloatArray:
+def misfit_scores(linearised: Linearisation) -> FloatArray:
     """Return the matrix M of a setting's repeating misfit, shape (k, k), in the order of the model.
 
     Parameters
     ----------
-    evidence : Evidence
+    linearised : Linearisation
         Of the setting, with its curves.
     """
-    n_free = len(evidence.names)
+    n_free = len(linearised.names)
     pulls: list[FloatArray] = []
-    for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True):
+    for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
         slopes = seen.jacobian * (seen.weights**2)[:, None]
         for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
             block, repeating = _blocks(stretch, seen.residuals[place])

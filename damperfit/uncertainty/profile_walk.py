@@ -22,7 +22,8 @@ from damperfit.identification.plausible import is_at_edge
 from damperfit.identification.sharing import MEAN
 from damperfit.identification.step_solvers import NO_LENGTH, DenseSystem
 from damperfit.identification.trust_region import Stopping, iterate
-from damperfit.uncertainty.intervals import NORMAL_95, shared_curvature
+from damperfit.statistics import NORMAL_95
+from damperfit.uncertainty.intervals import shared_curvature
 from damperfit.uncertainty.profiles import (
     Bench,
     Line,
@@ -47,8 +48,8 @@ if TYPE_CHECKING:
     from damperfit.identification import Sharing
     from damperfit.identification.step_solvers import LinearSystem, Step
     from damperfit.setting import Setting
-    from damperfit.uncertainty.information import Evidence
     from damperfit.uncertainty.intervals import Uncertainty
+    from damperfit.uncertainty.linearisation import Linearisation
 
     FloatArray = NDArray[np.float64]
 
@@ -204,7 +205,7 @@ def trace_profile(line: Line, stride: Stride = Stride()) -> MisfitProfile:
 
 
 def doubtful_profiles(
-    one: Evidence, known: Uncertainty, sharing: Sharing, bench: Bench
+    one: Linearisation, known: Uncertainty, sharing: Sharing, bench: Bench
 ) -> tuple[MisfitProfile, ...]:
     """Return short profiles of what the quadratic approximation leaves in doubt at a setting.
 
@@ -266,7 +267,7 @@ class _JointWalk:
 
 def profile_jointly(
     name: str,
-    evidence: Sequence[Evidence],
+    linearised: Sequence[Linearisation],
     known: Uncertainty,
     sharing: Sharing,
     bench: Bench,
@@ -281,7 +282,7 @@ def profile_jointly(
     ----------
     name : str
         One of ``sharing.jointly``.
-    evidence : sequence of Evidence
+    linearised : sequence of Linearisation
         Of all settings.
     known : Uncertainty
         Of any setting of the joint fit.
@@ -301,7 +302,7 @@ def profile_jointly(
     """
     fits = [
         one.fit
-        for one in evidence
+        for one in linearised
         if one.fit.setting in sharing.settings and one.fit.outcome is Outcome.CONVERGED
     ]
     start = {fit.setting: fit.parameters for fit in fits}
@@ -319,7 +320,7 @@ def profile_jointly(
     held = problem(tuple(n for n in sharing.free if n != name))
     place = known.names.index(name)
     variance = float(known.covariance[place, place])
-    curvature = shared_curvature(evidence, sharing)[sharing.variables.index(name)]
+    curvature = shared_curvature(linearised, sharing)[sharing.variables.index(name)]
     walk = _JointWalk(held, name, best, curvature / variance)
     quantity = fits[0].parameters.quantity(name)
     error = math.sqrt(variance) / unit_of(quantity)

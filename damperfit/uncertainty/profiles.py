@@ -26,7 +26,8 @@ from damperfit.identification.descent import Misfit
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import MEAN, TAKEN
 from damperfit.simulation import SolverOptions
-from damperfit.uncertainty.intervals import NORMAL_95, own_names, solved
+from damperfit.statistics import NORMAL_95
+from damperfit.uncertainty.intervals import own_names, solved
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
@@ -34,8 +35,8 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model, Quantity, Values
     from damperfit.identification import Fit, Sharing
     from damperfit.setting import Setting
-    from damperfit.uncertainty.information import Evidence
     from damperfit.uncertainty.intervals import Uncertainty
+    from damperfit.uncertainty.linearisation import Linearisation
 
 __all__ = [
     "Bench",
@@ -252,7 +253,7 @@ def is_doubtful(name: str, fit: Fit, known: Uncertainty) -> bool:
 
 def lines_of(
     name: str,
-    evidence: Mapping[Setting, Evidence],
+    linearised: Mapping[Setting, Linearisation],
     known: Mapping[Setting, Uncertainty],
     sharing: Sharing,
     bench: Bench,
@@ -265,15 +266,15 @@ def lines_of(
     ----------
     name : str
         Parameter.
-    evidence, known : mapping of Setting to Evidence, Uncertainty
+    linearised, known : mapping of Setting to Linearisation, Uncertainty
         By setting.
     sharing : Sharing
         How the shared parameters were found.
     bench : Bench
         Damper, solver, cancellation.
     """
-    for setting in sorted(evidence):
-        one = evidence[setting]
+    for setting in sorted(linearised):
+        one = linearised[setting]
         if name in sharing.found:
             line = _shared_line(name, one, known[setting], sharing, bench)
         else:
@@ -283,7 +284,7 @@ def lines_of(
 
 
 def _own_line(
-    name: str, one: Evidence, known: Uncertainty, sharing: Sharing, bench: Bench
+    name: str, one: Linearisation, known: Uncertainty, sharing: Sharing, bench: Bench
 ) -> Line | None:
     own = own_names(one.fit, sharing)
     is_at_bound = one.fit.status[name] == Status.AT_BOUND
@@ -299,7 +300,7 @@ def _own_line(
 
 
 def _shared_line(
-    name: str, one: Evidence, known: Uncertainty, sharing: Sharing, bench: Bench
+    name: str, one: Linearisation, known: Uncertainty, sharing: Sharing, bench: Bench
 ) -> Line | None:
     if sharing.jointly:
         return None
@@ -316,7 +317,7 @@ def _shared_line(
 
 def _line(
     name: str,
-    one: Evidence,
+    one: Linearisation,
     bench: Bench,
     *,
     free: tuple[str, ...],
@@ -378,7 +379,7 @@ def value_at(quantity: Quantity, best: float, along: float) -> float:
 
 
 def unit_of(quantity: Quantity) -> float:
-    """Return what `linearise` counts it in: the evidence has linear quantities in their unit."""
+    """Return what `linearise` counts it in: a linearisation has linear quantities in their unit."""
     return 1.0 if quantity.is_logarithmic else quantity.size
 
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from damperfit.recording import Stretch
     from damperfit.setting import Setting
-    from damperfit.uncertainty.information import Evidence
+    from damperfit.uncertainty.linearisation import Linearisation
 
     FloatArray = NDArray[np.float64]
 
@@ -115,47 +115,47 @@ class Diagnosis:
         return self.held_share >= YIELDS
 
 
-def diagnose(evidence: Evidence, *, doubted: tuple[str, ...] = ()) -> Diagnosis:
-    """Return what the residuals of a setting say; uses the evidence alone, no simulation.
+def diagnose(linearised: Linearisation, *, doubted: tuple[str, ...] = ()) -> Diagnosis:
+    """Return what the residuals of a setting say; from its linearised fit alone, no simulation.
 
     Parameters
     ----------
-    evidence : Evidence
+    linearised : Linearisation
         Of the setting.
     doubted : tuple of str
         Shared parameters of which one value for all settings is known not to hold.
     """
-    fit = evidence.fit
-    repeats, noise, ratio, bar = _split(evidence)
+    fit = linearised.fit
+    repeats, noise, ratio, bar = _split(linearised)
     variance = np.var(np.concatenate([log.trace.force[log.trace.compared] for log in fit.logs]))
     is_structured = bool(ratio > bar and repeats > _NEGLIGIBLE * variance)
     held = [held_share(log.trace) for log in fit.logs]
     known = [share for share in held if math.isfinite(share)]
     share = float(np.median(known)) if known else math.nan
     hints = (
-        seek_flaws(evidence, repeats, doubted=doubted, has_yielded=share >= YIELDS)
+        seek_flaws(linearised, repeats, doubted=doubted, has_yielded=share >= YIELDS)
         if is_structured
         else ()
     )
-    hints = tuple(one for one in hints if one.name != "delay" or _fits_skew(evidence, one.amount))
+    hints = tuple(one for one in hints if one.name != "delay" or _fits_skew(linearised, one.amount))
     noise_percent = float(min(100.0 * noise / variance, fit.mse_percent))
     found = Diagnosis(
         setting=fit.setting,
         mse_percent=fit.mse_percent,
         noise_percent=noise_percent,
         is_structured=is_structured,
-        correlation=_correlation(evidence),
-        runs_ratio=_runs_ratio(evidence),
+        correlation=_correlation(linearised),
+        runs_ratio=_runs_ratio(linearised),
         hints=hints,
         sentence="",
         held_share=share,
     )
-    return replace(found, sentence=_sentence(found) + _warned(evidence, found))
+    return replace(found, sentence=_sentence(found) + _warned(linearised, found))
 
 
-def _fits_skew(evidence: Evidence, delay: float) -> bool:
+def _fits_skew(linearised: Linearisation, delay: float) -> bool:
     """Whether a delay, ms, is none that the logs' own skew contradicts."""
-    for log in evidence.fit.logs:
+    for log in linearised.fit.logs:
         for one in log.trace.findings:
             if one.name == "skew" and one.value is not None:
                 left = 0.0 if one.is_correction else 1e3 * one.value
@@ -195,7 +195,7 @@ def _without(told: Diagnosis, name: str, *, kept: bool | None) -> Diagnosis:
     return replace(left, sentence=_sentence(left) + pointer)
 
 
-def _warned(evidence: Evidence, told: Diagnosis) -> str:
+def _warned(linearised: Linearisation, told: Diagnosis) -> str:
     """Point to the warnings on these logs that may be the cause."""
     if not told.is_structured:
         return ""
@@ -203,7 +203,7 @@ def _warned(evidence: Evidence, told: Diagnosis) -> str:
     found = [
         f"{one.name} of {log.trace.name}"
         for fault in _FAULTS_OF_LOGS
-        for log in evidence.fit.logs
+        for log in linearised.fit.logs
         for one in log.trace.findings
         if one.severity == "warning" and one.name.endswith(fault)
         if is_noisy or fault != "displacement_noise"
@@ -235,12 +235,12 @@ def _sentence(told: Diagnosis) -> str:
     )
 
 
-def _split(evidence: Evidence) -> tuple[float, float, float, float]:
+def _split(linearised: Linearisation) -> tuple[float, float, float, float]:
     """Return repeating and scattered mean squares, N^2, their test ratio and its bar."""
     from scipy.special import fdtri
 
     repeats, noise, expected, n_samples, phases, others = 0.0, 0.0, 0.0, 0, 0.0, 0.0
-    for stretch, _, residuals in _parts(evidence):
+    for stretch, _, residuals in _parts(linearised):
         n, n_cycles = len(residuals), stretch.n_cycles
         if n_cycles < 2:
             continue
@@ -255,18 +255,18 @@ def _split(evidence: Evidence) -> tuple[float, float, float, float]:
         phases += independent
         others += independent * (n_cycles - 1)
     if not n_samples:
-        return _unrepeated(evidence)
+        return _unrepeated(linearised)
     bar = float(fdtri(phases, others, 1.0 - _CHANCE))
     ratio = 1.0 + repeats / max(expected, 1e-300)
     return repeats / n_samples, noise / n_samples, ratio, bar
 
 
-def _unrepeated(evidence: Evidence) -> tuple[float, float, float, float]:
+def _unrepeated(linearised: Linearisation) -> tuple[float, float, float, float]:
     """The same where nothing repeats: misfit and noise by what was found above the filter's band.
 
     Noise of the displacement is not in that; it makes less than the force's in a usual log.
     """
-    parts = list(_parts(evidence))
+    parts = list(_parts(linearised))
     if any(stretch.n_cycles for stretch, *_ in parts):
         return math.nan, math.nan, math.nan, math.nan
     n = sum(len(residuals) for *_, residuals in parts)
@@ -296,9 +296,9 @@ def _independent_phases(folded: FloatArray) -> float:
     return float(max(n_phases / (2.0 * float(rho @ rho) - 1.0) / uneven, 1.0))
 
 
-def _parts(evidence: Evidence) -> Iterator[tuple[Stretch, float, FloatArray]]:
+def _parts(linearised: Linearisation) -> Iterator[tuple[Stretch, float, FloatArray]]:
     """Yield each stretch with its sample interval, s, and its residuals, 0 where none counts."""
-    for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True):
+    for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
         for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
             residuals = np.where(seen.weights[place] > 0.0, seen.residuals[place], 0.0)
             yield stretch, log.trace.interval, residuals
@@ -328,10 +328,10 @@ def _fold(residuals: FloatArray, stretch: Stretch) -> FloatArray:
     return np.asarray(residuals[nearest])
 
 
-def _correlation(evidence: Evidence) -> float:
+def _correlation(linearised: Linearisation) -> float:
     """Autocorrelation at a lag of one cycle, the largest of the stretches."""
     values = []
-    for stretch, interval, residuals in _parts(evidence):
+    for stretch, interval, residuals in _parts(linearised):
         period = round(1.0 / (stretch.frequency * interval))
         if 2 * period < len(residuals):
             rho = autocorrelation(residuals, period)[period]
@@ -339,10 +339,10 @@ def _correlation(evidence: Evidence) -> float:
     return max(values, default=math.nan)
 
 
-def _runs_ratio(evidence: Evidence) -> float:
+def _runs_ratio(linearised: Linearisation) -> float:
     """Sign changes of the residual over those of its scatter about the mean cycle."""
     found, expected = 0, 0
-    for stretch, _, residuals in _parts(evidence):
+    for stretch, _, residuals in _parts(linearised):
         if stretch.n_cycles < 2:
             continue
         folded = _fold(residuals, stretch)

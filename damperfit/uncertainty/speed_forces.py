@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from damperfit.recording import Stretch, Trace
     from damperfit.setting import Setting
-    from damperfit.uncertainty.information import Evidence
+    from damperfit.uncertainty.linearisation import Linearisation
 
     FloatArray = NDArray[np.float64]
 
@@ -89,17 +89,17 @@ class SpeedForces:
         return a, b, c, d
 
 
-def speed_forces(evidence: Evidence, *, is_structured: bool) -> tuple[SpeedForces, ...]:
+def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[SpeedForces, ...]:
     """Return the forces of a setting in rebound and in bump; none where no cycle repeats.
 
     Parameters
     ----------
-    evidence : Evidence
+    linearised : Linearisation
         Of the setting.
     is_structured : bool
         Whether more repeats in its residuals than noise explains.
     """
-    parts = list(_fastest(evidence))
+    parts = list(_fastest(linearised))
     if not parts:
         return ()
     peak = min(min(float(v.max()), float(-v.min())) for _, v, *_ in parts)
@@ -119,7 +119,7 @@ def speed_forces(evidence: Evidence, *, is_structured: bool) -> tuple[SpeedForce
         errors = rows[:, 1] / math.sqrt(len(parts))
         found.append(
             SpeedForces(
-                setting=evidence.fit.setting,
+                setting=linearised.fit.setting,
                 stroke=stroke,
                 amplitude=median(one.amplitude for one, *_ in parts),
                 frequency=median(one.frequency for one, *_ in parts),
@@ -137,11 +137,11 @@ def speed_forces(evidence: Evidence, *, is_structured: bool) -> tuple[SpeedForce
 _Part = tuple["Stretch", "FloatArray", "FloatArray", "FloatArray"]
 
 
-def _fastest(evidence: Evidence) -> Iterator[_Part]:
+def _fastest(linearised: Linearisation) -> Iterator[_Part]:
     """Yield the steady stretches of the fastest motion: velocity, measured force, residual."""
     steady: list[tuple[Trace, Stretch, FloatArray]] = [
         (log.trace, one, seen.residuals[place])
-        for log, seen in zip(evidence.fit.logs, evidence.logs, strict=True)
+        for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True)
         for one, place in zip(log.trace.stretches, log.trace.places, strict=True)
         if one.n_cycles
     ]

@@ -16,7 +16,7 @@ from damperfit.identification.descent import Misfit
 from damperfit.identification.joint_fit import JointProblem, fit_jointly
 from damperfit.identification.paper.gas_content import GasLaw, first_law, working_pressure
 from damperfit.simulation import SolverOptions
-from damperfit.uncertainty import assess, collect_evidence, uncertainties
+from damperfit.uncertainty import assess, linearise_settings, uncertainties
 from damperfit.uncertainty.intervals import shared_covariance
 from tests.identification.rig import trace, traces
 
@@ -85,13 +85,13 @@ def test_the_gas_content_comes_back_within_its_interval(campaign, truths) -> Non
 
 def test_errors_are_those_of_one_big_least_squares_with_the_law_inside(campaign) -> None:
     """The slow twin: every variable of every setting in one matrix, K_e by the chain rule."""
-    evidence = collect_evidence(campaign, PURDY_DAMPER)
+    linearised = linearise_settings(campaign, PURDY_DAMPER)
     law, n = campaign.sharing.gas, len(SETTINGS)
     k_e = PURDY_DAMPER.names.index("k_e")
     size = 2 * n + 4
     information, scores = np.zeros((size, size)), np.zeros((size, size))
     chains = []
-    for i, one in enumerate(evidence):
+    for i, one in enumerate(linearised):
         chain = np.zeros((6, size))
         chain[0, 2 * i] = chain[1, 2 * i + 1] = 1.0
         chain[2, 2 * n] = 1.0
@@ -109,9 +109,9 @@ def test_errors_are_those_of_one_big_least_squares_with_the_law_inside(campaign)
         chains.append(chain)
     inverse = np.linalg.inv(information)
     whole = inverse @ scores @ inverse
-    shared = shared_covariance(evidence, campaign.sharing)
+    shared = shared_covariance(linearised, campaign.sharing)
     assert np.sqrt(np.diag(shared)) == pytest.approx(np.sqrt(np.diag(whole)[2 * n :]), rel=1e-4)
-    for chain, known in zip(chains, uncertainties(evidence, campaign.sharing), strict=True):
+    for chain, known in zip(chains, uncertainties(linearised, campaign.sharing), strict=True):
         expected = chain @ whole @ chain.T
         places = [PURDY_DAMPER.names.index(name) for name in known.names]
         assert np.sqrt(np.diag(known.covariance)) == pytest.approx(

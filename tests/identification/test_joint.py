@@ -25,7 +25,7 @@ from damperfit.identification import (
 from damperfit.identification.joint_fit import JointSolution, fit_jointly
 from damperfit.identification.options import PROCEDURE_NAMES
 from damperfit.readers import read_log
-from damperfit.uncertainty import assess, collect_evidence
+from damperfit.uncertainty import assess, linearise_settings
 from damperfit.uncertainty.intervals import shared_covariance, shared_curvature
 from tests.identification.rig import trace, traces
 
@@ -181,12 +181,12 @@ def test_a_shared_parameter_is_told_by_three_errors(error: float, status: str) -
 
 
 def test_a_setting_outside_of_the_joint_fit_lends_it_no_weight(three) -> None:
-    evidence = collect_evidence(three, PURDY_DAMPER)
+    linearised = linearise_settings(three, PURDY_DAMPER)
     sharing = replace(three.sharing, settings=(1, 20))
-    whole = shared_covariance(evidence, sharing)
-    without = shared_covariance([evidence[0], evidence[2]], sharing)
+    whole = shared_covariance(linearised, sharing)
+    without = shared_covariance([linearised[0], linearised[2]], sharing)
     assert whole == pytest.approx(without, rel=1e-9)
     # It would have had some.
-    assert not np.allclose(shared_covariance(evidence, three.sharing), without, rtol=0.1)
-    curvature = shared_curvature(evidence, sharing)
-    assert curvature == pytest.approx(shared_curvature([evidence[0], evidence[2]], sharing))
+    assert not np.allclose(shared_covariance(linearised, three.sharing), without, rtol=0.1)
+    curvature = shared_curvature(linearised, sharing)
+    assert curvature == pytest.approx(shared_curvature([linearised[0], linearised[2]], sharing))

@@ -154,7 +154,7 @@ class _Chosen:
 
     def _place(self, name: str) -> int | None:
         """Return where a test stands in the order; its function's name stands for all its cases."""
-        return self.order.get(name, self.order.get(name.split("[")[0]))
+        return self.order.get(name, self.order.get(name.split("[", maxsplit=1)[0]))
 
     def pytest_runtest_logreport(self, report):
         if report.failed and not self.failed:

@@ -165,13 +165,13 @@ def test_whoever_wants_to_stop_is_not_held_up(call, samples, monkeypatch) -> Non
 # Judging: what is fitted is written
 
 
-def _is_two(evidence, *_, **__) -> bool:
-    fit = getattr(evidence, "fit", evidence)
+def _is_two(linearised, *_, **__) -> bool:
+    fit = getattr(linearised, "fit", linearised)
     return fit.setting == 2
 
 
 JUDGING = {
-    "gathering": ("damperfit.uncertainty.intervals.gather", _is_two),
+    "gathering": ("damperfit.uncertainty.intervals.linearise_at_fit", _is_two),
     "diagnosing": ("damperfit.uncertainty.assessment.diagnose", _is_two),
     "intervals": ("damperfit.uncertainty.intervals._of_setting", _is_two),
     "profiles in doubt": ("damperfit.uncertainty.assessment.doubtful_profiles", _is_two),

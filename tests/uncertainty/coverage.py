@@ -20,7 +20,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Trace
-from damperfit.uncertainty import collect_evidence, uncertainties
+from damperfit.uncertainty import linearise_settings, uncertainties
 from tests.identification.rig import recording
 
 SETTINGS = (1, 10, 20)
@@ -72,7 +72,7 @@ def one(job: tuple[Trial, int]) -> np.ndarray:
     for k in range(PER_JOB):
         traces = noisy(trial, logs, clean, np.random.default_rng([seed, k]))
         campaign = identify(traces, PURDY_DAMPER, FitOptions(trial.procedure))
-        known = uncertainties(collect_evidence(campaign, PURDY_DAMPER), campaign.sharing)
+        known = uncertainties(linearise_settings(campaign, PURDY_DAMPER), campaign.sharing)
         table = np.full((len(SETTINGS), len(NAMES), 5), np.nan)
         for i, (fit, found) in enumerate(zip(campaign.fits, known, strict=True)):
             truth = reference_parameters(fit.setting)

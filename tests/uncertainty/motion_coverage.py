@@ -26,7 +26,7 @@ from damperfit.identification.descent import Misfit, linearise
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.uncertainty import assess, uncertainties
-from damperfit.uncertainty.information import gather
+from damperfit.uncertainty.linearisation import linearise_at_fit
 from tests import fakes
 from tests.oracles.motions import MOTIONS, logged, road
 
@@ -92,7 +92,7 @@ def quickly_covered(campaigns, *, setting=10, duration=6.0):
             parameters=replace(truth, **found),
             logs=(LogFit(trace, 0.001, 0.001),),
         )
-        (known,) = uncertainties([gather(fit, PURDY_DAMPER)], Sharing())
+        (known,) = uncertainties([linearise_at_fit(fit, PURDY_DAMPER)], Sharing())
         table.append([step, [known.intervals[n].error / found[n] for n in NAMES]])
     return counted(np.array(table))
 

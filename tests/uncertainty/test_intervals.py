@@ -15,7 +15,7 @@ from damperfit.uncertainty import (
     Assessment,
     Uncertainty,
     assess,
-    collect_evidence,
+    linearise_settings,
     reconsider,
     uncertainties,
 )
@@ -141,9 +141,9 @@ def test_errors_of_white_residuals_are_those_of_the_textbook() -> None:
     log = trace(8, noise=4.0)
     options = FitOptions("plain", FREE, KNOWN)
     campaign = identify([log], PURDY_DAMPER, options)
-    evidence = collect_evidence(campaign, PURDY_DAMPER)
+    linearised = linearise_settings(campaign, PURDY_DAMPER)
     places = [PURDY_DAMPER.names.index(name) for name in FREE]
-    jacobian = evidence[0].logs[0].jacobian[:, places]
+    jacobian = linearised[0].logs[0].jacobian[:, places]
     rng = np.random.default_rng(17)
     values = []
     for _ in range(400):
@@ -152,8 +152,8 @@ def test_errors_of_white_residuals_are_those_of_the_textbook() -> None:
     textbook = 4.0 * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     assert np.std(values, axis=0) == pytest.approx(textbook, rel=0.12)
     # Behind the filter the honest error is more than twice what the textbook makes of it.
-    found = uncertainties(evidence, campaign.sharing)[0].intervals
-    residual = float(np.std(evidence[0].logs[0].residuals))
+    found = uncertainties(linearised, campaign.sharing)[0].intervals
+    residual = float(np.std(linearised[0].logs[0].residuals))
     naive = residual / 4.0 * textbook
     for name, small in zip(FREE, naive, strict=True):
         relative = found[name].error / getattr(campaign.fits[0].parameters, name)

@@ -13,7 +13,7 @@ from damperfit.identification import Outcome, Sharing
 from damperfit.recording import Finding
 from damperfit.uncertainty import Prediction, assessment
 from damperfit.uncertainty.flaws import seek_flaws
-from damperfit.uncertainty.information import Evidence, LogEvidence
+from damperfit.uncertainty.linearisation import Linearisation, LogLinearisation
 from damperfit.uncertainty.prediction import prediction_warnings
 from damperfit.uncertainty.residuals import _independent_phases, diagnose
 from tests import fakes
@@ -28,7 +28,7 @@ def even(trace, k: int) -> np.ndarray:
     return np.sqrt(2.0) * np.cos(k * turns)
 
 
-def evidence(residuals, *, gas=None, trace=None, names=("setting_01.csv",)) -> Evidence:
+def linearised(residuals, *, gas=None, trace=None, names=("setting_01.csv",)) -> Linearisation:
     """One setting whose fit could absorb the 12th harmonic alone."""
     trace = trace or fakes.trace(1)
     fit = fakes.fit(1, status={"r_m3": "shared"}, logs=names)
@@ -38,14 +38,16 @@ def evidence(residuals, *, gas=None, trace=None, names=("setting_01.csv",)) -> E
     jacobian[:, 0] = even(trace, 12)
     force = trace.force[trace.compared]
     gas = np.zeros((n, 2)) if gas is None else np.column_stack([gas, np.zeros(n)])
-    log = LogEvidence(residuals, np.ones(n), jacobian, gas, force, np.ones(3))
+    log = LogLinearisation(residuals, np.ones(n), jacobian, gas, force, np.ones(3))
     nothing = np.zeros((6, 6))
-    return Evidence(fit, nothing, nothing, nothing, np.zeros(6), (log,), PURDY_DAMPER.conditions)
+    return Linearisation(
+        fit, nothing, nothing, nothing, np.zeros(6), (log,), PURDY_DAMPER.conditions
+    )
 
 
 def named(residuals, **more) -> list[str]:
     repeats = float(np.mean(residuals**2))
-    return [hint.name for hint in seek_flaws(evidence(residuals, **more), repeats)]
+    return [hint.name for hint in seek_flaws(linearised(residuals, **more), repeats)]
 
 
 @pytest.mark.parametrize(("share", "is_named"), [(0.46, False), (0.54, True)])
@@ -66,10 +68,10 @@ def test_a_second_flaw_is_named_that_explains_nearly_as_much(share: float, *, is
 
 def test_the_amount_of_a_flaw_is_that_of_its_unit() -> None:
     rest = even(fakes.trace(1), 14)
-    (gas,) = seek_flaws(evidence(0.25 * rest, gas=rest), 0.0625)
+    (gas,) = seek_flaws(linearised(0.25 * rest, gas=rest), 0.0625)
     assert (gas.name, gas.amount) == ("gas_pressure", pytest.approx(25.0))
     assert gas.words == "a wrong gas pressure (25 % more than configured)"
-    (gas,) = seek_flaws(evidence(-0.25 * rest, gas=rest), 0.0625)
+    (gas,) = seek_flaws(linearised(-0.25 * rest, gas=rest), 0.0625)
     assert gas.words == "a wrong gas pressure (25 % less than configured)"
     assert gas.share == pytest.approx(1.0, abs=2e-3)
 
@@ -108,7 +110,7 @@ def test_the_mean_square_of_a_mean_cycle_scatters_as_that_many_squares_do(span, 
     assert np.median(told) == pytest.approx(drawn, rel=0.2)
 
 
-def repeating(size: float, *, noise: float, cycles: int = 10, seed: int = 1) -> Evidence:
+def repeating(size: float, *, noise: float, cycles: int = 10, seed: int = 1) -> Linearisation:
     """Residuals of white noise with a 14th harmonic of this root mean square in every cycle."""
     base = fakes.trace(1)
     n, period = 333 * cycles + 1, 333.0
@@ -126,7 +128,7 @@ def repeating(size: float, *, noise: float, cycles: int = 10, seed: int = 1) -> 
     )  # fmt: skip
     rng = np.random.default_rng(seed)
     wave = np.sqrt(2.0) * np.cos(14.0 * 2.0 * np.pi * np.arange(n - 1) / period)
-    return evidence(size * wave + noise * rng.standard_normal(n - 1), trace=trace)
+    return linearised(size * wave + noise * rng.standard_normal(n - 1), trace=trace)
 
 
 @pytest.mark.parametrize(("size", "is_structured"), [(0.17, False), (0.25, True)])
@@ -218,7 +220,7 @@ def test_a_common_friction_is_in_doubt_where_the_settings_own_differ(
     jacobian = log.jacobian.copy()
     jacobian[:, PURDY_DAMPER.names.index("f_f")] = repeating(1.0, noise=0.0).logs[0].residuals
     told = replace(quiet, logs=(replace(log, jacobian=jacobian),))
-    monkeypatch.setattr(assessment, "collect_evidence", lambda *_, **__: (told,))
+    monkeypatch.setattr(assessment, "linearise_settings", lambda *_, **__: (told,))
     sharing = Sharing(f_f_from=(1, 2), f_f_range=spread)
     monkeypatch.setattr(assessment, "uncertainties", lambda *_, **__: (known(),))
     campaign = fakes.campaign(told.fit, sharing=sharing)

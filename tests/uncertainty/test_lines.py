@@ -14,7 +14,7 @@ from damperfit.uncertainty.intervals import _shared_rows
 from damperfit.uncertainty.profile_walk import doubtful_profiles
 from damperfit.uncertainty.profiles import Bench, is_doubtful, lines_of
 from tests import fakes
-from tests.uncertainty.test_limits import evidence
+from tests.uncertainty.test_limits import linearised
 from tests.uncertainty.test_words import known, profile
 
 
@@ -35,7 +35,7 @@ def test_an_interval_is_doubtful_from_a_tenth_on(error, status, *, is_in_doubt) 
 
 def profiled(monkeypatch, *, status, errors, sharing, budget=100, cost=1):
     """Names of the parameters that are followed, in turn."""
-    seen = evidence(np.ones(333))
+    seen = linearised(np.ones(333))
     fit = replace(
         seen.fit,
         status=seen.fit.status | {n: Status(word) for n, word in status.items()},
@@ -84,7 +84,7 @@ def test_profiles_end_with_their_budget(monkeypatch) -> None:
 
 
 def line(name, *, sharing=None, free=("r_m1", "r_m2", "k_e"), error=0.02, **status):
-    seen = evidence(np.ones(333))
+    seen = linearised(np.ones(333))
     fit = replace(
         seen.fit, status=seen.fit.status | {n: Status(word) for n, word in status.items()}
     )
@@ -126,7 +126,7 @@ def test_a_shared_parameter_is_followed_where_it_comes_from() -> None:
 @pytest.mark.parametrize(("settings", "share"), [((1,), 1.0), ((1, 7), 1.0), ((1, 2), 0.5)])
 def test_a_mean_friction_has_the_weight_of_the_settings_that_were_judged(settings, share) -> None:
     """Setting 7 gave a friction and was left out later: the mean is told by the others."""
-    one = replace(evidence(np.ones(333)), information=4.0 * np.eye(6))
+    one = replace(linearised(np.ones(333)), information=4.0 * np.eye(6))
     both = [one, replace(one, fit=replace(one.fit, setting=2))]
     sharing = Sharing(free=("r_m1", "f_f"), f_f_from=settings)
     first, second = _shared_rows(both, sharing)

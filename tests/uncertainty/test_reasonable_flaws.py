@@ -105,29 +105,29 @@ def test_causes_of_one_run_do_not_contradict_each_other() -> None:
     assert reconciled(own) == own
 
 
-def evidence(*findings: Finding) -> SimpleNamespace:
+def linearised(*findings: Finding) -> SimpleNamespace:
     log = SimpleNamespace(trace=SimpleNamespace(name="a.csv", findings=findings))
     return SimpleNamespace(fit=SimpleNamespace(logs=(log,)))
 
 
 def test_a_delay_does_not_contradict_the_skew_found_in_the_log() -> None:
-    together = evidence(Finding("skew", "note", "", 0.2e-3, "s"))
+    together = linearised(Finding("skew", "note", "", 0.2e-3, "s"))
     assert _fits_skew(together, 1.19)
     assert not _fits_skew(together, 1.21)
-    late = evidence(Finding("skew", "warning", "", 4e-3, "s"))
+    late = linearised(Finding("skew", "warning", "", 4e-3, "s"))
     assert _fits_skew(late, 7.9)
     assert not _fits_skew(late, 8.1)
-    taken_back = evidence(Finding("skew", "note", "", 4e-3, "s", is_correction=True))
+    taken_back = linearised(Finding("skew", "note", "", 4e-3, "s", is_correction=True))
     assert not _fits_skew(taken_back, 4.0)
-    assert _fits_skew(evidence(Finding("skew", "note", "cannot be told", None, "s")), 20.0)
+    assert _fits_skew(linearised(Finding("skew", "note", "cannot be told", None, "s")), 20.0)
 
 
 def test_noise_of_the_displacement_is_blamed_where_it_makes_a_third() -> None:
-    noisy = evidence(Finding("displacement_noise", "warning", "noise"))
+    noisy = linearised(Finding("displacement_noise", "warning", "noise"))
     third = diagnosis(1, noise_percent=0.334)
     assert "first look at the warning displacement_noise" in _warned(noisy, third)
     assert _warned(noisy, diagnosis(1, noise_percent=0.332)) == ""
-    other = evidence(Finding("force_clipping", "warning", "clipped"))
+    other = linearised(Finding("force_clipping", "warning", "clipped"))
     assert "force_clipping" in _warned(other, diagnosis(1, noise_percent=0.01))
     assert _warned(other, diagnosis(1, is_structured=False)) == ""
 

@@ -20,7 +20,7 @@ from damperfit.uncertainty import (
     Interval,
     Uncertainty,
     assess,
-    collect_evidence,
+    linearise_settings,
     predict,
     reconsider,
 )
@@ -319,7 +319,7 @@ def test_a_setting_that_nobody_judged_does_not_hide_those_behind_it() -> None:
 def test_a_fit_is_judged_by_the_integrator_that_has_made_it() -> None:
     """Coarser and finer ones differ by forces that would count as a misfit that repeats."""
     fitted = FitOptions().solver
-    for function in (assess, collect_evidence, predict):
+    for function in (assess, linearise_settings, predict):
         solver = inspect.signature(function).parameters["solver"]
         assert solver.default == fitted, function.__name__
     assert Bench(PURDY_DAMPER).solver == fitted

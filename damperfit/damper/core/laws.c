@@ -1,4 +1,5 @@
-/* The laws that are evaluated rarely; the others are inline in laws.h. */
+/* The laws stand in laws.h, inline, as every step of the integrator asks for them: a new one goes there.
+ * Here is what is asked rarely: the gas spring's series around a point, and its slopes. */
 #include "laws.h"
 
 /* P3 = P (1 + d)^-gamma. Near the expansion point the binomial series is exact to rounding

@@ -16,7 +16,6 @@ from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.procedure_input import ProcedureInput, first_start
 from damperfit.identification.setting import (
-    CHI_SQUARED_95,
     EXCELLENT,
     NOT_FIT_TO_SHARE,
     Judged,
@@ -26,6 +25,7 @@ from damperfit.identification.setting import (
     lacks_stiffness_alone,
 )
 from damperfit.identification.sharing import Sharing
+from damperfit.statistics import CHI_SQUARED_95
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

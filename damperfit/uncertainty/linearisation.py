@@ -1,4 +1,4 @@
-"""What the logs of one setting say about all parameters at the fitted point.
+"""A fit made linear at its end: what the logs of one setting say there about all parameters.
 
 One more simulation of the setting, with every sensitivity. In u (ln y; an offset in N), with the
 residual r = f - f_hat in N and its Jacobian J = d f_hat/du, both behind the filter, and the weights
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Evidence", "LogEvidence", "gather"]
+__all__ = ["Linearisation", "LogLinearisation", "linearise_at_fit"]
 
 # Residuals still correlated after this share of a cycle repeat with the cycle: a misfit, no noise.
 _LONGEST_CORRELATION = 0.25
@@ -52,7 +52,7 @@ _REFILLING = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LogEvidence:
+class LogLinearisation:
     """One log at the fitted point, over its compared samples, n of them.
 
     Attributes
@@ -80,8 +80,8 @@ class LogEvidence:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Evidence:
-    """What the logs of one setting say; matrices are (k, k) in the order of the model.
+class Linearisation:
+    """The fit of one setting, made linear at its end; matrices are (k, k) in the model's order.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class Evidence:
         The same from the scatter between whole cycles; NaN for a single cycle.
     gradient : numpy.ndarray
         Shape (k,), sum of the scores.
-    logs : tuple of LogEvidence
+    logs : tuple of LogLinearisation
         Log by log.
     conditions : tuple of str
         Names of the columns of each log's `gas`.
@@ -108,7 +108,7 @@ class Evidence:
     scores: FloatArray
     cycle_scores: FloatArray
     gradient: FloatArray
-    logs: tuple[LogEvidence, ...]
+    logs: tuple[LogLinearisation, ...]
     conditions: tuple[str, ...] = ()
     misfit: FloatArray | None = None
 
@@ -122,8 +122,10 @@ class Evidence:
         return np.array([self.names.index(name) for name in names], dtype=np.intp)
 
 
-def gather(fit: Fit, damper: Model, *, solver: SolverOptions = SolverOptions()) -> Evidence:
-    """Simulate the logs of a fit once more and return what they say about every parameter.
+def linearise_at_fit(
+    fit: Fit, damper: Model, *, solver: SolverOptions = SolverOptions()
+) -> Linearisation:
+    """Simulate the logs of a fit once more, with the derivative by every parameter.
 
     Raises
     ------
@@ -134,7 +136,7 @@ def gather(fit: Fit, damper: Model, *, solver: SolverOptions = SolverOptions()) 
     own = [getattr(values, one.name) if one.is_logarithmic else 1.0 for one in values.quantities]
     slopes = np.array([*own, *(getattr(damper, name) for name in damper.conditions)])
     n = len(own)
-    logs: list[LogEvidence] = []
+    logs: list[LogLinearisation] = []
     covariances: list[FloatArray] = []
     lags: list[int] = []
     traces = [log.trace for log in fit.logs]
@@ -149,7 +151,7 @@ def gather(fit: Fit, damper: Model, *, solver: SolverOptions = SolverOptions()) 
         part = trace.compared
         columns = (_sensitivities(trace, seen)[:, part] * slopes[:, None]).T
         logs.append(
-            LogEvidence(
+            LogLinearisation(
                 residuals=trace.force[part] - seen.force[part],
                 weights=np.ones(trace.n_samples) if weight is None else weight,
                 jacobian=np.ascontiguousarray(columns[:, :n]),
@@ -168,7 +170,7 @@ def gather(fit: Fit, damper: Model, *, solver: SolverOptions = SolverOptions()) 
             pieces.append(of_log[place])
             edges.append(stretch.cycle_starts - stretch.first)
     wider = widening(_short_stretches(fit, logs, lags))
-    return Evidence(
+    return Linearisation(
         fit=fit,
         information=np.asarray(sum(_information(log) for log in logs)),
         scores=np.asarray(wider * sum(covariances)),
@@ -200,7 +202,7 @@ def _sensitivities(trace: Trace, seen: Comparison) -> FloatArray:
 
 
 def _short_stretches(
-    fit: Fit, logs: Sequence[LogEvidence], lags: Sequence[int]
+    fit: Fit, logs: Sequence[LogLinearisation], lags: Sequence[int]
 ) -> list[ShortStretch]:
     """Return what each stretch gives to the parameters that the fit found."""
     names = fit.parameters.names
@@ -221,7 +223,7 @@ def _short_stretches(
     ]
 
 
-def _covariances(trace: Trace, seen: LogEvidence) -> Iterator[tuple[int, FloatArray]]:
+def _covariances(trace: Trace, seen: LogLinearisation) -> Iterator[tuple[int, FloatArray]]:
     """Correlation length and covariance of the summed scores of each stretch.
 
     Nothing is correlated across a gap.
@@ -243,10 +245,10 @@ def _covariances(trace: Trace, seen: LogEvidence) -> Iterator[tuple[int, FloatAr
         yield lag, found
 
 
-def _scores(log: LogEvidence) -> FloatArray:
+def _scores(log: LogLinearisation) -> FloatArray:
     return log.jacobian * (log.weights**2 * log.residuals)[:, None]
 
 
-def _information(log: LogEvidence) -> FloatArray:
+def _information(log: LogLinearisation) -> FloatArray:
     weighted = log.jacobian * log.weights[:, None]
     return np.asarray(weighted.T @ weighted)
