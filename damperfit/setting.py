@@ -19,6 +19,7 @@ __all__ = [
     "Setting",
     "clicks_between",
     "lines_of",
+    "nearest_setting",
     "parse_place",
     "parse_setting",
     "short_names",
@@ -303,6 +304,29 @@ def clicks_between(first: Setting | Place, second: Setting | Place) -> float | N
     if len(turned) != 1 or ends[0] is None or ends[1] is None:
         return None
     return ends[1] - ends[0]
+
+
+def nearest_setting(wanted: Setting | Place, known: Iterable[Setting]) -> Setting | None:
+    """Return the setting itself, or that with the fewest other words and clicks between; or None.
+
+    Of two alike it is the one that comes first in their order.
+
+    Examples
+    --------
+    >>> str(nearest_setting(7, map(Setting.of, [1, 5, 10])))
+    '5'
+    """
+
+    def distance(one: Setting) -> tuple[int, float, Setting]:
+        if one.adjusters != here.adjusters:
+            return len(here.places), 0.0, one
+        ends = [(here.place(name), one.place(name)) for name in here.adjusters]
+        clicks = [abs(a - b) for a, b in ends if not isinstance(a, str) and not isinstance(b, str)]
+        words = [a != b for a, b in ends if isinstance(a, str) or isinstance(b, str)]
+        return sum(words), float(sum(clicks)), one
+
+    here = Setting.of(wanted)
+    return min(known, key=distance, default=None)
 
 
 def lines_of(settings: Iterable[Setting | Place]) -> tuple[Line, ...]:

@@ -30,6 +30,7 @@ from damperfit.cli.options import (
     RigProfileOption,
     SettingOption,
     SkewOption,
+    StartOption,
     StrictOption,
     TestsOption,
     TruncatedOption,
@@ -39,6 +40,7 @@ from damperfit.cli.options import (
     declared_setting,
     names_of,
     rig_entries,
+    starts_of,
 )
 from damperfit.cli.report import check_kind, write_report
 from damperfit.errors import ConfigurationError, OutputError
@@ -106,6 +108,7 @@ def identify(
     starts: Annotated[
         int | None, typer.Option(metavar="N", help="Fit each setting from N starts.  [1]")
     ] = None,
+    start: StartOption = None,
     profile: Annotated[
         list[str] | None,
         typer.Option(
@@ -168,6 +171,7 @@ def identify(
             "the option out (output.max_mse_percent = 0)"
         )
     summary = _summary_file() if github_summary else None
+    start_file, start_values = starts_of(start)
     configuration = configured(
         config,
         ("--free", "identification.free", free.split(",") if free is not None else None),
@@ -177,6 +181,12 @@ def identify(
         ("--share", "identification.share", share.split(",") if share is not None else None),
         ("--bulk-modulus", "identification.bulk_modulus", bulk_modulus),
         ("--starts", "identification.starts", starts),
+        ("--start", "identification.start", start_file),
+        (
+            "--start",
+            "identification.start_values",
+            None if model == _AUTO else start_values or None,
+        ),
         ("--profile", "identification.profile", ",".join(profile).split(",") if profile else None),
         ("--hold-out", "identification.hold_out", hold_out or None),
         ("--hold-out-cycles", "identification.hold_out_cycles", hold_out_cycles),
@@ -191,7 +201,9 @@ def identify(
         ("--out", "output.folder", str(out) if out is not None else None),
     )
     if model == _AUTO:
-        configuration = _with_law(configuration, logs, setting, jobs=jobs, is_quiet=quiet)
+        configuration = _with_law(
+            configuration, logs, setting, start_values, jobs=jobs, is_quiet=quiet
+        )
     procedure_used = configuration.identification.procedure
     if share is not None and procedure_used != "joint":
         raise ConfigurationError(
@@ -331,12 +343,14 @@ def _with_law(
     configuration: Configuration,
     logs: list[str],
     setting: str | None,
+    start_values: dict[str, str],
     *,
     jobs: int | None,
     is_quiet: bool,
 ) -> Configuration:
     """Let the logs choose the law, and say which it is."""
     from damperfit.laws import physics_seen
+    from damperfit.run.given_starts import start_of_laws
     from damperfit.run.law_choice import choose_law, with_chosen_law
 
     choice = choose_law(
@@ -344,6 +358,7 @@ def _with_law(
         logs,
         jobs=jobs,
         setting=declared_setting(setting, configuration),
+        start=start_of_laws(configuration, start_values),
         on_rung=lambda rung: None if is_quiet else say(f"damperfit: tried {rung.tried.title}"),
     )
     if not is_quiet:

@@ -25,10 +25,12 @@ from damperfit.cli.options import (
     RigOption,
     RigProfileOption,
     SettingOption,
+    StartOption,
     VersionOption,
     configured,
     declared_setting,
     rig_entries,
+    starts_of,
 )
 from damperfit.errors import ConfigurationError, did_you_mean
 
@@ -60,6 +62,7 @@ def models(
             "--rivals", help="Rank fourteen models of the literature on the same logs too."
         ),
     ] = False,
+    start: StartOption = None,
     setting: SettingOption = None,
     rig_profile: RigProfileOption = None,
     rig: RigOption = None,
@@ -74,6 +77,7 @@ def models(
 
     Example: damperfit models runs/*.csv --config damper.toml --hold-out '*_check.csv'
     """
+    from damperfit.run.given_starts import start_of_laws
     from damperfit.run.law_choice import LAYOUTS, choose_law
 
     if layout is not None and layout not in LAYOUTS:
@@ -81,11 +85,13 @@ def models(
             f"--layout: no layout {layout!r}; there are {', '.join(LAYOUTS)}."
             f"{did_you_mean(layout, LAYOUTS)}"
         )
+    start_file, start_values = starts_of(start)
     configuration = configured(
         config,
         *rig_entries(rig),
         ("--rig-profile", "rig.profile", rig_profile),
         ("--hold-out", "identification.hold_out", hold_out or None),
+        ("--start", "identification.start", start_file),
     )
     if not quiet:
         for note in configuration.notes:
@@ -96,6 +102,7 @@ def models(
         layout=layout,
         jobs=jobs,
         setting=declared_setting(setting, configuration),
+        start=start_of_laws(configuration, start_values),
         on_rung=lambda rung: None if quiet else say(f"damperfit: tried {rung.tried.title}"),
         on_rival=(lambda one: None if quiet else say(f"damperfit: tried {one.title}"))
         if rivals

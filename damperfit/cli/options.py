@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +13,7 @@ from damperfit import __version__
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from damperfit.configuration.options import Configuration
     from damperfit.setting import Setting
@@ -28,6 +29,7 @@ __all__ = [
     "RigProfileOption",
     "SettingOption",
     "SkewOption",
+    "StartOption",
     "StrictOption",
     "TestsOption",
     "TruncatedOption",
@@ -38,6 +40,7 @@ __all__ = [
     "names_of",
     "refuse_beside",
     "rig_entries",
+    "starts_of",
 ]
 
 
@@ -111,6 +114,37 @@ RigOption = Annotated[
         help="A key of [rig], such as units.force=kN; may be given several times.",
     ),
 ]
+
+
+StartOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--start",
+        metavar="FILE|NAME=VALUE",
+        help="Where the fits start: parameters of an earlier run, or single values.",
+    ),
+]
+_ASSIGNMENT = re.compile(r"\s*[A-Za-z_]\w*\s*=")
+
+
+def starts_of(texts: Sequence[str] | None) -> tuple[str | None, dict[str, str]]:
+    """Return the file and the values that ``--start`` gives.
+
+    Raises
+    ------
+    ConfigurationError
+        Two files are given, a value is missing, or a name is given twice.
+    """
+    texts = texts or []
+    values = [text for text in texts if _ASSIGNMENT.match(text) and not Path(text).exists()]
+    files = [text for text in texts if text not in values]
+    if len(files) > 1:
+        raise ConfigurationError(
+            f"--start {files[1]}: {files[0]} is given already; a fit starts from one earlier run"
+        )
+    if "" in files:
+        raise ConfigurationError("--start '': expected a file or NAME=VALUE, such as k_e=5e8")
+    return (files[0] if files else None), assignments(values, option="--start")
 
 
 def rig_entries(texts: Iterable[str] | None) -> list[tuple[str, str, Any]]:

@@ -122,6 +122,8 @@ class Configuration:
         What is fitted, and how.
     hold_out : HoldOutOptions
         What is not fitted but predicted.
+    start_table : pathlib.Path or None
+        Parameters of an earlier run that the fits start from; it is read when the run begins.
     profile : tuple of str
         Parameters whose misfit is followed away from the best value.
     simulation : SimulationOptions
@@ -142,6 +144,7 @@ class Configuration:
     conditioning: ConditionOptions
     identification: FitOptions
     hold_out: HoldOutOptions
+    start_table: Path | None
     profile: tuple[str, ...]
     simulation: SimulationOptions
     output: OutputOptions

@@ -40,7 +40,7 @@ from damperfit.configuration.what_is_tested import (
 )
 from damperfit.damper.models import MODELS
 from damperfit.errors import did_you_mean
-from damperfit.identification import FitOptions, check_options, shared_names
+from damperfit.identification import FitOptions, GivenStart, check_options, shared_names
 from damperfit.quantities import parse_quantity
 from damperfit.readers import Profile, ReadOptions
 from damperfit.readers.options import Declarations
@@ -48,6 +48,8 @@ from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import HoldOutOptions, check_profile_names
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from damperfit.damper.model import Model
 
 __all__ = ["build_configuration"]
@@ -244,6 +246,8 @@ class _IdentificationSection(_Section):
     share: list[str]
     bulk_modulus: str
     starts: Annotated[int, Field(ge=1, le=10_000)]
+    start: str
+    start_values: dict[str, float | str]
     profile: list[str]
     hold_out: list[str]
     hold_out_cycles: Annotated[float, _NotNegative]
@@ -267,7 +271,8 @@ class _IdentificationSection(_Section):
         options = FitOptions(
             procedure=self.procedure,
             free=tuple(name.strip() for name in self.free) or None,
-            fixed={n: parameter_value(damper.quantity(n), value) for n, value in self.fix.items()},
+            fixed=_in_si(damper, self.fix),
+            start=GivenStart(_in_si(damper, self.start_values)),
             share=tuple(name.strip() for name in self.share),
             solver=SolverOptions(tolerance=self.tolerance, dead_band=self.dead_band),
             max_evaluations=self.max_evaluations,
@@ -283,6 +288,10 @@ class _IdentificationSection(_Section):
         names = tuple(name.strip() for name in self.profile)
         check_profile_names(names, damper.names, fixed=self.fix)
         return names
+
+
+def _in_si(damper: Model, values: Mapping[str, float | str]) -> dict[str, float]:
+    return {name: parameter_value(damper.quantity(name), one) for name, one in values.items()}
 
 
 class _SimulationSection(_Section):
@@ -371,6 +380,7 @@ def build_configuration(
             from_closed=tuple(k for k, way in checked.adjusters.items() if way == "from closed"),
         ),
         hold_out=checked.identification.build_hold_out(),
+        start_table=Path(checked.identification.start) if checked.identification.start else None,
         profile=checked.identification.build_profile(damper),
         simulation=checked.simulation.build(checked.identification.dead_band),
         output=checked.output.build(checked.rig),

@@ -2,6 +2,7 @@
 
 from damperfit.identification.campaign import PROCEDURES, Campaign, identify
 from damperfit.identification.failures import SettingFailure
+from damperfit.identification.given_start import GivenStart, check_start
 from damperfit.identification.model_versus_log import Comparison, compare, normalised_mse
 from damperfit.identification.multistart import Search, Valley, describe_searches
 from damperfit.identification.options import FitOptions, check_options, shared_names
@@ -15,6 +16,7 @@ __all__ = [
     "Comparison",
     "Fit",
     "FitOptions",
+    "GivenStart",
     "LogFit",
     "Outcome",
     "Search",
@@ -23,6 +25,7 @@ __all__ = [
     "Status",
     "Valley",
     "check_options",
+    "check_start",
     "compare",
     "describe_searches",
     "identify",

@@ -18,9 +18,10 @@ from damperfit.identification.every_setting import Campaign, fit_every_setting, 
 from damperfit.identification.failures import attempted_for_all
 from damperfit.identification.joint_procedure import fit_together
 from damperfit.identification.multistart import Search, fit_from
+from damperfit.identification.neighbours import beside_neighbours
 from damperfit.identification.options import FitOptions, check_options, shared_names
 from damperfit.identification.paper.procedure import as_in_the_paper
-from damperfit.identification.procedure_input import ProcedureInput, first_start
+from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import Fit, describe_fit
 from damperfit.identification.sharing import MEAN, TAKEN
 from damperfit.recording import natural_order
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from damperfit.damper.model import Model
+    from damperfit.identification.descent import Misfit
     from damperfit.recording import Trace
 
 __all__ = ["PROCEDURES", "Campaign", "identify"]
@@ -117,12 +119,16 @@ def _plain(given: ProcedureInput) -> Campaign:
                 f"add it to --free or give --fix {name}=VALUE."
             )
 
+    def misfit_of(setting: Setting) -> Misfit:
+        return given.misfit(setting, given.ordered(free))
+
     def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        misfit = given.misfit(setting, given.ordered(free))
-        judged, found = fit_from(given, setting, misfit, first_start(misfit, fixed))
+        misfit = misfit_of(setting)
+        start = given.start(setting, misfit, fixed)
+        judged, found = fit_from(given, setting, misfit, start)
         return describe_fit(setting, judged, misfit), found
 
-    return fit_every_setting(given, fit)
+    return beside_neighbours(fit_every_setting(given, fit), misfit_of, jobs=given.jobs)
 
 
 def _joint(given: ProcedureInput) -> Campaign:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.identification.given_start import GivenStart, check_start
 from damperfit.identification.paper.gas_content import GAS_FOLLOWER
 from damperfit.simulation import SolverOptions
 
@@ -52,6 +53,8 @@ class FitOptions:
         the procedure's own start alone.
     from_closed : tuple of str
         Adjusters whose clicks count from closed: there the highest is the softest.
+    start : GivenStart
+        Where the fits start, as far as somebody has said so.
     """
 
     procedure: str = "paper"
@@ -65,6 +68,7 @@ class FitOptions:
     bulk_modulus: str = "free"
     starts: int = 1
     from_closed: tuple[str, ...] = ()
+    start: GivenStart = GivenStart()
 
 
 def check_options(options: FitOptions, damper: Model) -> None:
@@ -94,6 +98,11 @@ def check_options(options: FitOptions, damper: Model) -> None:
         if name in options.fixed or name in (options.free or ()):
             raise ConfigurationError(f"{name} is shared and also free or fixed; choose one.")
     _check_bulk_modulus(options, damper)
+    moving = {*(options.free or ()), *share}
+    for name, begin in options.start.named.items():
+        started = damper.quantity(name)
+        is_held = started.default is not None and name not in moving
+        check_start(started, begin, is_fixed=name in options.fixed, is_held=is_held)
     for quantity in damper.quantities:
         value = options.fixed.get(quantity.name)
         if value is None or (quantity.may_vanish and value == 0.0):

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import Misfit
 from damperfit.identification.model_versus_log import compare, normalised_mse
+from damperfit.identification.plausible import kept_within
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from damperfit.damper.model import Model, Values
     from damperfit.identification.options import FitOptions
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.setting import Setting
 
-__all__ = ["ProcedureInput", "first_start"]
+__all__ = ["ProcedureInput"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,10 +55,22 @@ class ProcedureInput:
             self.cancelled,
         )
 
+    def start(self, setting: Setting, misfit: Misfit, fixed: Mapping[str, float]) -> Values:
+        """Return where the fit of a setting starts: as somebody has said, else the model's start.
 
-def first_start(misfit: Misfit, fixed: Mapping[str, float]) -> Values:
-    """Return the model's start; of several the one that fits the first log best."""
-    starts = misfit.damper.start(misfit.traces, fixed)
+        Of several starts it is the one that fits the first log best. What is fixed stays fixed.
+        """
+        starts = misfit.damper.start(misfit.traces, fixed)
+        return _best(misfit, tuple({self.told(setting, one, fixed): None for one in starts}))
+
+    def told(self, setting: Setting, start: Values, fixed: Mapping[str, float]) -> Values:
+        """Return a start with what somebody has said that the fit of a setting starts at."""
+        said = self.options.start.of(setting)
+        said = {name: said[name] for name in self.ordered(said) if name not in fixed}
+        return kept_within(start.replace(said), said)
+
+
+def _best(misfit: Misfit, starts: Sequence[Values]) -> Values:
     if len(starts) == 1:
         return starts[0]
     trace = misfit.traces[0]

@@ -9,7 +9,7 @@ too many.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +25,7 @@ from damperfit.simulation import SolverOptions
 from damperfit.simulation.motion import motion_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -57,11 +57,14 @@ class SettingLogs:
         Adjuster setting.
     fitted, held_out : tuple of Trace
         Logs that are fitted, and those that are only predicted.
+    told : mapping of str to float
+        A place more to start from, as far as a law has these quantities.
     """
 
     setting: Setting
     fitted: tuple[Trace, ...]
     held_out: tuple[Trace, ...] = ()
+    told: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,6 +153,9 @@ def fit_law(
     if near is not None:
         shared = {n: v for n, v in zip(near.names, near.numbers, strict=True) if n in free}
         starts = (starts[0].replace(shared), *starts)
+    told = {name: evidence.told[name] for name in free if name in evidence.told}
+    if told:
+        starts = (starts[0].replace(told), *starts)
     ranked = _ranked(misfit, starts)
     spent = 0
     candidates = []

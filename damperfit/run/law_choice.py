@@ -20,11 +20,13 @@ from damperfit.damper.valve_dampers import (
     ValveDamper,
 )
 from damperfit.errors import ConfigurationError, SimulationError
+from damperfit.identification import GivenStart
 from damperfit.laws import SettingLogs, climb, fit_law, rank_rivals
 from damperfit.run.dampers import of_one_damper
 from damperfit.run.hold_out import named_files, part
 from damperfit.run.logs import available_cores, expand, read_batch
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
+from damperfit.setting import nearest_setting
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -83,6 +85,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     layout: str | None = None,
     jobs: int | None = None,
     setting: Setting | None = None,
+    start: GivenStart = GivenStart(),
     on_rung: Callable[[Rung], None] = lambda _: None,
     on_rival: Callable[[Tried], None] | None = None,
 ) -> LawChoice:
@@ -100,6 +103,8 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         Workers; the cores available by default.
     setting : Setting, optional
         Setting of the logs that do not say theirs.
+    start : GivenStart
+        A place more where every law may start, as far as it has these quantities.
     on_rung : callable
         Called with every law that was judged.
     on_rival : callable, optional
@@ -121,7 +126,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     )
     left, held_out = without_copies(left, parted.held_out)
     parted = replace(parted, batch=left, held_out=held_out)
-    evidence = _evidence(parted)
+    evidence = _evidence(parted, start)
     if not evidence:
         said = "; ".join(one.message for one in parted.batch.failures[:3])
         raise ConfigurationError(
@@ -146,7 +151,14 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         if one.setting in known:
             return known[one.setting]
         try:
-            return fit_law(best.model, one, freed=freed, solver=solver)
+            near = nearest_setting(one.setting, known)
+            return fit_law(
+                best.model,
+                one,
+                freed=freed,
+                near=None if near is None else known[near].values,
+                solver=solver,
+            )
         except SimulationError:
             return None
 
@@ -187,16 +199,22 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     made = redeclared(configuration, sections)
     # Nobody has measured what stood at its default.
     chosen = {"damper.model", "damper.rebound", "damper.compression", "damper.mounting"}
-    return replace(made, declared=configuration.declared | chosen)
+    found = {fit.setting: asdict(fit.values) for fit in choice.fits}
+    return replace(
+        made,
+        declared=configuration.declared | chosen,
+        identification=replace(made.identification, start=GivenStart(by_setting=found)),
+    )
 
 
-def _evidence(parted: Parted) -> tuple[SettingLogs, ...]:
+def _evidence(parted: Parted, start: GivenStart) -> tuple[SettingLogs, ...]:
     settings = {trace.setting for trace in parted.batch.traces if trace.setting is not None}
     return tuple(
         SettingLogs(
             setting,
             tuple(one for one in parted.batch.traces if one.setting == setting),
             tuple(one for one in parted.held_out if one.setting == setting),
+            start.of(setting),
         )
         for setting in sorted(settings)
     )

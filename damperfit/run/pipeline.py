@@ -18,6 +18,7 @@ from damperfit.errors import ConfigurationError, OutputError
 from damperfit.report import markdown_report
 from damperfit.run.dampers import by_damper, folder_name
 from damperfit.run.earlier import PAGE, forget_figures
+from damperfit.run.given_starts import with_given_start
 from damperfit.run.hold_out import Parted, fitting, named_files, note_unpredicted, part
 from damperfit.run.judging import assessed, judge, with_profiles
 from damperfit.run.logs import available_cores, expand, read_batch
@@ -190,6 +191,7 @@ def _read(
 ) -> list[_OneDamper]:
     """Read the logs and part them by damper; what is held out is parted from each."""
     clock = Clock()
+    configuration = with_given_start(configuration)
     folder = configuration.output.folder
     paths = expand(logs)
     named = named_files(configuration.hold_out.patterns, paths)

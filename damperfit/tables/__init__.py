@@ -9,6 +9,7 @@ from damperfit.tables.characteristics import characteristic_rows, characteristic
 from damperfit.tables.columns import SCHEMA_VERSION, column_names, describe_tables, table_schema
 from damperfit.tables.files import (
     read_facts,
+    read_known_numbers,
     read_parameters,
     safe_cell,
     table_quantities,
@@ -52,6 +53,7 @@ __all__ = [
     "quantities_in",
     "quantity_records",
     "read_facts",
+    "read_known_numbers",
     "read_parameters",
     "read_results",
     "safe_cell",

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "read_facts",
+    "read_known_numbers",
     "read_parameters",
     "safe_cell",
     "table_quantities",
@@ -192,18 +193,51 @@ def read_parameters(
     OutputError
         Writing was interrupted in its folder, and the earlier table cannot be put back.
     """
+    known = _by_setting(path, quantities, needed=_without_default(quantities))
+    complete = {
+        setting: {one.name: numbers.get(one.name, one.default) for one in quantities}
+        for setting, numbers in known.items()
+    }
+    return {
+        setting: values_from(quantities, [one for one in numbers.values() if one is not None])
+        for setting, numbers in complete.items()
+        if None not in numbers.values()
+    }
+
+
+def read_known_numbers(path: Path) -> dict[Setting, dict[str, float]]:
+    """Read what a parameters table tells of its own model's quantities, by setting and name.
+
+    Empty cells are left out, and so are settings without a number.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        As of `read_parameters`.
+
+    Raises
+    ------
+    ConfigurationError, OutputError
+        As `read_parameters`.
+    """
+    known = _by_setting(path, table_quantities(path), needed=("setting",))
+    return {setting: numbers for setting, numbers in known.items() if numbers}
+
+
+def _by_setting(
+    path: Path, quantities: Sequence[Quantity], *, needed: Sequence[str]
+) -> dict[Setting, dict[str, float]]:
+    """Return the numbers of each row that tells its setting; empty cells are left out."""
     settle(path.parent)
     try:
-        rows = _read_rows(path, quantities)
-        known = {
-            setting: [_number(row.get(one.name), one) for one in quantities]
-            for row in rows
-            if (setting := read_setting(row, adjusters_in(tuple(row), quantities))) is not None
-        }
         return {
-            setting: values_from(quantities, [one for one in numbers if one is not None])
-            for setting, numbers in known.items()
-            if None not in numbers
+            setting: {
+                one.name: float(row[one.name])
+                for one in quantities
+                if row.get(one.name) not in (None, "")
+            }
+            for row in _read_rows(path, quantities, needed)
+            if (setting := read_setting(row, adjusters_in(tuple(row), quantities))) is not None
         }
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror or error}") from error
@@ -215,8 +249,8 @@ def read_parameters(
         raise ConfigurationError(f"{path}: no parameters table: {error}") from error
 
 
-def _number(cell: Any, quantity: Quantity) -> float | None:
-    return quantity.default if cell in (None, "") else float(cell)
+def _without_default(quantities: Sequence[Quantity]) -> tuple[str, ...]:
+    return ("setting", *(one.name for one in quantities if one.default is None))
 
 
 def table_quantities(path: Path) -> tuple[Quantity, ...]:
@@ -242,9 +276,10 @@ def read_facts(path: Path) -> dict[str, Any]:
     return facts if isinstance(facts, dict) else {}
 
 
-def _read_rows(path: Path, quantities: Sequence[Quantity]) -> list[dict[str, Any]]:
+def _read_rows(
+    path: Path, quantities: Sequence[Quantity], needed: Sequence[str]
+) -> list[dict[str, Any]]:
     wanted = ("setting", *(one.name for one in quantities))
-    needed = ("setting", *(one.name for one in quantities if one.default is None))
     if path.suffix.lower() == ".parquet":
         with pq.ParquetFile(path, page_checksum_verification=True) as file:
             table = file.read()

@@ -14,7 +14,7 @@ from damperfit.identification.descent import FitCancelledError, Misfit, descend
 from damperfit.identification.failures import SettingError, SettingFailure, attempted
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Outcome, Status
-from damperfit.identification.procedure_input import ProcedureInput, first_start
+from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import (
     EXCELLENT,
     NOT_FIT_TO_SHARE,
@@ -129,7 +129,7 @@ def _begin(
         misfit = given.misfit(lowest, names)
 
         def fit(lowest: Setting = lowest, misfit: Misfit = misfit) -> tuple[Judged, Search | None]:
-            return fit_from(given, lowest, misfit, first_start(misfit, fixed))
+            return fit_from(given, lowest, misfit, given.start(lowest, misfit, fixed))
 
         found = attempted(lowest, fit)
         if not isinstance(found, SettingFailure):
@@ -350,7 +350,7 @@ def _free_everywhere(
         misfit = given.misfit(setting, names)
         known = {**fixed, "r_m3": anchor.r_m3, "f_f": anchor.f_f}
         start = starting_values(misfit.traces, damper, known, anchor.k_e)
-        return fit_guided(misfit, start, REBOUND)
+        return fit_guided(misfit, given.told(setting, start, fixed), REBOUND)
 
     with ThreadPoolExecutor(given.jobs) as pool:
         found = pool.map(lambda setting: attempted(setting, lambda: one(setting)), settings)

@@ -14,7 +14,7 @@ from damperfit.identification.every_setting import Campaign, fit_every_setting, 
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Status
 from damperfit.identification.paper.first_pass import first_pass
-from damperfit.identification.procedure_input import ProcedureInput, first_start
+from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import Fit, describe_fit
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def as_in_the_paper(given: ProcedureInput) -> Campaign:
 
     def fit(setting: Setting) -> tuple[Fit, Search | None]:
         misfit = given.misfit(setting, given.ordered(free))
-        start = (first.start(setting) or first_start(misfit, held)).replace(held)
+        start = (first.start(setting) or given.start(setting, misfit, held)).replace(held)
         judged, found = fit_from(given, setting, misfit, start, spent=first.evaluations(setting))
         named = dict.fromkeys(first.sharing.found, Status.SHARED) | dict(first.status)
         return describe_fit(setting, with_status(judged, named), misfit), found

@@ -1,0 +1,107 @@
+"""Where fits start, as a user has said it: --start FILE and --start NAME=VALUE."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from damperfit.configuration.options import parameter_value
+from damperfit.damper.mounting import FIT, Mounting
+from damperfit.damper.network import Valve
+from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
+from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.identification import GivenStart, check_start
+from damperfit.tables import read_known_numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.damper.model import Quantity
+    from damperfit.setting import Setting
+
+__all__ = ["start_of_laws", "with_given_start"]
+
+# What dampers of every kind have: a table that tells no more is of another model.
+_EVERYWHERE = frozenset({"k_e", "f_f", "f_0", "gas_volume"})
+
+
+def with_given_start(configuration: Configuration) -> Configuration:
+    """Return the configuration with the parameters of the earlier run that it names as a start.
+
+    Raises
+    ------
+    ConfigurationError
+        The table cannot be read, tells no number, or is of another model.
+    """
+    path = configuration.start_table
+    damper, options = configuration.damper, configuration.identification
+    if path is None or options.start.by_setting:  # the latter from the choice of a law
+        return configuration
+    known = _read(path)
+    told = {name for numbers in known.values() for name in numbers}
+    if not (told & set(damper.names)) - _EVERYWHERE:
+        raise ConfigurationError(
+            f"--start {path}: its parameters ({', '.join(sorted(told))}) are of another model than "
+            f"{damper.name} ({', '.join(damper.names)}); name that model by --model, or give "
+            "--start NAME=VALUE"
+        )
+    own = {
+        setting: {name: one for name, one in numbers.items() if name in damper.names}
+        for setting, numbers in known.items()
+    }
+    start = replace(options.start, by_setting=own)
+    return replace(configuration, identification=replace(options, start=start))
+
+
+def start_of_laws(configuration: Configuration, named: Mapping[str, str]) -> GivenStart:
+    """Return a start for laws that are only to be chosen; it may name what any of them has.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        Its table of an earlier run counts too.
+    named : mapping of str to str
+        As typed, ``NAME=VALUE``.
+
+    Raises
+    ------
+    ConfigurationError
+        No law has such a quantity, a value is wrong, or the table cannot be used.
+    """
+    quantities = _of_any_law(configuration)
+    told: dict[str, float] = dict(configuration.identification.start.named)
+    for name, text in named.items():
+        if name not in quantities:
+            raise ConfigurationError(
+                f"--start {name}={text}: no law has a parameter {name!r}; there are "
+                f"{', '.join(quantities)}.{did_you_mean(name, quantities)}"
+            )
+        told[name] = parameter_value(quantities[name], text)
+        check_start(quantities[name], told[name], is_fixed=False, is_held=False)
+    path = configuration.start_table
+    return GivenStart(told, {} if path is None else _read(path))
+
+
+def _of_any_law(configuration: Configuration) -> dict[str, Quantity]:
+    valve, mounting = Valve("long", "rounded"), Mounting(FIT, FIT, FIT)
+    models = (
+        configuration.damper,
+        *(kind(rebound=valve, compression=valve, mounting=mounting)
+          for kind in (TwinTube, Monotube, ThroughFlow)),
+    )  # fmt: skip
+    return {one.name: one for model in models for one in model.quantities}
+
+
+def _read(path: Path) -> dict[Setting, dict[str, float]]:
+    table = path / "parameters.parquet" if path.is_dir() else path
+    try:
+        known = read_known_numbers(table)
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f"--start {error}; expected parameters that identify wrote, or NAME=VALUE"
+        ) from error
+    if not known:
+        raise ConfigurationError(f"--start {table}: its rows tell no parameter; nothing to start")
+    return known
