@@ -15,8 +15,9 @@ from damperfit.errors import SimulationError
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.restarts import LEAST, WELL_ABOVE
-from damperfit.identification.setting import CHI_SQUARED_95, attempt, describe_fit
+from damperfit.identification.setting import attempt, describe_fit
 from damperfit.setting import nearest_setting
+from damperfit.statistics import CHI_SQUARED_95
 
 if TYPE_CHECKING:
     from collections.abc import Callable
