@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from damperfit.cli.compare import compare
 from damperfit.cli.config import config
 from damperfit.cli.console import say, shield_streams, silence_broken_pipe
 from damperfit.cli.export import export
@@ -45,6 +46,7 @@ for _command in (
     identify,
     report,
     settings,
+    compare,
     simulate,
     sweep,
     models,

@@ -30,6 +30,11 @@ from damperfit.report.sheets.sparkline import ASCII_LEVELS, BLOCK_LEVELS, sparkl
 from damperfit.report.terminal_table import terminal_table
 
 if TYPE_CHECKING:
+    from damperfit.report.comparison_records import (
+        comparison_record,
+        comparison_rows,
+        comparison_table,
+    )
     from damperfit.report.json_records import read_back, to_record
     from damperfit.report.page.page import html_report
     from damperfit.report.plots.description import Plot
@@ -37,6 +42,11 @@ if TYPE_CHECKING:
     from damperfit.report.plots.report_plots import ReportPlots, report_plots
     from damperfit.report.plots.simulated_cycle import draw_loops
     from damperfit.report.plots.sweep import sweep_plot, sweep_pressure_plot
+    from damperfit.report.sheets.comparison_sheet import (
+        comparison_figure_sheet,
+        comparison_force_sheet,
+        comparison_parameter_sheet,
+    )
     from damperfit.report.sheets.curve_sheet import curve_forces_sheet, curve_sheet
     from damperfit.report.sheets.cycle_sheet import (
         cycle_force_sheet,
@@ -71,6 +81,12 @@ __all__ = [
     "check_lines",
     "chosen_records",
     "chosen_sheet",
+    "comparison_figure_sheet",
+    "comparison_force_sheet",
+    "comparison_parameter_sheet",
+    "comparison_record",
+    "comparison_rows",
+    "comparison_table",
     "curve_forces_sheet",
     "curve_sheet",
     "cycle_force_sheet",
@@ -113,6 +129,12 @@ _LATE = {
     "SweepMember": "sheets.sweep_sheet",
     "chosen_records": "sheets.law_sheet",
     "chosen_sheet": "sheets.law_sheet",
+    "comparison_figure_sheet": "sheets.comparison_sheet",
+    "comparison_force_sheet": "sheets.comparison_sheet",
+    "comparison_parameter_sheet": "sheets.comparison_sheet",
+    "comparison_record": "comparison_records",
+    "comparison_rows": "comparison_records",
+    "comparison_table": "comparison_records",
     "curve_forces_sheet": "sheets.curve_sheet",
     "curve_sheet": "sheets.curve_sheet",
     "cycle_force_sheet": "sheets.cycle_sheet",

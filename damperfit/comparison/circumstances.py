@@ -1,0 +1,228 @@
+"""What two runs differ in besides their numbers, and what may be the reason for a difference."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+from damperfit.comparison.measured import SAME_MOTION
+from damperfit.identification.sharing import listed_settings
+from damperfit.tables import SCHEMA_VERSION
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from damperfit.comparison.run import Run
+
+__all__ = ["Circumstance", "circumstances"]
+
+_SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
+_WARMER = 2.0  # degC; forces fall by some 0.1 % for each
+_GAS = ("gas_",)
+_WHOSE = ("damper", "serial", "customer", "operator", "date", "rig")
+# Keys of the run's configuration, with words for people, that change what comes of the same logs.
+_HOW = {
+    ("rig", "filter"): ("filter", "filter in the rig"),
+    ("rig", "filter_corner"): ("filter", "corner of the filter in the rig"),
+    ("rig", "filter_order"): ("filter", "order of the filter in the rig"),
+    ("rig", "centre"): ("rig", "x = 0"),
+    ("rig", "skew"): ("rig", "declared delay of the force"),
+    ("conditioning", "filter"): ("filter", "filter of damperfit"),
+    ("conditioning", "filter_corner"): ("filter", "corner of damperfit's filter"),
+    ("conditioning", "filter_order"): ("filter", "order of damperfit's filter"),
+    ("identification", "procedure"): ("procedure", "procedure"),
+    ("identification", "free"): ("procedure", "free parameters"),
+    ("identification", "fix"): ("procedure", "held parameters"),
+    ("identification", "share"): ("procedure", "shared parameters"),
+    ("identification", "bulk_modulus"): ("procedure", "bulk modulus"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Circumstance:
+    """One thing that two runs differ in.
+
+    Attributes
+    ----------
+    kind : str
+        "logs", "identity", "settings", "model", "damper", "gas", "motion", "temperature", "rig",
+        "filter", "procedure", "version".
+    first, second : str
+        As it is in each.
+    sentence : str
+        For people.
+    """
+
+    kind: str
+    first: str
+    second: str
+    sentence: str
+
+
+def circumstances(first: Run, second: Run) -> tuple[Circumstance, ...]:
+    """Return what two runs differ in, what matters most first.
+
+    Parameters
+    ----------
+    first, second : Run
+        The reference and the other.
+    """
+    return (
+        *_logs(first, second),
+        *_identity(first, second),
+        *_settings(first, second),
+        *_damper(first, second),
+        *_motion(first, second),
+        *_temperature(first, second),
+        *_how(first, second),
+        *_version(first, second),
+    )
+
+
+def _differs(kind: str, what: str, a: object, b: object) -> Circumstance:
+    return Circumstance(kind, str(a), str(b), f"{what}: {a}, then {b}")
+
+
+def _logs(first: Run, second: Run) -> Iterator[Circumstance]:
+    known = [_hashes(run) for run in (first, second)]
+    common = known[0].keys() & known[1].keys()
+    if common:
+        names = sorted(known[0][one] for one in common)
+        more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+        yield Circumstance(
+            "logs",
+            first.name,
+            second.name,
+            f"the same logs stand behind both ({', '.join(names[:3])}{more}): what differs there "
+            "is how they were evaluated, and the errors, which are those of two tests, are too "
+            "large",
+        )
+
+
+def _hashes(run: Run) -> dict[str, str]:
+    inputs = run.record.get("inputs")
+    return {
+        str(one["sha256"]): str(one.get("log"))
+        for one in (inputs if isinstance(inputs, list) else ())
+        if isinstance(one, dict) and one.get("sha256") and one.get("setting") is not None
+    }
+
+
+def _identity(first: Run, second: Run) -> Iterator[Circumstance]:
+    tested = [_section(run.record, "test") for run in (first, second)]
+    for key in _WHOSE:
+        a, b = (str(one.get(key) or "") for one in tested)
+        if a and b and a != b:
+            yield _differs("identity", key, a, b)
+
+
+def _settings(first: Run, second: Run) -> Iterator[Circumstance]:
+    alone = [
+        listed_settings(set(a.settings) - set(b.settings))
+        for a, b in ((first, second), (second, first))
+    ]
+    for run, names in zip((first, second), alone, strict=True):
+        if names:
+            sentence = f"setting {names} only in {run.name}: not compared"
+            yield Circumstance("settings", alone[0], alone[1], sentence)
+
+
+def _section(record: Mapping[str, Any], *path: str) -> Mapping[str, Any]:
+    for key in path:
+        found = record.get(key)
+        record = found if isinstance(found, dict) else {}
+    return record
+
+
+def _damper(first: Run, second: Run) -> Iterator[Circumstance]:
+    if first.fitted is None or second.fitted is None:
+        return
+    a, b = first.fitted.damper, second.fitted.damper
+    if a.name != b.name:
+        sentence = f"model: {a.name}, then {b.name}: forces alone are compared, no parameters"
+        yield Circumstance("model", a.name, b.name, sentence)
+        return
+    names = [one.names for one in (a, b)]
+    if names[0] != names[1]:
+        told = [", ".join(one) for one in names]
+        sentence = "the models have other quantities: those of one name are compared"
+        yield Circumstance("model", told[0], told[1], sentence)
+    for name, (_, _, unit) in a.ranges.items():
+        here, there = (getattr(one, name, None) for one in (a, b))
+        if isinstance(here, float) and isinstance(there, float):
+            if math.isclose(here, there, rel_tol=_SAME):
+                continue
+            kind = "gas" if name.startswith(_GAS) else "damper"
+            units = [f"{one:.6g} {unit}".strip() for one in (here, there)]
+            yield _differs(kind, f"damper.{name}", units[0], units[1])
+    forces = [float(one) for model in (a, b) if (one := model.rest_force(0.0)) is not None]
+    if len(forces) == len((a, b)):
+        here, there = forces
+        if not math.isclose(here, there, rel_tol=_SAME):
+            said = [f"{one:.1f} N" for one in (here, there)]
+            sentence = (
+                f"gas force at mid-stroke: {said[0]}, then {said[1]}: {there - here:+.1f} N of "
+                "every difference of force is the declared gas"
+            )
+            yield Circumstance("gas", said[0], said[1], sentence)
+
+
+def _motion(first: Run, second: Run) -> Iterator[Circumstance]:
+    settings = set(first.settings) & set(second.settings)
+    told = [
+        [(t.amplitude, t.frequency) for s in settings for t in run.at(s)[:1]]
+        for run in (first, second)
+    ]
+    if not all(told):
+        return
+    middle = [tuple(median(one[k] for one in tests) for k in (0, 1)) for tests in told]
+    if any(map(math.isnan, (*middle[0], *middle[1]))):
+        return
+    if any(abs(b / a - 1.0) > SAME_MOTION for a, b in zip(*middle, strict=True)):
+        said = [f"{1e3 * a:.4g} mm at {f:.4g} Hz" for a, f in middle]
+        yield Circumstance(
+            "motion",
+            said[0],
+            said[1],
+            f"motion: {said[0]}, then {said[1]}: what a model misses does not cancel",
+        )
+
+
+def _temperature(first: Run, second: Run) -> Iterator[Circumstance]:
+    told = [
+        [test.temperature for test in run.tests if math.isfinite(test.temperature)]
+        for run in (first, second)
+    ]
+    if all(told):
+        a, b = (sum(one) / len(one) for one in told)
+        if abs(a - b) > _WARMER:
+            yield _differs("temperature", "temperature", f"{a:.1f} degC", f"{b:.1f} degC")
+
+
+def _how(first: Run, second: Run) -> Iterator[Circumstance]:
+    for (section, key), (kind, words) in _HOW.items():
+        a, b = (_section(run.record, "configuration", section).get(key) for run in (first, second))
+        if a is not None and b is not None and a != b:
+            yield _differs(kind, words, _said(a), _said(b))
+
+
+def _said(value: object) -> str:
+    if isinstance(value, list):
+        return ", ".join(map(str, value)) or "none"
+    if isinstance(value, dict):
+        return ", ".join(f"{key} = {one}" for key, one in value.items()) or "none"
+    return str(value)
+
+
+def _version(first: Run, second: Run) -> Iterator[Circumstance]:
+    for key, words in (("version", "damperfit"), ("schema_version", "schema of the results")):
+        a, b = (run.record.get(key) for run in (first, second))
+        if a is not None and b is not None and a != b:
+            found = _differs("version", words, a, b)
+            old = min((one for one in (a, b) if isinstance(one, int)), default=SCHEMA_VERSION)
+            if key == "schema_version" and old < SCHEMA_VERSION:
+                said = f"{found.sentence}; what the older does not tell is not compared"
+                found = Circumstance("version", found.first, found.second, said)
+            yield found

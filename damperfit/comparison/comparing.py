@@ -1,0 +1,281 @@
+"""Two runs compared: the whole story."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from damperfit.adjustment import named_speeds
+from damperfit.comparison.circumstances import Circumstance, circumstances
+from damperfit.comparison.forces import force_readings
+from damperfit.comparison.measured import (
+    SAME_MOTION,
+    figure_readings,
+    measured_readings,
+    repeat_scatter,
+)
+from damperfit.comparison.parameters import (
+    comparable_quantities,
+    figure_lines,
+    parameter_readings,
+)
+from damperfit.comparison.reading import (
+    Difference,
+    Reading,
+    Topic,
+    compared,
+    surely_different,
+)
+from damperfit.comparison.repeats import by_repeats
+from damperfit.comparison.words import outcome_of
+from damperfit.errors import ConfigurationError, mishap_of
+from damperfit.identification.sharing import listed_settings
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from damperfit.adjustment import Sine
+    from damperfit.comparison.run import FittedRun, Run
+    from damperfit.errors import Mishap
+    from damperfit.setting import Setting
+
+__all__ = ["ComparisonOptions", "RunComparison", "compare_runs"]
+
+_Tables = tuple[dict[Topic, Reading], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonOptions:
+    """What is compared.
+
+    Attributes
+    ----------
+    sine : Sine or None
+        The motion at which forces are told; None: the tests' own.
+    speeds : tuple of float
+        m/s, positive; none: the named test speeds.
+    is_measured : bool
+        Measured curves alone, without a model.
+    jobs : int
+        Threads.
+    """
+
+    sine: Sine | None = None
+    speeds: tuple[float, ...] = ()
+    is_measured: bool = False
+    jobs: int = 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunComparison:
+    """Two runs beside each other.
+
+    Attributes
+    ----------
+    first, second : Run
+        The reference and the other.
+    repeats : tuple of Run
+        Of the reference, whose scatter is the measure; empty: the errors of both are.
+    circumstances : tuple of Circumstance
+        What they differ in besides.
+    settings : tuple of Setting
+        That both have.
+    motion : str
+        At which forces are compared, for people.
+    lines : tuple of Difference
+        Forces, parameters, figures.
+    notes : tuple of str
+        What a reader must know; nothing is missing.
+    remarks : tuple of str
+        What could not be compared.
+    traces : tuple of str
+        Where internal errors happened.
+    """
+
+    first: Run
+    second: Run
+    repeats: tuple[Run, ...]
+    circumstances: tuple[Circumstance, ...]
+    settings: tuple[Setting, ...]
+    motion: str
+    lines: tuple[Difference, ...]
+    notes: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+    traces: tuple[str, ...] = ()
+
+    def of(self, kind: str) -> tuple[Difference, ...]:
+        """Return the lines of a kind: "force", "parameter" or "figure"."""
+        return tuple(line for line in self.lines if line.subject.kind == kind)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The outcome in words, forces first."""
+        return tuple(
+            sentence
+            for kind, words in (("force", "forces"), ("parameter", "parameters"))
+            if (lines := self.of(kind))
+            for sentence in (outcome_of(lines, words),)
+        )
+
+
+def compare_runs(
+    first: Run,
+    second: Run,
+    options: ComparisonOptions = ComparisonOptions(),
+    *,
+    repeats: Sequence[Run] = (),
+) -> RunComparison:
+    """Return a run beside the reference.
+
+    Parameters
+    ----------
+    first, second : Run
+        The reference and the other.
+    options : ComparisonOptions
+        What is compared.
+    repeats : sequence of Run
+        Further runs of the reference: their scatter is then the measure.
+
+    Raises
+    ------
+    ConfigurationError
+        They have no setting in common, or no motion reaches the speeds that were asked for.
+    """
+    runs = (first, *repeats, second)
+    settings = _common(runs)
+    mishaps: list[Mishap] = []
+
+    def take(setting: Setting, error: Exception) -> None:
+        mishaps.append(mishap_of(error, f"simulating setting {setting}"))
+
+    fitted = [run.fitted for run in runs if run.fitted is not None]
+    if options.is_measured or len(fitted) < len(runs):
+        motion = "as measured, each at the motion of its test"
+        forces = measured_readings(runs, settings, speeds=options.speeds)
+        is_same = True
+        parameters: _Tables = tuple({} for _ in runs)
+        told: Iterator[Difference] = iter(())
+    else:
+        sine, motion = _motion(runs, options)
+        speeds = _speeds(sine, options)
+        forces = force_readings(
+            runs, settings, sine, speeds=speeds, jobs=options.jobs, on_error=take
+        )
+        parameters = parameter_readings(fitted, settings)
+        is_same = _is_one_test(fitted)
+        told = figure_lines(fitted[0], fitted[-1], settings)
+    figures = figure_readings(runs, settings)
+    merged: _Tables = tuple(
+        {**a, **b, **c} for a, b, c in zip(forces, parameters, figures, strict=True)
+    )
+    if not any(merged[0]):
+        raise ConfigurationError(
+            f"{first.place} and {second.place}: nothing can be compared at setting "
+            f"{listed_settings(settings)}: no motion is common to both"
+        )
+    lines = _lines(merged, is_same_motion=is_same)
+    return RunComparison(
+        first,
+        second,
+        tuple(repeats),
+        circumstances(first, second),
+        settings,
+        motion,
+        (*lines, *told),
+        notes=tuple(_notes(runs, lines)),
+        remarks=tuple(dict.fromkeys(one.message for one in mishaps)),
+        traces=tuple(one.trace for one in mishaps if one.trace),
+    )
+
+
+def _lines(tables: _Tables, *, is_same_motion: bool) -> tuple[Difference, ...]:
+    *reference, other = tables
+    means = reference[0]
+    if len(reference) > 1:
+        means, other = by_repeats(reference, other)
+    found = [
+        compared(subject, means[subject], second, is_same_motion=is_same_motion)
+        for subject, second in other.items()
+        if subject in means
+    ]
+    kinds = dict.fromkeys(line.subject.kind for line in found)
+    # What is asked of the forces and of the parameters are two questions.
+    return tuple(
+        line
+        for kind in kinds
+        for line in surely_different([one for one in found if one.subject.kind == kind])
+    )
+
+
+def _common(runs: Sequence[Run]) -> tuple[Setting, ...]:
+    known = [set(run.settings) for run in runs]
+    common = tuple(setting for setting in runs[0].settings if all(setting in s for s in known))
+    if not common:
+        said = "; ".join(f"{run.place} has {_listed(run)}" for run in runs[:3])
+        raise ConfigurationError(f"no setting is common to all: {said}")
+    return common
+
+
+def _listed(run: Run) -> str:
+    return f"setting {listed_settings(run.settings)}" if run.settings else "none"
+
+
+def _motion(runs: Sequence[Run], options: ComparisonOptions) -> tuple[Sine, str]:
+    """Return the motion of the model's forces: the one asked for, else the slowest of the tests."""
+    if options.sine is not None:
+        sine, whose = options.sine, "a sine"
+    else:
+        sines = [run.fitted.sine for run in runs if run.fitted is not None]
+        sine = min(sines, key=lambda one: one.peak_speed)
+        whose = "the tests' sine"
+        if _is_near(sine, sines[0]):
+            sine = sines[0]
+        if not all(_is_near(one, sine) for one in sines):
+            whose = "the slower test's sine"
+    return sine, f"{whose} of {1e3 * sine.amplitude:.4g} mm at {sine.frequency:.4g} Hz"
+
+
+def _is_near(a: Sine, b: Sine) -> bool:
+    ratios = (a.amplitude / b.amplitude, a.frequency / b.frequency)
+    return all(abs(ratio - 1.0) <= SAME_MOTION for ratio in ratios)
+
+
+def _is_one_test(fitted: Sequence[FittedRun]) -> bool:
+    """Whether all were fitted with one model at one motion."""
+    is_one = all(_is_near(one.sine, fitted[0].sine) for one in fitted)
+    return is_one and len({one.damper.name for one in fitted}) == 1
+
+
+def _speeds(sine: Sine, options: ComparisonOptions) -> tuple[float, ...]:
+    speeds = options.speeds or named_speeds(sine)
+    if not speeds or max(speeds) >= sine.peak_speed:
+        at = f"{max(speeds):g} m/s" if speeds else "the named test speeds"
+        raise ConfigurationError(
+            f"{at}: not reached by a sine of {1e3 * sine.amplitude:.4g} mm at "
+            f"{sine.frequency:.4g} Hz, which peaks at {sine.peak_speed:.3g} m/s; give a lower "
+            "--velocity, or a larger --amplitude or --frequency"
+        )
+    return tuple(speeds)
+
+
+def _notes(runs: Sequence[Run], lines: Sequence[Difference]) -> Iterator[str]:
+    for run in runs:
+        share, freedom = repeat_scatter(run)
+        if share:
+            yield (
+                f"{run.name}: tests of one setting differ by {100.0 * share:.2g} % of the force "
+                f"beyond their noise ({freedom:.0f} degrees of freedom): counted in the errors of "
+                "forces, energy and hysteresis, not in those of parameters"
+            )
+    fitted = [run.fitted for run in runs if run.fitted is not None]
+    forces = [line for line in lines if line.subject.kind == "force"]
+    if len(fitted) == len(runs) and forces:
+        measured = [line.subject for line in forces if line.is_measured]
+        if measured and len(measured) < len(forces):
+            where = listed_settings(dict.fromkeys(s.setting for s in measured if s.setting))
+            yield (
+                f"a model misses measured forces at setting {where}: measured forces of both are "
+                "compared there, marked m"
+            )
+        if not comparable_quantities(fitted):
+            yield "fitted with different models: no parameter is common to both"

@@ -1,0 +1,130 @@
+"""Signals of a log to the mean cycle of each of its steady motions, and how its cycles scatter."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from damperfit.comparison.run import MeasuredTest
+from damperfit.simulation import NAMED_SPEEDS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.tables import LogSignals
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["measured_tests"]
+
+_PHASES = 240  # samples of a mean cycle: at 1.5 Hz as fine as a log of 360 Hz
+_SHARES = tuple(k / 40.0 for k in range(2, 40))  # of the peak speed
+_FEWEST = 8  # samples of a cycle
+_LATE = 1e-6  # s; time stamps are rounded alike
+
+
+def measured_tests(
+    signals: LogSignals, stretches: Sequence[Mapping[str, Any]], *, temperature: float = math.nan
+) -> tuple[MeasuredTest, ...]:
+    """Return a test for each steady stretch of a log.
+
+    Parameters
+    ----------
+    signals : LogSignals
+        Measured and, where there is one, simulated force.
+    stretches : sequence of mapping
+        As `damperfit.recording.Stretch.describe` tells them, and run.json.
+    temperature : float
+        degC.
+    """
+    found = []
+    for told in stretches:
+        cycles = _cycles(signals, told)
+        if cycles is not None:
+            found.append(_test(signals, told, cycles, temperature))
+    return tuple(found)
+
+
+def _cycles(signals: LogSignals, told: Mapping[str, Any]) -> FloatArray | None:
+    """Return displacement, velocity, force and simulated force, shape (4, cycles, phases)."""
+    rate, start, stop = (_size(told.get(key)) for key in ("frequency_Hz", "start_s", "stop_s"))
+    clean = [_size(told.get(f"figures_{key}_s")) for key in ("start", "stop")]
+    if not math.isnan(clean[0]) and not math.isnan(clean[1]):
+        start, stop = clean  # without cycles in which the filter still holds another motion
+    if math.isnan(rate) or math.isnan(start) or math.isnan(stop) or told.get("kind") == "moving":
+        return None
+    n = round((stop - start) * rate)
+    inside = signals.time[(signals.time >= start - _LATE) & (signals.time < stop + _LATE)]
+    if n < 1 or len(inside) < _FEWEST * n:
+        return None
+    # The edges of whole cycles are rounded to samples: the frequency is of their whole length.
+    times = start + (stop - start) * np.arange(n * _PHASES) / (n * _PHASES)
+    rows = (signals.displacement, signals.velocity, signals.force_measured, signals.force)
+    return np.stack([np.interp(times, signals.time, row).reshape(n, _PHASES) for row in rows])
+
+
+def _size(value: Any) -> float:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if is_number and math.isfinite(value) else math.nan
+
+
+def _test(
+    signals: LogSignals, told: Mapping[str, Any], cycles: FloatArray, temperature: float
+) -> MeasuredTest:
+    x, v, force, _ = cycles
+    mean = cycles.mean(axis=1)
+    peak = float(min(mean[1].max(), -mean[1].min()))
+    speeds = np.array(
+        sorted({round(s * peak, 6) for s in _SHARES} | {s for s in NAMED_SPEEDS if s < peak})
+    )
+    strokes, figures = {}, {}
+    for stroke, towards in (("rebound", 1.0), ("bump", -1.0)):
+        rows = [_branches(towards * v, force, speed) for speed in speeds]
+        strokes[stroke] = np.array([_mean_of(0.5 * (a + b)) for a, b in rows]).T.reshape(2, -1)
+        opening, closing = _branches(towards * v, force, 0.5 * peak)
+        figures[f"hysteresis_{stroke}"] = _mean_of(opening - closing)
+    f, s = (np.concatenate([row, row[:, :1]], axis=1) for row in (force, x))
+    figures["energy"] = _mean_of(0.5 * np.sum((f[:, 1:] + f[:, :-1]) * np.diff(s), axis=1))
+    amplitude = _size(told.get("amplitude_m"))
+    return MeasuredTest(
+        setting=signals.setting,
+        log=signals.log,
+        amplitude=0.5 * float(np.ptp(mean[0])) if math.isnan(amplitude) else amplitude,
+        frequency=_size(told.get("frequency_Hz")),
+        n_cycles=len(force),
+        displacement=mean[0],
+        velocity=mean[1],
+        force=mean[2],
+        simulated=mean[3],
+        speeds=speeds,
+        strokes=strokes,
+        figures=figures,
+        temperature=temperature,
+    )
+
+
+def _branches(along: FloatArray, force: FloatArray, speed: float) -> tuple[FloatArray, FloatArray]:
+    """Return the force of each cycle where its speed rises through a value, and where it falls."""
+    ahead = np.roll(along, -1, axis=1) - speed
+    behind = along - speed
+    later = np.roll(force, -1, axis=1)
+    found = []
+    for passes in ((behind < 0.0) & (ahead >= 0.0), (behind >= 0.0) & (ahead < 0.0)):
+        place = np.argmax(passes, axis=1)[:, None]
+        low, high, f, g = (
+            np.take_along_axis(row, place, axis=1)[:, 0] for row in (behind, ahead, force, later)
+        )
+        at = f + low / (low - high) * (g - f)
+        found.append(np.where(passes.any(axis=1), at, np.nan))
+    return found[0], found[1]
+
+
+def _mean_of(values: FloatArray) -> tuple[float, float]:
+    """Return a mean over cycles and its standard error; NaN for a single cycle."""
+    n = len(values)
+    error = float(np.std(values, ddof=1)) / math.sqrt(n) if n > 1 else math.nan
+    return float(np.mean(values)), error

@@ -1,0 +1,137 @@
+"""Forces by setting, speed and stroke of fitted runs at one motion, as model or measurement tells.
+
+Where a model misses the measured force of any run by more than it may, the measured forces of all
+are compared: a difference must be of one kind.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from damperfit.adjustment import STROKES, beside_measured, levels
+from damperfit.comparison.measured import repeat_scatter
+from damperfit.comparison.reading import Reading, Topic
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from damperfit.adjustment import Level, Sine
+    from damperfit.comparison.run import FittedRun, Run
+    from damperfit.errors import OnError
+    from damperfit.setting import Setting
+
+__all__ = ["force_readings", "freedom_of"]
+
+_Key = tuple["Setting", float, str]
+
+
+def force_readings(
+    runs: Sequence[Run],
+    settings: Sequence[Setting],
+    sine: Sine,
+    *,
+    speeds: Sequence[float],
+    jobs: int = 1,
+    on_error: OnError | None = None,
+) -> tuple[dict[Topic, Reading], ...]:
+    """Return the forces of each run at one motion.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        All of them fitted.
+    settings : sequence of Setting
+        That all have.
+    sine : Sine
+        The motion.
+    speeds : sequence of float
+        m/s, below its peak.
+    jobs : int
+        Threads.
+    on_error : callable, optional
+        Told of a setting and the error that it met; without it such an error is raised.
+    """
+    tables = [
+        _levels(run, settings, sine, speeds=speeds, jobs=jobs, on_error=on_error) for run in runs
+    ]
+    common = [key for key in tables[0] if all(key in table for table in tables)]
+    missed = {
+        (setting, speed, stroke)
+        for setting, speed, stroke in common
+        if any(table[setting, speed, stroke].disagrees for table in tables)
+        and all(math.isfinite(table[setting, speed, stroke].measured) for table in tables)
+    }
+    found = []
+    for run, table in zip(runs, tables, strict=True):
+        scatter = repeat_scatter(run)
+        found.append(
+            {
+                Topic("force", "force", "force", "N", *key): _reading(
+                    run, table[key].as_measured if key in missed else table[key], scatter
+                )
+                for key in common
+            }
+        )
+    return tuple(found)
+
+
+def _levels(
+    run: Run,
+    settings: Sequence[Setting],
+    sine: Sine,
+    *,
+    speeds: Sequence[float],
+    jobs: int,
+    on_error: OnError | None,
+) -> dict[_Key, Level]:
+    fitted = _fitted(run)
+    wanted = set(settings)
+    found = levels(
+        [stage for stage in fitted.stages if stage.setting in wanted],
+        fitted.damper,
+        sine,
+        speeds=speeds,
+        solver=fitted.solver,
+        jobs=jobs,
+        on_error=on_error,
+    )
+    told = {(one.setting, one.speed, one.stroke): one for one in found}
+    order = [(a, b, c) for a in settings for b in speeds for c in STROKES]
+    beside = beside_measured([told[key] for key in order if key in told], fitted.forces, sine)
+    return {(one.setting, one.speed, one.stroke): one for one in beside}
+
+
+def _fitted(run: Run) -> FittedRun:
+    assert run.fitted is not None
+    return run.fitted
+
+
+def _reading(run: Run, level: Level, scatter: tuple[float, float]) -> Reading:
+    fitted = _fitted(run)
+    rest = fitted.damper.rest_force(0.0)
+    damping = level.force - (0.0 if rest is None else float(rest))
+    share, freedom = scatter
+    n_logs = fitted.rows[level.setting].get("n_logs") or 1
+    return Reading(
+        level.force,
+        level.error,
+        freedom_of(fitted, level.setting),
+        repeat=share * abs(damping) / math.sqrt(n_logs),
+        repeat_freedom=freedom,
+        misfit=level.misfit,
+        misses=level.difference,
+        misses_error=level.measured_error,
+        scale=damping,
+        is_measured=level.is_measured,
+    )
+
+
+def freedom_of(fitted: FittedRun, setting: Setting) -> float:
+    """Return the degrees of freedom of a setting's errors: its cycles less one for each log.
+
+    Infinite where the cycles are not known, or nothing repeated.
+    """
+    row = fitted.rows[setting]
+    cycles, logs = row.get("n_cycles"), row.get("n_logs") or 1
+    return float(max(cycles - logs, 1)) if cycles else math.inf

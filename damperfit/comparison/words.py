@@ -1,0 +1,85 @@
+"""Lines in words: what differs, by how much, or why nothing can be told."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from damperfit.comparison.reading import Sameness
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from damperfit.comparison.reading import Difference, Topic
+
+__all__ = ["difference_of", "outcome_of", "place_of", "verdict_of"]
+
+
+def outcome_of(lines: Sequence[Difference], words: str) -> str:
+    """Say how many differ, which most, and what chance would do."""
+    known = [line for line in lines if line.verdict is not Sameness.UNTOLD]
+    if not known:
+        return f"{words}: cannot be told ({lines[0].reason})"
+    different = [line for line in known if line.verdict is Sameness.DIFFERENT]
+    sure = [line for line in different if line.is_sure]
+    untold = len(lines) - len(known)
+    beside = f"; of {untold} it cannot be told" if untold else ""
+    if not different:
+        return f"{words}: all {len(known)} the same within errors{beside}"
+    if not sure:
+        return (
+            f"{words}: no sure difference: {len(different)} of {len(known)} lie outside their "
+            f"95 % interval, and chance alone puts {0.05 * len(known):.2g} there{beside}"
+        )
+    worst = max(sure, key=_weight)
+    return (
+        f"{words}: {len(different)} of {len(known)} differ, {len(sure)} of them surely; most "
+        f"{place_of(worst.subject)}: {difference_of(worst)}{beside}"
+    )
+
+
+def _weight(line: Difference) -> float:
+    return abs(line.percent) if math.isfinite(line.percent) else abs(line.difference)
+
+
+def place_of(subject: Topic) -> str:
+    """Say of what a line is, as in "setting 3, 0.26 m/s rebound"."""
+    where = "" if subject.setting is None else f"setting {subject.setting}, "
+    if subject.speed is not None:
+        return f"{where}{subject.speed:g} m/s {subject.stroke}"
+    return f"{where}{subject.label}"
+
+
+def difference_of(line: Difference) -> str:
+    """Say how large a difference is, with its interval."""
+    if math.isfinite(line.percent):
+        told = f"{line.percent:+.2f} %"
+        if math.isfinite(line.percent_low):
+            told += f" ({line.percent_low:+.2f} to {line.percent_high:+.2f} %)"
+        if line.subject.kind == "force":
+            told += f", {line.difference:+.1f} N"
+        return told
+    told = f"{line.difference:+.4g} {line.subject.unit}".rstrip()
+    return f"{told} ({line.low:+.3g} to {line.high:+.3g})" if math.isfinite(line.low) else told
+
+
+def verdict_of(line: Difference) -> str:
+    """Say the verdict of a line in words."""
+    if line.words:
+        return line.words
+    if line.verdict is Sameness.UNTOLD:
+        return f"cannot be told: {line.reason}"
+    if line.verdict is Sameness.SAME:
+        return "same within errors"
+    how = _how_different(line)
+    return f"different: {how}" if line.is_sure else f"different, perhaps by chance: {how}"
+
+
+def _how_different(line: Difference) -> str:
+    is_force = line.subject.kind == "force"
+    if not math.isfinite(line.percent):
+        more = "more" if line.difference > 0.0 else "less"
+        return f"{abs(line.difference):.3g} {line.subject.unit} {more}"
+    if is_force:
+        return f"{abs(line.percent):.2g} % {'harder' if line.percent > 0 else 'softer'}"
+    return f"{abs(line.percent):.2g} % {'more' if line.percent > 0 else 'less'}"

@@ -1,0 +1,180 @@
+"""A run kept as one JSON file, to be the reference of later comparisons."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from damperfit import __version__
+from damperfit.comparison import MeasuredTest
+from damperfit.errors import ConfigurationError
+from damperfit.setting import Setting
+from damperfit.tables import Results, column_names, quantities_in
+from damperfit.tables.columns import adjusters_in, read_setting, setting_cells
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from damperfit.comparison import Run
+
+__all__ = ["Baseline", "baseline_text", "is_baseline", "read_baseline"]
+
+_KEY, _VERSION = "damperfit_baseline", 1
+# Of run.json: what is compared, or says what is compared.
+_KEPT = (
+    *("version", "schema_version", "test", "configuration", "procedure", "uncertainty"),
+    *("speed_forces", "quantities", "adjusters"),
+)
+_OF_INPUTS = ("log", "sha256", "setting", "amplitude_m", "frequency_Hz", "temperature_degC")
+_ARRAYS = ("displacement", "velocity", "force", "simulated", "speeds")
+_DIGITS = 7  # as many as 32-bit floats have
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Baseline:
+    """What a baseline holds.
+
+    Attributes
+    ----------
+    results : Results
+        Parameters and run.json, as far as they are compared.
+    tests : tuple of MeasuredTest
+        Mean cycles.
+    """
+
+    results: Results
+    tests: tuple[MeasuredTest, ...]
+
+
+def baseline_text(run: Run) -> str:
+    """Return a run as the text of a baseline.
+
+    Raises
+    ------
+    ConfigurationError
+        Nothing was fitted in it.
+    """
+    if run.fitted is None:
+        raise ConfigurationError(
+            f"{run.place}: --save keeps a run that was fitted; run damperfit identify first"
+        )
+    record = {key: run.record[key] for key in _KEPT if key in run.record}
+    inputs = run.record.get("inputs")
+    record["inputs"] = [
+        {key: one[key] for key in (*_OF_INPUTS, "stretches") if key in one}
+        for one in (inputs if isinstance(inputs, list) else ())
+        if isinstance(one, dict)
+    ]
+    settings = list(run.fitted.rows)
+    is_whole = all(isinstance(one.cell, int) for one in settings)
+    document = {
+        _KEY: _VERSION,
+        "version": __version__,
+        "source": run.name,
+        "record": record,
+        "parameters": [
+            {**row, **setting_cells(setting, is_whole=is_whole)}
+            for setting, row in run.fitted.rows.items()
+        ],
+        "tests": [_told(test) for test in run.tests],
+    }
+    return json.dumps(document, indent=1, allow_nan=False) + "\n"
+
+
+def _told(test: MeasuredTest) -> dict[str, Any]:
+    assert test.setting is not None
+    return {
+        "setting": setting_cells(test.setting, is_whole=isinstance(test.setting.cell, int)),
+        "log": test.log,
+        "n_cycles": test.n_cycles,
+        **{
+            name: _finite(getattr(test, name)) for name in ("amplitude", "frequency", "temperature")
+        },
+        **{name: _rounded(getattr(test, name)) for name in _ARRAYS},
+        "strokes": {name: [_rounded(row) for row in rows] for name, rows in test.strokes.items()},
+        "figures": {name: [_finite(x) for x in pair] for name, pair in test.figures.items()},
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _rounded(values: Any) -> list[float | None]:
+    return [float(f"{x:.{_DIGITS}g}") if math.isfinite(x) else None for x in values.tolist()]
+
+
+def is_baseline(path: Path) -> bool:
+    """Whether a file says that it is a baseline."""
+    if path.suffix.lower() != ".json":
+        return False
+    try:
+        with path.open(encoding="utf-8") as file:
+            return f'"{_KEY}"' in file.read(200)
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def read_baseline(path: Path) -> Baseline:
+    """Return what a baseline holds.
+
+    Raises
+    ------
+    ConfigurationError
+        It is damaged, or of a later damperfit.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        if document[_KEY] != _VERSION:
+            raise ConfigurationError(
+                f"{path}: a baseline of form {document[_KEY]} (damperfit "
+                f"{document.get('version')}), and this damperfit knows {_VERSION}; save it anew"
+            )
+        record, rows = document["record"], document["parameters"]
+        quantities = quantities_in(record, list(rows[0]) if rows else ())
+        names = adjusters_in(list(rows[0]), quantities) if rows else ()
+        parameters = tuple({**row, "setting": read_setting(row, names)} for row in rows)
+        tests = tuple(_test(one) for one in document["tests"])
+    except (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
+        raise ConfigurationError(
+            f"{path}: a damaged baseline ({type(error).__name__}: {error}); save it anew with "
+            "damperfit compare RESULTS --save FILE"
+        ) from error
+    return Baseline(Results(parameters, (), (), record, (), quantities), tests)
+
+
+def _test(told: dict[str, Any]) -> MeasuredTest:
+    cells = told["setting"]
+    names = [name for name in cells if name != "setting" and name not in column_names()]
+    return MeasuredTest(
+        setting=read_setting(cells, names) or Setting.of(0),
+        log=str(told["log"]),
+        n_cycles=int(told["n_cycles"]),
+        amplitude=_number(told["amplitude"]),
+        frequency=_number(told["frequency"]),
+        temperature=_number(told["temperature"]),
+        displacement=_array(told["displacement"]),
+        velocity=_array(told["velocity"]),
+        force=_array(told["force"]),
+        simulated=_array(told["simulated"]),
+        speeds=_array(told["speeds"]),
+        strokes={
+            name: np.stack([_array(row) for row in rows]) for name, rows in told["strokes"].items()
+        },
+        figures={
+            name: (_number(value), _number(error))
+            for name, (value, error) in told["figures"].items()
+        },
+    )
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _array(values: list[float | None]) -> Any:
+    return np.array([_number(value) for value in values])

@@ -1,0 +1,125 @@
+"""Everything that one call of `compare` compares: which pairs, at what motion, by what measure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from damperfit.adjustment import Sine
+from damperfit.comparison import ComparisonOptions, RunComparison, compare_runs
+from damperfit.errors import ConfigurationError
+from damperfit.quantities import parse_quantity
+from damperfit.queries.runs_to_compare import named_apart, pairs_of, read_run
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from damperfit.comparison import Run
+
+__all__ = ["Compared", "compare_all", "comparison_options"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Compared:
+    """What was compared.
+
+    Attributes
+    ----------
+    comparisons : tuple of RunComparison
+        One a pair.
+    alone : tuple of str
+        What has no partner.
+    remarks : tuple of str
+        What is missing or damaged in the runs, or could not be compared.
+    """
+
+    comparisons: tuple[RunComparison, ...]
+    alone: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+
+def comparison_options(
+    *,
+    velocities: Sequence[str] = (),
+    amplitude: str | None = None,
+    frequency: str | None = None,
+    is_measured: bool = False,
+    jobs: int = 1,
+) -> ComparisonOptions:
+    """Return what the texts of a command line ask.
+
+    Raises
+    ------
+    ConfigurationError
+        A quantity cannot be understood, or amplitude and frequency do not go together.
+    """
+    speeds = sorted({abs(parse_quantity(text, "velocity")) for text in velocities})
+    if speeds and speeds[0] == 0.0:
+        raise ConfigurationError("--velocity 0: expected a speed other than zero")
+    if (amplitude is None) != (frequency is None):
+        raise ConfigurationError(
+            "--amplitude and --frequency make the sine together; give both or neither"
+        )
+    sine = None
+    if amplitude is not None and frequency is not None:
+        if is_measured:
+            raise ConfigurationError(
+                f"--amplitude {amplitude} cannot act beside --measured: measured forces are of "
+                "the motions that were run; leave one of the two out"
+            )
+        sine = Sine(parse_quantity(amplitude, "length"), parse_quantity(frequency, "frequency"))
+        for option, value in (("--amplitude", sine.amplitude), ("--frequency", sine.frequency)):
+            if value <= 0.0:
+                raise ConfigurationError(f"{option} {value:g}: expected more than 0")
+    return ComparisonOptions(sine, tuple(speeds), is_measured, jobs)
+
+
+def compare_all(
+    paths: Sequence[Path],
+    options: ComparisonOptions,
+    *,
+    repeats: Sequence[Path] = (),
+    config: Path | None = None,
+) -> Compared:
+    """Return every pair compared.
+
+    Parameters
+    ----------
+    paths : sequence of pathlib.Path
+        Runs, or folders of several; the first is the reference.
+    options : ComparisonOptions
+        What is compared.
+    repeats : sequence of pathlib.Path
+        Further runs of the reference.
+    config : pathlib.Path, optional
+        How logs are read; the damper of results that do not tell theirs.
+
+    Raises
+    ------
+    ConfigurationError
+        There is nothing to compare.
+    """
+    pairs, alone = pairs_of(paths)
+    if repeats and len({pair.first for pair in pairs}) > 1:
+        raise ConfigurationError(
+            "--repeats are of one reference, and there are several; compare one damper at a time"
+        )
+    places = list(dict.fromkeys([*(p for pair in pairs for p in (pair.first, pair.second))]))
+    wanted = [*places, *(one for one in repeats if one not in places)]
+    found = named_apart(
+        [read_run(place, config=config, is_measured=options.is_measured) for place in wanted]
+    )
+    known: dict[Path, Run] = dict(zip(wanted, found, strict=True))
+    comparisons = tuple(
+        compare_runs(
+            known[pair.first],
+            known[pair.second],
+            options,
+            repeats=[known[place] for place in repeats if place != pair.first],
+        )
+        for pair in pairs
+    )
+    remarks = [f"{run.place}: {remark}" for run in found for remark in run.remarks]
+    remarks += [f"{one.second.place}: {remark}" for one in comparisons for remark in one.remarks]
+    return Compared(comparisons, alone, tuple(dict.fromkeys(remarks)))

@@ -1,0 +1,137 @@
+"""Two runs beside each other: forces, parameters, figures, a verdict a line."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from damperfit.comparison import Sameness, verdict_of
+from damperfit.report.sheets.rounding import NOTHING, number, with_interval
+from damperfit.report.sheets.sheet import Sheet
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from damperfit.comparison import Difference, RunComparison
+
+__all__ = ["comparison_figure_sheet", "comparison_force_sheet", "comparison_parameter_sheet"]
+
+_FIGURES_NOTE = (
+    "energy and hysteresis as measured where both ran one motion, hysteresis at half the peak speed"
+)
+_MANY = 40  # lines that a terminal shows of forces that are the same
+
+
+def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False) -> Sheet:
+    """Return the forces by setting, speed and stroke.
+
+    Parameters
+    ----------
+    comparison : RunComparison
+        What was compared.
+    is_short : bool
+        Of many lines those that differ, and the fastest speed of each setting.
+    """
+    lines = comparison.of("force")
+    shown = _telling(lines) if is_short and len(lines) > _MANY else lines
+    notes = ["B - A with half of its 95 % interval; % of A's damping, positive: B is harder"]
+    if any(line.is_measured for line in shown) and not all(line.is_measured for line in lines):
+        notes.append("m: as measured, where a model misses the measured force")
+    if len(shown) < len(lines):
+        notes.append(
+            f"{len(lines) - len(shown)} more lines are the same within errors: --json and --out "
+            "have all"
+        )
+    return Sheet(
+        headings=("set", "speed", "stroke", "A", "B", "B - A", "", "verdict"),
+        units=("", "m/s", "", "N", "N", "N", "%", ""),
+        rows=tuple(
+            (
+                str(line.subject.setting),
+                f"{line.subject.speed:g}",
+                line.subject.stroke,
+                number(line.first.value, digits=4),
+                number(line.second.value, digits=4) + _mark(line, lines),
+                with_interval(line.difference, line.high, plus="+"),
+                _percent(line),
+                verdict_of(line),
+            )
+            for line in shown
+        ),
+        is_number=(True, True, False, True, True, True, True, False),
+        notes=tuple(notes),
+    )
+
+
+def _telling(lines: Sequence[Difference]) -> list[Difference]:
+    fastest = max(line.subject.speed or 0.0 for line in lines)
+    return [
+        line for line in lines if line.verdict is not Sameness.SAME or line.subject.speed == fastest
+    ]
+
+
+def _mark(line: Difference, lines: Sequence[Difference]) -> str:
+    return " m" if line.is_measured and not all(one.is_measured for one in lines) else ""
+
+
+def _percent(line: Difference) -> str:
+    return NOTHING if math.isnan(line.percent) else f"{line.percent:+.2f}"
+
+
+def comparison_parameter_sheet(comparison: RunComparison) -> Sheet:
+    """Return the parameters, those that all settings share once."""
+    lines = comparison.of("parameter")
+    return Sheet(
+        headings=("set", "parameter", "A", "B", "B - A", "", "verdict"),
+        units=("", "", "", "", "%", "%", ""),
+        rows=tuple(
+            (
+                "all" if line.subject.setting is None else str(line.subject.setting),
+                line.subject.label,
+                number(line.first.value),
+                number(line.second.value),
+                *_change(line),
+                verdict_of(line),
+            )
+            for line in lines
+        ),
+        is_number=(True, False, True, True, True, True, False),
+        notes=("B - A in per cent with its 95 % interval", *_units(lines)),
+    )
+
+
+def _units(lines: Sequence[Difference]) -> tuple[str, ...]:
+    """Say the units once: some are longer than the numbers."""
+    known = {line.subject.label: line.subject.unit for line in lines if line.subject.unit}
+    return (", ".join(f"{name} in {unit}" for name, unit in known.items()),) if known else ()
+
+
+def _change(line: Difference) -> tuple[str, str]:
+    if math.isnan(line.percent):
+        return NOTHING, NOTHING
+    if math.isnan(line.percent_low):
+        return f"{line.percent:+.2f}", NOTHING
+    return f"{line.percent:+.2f}", f"{line.percent_low:+.2f} to {line.percent_high:+.2f}"
+
+
+def comparison_figure_sheet(comparison: RunComparison) -> Sheet:
+    """Return energy, hysteresis, MSE and distance from cavitation."""
+    return Sheet(
+        headings=("set", "figure", "A", "B", "B - A", "verdict"),
+        units=("",) * 6,
+        rows=tuple(
+            (
+                str(line.subject.setting),
+                f"{line.subject.label}, {line.subject.unit}",
+                number(line.first.value, digits=4),
+                number(line.second.value, digits=4),
+                with_interval(line.difference, line.high, plus="+")
+                if math.isfinite(line.high)
+                else number(line.difference, digits=3),
+                verdict_of(line),
+            )
+            for line in comparison.of("figure")
+        ),
+        is_number=(True, False, True, True, True, False),
+        notes=(_FIGURES_NOTE,),
+    )

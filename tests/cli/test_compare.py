@@ -1,0 +1,225 @@
+"""`damperfit compare` end to end, on campaigns of one damper and of a changed one."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from damperfit.cli import main
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.samples import SampleOptions, make_samples
+
+SETTINGS = (1, 2)
+
+
+@pytest.fixture(scope="session")
+def campaigns(tmp_path_factory) -> Path:
+    """Folders `before` and `again` of one damper, `after` with R_m1 5 % up, `fewer` settings."""
+    root = tmp_path_factory.mktemp("campaigns")
+    for name, seed, factor, settings in (
+        ("before", 1, 1.0, SETTINGS),
+        ("again", 2, 1.0, SETTINGS),
+        ("after", 3, 1.05, SETTINGS),
+        ("fewer", 4, 1.0, (2,)),
+    ):
+        parameters = {s: reference_parameters(s) for s in settings}
+        changed = {s: one.replace(r_m1=factor * one.r_m1) for s, one in parameters.items()}
+        options = SampleOptions(
+            settings=settings, cycles=7.0, force_noise=2.0, displacement_noise=2e-6, seed=seed
+        )
+        make_samples(root / f"logs_{name}", options, parameters=changed)
+        logs = sorted(map(str, (root / f"logs_{name}").glob("*.csv")))
+        assert main(["identify", *logs, "--out", str(root / name), "--quiet"]) in {0, 1}
+    return root
+
+
+def _document(run, *arguments) -> dict:
+    ended = run("compare", *arguments, "--json")
+    assert ended.code == 0, ended.err
+    return json.loads(ended.out)["comparisons"][0]
+
+
+def test_two_campaigns_of_one_damper_are_the_same(run, campaigns) -> None:
+    found = _document(run, campaigns / "before", campaigns / "again")
+    assert not [line for line in found["lines"] if line["is_sure"]]
+    forces = [line for line in found["lines"] if line["kind"] == "force"]
+    assert len(forces) == len(SETTINGS) * 5 * 2
+    assert sum(line["verdict"] == "same" for line in forces) >= 0.9 * len(forces)
+    assert found["circumstances"] == []
+
+
+def test_a_changed_valve_is_found_where_it_is_and_by_how_much(run, campaigns) -> None:
+    found = _document(run, campaigns / "before", campaigns / "after")
+    told = {
+        (line["name"], line["setting"], line["stroke"], line["speed_m_per_s"]): line
+        for line in found["lines"]
+    }
+    for setting in map(str, SETTINGS):
+        line = told["r_m1", setting, None, None]
+        assert line["verdict"] == "different"
+        assert line["is_sure"]
+        assert line["percent_ci_low"] <= 5.0 <= line["percent_ci_high"]
+    assert told["r_m3", None, None, None]["verdict"] != "different"
+    assert "parameters: " in " ".join(found["sentences"])
+    assert "of them surely" in found["sentences"][0]
+
+
+def test_a_person_reads_it_in_eighty_columns(run, campaigns) -> None:
+    ended = run("compare", campaigns / "before", campaigns / "after")
+    assert ended.code == 0
+    assert max(map(len, ended.out.splitlines())) <= 80
+    assert "same within errors" in ended.out
+    assert "R_m1" in ended.out
+    quiet = run("compare", campaigns / "before", campaigns / "after", "--quiet")
+    assert "verdict" not in quiet.out
+    assert "forces: " in quiet.out
+
+
+def test_settings_of_one_run_alone_are_named(run, campaigns) -> None:
+    found = _document(run, campaigns / "before", campaigns / "fewer")
+    sentences = [one["sentence"] for one in found["circumstances"]]
+    assert sentences == ["setting 1 only in before: not compared"]
+    assert found["settings"] == [2]
+
+
+def test_the_same_logs_behind_both_are_named(run, campaigns) -> None:
+    shutil.copytree(campaigns / "before", "copy")
+    found = _document(run, campaigns / "before", "copy")
+    assert "the same logs stand behind both" in found["circumstances"][0]["sentence"]
+    assert all(line["difference"] == 0.0 for line in found["lines"] if line["difference"])
+
+
+def test_another_gas_and_an_older_version_are_named_first(run, campaigns) -> None:
+    shutil.copytree(campaigns / "again", "other")
+    record = json.loads(Path("other/run.json").read_text())
+    record["configuration"]["damper"]["gas_pressure"] = "6bara"
+    record |= {"version": "0.0.9", "schema_version": 1}
+    Path("other/run.json").write_text(json.dumps(record))
+    ended = run("compare", campaigns / "before", "other")
+    head = ended.out[: ended.out.index("forces: ")]
+    for part in ("damper.gas_pressure: 460000 Pa, then 600000 Pa", "declared gas", "0.0.9"):
+        assert part in " ".join(head.split())
+    assert "what the older does not tell is not compared" in " ".join(head.split())
+
+
+def test_results_without_errors_are_compared_without_verdicts(run, campaigns) -> None:
+    shutil.copytree(campaigns / "again", "bare")
+    record = json.loads(Path("bare/run.json").read_text())
+    del record["uncertainty"]
+    Path("bare/run.json").write_text(json.dumps(record))
+    ended = run("compare", campaigns / "before", "bare", "--json")
+    assert ended.code == 1
+    assert "errors and correlations of all settings are missing" in ended.err
+    (found,) = json.loads(ended.out)["comparisons"]
+    forces = [line for line in found["lines"] if line["kind"] == "force"]
+    assert {line["verdict"] for line in forces} == {"untold"}
+    assert forces[0]["words"] == "cannot be told: no errors are known"
+
+
+def test_measured_curves_are_compared_without_a_model(run, campaigns) -> None:
+    found = _document(run, campaigns / "before", campaigns / "after", "--measured")
+    assert {line["kind"] for line in found["lines"]} == {"force", "figure"}
+    fast = [line for line in found["lines"] if line["speed_m_per_s"] == 0.3]
+    assert all(line["verdict"] == "different" for line in fast if line["stroke"] == "rebound")
+    logs = [campaigns / f"logs_{name}" / "setting_02.csv" for name in ("before", "after")]
+    of_logs = _document(run, *logs, "--measured")
+    assert of_logs["settings"] == [2]
+    a, b = (
+        next(
+            line["second_value"]
+            for line in one["lines"]
+            if (line["setting"], line["speed_m_per_s"], line["stroke"]) == ("2", 0.26, "rebound")
+        )
+        for one in (found, of_logs)
+    )
+    assert a == pytest.approx(b, abs=0.05)
+
+
+def test_curves_without_time_have_no_errors(run) -> None:
+    for name, factor in (("old.csv", 1.0), ("new.csv", 1.1)):
+        rows = [f"{v},{factor * 2000.0 * v}" for v in (-0.3, -0.1, -0.05, 0.05, 0.1, 0.3)]
+        Path(name).write_text("velocity_m/s,force_N\n" + "\n".join(rows) + "\n")
+    found = _document(run, "old.csv", "new.csv", "--measured")
+    assert found["lines"]
+    for line in found["lines"]:
+        assert line["percent"] == pytest.approx(10.0)
+        assert line["verdict"] == "untold"
+
+
+def test_repeats_of_the_reference_are_the_measure(run, campaigns) -> None:
+    before = campaigns / "before"
+    found = _document(run, before, campaigns / "after", "--repeats", campaigns / "again")
+    assert [one["name"] for one in found["repeats"]] == ["again"]
+    single = _document(run, before, campaigns / "after")
+    line, other = (
+        next(one for one in document["lines"] if one["name"] == "r_m1")
+        for document in (found, single)
+    )
+    assert line["first_value"] != other["first_value"]
+
+
+def test_before_and_after_of_several_dampers_are_paired_by_name(run, campaigns) -> None:
+    for where, pairs in (
+        ("old", {"S1": "before", "S2": "again", "S3": "before"}),
+        ("new", {"S2": "after", "S1": "again", "S4": "before"}),
+    ):
+        for serial, source in pairs.items():
+            shutil.copytree(campaigns / source, Path(where, serial))
+    ended = run("compare", "old", "new", "--json")
+    found = json.loads(ended.out)
+    places = [(one["first"]["place"], one["second"]["place"]) for one in found["comparisons"]]
+    assert places == [("old/S1", "new/S1"), ("old/S2", "new/S2")]
+    assert found["alone"] == ["S3: only in old", "S4: only in new"]
+    serials = json.loads(run("compare", "old", "--json").out)["comparisons"]
+    assert [one["second"]["name"] for one in serials] == ["S2", "S3"]
+    assert {one["first"]["name"] for one in serials} == {"S1"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("missing", "BEFORE"), "missing: no such file or folder"),
+        (("empty", "BEFORE"), "no results of damperfit identify"),
+        (("BEFORE",), "one run alone has nothing to be compared with"),
+        (("BEFORE", "LOG"), "compared by --measured"),
+        (("BEFORE", "FEW2"), "no setting is common to all"),
+        (("BEFORE", "AGAIN", "--velocity", "2m/s"), "not reached by a sine of 32 mm"),
+        (("BEFORE", "AGAIN", "--velocity", "0"), "expected a speed other than zero"),
+        (("BEFORE", "AGAIN", "--amplitude", "20mm"), "give both or neither"),
+        (
+            ("BEFORE", "AGAIN", "--measured", "--amplitude", "20mm", "--frequency", "1"),
+            "cannot act beside --measured",
+        ),
+    ],
+)
+def test_bad_input_is_one_sentence_and_code_2(run, campaigns, arguments, said) -> None:
+    Path("empty").mkdir()
+    shutil.copytree(campaigns / "before", "few2")
+    _keep_settings(Path("few2"), "9")
+    places = {
+        "BEFORE": campaigns / "before",
+        "AGAIN": campaigns / "again",
+        "LOG": campaigns / "logs_before" / "setting_01.csv",
+        "FEW2": "few2",
+    }
+    ended = run("compare", *(places.get(one, one) for one in arguments))
+    assert ended.code == 2
+    assert said in ended.err
+    assert ended.out == ""
+    assert len(ended.err.splitlines()) == 1
+
+
+def _keep_settings(folder: Path, name: str) -> None:
+    """Call the only setting of a folder otherwise."""
+    lines = (folder / "parameters.csv").read_text().splitlines()
+    first = name + lines[1][lines[1].index(",") :]
+    (folder / "parameters.csv").write_text("\n".join([lines[0], first]) + "\n")
+    (folder / "parameters.parquet").unlink()
+    for table in ("mse.parquet", "mse.csv", "responses.parquet"):
+        (folder / table).unlink(missing_ok=True)
+    record = json.loads((folder / "run.json").read_text())
+    record["uncertainty"] = []
+    (folder / "run.json").write_text(json.dumps(record))

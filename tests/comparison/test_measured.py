@@ -1,0 +1,138 @@
+"""Mean cycles, forces at speeds, energy; how tests repeat; measured runs compared."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from damperfit.comparison import (
+    ComparisonOptions,
+    Sameness,
+    common_tests,
+    compare_runs,
+    measured_tests,
+    repeat_scatter,
+)
+from damperfit.errors import ConfigurationError
+from damperfit.setting import Setting
+from tests.comparison.runs import (
+    AMPLITUDE,
+    DAMPING,
+    FREQUENCY,
+    GAS,
+    STIFFNESS,
+    measured,
+    run,
+    signals,
+)
+
+MEASURED = ComparisonOptions(is_measured=True)
+PEAK = 2.0 * math.pi * FREQUENCY * AMPLITUDE
+
+
+def test_force_energy_and_hysteresis_of_a_known_loop() -> None:
+    test = measured()
+    # k x has one sign on the opening branch and the other on the closing one.
+    for speed in (0.05, 0.13, 0.26):
+        assert test.force_at(speed, "rebound")[0] == pytest.approx(DAMPING * speed + GAS, abs=0.05)
+        assert test.force_at(speed, "bump")[0] == pytest.approx(-DAMPING * speed + GAS, abs=0.05)
+    energy = math.pi * DAMPING * PEAK * AMPLITUDE
+    assert test.figures["energy"][0] == pytest.approx(energy, rel=1e-3)
+    x = AMPLITUDE * math.sqrt(0.75)
+    assert test.figures["hysteresis_rebound"][0] == pytest.approx(-2.0 * STIFFNESS * x, rel=1e-2)
+    assert test.figures["hysteresis_bump"][0] == pytest.approx(2.0 * STIFFNESS * x, rel=1e-2)
+    assert test.n_cycles == 10
+    assert test.peak_speed == pytest.approx(PEAK, rel=1e-4)
+
+
+def test_errors_are_those_of_the_scatter_between_cycles() -> None:
+    seeds = range(40)
+    found = np.array([measured(noise=4.0, seed=seed).force_at(0.26, "rebound") for seed in seeds])
+    assert np.std(found[:, 0], ddof=1) == pytest.approx(np.mean(found[:, 1]), rel=0.25)
+
+
+def test_a_single_cycle_has_no_error() -> None:
+    assert math.isnan(measured(cycles=1, noise=1.0).force_at(0.2, "rebound")[1])
+
+
+@pytest.mark.parametrize("change", [{"frequency_Hz": None}, {"kind": "moving"}, {"stop_s": "x"}])
+def test_what_does_not_repeat_is_no_test(change) -> None:
+    found, told = signals()
+    assert measured_tests(found, [told[0] | change]) == ()
+
+
+@pytest.mark.parametrize(("ratio", "is_one"), [(1.049, True), (1.051, False)])
+def test_one_motion_is_within_a_twentieth(ratio, is_one) -> None:
+    runs = run(measured()), run(measured(frequency=ratio * FREQUENCY))
+    assert (common_tests(runs, Setting.of(1)) is not None) == is_one
+
+
+def test_the_fastest_motion_that_all_ran_is_compared() -> None:
+    slow, fast, faster = (measured(frequency=f) for f in (1.0, 1.5, 3.0))
+    groups = common_tests([run(slow, fast), run(faster, fast, slow)], Setting.of(1))
+    assert groups == ((fast,), (fast,))
+
+
+def test_noise_alone_is_no_scatter_of_tests() -> None:
+    found = [
+        repeat_scatter(run(*(measured(noise=4.0, seed=10 * k + j) for j in range(3))))[0]
+        for k in range(25)
+    ]
+    assert sum(share > 0.0 for share in found) <= 2
+
+
+def test_tests_that_do_not_repeat_are_found_with_their_size() -> None:
+    rng = np.random.default_rng(3)
+    tests = [
+        measured(setting, factor=1.0 + 0.02 * rng.standard_normal(), noise=2.0, seed=k)
+        for setting in range(1, 9)
+        for k in range(3)
+    ]
+    share, freedom = repeat_scatter(run(*tests))
+    assert freedom == 16.0
+    # Of the force with the gas in it, which is why it is not 2 %.
+    assert 0.012 < share < 0.05
+
+
+def test_a_scatter_of_tests_keeps_a_difference_from_being_called_one() -> None:
+    quiet = run(measured(noise=2.0, seed=1))
+    other = run(measured(factor=1.03, noise=2.0, seed=2), name="b")
+    line = next(one for one in compare_runs(quiet, other, MEASURED).of("force"))
+    assert compare_runs(quiet, other, MEASURED).of("force")[-1].verdict is Sameness.DIFFERENT
+    factors = (0.97, 1.03, 0.96, 1.04)
+    loud = run(*(measured(factor=f, noise=2.0, seed=k) for k, f in enumerate(factors)))
+    found = compare_runs(loud, other, MEASURED)
+    assert found.of("force")[-1].verdict is not Sameness.DIFFERENT
+    assert any("tests of one setting differ by" in note for note in found.notes)
+    assert line.is_measured
+
+
+def test_repeats_are_the_measure() -> None:
+    factors = (1.0, 1.02, 0.98, 1.01)
+    reference = [run(measured(factor=f), name=str(f)) for f in factors]
+    other = run(measured(factor=1.03), name="b")
+    bare = compare_runs(reference[0], other, MEASURED)
+    assert all(line.verdict is Sameness.UNTOLD or line.percent for line in bare.of("force"))
+    found = compare_runs(reference[0], other, MEASURED, repeats=reference[1:])
+    line = found.of("force")[-2]
+    at = [one.tests[0].force_at(line.subject.speed, "rebound")[0] for one in reference]
+    assert line.first.value == pytest.approx(np.mean(at))
+    reach = 3.182446 * np.std(at, ddof=1) * math.sqrt(1.25)  # Student's t, three degrees
+    assert line.high - line.difference == pytest.approx(reach, rel=1e-5)
+    assert line.verdict is not Sameness.DIFFERENT
+    far = compare_runs(
+        reference[0], run(measured(factor=1.2), name="c"), MEASURED, repeats=reference[1:]
+    )
+    assert far.of("force")[-2].verdict is Sameness.DIFFERENT
+
+
+def test_no_setting_in_common_is_said() -> None:
+    with pytest.raises(ConfigurationError, match="no setting is common to all: a has setting 1"):
+        compare_runs(run(measured(1)), run(measured(2), name="b"), MEASURED)
+
+
+def test_no_motion_in_common_is_said() -> None:
+    with pytest.raises(ConfigurationError, match="no motion is common"):
+        compare_runs(run(measured()), run(measured(frequency=3.0), name="b"), MEASURED)
