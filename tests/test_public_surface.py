@@ -241,8 +241,14 @@ SURFACE = {
         "VALVE_RANGES",
         "ValveDamper",
     ],
+    "damperfit.damper.valve_characteristics": [
+        "ValveCharacteristic",
+        "law_flow",
+        "valve_characteristics",
+    ],
     "damperfit.damper.valve_starts": [
         "read_strokes",
+        "sides",
         "valve_starts",
     ],
     "damperfit.damper.rivals": [
@@ -590,6 +596,8 @@ SURFACE = {
         "table_schema",
         "time_series_table",
         "values_from",
+        "valve_rows",
+        "valves_table",
         "write_responses",
         "write_table",
     ],

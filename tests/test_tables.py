@@ -93,7 +93,8 @@ def test_the_schema_of_run_json_is_the_schema_of_the_files() -> None:
     tables = make_tables(campaign(fit(1)))
     described = describe_tables()
     assert set(described) == {
-        *("parameters", "mse", "adjustment", "characteristics", "responses", "profiles")
+        *("parameters", "mse", "adjustment", "characteristics", "responses", "profiles"),
+        "valves",
     }
     assert [c["name"] for c in described["parameters"]] == tables.parameters.column_names
     assert [c["type"] for c in described["mse"]] == [str(f.type) for f in tables.mse.schema]

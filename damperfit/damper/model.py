@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from damperfit.damper.cavitation import Cavitation
+    from damperfit.damper.valve_characteristics import ValveCharacteristic
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
 
@@ -321,6 +322,14 @@ class Model(ABC):
         from damperfit.damper.cavitation import seen_cavitation
 
         return seen_cavitation(seen)
+
+    def valve_characteristics(
+        self,
+        values: Values,  # noqa: ARG002
+        traces: Sequence[Trace],  # noqa: ARG002
+    ) -> tuple[ValveCharacteristic, ...]:
+        """Return the valves of a setting, flow against pressure, where the logs show them."""
+        return ()
 
     @property
     def gas(self) -> tuple[float, float, float, float] | None:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from damperfit.damper.model import Values
+    from damperfit.damper.valve_characteristics import ValveCharacteristic
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
 
@@ -214,6 +215,14 @@ class ValveDamper(Cylinder, Model):
         from damperfit.damper.valve_starts import valve_starts
 
         return valve_starts(self, traces, fixed)
+
+    def valve_characteristics(
+        self, values: Values, traces: Sequence[Trace]
+    ) -> tuple[ValveCharacteristic, ...]:
+        """Read them as `damperfit.damper.valve_characteristics` says."""
+        from damperfit.damper.valve_characteristics import valve_characteristics
+
+        return valve_characteristics(self, values, traces)
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from damperfit.damper.valve_dampers import ValveDamper
     from damperfit.recording import Trace
 
-__all__ = ["read_strokes", "valve_starts"]
+__all__ = ["read_strokes", "sides", "valve_starts"]
 
 # Openings tried beside those read, in shares of the largest pressure: rebound, compression.
 _GUESSES = ((0.35, 0.35), (0.75, 0.35), (0.35, 0.75), (0.75, 0.75))
@@ -34,6 +34,12 @@ _PLAY, _LAG, _DRAG, _FRICTION = 3e-4, 5e-3, 10.0, 0.01
 _FRICTIONS = (0.05, 0.025)
 # Softest and stiffest mounting, N/m, and oil, Pa, that a start has.
 _STIFFNESS, _OIL = (5e4, 5e6), (5e7, 3e9)
+
+# What draws oil through a return check in rebound and in bump: it costs force by the speed.
+_FILLED = {
+    "twin_tube": ("rod_area", "annulus_area"),
+    "through_flow": ("piston_area", "annulus_area"),
+}
 
 
 def valve_starts(
@@ -55,7 +61,7 @@ def valve_starts(
     readings = [
         read_valves(
             loops,
-            *_sides(damper, fixed),
+            *sides(damper, fixed),
             offset=fixed.get("f_0"),
             friction=fixed.get("f_f", share * half),
         )
@@ -74,7 +80,7 @@ def read_strokes(
     """Return both valves as the loops of one setting show them."""
     return read_valves(
         _loops(damper, traces),
-        *_sides(damper, fixed),
+        *sides(damper, fixed),
         offset=fixed.get("f_0"),
         friction=fixed.get("f_f"),
     )
@@ -84,16 +90,16 @@ def _loops(damper: ValveDamper, traces: Sequence[Trace]) -> list[Loop]:
     return [loop_of(trace, damper.rest_force(trace.displacement)) for trace in traces]
 
 
-def _sides(damper: ValveDamper, fixed: Mapping[str, float]) -> tuple[Side, Side]:
-    """What presses through the rebound valve and through that of compression."""
+def sides(damper: ValveDamper, fixed: Mapping[str, float]) -> tuple[Side, Side]:
+    """Return what presses through the rebound valve and through that of compression."""
     rebound, compression = damper.pressed_areas
-    if damper.name != "twin_tube":
-        return Side(rebound), Side(compression)
-    # In bump the rod's oil goes through the base valve and the annulus fills through the return.
-    known = {one.name: one.default for one in damper.quantities}["return_slope"]
-    resistance = fixed.get("return_slope", known or 0.0)
-    back = resistance * damper.oil_density * damper.annulus_area**2
-    return Side(rebound), Side(compression, back)
+    known = {one.name: one.default for one in damper.quantities}.get("return_slope")
+    resistance = fixed.get("return_slope", known or 0.0) * damper.oil_density
+    filled = [getattr(damper, name) for name in _FILLED.get(damper.name, ())] or [0.0, 0.0]
+    return (
+        Side(rebound, resistance * filled[0] ** 2),
+        Side(compression, resistance * filled[1] ** 2),
+    )
 
 
 def _general(
@@ -125,7 +131,7 @@ def _valves(
     speed = max(float(np.max(np.abs(t.velocity[t.compared]))) for t in traces)
     found: dict[str, float] = {}
     strokes = (("rebound", damper.rebound), ("compression", damper.compression))
-    for k, ((stroke, valve), side) in enumerate(zip(strokes, _sides(damper, {}), strict=True)):
+    for k, ((stroke, valve), side) in enumerate(zip(strokes, sides(damper, {}), strict=True)):
         curve = getattr(reading, stroke)
         share = None if guess is None else guess[k]
         parts = _parts(valve, curve, side.area * speed, damper.oil_density, share)

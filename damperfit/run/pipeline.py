@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Watch", "find_each", "run", "run_each"]
 
-# Tables that are written only when they were asked for.
-_ON_REQUEST = {"profiles"}
+# Tables that are written only when they were asked for, or the model has what they are of.
+_ON_REQUEST = {"profiles", "valves"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,7 +288,8 @@ def _write(found: Found, mishaps: Mishaps, *, clock: Clock, jobs: int) -> RunRes
                 readings.noted(comparisons(configuration, campaign, mishaps, jobs=jobs)),
                 provenance=found.origin,
             )
-            result = found.result(mishaps.failures, readings.table(found.origin))
+            valves = readings.valves(found.origin)
+            result = found.result(mishaps.failures, readings.table(found.origin), valves)
             for name, table in result.written.items():
                 for suffix in (".parquet", ".csv"):
                     write_table(files.path(name + suffix), table, suffix=suffix)

@@ -1,11 +1,17 @@
-"""What is read off each log while its response is written: the table "characteristics"."""
+"""What is read off the logs beside the fit: the tables "characteristics" and "valves"."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from damperfit.tables import characteristic_rows, characteristics_table
+from damperfit.errors import sparing
+from damperfit.tables import (
+    characteristic_rows,
+    characteristics_table,
+    valve_rows,
+    valves_table,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -56,6 +62,25 @@ class Readings:
         """Return the table of what was noted."""
         return characteristics_table(
             self.rows,
+            provenance=origin,
+            settings=[fit.setting for fit in self.campaign.fits],
+            quantities=self.campaign.quantities,
+        )
+
+    def valves(self, origin: Mapping[str, Any]) -> pa.Table | None:
+        """Return the table of the valves of each setting; None where the model has none."""
+        damper = self.configuration.damper
+        rows: list[dict[str, Any]] = []
+        take = self.mishaps.at_setting("reading the valves of")
+        for fit in self.campaign.fits:
+            with sparing(fit.setting, take):
+                traces = [log.trace for log in fit.logs]
+                found = damper.valve_characteristics(fit.parameters, traces)
+                rows += valve_rows(fit.setting, found)
+        if not rows:
+            return None
+        return valves_table(
+            rows,
             provenance=origin,
             settings=[fit.setting for fit in self.campaign.fits],
             quantities=self.campaign.quantities,

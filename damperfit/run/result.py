@@ -45,6 +45,8 @@ class RunResult:
         Points of the profiles that were asked for.
     characteristics : pyarrow.Table or None
         What is read off each stretch; None where nothing was written.
+    valves : pyarrow.Table or None
+        Flow against pressure of each valve; None where the model has none.
     """
 
     ending: Ending
@@ -54,6 +56,7 @@ class RunResult:
     record: dict[str, Any]
     profiles: pa.Table | None = None
     characteristics: pa.Table | None = None
+    valves: pa.Table | None = None
 
     @property
     def written(self) -> dict[str, pa.Table]:
@@ -63,7 +66,11 @@ class RunResult:
             "mse": self.tables.mse,
             "adjustment": self.tables.adjustment,
         }
-        more = {"characteristics": self.characteristics, "profiles": self.profiles}
+        more = {
+            "characteristics": self.characteristics,
+            "valves": self.valves,
+            "profiles": self.profiles,
+        }
         return always | {name: table for name, table in more.items() if table is not None}
 
     def document(self) -> dict[str, Any]:
@@ -103,7 +110,10 @@ class Found:
     is_interrupted: bool
 
     def result(
-        self, mishaps: tuple[Failure, ...], characteristics: pa.Table | None = None
+        self,
+        mishaps: tuple[Failure, ...],
+        characteristics: pa.Table | None = None,
+        valves: pa.Table | None = None,
     ) -> RunResult:
         """Return the account of it; `mishaps` are settings and logs that could not be judged."""
         judgement = replace(self.judgement, failures=mishaps)
@@ -132,4 +142,5 @@ class Found:
             ),
             profiles=profile_points(self.configuration, judgement, self.origin),
             characteristics=characteristics,
+            valves=valves,
         )

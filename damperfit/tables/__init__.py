@@ -33,6 +33,7 @@ from damperfit.tables.results import (
     profiles_table,
     time_series_table,
 )
+from damperfit.tables.valves import valve_rows, valves_table
 
 __all__ = [
     "MISSING",
@@ -61,6 +62,8 @@ __all__ = [
     "table_schema",
     "time_series_table",
     "values_from",
+    "valve_rows",
+    "valves_table",
     "write_responses",
     "write_table",
 ]

@@ -178,6 +178,14 @@ _CHARACTERISTICS: tuple[_Column, ...] = (
     _LOG,
     *(_Column(*one) for one in CHARACTERISTIC_COLUMNS),
 )
+_VALVES: tuple[_Column, ...] = (
+    _SETTING,
+    _Column("stroke", _TEXT, "", "rebound or bump"),
+    _Column("curve", _TEXT, "", "measured: read off the loops without a law; law; opening"),
+    _Column("pressure_Pa", _FLOAT, "Pa", "pressure across the valve of that stroke"),
+    _Column("flow_m3_per_s", _FLOAT, "m3/s", "flow through it; empty at an opening"),
+    _Column("valve_force_N", _FLOAT, "N", "that pressure on the area that presses"),
+)
 _TABLES: dict[str, tuple[_Column, ...]] = {
     "parameters": _PARAMETERS,
     "mse": _MSE_TABLE,
@@ -185,6 +193,7 @@ _TABLES: dict[str, tuple[_Column, ...]] = {
     "characteristics": _CHARACTERISTICS,
     "responses": _RESPONSES,
     "profiles": _PROFILES,
+    "valves": _VALVES,
     "time_series": _TIME_SERIES,
 }
 

@@ -101,6 +101,8 @@ class Results:
         What was missing, damaged or written by another version.
     quantities : tuple of Quantity
         What the columns of ``parameters`` are of.
+    valves : tuple of dict
+        Rows of the table of valves; empty where the model has none.
     """
 
     parameters: tuple[dict[str, Any], ...]
@@ -109,10 +111,11 @@ class Results:
     record: dict[str, Any]
     remarks: tuple[str, ...]
     quantities: tuple[Quantity, ...] = PAPER_QUANTITIES
+    valves: tuple[dict[str, Any], ...] = ()
 
 
 def read_results(
-    folder: Path, *, parts: Sequence[str] = ("parameters", "mse", "responses")
+    folder: Path, *, parts: Sequence[str] = ("parameters", "mse", "responses", "valves")
 ) -> Results:
     """Read what `identify` wrote.
 
@@ -144,6 +147,9 @@ def read_results(
     if "parameters" in parts:
         parameters = _rows(folder, "parameters", remarks, quantities)
     mse = _rows(folder, "mse", remarks, quantities) if "mse" in parts else ()
+    valves: tuple[dict[str, Any], ...] = ()
+    if "valves" in parts and _is_part(folder, record, "valves"):
+        valves = _rows(folder, "valves", remarks, quantities)
     signals = _logs(folder, remarks, quantities) if "responses" in parts else ()
     logs = tuple(sorted(signals, key=lambda log: (log.setting, natural_order(log.log))))
     if not parameters and not logs:
@@ -153,7 +159,15 @@ def read_results(
         )
     parameters = _once(parameters, remarks)
     _check_settings(parameters, logs, remarks)
-    return Results(parameters, mse, logs, record, tuple(dict.fromkeys(remarks)), quantities)
+    said = tuple(dict.fromkeys(remarks))
+    return Results(parameters, mse, logs, record, said, quantities, valves)
+
+
+def _is_part(folder: Path, record: dict[str, Any], table: str) -> bool:
+    """Whether the run wrote a table that not every run writes."""
+    files = record.get("files")
+    is_told = isinstance(files, dict) and f"{table}.parquet" in files
+    return is_told or any((folder / f"{table}{end}").is_file() for end in (".parquet", ".csv"))
 
 
 def _quantities(folder: Path, record: dict[str, Any]) -> tuple[Quantity, ...]:

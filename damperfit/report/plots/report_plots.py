@@ -10,6 +10,7 @@ from damperfit.report.json_records import trends_in
 from damperfit.report.plots.all_settings import campaign_plots
 from damperfit.report.plots.colours import setting_colours
 from damperfit.report.plots.one_log import setting_plots
+from damperfit.report.plots.valves import valve_plots
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -72,5 +73,8 @@ def report_plots(results: Results) -> ReportPlots:
         counts[setting] = counts.get(setting, 0) + 1
         more = f"_log_{counts[setting]}" if counts[setting] > 1 else ""
         name = f"setting_{setting.slug}{more}"
-        by_log.append((log, setting_plots(log, name=name, colour=colours[setting])))
+        plots = setting_plots(log, name=name, colour=colours[setting])
+        if counts[setting] == 1:  # the valves are those of all its logs
+            plots = (*plots, *valve_plots(results.valves, setting, colour=colours[setting]))
+        by_log.append((log, plots))
     return ReportPlots(results, colours, overall, tuple(by_log))
