@@ -128,16 +128,22 @@ static double gas_pressure_by(const df_network *q, double P3, double s, int plac
     const df_geometry g = gas_geometry(q);
     const df_parameters p = gas_parameters(q);
     double by_P_0, by_gamma;
-    df_gas_slopes(&g, &p, P3, s, &by_P_0, &by_gamma);
-    if (place == DF_NUMBER_P_0)
-        return by_P_0;
-    if (place == DF_NUMBER_GAMMA)
-        return by_gamma;
+    if (place == DF_NUMBER_P_0 || place == DF_NUMBER_GAMMA) {
+        df_gas_slopes(&g, &p, P3, s, &by_P_0, &by_gamma);
+        return place == DF_NUMBER_P_0 ? by_P_0 : by_gamma;
+    }
     if (place == DF_NUMBER_V_GAS) {
         const double V = q->numbers[DF_NUMBER_V_GAS];
         return P3 * q->numbers[DF_NUMBER_GAMMA] * (1.0 / V - 1.0 / (V + s / q->rho_0));
     }
     return 0.0;
+}
+
+/* Whether a number enters the laws of oil and gas; what does not is left out of the sums. */
+static int moves_pressures(int place)
+{
+    return place == DF_NUMBER_K || place == DF_NUMBER_PHI || place == DF_NUMBER_P_0 ||
+           place == DF_NUMBER_GAMMA || place == DF_NUMBER_V_GAS;
 }
 
 /* Derivatives of the three pressures by a number at constant masses. */
@@ -419,10 +425,13 @@ static int solve_stage(const df_network *q, const df_options *o, double x, const
 /* dF/d(number) at constant masses, and that of the mounting's balance of forces. */
 static void balance_by(const df_network *q, const df_network_balance *b, double s, int place, double F[DF_STATES])
 {
-    double P[3];
-    pressures_by(q, b, s, place, P);
-    F[0] = F[1] = 0.0;
-    F[DF_PISTON] = -oil_force(q, P);
+    double P[3] = {0.0, 0.0, 0.0};
+    const int by_pressure = moves_pressures(place);
+    F[0] = F[1] = F[DF_PISTON] = 0.0;
+    if (by_pressure) {
+        pressures_by(q, b, s, place, P);
+        F[DF_PISTON] = -oil_force(q, P);
+    }
     if (place == DF_NUMBER_FRICTION)
         F[DF_PISTON] -= b->grip;
     else if (place == DF_NUMBER_DRAG)
@@ -434,7 +443,7 @@ static void balance_by(const df_network *q, const df_network_balance *b, double 
     for (int k = 0; k < q->n_passages; k++) {
         const df_passage *p = &q->passages[k];
         const df_flow *f = &b->flow[k];
-        double w = f->by_D * (P[p->from - 1] - P[p->to - 1]);
+        double w = by_pressure ? f->by_D * (P[p->from - 1] - P[p->to - 1]) : 0.0;
         w += p->p_open == place ? f->by_open : 0.0;
         w += p->R == place ? f->by_R : 0.0;
         w += p->S == place ? f->by_S : 0.0;
