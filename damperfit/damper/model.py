@@ -256,6 +256,9 @@ class Model(ABC):
     """Names of the procedures of a fit that it can be fitted by; the first is its own."""
     conditions: ClassVar[tuple[str, ...]] = ()
     """What is declared, not fitted, and the force can be differentiated by all the same."""
+    kinks: ClassVar[float] = 0.0
+    """Share of the sum of squares that a step must promise to be tried: what the misfit of a law
+    with kinks jumps by, as a sample falls to one side of one or the other."""
     ranges: ClassVar[Mapping[str, tuple[float, float, str]]] = MappingProxyType({})
     """Range of each declared number in SI, and its unit; what lies outside was misread."""
     bulk_moduli: ClassVar[tuple[str, ...]] = ("free",)

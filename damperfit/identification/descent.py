@@ -56,6 +56,9 @@ _ROUGH = Stopping(cost_tolerance=1e-2, rest=math.inf)
 # A fit that meets none of MINPACK's tests has still descended when the residual is this close to
 # a right angle with every direction of the Jacobian.
 RIGHT_ANGLE = 1e-3
+# Where the misfit has kinks a descent may stop among them, at so many times the cosine that the
+# promised fall would have.
+_AMONG_KINKS = 1.5
 # Below this misfit (times the solver's tolerance, N) the solver's own error is what is left.
 _POLISH_BELOW = 100.0
 _POLISH_FACTOR = 0.003
@@ -100,6 +103,11 @@ class Misfit:
     def deviation(self) -> float:
         """Standard deviation of all measured forces that are compared, N."""
         return float(np.std(np.concatenate([t.force[t.compared] for t in self.traces])))
+
+    @property
+    def right_angle(self) -> float:
+        """Largest cosine between residuals and Jacobian at the end of a descent."""
+        return max(RIGHT_ANGLE, _AMONG_KINKS * math.sqrt(self.damper.kinks))
 
     @property
     def n_samples(self) -> int:
@@ -326,7 +334,11 @@ def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping:
         seen = _Seen(parameters, is_cavitating, slopes)
         return residuals, slopes if moving == misfit.free else slopes[:, places], seen
 
-    stopping = replace(stopping, max_evaluations=misfit.max_evaluations)
+    stopping = replace(
+        stopping,
+        max_evaluations=misfit.max_evaluations,
+        least_share=misfit.damper.kinks,
+    )
     transformation = _transformation(misfit, moving)
     ended = minimise(model, _values(moving, start), transformation, stopping)
     point = ended.point

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import Misfit
-from damperfit.identification.model_versus_log import compare, normalised_mse
+from damperfit.identification.law_misfit import LawMisfit, best_fitting, followed
 from damperfit.identification.plausible import kept_within
 
 if TYPE_CHECKING:
@@ -58,7 +57,9 @@ class ProcedureInput:
     def start(self, setting: Setting, misfit: Misfit, fixed: Mapping[str, float]) -> Values:
         """Return where the fit of a setting starts: as somebody has said, else the model's start.
 
-        Of several starts it is the one that fits the first log best. What is fixed stays fixed.
+        Of several starts it is the one that fits the first log best. A law with kinks makes a
+        descent long: there it is where the best lead, followed on settled cycles as far as the
+        motions repeat. What is fixed stays fixed.
         """
         starts = misfit.damper.start(misfit.traces, fixed)
         return _best(misfit, tuple({self.told(setting, one, fixed): None for one in starts}))
@@ -73,14 +74,14 @@ class ProcedureInput:
 def _best(misfit: Misfit, starts: Sequence[Values]) -> Values:
     if len(starts) == 1:
         return starts[0]
-    trace = misfit.traces[0]
-    best, least = starts[0], math.inf
-    for one in starts:
-        try:
-            force = compare(one, trace, misfit.damper, solver=misfit.solver).force
-        except SimulationError:
-            continue
-        mse = normalised_mse(trace.force[trace.compared], force[trace.compared])
-        if mse < least:
-            best, least = one, mse
-    return best
+    law = LawMisfit(
+        misfit.damper, misfit.traces, misfit.free, misfit.solver, cancelled=misfit.cancelled
+    )
+    try:
+        law = law.on_cycles() if misfit.damper.kinks else law
+        if law.cycles is not None:
+            return followed(law, starts).point.extra
+    except SimulationError:
+        return starts[0]
+    ranked = best_fitting(replace(law, traces=misfit.traces[:1]), starts)
+    return ranked[0] if ranked else starts[0]

@@ -10,7 +10,6 @@ import numpy as np
 from damperfit.conditioning import noise_floor
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import (
-    RIGHT_ANGLE,
     Misfit,
     Solution,
     approach,
@@ -279,7 +278,7 @@ def attempt(misfit: Misfit, start: Values, spent: int) -> Judged:
     solution = replace(solution, evaluations=solution.evaluations + spent)
     status = _statuses(misfit, solution)
     errors = dict(zip(misfit.free, relative_errors(solution).tolist(), strict=True))
-    return Judged(solution, status, _outcome(solution, status), errors)
+    return Judged(solution, status, _outcome(solution, status, misfit.right_angle), errors)
 
 
 def relative_errors(solution: Solution) -> NDArray[np.float64]:
@@ -316,14 +315,14 @@ def _statuses(misfit: Misfit, solution: Solution) -> dict[str, Status]:
     return status
 
 
-def _outcome(solution: Solution, status: Mapping[str, Status]) -> Outcome:
+def _outcome(solution: Solution, status: Mapping[str, Status], right_angle: float) -> Outcome:
     if Status.AT_BOUND in status.values():
         return Outcome.AT_BOUND
     if Status.NOT_IDENTIFIABLE in status.values():
         return Outcome.NOT_IDENTIFIABLE
     if solution.is_cavitating:
         return Outcome.CAVITATING
-    descended = solution.gradient_cosine < RIGHT_ANGLE or solution.mse_percent < 1e-8
+    descended = solution.gradient_cosine < right_angle or solution.mse_percent < 1e-8
     if solution.status == 0:
         return Outcome.CONVERGED if descended else Outcome.EVALUATION_LIMIT
     if not descended:

@@ -65,6 +65,8 @@ class Stopping:
         descents end below 2e-9 by themselves (61 of the sample runs).
     least_gain : float
         Fall of the sum of squares that a full step must promise to be tried at all.
+    least_share : float
+        The same as a share of the sum of squares.
     longest_step : float
         Largest change of a variable in one step.
     """
@@ -74,6 +76,7 @@ class Stopping:
     max_evaluations: int = 100
     rest: float = 1e-8
     least_gain: float = 0.0
+    least_share: float = 0.0
     longest_step: float = math.inf
 
 
@@ -174,9 +177,10 @@ class _Course(Generic[Extra]):
         self.steps = system.scaled(self.scale)
         if self.is_first:
             self.radius = _FIRST_RADIUS * self.size or _FIRST_RADIUS
-        if stopping.least_gain > 0.0 or self.is_ending:
+        least = max(stopping.least_gain, stopping.least_share * system.cost)
+        if least > 0.0 or self.is_ending:
             full = self.steps.step(0.0)
-            if full.effect < stopping.least_gain:
+            if full.effect < least:
                 return _MET_COST
             if self.is_ending and full.length <= stopping.rest * self.size:
                 return _MET_COST

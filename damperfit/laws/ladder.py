@@ -4,7 +4,9 @@
     2  bleed and blow-off in each stroke with everything that a mounting may have, in each layout
     3  of the best layout what is not needed is taken out again, the rig's parts and the valves'
        alike, by the rule of `choosing`: so no valve is invented for the rig, nor the reverse
-    4  what is left over is offered to further quantities: soft oil, returns, seal drag, rounding
+    4  what is left over is offered to further parts: soft oil, returns, seal drag, rounding, ports
+
+Rungs are compared on settled cycles; the law that is taken ends on the whole logs.
 
 A layout is found by how well it fits and predicts at once; nothing but the declaration of the
 damper's maker proves one.
@@ -18,11 +20,10 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
-from damperfit.damper.mounting import FIT, NONE, Mounting
-from damperfit.damper.network import Valve
 from damperfit.errors import SimulationError
-from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, effective_samples, judged
+from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
 from damperfit.laws.law_fit import fit_law
+from damperfit.laws.variants import BOTH, KINDS, SMALLER, everything, in_words, of_kind, with_parts
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
@@ -32,16 +33,15 @@ if TYPE_CHECKING:
     from damperfit.damper.valve_dampers import ValveDamper
     from damperfit.laws.law_fit import LawFit, SettingLogs
 
-__all__ = ["Ladder", "Rung", "climb", "in_words"]
+__all__ = ["Ladder", "Rung", "climb"]
 
-BLEED = Valve("orifice", "none")
-BLOW_OFF = Valve("none", "linear")
-BOTH = Valve("orifice", "linear")
-# What is offered to what is left over, one after the other.
+# What is offered to what is left over, one after the other: quantities, and kinds of valves' parts.
 _DECLARED = ("gas_volume",)
-_FURTHER = ("k_e", "return_slope", "drag", "")
+_FURTHER = ("k_e", "return_slope", "drag", "rounded", "port", "long")
 # Two layouts whose MSE, times that of what was held out, differ by less are not told apart.
 _TOLD_APART = 1.5
+# A larger law that fits worse by more than this has ended in a wrong valley.
+_WORSE = 1.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,12 +58,18 @@ class Rung:
         Why, or why not, in one sentence.
     bic : float
         Against the law it was compared with, positive where it is for the larger; NaN for none.
+    change : str
+        What it has more or less than the law it was compared with, in words.
+    gain : float
+        MSE of the smaller of the two over that of the larger; NaN where it was compared with none.
     """
 
     tried: Tried
     is_taken: bool
     reason: str
     bic: float = math.nan
+    change: str = ""
+    gain: float = math.nan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,11 +84,14 @@ class Ladder:
         The law that the logs tell.
     n_eff : float
         Effective samples of all settings compared.
+    alike : tuple of str
+        Layouts that fit and predict hardly worse than the one that was taken.
     """
 
     rungs: tuple[Rung, ...]
     chosen: Tried
     n_eff: float
+    alike: tuple[str, ...] = ()
 
 
 def climb(
@@ -116,21 +125,14 @@ def climb(
     if simplest is not None and simplest.mse_percent <= ENOUGH_PERCENT:
         course.told(simplest, "it leaves nothing that anyone would use", is_taken=True)
         return course.ended(simplest)
-    richest = [_with(layout, BOTH, _everything(layout.mounting)) for layout in layouts]
+    richest = [with_parts(layout, BOTH, everything(layout.mounting)) for layout in layouts]
     found = [one for one in course.all_fitted(richest) if one is not None]
     if not found:
         if simplest is None:
             raise SimulationError("no law can be simulated on these logs.")
         course.told(simplest, "no other law can be simulated on these logs", is_taken=True)
         return course.ended(simplest)
-    best = min(found, key=lambda one: one.score)
-    course.n_eff = effective_samples(best, evidence)
-    for one in found:
-        if one is not best:
-            course.told(one, _against(best, one), is_taken=False)
-    course.told(best, "the layout that fits and predicts best", is_taken=True)
-    # Before parts of the rig are judged: a gas volume that nobody measured hides them.
-    lean = course.lean(course.enriched(best, _DECLARED))
+    lean = course.lean(course.best_layout(found))
     rich = course.enriched(lean, _FURTHER)
     return course.ended(rich if simplest is None else course.settled(simplest, rich))
 
@@ -149,16 +151,26 @@ class _Course:
         self.on_rung, self.jobs = on_rung, jobs
         self.rungs: list[Rung] = []
         self.n_eff = math.nan
-        self.freed: tuple[str, ...] = ()  # although it has a default
+        self.alike: tuple[str, ...] = ()
 
     def fitted(
-        self, model: Model, *, freed: tuple[str, ...] = (), near: Tried | None = None
+        self,
+        model: Model,
+        *,
+        freed: tuple[str, ...] = (),
+        near: Tried | None = None,
+        is_whole: bool = False,
     ) -> Tried | None:
         """Fit a law to every setting; None where it cannot be simulated."""
-        return self.all_fitted([model], freed=freed, near=near)[0]
+        return self.all_fitted([model], freed=freed, near=near, is_whole=is_whole)[0]
 
     def all_fitted(
-        self, models: Sequence[Model], *, freed: tuple[str, ...] = (), near: Tried | None = None
+        self,
+        models: Sequence[Model],
+        *,
+        freed: tuple[str, ...] = (),
+        near: Tried | None = None,
+        is_whole: bool = False,
     ) -> list[Tried | None]:
         """Fit laws to every setting, several fits at a time."""
 
@@ -167,7 +179,12 @@ class _Course:
             start = None if near is None else near.fits[place].values
             try:
                 return fit_law(
-                    model, self.evidence[place], freed=freed, near=start, solver=self.solver
+                    model,
+                    self.evidence[place],
+                    freed=freed,
+                    near=start,
+                    solver=self.solver,
+                    is_whole=is_whole,
                 )
             except SimulationError:
                 return None
@@ -182,49 +199,93 @@ class _Course:
             found.append(Tried(in_words(model, freed), tuple(own)) if is_whole else None)
         return found
 
-    def told(self, tried: Tried, reason: str, *, is_taken: bool, bic: float = math.nan) -> None:
-        rung = Rung(tried, is_taken, reason, bic)
+    def told(
+        self,
+        tried: Tried,
+        reason: str,
+        *,
+        is_taken: bool,
+        change: str = "",
+        verdict: Verdict | None = None,
+    ) -> None:
+        bic, gain = (math.nan, math.nan) if verdict is None else (verdict.bic, verdict.gain)
+        rung = Rung(tried, is_taken, reason, bic, change, gain)
         self.rungs.append(rung)
         self.on_rung(rung)
 
+    def best_layout(self, found: Sequence[Tried]) -> Tried:
+        """The layout that fits and predicts best, with the gas as the maker or the logs tell it.
+
+        Before parts of the rig are judged: a gas volume that nobody measured hides them, and which
+        layout is right.
+        """
+        best = min(found, key=lambda one: one.score)
+        self.n_eff = effective_samples(best, self.evidence)
+        near = [one for one in found if _factor(best, one) < _TOLD_APART]
+        for one in found:
+            reason = _against(best, one, is_alone=len(found) == 1, is_near=one in near)
+            self.told(one, reason, is_taken=one is best, change="layout")
+        near = [self.enriched(one, _DECLARED) for one in near]
+        best = min(near, key=lambda one: one.score)
+        self.alike = tuple(
+            one.fits[0].model.name
+            for one in near
+            if one is not best and _factor(best, one) < _TOLD_APART
+        )
+        return best
+
     def lean(self, law: Tried) -> Tried:
         """Take out what is not needed, until nothing can be."""
-        for smaller in _SMALLER:
+        for change, smaller in SMALLER.items():
             model = smaller(_valve_damper(law))
-            one = None if model is None else self.fitted(model, freed=self.freed, near=law)
+            one = None if model is None else self.fitted(model, freed=_freed(law), near=law)
             if one is None:
                 continue
+            law = self.no_worse(law, one)
             verdict = judged(one, law, self.n_eff)
             reason = (
                 f"what it lacks is needed: {verdict.reason}"
                 if verdict.takes_larger
                 else verdict.reason
             )
-            self.told(one, reason, is_taken=not verdict.takes_larger, bic=verdict.bic)
-            if not verdict.takes_larger:
+            is_taken = not verdict.takes_larger
+            self.told(one, reason, is_taken=is_taken, change=f"without {change}", verdict=verdict)
+            if is_taken:
                 law = one
         return law
 
+    def no_worse(self, large: Tried, small: Tried) -> Tried:
+        """The larger of two nested laws, which can fit no worse: if it does, from the smaller."""
+        if large.mse_percent <= _WORSE * small.mse_percent:
+            return large
+        again = self.fitted(large.fits[0].model, freed=_freed(large), near=small)
+        return large if again is None or again.mse_percent >= large.mse_percent else again
+
     def enriched(self, law: Tried, names: Sequence[str]) -> Tried:
-        """Offer what is left over to further quantities; "" is a blow-off that lifts gradually."""
+        """Offer what is left over to further quantities and kinds of valves."""
         for name in names:
-            model = _valve_damper(law)
             if law.mse_percent <= ENOUGH_PERCENT:
                 return law
-            if not name:
-                model = _rounded(model)
-                if model == _valve_damper(law):  # there is no blow-off
+            model, wanted = _valve_damper(law), _freed(law)
+            if name in KINDS:
+                part, old, words = KINDS[name]
+                model = of_kind(model, part, old, name)
+                if model == _valve_damper(law):  # there is nothing of the kind
                     continue
             elif name not in model.names or name in law.fits[0].free:
                 continue
-            wanted = (*self.freed, name) if name else self.freed
+            else:
+                wanted, words = (*wanted, name), model.quantity(name).label
             one = self.fitted(model, freed=wanted, near=law)
             if one is None:
                 continue
             verdict = judged(law, one, self.n_eff)
-            self.told(one, verdict.reason, is_taken=verdict.takes_larger, bic=verdict.bic)
-            if verdict.takes_larger:
-                law, self.freed = one, wanted
+            is_taken = verdict.takes_larger
+            self.told(
+                one, verdict.reason, is_taken=is_taken, change=f"with {words}", verdict=verdict
+            )
+            if is_taken:
+                law = one
         return law
 
     def settled(self, simplest: Tried, law: Tried) -> Tried:
@@ -236,7 +297,7 @@ class _Course:
                 if chosen is simplest
                 else "the law of valves fits and predicts better with no more quantities"
             )
-            self.told(simplest, reason, is_taken=chosen is simplest)
+            self.told(simplest, reason, is_taken=chosen is simplest, change="smallest law")
             return chosen
         verdict = judged(simplest, law, self.n_eff)
         reason = (
@@ -244,103 +305,44 @@ class _Course:
             if verdict.takes_larger
             else verdict.reason
         )
-        self.told(simplest, reason, is_taken=not verdict.takes_larger, bic=verdict.bic)
-        return law if verdict.takes_larger else simplest
+        is_taken = not verdict.takes_larger
+        self.told(simplest, reason, is_taken=is_taken, change="smallest law", verdict=verdict)
+        return simplest if is_taken else law
 
     def ended(self, chosen: Tried) -> Ladder:
-        rungs = tuple(dataclasses.replace(one, is_taken=one.tried is chosen) for one in self.rungs)
-        return Ladder(rungs, chosen, self.n_eff)
+        """The ladder as it was climbed; what is taken is polished on the whole logs."""
+        model, freed = chosen.fits[0].model, _freed(chosen)
+        polished = self.fitted(model, freed=freed, near=chosen, is_whole=True) or chosen
+        rungs = tuple(
+            dataclasses.replace(one, tried=polished, is_taken=True)
+            if one.tried is chosen
+            else dataclasses.replace(one, is_taken=False)
+            for one in self.rungs
+        )
+        return Ladder(rungs, polished, self.n_eff, self.alike)
 
 
-def _against(best: Tried, other: Tried) -> str:
-    """How far the other layout is behind."""
-    factor = math.exp(other.score - best.score)
-    if factor < _TOLD_APART:
-        return "these logs hardly tell it from the one that is taken; declare the layout"
-    held = math.isnan(best.held_out_percent)
-    what = "fits" if held else "fits and predicts"
-    return f"{best.fits[0].model.name.replace('_', ' ')} {what} better"
+def _freed(law: Tried) -> tuple[str, ...]:
+    """What a law's fits have free although it has a default."""
+    fit = law.fits[0]
+    return tuple(name for name in fit.free if fit.model.quantity(name).default is not None)
 
 
-def _everything(declared: Mounting) -> Mounting:
-    """All that a mounting may have is fitted; what was measured stays."""
-    wanted = {one.name: getattr(declared, one.name) for one in dataclasses.fields(declared)}
-    return Mounting(**{k: FIT if isinstance(v, str) else v for k, v in wanted.items()})
+def _factor(best: Tried, other: Tried) -> float:
+    """How many times worse a law fits and predicts."""
+    return math.exp(other.score - best.score)
 
 
-def _with(damper: ValveDamper, valve: Valve, mounting: Mounting) -> ValveDamper:
-    return dataclasses.replace(damper, rebound=valve, compression=valve, mounting=mounting)
+def _against(best: Tried, one: Tried, *, is_alone: bool, is_near: bool) -> str:
+    """What is said of a layout."""
+    what = "fits" if math.isnan(best.held_out_percent) else "fits and predicts"
+    if is_alone:
+        return "the only layout that was tried"
+    if one is best:
+        return f"the layout that {what} best"
+    words = best.fits[0].model.name.replace("_", " ")
+    return f"{words} {what} {'hardly ' if is_near else ''}better"
 
 
 def _valve_damper(law: Tried) -> ValveDamper:
     return cast("ValveDamper", law.fits[0].model)
-
-
-def _rounded(damper: ValveDamper) -> ValveDamper:
-    kinds = {"linear": "rounded"}
-    valves = {
-        stroke: Valve(valve.bleed, kinds.get(valve.blow_off, valve.blow_off))
-        for stroke, valve in (("rebound", damper.rebound), ("compression", damper.compression))
-    }
-    return dataclasses.replace(damper, rebound=valves["rebound"], compression=valves["compression"])
-
-
-def _without(part: str) -> Callable[[ValveDamper], ValveDamper | None]:
-    def smaller(damper: ValveDamper) -> ValveDamper | None:
-        if getattr(damper.mounting, part) != FIT:
-            return None
-        return dataclasses.replace(
-            damper, mounting=dataclasses.replace(damper.mounting, **{part: NONE})
-        )
-
-    return smaller
-
-
-def _only(valve: Valve) -> Callable[[ValveDamper], ValveDamper | None]:
-    def smaller(damper: ValveDamper) -> ValveDamper | None:
-        if (damper.rebound, damper.compression) != (BOTH, BOTH):
-            return None
-        return dataclasses.replace(damper, rebound=valve, compression=valve)
-
-    return smaller
-
-
-# The valves first, while everything that a rig may have stands beside them.
-_SMALLER: tuple[Callable[[ValveDamper], ValveDamper | None], ...] = (
-    _only(BLEED),
-    _only(BLOW_OFF),
-    _without("lag"),
-    _without("play"),
-)
-
-
-def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
-    """Return a law in a few words.
-
-    Examples
-    --------
-    >>> from damperfit.damper.valve_dampers import TwinTube
-    >>> in_words(TwinTube(), ["k_e"])
-    'twin tube: bleed and blow-off; elastic mounting; also bulk modulus of oil and chamber'
-    """
-    if damper.name == "purdy":
-        return "the paper's model"
-    law = cast("ValveDamper", damper)
-    words = [f"{law.name.replace('_', ' ')}: {_of_valve(law.rebound)}", _of_rig(law.mounting)]
-    if freed:
-        words.append("also " + ", ".join(law.quantity(name).label for name in freed))
-    return "; ".join(words)
-
-
-def _of_valve(valve: Valve) -> str:
-    blow_off = {"none": "", "linear": "blow-off"}.get(valve.blow_off, f"{valve.blow_off} blow-off")
-    return " and ".join(word for word in ("bleed" * (valve.bleed != "none"), blow_off) if word)
-
-
-def _of_rig(mounting: Mounting) -> str:
-    parts = (
-        ("elastic mounting", mounting.series_stiffness),
-        ("play", mounting.play),
-        ("lag", mounting.lag),
-    )
-    return ", ".join(word for word, kind in parts if kind != NONE) or "rigid mounting"

@@ -1,9 +1,8 @@
 """One law fitted to the logs of one setting, for comparing laws: short, and with a prediction.
 
-The misfit and the loop are those of every fit (`damperfit.identification`): each stretch weighed by
-its own noise, steps in logarithms. What runs into an edge of its plausible range stays there and is
-told: a play or a lag that is not there goes to nothing, and a law that has such a quantity has one
-too many.
+It descends on the logs' settled cycles and ends, where asked, on the whole logs. What runs into an
+edge of its plausible range stays there and is told: a play or a lag that is not there goes to
+nothing, and a law that has such a quantity has one too many.
 """
 
 from __future__ import annotations
@@ -14,15 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.conditioning import apply_filter
 from damperfit.errors import SimulationError
 from damperfit.identification import compare, normalised_mse
-from damperfit.identification.minimiser import Minimum, Point, Transformation, minimise
-from damperfit.identification.trust_region import Stopping
-from damperfit.identification.weights import weights
+from damperfit.identification.law_misfit import COMPARING, LawMisfit, followed
 from damperfit.laws.choosing import FEWEST_SAMPLES
 from damperfit.simulation import SolverOptions
-from damperfit.simulation.motion import motion_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -30,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model, Values
+    from damperfit.identification.minimiser import Minimum, Point
     from damperfit.recording import Trace
     from damperfit.setting import Setting
 
@@ -37,14 +33,9 @@ if TYPE_CHECKING:
 
 __all__ = ["UNTOLD", "LawFit", "SettingLogs", "fit_law"]
 
-# Laws are compared by factors of their MSE: a fall of a few in ten thousand changes nothing.
-_STOPPING = Stopping(cost_tolerance=3e-4, step_tolerance=1e-4, max_evaluations=60, rest=math.inf)
 _SHORTEST = 0.25  # s; less that is not compared tells nothing
 # A standard error of this factor to both sides, and a quantity is not told.
 UNTOLD = 1.65
-# Starts that are followed for a few evaluations before the best is followed to its end.
-_TRIED = 2
-_SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, rest=math.inf)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,6 +112,7 @@ def fit_law(
     freed: Sequence[str] = (),
     near: Values | None = None,
     solver: SolverOptions = SolverOptions(),
+    is_whole: bool = True,
 ) -> LawFit:
     """Fit a law to the logs of a setting and predict those that were held out.
 
@@ -136,6 +128,9 @@ def fit_law(
         Of a law fitted before, to start from as far as both have the same quantities.
     solver : SolverOptions
         How exactly to integrate.
+    is_whole : bool
+        Whether the descent ends on the whole logs; else on their settled cycles, for comparing.
+        What is told of the fit is of the whole logs in both cases.
 
     Raises
     ------
@@ -148,28 +143,12 @@ def fit_law(
         if one.default is not None and one.name not in freed
     }
     free = tuple(name for name in model.names if name not in held)
-    misfit = _LawMisfit(model, evidence.fitted, free, solver)
-    starts = model.start(evidence.fitted, held)
-    if near is not None:
-        shared = {n: v for n, v in zip(near.names, near.numbers, strict=True) if n in free}
-        starts = (starts[0].replace(shared), *starts)
-    told = {name: evidence.told[name] for name in free if name in evidence.told}
-    if told:
-        starts = (starts[0].replace(told), *starts)
-    ranked = _ranked(misfit, starts)
-    spent = 0
-    candidates = []
-    for start in ranked[:_TRIED]:
-        try:
-            short = misfit.descend(start, _SHORT)
-        except SimulationError:
-            continue
-        spent += short.evaluations
-        candidates.append(short)
-    if not candidates:
-        raise SimulationError(f"{model.name} cannot be simulated from any of its starts.")
-    best = min(candidates, key=lambda one: one.point.cost)
-    ended = misfit.descend(best.point.extra, _STOPPING)
+    misfit = LawMisfit(model, evidence.fitted, free, solver)
+    coarse = misfit.on_cycles()
+    ended, spent = _descended(coarse, near, held, evidence.told)
+    if is_whole:
+        ended = misfit.descend(ended.point.extra, COMPARING)
+        spent += ended.evaluations
     values = ended.point.extra
     residuals, alone, mse = _misses(model, values, evidence.fitted, solver)
     held_out, kind = math.nan, "logs" if evidence.held_out else "transients"
@@ -191,9 +170,37 @@ def fit_law(
         held_out_percent=held_out,
         held_out="" if math.isnan(held_out) else kind,
         residuals=residuals,
-        evaluations=spent + ended.evaluations,
+        evaluations=spent,
         untold=_untold(ended.point, model, free, len(alone)),
     )
+
+
+def _descended(
+    misfit: LawMisfit, near: Values | None, held: Mapping[str, float], told: Mapping[str, float]
+) -> tuple[Minimum[Values], int]:
+    """Where the law's own starts, what was told and a law fitted before lead, and evaluations."""
+    starts = misfit.model.start(misfit.traces, held)
+    said = {name: told[name] for name in misfit.free if name in told}
+    if said:
+        starts = (starts[0].replace(said), *starts)
+    if near is None:
+        ended = followed(misfit, starts)
+        return ended, ended.evaluations
+    known = dict(zip(near.names, near.numbers, strict=True))
+    shared = {name: known[name] for name in misfit.free if name in known}
+    ended = followed(misfit, (starts[0].replace(shared), *starts), known=1)
+    spent = ended.evaluations
+    # A law that holds the other one fits no worse than that; if it does, it starts from there.
+    absent = {name: misfit.absent(name) for name in misfit.free if name not in known}
+    inside = starts[0].replace(shared | absent)
+    try:
+        if absent and misfit.cost(inside) < ended.point.cost:
+            again = misfit.descend(inside, COMPARING)
+            spent += again.evaluations
+            ended = min(ended, again, key=lambda one: one.point.cost)
+    except SimulationError:
+        pass
+    return ended, spent
 
 
 def _untold(
@@ -213,77 +220,6 @@ def _untold(
         for name, error in zip(free, errors.tolist(), strict=True)
         if model.quantity(name).is_logarithmic and error > math.log(UNTOLD)
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _LawMisfit:
-    """A law, logs, and what moves."""
-
-    model: Model
-    traces: tuple[Trace, ...]
-    free: tuple[str, ...]
-    solver: SolverOptions
-
-    @property
-    def deviation(self) -> float:
-        return float(np.std(np.concatenate([t.force[t.compared] for t in self.traces])))
-
-    def is_at_edge(self, values: Values, name: str) -> bool:
-        low, high = self.model.quantity(name).plausible
-        return not low < getattr(values, name) < high
-
-    def descend(self, start: Values, stopping: Stopping) -> Minimum[Values]:
-        """Minimise from a start; the sum of squares of a useless law is 1."""
-        n = sum(trace.n_samples for trace in self.traces)
-        scale = 1.0 / (self.deviation * math.sqrt(n))
-        factors = weights(self.traces)
-        quantities = [self.model.quantity(name) for name in self.free]
-        low, high = (np.array([one.plausible[k] for one in quantities]) for k in (0, 1))
-
-        def residuals(numbers: FloatArray) -> tuple[FloatArray, FloatArray, Values]:
-            within = np.clip(numbers, low, high)
-            values = start.replace(dict(zip(self.free, within.tolist(), strict=True)))
-            parts = []
-            for trace, weight in zip(self.traces, factors, strict=True):
-                rows = self.rows(values, trace)
-                parts.append(rows * (scale if weight is None else scale * weight))
-            whole = np.hstack(parts)
-            # Beyond the edge nothing changes any more.
-            slopes = np.where(within == numbers, whole[1:].T, 0.0)
-            return whole[0], slopes, values
-
-        transformation = Transformation(
-            np.array([one.is_logarithmic for one in quantities], dtype=bool),
-            np.array([self.deviation if not one.is_logarithmic else 1.0 for one in quantities]),
-        )
-        at = np.array([getattr(start, name) for name in self.free])
-        return minimise(residuals, np.clip(at, low, high), transformation, stopping)
-
-    def rows(self, values: Values, trace: Trace) -> FloatArray:
-        """Residuals and their derivatives by what moves, over what is compared: (1 + k, n)."""
-        response = self.model.simulate(
-            values, motion_of(trace), sensitivities=self.free, options=self.solver
-        )
-        rows = np.stack([response.force, *response.sensitivities.values()])
-        rows = apply_filter(trace.model_filter, rows)[:, trace.compared]
-        rows[0] -= trace.force[trace.compared]
-        if not np.all(np.isfinite(rows)):
-            raise SimulationError("simulation failed: the force is no number.")
-        return rows
-
-
-def _ranked(misfit: _LawMisfit, starts: Sequence[Values]) -> list[Values]:
-    """Starts by how well they fit the log with the strongest force, the best first."""
-    trace = max(misfit.traces, key=lambda one: float(np.std(one.force[one.compared])))
-    found = []
-    for place, start in enumerate(starts):
-        try:
-            force = compare(start, trace, misfit.model, solver=misfit.solver).force
-        except SimulationError:
-            continue
-        part = trace.compared
-        found.append((normalised_mse(trace.force[part], force[part]), place, start))
-    return [start for _, _, start in sorted(found, key=lambda one: one[:2])]
 
 
 def _misses(

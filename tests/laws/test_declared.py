@@ -12,7 +12,8 @@ from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification.signatures import gain, signatures
 from damperfit.laws import LawFit, Tried
-from damperfit.laws.ladder import BLEED, _Course, _everything, _without
+from damperfit.laws.ladder import _Course
+from damperfit.laws.variants import BLEED, everything, without
 from damperfit.recording import Trace
 from damperfit.run.law_choice import _layouts
 from damperfit.setting import Setting
@@ -26,17 +27,17 @@ def test_a_layout_keeps_ambient_pressure_and_mounting() -> None:
     for layout in _layouts(damper, None):
         assert layout.ambient_pressure == 0.0
         assert layout.mounting == measured
-    assert _everything(measured) == Mounting(3e5, FIT, 8e-3)
-    assert _everything(Mounting()) == Mounting(FIT, FIT, FIT)
+    assert everything(measured) == Mounting(3e5, FIT, 8e-3)
+    assert everything(Mounting()) == Mounting(FIT, FIT, FIT)
 
 
 def test_a_measured_lag_is_not_taken_out() -> None:
     fitted = TwinTube(mounting=Mounting(FIT, FIT, FIT))
-    smaller = _without("lag")(fitted)
+    smaller = without("lag")(fitted)
     assert smaller is not None
     assert smaller.mounting == Mounting(FIT, FIT, NONE)
-    assert _without("lag")(replace(fitted, mounting=Mounting(FIT, FIT, 8e-3))) is None
-    assert _without("lag")(replace(fitted, mounting=Mounting(FIT, FIT, NONE))) is None
+    assert without("lag")(replace(fitted, mounting=Mounting(FIT, FIT, 8e-3))) is None
+    assert without("lag")(replace(fitted, mounting=Mounting(FIT, FIT, NONE))) is None
 
 
 def stepped() -> Trace:
@@ -69,7 +70,7 @@ def test_a_law_without_a_blow_off_is_not_offered_a_rounded_one(monkeypatch) -> N
     law = Tried("bleed", (fit,))
     course = _Course([], SolverOptions(), lambda _: None, 1)
     monkeypatch.setattr(course, "fitted", lambda *_, **__: pytest.fail("fitted once more"))
-    assert course.enriched(law, [""]) is law
+    assert course.enriched(law, ["rounded", "port"]) is law
 
 
 def test_models_tells_the_logs_that_contradict_each_other(tmp_path, capsys) -> None:

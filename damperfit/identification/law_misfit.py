@@ -1,0 +1,233 @@
+"""Descents on settled cycles: for laws to be compared, and for a start near the minimum.
+
+The misfit is that of every fit, each stretch weighed by its own noise, steps in logarithms; but
+what runs into an edge of its plausible range stays there, and the whole logs are looked at only by
+who wants their word.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.conditioning import apply_filter
+from damperfit.errors import SimulationError
+from damperfit.identification.descent import FitCancelledError
+from damperfit.identification.minimiser import Minimum, Transformation, minimise
+from damperfit.identification.settled import settled
+from damperfit.identification.trust_region import Stopping
+from damperfit.identification.weights import weights
+from damperfit.simulation.motion import motion_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.damper.model import Model, Values
+    from damperfit.identification.settled import SettledLogs
+    from damperfit.recording import Trace
+    from damperfit.simulation import SolverOptions
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["COMPARING", "LawMisfit", "best_fitting", "followed"]
+
+# Laws are compared by factors of their MSE: a fall of a few in ten thousand changes nothing.
+COMPARING = Stopping(cost_tolerance=3e-4, step_tolerance=1e-4, max_evaluations=60, rest=math.inf)
+# Starts that are followed for a few evaluations before the best is followed to its end.
+_TRIED = 2
+_SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, rest=math.inf)
+# Quantities that do nothing when they are small; stiffnesses and resistances do when large.
+_VANISHING = ("play", "lag", "drag", "f_f", "_width", "_port", "_leak", "free_gas")
+# Times the scatter between cycles: a descent that is there needs no other start.
+_AS_EXPECTED = 2.0
+
+# Of the force's deviation: what a step may err by while laws are compared on settled cycles. It
+# moves no quantity by a third of its error.
+_COARSE = 2e-4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LawMisfit:
+    """A law, the logs of a setting, and what moves.
+
+    Attributes
+    ----------
+    model : Model
+        The law.
+    traces : tuple of Trace
+        Logs of one setting.
+    free : tuple of str
+        What moves.
+    solver : SolverOptions
+        How exactly to integrate.
+    cycles : SettledLogs, optional
+        What stands for the logs; None: they do themselves.
+    cancelled : callable
+        Asked before each evaluation.
+    """
+
+    model: Model
+    traces: tuple[Trace, ...]
+    free: tuple[str, ...]
+    solver: SolverOptions
+    cycles: SettledLogs | None = None
+    cancelled: Callable[[], bool] = lambda: False
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of all measured forces that are compared, N."""
+        return float(np.std(np.concatenate([t.force[t.compared] for t in self.traces])))
+
+    @property
+    def scale(self) -> float:
+        """What makes the sum of squares of a useless law 1."""
+        n = sum(trace.n_samples for trace in self.traces)
+        return 1.0 / (self.deviation * math.sqrt(n))
+
+    @property
+    def scatter(self) -> float:
+        """The sum of squares that no law takes away, as far as it is known."""
+        return 0.0 if self.cycles is None else self.cycles.scatter * self.scale**2
+
+    def on_cycles(self) -> LawMisfit:
+        """Return the misfit of the settled cycles, where the logs have them."""
+        tolerance = max(self.solver.tolerance, _COARSE * self.deviation)
+        solver = replace(self.solver, tolerance=tolerance)
+        cycles = settled(self.traces)
+        return self if cycles is None else replace(self, solver=solver, cycles=cycles)
+
+    def is_at_edge(self, values: Values, name: str) -> bool:
+        """Whether a quantity has run out of its plausible range."""
+        low, high = self.model.quantity(name).plausible
+        return not low < getattr(values, name) < high
+
+    def absent(self, name: str) -> float:
+        """Return the value at which a part does next to nothing, of a part that may be absent."""
+        low, high = self.model.quantity(name).plausible
+        return low if name.endswith(_VANISHING) else high
+
+    def cost(self, values: Values) -> float:
+        """Return the sum of squares at a point, without derivatives.
+
+        Raises
+        ------
+        SimulationError
+            The law cannot be simulated there.
+        """
+        rest = np.hstack(self.rows(values, ()))[0] * self.scale
+        return float(rest @ rest)
+
+    def descend(self, start: Values, stopping: Stopping) -> Minimum[Values]:
+        """Minimise from a start.
+
+        Raises
+        ------
+        SimulationError
+            The law cannot be simulated at the start.
+        """
+        scale, deviation = self.scale, self.deviation
+        quantities = [self.model.quantity(name) for name in self.free]
+        low, high = (np.array([one.plausible[k] for one in quantities]) for k in (0, 1))
+
+        def residuals(numbers: FloatArray) -> tuple[FloatArray, FloatArray, Values]:
+            within = np.clip(numbers, low, high)
+            values = start.replace(dict(zip(self.free, within.tolist(), strict=True)))
+            whole = np.hstack(self.rows(values, self.free)) * scale
+            # Beyond the edge nothing changes any more.
+            return whole[0], np.where(within == numbers, whole[1:].T, 0.0), values
+
+        transformation = Transformation(
+            np.array([one.is_logarithmic for one in quantities], dtype=bool),
+            np.array([deviation if not one.is_logarithmic else 1.0 for one in quantities]),
+        )
+        at = np.array([getattr(start, name) for name in self.free])
+        return minimise(residuals, np.clip(at, low, high), transformation, stopping)
+
+    def rows(self, values: Values, names: Sequence[str]) -> list[FloatArray]:
+        """Residuals and their derivatives by some names, weighed, N: blocks of shape (1 + k, n)."""
+        if self.cancelled():
+            raise FitCancelledError("stopped while a fit was running.")
+        found = self._whole(values, names) if self.cycles is None else self._settled(values, names)
+        if not all(np.all(np.isfinite(rows)) for rows in found):
+            raise SimulationError("simulation failed: the force is no number.")
+        return found
+
+    def _settled(self, values: Values, names: Sequence[str]) -> list[FloatArray]:
+        assert self.cycles is not None
+        found = [
+            one.rows(
+                self.model.simulate(values, one.motion, sensitivities=names, options=self.solver)
+            )
+            for one in self.cycles.cycles
+        ]
+        rest = np.zeros((1 + len(names), 1))
+        rest[0] = math.sqrt(self.cycles.scatter)
+        return [*found, rest]
+
+    def _whole(self, values: Values, names: Sequence[str]) -> list[FloatArray]:
+        found = []
+        for trace, weight in zip(self.traces, weights(self.traces), strict=True):
+            response = self.model.simulate(
+                values, motion_of(trace), sensitivities=names, options=self.solver
+            )
+            rows = np.stack([response.force, *response.sensitivities.values()])
+            rows = apply_filter(trace.model_filter, rows)[:, trace.compared]
+            rows[0] -= trace.force[trace.compared]
+            found.append(rows if weight is None else rows * weight)
+        return found
+
+
+def followed(misfit: LawMisfit, starts: Sequence[Values], *, known: int = 0) -> Minimum[Values]:
+    """Return where the best of some starts leads.
+
+    Those that fit best are followed for a few evaluations, the better of them to its end.
+
+    Parameters
+    ----------
+    misfit : LawMisfit
+        What is fitted.
+    starts : sequence of Values
+        Where to start from.
+    known : int
+        So many of the first starts are followed however badly they fit.
+
+    Raises
+    ------
+    SimulationError
+        The law cannot be simulated at any of them.
+    """
+    ranked = [*starts[:known], *best_fitting(misfit, starts[known:])]
+    best: Minimum[Values] | None = None
+    spent = 0
+    for start in ranked[: max(_TRIED, known + 1)]:
+        try:
+            short = misfit.descend(start, _SHORT)
+        except SimulationError:
+            continue
+        spent += short.evaluations
+        if best is None or short.point.cost < best.point.cost:
+            best = short
+        if best.point.cost <= _AS_EXPECTED * misfit.scatter:
+            break
+    if best is None:
+        raise SimulationError(f"{misfit.model.name} cannot be simulated from any of its starts.")
+    ended = misfit.descend(best.point.extra, COMPARING)
+    return replace(ended, evaluations=spent + ended.evaluations)
+
+
+def best_fitting(misfit: LawMisfit, starts: Sequence[Values]) -> list[Values]:
+    """Return starts by how well they fit, the best first; what cannot be simulated is left out."""
+    if len(starts) < 2:
+        return list(starts)
+    found = []
+    for place, start in enumerate(starts):
+        try:
+            found.append((misfit.cost(start), place, start))
+        except SimulationError:
+            continue
+    return [start for _, _, start in sorted(found, key=lambda one: one[:2])]

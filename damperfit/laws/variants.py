@@ -1,0 +1,121 @@
+"""Laws next to a law: with a part more or less, of another kind; each in a few words."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, cast
+
+from damperfit.damper.mounting import FIT, NONE, Mounting
+from damperfit.damper.network import Valve
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from damperfit.damper.model import Model
+    from damperfit.damper.valve_dampers import ValveDamper
+
+__all__ = [
+    "BLEED",
+    "BLOW_OFF",
+    "BOTH",
+    "KINDS",
+    "SMALLER",
+    "everything",
+    "in_words",
+    "of_kind",
+    "with_parts",
+    "without",
+]
+
+BLEED = Valve("orifice", "none")
+BLOW_OFF = Valve("none", "linear")
+BOTH = Valve("orifice", "linear")
+# kind: part of a valve that it takes the place of, what stood there, in words
+KINDS = {
+    "rounded": ("blow_off", "linear", "blow-offs that lift gradually"),
+    "port": ("blow_off", "linear", "a port behind the blow-offs"),
+    "long": ("bleed", "orifice", "bleeds with a laminar part"),
+}
+
+
+def everything(declared: Mounting) -> Mounting:
+    """All that a mounting may have is fitted; what was measured stays."""
+    wanted = {one.name: getattr(declared, one.name) for one in dataclasses.fields(declared)}
+    return Mounting(**{k: FIT if isinstance(v, str) else v for k, v in wanted.items()})
+
+
+def with_parts(damper: ValveDamper, valve: Valve, mounting: Mounting) -> ValveDamper:
+    """Return the damper with the same valve in both strokes, and another mounting."""
+    return dataclasses.replace(damper, rebound=valve, compression=valve, mounting=mounting)
+
+
+def of_kind(damper: ValveDamper, part: str, old: str, new: str) -> ValveDamper:
+    """The damper with another kind of a valve's part wherever it has the usual one."""
+    valves = {
+        stroke: dataclasses.replace(valve, **{part: new}) if getattr(valve, part) == old else valve
+        for stroke, valve in (("rebound", damper.rebound), ("compression", damper.compression))
+    }
+    return dataclasses.replace(damper, rebound=valves["rebound"], compression=valves["compression"])
+
+
+def without(part: str) -> Callable[[ValveDamper], ValveDamper | None]:
+    """Return what takes a part of the mounting out of a damper, where it is fitted there."""
+
+    def smaller(damper: ValveDamper) -> ValveDamper | None:
+        if getattr(damper.mounting, part) != FIT:
+            return None
+        return dataclasses.replace(
+            damper, mounting=dataclasses.replace(damper.mounting, **{part: NONE})
+        )
+
+    return smaller
+
+
+def _only(valve: Valve) -> Callable[[ValveDamper], ValveDamper | None]:
+    def smaller(damper: ValveDamper) -> ValveDamper | None:
+        if (damper.rebound, damper.compression) != (BOTH, BOTH):
+            return None
+        return dataclasses.replace(damper, rebound=valve, compression=valve)
+
+    return smaller
+
+
+# The valves first, while everything that a rig may have stands beside them.
+SMALLER: dict[str, Callable[[ValveDamper], ValveDamper | None]] = {
+    "blow-offs": _only(BLEED),
+    "bleeds": _only(BLOW_OFF),
+    "lag": without("lag"),
+    "play": without("play"),
+}
+
+
+def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
+    """Return a law in a few words.
+
+    Examples
+    --------
+    >>> from damperfit.damper.valve_dampers import TwinTube
+    >>> in_words(TwinTube(), ["k_e"])
+    'twin tube: bleed and blow-off; elastic mounting; also bulk modulus of oil and chamber'
+    """
+    if damper.name == "purdy":
+        return "the paper's model"
+    law = cast("ValveDamper", damper)
+    words = [f"{law.name.replace('_', ' ')}: {_of_valve(law.rebound)}", _of_rig(law.mounting)]
+    if freed:
+        words.append("also " + ", ".join(law.quantity(name).label for name in freed))
+    return "; ".join(words)
+
+
+def _of_valve(valve: Valve) -> str:
+    blow_off = {"none": "", "linear": "blow-off"}.get(valve.blow_off, f"{valve.blow_off} blow-off")
+    return " and ".join(word for word in ("bleed" * (valve.bleed != "none"), blow_off) if word)
+
+
+def _of_rig(mounting: Mounting) -> str:
+    parts = (
+        ("elastic mounting", mounting.series_stiffness),
+        ("play", mounting.play),
+        ("lag", mounting.lag),
+    )
+    return ", ".join(word for word, kind in parts if kind != NONE) or "rigid mounting"

@@ -1,0 +1,110 @@
+"""Settled cycles tell what whole logs tell, and are left aside where nothing repeats."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.conditioning import ConditionOptions, condition
+from damperfit.errors import SimulationError
+from damperfit.identification.law_misfit import LawMisfit, best_fitting, followed
+from damperfit.identification.settled import settled
+from damperfit.recording import Recording, Trace
+from damperfit.setting import Setting
+from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion
+from tests.laws.valve_logs import VALUES, damper, moved
+
+MODEL = damper()
+TRUE = MODEL.values(VALUES)
+FREE = tuple(one.name for one in MODEL.quantities if one.default is None)
+MOTION = moved((0.06, 0.24))
+
+
+def logged(motion: Motion, options: ConditionOptions = ConditionOptions()) -> Trace:
+    noise = np.random.default_rng(5)
+    force = simulate(TRUE, MODEL, motion).force
+    n = len(force)
+    return condition(
+        Recording(
+            name="log.csv",
+            path="log.csv",
+            sha256="",
+            setting=Setting.of(3),
+            time=motion.interval * np.arange(n),
+            displacement=motion.displacement + noise.normal(0.0, 3e-6, n),
+            force=force + noise.normal(0.0, 2.0, n),
+        ),
+        options,
+    )
+
+
+def misfit(*traces: Trace) -> LawMisfit:
+    return LawMisfit(MODEL, traces, FREE, SolverOptions())
+
+
+@pytest.mark.parametrize(
+    "options",
+    [ConditionOptions(), ConditionOptions(filter="causal"), ConditionOptions(filter_corner=60.0)],
+    ids=["zero phase", "causal", "60 Hz"],
+)
+def test_the_minimum_lies_where_that_of_the_whole_logs_lies(options: ConditionOptions) -> None:
+    whole = misfit(logged(MOTION, options))
+    cycles = whole.on_cycles()
+    assert cycles.cycles is not None
+    assert len(cycles.cycles.cycles) == 2
+    assert cycles.cost(TRUE) == pytest.approx(whole.cost(TRUE), rel=0.3)
+    rows, few = (np.hstack(one.rows(TRUE, FREE)) for one in (whole, cycles))
+    slopes = rows[1:] @ rows[1:].T
+    # How far apart both minima are, by one step of Gauss and Newton, in errors of what is fitted.
+    apart = np.linalg.solve(slopes, few[1:] @ few[0] - rows[1:] @ rows[0])
+    variance = (rows[0] @ rows[0]) / 200.0  # independent samples, at a filter of 30 Hz more
+    errors = np.sqrt(np.diag(np.linalg.inv(slopes)) * variance)
+    assert np.max(np.abs(apart) / errors) < 0.75
+
+
+def test_what_differs_between_cycles_counts_as_in_the_whole_log() -> None:
+    found = settled([logged(MOTION)])
+    assert found is not None
+    # 2 N behind the filter of 30 Hz at 500 Hz, in all samples that are compared.
+    n = logged(MOTION).n_samples
+    assert found.scatter / n == pytest.approx(4.0 * 2 * 31.0 / 500.0, rel=0.35)
+
+
+def test_motions_that_do_not_repeat_have_no_cycles() -> None:
+    trace = logged(MOTION)
+    moving = replace(trace.stretches[0], kind="moving", cycle_starts=np.empty(0))
+    mixed = replace(trace, stretches=(moving, trace.stretches[1]))
+    assert settled([mixed]) is None
+    assert misfit(mixed).on_cycles().cycles is None
+    assert settled([trace, trace]) is not None
+
+
+@pytest.mark.parametrize(("factor", "is_worth"), [(1.001, False), (0.999, True)])
+def test_a_log_as_short_as_its_cycles_is_simulated_whole(
+    monkeypatch: pytest.MonkeyPatch, factor: float, *, is_worth: bool
+) -> None:
+    trace = logged(MOTION)
+    found = settled([trace])
+    assert found is not None
+    simulated = sum(len(one.motion.displacement) for one in found.cycles)
+    limit = factor * len(trace.force) / simulated
+    monkeypatch.setattr("damperfit.identification.settled._WORTH", limit)
+    assert (settled([trace]) is not None) is is_worth
+
+
+def test_starts_that_cannot_be_simulated_are_left_out() -> None:
+    one = misfit(logged(sine_motion(0.02, 1.5, cycles=8, sample_rate=500.0))).on_cycles()
+    bad = TRUE.replace({"rebound_slope": float("nan")})
+    assert best_fitting(one, [bad, TRUE]) == [TRUE]
+    with pytest.raises(SimulationError, match="any of its starts"):
+        followed(one, [bad])
+
+
+def test_a_descent_from_afar_comes_to_the_true_values() -> None:
+    one = misfit(logged(MOTION)).on_cycles()
+    start = TRUE.replace({"rebound_opening": 5e5, "compression_bleed": 4e4, "lag": 4e-3})
+    found = followed(one, [start]).point.extra
+    for name in ("rebound_opening", "compression_opening", "compression_bleed"):
+        assert getattr(found, name) == pytest.approx(getattr(TRUE, name), rel=0.03), name
