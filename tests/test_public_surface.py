@@ -41,6 +41,7 @@ SURFACE = {
         "Tested",
         "find_target",
         "hand_over",
+        "what_is_lost",
     ],
     "damperfit.queries.adjuster_results": ["AdjusterResults", "adjuster_in", "read_adjuster"],
     "damperfit.queries.force_by_setting": [

@@ -37,6 +37,12 @@ def export(
             help="A file where it has a suffix, else a folder.  [export in the results folder]",
         ),
     ] = None,
+    extend: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SPEED", help="Tables beyond the tested speed, from the model: untested."
+        ),
+    ] = None,
     list_: Annotated[
         bool, typer.Option("--list", help="Show the targets with file, units and sign.")
     ] = False,
@@ -50,7 +56,8 @@ def export(
 
     Example: damperfit export results --to csv
     """
-    from damperfit.export import TARGETS, ExportOptions, find_target, hand_over
+    from damperfit.export import TARGETS, ExportOptions, find_target, hand_over, what_is_lost
+    from damperfit.quantities import parse_quantity
 
     if list_:
         _show(tuple(TARGETS.values()), is_json=json)
@@ -60,19 +67,28 @@ def export(
             f"export: to what? Give --to {'|'.join(TARGETS)}; --list shows what they are"
         )
     target = find_target(to)
+    speed = None if extend is None else parse_quantity(extend, "velocity")
     folder, stem = _destination(results, out, target)
     handed = hand_over(results, config=config)
+    has_table = target.has_table_of(handed.damper)
+    if extend is not None and not has_table:
+        raise ConfigurationError(f"--extend {extend}: {to} holds no table here; leave it out")
     for remark in handed.remarks:
         say(f"damperfit: {results}: {remark}")
-    files = target.write(handed, ExportOptions(stem=stem))
+    files = target.write(handed, ExportOptions(stem=stem, extend=speed))
     written = _write(folder, dict(files))
     if json:
         document = {"target": to, "units": target.units, "sign": target.sign}
         names = [str(path) for path in written]
-        print_json({**document, "files": names, "remarks": list(handed.remarks)})
+        lost = {"lost_in_a_table": what_is_lost(handed)} if has_table else {}
+        print_json({**document, "files": names, "remarks": list(handed.remarks), **lost})
     elif not quiet:
         more = f" and {len(written) - 1} more" if len(written) > 1 else ""
         say(f"damperfit: {written[0]} written{more}; {target.units}; {target.sign}")
+        if has_table:
+            say(f"note: {what_is_lost(handed)}")
+        if speed is not None:
+            say(f"note: beyond {handed.motion.peak_speed:.4g} m/s the tables are untested")
     return 1 if handed.remarks else 0
 
 
@@ -88,10 +104,10 @@ def _destination(results: Path, out: Path | None, target: Target) -> tuple[Path,
         return results / "export", "damper"
     if not out.suffix or out.is_dir():
         return out, "damper"
-    if out.suffix.lower() != target.suffix:
+    if out.suffix.lower() not in target.suffixes:
         raise ConfigurationError(
-            f"--out {out}: {target.name} writes {target.suffix} files; give a name that ends so, "
-            "or a folder"
+            f"--out {out}: {target.name} writes {' and '.join(target.suffixes)} files; give a "
+            "name that ends so, or a folder"
         )
     return out.parent, out.stem
 

@@ -5,6 +5,7 @@ target has a file of its own that makes bytes of a `HandedOver`. Nothing here wr
 """
 
 from damperfit.export.handed_over import HandedOver, HandedSetting, Tested, hand_over
+from damperfit.export.road import what_is_lost
 from damperfit.export.targets import TARGETS, ExportOptions, Target, find_target
 
 __all__ = [
@@ -16,4 +17,5 @@ __all__ = [
     "Tested",
     "find_target",
     "hand_over",
+    "what_is_lost",
 ]

@@ -6,7 +6,7 @@ import csv
 import io
 from typing import TYPE_CHECKING
 
-from damperfit.export.force_table import force_table
+from damperfit.export.force_table import force_tables
 from damperfit.tables import safe_cell
 
 if TYPE_CHECKING:
@@ -23,9 +23,8 @@ def write_csv(handed: HandedOver, options: ExportOptions) -> Mapping[str, bytes]
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(["setting", "speed_m_per_s", "force_N"])
-    for one in handed.settings:
-        table = force_table(handed, one)
-        label = safe_cell(str(one.setting))
+    for table in force_tables(handed, extend=options.extend):
+        label = safe_cell(str(table.setting))
         rows.writerows(
             [label, f"{speed:.6g}", f"{force:.3f}"]
             for speed, force in zip(table.speeds, table.forces, strict=True)

@@ -5,12 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from damperfit.damper.purdy.parameters import Damper
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.export.adams import write_dpr, write_xml
+from damperfit.export.carmaker import write_carmaker
+from damperfit.export.carsim import write_carsim
+from damperfit.export.chrono import write_chrono
+from damperfit.export.combitable import write_combitable
 from damperfit.export.csv_table import write_csv
+from damperfit.export.matlab import write_matlab
+from damperfit.export.modelica import write_modelica
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from damperfit.damper.model import Model
     from damperfit.export.handed_over import HandedOver
 
 __all__ = ["TARGETS", "ExportOptions", "Target", "find_target"]
@@ -24,9 +33,12 @@ class ExportOptions:
     ----------
     stem : str
         What the names of the files begin with.
+    extend : float or None
+        Speed up to which tables go, m/s; None: to the tested speed.
     """
 
     stem: str = "damper"
+    extend: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +52,8 @@ class Target:
     title : str
         What it is, in a few words.
     file : str
-        Pattern of its files' names: ``{stem}.csv``, or ``{stem}_s{setting}.dpr`` for one a setting.
+        Pattern of its files' names: ``{stem}.csv``, or ``{stem}_s{setting}.dpr`` for one a setting;
+        several with a comma between.
     units : str
         Of speed and force, or "SI".
     sign : str
@@ -49,6 +62,10 @@ class Target:
         Where it goes, for people.
     write : callable
         Makes the files' bytes, by name.
+    has_table : bool
+        It holds force by speed, which may go beyond the tested speed and loses what a table loses.
+    physics_of : tuple of type
+        Models whose own equations it holds instead.
     """
 
     name: str
@@ -58,11 +75,17 @@ class Target:
     sign: str
     place: str
     write: Callable[[HandedOver, ExportOptions], Mapping[str, bytes]]
+    has_table: bool = True
+    physics_of: tuple[type[Model], ...] = ()
+
+    def has_table_of(self, damper: Model) -> bool:
+        """Whether the file of this damper holds a table."""
+        return self.has_table and not isinstance(damper, self.physics_of)
 
     @property
-    def suffix(self) -> str:
+    def suffixes(self) -> tuple[str, ...]:
         """Of its files, with the dot."""
-        return "." + self.file.rpartition(".")[2]
+        return tuple("." + one.rpartition(".")[2] for one in self.file.split(", "))
 
 
 # By name; a new target is a file beside this one and an entry here.
@@ -77,6 +100,79 @@ TARGETS: Mapping[str, Target] = {
             "rebound is positive, and so is its force",
             "a spreadsheet, a script",
             write_csv,
+        ),
+        Target(
+            "combitable",
+            "text file of CombiTable1D and CombiTable2D, all settings",
+            "{stem}.txt",
+            "m/s, N",
+            "rebound is positive, and so is its force",
+            "Modelica.Blocks.Tables, tableOnFile; smoothness linear, extrapolation lastTwoPoints",
+            write_combitable,
+        ),
+        Target(
+            "modelica",
+            "model without libraries: the paper's physics, of other models the table",
+            "{stem}.mo",
+            "m, m/s, N",
+            "rebound (tension) is positive, and so is its force",
+            "any Modelica tool; setting counts the settings from 1",
+            write_modelica,
+            physics_of=(Damper,),
+        ),
+        Target(
+            "adams",
+            "Adams/Car damper property file, TeimOrbit; MotionView reads it too",
+            "{stem}_s{setting}.dpr",
+            "mm/s, N",
+            "rebound is positive, and so is its force",
+            "dampers.tbl of a database",
+            write_dpr,
+        ),
+        Target(
+            "adams-xml",
+            "Adams/Car damper property file, XML, with the gas force as constant preload",
+            "{stem}_s{setting}.xml",
+            "mm/s, N",
+            "rebound is positive, and so is its force",
+            "dampers.tbl of a database",
+            write_xml,
+        ),
+        Target(
+            "carmaker",
+            "CarMaker Infofile, Damp_Push and Damp_Pull",
+            "{stem}_s{setting}.txt",
+            "m/s, N",
+            "both tables without sign; Push is bump, Pull is rebound",
+            "the vehicle's Infofile, for SuspF or SuspR",
+            write_carmaker,
+        ),
+        Target(
+            "carsim",
+            "CarSim and TruckSim block FD_TABLE",
+            "{stem}_s{setting}.par",
+            "mm/s, N",
+            "COMPRESSION is positive, and so is its force",
+            "the shock absorber's data set, pasted",
+            write_carsim,
+        ),
+        Target(
+            "matlab",
+            "MATLAB and Octave script and data file, velocity by setting",
+            "{stem}.m, {stem}.mat",
+            "m/s, N",
+            "rebound is positive, and so is its force",
+            "the path; breakpoints and table of a 2-D Lookup Table",
+            write_matlab,
+        ),
+        Target(
+            "chrono",
+            "Chrono YAML, damping_curve_data of a TSDA",
+            "{stem}_s{setting}.yaml",
+            "m/s, N",
+            "rebound is positive, and so is the curve; Chrono applies it with a minus",
+            "tsdas of a model, with bodies and points added",
+            write_chrono,
         ),
     )
 }

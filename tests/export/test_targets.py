@@ -24,7 +24,8 @@ def test_every_target_writes_files_of_its_pattern(name, handed) -> None:
     target = TARGETS[name]
     files = target.write(handed, ExportOptions(stem="front"))
     slugs = [one.setting.slug for one in handed.settings]
-    possible = {target.file.format(stem="front", setting=slug) for slug in slugs}
+    patterns = target.file.split(", ")
+    possible = {one.format(stem="front", setting=slug) for slug in slugs for one in patterns}
     assert set(files) == possible
     assert all(files.values())
 
