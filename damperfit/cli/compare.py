@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from json import dumps
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +17,7 @@ from damperfit.cli.console import (
     say_lines,
     screen_columns,
 )
+from damperfit.cli.github import append_summary, summary_file
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -24,8 +26,10 @@ from damperfit.cli.options import (
     QuietOption,
     VersionOption,
 )
+from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from damperfit.atomic import FileSet
     from damperfit.comparison import RunComparison
     from damperfit.queries.comparisons import Compared
 
@@ -43,6 +47,10 @@ def compare(
         list[Path] | None,
         typer.Option(metavar="RESULTS", help="Another run of A: their scatter is the measure."),
     ] = None,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(metavar="5%|20N|FILE", help="Gate: of A's damping, or a table; code 4."),
+    ] = None,
     measured: Annotated[
         bool, typer.Option("--measured", help="Measured curves alone; also logs and curve files.")
     ] = False,
@@ -55,6 +63,18 @@ def compare(
     frequency: Annotated[
         str | None, typer.Option(metavar="FREQ", help="Of the sine.  [the tests' own]")
     ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write page, Markdown, JSON and tables.")
+    ] = None,
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE.json", help="Keep A as a baseline.")
+    ] = None,
+    junit: Annotated[
+        Path | None, typer.Option(metavar="FILE.xml", help="Write the points of --tolerance.")
+    ] = None,
+    github_summary: Annotated[
+        bool, typer.Option("--github-summary", help="Add the Markdown to the job's page.")
+    ] = False,
     jobs: JobsOption = None,
     config: ConfigOption = None,
     json: JsonOption = False,
@@ -68,9 +88,13 @@ def compare(
 
     Example: damperfit compare before after
     """
-    from damperfit.queries.comparisons import compare_all, comparison_options
+    from damperfit.queries.comparisons import compare_all, comparison_options, parse_bands
     from damperfit.run.logs import available_cores
 
+    bands = parse_bands(tolerance)
+    if junit is not None and bands is None:
+        raise ConfigurationError("--junit: holds the points of --tolerance, which was not given")
+    summary = summary_file() if github_summary else None
     options = comparison_options(
         velocities=velocity or (),
         amplitude=amplitude,
@@ -78,14 +102,80 @@ def compare(
         is_measured=measured,
         jobs=jobs or available_cores(),
     )
-    found = compare_all(runs, options, repeats=repeats or (), config=config)
+    if save is not None:
+        _save(runs[0], save, config=config, is_quiet=quiet)
+        if len(runs) == 1 and bands is None:
+            return 0
+    found = compare_all(runs, options, repeats=repeats or (), tolerance=bands, config=config)
     _tell(found, is_debug=debug)
     if json:
-        print_json(_document(found))
+        print_json(_document(found, tolerance))
     else:
-        for one in found.comparisons:
-            _show(one, is_quiet=quiet)
-    return 1 if found.remarks else 0
+        _show(found, tolerance, is_quiet=quiet)
+    source = tolerance or ""
+    _write(found, source, out=out, junit=junit, summary=summary)
+    if out is not None and not quiet:
+        say(f"damperfit: {out}/comparison.html written, with Markdown, JSON and tables")
+    is_missed = any(not point.is_met for point in found.points)
+    return 1 if found.remarks else 4 if is_missed else 0
+
+
+def _save(place: Path, path: Path, *, config: Path | None, is_quiet: bool) -> None:
+    from damperfit.atomic import write_text
+    from damperfit.queries.baseline import baseline_text
+    from damperfit.queries.runs_to_compare import read_run
+
+    write_text(path, baseline_text(read_run(place, config=config)))
+    if not is_quiet:
+        say(f"damperfit: {path} written: give it as A or B of a later comparison")
+
+
+def _write(
+    found: Compared,
+    source: str,
+    *,
+    out: Path | None,
+    junit: Path | None,
+    summary: Path | None,
+) -> None:
+    """Write what was asked for as files."""
+    from damperfit.atomic import file_set
+    from damperfit.report import comparison_markdown, comparison_page, junit_report
+
+    told = (found.comparisons, found.points)
+    if out is not None:
+        page = comparison_page(*told, source=source, alone=found.alone)
+        markdown = comparison_markdown(*told, source=source, alone=found.alone)
+        text = dumps(_document(found, source), indent=2, ensure_ascii=False, allow_nan=False)
+        with file_set(out) as files:
+            for name, one in (("html", page), ("md", markdown), ("json", text + "\n")):
+                path = files.path(f"comparison.{name}")
+                path.write_bytes(one.encode("utf-8", "backslashreplace"))
+            _write_tables(found, files)
+    if junit is not None:
+        with file_set(junit.parent) as files:
+            files.path(junit.name).write_bytes(junit_report(found.points, source=source))
+    if summary is not None:
+        markdown = comparison_markdown(*told, source=source, alone=found.alone)
+        append_summary(summary, markdown, instead="The comparison is too long for a summary.")
+
+
+def _write_tables(found: Compared, files: FileSet) -> None:
+    from damperfit.report import (
+        comparison_rows,
+        comparison_table,
+        tolerance_rows,
+        tolerance_table,
+    )
+    from damperfit.tables import write_table
+
+    rows = [row for one in found.comparisons for row in comparison_rows(one)]
+    tables = {"differences": comparison_table(rows)}
+    if found.points:
+        tables["tolerance"] = tolerance_table(tolerance_rows(found.points))
+    for name, table in tables.items():
+        for suffix in (".csv", ".parquet"):
+            write_table(files.path(name + suffix), table, suffix=suffix)
 
 
 def _tell(found: Compared, *, is_debug: bool) -> None:
@@ -96,7 +186,18 @@ def _tell(found: Compared, *, is_debug: bool) -> None:
             say_lines(trace)
 
 
-def _show(comparison: RunComparison, *, is_quiet: bool) -> None:
+def _show(found: Compared, source: str | None, *, is_quiet: bool) -> None:
+    for one in found.comparisons:
+        _show_pair(one, is_quiet=is_quiet)
+    if found.points:
+        from damperfit.report import terminal_table, tolerance_outcome, tolerance_sheet
+
+        print_lines([f"tolerance {source}: {tolerance_outcome(found.points)}", ""])
+        if not is_quiet:
+            print_renderable(terminal_table(tolerance_sheet(found.points, is_short=True)))
+
+
+def _show_pair(comparison: RunComparison, *, is_quiet: bool) -> None:
     from damperfit.report import (
         comparison_figure_sheet,
         comparison_force_sheet,
@@ -127,11 +228,13 @@ def _show(comparison: RunComparison, *, is_quiet: bool) -> None:
             print_lines([""])
 
 
-def _document(found: Compared) -> dict[str, Any]:
-    from damperfit.report import comparison_record
+def _document(found: Compared, tolerance: str | None) -> dict[str, Any]:
+    from damperfit.report import comparison_record, tolerance_rows
 
     return {
         "comparisons": [comparison_record(one) for one in found.comparisons],
+        "tolerance": tolerance or None,
+        "points": tolerance_rows(found.points),
         "alone": list(found.alone),
         "remarks": list(found.remarks),
     }

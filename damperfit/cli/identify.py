@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Annotated, Any
@@ -19,6 +18,7 @@ from damperfit.cli.console import (
     screen_columns,
     spark_levels,
 )
+from damperfit.cli.github import append_summary, summary_file
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -43,7 +43,7 @@ from damperfit.cli.options import (
     starts_of,
 )
 from damperfit.cli.report import check_kind, write_report
-from damperfit.errors import ConfigurationError, OutputError
+from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,10 +54,7 @@ if TYPE_CHECKING:
 
 __all__ = ["identify"]
 
-_SUMMARY_BYTES = 1_000_000
-_TOO_LONG = b"The MSE report is too long for a summary; it stands in report.md.\n"
-
-
+_TOO_LONG = "The MSE report is too long for a summary; it stands in report.md."
 _AUTO = "auto"
 _ALL_FAILED = 3
 
@@ -170,7 +167,7 @@ def identify(
             "--max-mse 0: expected more than 0, as every fit leaves some misfit; for no gate leave "
             "the option out (output.max_mse_percent = 0)"
         )
-    summary = _summary_file() if github_summary else None
+    summary = summary_file() if github_summary else None
     start_file, start_values = starts_of(start)
     configuration = configured(
         config,
@@ -230,7 +227,7 @@ def identify(
         if result.campaign.fits and (report or plots) and is_written:
             write_report(folder, folder, page=report, figures=plots)
         if summary is not None:
-            _append(summary, markdown_report(result.tables, result.facts))
+            append_summary(summary, markdown_report(result.tables, result.facts), instead=_TOO_LONG)
         if not json and result.campaign.fits:
             _show(result, configuration, owner=owner)
     if json:
@@ -276,26 +273,6 @@ def _show(result: RunResult, configuration: Configuration, *, owner: str) -> Non
     lines = map(one_line, check_lines(result.facts.checks))
     checks = (part for line in lines for part in wrap(line, screen_columns()))
     print_lines([*damper, "", *checks, *([""] if owner else [])])
-
-
-def _summary_file() -> Path:
-    """Return where GitHub Actions collects the summary of a job."""
-    name = os.environ.get("GITHUB_STEP_SUMMARY", "")
-    if not name:
-        raise ConfigurationError(
-            "--github-summary: GITHUB_STEP_SUMMARY is not set; it is only inside GitHub Actions"
-        )
-    return Path(name)
-
-
-def _append(path: Path, report: str) -> None:
-    text = report.encode("utf-8", "backslashreplace")
-    try:
-        with path.open("ab") as file:
-            # Actions refuses a step's summary above 1 MiB as a whole.
-            file.write(text if len(text) < _SUMMARY_BYTES else _TOO_LONG)
-    except OSError as error:
-        raise OutputError(f"--github-summary: cannot write {path}: {error.strerror}") from error
 
 
 def _tell_people(

@@ -6,27 +6,43 @@ from damperfit.comparison.cycles import measured_tests
 from damperfit.comparison.measured import common_tests, repeat_scatter
 from damperfit.comparison.reading import SEEN, Difference, Reading, Sameness, Topic, compared
 from damperfit.comparison.run import FittedRun, MeasuredTest, Run
+from damperfit.comparison.tolerance import (
+    Band,
+    Point,
+    Tolerance,
+    bands_met,
+    parse_tolerance,
+    read_bands,
+    tolerated,
+)
 from damperfit.comparison.words import difference_of, place_of, verdict_of
 
 __all__ = [
     "SEEN",
+    "Band",
     "Circumstance",
     "ComparisonOptions",
     "Difference",
     "FittedRun",
     "MeasuredTest",
+    "Point",
     "Reading",
     "Run",
     "RunComparison",
     "Sameness",
+    "Tolerance",
     "Topic",
+    "bands_met",
     "circumstances",
     "common_tests",
     "compare_runs",
     "compared",
     "difference_of",
     "measured_tests",
+    "parse_tolerance",
     "place_of",
+    "read_bands",
     "repeat_scatter",
+    "tolerated",
     "verdict_of",
 ]

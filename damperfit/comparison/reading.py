@@ -20,7 +20,16 @@ if TYPE_CHECKING:
 
     from damperfit.setting import Setting
 
-__all__ = ["SEEN", "Difference", "Reading", "Sameness", "Topic", "compared", "surely_different"]
+__all__ = [
+    "SEEN",
+    "Difference",
+    "Reading",
+    "Sameness",
+    "Topic",
+    "compared",
+    "half_interval",
+    "surely_different",
+]
 
 # "Same" is said only where a difference of so much of the damping, or of the value, would be seen.
 SEEN = 0.05
@@ -289,6 +298,12 @@ def _chance(distance: float, spread: float, freedom: float) -> float:
     if spread == 0.0:
         return 1.0 if distance == 0.0 else 0.0
     return 2.0 * float(stdtr(min(freedom, 1e9), -abs(distance) / spread))
+
+
+def half_interval(one: Reading) -> float:
+    """Return half of the 95 % interval of a reading by itself; NaN where no error is known."""
+    parts = _parts(one)
+    return _reach(*_together(parts if one.is_measured else [*parts, (one.misfit, math.inf)]))
 
 
 def surely_different(lines: Sequence[Difference]) -> tuple[Difference, ...]:

@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment import Sine
-from damperfit.comparison import ComparisonOptions, RunComparison, compare_runs
+from damperfit.comparison import (
+    ComparisonOptions,
+    RunComparison,
+    bands_met,
+    compare_runs,
+    parse_tolerance,
+    read_bands,
+    tolerated,
+)
 from damperfit.errors import ConfigurationError
 from damperfit.quantities import parse_quantity
-from damperfit.queries.runs_to_compare import named_apart, pairs_of, read_run
+from damperfit.queries.runs_to_compare import holds_runs, named_apart, pairs_of, read_run
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
-    from damperfit.comparison import Run
+    from damperfit.comparison import Point, Run, Tolerance
 
-__all__ = ["Compared", "compare_all", "comparison_options"]
+__all__ = ["Compared", "compare_all", "comparison_options", "parse_bands"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,11 +40,14 @@ class Compared:
         What has no partner.
     remarks : tuple of str
         What is missing or damaged in the runs, or could not be compared.
+    points : tuple of Point
+        Forces held against their bands, where a tolerance was given.
     """
 
     comparisons: tuple[RunComparison, ...]
     alone: tuple[str, ...]
     remarks: tuple[str, ...]
+    points: tuple[Point, ...] = ()
 
 
 def comparison_options(
@@ -80,6 +91,7 @@ def compare_all(
     options: ComparisonOptions,
     *,
     repeats: Sequence[Path] = (),
+    tolerance: Tolerance | None = None,
     config: Path | None = None,
 ) -> Compared:
     """Return every pair compared.
@@ -92,6 +104,8 @@ def compare_all(
         What is compared.
     repeats : sequence of pathlib.Path
         Further runs of the reference.
+    tolerance : Tolerance, optional
+        Bands that the forces are held against; with nominal ones a single run will do.
     config : pathlib.Path, optional
         How logs are read; the damper of results that do not tell theirs.
 
@@ -100,12 +114,15 @@ def compare_all(
     ConfigurationError
         There is nothing to compare.
     """
-    pairs, alone = pairs_of(paths)
+    nominal = tolerance is not None and bool(tolerance.bands)
+    is_single = nominal and len(paths) == 1 and not holds_runs(paths[0])
+    pairs, alone = ((), ()) if is_single else pairs_of(paths)
     if repeats and len({pair.first for pair in pairs}) > 1:
         raise ConfigurationError(
             "--repeats are of one reference, and there are several; compare one damper at a time"
         )
-    places = list(dict.fromkeys([*(p for pair in pairs for p in (pair.first, pair.second))]))
+    places = list(dict.fromkeys(p for pair in pairs for p in (pair.first, pair.second)))
+    places = places or list(paths)
     wanted = [*places, *(one for one in repeats if one not in places)]
     found = named_apart(
         [read_run(place, config=config, is_measured=options.is_measured) for place in wanted]
@@ -122,4 +139,24 @@ def compare_all(
     )
     remarks = [f"{run.place}: {remark}" for run in found for remark in run.remarks]
     remarks += [f"{one.second.place}: {remark}" for one in comparisons for remark in one.remarks]
-    return Compared(comparisons, alone, tuple(dict.fromkeys(remarks)))
+    points: tuple[Point, ...] = ()
+    if tolerance is not None and nominal:
+        held = [known[place] for place in places]
+        points = tuple(p for run in held for p in bands_met(run, tolerance, options))
+    elif tolerance is not None:
+        points = tuple(p for one in comparisons for p in tolerated(one, tolerance))
+    return Compared(comparisons, alone, tuple(dict.fromkeys(remarks)), points)
+
+
+def parse_bands(text: str | None) -> Tolerance | None:
+    """Return the tolerance that the text of a command line means: a file, or per cent and newtons.
+
+    Raises
+    ------
+    ConfigurationError
+        It is neither.
+    """
+    if text is None:
+        return None
+    path = Path(text)
+    return read_bands(path) if path.is_file() or path.suffix else parse_tolerance(text)

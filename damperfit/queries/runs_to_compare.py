@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from damperfit.readers import ForceCurve
     from damperfit.recording import Recording
 
-__all__ = ["Pair", "named_apart", "pairs_of", "read_run"]
+__all__ = ["Pair", "holds_runs", "named_apart", "pairs_of", "read_run"]
 
 _MARKS = ("run.json", "parameters.parquet", "parameters.csv")
 _NAMELESS = "as tested"  # the setting of what says none
@@ -117,6 +117,11 @@ def _inside(path: Path) -> dict[str, Path]:
             "run.json and parameters.parquet"
         )
     return found
+
+
+def holds_runs(path: Path) -> bool:
+    """Whether a path is a folder of results folders."""
+    return bool(_inside(path))
 
 
 def _is_results(folder: Path) -> bool:

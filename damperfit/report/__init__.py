@@ -34,8 +34,13 @@ if TYPE_CHECKING:
         comparison_record,
         comparison_rows,
         comparison_table,
+        tolerance_rows,
+        tolerance_table,
     )
+    from damperfit.report.comparison_report import comparison_markdown, tolerance_outcome
     from damperfit.report.json_records import read_back, to_record
+    from damperfit.report.junit import junit_report
+    from damperfit.report.page.comparison_page import comparison_page
     from damperfit.report.page.page import html_report
     from damperfit.report.plots.description import Plot
     from damperfit.report.plots.figure_files import draw_plot
@@ -46,6 +51,7 @@ if TYPE_CHECKING:
         comparison_figure_sheet,
         comparison_force_sheet,
         comparison_parameter_sheet,
+        tolerance_sheet,
     )
     from damperfit.report.sheets.curve_sheet import curve_forces_sheet, curve_sheet
     from damperfit.report.sheets.cycle_sheet import (
@@ -83,6 +89,8 @@ __all__ = [
     "chosen_sheet",
     "comparison_figure_sheet",
     "comparison_force_sheet",
+    "comparison_markdown",
+    "comparison_page",
     "comparison_parameter_sheet",
     "comparison_record",
     "comparison_rows",
@@ -101,6 +109,7 @@ __all__ = [
     "held_out_sheet",
     "html_report",
     "inspection_sheet",
+    "junit_report",
     "ladder_records",
     "ladder_sheet",
     "markdown_report",
@@ -121,6 +130,10 @@ __all__ = [
     "sweep_sheet",
     "terminal_table",
     "to_record",
+    "tolerance_outcome",
+    "tolerance_rows",
+    "tolerance_sheet",
+    "tolerance_table",
 ]
 
 _LATE = {
@@ -131,6 +144,8 @@ _LATE = {
     "chosen_sheet": "sheets.law_sheet",
     "comparison_figure_sheet": "sheets.comparison_sheet",
     "comparison_force_sheet": "sheets.comparison_sheet",
+    "comparison_markdown": "comparison_report",
+    "comparison_page": "page.comparison_page",
     "comparison_parameter_sheet": "sheets.comparison_sheet",
     "comparison_record": "comparison_records",
     "comparison_rows": "comparison_records",
@@ -143,6 +158,7 @@ _LATE = {
     "draw_loops": "plots.simulated_cycle",
     "draw_plot": "plots.figure_files",
     "html_report": "page.page",
+    "junit_report": "junit",
     "ladder_records": "sheets.law_sheet",
     "ladder_sheet": "sheets.law_sheet",
     "rival_records": "sheets.law_sheet",
@@ -155,6 +171,10 @@ _LATE = {
     "sweep_sentence": "sheets.sweep_sheet",
     "sweep_sheet": "sheets.sweep_sheet",
     "to_record": "json_records",
+    "tolerance_outcome": "comparison_report",
+    "tolerance_rows": "comparison_records",
+    "tolerance_sheet": "sheets.comparison_sheet",
+    "tolerance_table": "comparison_records",
 }
 
 

@@ -12,10 +12,16 @@ from damperfit.comparison import verdict_of
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from damperfit.comparison import Difference, Run, RunComparison
+    from damperfit.comparison import Difference, Point, Run, RunComparison
     from damperfit.setting import Setting
 
-__all__ = ["comparison_record", "comparison_rows", "comparison_table"]
+__all__ = [
+    "comparison_record",
+    "comparison_rows",
+    "comparison_table",
+    "tolerance_rows",
+    "tolerance_table",
+]
 
 _TEXT, _FLOAT, _TRUTH = pa.string(), pa.float64(), pa.bool_()
 # Name, kind and meaning of each column; what is compared tells its unit.
@@ -41,6 +47,21 @@ _COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
     ("is_sure", _TRUTH, "different also when it is remembered how many lines there are"),
     ("told_from", _TEXT, "model or measured"),
     ("words", _TEXT, "the verdict in words"),
+)
+
+
+_POINT_COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
+    ("run", _TEXT, "whose force it is"),
+    ("setting", _TEXT, "adjuster setting"),
+    ("speed_m_per_s", _FLOAT, "positive; empty where a whole setting is missing"),
+    ("stroke", _TEXT, "rebound or bump"),
+    ("force_N", _FLOAT, "positive in rebound"),
+    ("low_N", _FLOAT, "lower edge of the band"),
+    ("high_N", _FLOAT, "upper edge of the band"),
+    ("margin_N", _FLOAT, "how far inside the band; negative: outside"),
+    ("half_interval_N", _FLOAT, "half of the 95 % interval of what is held against the band"),
+    ("is_met", _TRUTH, "whether it is inside; false where it could not be looked at"),
+    ("words", _TEXT, "the result in words"),
 )
 
 
@@ -77,13 +98,37 @@ def _finite(value: float) -> float | None:
 
 def comparison_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
     """Return rows of one or more comparisons as a table."""
-    schema = pa.schema(
-        [
-            pa.field(name, kind, metadata={"description": meaning})
-            for name, kind, meaning in _COLUMNS
-        ]
+    return _table(rows, _COLUMNS)
+
+
+def tolerance_rows(points: Sequence[Point]) -> list[dict[str, Any]]:
+    """Return forces held against bands as rows; what is not known is None."""
+    names = [name for name, *_ in _POINT_COLUMNS]
+    return [dict(zip(names, _values(point), strict=True)) for point in points]
+
+
+def _values(point: Point) -> tuple[Any, ...]:
+    return (
+        point.run,
+        str(point.setting),
+        _finite(point.speed),
+        point.stroke or None,
+        *map(_finite, (point.force, point.low, point.high, point.margin, point.reach)),
+        point.is_met,
+        point.words,
     )
-    return pa.Table.from_pylist([dict(row) for row in rows], schema=schema)
+
+
+def tolerance_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+    """Return rows of forces held against bands as a table."""
+    return _table(rows, _POINT_COLUMNS)
+
+
+def _table(
+    rows: Sequence[Mapping[str, Any]], columns: Sequence[tuple[str, pa.DataType, str]]
+) -> pa.Table:
+    fields = [pa.field(name, kind, metadata={"description": said}) for name, kind, said in columns]
+    return pa.Table.from_pylist([dict(row) for row in rows], schema=pa.schema(fields))
 
 
 def comparison_record(comparison: RunComparison) -> dict[str, Any]:

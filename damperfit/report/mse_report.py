@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from damperfit.report.sheets.sheet import Sheet
     from damperfit.tables import Tables
 
-__all__ = ["escape", "markdown_report"]
+__all__ = ["escape", "markdown_report", "markdown_table"]
 
 # Everything Markdown or the HTML inside it could read as markup, and no more: the report is read as
 # it stands too. An underscore between letters is none; signs and numbers are lists at a start only.
@@ -62,10 +62,12 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
     errors = mse_sheet(tables.mse.to_pylist(), parameters, tables.quantities)
     parts: list[Iterable[str]] = [
         ["# MSE report", "", *_summary(parameters, facts)],
-        _section("Parameters", _table(parameter_sheet(parameters, tables.quantities))),
-        _section("MSE by setting and log", _table(errors)),
-        _section("Characteristics as measured", _table(measured_stretch_sheet(facts.stretches))),
-        _section("Held out: predicted, not fitted", _table(held_out_sheet(facts.held_out))),
+        _section("Parameters", markdown_table(parameter_sheet(parameters, tables.quantities))),
+        _section("MSE by setting and log", markdown_table(errors)),
+        _section(
+            "Characteristics as measured", markdown_table(measured_stretch_sheet(facts.stretches))
+        ),
+        _section("Held out: predicted, not fitted", markdown_table(held_out_sheet(facts.held_out))),
         _section("Grades withheld", _list(facts.withheld)),
         _section("Not done", _list(_missing(facts))),
         _section("Gates not met", _list(facts.gates)),
@@ -106,13 +108,16 @@ def _summary(parameters: Sequence[Mapping[str, Any]], facts: ReportFacts) -> Ite
 def _checks(facts: ReportFacts) -> list[str]:
     if not facts.checks:
         return []
-    return [check_summary(facts.checks), "", *_table(check_sheet(facts.checks))]
+    return [check_summary(facts.checks), "", *markdown_table(check_sheet(facts.checks))]
 
 
 def _clicks(tables: Tables) -> list[str]:
     """The force at the fastest named speed by setting, below the sentences."""
     rows = tables.adjustment.to_pylist()
-    shown = [_table(force_by_setting_sheet(rows)), _table(measured_force_sheet(rows))]
+    shown = [
+        markdown_table(force_by_setting_sheet(rows)),
+        markdown_table(measured_force_sheet(rows)),
+    ]
     return [line for table in shown if table for line in ("", *table)]
 
 
@@ -132,7 +137,8 @@ def _list(items: Iterable[str]) -> list[str]:
     return [f"- {escape(item)}" for item in items]
 
 
-def _table(sheet: Sheet) -> list[str]:
+def markdown_table(sheet: Sheet) -> list[str]:
+    """Return a sheet as the lines of a Markdown table, its notes below; nothing without rows."""
     if not sheet.rows:
         return []
     heads = [

@@ -223,3 +223,90 @@ def _keep_settings(folder: Path, name: str) -> None:
     record = json.loads((folder / "run.json").read_text())
     record["uncertainty"] = []
     (folder / "run.json").write_text(json.dumps(record))
+
+
+def test_a_gate_that_is_missed_ends_with_code_4(run, campaigns) -> None:
+    before, after = campaigns / "before", campaigns / "after"
+    missed = run("compare", before, after, "--tolerance", "3%", "--junit", "j.xml", "--json")
+    assert missed.code == 4
+    points = json.loads(missed.out)["points"]
+    failed = [point for point in points if not point["is_met"]]
+    assert 0 < len(failed) < len(points)
+    text = Path("j.xml").read_text()
+    assert f'tests="{len(points)}" failures="{len(failed)}"' in text
+    met = run("compare", before, after, "--tolerance", "8%,4N", "--quiet")
+    assert met.code == 0
+    assert "20 of 20 points within the tolerance" in met.out
+
+
+def test_one_run_is_held_against_nominal_forces(run, campaigns) -> None:
+    Path("nominal.csv").write_text("speed,stroke,low,high\n0.26,rebound,300,700\n")
+    assert run("compare", campaigns / "before", "--tolerance", "nominal.csv").code == 0
+    Path("nominal.csv").write_text("speed,stroke,low,high\n0.26,rebound,300,480\n")
+    missed = run("compare", campaigns / "before", "--tolerance", "nominal.csv")
+    assert missed.code == 4
+    assert "FAILS" in missed.out
+    assert run("compare", campaigns / "before", "--tolerance", "none.csv").code == 2
+
+
+def test_a_baseline_stands_for_its_run(run, campaigns) -> None:
+    before, after = campaigns / "before", campaigns / "after"
+    assert run("compare", before, "--save", "base.json").code == 0
+    kept, whole = _document(run, "base.json", after), _document(run, before, after)
+    assert len(kept["lines"]) == len(whole["lines"])
+    for a, b in zip(kept["lines"], whole["lines"], strict=True):
+        same = {"first": "before"} | {key: b[key] for key in ("verdict", "is_sure", "name")}
+        assert (a | {"first": "before"}).items() >= same.items()
+        for key in ("first_value", "difference_ci_low", "difference_ci_high", "chance"):
+            assert a[key] == (None if b[key] is None else pytest.approx(b[key], rel=1e-4, abs=1e-4))
+    measured = _document(run, "base.json", after, "--measured")
+    assert {line["told_from"] for line in measured["lines"]} == {"measured"}
+    Path("base.json").write_text(Path("base.json").read_text()[:5000])
+    damaged = run("compare", "base.json", after)
+    assert damaged.code == 2
+    assert "base.json: a damaged baseline" in damaged.err
+
+
+def test_a_later_baseline_says_so(run, campaigns) -> None:
+    Path("base.json").write_text('{"damperfit_baseline": 99, "version": "9.9"}')
+    ended = run("compare", "base.json", campaigns / "after")
+    assert ended.code == 2
+    assert "a baseline of form 99 (damperfit 9.9), and this damperfit knows 1" in ended.err
+
+
+def test_page_markdown_json_and_tables_are_written_as_a_set(run, campaigns) -> None:
+    pytest.importorskip("plotly")
+    runs = [campaigns / name for name in ("before", "after", "again")]
+    ended = run("compare", *runs, "--tolerance", "9%", "--out", "out", "--quiet")
+    assert ended.code == 0
+    assert sorted(path.name for path in Path("out").iterdir()) == [
+        *("comparison.html", "comparison.json", "comparison.md", "differences.csv"),
+        *("differences.parquet", "tolerance.csv", "tolerance.parquet"),
+    ]
+    page = Path("out/comparison.html").read_text()
+    markdown = Path("out/comparison.md").read_text()
+    document = json.loads(Path("out/comparison.json").read_text())
+    assert len(document["comparisons"]) == 2
+    for sentence in document["comparisons"][0]["sentences"]:
+        assert sentence in page
+        assert sentence.split(" (")[0] in markdown
+    for setting in SETTINGS:
+        assert f'data-name="setting_{setting:02d}_force_velocity"' in page
+        assert f'data-name="setting_{setting:02d}_force_displacement"' in page
+    table = Path("out/differences.csv").read_text().splitlines()
+    assert len(table) == 1 + sum(len(one["lines"]) for one in document["comparisons"])
+
+
+def test_the_summary_of_a_job_gets_the_markdown(run, campaigns, monkeypatch) -> None:
+    arguments = ("compare", campaigns / "before", campaigns / "again", "--github-summary")
+    monkeypatch.delenv("GITHUB_STEP_SUMMARY", raising=False)
+    assert run(*arguments).code == 2
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", "summary.md")
+    assert run(*arguments, "--quiet").code == 0
+    assert Path("summary.md").read_text().startswith("# Comparison")
+
+
+def test_junit_without_a_tolerance_is_refused(run, campaigns) -> None:
+    ended = run("compare", campaigns / "before", campaigns / "again", "--junit", "j.xml")
+    assert ended.code == 2
+    assert "--junit: holds the points of --tolerance" in ended.err

@@ -12,9 +12,14 @@ from damperfit.report.sheets.sheet import Sheet
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from damperfit.comparison import Difference, RunComparison
+    from damperfit.comparison import Difference, Point, RunComparison
 
-__all__ = ["comparison_figure_sheet", "comparison_force_sheet", "comparison_parameter_sheet"]
+__all__ = [
+    "comparison_figure_sheet",
+    "comparison_force_sheet",
+    "comparison_parameter_sheet",
+    "tolerance_sheet",
+]
 
 _FIGURES_NOTE = (
     "energy and hysteresis as measured where both ran one motion, hysteresis at half the peak speed"
@@ -134,4 +139,39 @@ def comparison_figure_sheet(comparison: RunComparison) -> Sheet:
         ),
         is_number=(True, False, True, True, True, False),
         notes=(_FIGURES_NOTE,),
+    )
+
+
+def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet:
+    """Return forces held against their bands, those outside first.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        Of one run or several.
+    is_short : bool
+        Of many those that are not met, and the nearest to an edge.
+    """
+    order = sorted(points, key=lambda one: (not math.isnan(one.margin), one.margin))
+    failed = sum(not one.is_met for one in points)
+    shown = order[: max(failed, _MANY)] if is_short else order
+    more = len(order) - len(shown)
+    return Sheet(
+        headings=("run", "set", "speed", "stroke", "force", "from", "to", "result"),
+        units=("", "", "m/s", "", "N", "N", "N", ""),
+        rows=tuple(
+            (
+                one.run,
+                str(one.setting),
+                NOTHING if math.isnan(one.speed) else f"{one.speed:g}",
+                one.stroke,
+                number(one.force, digits=4),
+                number(one.low, digits=4),
+                number(one.high, digits=4),
+                one.words,
+            )
+            for one in shown
+        ),
+        is_number=(False, True, True, False, True, True, True, False),
+        notes=(f"{more} more points pass",) if more else (),
     )

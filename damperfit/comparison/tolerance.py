@@ -1,0 +1,316 @@
+"""Forces within bands: around a reference, or nominal ones by setting, speed and stroke."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from damperfit.adjustment import STROKES
+from damperfit.comparison.forces import force_readings
+from damperfit.comparison.measured import measured_readings
+from damperfit.comparison.reading import half_interval
+from damperfit.errors import ConfigurationError
+from damperfit.quantities import parse_quantity
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from damperfit.comparison.comparing import ComparisonOptions, RunComparison
+    from damperfit.comparison.reading import Difference, Reading
+    from damperfit.comparison.run import Run
+    from damperfit.setting import Setting
+
+__all__ = ["Band", "Point", "Tolerance", "bands_met", "parse_tolerance", "read_bands", "tolerated"]
+
+_UNIT = re.compile(r"(_n|_m_per_s|_m/s)$")  # of a column's name, in lower case
+_PER_CENT = re.compile(r"\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*%\s*")
+_NEAR = 1e-9  # m/s
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """Where a force may lie.
+
+    Attributes
+    ----------
+    setting : str
+        Label of the setting; empty: every one.
+    speed : float
+        m/s, positive.
+    stroke : str
+        "rebound" or "bump".
+    low, high : float
+        N, positive in rebound.
+    """
+
+    setting: str
+    speed: float
+    stroke: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """How far forces may be from those of the reference, or which bands they must keep.
+
+    Attributes
+    ----------
+    source : str
+        As it was given, for people.
+    share : float
+        Of the reference's damping.
+    newtons : float
+        N; the larger of the two counts.
+    bands : tuple of Band
+        Nominal forces in place of a reference's.
+    """
+
+    source: str
+    share: float = 0.0
+    newtons: float = 0.0
+    bands: tuple[Band, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A force held against its band.
+
+    Attributes
+    ----------
+    run : str
+        Whose.
+    setting : Setting or str
+        Which.
+    speed : float
+        m/s; NaN where a whole setting is missing.
+    stroke : str
+        "rebound" or "bump".
+    force : float
+        N; NaN where it is not known.
+    low, high : float
+        The band, N.
+    reach : float
+        Half of the 95 % interval of what is held against the band, N; NaN where it is not known.
+    reason : str
+        Why it could not be looked at.
+    """
+
+    run: str
+    setting: Setting | str
+    speed: float
+    stroke: str
+    force: float
+    low: float
+    high: float
+    reach: float = math.nan
+    reason: str = ""
+
+    @property
+    def margin(self) -> float:
+        """How far inside the band, N; negative: outside."""
+        return min(self.force - self.low, self.high - self.force)
+
+    @property
+    def is_met(self) -> bool:
+        """Whether the force is inside; one that could not be looked at is not."""
+        return self.margin >= 0.0
+
+    @property
+    def words(self) -> str:
+        """The result in words."""
+        if math.isnan(self.margin):
+            return f"not looked at: {self.reason}"
+        near = ", no further than its error" if abs(self.margin) <= self.reach else ""
+        side = "passes" if self.is_met else "FAILS"
+        return f"{side}, {abs(self.margin):.3g} N {'inside' if self.is_met else 'outside'}{near}"
+
+
+def parse_tolerance(text: str) -> Tolerance:
+    """Return a tolerance from text: per cent of the damping, newtons, or both.
+
+    Raises
+    ------
+    ConfigurationError
+        It is neither.
+
+    Examples
+    --------
+    >>> parse_tolerance("5%, 10N")
+    Tolerance(source='5%, 10N', share=0.05, newtons=10.0, bands=())
+    """
+    share = newtons = 0.0
+    for part in text.split(","):
+        found = _PER_CENT.fullmatch(part)
+        if found is not None:
+            share = float(found[1]) / 100.0
+            continue
+        try:
+            newtons = parse_quantity(part.strip(), "force")
+        except ConfigurationError as error:
+            raise ConfigurationError(
+                f"--tolerance {text}: expected per cent, newtons, both as in 5%,10N, or the name "
+                "of a file with nominal forces"
+            ) from error
+    if not (share > 0.0 or newtons > 0.0) or newtons < 0.0:
+        raise ConfigurationError(f"--tolerance {text}: expected more than nothing")
+    return Tolerance(text, share, newtons)
+
+
+def read_bands(path: Path) -> Tolerance:
+    """Return nominal forces with their bands from a CSV file.
+
+    Columns: speed, stroke, and force with tolerance (5% or 20N), or low and high; setting may be
+    missing or empty, the row is then of every setting. Makers write bump as positive numbers: such
+    a force is taken as negative.
+
+    Raises
+    ------
+    ConfigurationError
+        It cannot be read as such a table.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = [line for line in file if line.strip() and not line.startswith("#")]
+    except (OSError, UnicodeDecodeError) as error:
+        said = getattr(error, "strerror", None) or error
+        raise ConfigurationError(f"--tolerance {path}: cannot be read: {said}") from error
+    reader = csv.DictReader(rows)
+    names = {_UNIT.sub("", (one or "").strip().lower()): one for one in reader.fieldnames or ()}
+    has_band = {"force", "tolerance"} <= names.keys() or {"low", "high"} <= names.keys()
+    if not {"speed", "stroke"} <= names.keys() or not has_band:
+        raise ConfigurationError(
+            f"--tolerance {path}: expected the columns speed, stroke, and force with tolerance, "
+            f"or low and high; found {', '.join(reader.fieldnames or ()) or 'nothing'}"
+        )
+    bands = []
+    for number, row in enumerate(reader, start=2):
+        cells = {key: (row.get(name) or "").strip() for key, name in names.items() if name}
+        try:
+            bands.append(_band(cells))
+        except (ConfigurationError, ValueError) as error:
+            raise ConfigurationError(f"--tolerance {path}: row {number}: {error}") from error
+    if not bands:
+        raise ConfigurationError(f"--tolerance {path}: no row below the headings")
+    return Tolerance(str(path), bands=tuple(bands))
+
+
+def _band(cells: Mapping[str, str]) -> Band:
+    stroke = cells["stroke"].lower()
+    if stroke not in STROKES:
+        raise ConfigurationError(f"stroke {cells['stroke']!r}: expected {' or '.join(STROKES)}")
+    speed = abs(parse_quantity(cells["speed"], "velocity"))
+    if speed == 0.0:
+        raise ConfigurationError("speed 0: expected more")
+    if cells.get("low") and cells.get("high"):
+        low, high = (parse_quantity(cells[name], "force") for name in ("low", "high"))
+    else:
+        force = parse_quantity(cells.get("force", ""), "force")
+        may = parse_tolerance(cells.get("tolerance", ""))
+        reach = max(may.share * abs(force), may.newtons)
+        low, high = force - reach, force + reach
+    if stroke == "bump" and low + high > 0.0:
+        low, high = -high, -low
+    if low > high:
+        raise ConfigurationError(f"low {low:g} N is above high {high:g} N")
+    return Band(cells.get("setting", ""), speed, stroke, low, high)
+
+
+def tolerated(comparison: RunComparison, tolerance: Tolerance) -> tuple[Point, ...]:
+    """Return the forces of a run held against those of the reference.
+
+    A setting of the reference that the run does not have could not be looked at.
+    """
+    name = comparison.second.name
+    found = [_around(name, line, tolerance) for line in comparison.of("force")]
+    lost = [one for one in comparison.first.settings if one not in comparison.settings]
+    missing = [
+        Point(name, one, math.nan, "", math.nan, math.nan, math.nan, reason="not tested")
+        for one in lost
+    ]
+    return (*found, *missing)
+
+
+def _around(name: str, line: Difference, tolerance: Tolerance) -> Point:
+    a = line.first
+    size = abs(a.scale) if a.scale and math.isfinite(a.scale) else abs(a.value)
+    reach = max(tolerance.share * size, tolerance.newtons)
+    topic = line.subject
+    return Point(
+        name,
+        topic.setting or "",
+        topic.speed or math.nan,
+        topic.stroke,
+        line.second.value,
+        a.value - reach,
+        a.value + reach,
+        line.high - line.difference,
+        line.reason,
+    )
+
+
+def bands_met(run: Run, tolerance: Tolerance, options: ComparisonOptions) -> tuple[Point, ...]:
+    """Return the forces of a run held against nominal bands."""
+    speeds = sorted({band.speed for band in tolerance.bands})
+    known = _forces(run, speeds, options)
+    found = []
+    for band in tolerance.bands:
+        mine = [one for one in run.settings if band.setting in {"", str(one)}]
+        if not mine:
+            found.append(_missing(run, band, band.setting, "the setting was not tested"))
+        for setting in mine:
+            reading = known.get((setting, band.speed, band.stroke))
+            if reading is None or math.isnan(reading.value):
+                why = "the test does not reach the speed"
+                found.append(_missing(run, band, setting, why))
+            else:
+                found.append(_held(run, band, setting, reading))
+    return tuple(found)
+
+
+def _forces(
+    run: Run, speeds: Sequence[float], options: ComparisonOptions
+) -> dict[tuple[Setting, float, str], Reading]:
+    if options.is_measured or run.fitted is None:
+        (table,) = measured_readings((run,), run.settings, speeds=speeds)
+    else:
+        sine = options.sine or run.fitted.sine
+        reached = [speed for speed in speeds if speed < sine.peak_speed - _NEAR]
+        table = {}
+        if reached:
+            (table,) = force_readings((run,), run.settings, sine, speeds=reached, jobs=options.jobs)
+    return {
+        (one.setting, one.speed, one.stroke): reading
+        for one, reading in table.items()
+        if one.setting is not None and one.speed is not None
+    }
+
+
+def _missing(run: Run, band: Band, setting: Setting | str, reason: str) -> Point:
+    return Point(
+        run.name,
+        setting,
+        band.speed,
+        band.stroke,
+        math.nan,
+        band.low,
+        band.high,
+        reason=reason,
+    )
+
+
+def _held(run: Run, band: Band, setting: Setting, reading: Reading) -> Point:
+    return Point(
+        run.name,
+        setting,
+        band.speed,
+        band.stroke,
+        reading.value,
+        band.low,
+        band.high,
+        half_interval(reading),
+    )

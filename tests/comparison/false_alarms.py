@@ -1,0 +1,162 @@
+"""How often two campaigns of one damper are called different, and how often a change is found.
+
+    python -m tests.comparison.false_alarms --pairs 300 --changed 100
+
+Every campaign is a whole fit by the paper's procedure over a soft, a middle and a stiff setting,
+with 4 N of noise behind the 30 Hz filter. Pairs differ in the noise alone, or in R_m1 by 1 %
+as well.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import defaultdict
+from dataclasses import dataclass
+
+import numpy as np
+
+from damperfit.adjustment import sine_of, stage_of
+from damperfit.comparison import (
+    ComparisonOptions,
+    FittedRun,
+    Run,
+    Sameness,
+    compare_runs,
+    measured_tests,
+)
+from damperfit.conditioning import ConditionOptions, condition
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.identification import identify
+from damperfit.recording import Trace
+from damperfit.simulation import SolverOptions
+from damperfit.tables import LogSignals, make_tables
+from damperfit.uncertainty import assess
+from tests.identification.rig import recording
+from tests.uncertainty.coverage import Trial, noisy
+
+SETTINGS = (1, 10, 20)
+CHANGE = 0.01
+
+
+@dataclass(frozen=True)
+class Rig:
+    """One damper on the rig: its quiet logs, and the same conditioned."""
+
+    trial: Trial
+    logs: list
+    clean: list[Trace]
+
+    def campaign(self, seed: int) -> Run:
+        """Return a campaign with noise of its own."""
+        rng = np.random.default_rng(seed)
+        return fitted_run(noisy(self.trial, self.logs, self.clean, rng), name=str(seed))
+
+
+def rig(*, factor: float = 1.0, duration: float = 10.0, displacement_noise: float = 0.0) -> Rig:
+    """Return the reference damper with R_m1 at all settings times a factor."""
+    trial = Trial(displacement_noise=displacement_noise, duration=duration)
+    logs = []
+    for setting in SETTINGS:
+        truth = reference_parameters(setting)
+        changed = truth.replace(r_m1=factor * truth.r_m1)
+        logs.append(recording(setting, changed, rate=trial.rate, duration=duration))
+    return Rig(trial, logs, [condition(log, ConditionOptions()) for log in logs])
+
+
+def fitted_run(traces: list[Trace], *, name: str) -> Run:
+    """Return what `compare` would read from the results folder of these logs."""
+    campaign = identify(traces, PURDY_DAMPER)
+    assessment = assess(campaign, PURDY_DAMPER)
+    known = {one.setting: one for one in assessment.uncertainties}
+    tables = make_tables(campaign, assessment=assessment)
+    rows = tables.parameters.to_pylist()
+    fitted = FittedRun(
+        PURDY_DAMPER,
+        tuple(stage_of(fit, known.get(fit.setting)) for fit in campaign.fits),
+        sine_of(traces),
+        assessment.forces,
+        {fit.setting: row for fit, row in zip(campaign.fits, rows, strict=True)},
+        campaign.quantities,
+        SolverOptions(),
+    )
+    tests = tuple(test for trace in traces for test in _tests(trace))
+    return Run(name, name, fitted, tests, {})
+
+
+def _tests(trace: Trace) -> tuple:
+    n = len(trace.force)
+    nothing = np.full(n, np.nan)
+    signals = LogSignals(
+        trace.setting,
+        trace.name,
+        trace.start_time + trace.interval * np.arange(n),
+        trace.displacement,
+        trace.velocity,
+        trace.force,
+        nothing,
+        np.stack([nothing] * 3),
+    )
+    return measured_tests(signals, [one.describe(trace) for one in trace.stretches])
+
+
+def compared_pairs(first: Rig, second: Rig, n: int, *, measured: bool = False) -> list:
+    """Return comparisons of n pairs of campaigns, each with noise of its own."""
+    options = ComparisonOptions(is_measured=measured)
+    return [
+        compare_runs(first.campaign(2 * k), second.campaign(2 * k + 1), options) for k in range(n)
+    ]
+
+
+def shares(comparisons: list) -> dict[str, tuple[float, float]]:
+    """Return, by kind of line, the share called different, and of pairs with a sure difference."""
+    lines, pairs = defaultdict(list), defaultdict(list)
+    for one in comparisons:
+        for kind in ("force", "parameter", "figure"):
+            told = [line for line in one.of(kind) if np.isfinite(line.chance)]
+            lines[kind] += [line.verdict is Sameness.DIFFERENT for line in told]
+            pairs[kind].append(any(line.is_sure for line in told))
+    return {kind: (float(np.mean(lines[kind])), float(np.mean(pairs[kind]))) for kind in lines}
+
+
+def found(comparisons: list, name: str = "r_m1") -> float:
+    """Return the share of settings and pairs in which a parameter is called different."""
+    return float(
+        np.mean(
+            [
+                line.verdict is Sameness.DIFFERENT
+                for one in comparisons
+                for line in one.of("parameter")
+                if line.subject.name == name
+            ]
+        )
+    )
+
+
+def main() -> int:
+    """Print the shares; return 1 where a bar is missed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--pairs", type=int, default=300)
+    parser.add_argument("--changed", type=int, default=100)
+    parser.add_argument("--displacement-noise", type=float, default=0.0)
+    given = parser.parse_args()
+    first = rig(displacement_noise=given.displacement_noise)
+    same = compared_pairs(first, first, given.pairs)
+    print(f"{given.pairs} pairs of campaigns of one damper, settings {SETTINGS}, 4 N of noise")
+    told = shares(same)
+    for kind, (share, sure) in told.items():
+        print(
+            f"  {kind:9} {100.0 * share:5.2f} % of lines different, "
+            f"{100.0 * sure:5.2f} % of pairs surely"
+        )
+    changed = rig(factor=1.0 + CHANGE, displacement_noise=given.displacement_noise)
+    other = compared_pairs(first, changed, given.changed)
+    share = found(other)
+    print(f"{given.changed} pairs with R_m1 1 % up: found in {100.0 * share:.1f} % of settings")
+    is_met = share >= 0.95 and all(rate <= 0.05 for pair in told.values() for rate in pair)
+    return int(not is_met)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
