@@ -16,8 +16,16 @@ __all__ = ["stop_on_signal"]
 
 
 @contextmanager
-def stop_on_signal() -> Iterator[Callable[[], bool]]:
-    """Yield a function that says whether the user wants the run to stop."""
+def stop_on_signal(
+    promise: str = "finished settings will be written",
+) -> Iterator[Callable[[], bool]]:
+    """Yield a function that says whether the user wants the run to stop.
+
+    Parameters
+    ----------
+    promise : str
+        What becomes of the work done so far, for the user.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield lambda: False  # Python delivers signals to the main thread only
         return
@@ -27,7 +35,7 @@ def stop_on_signal() -> Iterator[Callable[[], bool]]:
         if stop.is_set():
             raise KeyboardInterrupt
         stop.set()
-        say("damperfit: stopping; finished settings will be written (again to end at once)")
+        say(f"damperfit: stopping; {promise} (again to end at once)")
 
     watched = (signal.SIGINT, signal.SIGTERM)
     before = [signal.signal(number, handle) for number in watched]

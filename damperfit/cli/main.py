@@ -14,6 +14,7 @@ from damperfit.cli.compare import compare
 from damperfit.cli.config import config
 from damperfit.cli.console import say, shield_streams, silence_broken_pipe
 from damperfit.cli.export import export
+from damperfit.cli.fleet import fleet
 from damperfit.cli.identify import identify
 from damperfit.cli.inspect import inspect
 from damperfit.cli.models import models
@@ -50,6 +51,7 @@ for _command in (
     simulate,
     sweep,
     models,
+    fleet,
     export,
     inspect,
     samples,

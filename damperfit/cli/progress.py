@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from rich.progress import Progress
 
-__all__ = ["Bar", "progress"]
+__all__ = ["Bar", "fleet_progress", "progress"]
 
 
 class Bar:
@@ -44,3 +44,39 @@ def progress(*, is_wanted: bool) -> Iterator[Bar]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
         yield Bar(shown)
+
+
+@contextmanager
+def fleet_progress(n_dampers: int, *, is_wanted: bool) -> Iterator[Callable[[], None]]:
+    """Yield what counts a damper that is done; a bar shows the rate and the time left."""
+    if not (is_wanted and sys.stderr.isatty()):
+        yield lambda: None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        """Dampers a minute."""
+
+        def render(self, task: object) -> Text:
+            speed = getattr(task, "finished_speed", None) or getattr(task, "speed", None)
+            return Text("" if speed is None else f"{60.0 * speed:.0f} a minute")
+
+    columns = (
+        TextColumn("dampers"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        Rate(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task("dampers", total=n_dampers)
+        yield lambda: shown.advance(task)

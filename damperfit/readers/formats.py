@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from damperfit.readers.options import ReadOptions
     from damperfit.readers.table import Table
 
-__all__ = ["FORMATS", "Format", "find_format"]
+__all__ = ["FORMATS", "LOG_SUFFIXES", "Format", "find_format"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +60,10 @@ FORMATS = (
     Format("delimited text", (), (".csv", ".txt", ".tsv", ".dat", ".asc", ".log"), read_delimited),
 )
 _JSON, _TEXT = FORMATS[-2:]  # any suffix may stand for text
+
+# What a file in a folder is called that is taken for a log.
+_PLAIN = tuple(suffix for known in FORMATS for suffix in known.suffixes)
+LOG_SUFFIXES = (*_PLAIN, *(f"{suffix}.gz" for suffix in _PLAIN))
 
 # What is known by its first bytes and not read, and why.
 _PICKLE = "this is a Python pickle, which could run code; write CSV or Parquet"

@@ -1,0 +1,231 @@
+"""``damperfit fleet``: many dampers, one Parquet part each, never done twice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from damperfit.cli.console import print_json, print_lines, say
+from damperfit.cli.options import (
+    ConfigOption,
+    DebugOption,
+    JobsOption,
+    JsonOption,
+    QuietOption,
+    RigOption,
+    RigProfileOption,
+    StrictOption,
+    TestsOption,
+    VersionOption,
+    configured,
+    rig_entries,
+)
+from damperfit.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.fleet.one_damper import Done
+    from damperfit.fleet.tasks import Task
+
+__all__ = ["fleet"]
+
+_MANY = 20  # failures that are told one by one; the parts hold them all
+
+
+def fleet(
+    logs: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[LOGS...]",
+            help="Folders, files, patterns, or addresses such as s3://bucket/runs.",
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the fleet's parts.")] = Path(
+        "fleet"
+    ),
+    jobs: JobsOption = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Work on a Dask cluster, as in tcp://10.0.0.1:8786."),
+    ] = None,
+    part: Annotated[
+        str | None,
+        typer.Option(metavar="I/N", help="Only part I of N, as in a job array: 3/100."),
+    ] = None,
+    collect: Annotated[
+        bool,
+        typer.Option("--collect", help="Then make one table of all parts: fleet.parquet, .csv."),
+    ] = False,
+    model: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Model of the dampers.  [purdy]")
+    ] = None,
+    procedure: Annotated[
+        str | None, typer.Option(metavar="NAME", help="How to fit: paper, joint, plain.")
+    ] = None,
+    tests: TestsOption = None,
+    strict: StrictOption = False,
+    rig_profile: RigProfileOption = None,
+    rig: RigOption = None,
+    config: ConfigOption = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+    version: VersionOption = False,
+) -> int:
+    """Fit many dampers, one part each; what is done is not done again.
+
+    Example: damperfit fleet runs --out fleet --collect
+    """
+    from damperfit.atomic import check_writable
+    from damperfit.cli.interrupt import stop_on_signal
+    from damperfit.cli.progress import fleet_progress
+    from damperfit.fleet.parts import collect as collected
+    from damperfit.fleet.tasks import share_of
+    from damperfit.fleet.whole_fleet import planned
+
+    if not logs and not collect:
+        raise ConfigurationError("fleet: expected LOGS, or --collect for the parts that are there")
+    if scheduler is not None and jobs is not None:
+        raise ConfigurationError(
+            "--jobs cannot act beside --scheduler: the cluster has its own workers; leave one out"
+        )
+    if part is not None and collect:
+        raise ConfigurationError(
+            "--collect cannot act beside --part: other parts may not be done yet; collect with "
+            f"damperfit fleet --out {out} --collect when all are"
+        )
+    configuration = configured(
+        config,
+        ("--model", "damper.model", model),
+        ("--procedure", "identification.procedure", procedure),
+        ("--tests", "test.table", str(tests.resolve()) if tests is not None else None),
+        ("--strict", "rig.strict", strict or None),
+        *rig_entries(rig),
+        ("--rig-profile", "rig.profile", rig_profile),
+    )
+    share = None if part is None else share_of(part)
+    done: list[Done] = []
+    n_tasks, is_stopped = 0, False
+    if logs:
+        check_writable(out)
+        tasks = planned(configuration, logs, out, share)
+        n_tasks = len(tasks)
+        with (
+            stop_on_signal("dampers that are done are kept") as cancelled,
+            fleet_progress(n_tasks, is_wanted=not quiet) as advance,
+        ):
+            for one in _each(configuration, tasks, out, scheduler, jobs, cancelled):
+                done.append(one)
+                advance()
+            is_stopped = cancelled()
+    if collect and not is_stopped:
+        table = collected(out)
+        if not quiet:
+            say(
+                f"damperfit: {table.num_rows} rows of the fleet in {out / 'fleet.parquet'} and .csv"
+            )
+    _say(done, n_tasks, out, is_quiet=quiet, is_stopped=is_stopped)
+    if json:
+        print_json(_document(done, n_tasks, is_stopped=is_stopped))
+    elif logs:
+        print_lines(_summary(done, n_tasks))
+    return _code(done, is_stopped=is_stopped)
+
+
+def _each(
+    configuration: Configuration,
+    tasks: Sequence[Task],
+    out: Path,
+    scheduler: str | None,
+    jobs: int | None,
+    cancelled: Callable[[], bool],
+) -> Iterator[Done]:
+    """Do the tasks where the user wants them done."""
+    from damperfit.fleet.cluster import Cluster
+    from damperfit.fleet.processes import Processes
+    from damperfit.fleet.whole_fleet import run_fleet
+    from damperfit.run.logs import available_cores
+
+    folder = out.resolve()
+    if scheduler is None:
+        engine = Processes(min(jobs or available_cores(), max(1, len(tasks))))
+        yield from run_fleet(configuration, tasks, folder, engine, cancelled=cancelled)
+        return
+    cluster = Cluster(scheduler)
+    try:
+        yield from run_fleet(configuration, tasks, folder, cluster, cancelled=cancelled)
+    finally:
+        cluster.close()
+
+
+def _say(
+    done: Sequence[Done], n_tasks: int, out: Path, *, is_quiet: bool, is_stopped: bool
+) -> None:
+    lines = [f"{one.owner or 'logs'}: {line}" for one in done for line in one.failures]
+    for line in lines[:_MANY]:
+        say(f"damperfit: {line}")
+    if len(lines) > _MANY:
+        say(f"damperfit: and {len(lines) - _MANY} more failures; the parts in {out} hold them all")
+    for one in done:
+        for gate in one.gates:
+            say(f"damperfit: {one.owner or 'logs'}: {gate}")
+    if is_stopped:
+        left = n_tasks - len(done)
+        say(f"damperfit: interrupted; {left} of {n_tasks} dampers left, the same command does them")
+    elif n_tasks and not is_quiet:
+        say(f"damperfit: parts in {out}")
+
+
+def _counts(done: Sequence[Done]) -> dict[str, int]:
+    from damperfit.fleet.one_damper import State
+
+    return {state.value: sum(one.state is state for one in done) for state in State}
+
+
+def _summary(done: Sequence[Done], n_tasks: int) -> list[str]:
+    counts = _counts(done)
+    words = {
+        "fitted": "fitted now",
+        "known": "done before",
+        "failed": "without any fit",
+        "later": "not done, tried again next time",
+    }
+    told = [
+        f"{counts[key]} {said}" for key, said in words.items() if counts[key] or key == "fitted"
+    ]
+    n_settings = sum(one.n_settings for one in done)
+    n_logs = sum(one.n_logs for one in done)
+    dampers = f"{n_tasks} damper{'' if n_tasks == 1 else 's'}"
+    return [f"{dampers}: {', '.join(told)}; {n_logs} logs, {n_settings} settings with a fit"]
+
+
+def _document(done: Sequence[Done], n_tasks: int, *, is_stopped: bool) -> dict[str, Any]:
+    return {
+        "dampers": n_tasks,
+        **_counts(done),
+        "logs": sum(one.n_logs for one in done),
+        "settings": sum(one.n_settings for one in done),
+        "interrupted": is_stopped,
+        "failures": [
+            {"damper": one.owner, "message": line} for one in done for line in one.failures
+        ],
+        "gates_missed": [
+            {"damper": one.owner, "message": line} for one in done for line in one.gates
+        ],
+    }
+
+
+def _code(done: Sequence[Done], *, is_stopped: bool) -> int:
+    """Return the exit code; failures of parts that were there count like those of new ones."""
+    if is_stopped:
+        return 130
+    has_failed = any(one.n_failures for one in done)
+    if has_failed and not any(one.n_settings for one in done):
+        return 3
+    if has_failed:
+        return 1
+    return 4 if any(one.n_gates for one in done) else 0

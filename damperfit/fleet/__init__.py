@@ -1,0 +1,7 @@
+"""Many dampers: one Parquet part each, written by whoever fits it, and never done twice.
+
+LOGS --sources--> files --tasks--> Task (one damper) --engine--> one_damper --> part
+     parts --collect--> one table
+"""
+
+__all__: list[str] = []

@@ -1,0 +1,267 @@
+"""What a worker does: the logs of one damper to the rows of its part, written where they belong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+
+from damperfit import __version__
+from damperfit.errors import DamperfitError, mishap_of
+from damperfit.fleet.parts import forget_earlier, part_path, read_facts_of, write_part
+from damperfit.fleet.sources import UnreachableError, brought_here
+from damperfit.fleet.tasks import content_key
+from damperfit.setting import ADJUSTER
+from damperfit.simulation.characteristics import NAMED_SPEEDS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.fleet.sources import Source
+    from damperfit.fleet.tasks import Task
+    from damperfit.run.result import RunResult
+
+__all__ = ["Done", "Job", "State", "do", "known", "try_log"]
+
+_WORK = "the work on the logs of one damper"
+
+
+class State(Enum):
+    """How a task ended."""
+
+    FITTED = "fitted"
+    FAILED = "failed"  # no setting could be fitted; a part says why
+    KNOWN = "known"  # a part of an earlier run was there
+    LATER = "later"  # nothing was written; the next run tries again
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """What became of one task.
+
+    Attributes
+    ----------
+    owner : str
+        Whose logs.
+    state : State
+        How it ended.
+    n_logs : int
+        Logs of the task.
+    n_settings : int
+        Settings with a fit.
+    failures : tuple of str
+        One sentence each; of a part that was there they are not told again.
+    gates : tuple of str
+        Gates that were missed, likewise.
+    n_failures, n_gates : int
+        How many, told or not.
+    """
+
+    owner: str
+    state: State
+    n_logs: int
+    n_settings: int = 0
+    failures: tuple[str, ...] = ()
+    gates: tuple[str, ...] = ()
+    n_failures: int = 0
+    n_gates: int = 0
+
+    @classmethod
+    def later(cls, task: Task, said: str) -> Done:
+        """Return a task that was not done, with the reason."""
+        return cls(task.owner, State.LATER, len(task.logs), failures=(said,), n_failures=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A task as it goes to a worker; everything in it can be pickled.
+
+    Attributes
+    ----------
+    task : Task
+        The logs.
+    configuration : Configuration
+        What is done with them.
+    folder : pathlib.Path
+        Of the fleet.
+    dead : mapping of str to str
+        Logs, by place, that have ended a worker, and the sentence that says so; they are left out.
+    """
+
+    task: Task
+    configuration: Configuration
+    folder: Path
+    dead: tuple[tuple[str, str], ...] = ()
+
+
+def do(job: Job) -> Done:
+    """Fit one damper and write its part, unless the part is there.
+
+    Never raises for anything that is wrong with the logs: that becomes rows of the part.
+
+    Raises
+    ------
+    OutputError
+        The part cannot be written.
+    """
+    task = job.task
+    try:
+        with brought_here((*task.logs, *task.tables)) as here:
+            return _done(job, here)
+    except UnreachableError as error:
+        return Done.later(task, str(error))
+
+
+def known(job: Job) -> Done | None:
+    """Return what the part of a task says, where it is there; logs in a store are not looked at."""
+    task = job.task
+    files = (*task.logs, *task.tables)
+    if any(one.is_remote for one in files):
+        return None
+    key, _ = content_key([Path(one.place) for one in files], job.configuration)
+    return _known(task, part_path(job.folder, task.owner, key))
+
+
+def _known(task: Task, path: Path) -> Done | None:
+    if not path.exists() or not (facts := read_facts_of(path)):
+        return None
+    forget_earlier(path, facts)
+    n_settings, n_failures, n_gates = (
+        facts.get(name, 0) for name in ("settings", "failures", "gates")
+    )
+    return Done(
+        *(task.owner, State.KNOWN, len(task.logs), n_settings),
+        n_failures=n_failures,
+        n_gates=n_gates,
+    )
+
+
+def _done(job: Job, here: Mapping[Source, Path]) -> Done:
+    task, configuration = job.task, job.configuration
+    key, hashes = content_key([here[one] for one in here], configuration)
+    path = part_path(job.folder, task.owner, key)
+    if before := _known(task, path):
+        return before
+    facts: dict[str, Any] = {
+        "key": key,
+        "version": __version__,
+        "logs": sorted(hashes),
+        "places": sorted(one.place for one in task.logs),
+    }
+    dead = dict(job.dead)
+    rows: list[dict[str, Any]] = []
+    gates: list[str] = []
+    failed = [
+        _failure(one.file, "WorkerDied", dead[one.place]) for one in task.logs if one.place in dead
+    ]
+    living = [str(here[one]) for one in task.logs if one.place not in dead]
+    try:
+        for owner, result in _results(configuration, living):
+            rows += list(_rows(result, owner or task.owner))
+            gates += result.facts.gates
+            failed += [
+                _failure(one.log, one.kind, one.message, owner or task.owner, one.setting)
+                for one in result.facts.failures
+            ]
+    except DamperfitError as error:
+        failed.append(_failure("", type(error).__name__, str(error)))
+    except Exception as error:  # noqa: BLE001 - the other dampers of the fleet go on
+        bug = mishap_of(error, _WORK)
+        failed.append(_failure("", bug.kind, bug.message))
+    facts |= {"settings": len(rows), "failures": len(failed), "gates": len(gates)}
+    schema = _schema(configuration)
+    table = pa.Table.from_pylist(
+        [{"damper": task.owner, **row} for row in (*rows, *failed)], schema
+    )
+    write_part(path, table, facts)
+    return Done(
+        task.owner,
+        State.FITTED if rows else State.FAILED,
+        len(task.logs),
+        len(rows),
+        tuple(str(one["error"]) for one in failed),
+        tuple(gates),
+        len(failed),
+        len(gates),
+    )
+
+
+def _results(configuration: Configuration, logs: Sequence[str]) -> Iterator[tuple[str, RunResult]]:
+    from damperfit.run.pipeline import find_each
+
+    return find_each(configuration, logs, jobs=1) if logs else iter(())
+
+
+def try_log(job: Job) -> Done:
+    """Do the work on one log alone and write nothing: it tells whether the log ends its worker."""
+    task = job.task
+    with brought_here((*task.logs, *task.tables)) as here:
+        try:
+            for _ in _results(job.configuration, [str(here[one]) for one in task.logs]):
+                pass
+        except Exception:  # noqa: BLE001, S110 - what is wrong with it is told by the whole task
+            pass
+    return Done(task.owner, State.LATER, len(task.logs))
+
+
+def _failure(
+    log: str, kind: str, message: str, damper: str | None = None, setting: object = None
+) -> dict[str, Any]:
+    row = {"log": log, "error_kind": kind, "error": message}
+    row |= {} if damper is None else {"damper": damper}
+    return row | ({} if setting is None else {"setting": str(setting)})
+
+
+def _rows(result: RunResult, damper: str) -> Iterator[dict[str, Any]]:
+    """Yield one row a setting: parameters, whose it is, forces at named speeds."""
+    known = result.record["test"]
+    forces: dict[str, dict[str, float]] = {}
+    for row in result.tables.adjustment.to_pylist():
+        name = _force_column(row["stroke"], row["speed_m_per_s"])
+        forces.setdefault(str(row["setting"]), {})[name] = row["force_N"]
+    for row in result.tables.parameters.to_pylist():
+        places = {name: str(row[name]) for name in _adjusters(row)}
+        setting = str(row["setting"])
+        yield {
+            **row,
+            **places,
+            **forces.get(setting, {}),
+            "setting": setting,
+            "damper": damper,
+            "date": known.get("date"),
+        }
+
+
+def _adjusters(row: Mapping[str, Any]) -> list[str]:
+    from damperfit.tables.columns import adjusters_in
+
+    return list(adjusters_in(list(row)))
+
+
+def _force_column(stroke: str, speed: float) -> str:
+    return f"force_{stroke}_{1000.0 * speed:.0f}_mm_per_s_N"
+
+
+def _schema(configuration: Configuration) -> pa.Schema:
+    """Return the columns of a part: the same for every damper of one configuration.
+
+    A setting is text here, as labels of some dampers are numbers and of others words.
+    """
+    from damperfit.tables.columns import table_schema
+
+    names = configuration.reading.adjusters
+    own = table_schema("parameters", {}, settings=(), quantities=configuration.damper.quantities)
+    quantities = [one for one in own if one.name != ADJUSTER]
+    places = [] if names == (ADJUSTER,) else [pa.field(name, pa.string()) for name in names]
+    forces = [
+        pa.field(_force_column(stroke, speed), pa.float64())
+        for stroke in ("rebound", "bump")
+        for speed in NAMED_SPEEDS
+    ]
+    texts = [pa.field(name, pa.string()) for name in ("log", "error_kind", "error")]
+    first = [pa.field(name, pa.string()) for name in ("damper", "date", "setting")]
+    return pa.schema([*first, *places, *quantities, *forces, *texts])

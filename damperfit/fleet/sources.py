@@ -1,0 +1,231 @@
+"""Where the logs of a fleet are: folders, patterns, object stores; their bytes brought here."""
+
+from __future__ import annotations
+
+import fnmatch
+import os
+import re
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from damperfit.errors import ConfigurationError, DamperfitError
+from damperfit.readers.formats import LOG_SUFFIXES
+from damperfit.recording import natural_order
+from damperfit.run.log_paths import matches
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+__all__ = ["Source", "UnreachableError", "brought_here", "find_sources", "head_of"]
+
+_ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+://")
+_PATTERN = re.compile(r"[*?\[]")
+_TRIES = 4
+_PAUSE = 0.5  # s before the second try; doubled before each further one
+_HEAD = 4096  # bytes of a log in which its preamble is looked for
+
+
+class UnreachableError(DamperfitError):
+    """A log could not be fetched; that says nothing of the log, and is tried again another time."""
+
+    exit_code = 1
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Source:
+    """One log of a fleet.
+
+    Attributes
+    ----------
+    place : str
+        Absolute path, or the address in an object store.
+    name : str
+        Path below the folder or pattern that was asked for, with ``/``.
+    """
+
+    place: str
+    name: str
+
+    @property
+    def is_remote(self) -> bool:
+        """Whether it stands in an object store."""
+        return _ADDRESS.match(self.place) is not None
+
+    @property
+    def folder(self) -> str:
+        """The folders that it stands in, below what was asked for; empty where there is none."""
+        parent = str(PurePosixPath(self.name).parent)
+        return "" if parent == "." else parent
+
+    @property
+    def file(self) -> str:
+        """Its own name."""
+        return PurePosixPath(self.name).name
+
+
+def find_sources(wanted: Iterable[str]) -> tuple[Source, ...]:
+    """Return the logs that folders, files, patterns and addresses name, each once, in order.
+
+    A folder stands for all logs in it and below: files with the suffix of a format that is read.
+
+    Raises
+    ------
+    ConfigurationError
+        Something names no file.
+    """
+    found: dict[str, Source] = {}
+    for text in wanted:
+        sources = _remote(text) if _ADDRESS.match(text) else _local(text)
+        if not sources:
+            raise ConfigurationError(
+                f"{text}: no log in it; expected files such as {', '.join(LOG_SUFFIXES[:4])}"
+            )
+        for one in sources:
+            found.setdefault(one.place, one)
+    return tuple(sorted(found.values(), key=lambda one: (natural_order(one.name), one.place)))
+
+
+def _local(text: str) -> list[Source]:
+    folder = Path(text)
+    if folder.is_dir():
+        root = folder.resolve()
+        files = (
+            Path(place, name)
+            for place, folders, names in os.walk(root)
+            if _unhidden(folders)
+            for name in names
+        )
+        return [
+            Source(str(path), path.relative_to(root).as_posix())
+            for path in files
+            if _is_log(path.name)
+        ]
+    paths = [path.resolve() for path in matches(text)]
+    root = Path(os.path.commonpath([path.parent for path in paths]))
+    return [Source(str(path), path.relative_to(root).as_posix()) for path in paths]
+
+
+def _unhidden(folders: list[str]) -> bool:
+    """Keep `os.walk` out of hidden folders."""
+    folders[:] = sorted(name for name in folders if not name.startswith("."))
+    return True
+
+
+def _is_log(name: str) -> bool:
+    return name.lower().endswith(LOG_SUFFIXES) and not name.startswith(".")
+
+
+@lru_cache(maxsize=16)
+def _file_system(root: str) -> tuple[Any, str]:
+    """The store that an address is in, and the path there; made once a process."""
+    from pyarrow import fs
+
+    try:
+        store, path = fs.FileSystem.from_uri(root)
+    except Exception as error:
+        raise ConfigurationError(f"{root}: no such store: {error}") from error
+    return store, path
+
+
+def _opened(address: str) -> tuple[Any, str, str]:
+    """Return the store, the path inside, and what stands before and behind it in the address."""
+    scheme, rest = address.split("://", 1)
+    path, mark, query = rest.partition("?")
+    bucket = path.split("/", 1)[0]
+    store, _ = _file_system(f"{scheme}://{bucket}{mark}{query}")
+    return store, path.rstrip("/"), f"{scheme}://{{}}{mark}{query}"
+
+
+def _remote(address: str) -> list[Source]:
+    from pyarrow import fs
+
+    # A question mark is the query of an address, so that patterns there know * and [] only.
+    store, path, form = _opened(address)
+    parts = path.split("/")
+    first = next((k for k, part in enumerate(parts) if re.search(r"[*\[]", part)), None)
+    root = "/".join(parts if first is None else parts[:first])
+
+    def listed() -> list[Source]:
+        info = store.get_file_info(root)
+        if info.type == fs.FileType.File:
+            return [Source(form.format(root), PurePosixPath(root).name)]
+        found = store.get_file_info(fs.FileSelector(root, recursive=True, allow_not_found=True))
+        return [
+            Source(form.format(one.path), one.path[len(root) :].lstrip("/"))
+            for one in found
+            if one.type == fs.FileType.File
+            and (_is_log(one.base_name) if first is None else _fits(one.path, path))
+        ]
+
+    found: list[Source] = _patiently(listed, address)
+    return found
+
+
+def _fits(path: str, pattern: str) -> bool:
+    own, wanted = path.split("/"), pattern.split("/")
+    return len(own) == len(wanted) and all(map(fnmatch.fnmatchcase, own, wanted))
+
+
+def _patiently(act: Any, address: str) -> Any:
+    """Try again what a network refused, a few times; what it still refuses is told."""
+    for k in range(_TRIES):
+        try:
+            return act()
+        except OSError as error:
+            if k + 1 == _TRIES:
+                raise UnreachableError(
+                    f"{address}: cannot be fetched, tried {_TRIES} times: {error}"
+                ) from error
+            time.sleep(_PAUSE * 2**k)
+    raise AssertionError
+
+
+def head_of(source: Source) -> bytes:
+    """Return the first bytes of a log; none where it cannot be read."""
+
+    def read() -> bytes:
+        if not source.is_remote:
+            with Path(source.place).open("rb") as file:
+                return file.read(_HEAD)
+        store, path, _ = _opened(source.place)
+        with store.open_input_file(path) as file:
+            return bytes(file.read(_HEAD))
+
+    try:
+        return _patiently(read, source.place) if source.is_remote else read()
+    except (OSError, UnreachableError):
+        return b""
+
+
+@contextmanager
+def brought_here(sources: Sequence[Source]) -> Iterator[dict[Source, Path]]:
+    """Fetch logs from their stores into a temporary folder, each under its own name.
+
+    Local logs stay where they are. The folder goes when the work is done.
+
+    Raises
+    ------
+    UnreachableError
+        A store does not give one of them.
+    """
+    with TemporaryDirectory(prefix="damperfit-logs-") as folder:
+        here: dict[Source, Path] = {}
+        for source in sources:
+            here[source] = Path(source.place)
+            if source.is_remote:
+                path = Path(folder, *PurePosixPath(source.name).parts)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(_patiently(lambda one=source: _bytes(one), source.place))
+                here[source] = path
+        yield here
+
+
+def _bytes(source: Source) -> bytes:
+    store, path, _ = _opened(source.place)
+    with store.open_input_stream(path) as file:
+        return bytes(file.read())

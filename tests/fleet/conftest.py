@@ -1,0 +1,37 @@
+"""Small fleets: two settings of the sample runs, given to dampers of several names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+SAMPLES = Path(__file__).parents[2] / "sample_runs"
+
+
+@pytest.fixture(scope="session")
+def texts():
+    """Two short logs: four cycles of settings 1 and 10."""
+    found = {}
+    for number in (1, 10):
+        name = f"setting_{number:02d}.csv"
+        lines = (SAMPLES / name).read_text().splitlines(keepends=True)
+        n_head = next(k for k, line in enumerate(lines) if line[0].isdigit())
+        found[name] = ("".join(lines[:n_head]), "".join(lines[n_head : n_head + 1900]))
+    return found
+
+
+def put(folder: Path, texts, serial: str = "") -> None:
+    """Write the logs of one damper."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, (head, rows) in texts.items():
+        said = f"# serial: {serial}\n" if serial else ""
+        (folder / name).write_text(said + head + rows)
+
+
+@pytest.fixture
+def three(tmp_path, texts):
+    """Three dampers, a folder each."""
+    for name in ("D1", "D2", "D10"):
+        put(tmp_path / "logs" / name, texts)
+    return tmp_path / "logs"

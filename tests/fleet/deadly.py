@@ -1,0 +1,56 @@
+"""Work that ends its worker: of a module, as a new process must find it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+from damperfit.fleet.processes import Processes
+
+
+def double(number: int) -> int:
+    return 2 * number
+
+
+def die_at_three(number: int) -> int:
+    if number == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def refuse(number: int) -> int:
+    raise ValueError(f"no {number}")
+
+
+def say_pid_and_wait(path: str) -> int:
+    Path(path).write_text(str(os.getpid()))
+    time.sleep(600.0)
+    return 0
+
+
+def die_of_poison(pair):
+    """Do the work, unless a log that is not left out is called poison."""
+    act, job = pair
+    dead = dict(job.dead)
+    if any("poison" in log.file and log.place not in dead for log in job.task.logs):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return act(job)
+
+
+class Poisoned:
+    """Processes that a log called poison ends."""
+
+    def __init__(self, number: int) -> None:
+        self.processes = Processes(number)
+        self.n_begun = 0
+
+    def each(self, act, items, *, cancelled=lambda: False):
+        def counted():
+            for item in items:
+                self.n_begun += 1
+                yield act, item
+
+        found = self.processes.each(die_of_poison, counted(), cancelled=cancelled)
+        return ((pair[1], result) for pair, result in found)

@@ -1,0 +1,238 @@
+"""``damperfit fleet`` as a user runs it: what is new is done, what ends a worker costs itself."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from damperfit.cli.main import main
+from damperfit.configuration.loading import load_configuration
+from damperfit.errors import OutputError
+from damperfit.fleet.one_damper import State
+from damperfit.fleet.parts import collect, parts_in
+from damperfit.fleet.processes import Died
+from damperfit.fleet.whole_fleet import planned, run_fleet
+from tests.fleet.conftest import put
+from tests.fleet.deadly import Poisoned
+
+
+class Here:
+    """The work done in this process, which is quicker for a test than another one."""
+
+    def __init__(self, _number: int = 1) -> None:
+        self.n_begun = 0
+
+    def each(self, act, items, *, cancelled=lambda: False):
+        for item in items:
+            if cancelled():
+                return
+            self.n_begun += 1
+            try:
+                found = act(item)
+            except Exception as error:  # noqa: BLE001 - as another process hands it over
+                found = error
+            yield item, found
+
+
+@pytest.fixture
+def here(monkeypatch):
+    monkeypatch.setattr("damperfit.fleet.processes.Processes", Here)
+
+
+def run(*arguments: str) -> int:
+    return main(["fleet", *map(str, arguments)])
+
+
+def table_of(folder: Path) -> pd.DataFrame:
+    return pd.read_parquet(folder / "fleet.parquet")
+
+
+def test_every_damper_gets_a_part_and_all_one_table(three, tmp_path, here, capsys):
+    out = tmp_path / "out"
+    assert run(three, "--out", out, "--collect") == 0
+    said = capsys.readouterr()
+    assert said.out == "3 dampers: 3 fitted now; 6 logs, 6 settings with a fit\n"
+    found = table_of(out)
+    assert found[["serial", "setting"]].to_numpy().tolist() == [
+        [serial, setting] for serial in ("D1", "D2", "D10") for setting in ("1", "10")
+    ]
+    assert found["r_m1"].tolist() == pytest.approx(3 * [14000.0, 23945.0], rel=0.01)
+    assert found["force_rebound_300_mm_per_s_N"].notna().all()
+    assert found["force_rebound_1050_mm_per_s_N"].isna().all()  # faster than the test
+
+
+def test_a_second_run_does_only_what_is_new(three, tmp_path, here, capsys, texts):
+    out = tmp_path / "out"
+    run(three, "--out", out)
+    before = {path: path.stat().st_mtime_ns for path in parts_in(out)}
+    put(three / "D4", texts)
+    capsys.readouterr()
+    assert run(three, "--out", out, "--json") == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (document["fitted"], document["known"], document["settings"]) == (1, 3, 8)
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+
+
+def test_a_changed_log_makes_one_damper_new(three, tmp_path, here, capsys):
+    out = tmp_path / "out"
+    run(three, "--out", out)
+    log = three / "D2" / "setting_01.csv"
+    log.write_text("".join(log.read_text().splitlines(keepends=True)[:-2]))
+    capsys.readouterr()
+    assert run(three, "--out", out, "--collect") == 0
+    assert "1 fitted now, 2 done before" in capsys.readouterr().out
+    assert len(table_of(out)) == 6
+
+
+def test_a_bad_log_is_a_row_with_its_reason_and_not_tried_again(three, tmp_path, here, capsys):
+    out = tmp_path / "out"
+    (three / "D2" / "setting_05.csv").write_text("time_s,displacement_mm,force_N\n1,2\n")
+    assert run(three, "--out", out, "--collect") == 1
+    said = capsys.readouterr()
+    assert "D2: setting_05.csv" in said.err
+    found = table_of(out)
+    (bad,) = found[found["error"].notna()].to_dict("records")
+    assert (bad["serial"], bad["log"]) == ("D2", "setting_05.csv")
+    assert bad["error_kind"] == "LogError"
+    assert found["r_m1"].notna().sum() == 6
+    # It counts in the code, and is done all the same.
+    assert run(three, "--out", out) == 1
+    assert "3 done before" in capsys.readouterr().out
+
+
+def test_where_no_log_can_be_fitted_the_code_says_so(tmp_path, here):
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs" / "setting_01.csv").write_text("time_s,displacement_mm,force_N\n1,2\n")
+    assert run(tmp_path / "logs", "--out", tmp_path / "out") == 3
+
+
+def test_a_missed_gate_ends_with_4(three, tmp_path, here, capsys):
+    config = tmp_path / "gate.toml"
+    config.write_text("[output]\nmax_mse_percent = 1e-6\n")
+    out = tmp_path / "out"
+    assert run(three, "--out", out, "--config", config) == 4
+    assert "D1: " in capsys.readouterr().err
+    assert run(three, "--out", out, "--config", config) == 4
+
+
+def test_shares_together_are_the_whole(three, tmp_path, here):
+    whole, shared = tmp_path / "whole", tmp_path / "shared"
+    run(three, "--out", whole, "--collect")
+    for k in (1, 2, 3):
+        run(three, "--out", shared, "--part", f"{k}/3")
+    run("--out", shared, "--collect")
+    for name in ("fleet.parquet", "fleet.csv"):
+        assert (whole / name).read_bytes() == (shared / name).read_bytes()
+
+
+def test_the_fleet_s_own_folder_holds_no_logs(three, here, capsys):
+    out = three / "out"
+    run(three, "--out", out, "--collect")
+    capsys.readouterr()
+    assert run(three, "--out", out) == 0
+    assert "3 done before; 6 logs" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ([], "expected LOGS, or --collect"),
+        (["x", "--jobs", "2", "--scheduler", "tcp://a:1"], "--jobs cannot act beside --scheduler"),
+        (["x", "--part", "1/2", "--collect"], "--collect cannot act beside --part"),
+        (["x", "--part", "3/2"], "expected I/N"),
+        (["nowhere"], "no such file"),
+        (["--collect", "--out", "nowhere"], "no parts of a fleet there"),
+        (["ftp://host/x"], "no such store"),
+    ],
+)
+def test_wrong_usage_is_told_and_touches_nothing(arguments, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run(*arguments) == 2
+    assert said in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def poisoned(folder: Path, texts) -> None:
+    for name in ("D1", "D2", "D3"):
+        put(folder / name, texts)
+    (folder / "D2" / "poison_setting_20.csv").write_text(texts["setting_10.csv"][0])
+
+
+class Dying(Here):
+    """As if every worker died of a log called poison."""
+
+    def each(self, act, items, *, cancelled=None):  # noqa: ARG002
+        for item in items:
+            self.n_begun += 1
+            dead = dict(item.dead)
+            logs = [log for log in item.task.logs if log.place not in dead]
+            is_deadly = any("poison" in log.file for log in logs)
+            yield item, Died() if is_deadly else act(item)
+
+
+@pytest.mark.parametrize("kind", [Dying, pytest.param(Poisoned, marks=pytest.mark.slow)])
+def test_a_log_that_ends_its_worker_costs_itself_alone(tmp_path, texts, kind):
+    configuration = load_configuration(None)
+    poisoned(tmp_path / "logs", texts)
+    out = tmp_path / "out"
+    tasks = planned(configuration, [str(tmp_path / "logs")], out)
+    engine = kind(1)
+    done = {one.owner: one for one in run_fleet(configuration, tasks, out, engine)}
+    assert {owner: one.state for owner, one in done.items()} == dict.fromkeys(
+        ("D1", "D2", "D3"), State.FITTED
+    )
+    assert {owner: one.n_settings for owner, one in done.items()} == {"D1": 2, "D2": 2, "D3": 2}
+    found = collect(out).to_pandas()
+    (bad,) = found[found["error"].notna()].to_dict("records")
+    assert (bad["serial"], bad["log"]) == ("D2", "poison_setting_20.csv")
+    assert "ended its worker twice; it is left out" in bad["error"]
+    # It is not given to a worker again.
+    n_begun = engine.n_begun
+    list(run_fleet(configuration, tasks, out, engine))
+    assert engine.n_begun == n_begun
+
+
+def test_logs_that_end_a_worker_only_together_are_all_left_out(tmp_path, texts):
+    class Together(Here):
+        def each(self, act, items, *, cancelled=None):  # noqa: ARG002
+            for item in items:
+                n_living = len(item.task.logs) - len(item.dead)
+                yield item, Died() if n_living > 1 else act(item)
+
+    configuration = load_configuration(None)
+    put(tmp_path / "logs" / "D1", texts)
+    tasks = planned(configuration, [str(tmp_path / "logs")], tmp_path / "out")
+    (done,) = run_fleet(configuration, tasks, tmp_path / "out", Together())
+    assert (done.state, done.n_failures) == (State.FAILED, 2)
+
+
+def test_a_disk_that_is_full_leaves_the_damper_for_the_next_run(three, tmp_path, monkeypatch):
+    def full(*_arguments):
+        raise OutputError("out/part: cannot be written: No space left on device")
+
+    configuration = load_configuration(None)
+    tasks = planned(configuration, [str(three)], tmp_path / "out")
+    with monkeypatch.context() as patch:
+        patch.setattr("damperfit.fleet.one_damper.write_part", full)
+        done = list(run_fleet(configuration, tasks, tmp_path / "out", Here()))
+    assert {one.state for one in done} == {State.LATER}
+    assert {one.failures for one in done} == {
+        ("out/part: cannot be written: No space left on device",)
+    }
+    done = list(run_fleet(configuration, tasks, tmp_path / "out", Here()))
+    assert {one.state for one in done} == {State.FITTED}
+
+
+def test_the_wish_to_stop_leaves_the_rest_for_the_next_run(three, tmp_path):
+    configuration = load_configuration(None)
+    tasks = planned(configuration, [str(three)], tmp_path / "out")
+    done: list = []
+    fleet = run_fleet(
+        configuration, tasks, tmp_path / "out", Here(), cancelled=lambda: len(done) == 1
+    )
+    for one in fleet:
+        done.append(one)  # noqa: PERF402 - it is looked at meanwhile
+    assert len(done) == len(parts_in(tmp_path / "out")) == 1

@@ -1,0 +1,139 @@
+"""Parts: whole or not at all, one of each test, and one table of them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.dataset as ds
+import pyarrow.parquet as pq
+import pytest
+
+from damperfit.atomic.owner import new_owner
+from damperfit.errors import ConfigurationError, OutputError
+from damperfit.fleet.parts import collect, part_path, parts_in, read_facts_of, tidy, write_part
+
+
+def facts(*hashes: str, places: tuple[str, ...] = ()) -> dict:
+    return {"logs": list(hashes), "places": list(places)}
+
+
+def rows(*values: float) -> pa.Table:
+    return pa.table({"setting": [str(k) for k in range(len(values))], "r_m1": list(values)})
+
+
+@pytest.mark.parametrize("owner", ["D3", "SN 12/34", "..", "ÄÖ%", "a=b", ""])
+def test_any_name_of_a_damper_comes_back_from_its_folder(tmp_path, owner):
+    write_part(part_path(tmp_path, owner, "k"), rows(1.0), facts("a"))
+    assert collect(tmp_path)["serial"].to_pylist() == [owner]
+    (part,) = parts_in(tmp_path)
+    assert part.parent.parent == tmp_path
+
+
+def test_other_tools_read_the_folders_as_one_table(tmp_path):
+    for owner, value in (("SN 1/2", 1.0), ("D2", 2.0)):
+        write_part(part_path(tmp_path, owner, "k"), rows(value), facts(owner))
+    table = ds.dataset(tmp_path, format="parquet", partitioning="hive").to_table()
+    assert dict(zip(table["serial"].to_pylist(), table["r_m1"].to_pylist(), strict=True)) == {
+        "SN 1/2": 1.0,
+        "D2": 2.0,
+    }
+
+
+def test_rows_stand_by_serial_number(tmp_path):
+    for owner in ("D10", "D2", "D1"):
+        write_part(part_path(tmp_path, owner, "k"), rows(1.0), facts(owner))
+    assert collect(tmp_path)["serial"].to_pylist() == ["D1", "D2", "D10"]
+    lines = (tmp_path / "fleet.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in lines] == ["serial", "D1", "D2", "D10"]
+
+
+def test_a_part_of_the_same_log_replaces_the_earlier_one(tmp_path):
+    write_part(part_path(tmp_path, "D1", "old"), rows(1.0), facts("x", "y"))
+    write_part(part_path(tmp_path, "D1", "new"), rows(2.0), facts("y", "z"))
+    assert [path.name for path in parts_in(tmp_path)] == ["part-new.parquet"]
+
+
+def test_a_part_of_the_same_place_replaces_the_earlier_one(tmp_path):
+    write_part(part_path(tmp_path, "D1", "old"), rows(1.0), facts("x", places=("/a.csv",)))
+    write_part(part_path(tmp_path, "D1", "new"), rows(2.0), facts("y", places=("/a.csv",)))
+    assert [path.name for path in parts_in(tmp_path)] == ["part-new.parquet"]
+
+
+def test_another_test_of_the_same_damper_stays(tmp_path):
+    write_part(part_path(tmp_path, "D1", "june"), rows(1.0), facts("x", places=("/june.csv",)))
+    write_part(part_path(tmp_path, "D1", "july"), rows(2.0), facts("y", places=("/july.csv",)))
+    assert len(parts_in(tmp_path)) == 2
+
+
+def test_what_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
+    def full(*_args, **_options):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("damperfit.fleet.parts.os.fsync", full)
+    with pytest.raises(OutputError, match="cannot be written: No space left on device"):
+        write_part(part_path(tmp_path, "D1", "k"), rows(1.0), facts("a"))
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_equal_parts_give_equal_bytes(tmp_path):
+    for name in ("a", "b"):
+        for owner in ("D1", "D2")[:: 1 if name == "a" else -1]:
+            write_part(part_path(tmp_path / name, owner, "k"), rows(1.0, 2.0), facts(owner))
+        collect(tmp_path / name)
+    for suffix in (".parquet", ".csv"):
+        first, second = (tmp_path / name / f"fleet{suffix}" for name in ("a", "b"))
+        assert first.read_bytes() == second.read_bytes()
+
+
+def test_a_damaged_part_is_called_by_name(tmp_path):
+    path = part_path(tmp_path, "D1", "k")
+    write_part(path, rows(1.0), facts("a"))
+    path.write_bytes(path.read_bytes()[:-7])
+    with pytest.raises(ConfigurationError, match=r"part-k\.parquet: damaged .* makes it again"):
+        collect(tmp_path)
+    assert read_facts_of(path) == {}
+
+
+def test_a_folder_without_parts_is_refused(tmp_path):
+    with pytest.raises(ConfigurationError, match="no parts of a fleet there"):
+        collect(tmp_path)
+
+
+def test_parts_of_different_columns_make_one_table(tmp_path):
+    write_part(part_path(tmp_path, "D1", "k"), rows(1.0), facts("a"))
+    other = pa.table({"setting": ["1"], "rebound_bleed": [2e-6]})
+    write_part(part_path(tmp_path, "D2", "k"), other, facts("b"))
+    table = collect(tmp_path)
+    assert table["r_m1"].to_pylist() == [1.0, None]
+    assert table["rebound_bleed"].to_pylist() == [None, 2e-6]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="processes are looked for")
+def test_what_a_killed_worker_left_goes_and_what_a_living_one_writes_stays(tmp_path):
+    folder = tmp_path / "serial=D1"
+    folder.mkdir()
+    living = new_owner().text
+    host, _pid, start, serial = living.split("-")
+    dead = f"{host}-999999999-{start}-{serial}"
+    another_host = f"{'0' * 12}-1-1-1"
+    for text in (living, dead, another_host):
+        (folder / f".{text}.damperfit-new").write_bytes(b"half")
+    tidy(tmp_path)
+    left = {path.name for path in folder.iterdir()}
+    assert left == {f".{living}.damperfit-new", f".{another_host}.damperfit-new"}
+
+
+def test_a_part_carries_its_page_checksums(tmp_path):
+    path = part_path(tmp_path, "D1", "k")
+    write_part(path, rows(*range(100)), facts("a"))
+    data = bytearray(path.read_bytes())
+    data[200] ^= 0xFF
+    path.write_bytes(bytes(data))
+    with pytest.raises((OSError, pa.ArrowInvalid)):
+        pq.ParquetFile(path, page_checksum_verification=True).read()
+
+
+def test_the_example_of_the_readme_stands(tmp_path):
+    assert part_path(Path("out"), "D003", "KEY") == Path("out/serial=D003/part-KEY.parquet")

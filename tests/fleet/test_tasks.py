@@ -1,0 +1,162 @@
+"""Logs to dampers: whose a log is, which share takes it, and what its result depends on."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from damperfit.configuration.loading import load_configuration
+from damperfit.errors import ConfigurationError
+from damperfit.fleet.sources import Source, find_sources
+from damperfit.fleet.tasks import Share, Task, content_key, parted, share_of, tasks_of
+from tests.fleet.conftest import put
+
+CONFIGURATION = load_configuration(None)
+
+
+def owners(folder: Path, configuration=CONFIGURATION) -> dict[str, list[str]]:
+    tasks = tasks_of(find_sources([str(folder)]), configuration)
+    return {task.owner: [log.name for log in task.logs] for task in tasks}
+
+
+def test_a_folder_is_a_damper_where_nothing_else_says_whose_its_logs_are(three):
+    found = owners(three)
+    assert list(found) == ["D1", "D2", "D10"]  # by number, not by letter
+    assert found["D2"] == ["D2/setting_01.csv", "D2/setting_10.csv"]
+
+
+def test_logs_in_one_folder_that_say_nothing_are_of_one_damper(tmp_path, texts):
+    put(tmp_path, texts)
+    assert owners(tmp_path) == {"": ["setting_01.csv", "setting_10.csv"]}
+
+
+def test_the_serial_in_a_log_goes_before_its_folder(tmp_path, texts):
+    put(tmp_path / "monday", texts, "SN7")
+    put(tmp_path / "tuesday", texts, "SN7")
+    assert {owner: len(logs) for owner, logs in owners(tmp_path).items()} == {"SN7": 4}
+
+
+def test_the_table_of_tests_goes_before_the_log(tmp_path, texts):
+    put(tmp_path, texts, "SN7")
+    table = "file,serial\nsetting_01.csv,A\nsetting_10.csv,B\n"
+    (tmp_path / "tests.csv").write_text(table)
+    assert owners(tmp_path) == {"A": ["setting_01.csv"], "B": ["setting_10.csv"]}
+
+
+def test_a_table_beside_logs_goes_with_them_to_the_worker(tmp_path, texts):
+    put(tmp_path, texts)
+    (tmp_path / "tests.csv").write_text("file,serial\nsetting_01.csv,A\nsetting_10.csv,A\n")
+    (task,) = tasks_of(find_sources([str(tmp_path)]), CONFIGURATION)
+    assert [one.name for one in task.tables] == ["tests.csv"]
+
+
+def test_a_declared_table_of_tests_says_whose_the_logs_are(tmp_path, texts):
+    put(tmp_path / "logs", texts)
+    table = tmp_path / "mine.csv"
+    table.write_text("file,serial\nsetting_01.csv,A\nsetting_10.csv,B\n")
+    configuration = replace(CONFIGURATION, test=replace(CONFIGURATION.test, table=table))
+    assert set(owners(tmp_path / "logs", configuration)) == {"A", "B"}
+
+
+def test_only_logs_are_taken_from_a_folder_and_none_from_hidden_ones(tmp_path, texts):
+    put(tmp_path, texts)
+    put(tmp_path / ".old", texts)
+    (tmp_path / "README.md").write_text("not a log")
+    (tmp_path / ".setting_11.csv").write_text("hidden")
+    assert owners(tmp_path) == {"": ["setting_01.csv", "setting_10.csv"]}
+
+
+def test_a_folder_without_logs_is_refused(tmp_path):
+    with pytest.raises(ConfigurationError, match="no log in it; expected files such as"):
+        find_sources([str(tmp_path)])
+
+
+def test_a_table_of_tests_alone_is_refused(tmp_path):
+    (tmp_path / "tests.csv").write_text("file,serial\na.csv,A\n")
+    with pytest.raises(ConfigurationError, match="all tables of tests"):
+        tasks_of(find_sources([str(tmp_path)]), CONFIGURATION)
+
+
+def test_a_log_named_twice_is_taken_once(three):
+    sources = find_sources([str(three), str(three / "D1" / "*.csv")])
+    assert len(sources) == 6
+
+
+def test_every_task_is_of_one_share_and_stays_there():
+    tasks = [Task(f"D{k}", (Source(f"/{k}.csv", f"{k}.csv"),)) for k in range(200)]
+    taken = Counter(task.owner for k in range(1, 8) for task in parted(tasks, Share(k, 7)))
+    assert set(taken.values()) == {1}
+    assert len(taken) == 200
+    fewer = {task.owner for task in parted(tasks[::2], Share(3, 7))}
+    assert fewer <= {task.owner for task in parted(tasks, Share(3, 7))}
+    assert parted(tasks, None) == tuple(tasks)
+
+
+@pytest.mark.parametrize("text", ["0/3", "4/3", "3", "a/b", "1/0", "-1/3", ""])
+def test_a_share_that_is_none_is_refused(text):
+    with pytest.raises(ConfigurationError, match="expected I/N"):
+        share_of(text)
+
+
+@pytest.mark.parametrize("text", ["1/3", "3/3", " 2 / 3 "])
+def test_the_first_and_the_last_share_are_taken(text):
+    assert share_of(text).of == 3
+
+
+class TestKey:
+    """What makes a result another one, and what does not."""
+
+    @pytest.fixture
+    def logs(self, tmp_path, texts):
+        put(tmp_path / "a", texts)
+        return sorted((tmp_path / "a").iterdir())
+
+    def key(self, logs, configuration=CONFIGURATION):
+        return content_key(logs, configuration)[0]
+
+    def test_it_is_the_same_in_another_folder_and_order(self, logs, tmp_path, texts):
+        put(tmp_path / "b", texts)
+        there = sorted((tmp_path / "b").iterdir(), reverse=True)
+        assert self.key(logs) == self.key(there)
+
+    def test_one_byte_of_a_log_changes_it(self, logs):
+        before = self.key(logs)
+        logs[0].write_bytes(logs[0].read_bytes() + b"\n")
+        assert self.key(logs) != before
+
+    def test_a_name_changes_it_as_it_may_say_the_setting(self, logs):
+        before = self.key(logs)
+        renamed = logs[0].rename(logs[0].with_name("setting_02.csv"))
+        assert self.key([renamed, logs[1]]) != before
+
+    @pytest.mark.parametrize(
+        "overlay",
+        [
+            {"damper": {"gas_pressure": "5bara"}},
+            {"identification": {"procedure": "plain"}},
+            {"rig": {"strict": True}},
+            {"output": {"max_mse_percent": 3.0}},
+        ],
+    )
+    def test_what_changes_a_result_changes_it(self, logs, overlay):
+        assert self.key(logs) != self.key(logs, load_configuration(None, overlay=overlay))
+
+    def test_the_folder_of_results_does_not(self, logs):
+        other = load_configuration(None, overlay={"output": {"folder": "elsewhere"}})
+        assert self.key(logs) == self.key(logs, other)
+
+    def test_the_version_does(self, logs, monkeypatch):
+        before = self.key(logs)
+        monkeypatch.setattr("damperfit.fleet.tasks.__version__", "99.0")
+        assert self.key(logs) != before
+
+    def test_the_table_of_tests_does(self, logs, tmp_path):
+        table = tmp_path / "mine.csv"
+        table.write_text("file,serial\nsetting_01.csv,A\n")
+        configuration = replace(CONFIGURATION, test=replace(CONFIGURATION.test, table=table))
+        before = self.key(logs, configuration)
+        table.write_text("file,serial\nsetting_01.csv,B\n")
+        assert self.key(logs, configuration) != before
