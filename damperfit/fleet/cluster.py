@@ -72,10 +72,11 @@ class Cluster:
                 if not at_work:
                     return
                 try:
-                    found = wait(list(at_work), timeout=_LOOK, return_when="FIRST_COMPLETED").done
+                    with self._client.as_current():
+                        found = wait(list(at_work), timeout=_LOOK, return_when="FIRST_COMPLETED")
                 except TimeoutError:
                     continue
-                for future in found:
+                for future in found.done:
                     yield at_work.pop(future), _result(future)
                     future.release()
         finally:

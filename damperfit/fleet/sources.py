@@ -58,9 +58,10 @@ class Source:
 
     @property
     def folder(self) -> str:
-        """The folders that it stands in, below what was asked for; empty where there is none."""
+        """The folders that it stands in, below what was asked for; else the one that was."""
         parent = str(PurePosixPath(self.name).parent)
-        return "" if parent == "." else parent
+        place = PurePosixPath(self.place.replace("\\", "/").partition("?")[0])
+        return place.parent.name if parent == "." else parent
 
     @property
     def file(self) -> str:
@@ -79,35 +80,34 @@ def find_sources(wanted: Iterable[str]) -> tuple[Source, ...]:
         Something names no file.
     """
     found: dict[str, Source] = {}
+    files: list[Path] = []
     for text in wanted:
-        sources = _remote(text) if _ADDRESS.match(text) else _local(text)
+        if not _ADDRESS.match(text) and not Path(text).is_dir():
+            files += (path.resolve() for path in matches(text))
+            continue
+        sources = _remote(text) if _ADDRESS.match(text) else _below(Path(text).resolve())
         if not sources:
             raise ConfigurationError(
                 f"{text}: no log in it; expected files such as {', '.join(LOG_SUFFIXES[:4])}"
             )
         for one in sources:
             found.setdefault(one.place, one)
+    # A shell makes files of a pattern: the folders that they share are left out of their names.
+    root = Path(os.path.commonpath([path.parent for path in files])) if files else Path()
+    for path in files:
+        found.setdefault(str(path), Source(str(path), path.relative_to(root).as_posix()))
     return tuple(sorted(found.values(), key=lambda one: (natural_order(one.name), one.place)))
 
 
-def _local(text: str) -> list[Source]:
-    folder = Path(text)
-    if folder.is_dir():
-        root = folder.resolve()
-        files = (
-            Path(place, name)
-            for place, folders, names in os.walk(root)
-            if _unhidden(folders)
-            for name in names
-        )
-        return [
-            Source(str(path), path.relative_to(root).as_posix())
-            for path in files
-            if _is_log(path.name)
-        ]
-    paths = [path.resolve() for path in matches(text)]
-    root = Path(os.path.commonpath([path.parent for path in paths]))
-    return [Source(str(path), path.relative_to(root).as_posix()) for path in paths]
+def _below(root: Path) -> list[Source]:
+    files = (
+        Path(place, name)
+        for place, folders, names in os.walk(root)
+        if _unhidden(folders)
+        for name in names
+        if _is_log(name)
+    )
+    return [Source(str(path), path.relative_to(root).as_posix()) for path in files]
 
 
 def _unhidden(folders: list[str]) -> bool:

@@ -38,8 +38,7 @@ class Task:
     Attributes
     ----------
     owner : str
-        Serial number, else the damper's name, else the folder of its logs; empty where nothing
-        tells one damper from another.
+        Serial number, else the damper's name, else the folder of its logs.
     logs : tuple of Source
         Its logs, in order.
     tables : tuple of Source

@@ -29,8 +29,18 @@ def test_a_folder_is_a_damper_where_nothing_else_says_whose_its_logs_are(three):
 
 
 def test_logs_in_one_folder_that_say_nothing_are_of_one_damper(tmp_path, texts):
-    put(tmp_path, texts)
-    assert owners(tmp_path) == {"": ["setting_01.csv", "setting_10.csv"]}
+    put(tmp_path / "D7", texts)
+    assert owners(tmp_path / "D7") == {"D7": ["setting_01.csv", "setting_10.csv"]}
+
+
+def test_files_that_a_shell_made_of_a_pattern_are_parted_like_their_folder(three):
+    files = sorted(map(str, three.glob("*/*.csv")), reverse=True)
+    assert tasks_of(find_sources(files), CONFIGURATION) == tasks_of(
+        find_sources([str(three)]), CONFIGURATION
+    )
+    assert tasks_of(find_sources([str(three / "*" / "*.csv")]), CONFIGURATION) == tasks_of(
+        find_sources([str(three)]), CONFIGURATION
+    )
 
 
 def test_the_serial_in_a_log_goes_before_its_folder(tmp_path, texts):
@@ -62,11 +72,11 @@ def test_a_declared_table_of_tests_says_whose_the_logs_are(tmp_path, texts):
 
 
 def test_only_logs_are_taken_from_a_folder_and_none_from_hidden_ones(tmp_path, texts):
-    put(tmp_path, texts)
-    put(tmp_path / ".old", texts)
-    (tmp_path / "README.md").write_text("not a log")
-    (tmp_path / ".setting_11.csv").write_text("hidden")
-    assert owners(tmp_path) == {"": ["setting_01.csv", "setting_10.csv"]}
+    put(tmp_path / "D7", texts)
+    put(tmp_path / "D7" / ".old", texts)
+    (tmp_path / "D7" / "README.md").write_text("not a log")
+    (tmp_path / "D7" / ".setting_11.csv").write_text("hidden")
+    assert owners(tmp_path / "D7") == {"D7": ["setting_01.csv", "setting_10.csv"]}
 
 
 def test_a_folder_without_logs_is_refused(tmp_path):
