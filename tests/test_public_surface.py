@@ -342,6 +342,7 @@ SURFACE = {
     "damperfit.identification": [
         "Campaign",
         "Comparison",
+        "DETECT",
         "Fit",
         "FitOptions",
         "GivenStart",
@@ -404,11 +405,14 @@ SURFACE = {
         "identity_in",
     ],
     "damperfit.configuration.what_is_tested": [
-        "COUNTED",
+        "AdjusterKey",
         "TestOptions",
         "TestSection",
         "check_adjusters",
+        "counted",
         "declared_settings",
+        "followed",
+        "unmatched",
     ],
     "damperfit.run.log_paths": [
         "matches",

@@ -191,9 +191,17 @@ def test_links_to_files_are_alive() -> None:
         assert (ROOT / name).exists(), name
 
 
+def test_the_adjusters_move_valves_of_a_model_that_has_them(tmp_path) -> None:
+    config = tmp_path / "adjusters.toml"
+    config.write_text(f"damper.model = 'twin_tube'\n{_blocks('toml')[1]}", encoding="utf-8")
+    follows = load_configuration(config).identification.follows
+    assert follows["compression_bleed"] == ("low_speed",)
+    assert follows["rebound_slope"] == ("high_speed",)
+
+
 def test_the_other_model_is_what_its_keys_say(tmp_path) -> None:
     config = tmp_path / "valves.toml"
-    config.write_text(_blocks("toml")[1], encoding="utf-8")
+    config.write_text(_blocks("toml")[2], encoding="utf-8")
     damper = load_configuration(config).damper
     assert (damper.name, damper.mounting.lag, damper.gas_volume) == ("through_flow", "fit", 2e-5)
 
@@ -208,7 +216,7 @@ def test_the_models_told_are_all_there_are() -> None:
 def test_the_profile_reads_the_log_beside_it(tmp_path) -> None:
     log, config = tmp_path / "bench_07_s3.csv", tmp_path / "bench.toml"
     log.write_text(_block("csv"), encoding="utf-8")
-    config.write_text(_blocks("toml")[2], encoding="utf-8")
+    config.write_text(_blocks("toml")[3], encoding="utf-8")
     recording = read_log(log, load_configuration(config).reading)
     assert recording.setting == 3
     np.testing.assert_allclose(recording.time, [0.0, 0.005, 0.01], atol=1e-12)

@@ -181,6 +181,11 @@ class Configuration:
                 f"[damper] leaves {', '.join(self.undeclared)} to {whose}: declare "
                 "what your damper has (damperfit config prints every key)"
             )
+        if self.identification.follows and self.identification.procedure != "joint":
+            said.append(
+                "[adjusters] says what follows which adjuster; only procedure joint uses it, found "
+                f"procedure {self.identification.procedure}"
+            )
         pressure = self.document["damper"].get("gas_pressure")
         if isinstance(pressure, str) and not says_absolute_or_gauge(pressure):
             said.append(

@@ -33,14 +33,16 @@ from damperfit.configuration.options import (
     parameter_value,
 )
 from damperfit.configuration.what_is_tested import (
-    COUNTED,
+    AdjusterKey,
     TestSection,
     check_adjusters,
+    counted,
     declared_settings,
+    followed,
 )
 from damperfit.damper.models import MODELS
 from damperfit.errors import did_you_mean
-from damperfit.identification import FitOptions, GivenStart, check_options, shared_names
+from damperfit.identification import DETECT, FitOptions, GivenStart, check_options
 from damperfit.quantities import parse_quantity
 from damperfit.readers import Profile, ReadOptions
 from damperfit.readers.options import Declarations
@@ -267,13 +269,17 @@ class _IdentificationSection(_Section):
     def build_hold_out(self) -> HoldOutOptions:
         return HoldOutOptions(tuple(self.hold_out), self.hold_out_cycles)
 
-    def build(self, damper: Model) -> FitOptions:
+    def build(
+        self, damper: Model, *, follows: dict[str, tuple[str, ...]], from_closed: tuple[str, ...]
+    ) -> FitOptions:
         options = FitOptions(
             procedure=self.procedure,
             free=tuple(name.strip() for name in self.free) or None,
             fixed=_in_si(damper, self.fix),
             start=GivenStart(_in_si(damper, self.start_values)),
             share=tuple(name.strip() for name in self.share),
+            follows=follows,
+            from_closed=from_closed,
             solver=SolverOptions(tolerance=self.tolerance, dead_band=self.dead_band),
             max_evaluations=self.max_evaluations,
             bulk_modulus=self.bulk_modulus,
@@ -319,7 +325,7 @@ class _OutputSection(_Section):
 
 class _Document(_Section):
     damper: DamperSection
-    adjusters: dict[str, COUNTED]
+    adjusters: dict[str, AdjusterKey]
     test: TestSection
     rig: _RigSection
     conditioning: _ConditioningSection
@@ -361,12 +367,9 @@ def build_configuration(
     """
     model = document["damper"]["model"]
     if model != "purdy":
-        document = _with_own(document, declared, procedure=MODELS[model].procedures[0], share=[])
+        procedure = MODELS[model].procedures[0]
+        document = _with_own(document, declared, procedure=procedure, share=[DETECT])
     checked: Any = _DOCUMENTS[model].model_validate(document)
-    if model != "purdy":
-        share = list(shared_names(FitOptions(), checked.damper.build()))
-        document = _with_own(document, declared, share=share)
-        checked = _DOCUMENTS[model].model_validate(document)
     damper = checked.damper.build()
     adjusters = check_adjusters(checked.adjusters)
     return Configuration(
@@ -375,9 +378,12 @@ def build_configuration(
         reading=checked.rig.build_reading(adjusters),
         test=checked.test.build(),
         conditioning=checked.conditioning.build(checked.rig, damper, checked.identification),
-        identification=replace(
-            checked.identification.build(damper),
-            from_closed=tuple(k for k, way in checked.adjusters.items() if way == "from closed"),
+        identification=checked.identification.build(
+            damper,
+            follows=followed(checked.adjusters, damper, is_law_open="damper.model" not in declared),
+            from_closed=tuple(
+                k for k, v in counted(checked.adjusters).items() if v == "from closed"
+            ),
         ),
         hold_out=checked.identification.build_hold_out(),
         start_table=Path(checked.identification.start) if checked.identification.start else None,

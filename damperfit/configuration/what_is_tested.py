@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, BeforeValidator, ConfigDict
 
-from damperfit.errors import ConfigurationError
+from damperfit.damper.models import MODELS
+from damperfit.damper.network import Valve
+from damperfit.damper.valve_dampers import ValveDamper
+from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identity import IDENTITY_KEYS, Identity
 from damperfit.setting import Setting, parse_setting
 from damperfit.tables import column_names
@@ -17,10 +20,35 @@ from damperfit.tables import column_names
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-__all__ = ["COUNTED", "TestOptions", "TestSection", "check_adjusters", "declared_settings"]
+    from damperfit.damper.model import Model
+
+__all__ = [
+    "AdjusterKey",
+    "TestOptions",
+    "TestSection",
+    "check_adjusters",
+    "counted",
+    "declared_settings",
+    "followed",
+    "unmatched",
+]
 
 _MOST = 8  # adjusters of a damper; real ones have four
-COUNTED = Literal["", "from open", "from closed"]
+_FROM = ("from open", "from closed")
+
+
+def _adjuster(value: object) -> object:
+    is_list = isinstance(value, list) and all(isinstance(one, str) for one in value)
+    if is_list or value in ("", *_FROM):
+        return value
+    raise ValueError(
+        "expected '', 'from open', 'from closed', or a list of what follows it, as in "
+        "['rebound.bleed']"
+    )
+
+
+# How its clicks count, or a list of the quantities that follow it, with that among them.
+AdjusterKey: TypeAlias = Annotated[str | list[str], BeforeValidator(_adjuster)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +91,7 @@ class TestSection(BaseModel):
         return TestOptions(Identity(**told), Path(self.table) if self.table else None)
 
 
-def check_adjusters(adjusters: Mapping[str, str]) -> tuple[str, ...]:
+def check_adjusters(adjusters: Mapping[str, AdjusterKey]) -> tuple[str, ...]:
     """Return the names of the adjusters.
 
     Raises
@@ -86,6 +114,87 @@ def check_adjusters(adjusters: Mapping[str, str]) -> tuple[str, ...]:
                 "another"
             )
     return names
+
+
+def counted(adjusters: Mapping[str, AdjusterKey]) -> dict[str, str]:
+    """Return how the clicks of each adjuster count, where that is declared.
+
+    Examples
+    --------
+    >>> counted({"low": ["rebound.bleed", "from closed"], "high": "from open", "ride": ""})
+    {'low': 'from closed', 'high': 'from open', 'ride': ''}
+    """
+    return {
+        name: said if isinstance(said, str) else next((one for one in said if one in _FROM), "")
+        for name, said in adjusters.items()
+    }
+
+
+def followed(
+    adjusters: Mapping[str, AdjusterKey], damper: Model, *, is_law_open: bool = False
+) -> dict[str, tuple[str, ...]]:
+    """Return the quantities of a model that are declared to follow adjusters.
+
+    Parameters
+    ----------
+    adjusters : mapping
+        Section [adjusters].
+    damper : Model
+        The model.
+    is_law_open : bool
+        Nobody has declared the model: what another one has is no mistake, but follows nothing.
+
+    Raises
+    ------
+    ConfigurationError
+        A word names nothing that a model has.
+    """
+    found: dict[str, list[str]] = {}
+    for adjuster, word in _words(adjusters):
+        names = _named(damper).get(word, ())
+        if not names and not (is_law_open and any(word in _named(one) for one in _every_model())):
+            known = _named(damper)
+            if is_law_open:
+                known = {k: v for one in _every_model() for k, v in _named(one).items()}
+            near = did_you_mean(word, known) or f" There are {', '.join(known)}."
+            raise ConfigurationError(
+                f"adjusters.{adjuster}: no quantity '{word}' of the model {damper.name} could "
+                f"follow it.{near}"
+            )
+        for name in names:
+            found.setdefault(name, [])
+            if adjuster not in found[name]:
+                found[name].append(adjuster)
+    return {name: tuple(who) for name, who in found.items()}
+
+
+def unmatched(adjusters: Mapping[str, AdjusterKey], damper: Model) -> tuple[str, ...]:
+    """Return the words in [adjusters] that name nothing of a model."""
+    return tuple(word for _, word in _words(adjusters) if word not in _named(damper))
+
+
+def _words(adjusters: Mapping[str, AdjusterKey]) -> list[tuple[str, str]]:
+    return [
+        (adjuster, word.strip())
+        for adjuster, said in adjusters.items()
+        for word in (said if isinstance(said, list) else ())
+        if word not in _FROM
+    ]
+
+
+def _named(damper: Model) -> dict[str, tuple[str, ...]]:
+    return {**damper.parts, **{name: (name,) for name in damper.names}}
+
+
+def _every_model() -> list[Model]:
+    """One damper of every model, with everything that it may have."""
+    kinds = (("long", "port"), ("long", "rounded"))
+    valves = [Valve(bleed, blow_off) for bleed, blow_off in kinds]
+    return [
+        kind(rebound=valve, compression=valve) if issubclass(kind, ValveDamper) else kind()
+        for kind in MODELS.values()
+        for valve in valves
+    ]
 
 
 def declared_settings(

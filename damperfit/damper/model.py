@@ -340,6 +340,11 @@ class Model(ABC):
         return None
 
     @property
+    def parts(self) -> Mapping[str, tuple[str, ...]]:
+        """Words for several quantities at once, as in ``[adjusters]``: "rebound.bleed"."""
+        return {}
+
+    @property
     def chamber_lengths(self) -> tuple[float, float] | None:
         """l_1 and l_2, m; None: it has no chambers."""
         return None

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from damperfit.damper.cylinder import Cylinder
-from damperfit.damper.model import DAMPER, FRICTION, OFFSET, RIG, Model, Quantity
+from damperfit.damper.model import DAMPER, FRICTION, LOG, OFFSET, RIG, Model, Quantity
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import Network, Valve, monotube, through_flow, twin_tube
 from damperfit.damper.purdy.quantities import OF_OIL, OIL
@@ -141,6 +141,20 @@ class ValveDamper(Cylinder, Model):
     def quantities(self) -> tuple[Quantity, ...]:
         """The valves' numbers, oil, friction, mounting, offset."""
         return _quantities(self)
+
+    @property
+    def parts(self) -> dict[str, tuple[str, ...]]:
+        """What each valve is made of: "rebound", "rebound.bleed", "rebound.blow_off"."""
+        found: dict[str, tuple[str, ...]] = {}
+        for stroke in ("rebound", "compression"):
+            mine = tuple(name for name in self.names if name.startswith(f"{stroke}_"))
+            found[stroke] = mine
+            for part, kinds in _VALVE_PARTS.items():
+                found[f"{stroke}.{part}"] = tuple(n for n in mine if n.split("_")[1] in kinds)
+            found |= {
+                name.replace("_", ".", 1): (name,) for name in mine if name.split("_")[1] != "bleed"
+            }
+        return {word: names for word, names in found.items() if names}
 
     @property
     def gas(self) -> tuple[float, float, float, float]:
@@ -281,6 +295,7 @@ class ThroughFlow(ValveDamper):
         return self.annulus_area, self.piston_area
 
 
+_VALVE_PARTS = {"bleed": ("bleed", "leak"), "blow_off": ("opening", "slope", "port", "width")}
 # part: symbol, in a table's row, meaning, unit, range, power of ten and unit for people
 _PARTS: dict[str, tuple[str, str, str, str, tuple[float, float], int, str]] = {
     "bleed": (
@@ -322,7 +337,7 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
         found.append(
             Quantity(
                 "return_slope", "R_k", "return checks", "resistance of the return checks", _LINEAR,
-                (1e2, 1e10), default=_RETURN, power=6, shown_unit="10⁶ N s / (m² kg)",
+                (1e2, 1e10), scope=DAMPER, default=_RETURN, power=6, shown_unit="10⁶ N s / (m² kg)",
             )
         )  # fmt: skip
     found.append(
@@ -336,21 +351,21 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
         Quantity(
             "k_e", "K_e", "bulk modulus of oil and chamber",
             "effective bulk modulus of oil, air and tube", "Pa", (1e6, 1e11),
-            default=None if is_rigid else _OIL, power=6, shown_unit="MPa", believable=OIL,
-            belief=OF_OIL,
+            scope=DAMPER, default=None if is_rigid else _OIL, power=6, shown_unit="MPa",
+            believable=OIL, belief=OF_OIL,
         ),
         Quantity(
             "f_f", "f_f", FRICTION, "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
-            may_vanish=True, shown_unit="N",
+            scope=DAMPER, may_vanish=True, shown_unit="N",
         ),
         Quantity(
             "drag", "c", "drag of the seals", "force of the seals by the speed", "N s/m",
-            (1e-2, 1e5), default=0.0, may_vanish=True, shown_unit="N s/m",
+            (1e-2, 1e5), scope=DAMPER, default=0.0, may_vanish=True, shown_unit="N s/m",
         ),
         *_of_mounting(damper.mounting),
         Quantity(
             "f_0", "f_0", OFFSET, "constant offset added to the force, the rig's tare",
-            "N", (-math.inf, math.inf), is_logarithmic=False, size=100.0, shown_unit="N",
+            "N", (-math.inf, math.inf), is_logarithmic=False, size=100.0, scope=LOG, shown_unit="N",
         ),
     ]  # fmt: skip
     return tuple(found)

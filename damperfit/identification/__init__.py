@@ -5,12 +5,13 @@ from damperfit.identification.failures import SettingFailure
 from damperfit.identification.given_start import GivenStart, check_start
 from damperfit.identification.model_versus_log import Comparison, compare, normalised_mse
 from damperfit.identification.multistart import Search, Valley, describe_searches
-from damperfit.identification.options import FitOptions, check_options, shared_names
+from damperfit.identification.options import DETECT, FitOptions, check_options, shared_names
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.setting import Fit, LogFit
 from damperfit.identification.sharing import Sharing
 
 __all__ = [
+    "DETECT",
     "PROCEDURES",
     "Campaign",
     "Comparison",

@@ -16,6 +16,7 @@ from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.every_setting import Campaign, fit_every_setting, with_status
 from damperfit.identification.failures import attempted_for_all
+from damperfit.identification.following import Way, declared_way
 from damperfit.identification.joint_procedure import fit_together
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.neighbours import beside_neighbours
@@ -40,7 +41,7 @@ _NOT_JOINT = (
     "the joint fit needs two settings at a sound minimum and a shared parameter: these are the "
     "results of procedure {}."
 )
-_NOT_FITTED_JOINTLY = "the joint fit met an error: these are the results of procedure paper."
+_NOT_FITTED_JOINTLY = "the joint fit met an error: these are the results of procedure {}."
 
 
 def identify(
@@ -133,26 +134,20 @@ def _plain(given: ProcedureInput) -> Campaign:
 
 def _joint(given: ProcedureInput) -> Campaign:
     """One fit over the settings, from the model's own procedure; unsound ones follow it."""
-    shared = given.ordered(shared_names(given.options, given.damper))
-    # What is neither shared nor fixed is the settings' own: R_m3 or f_f too.
-    own = given.options.free or tuple(
-        one.name
-        for one in given.damper.quantities
-        if one.default is None and one.name not in {*given.options.fixed, *shared}
-    )
+    way, moving = _way_of(given)
     name = "paper" if "paper" in given.damper.procedures else "plain"
-    varying = tuple(name for name in shared if name == "plain" or name not in {TAKEN, MEAN})
-    options = replace(given.options, free=(*own, *varying), starts=1)
+    by_paper = {TAKEN, MEAN} if name == "paper" and (way is None or not way.follows) else set()
+    shared = {*shared_names(given.options, given.damper)} if way is None else {*way.shared}
+    free = tuple(one for one in moving if one not in by_paper & shared)
+    options = replace(given.options, free=free, starts=1)
     before = PROCEDURES[name](replace(given, options=options, on_fit=lambda _fit: None))
     failed = {one.setting: one for one in before.failures}
     try:
-        found = attempted_for_all(
-            lambda: fit_together(given, before.fits, given.ordered(own), shared)
-        )
+        found = attempted_for_all(lambda: fit_together(given, before.fits, way, moving))
     except FitCancelledError:
         return Campaign("joint", (), is_complete=False)
     if isinstance(found, Mishap):
-        warnings = (*before.warnings, _NOT_FITTED_JOINTLY)
+        warnings = (*before.warnings, _NOT_FITTED_JOINTLY.format(name))
         return replace(before, procedure="joint", warnings=warnings, mishap=found)
     together, broken = found
     failed.update(broken)
@@ -168,11 +163,13 @@ def _joint(given: ProcedureInput) -> Campaign:
     fits = {fit.setting: fit for fit in before.fits}
 
     def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        misfit = given.misfit(setting, together.own)
+        misfit = given.misfit(setting, given.ordered(together.own_at(setting)))
         start = together.start(fits[setting], misfit)
         spent = fits[setting].evaluations + together.evaluations
         judged, found = fit_from(given, setting, misfit, start, spent=spent)
-        return describe_fit(setting, with_status(judged, together.status), misfit), found
+        return describe_fit(
+            setting, with_status(judged, together.status_at(setting)), misfit
+        ), found
 
     collected = fit_every_setting(given, fit, (*before.warnings, *together.warnings), known=failed)
     sharing = together.sharing
@@ -183,6 +180,23 @@ def _joint(given: ProcedureInput) -> Campaign:
             is_f_f_range_certain=before.sharing.is_f_f_range_certain,
         )
     return replace(collected, sharing=sharing)
+
+
+def _way_of(given: ProcedureInput) -> tuple[Way | None, tuple[str, ...]]:
+    """Return the way of sharing, None where the logs are to tell it, and what moves."""
+    options, damper = given.options, given.damper
+    wanted = [
+        q.name for q in damper.quantities if q.default is None and q.name not in options.fixed
+    ]
+    if not options.is_detecting and not options.follows:
+        shared = given.ordered(shared_names(options, damper))
+        # What is neither shared nor fixed is the settings' own: R_m3 or f_f too.
+        own = given.ordered(options.free or [name for name in wanted if name not in shared])
+        return Way(own, shared, {}), given.ordered({*own, *shared})
+    moving = given.ordered({*(options.free or wanted), *options.follows})
+    if not options.follows:
+        return None, moving
+    return declared_way(damper, moving, options.follows, min(given.settings).adjusters), moving
 
 
 PROCEDURES: dict[str, Callable[[ProcedureInput], Campaign]] = {

@@ -2,7 +2,8 @@ r"""One fit over all settings with some parameters in common.
 
 The sum of squares of every setting, each weighted by its own residual, in the loop of every fit
 (`trust_region`). A setting's sensitivities touch its own parameters and the shared ones only, which
-is what `step_solvers.BorderedSystem` lives on.
+is what `step_solvers.BorderedSystem` lives on. What follows an adjuster is shared by the settings
+with the same click of it, and stands in the border with what all of them share (`unknowns`).
 
 With a gas content (`gas_content`), K_e of a setting is no variable: V_r and K_B/C are shared in its
 place, and the columns of J follow by the chain rule.
@@ -15,7 +16,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,8 +25,10 @@ from damperfit.identification.descent import common_variables, linearise
 from damperfit.identification.failures import SettingError, SettingFailure, attempted
 from damperfit.identification.minimiser import inverse_information
 from damperfit.identification.paper.gas_content import GAS_FOLLOWER, GAS_NAMES
-from damperfit.identification.step_solvers import BorderedSystem, reduced
+from damperfit.identification.plausible import is_within, kept_within
+from damperfit.identification.step_solvers import NO_LENGTH, BorderedSystem, reduced
 from damperfit.identification.trust_region import Ended, Stopping, iterate
+from damperfit.identification.unknowns import Follows, Unknown, unknown_at, unknowns_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -50,6 +53,9 @@ _STEP_TOLERANCE = 1e-7
 _LONGEST_STEP = 0.7
 # Of the endings of the loop, those at a minimum: not its limits.
 _AT_MINIMUM = (1, 2, 4)
+# Weighted squares are about 1: a step that promises less moves nothing by a tenth of its error.
+# The integrator's own error may end the loop before it promises as little as is asked for.
+_NOTHING = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +65,7 @@ class JointSolution:
     Attributes
     ----------
     parameters : mapping of int to Values
-        By setting; the shared ones are equal.
+        By setting; the shared ones are equal where they are one unknown.
     evaluations : int
         Simulations of each setting.
     is_converged : bool
@@ -73,7 +79,8 @@ class JointSolution:
     n_independent : mapping of Setting to float
         Independent samples among them, twice their sign changes.
     errors : mapping of str to float
-        Rough relative standard errors of the shared variables, as `relative_errors` of one fit.
+        Rough relative standard errors of the shared unknowns by their labels, as `relative_errors`
+        of one fit.
     gas : GasLaw or None
         The law that K_e follows, where one was given.
     """
@@ -98,7 +105,11 @@ class JointProblem:
     misfits : mapping of Setting to Misfit
         By setting; ``free`` names own and shared parameters, the same for all.
     shared : tuple of str
-        Values that all settings have in common.
+        Quantities that settings have in common.
+    follows : mapping of str to tuple of str
+        Adjusters that some of them follow; what is not named all settings have in common.
+    held : frozenset of Unknown
+        Unknowns that stay as the starts have them.
     gas : GasLaw or None
         Where K_e starts from, if it is to follow a gas content; K_e must then be free.
     weights : mapping of Setting to float or None
@@ -109,6 +120,8 @@ class JointProblem:
 
     misfits: Mapping[Setting, Misfit]
     shared: tuple[str, ...]
+    follows: Follows = field(default_factory=dict)
+    held: frozenset[Unknown] = frozenset()
     gas: GasLaw | None = None
     weights: Mapping[Setting, float] | None = None
     jobs: int = 1
@@ -134,6 +147,18 @@ class JointProblem:
     def is_shared(self) -> NDArray[np.bool_]:
         """Which of the variables are shared."""
         return np.array([name in {*self.shared, *GAS_NAMES} for name in self.variables])
+
+    @property
+    def border(self) -> tuple[Unknown, ...]:
+        """The shared unknowns that move, in the order of the variables."""
+        shared = [n for n, mine in zip(self.variables, self.is_shared, strict=True) if mine]
+        found = unknowns_of(shared, self.follows, self.settings)
+        return tuple(one for one in found if one not in self.held)
+
+    def at(self, setting: Setting) -> tuple[Unknown, ...]:
+        """The unknowns that a setting's shared variables are, in their order."""
+        shared = [n for n, mine in zip(self.variables, self.is_shared, strict=True) if mine]
+        return tuple(unknown_at(name, self.follows, setting) for name in shared)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,7 +213,7 @@ def fit_jointly(problem: JointProblem, starts: Mapping[Setting, Values]) -> Join
     return JointSolution(
         parameters=ended.extra.parameters,
         evaluations=ended.evaluations,
-        is_converged=ended.status in _AT_MINIMUM,
+        is_converged=ended.status in _AT_MINIMUM or _promise(ended) < _NOTHING,
         cost=ended.system.cost,
         weights=model.weights,
         mean_squares={setting: one.mean_square for setting, one in seen.items()},
@@ -215,10 +240,29 @@ class _Model:
         self.weights = dict(problem.weights or {})
         self.own = np.flatnonzero(~problem.is_shared)
         self.theta = np.flatnonzero(problem.is_shared)
+        self.border = problem.border
+        places = {one: k for k, one in enumerate(self.border)}
+        # Of each setting: which of its shared variables move, and where they stand in the border.
+        self.moving: dict[Setting, NDArray[np.intp]] = {}
+        self.places: dict[Setting, NDArray[np.intp]] = {}
+        for setting in problem.settings:
+            mine = list(zip(self.theta, problem.at(setting), strict=True))
+            moving = [(k, places[one]) for k, one in mine if one in places]
+            columns = np.array(moving, dtype=np.intp).reshape(-1, 2)
+            self.moving[setting], self.places[setting] = columns.T
+        self.packed = self._packed()
 
     @property
     def start(self) -> FloatArray:
-        """The starts, packed."""
+        """The starts as one vector."""
+        border = np.empty(len(self.border))
+        # The first setting that has an unknown says where it starts.
+        for setting, row in zip(reversed(self.problem.settings), self.packed[::-1], strict=True):
+            border[self.places[setting]] = row[self.moving[setting]]
+        return np.concatenate([self.packed[:, self.own].ravel(), border])
+
+    def _packed(self) -> FloatArray:
+        """The variables of each setting at the starts, shape (settings, variables)."""
         problem, gas = self.problem, self.problem.gas
         law = {} if gas is None else {name: math.log(getattr(gas, name)) for name in GAS_NAMES}
         rows = []
@@ -228,28 +272,32 @@ class _Model:
             )
             known = {**dict(zip(problem.free, packed, strict=True)), **law}
             rows.append([known[name] for name in problem.variables])
-        table = np.array(rows)
-        return np.concatenate([table[:, self.own].ravel(), table[0, self.theta]])
+        return np.array(rows)
 
     def point_at(self, variables: FloatArray) -> tuple[BorderedSystem, _At]:
         """Simulate all settings; the first point gives the weights where there are none."""
         problem = self.problem
-        own = variables[: len(variables) - len(self.theta)].reshape(len(problem.settings), -1)
-        theta = variables[len(variables) - len(self.theta) :]
+        own, theta = np.split(variables, [len(problem.settings) * len(self.own)])
+        own = own.reshape(len(problem.settings), -1)
         gas = self._gas(theta)
-        at = {
-            setting: self._parameters(setting, mine, theta, gas)
-            for setting, mine in zip(problem.settings, own, strict=True)
-        }
+        at = {}
+        for setting, mine, start in zip(problem.settings, own, self.packed, strict=True):
+            known = start.copy()
+            known[self.own], known[self.moving[setting]] = mine, theta[self.places[setting]]
+            at[setting] = self._parameters(setting, known, gas)
 
         def one(setting: Setting) -> tuple[FloatArray, _Seen]:
-            linear = attempted(setting, lambda: linearise(problem.misfits[setting], at[setting]))
+            values, is_free = at[setting]
+            linear = attempted(setting, lambda: linearise(problem.misfits[setting], values))
             if isinstance(linear, SettingFailure):
                 # A trial that cannot be simulated is one step too far; a bug is the end.
                 error = SettingError(linear)
                 raise _BugError(error) if linear.is_internal else error
             residuals, jacobian = linear
-            jacobian = (jacobian @ _chain(problem, gas, setting))[:, [*self.own, *self.theta]]
+            slopes = (jacobian * is_free) @ _chain(problem, gas, setting)
+            jacobian = np.zeros((len(residuals), len(self.own) + len(self.border)))
+            jacobian[:, : len(self.own)] = slopes[:, self.own]
+            jacobian[:, len(self.own) + self.places[setting]] = slopes[:, self.moving[setting]]
             mean_square = float(residuals @ residuals) / len(residuals)
             weight = self.weights.get(setting, 1.0 / max(mean_square, 1e-300))
             changes = np.count_nonzero(np.diff(np.signbit(residuals)))
@@ -261,7 +309,9 @@ class _Model:
         self.weights = self.weights or {
             setting: 1.0 / max(one.mean_square, 1e-300) for setting, one in by_setting.items()
         }
-        return BorderedSystem(blocks, len(self.theta)), _At(at, gas, by_setting)
+        return BorderedSystem(blocks, len(self.border)), _At(
+            {setting: values for setting, (values, _) in at.items()}, gas, by_setting
+        )
 
     def _gas(self, theta: FloatArray) -> GasLaw | None:
         if self.problem.gas is None:
@@ -270,18 +320,22 @@ class _Model:
         return replace(self.problem.gas, **dict(zip(GAS_NAMES, values, strict=True)))
 
     def _parameters(
-        self, setting: Setting, own: FloatArray, theta: FloatArray, gas: GasLaw | None
-    ) -> Values:
+        self, setting: Setting, known: FloatArray, gas: GasLaw | None
+    ) -> tuple[Values, NDArray[np.bool_]]:
+        """A setting's values, and which of the free ones are not beyond their ranges.
+
+        What is beyond stays at the edge, and beyond it nothing changes any more.
+        """
         problem = self.problem
-        known = np.empty(len(problem.variables))
-        known[self.own], known[self.theta] = own, theta
         by_name = dict(zip(problem.variables, known, strict=True))
         # K_e of every setting exactly on its law.
         k_e = {} if gas is None else {GAS_FOLLOWER: gas.modulus(setting)}
         packed = np.array([by_name.get(name, 0.0) for name in problem.free])
         values = common_variables(problem.misfits[setting]).unpack(packed).tolist()
         named = dict(zip(problem.free, values, strict=True))
-        return self.starts[setting].replace({**named, **k_e})
+        found = self.starts[setting].replace({**named, **k_e})
+        is_free = [is_within(found, (name,)) for name in problem.free]
+        return kept_within(found, problem.free), np.array(is_free, dtype=bool)
 
 
 def _chain(problem: JointProblem, gas: GasLaw | None, setting: Setting) -> FloatArray:
@@ -301,16 +355,16 @@ def _chain(problem: JointProblem, gas: GasLaw | None, setting: Setting) -> Float
     )
 
 
+def _promise(ended: Ended[_At]) -> float:
+    scale = np.maximum(ended.system.lengths, NO_LENGTH)
+    return ended.system.scaled(scale).step(0.0).effect
+
+
 def _errors(problem: JointProblem, ended: Ended[_At]) -> dict[str, float]:
     assert isinstance(ended.system, BorderedSystem)
     variances = np.diag(inverse_information(ended.system.shared_rows))
     inflation = float(np.mean([one.n / one.n_independent for one in ended.extra.seen.values()]))
-    names = [
-        name
-        for name, is_shared in zip(problem.variables, problem.is_shared, strict=True)
-        if is_shared
-    ]
     return {
-        name: math.sqrt(float(variance) * inflation)
-        for name, variance in zip(names, variances, strict=True)
+        one.label: math.sqrt(float(variance) * inflation)
+        for one, variance in zip(problem.border, variances, strict=True)
     }

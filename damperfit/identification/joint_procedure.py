@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, cast
@@ -9,13 +10,16 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from damperfit.damper.model import Values
+from damperfit.identification.descent import descend
 from damperfit.identification.failures import SettingError, SettingFailure, attempted
+from damperfit.identification.following import Way, detected_way
 from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_jointly
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.paper.gas_content import GAS_FOLLOWER, first_law, working_pressure
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import NOT_FIT_TO_SHARE
 from damperfit.identification.sharing import TAKEN, Sharing
+from damperfit.identification.unknowns import Unknown, unknown_at, unknowns_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -35,6 +39,8 @@ _MAX_ROUNDS = 5
 _LAW_UNKNOWNS = 2
 # A misfit that chance makes so large once in a thousand sets; the noise is known roughly only.
 _CHANCE = 0.001
+# Neighbours from which a setting that ended unsound starts again: one along each of two adjusters.
+_NEIGHBOURS = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,10 +51,10 @@ class JointResult:
     ----------
     solution : JointSolution
         Where it ended.
-    own : tuple of str
-        What is left to each setting's own fit.
-    status : mapping of str to str
-        Of the shared parameters.
+    way : Way
+        What is each setting's own, and what is shared by whom.
+    status : mapping of Unknown to Status
+        Of what is shared.
     sharing : Sharing
         For their errors.
     evaluations : int
@@ -58,8 +64,8 @@ class JointResult:
     """
 
     solution: JointSolution
-    own: tuple[str, ...]
-    status: Mapping[str, Status]
+    way: Way
+    status: Mapping[Unknown, Status]
     sharing: Sharing
     evaluations: int
     warnings: tuple[str, ...]
@@ -69,8 +75,12 @@ class JointResult:
         known = self.solution.parameters.get(fit.setting)
         if known is not None:
             return known
-        agreed = next(iter(self.solution.parameters.values()))
-        held = {n: getattr(agreed, n) for n in self.sharing.jointly}
+        held = {
+            name: getattr(at, name)
+            for name in self.sharing.jointly
+            for other, at in self.solution.parameters.items()
+            if self._unknown(name, other) == self._unknown(name, fit.setting)
+        }
         parameters = fit.parameters.replace(held)
         if self.solution.gas is None:
             return parameters
@@ -78,11 +88,30 @@ class JointResult:
         law = replace(self.solution.gas, pressures={fit.setting: pressure})
         return parameters.replace(k_e=law.modulus(fit.setting))
 
+    def own_at(self, setting: Setting) -> tuple[str, ...]:
+        """What is left to a setting's own fit: its own, and what follows a click of it alone."""
+        lost = {*self.way.shared} - {*self.sharing.found_at(setting)}
+        gas = set() if self.solution.gas is None else {GAS_FOLLOWER}
+        return tuple(name for name in (*self.way.own, *lost) if name not in gas)
+
+    def status_at(self, setting: Setting) -> dict[str, Status]:
+        """The status of what a setting shares."""
+        return {
+            name: self.status[self._unknown(name, setting)]
+            for name in self.sharing.found_at(setting)
+        }
+
+    def _unknown(self, name: str, setting: Setting) -> Unknown:
+        return unknown_at(name, self.way.follows, setting)
+
 
 def fit_together(
-    given: ProcedureInput, before: Sequence[Fit], own: tuple[str, ...], shared: tuple[str, ...]
+    given: ProcedureInput, before: Sequence[Fit], way: Way | None, moving: tuple[str, ...]
 ) -> tuple[JointResult | None, dict[Setting, SettingFailure]]:
-    """Fit the settings that have a sound minimum together; None where there are not two.
+    """Fit the settings that have a minimum together; None where there are not two.
+
+    Without a way of sharing the logs tell it. Where something follows an adjuster, settings take
+    part too that do not tell every quantity by themselves: others tell it for them.
 
     A setting that cannot be simulated at the start is left out and follows the others; one that
     meets a bug is left out for good, and the second value returned tells why.
@@ -92,12 +121,17 @@ def fit_together(
     FitCancelledError
         When the caller asked to stop.
     """
-    sound = {fit.setting: fit for fit in before if fit.outcome is Outcome.CONVERGED}
+    is_plain = way is not None and not way.follows and not way.is_general
+    sound = {
+        fit.setting: fit
+        for fit in before
+        if (fit.outcome is Outcome.CONVERGED if is_plain else fit.outcome.is_minimum)
+    }
     broken: dict[Setting, SettingFailure] = {}
     said: list[str] = []
     while True:
         try:
-            together = _fit_sound(given, sound, own, shared)
+            together = _fit_sound(given, sound, way, moving)
         except SettingError as error:
             failure = error.failure
             del sound[failure.setting]
@@ -114,19 +148,26 @@ def fit_together(
 def _fit_sound(
     given: ProcedureInput,
     sound: Mapping[Setting, Fit],
-    own: tuple[str, ...],
-    shared: tuple[str, ...],
+    way: Way | None,
+    moving: tuple[str, ...],
 ) -> JointResult | None:
     is_gas = given.options.bulk_modulus == "appendix1"
-    if len(sound) < 2 or not (shared or is_gas):
+    if len(sound) < 2 or not (way is None or way.shared or is_gas):
         return None
-    common = {name: _common(name, given, list(sound.values())) for name in shared}
-    starts = {setting: fit.parameters.replace(common) for setting, fit in sound.items()}
-    moving = {*own, *shared, *((GAS_FOLLOWER,) if is_gas else ())}
-    misfits = {setting: given.misfit(setting, given.ordered(moving)) for setting in sound}
-    problem = JointProblem(misfits, shared, jobs=given.jobs)
+    free = given.ordered({*moving, *((GAS_FOLLOWER,) if is_gas else ())})
+    misfits = {setting: given.misfit(setting, free) for setting in sound}
+    spent = 0
+    if way is None or way.is_general:
+        apart, spent = _helped(misfits, sound, jobs=given.jobs)
+        found = detected_way(misfits, apart, way, jobs=given.jobs)
+        way, starts, spent = found.way, found.starts, spent + found.evaluations
+        if not way.shared:
+            return None
+    else:
+        starts = _common_starts(given, sound, way)
+    problem = JointProblem(misfits, way.shared, way.follows, jobs=given.jobs)
     solution = fit_jointly(problem, starts)
-    spent, rises = solution.evaluations, {}
+    spent, rises = spent + solution.evaluations, {}
     warnings = [] if solution.is_converged else [_NO_MINIMUM]
     if is_gas:
         alone = solution
@@ -135,20 +176,70 @@ def _fit_sound(
         rises = _rises(alone, solution)
         warnings = [*([] if solution.is_converged else [_NO_MINIMUM]), *_judged_law(rises)]
     sharing = Sharing(
-        given.ordered(moving),
-        jointly=shared,
+        free,
+        jointly=way.shared,
+        follows=way.follows,
+        is_detected=way.is_detected,
         settings=tuple(sorted(sound)),
         gas=solution.gas,
         gas_rises=rises,
     )
     return JointResult(
         solution=solution,
-        own=tuple(name for name in own if not (is_gas and name == GAS_FOLLOWER)),
-        status=_statuses(solution, shared, is_gas=is_gas),
+        way=way,
+        status=_statuses(solution, way, is_gas=is_gas),
         sharing=sharing,
         evaluations=spent,
         warnings=tuple(warnings),
     )
+
+
+def _helped(
+    misfits: Mapping[Setting, Misfit], fits: Mapping[Setting, Fit], *, jobs: int
+) -> tuple[dict[Setting, Values], int]:
+    """Each setting's values; one that ended unsound starts again from its sound neighbours'.
+
+    A weak stroke may be read as a blow-off that is always open where its bleed is all that acts.
+    """
+    sound = [setting for setting, fit in fits.items() if fit.outcome is Outcome.CONVERGED]
+    spent = dict.fromkeys(fits, 0)
+
+    def helped(setting: Setting) -> Values:
+        best, least = fits[setting].parameters, fits[setting].mse_percent
+        nearest = sorted(sound, key=lambda other: (_steps(setting, other), other))
+        for other in nearest[:_NEIGHBOURS] if setting not in sound else ():
+            start = best.replace(
+                {n: getattr(fits[other].parameters, n) for n in misfits[other].free}
+            )
+            found = attempted(setting, partial(descend, misfits[setting], start))
+            if isinstance(found, SettingFailure):
+                continue
+            spent[setting] += found.evaluations
+            if found.mse_percent < least:
+                best, least = found.parameters, found.mse_percent
+        return best
+
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        found = dict(zip(fits, pool.map(helped, fits), strict=True))
+    return found, max(spent.values())
+
+
+def _steps(one: Setting, other: Setting) -> int:
+    """How many adjusters stand elsewhere."""
+    return sum(one.place(adjuster) != other.place(adjuster) for adjuster in one.adjusters)
+
+
+def _common_starts(
+    given: ProcedureInput, sound: Mapping[Setting, Fit], way: Way
+) -> dict[Setting, Values]:
+    """Each setting's own values, with what is shared equal already."""
+    starts = {setting: fit.parameters for setting, fit in sound.items()}
+    for one in unknowns_of(way.shared, way.follows, sorted(sound)):
+        having = [setting for setting in sound if one.holds_at(setting)]
+        value = _common(one.name, given, [sound[setting] for setting in having])
+        for setting in having:
+            starts[setting] = starts[setting].replace({one.name: value})
+    return starts
 
 
 def _common(name: str, given: ProcedureInput, fits: Sequence[Fit]) -> float:
@@ -223,15 +314,14 @@ def _judged_law(rises: Mapping[Setting, float]) -> list[str]:
     return [said]
 
 
-def _statuses(
-    solution: JointSolution, shared: tuple[str, ...], *, is_gas: bool
-) -> dict[str, Status]:
-    agreed = next(iter(solution.parameters.values()))
+def _statuses(solution: JointSolution, way: Way, *, is_gas: bool) -> dict[Unknown, Status]:
     status = {}
-    for name in shared:
-        one = agreed.quantity(name)
+    for unknown in unknowns_of(way.shared, way.follows, sorted(solution.parameters)):
+        having = [at for s, at in solution.parameters.items() if unknown.holds_at(s)]
+        one, value = having[0].quantity(unknown.name), getattr(having[0], unknown.name)
         low, high = one.plausible
-        status[name] = Status.SHARED if low < getattr(agreed, name) < high else Status.AT_BOUND
-        if one.is_logarithmic and solution.errors[name] > NOT_FIT_TO_SHARE:
-            status[name] = Status.NOT_IDENTIFIABLE
-    return status | ({GAS_FOLLOWER: Status.SHARED} if is_gas else {})
+        found = Status.SHARED if len(having) > 1 else Status.FITTED
+        status[unknown] = found if low < value < high else Status.AT_BOUND
+        if one.is_logarithmic and solution.errors[unknown.label] > NOT_FIT_TO_SHARE:
+            status[unknown] = Status.NOT_IDENTIFIABLE
+    return status | ({Unknown(GAS_FOLLOWER): Status.SHARED} if is_gas else {})

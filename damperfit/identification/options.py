@@ -15,10 +15,18 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model
 
-__all__ = ["BULK_MODULUS_NAMES", "PROCEDURE_NAMES", "FitOptions", "check_options", "shared_names"]
+__all__ = [
+    "BULK_MODULUS_NAMES",
+    "DETECT",
+    "PROCEDURE_NAMES",
+    "FitOptions",
+    "check_options",
+    "shared_names",
+]
 
 PROCEDURE_NAMES = ("paper", "joint", "plain")
 BULK_MODULUS_NAMES = ("free", "appendix1")
+DETECT = "detect"  # in place of names: share what no adjuster moves
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +49,10 @@ class FitOptions:
         Limit of simulations for one descent.
     share : tuple of str or None
         Parameters that all settings have in common in procedure `joint`; None: those that the model
-        says are the damper's or the rig's.
+        says are the damper's or the rig's; `DETECT` alone: what no adjuster moves, as the logs tell
+        it or `follows` declares it.
+    follows : mapping of str to tuple of str
+        Parameters that have one value for each click of some adjusters, as it was declared.
     fallback_r_m3, fallback_f_f : float
         The paper's published values, used with a warning only where no log fixes these
         parameters; R_m3 only where it also fits the logs as well as any other value.
@@ -63,12 +74,18 @@ class FitOptions:
     solver: SolverOptions = SolverOptions(tolerance=1e-2)
     max_evaluations: int = 100
     share: tuple[str, ...] | None = None
+    follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     fallback_r_m3: float = 2.597e6
     fallback_f_f: float = 50.0
     bulk_modulus: str = "free"
     starts: int = 1
     from_closed: tuple[str, ...] = ()
     start: GivenStart = GivenStart()
+
+    @property
+    def is_detecting(self) -> bool:
+        """Whether a joint fit shares what no adjuster moves."""
+        return self.share == (DETECT,)
 
 
 def check_options(options: FitOptions, damper: Model) -> None:
@@ -89,12 +106,15 @@ def check_options(options: FitOptions, damper: Model) -> None:
             f"of {', '.join(damper.procedures)}."
         )
     share = shared_names(options, damper)
-    for name in (*(options.free or ()), *options.fixed, *share):
+    for name in (*(options.free or ()), *options.fixed, *share, *options.follows):
         damper.quantity(name)
     for name in options.free or ():
         if name in options.fixed:
             raise ConfigurationError(f"{name} is both free and fixed; choose one.")
-    for name in share if options.procedure == "joint" else ():
+    for name in options.follows:
+        if name in options.fixed:
+            raise ConfigurationError(f"{name} follows an adjuster and is fixed; choose one.")
+    for name in share if options.procedure == "joint" and not options.is_detecting else ():
         if name in options.fixed or name in (options.free or ()):
             raise ConfigurationError(f"{name} is shared and also free or fixed; choose one.")
     _check_bulk_modulus(options, damper)
@@ -116,8 +136,11 @@ def check_options(options: FitOptions, damper: Model) -> None:
 
 
 def shared_names(options: FitOptions, damper: Model) -> tuple[str, ...]:
-    """Return the parameters that a joint fit of a model has in common for all settings."""
-    if options.share is not None:
+    """Return the parameters that a joint fit of a model has in common for all settings.
+
+    Where it is to detect them, those that no adjuster could move.
+    """
+    if options.share is not None and not options.is_detecting:
         return options.share
     shared = (one for one in damper.quantities if one.is_shared and one.default is None)
     return tuple(one.name for one in shared)

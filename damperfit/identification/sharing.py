@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from damperfit.identification.paper.gas_content import GAS_FOLLOWER, GAS_NAMES
+from damperfit.identification.unknowns import Follows, Unknown, unknown_at, unknowns_of
 from damperfit.setting import Setting
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ TAKEN, MEAN = "r_m3", "f_f"
 # Frictions further from their middle than this share are not one. Noise alone moves those of the
 # sample runs by 0.8 %.
 _ALIKE = 0.2
+_ANY = Setting(())  # where nothing follows an adjuster any setting stands for all
 _MANY = 20  # runs of settings that a sentence names
 
 
@@ -34,6 +36,10 @@ class Sharing:
         What was free together with them at each setting.
     jointly : tuple of str
         Parameters found in one fit over all settings.
+    follows : mapping of str to tuple of str
+        Adjusters that some of these follow: one value for each click. What is not named has one.
+    is_detected : bool
+        The logs told what follows which adjuster; otherwise it was declared.
     settings : tuple of Setting
         Settings of that fit.
     r_m3_from : Setting or None
@@ -55,6 +61,8 @@ class Sharing:
 
     free: tuple[str, ...] = ()
     jointly: tuple[str, ...] = ()
+    follows: Follows = field(default_factory=dict)
+    is_detected: bool = False
     settings: tuple[Setting, ...] = ()
     r_m3_from: Setting | None = None
     f_f_from: tuple[Setting, ...] = ()
@@ -84,12 +92,75 @@ class Sharing:
         """Whether a parameter is the mean of what single settings gave."""
         return name == MEAN and name in self.found and not self.jointly
 
+    def found_at(self, setting: Setting) -> tuple[str, ...]:
+        """Names of those that a setting has in common with others of the fit.
+
+        A click that no other setting of the joint fit has is told by none.
+        """
+        if not self.follows:
+            return self.found
+        known = set(self.unknowns)
+        return tuple(n for n in self.found if unknown_at(n, self.follows, setting) in known)
+
+    @property
+    def common(self) -> tuple[str, ...]:
+        """Names of those that are one for all settings."""
+        return tuple(name for name in self.found if not self.follows.get(name))
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """What is behind them: themselves for each click that they have, but for K_e its law."""
+        if self.gas is None:
+            return unknowns_of(self.found, self.follows, self.settings or (_ANY,))
+        return unknowns_of((*self.jointly, *GAS_NAMES), self.follows, self.settings)
+
     @property
     def variables(self) -> tuple[str, ...]:
-        """Names of the variables behind them: themselves, but for K_e those of its law."""
-        if self.gas is None:
-            return self.found
-        return (*self.jointly, *GAS_NAMES)
+        """Labels of the unknowns; of what all settings share, the name."""
+        return tuple(one.label for one in self.unknowns)
+
+    @property
+    def sentence(self) -> str:
+        """What follows which adjuster, without a full stop; empty where that was not asked.
+
+        Examples
+        --------
+        >>> at = (Setting((("low", 6),)), Setting((("low", 14),)))
+        >>> Sharing(("s", "k"), ("s", "k"), {"s": ("low",)}, True, at).sentence
+        'The logs tell that s follows low; everything else is shared by all 2 settings'
+        """
+        if not self.follows and not self.is_detected:
+            return ""
+        groups: dict[tuple[str, ...], list[str]] = {}
+        for name in self.jointly:
+            groups.setdefault(tuple(self.follows.get(name, ())), []).append(name)
+        own = [name for name in self.free if name not in self.jointly]
+        rest = groups.pop((), [])
+        said = [
+            f"{_listed(names)} follow{'s' if len(names) == 1 else ''} {_listed(adjusters)}"
+            for adjusters, names in groups.items()
+        ]
+        if own:
+            said.append(f"{_listed(own)} {'is' if len(own) == 1 else 'are'} each setting's own")
+        if rest:
+            said.append(f"everything else is shared by all {len(self.settings)} settings")
+        return ("The logs tell that " if self.is_detected else "As declared ") + "; ".join(said)
+
+    def whose(self, name: str, setting: Setting) -> str:
+        """Return by whom a shared parameter is shared, for people.
+
+        Examples
+        --------
+        >>> Sharing(jointly=("r_m3",)).whose("r_m3", Setting.of(3))
+        'all settings'
+        """
+        places = unknown_at(name, self.follows, setting).places
+        at = ", ".join(f"{adjuster} {place}" for adjuster, place in places)
+        return f"all settings at {at}" if at else "all settings"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def listed_settings(settings: Iterable[Setting | Place]) -> str:

@@ -267,9 +267,11 @@ def _inverted(triangles: FloatArray, lengths: FloatArray) -> tuple[FloatArray, b
 
     ``lengths`` are those of the columns before other variables were eliminated.
     """
+    is_short = lengths <= NO_LENGTH
     lengths = np.maximum(lengths, NO_LENGTH)
     left, values, right = np.linalg.svd(triangles / lengths[:, None, :])
     is_seen = values > _NOT_SEEN
     weights = np.where(is_seen, 1.0 / np.maximum(values, _NOT_SEEN), 0.0)
     inverse = np.einsum("bji,bj,bkj->bik", right, weights, left) / lengths[:, :, None]
+    inverse[is_short] = 0.0  # rounding in a column of zeros is not to be taken for a step
     return inverse, bool(np.all(is_seen))

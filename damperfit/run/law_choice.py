@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.configuration.loading import redeclared
+from damperfit.configuration.what_is_tested import unmatched
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import (
@@ -196,6 +197,12 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     }
     if any(best.model.quantity(name).default is not None for name in best.free):
         sections["identification"] = {"free": list(best.free)}
+    lost = {*unmatched(configuration.document["adjusters"], best.model)}
+    if lost:  # a valve that the law does not have follows no adjuster
+        sections["adjusters"] = {
+            adjuster: said if isinstance(said, str) else [one for one in said if one not in lost]
+            for adjuster, said in configuration.document["adjusters"].items()
+        }
     made = redeclared(configuration, sections)
     # Nobody has measured what stood at its default.
     chosen = {"damper.model", "damper.rebound", "damper.compression", "damper.mounting"}

@@ -14,6 +14,7 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from damperfit.atomic import check_writable, file_set, reserved
+from damperfit.configuration.what_is_tested import unmatched
 from damperfit.errors import ConfigurationError, OutputError
 from damperfit.report import markdown_report
 from damperfit.run.dampers import by_damper, folder_name
@@ -99,6 +100,7 @@ def run(
         `UnwrittenError` that holds the result.
     """
     workers = jobs or available_cores()
+    _check_adjusters(configuration)
     check_writable(configuration.output.folder)
     with reserved(configuration.output.folder):
         parts = _read(configuration, logs, jobs=workers, setting=setting, watch=watch)
@@ -125,6 +127,7 @@ def run_each(
     where there is one.
     """
     workers = jobs or available_cores()
+    _check_adjusters(configuration)
     check_writable(configuration.output.folder)
     with reserved(configuration.output.folder):
         parts = _read(configuration, logs, jobs=workers, setting=setting, watch=watch)
@@ -157,6 +160,18 @@ def find_each(
             one.configuration, one.parted, clock=one.clock, jobs=one.jobs, watch=watch
         )
         yield one.owner, found.result(mishaps.failures)
+
+
+def _check_adjusters(configuration: Configuration) -> None:
+    """Refuse a joint fit in which what is declared to follow an adjuster is none of the model's."""
+    damper = configuration.damper
+    lost = unmatched(configuration.document["adjusters"], damper)
+    if lost and configuration.identification.procedure == "joint":
+        raise ConfigurationError(
+            f"adjusters: {', '.join(lost)}: the model {damper.name} has no such quantity; there "
+            f"are {', '.join((*damper.parts, *damper.names))}; name damper.model, or let --model "
+            "auto find it"
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -333,9 +333,13 @@ def _procedure(configuration: Configuration, campaign: Campaign) -> Iterator[str
     yield f"Filter: {fit.logs[0].trace.model_filter.description}"
     yield f"Procedure: {campaign.procedure}."
     yield from (f"Put right: {line}." for line in corrections(campaign))
+    if campaign.sharing.sentence:
+        yield f"{campaign.sharing.sentence}."
     for one in fit.parameters.quantities:
         name, unit, value = one.name, one.unit, getattr(fit.parameters, one.name)
         said = f"{name} = {engineering(value, digits=5)} {unit}"
+        if campaign.sharing.follows.get(name):
+            continue
         if fit.status[name] == Status.SHARED:
             spread = _friction_spread(campaign) if name == MEAN else ""
             yield f"{said} is shared by all settings, found from the logs{spread}."

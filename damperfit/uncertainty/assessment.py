@@ -312,13 +312,14 @@ def profile_campaign(
 
     with ThreadPoolExecutor(max(1, bench.jobs)) as pool, one_blas_thread():
         for name in dict.fromkeys(names):
+            traced: tuple[MisfitProfile, ...] = ()
             if name in sharing.jointly:
-                lowest = sharing.settings[0]
-                traced: tuple[MisfitProfile, ...] = ()
-                with sparing(lowest, on_error), suppress(SimulationError, FitCancelledError):
-                    traced = profile_jointly(
-                        name, linearised, known[lowest], sharing, bench, stride=stride
-                    )
+                for unknown in (one for one in sharing.unknowns if one.name == name):
+                    lowest = next(one for one in sharing.settings if unknown.holds_at(one))
+                    with sparing(lowest, on_error), suppress(SimulationError, FitCancelledError):
+                        traced += profile_jointly(
+                            unknown, linearised, known[lowest], sharing, bench, stride=stride
+                        )
             else:
                 lines = lines_of(name, mine, known, sharing, bench)
                 traced = tuple(p for p in pool.map(one, lines) if p is not None)

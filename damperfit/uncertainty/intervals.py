@@ -12,8 +12,9 @@ Procedure `joint`: T = S^-1 (E_theta - H_theta,f H_ff^-1 E_f) with the Schur com
 error of a shared parameter is inside the intervals of the setting's own. They are built on the
 scale of ln y and can never be negative.
 
-Where K_e follows from a gas content, theta holds V_r and K_B/C in its place, and A = du/dtheta of
-a setting (`shared_slopes`) carries their errors to its K_e and on to its own parameters.
+What follows an adjuster is an unknown for each of its clicks, and theta holds them all: A of a
+setting, du/dtheta (`shared_slopes`), picks those that it has. Where K_e follows from a gas content,
+theta holds V_r and K_B/C in its place, and A carries their errors to K_e and to the setting's own.
 """
 
 from __future__ import annotations
@@ -100,7 +101,7 @@ class Uncertainty:
     intervals : dict of str to Interval
         For every fitted or shared parameter that the logs gave.
     names : tuple of str
-        Order of `covariance`: the setting's own, then the shared ones.
+        Order of `covariance`: the setting's own, those of its clicks, those of all settings.
     covariance : numpy.ndarray
         Of ln y (an offset: of itself, N), shape (k, k).
     shared : tuple of str
@@ -202,9 +203,9 @@ def shared_slopes(fit: Fit, sharing: Sharing) -> FloatArray:
     """
     names = fit.parameters.names
     slopes = np.zeros((len(names), len(sharing.variables)))
-    for k, name in enumerate(sharing.variables):
-        if name in names:
-            slopes[names.index(name), k] = 1.0
+    for k, one in enumerate(sharing.unknowns):
+        if one.name in names and one.holds_at(fit.setting):
+            slopes[names.index(one.name), k] = 1.0
     if sharing.gas is not None and fit.setting in sharing.gas.pressures:
         share = sharing.gas.share(fit.setting)
         slopes[names.index(GAS_FOLLOWER), -len(GAS_NAMES) :] = (-share, 1.0 - share)
@@ -221,7 +222,9 @@ def _of_setting(
 
     Those of noise first, then those of the misfit.
     """
-    own, shared = own_names(linearised.fit, sharing), sharing.found
+    own, shared = own_names(linearised.fit, sharing), sharing.found_at(linearised.fit.setting)
+    common = tuple(name for name in shared if name in sharing.common)
+    shared = (*(name for name in shared if name not in common), *common)
     slopes = shared_slopes(linearised.fit, sharing)
     direct = solved(linearised, own)
     carried = -direct @ linearised.information @ slopes
@@ -250,7 +253,7 @@ def _of_setting(
         )
         for name, error, ratio, bend in zip(names, errors, ratios, bends, strict=True)
     }
-    return Uncertainty(linearised.fit.setting, intervals, names, covariance, shared)
+    return Uncertainty(linearised.fit.setting, intervals, names, covariance, common)
 
 
 def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
@@ -260,11 +263,11 @@ def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
     """
     if not fit.outcome.is_minimum:
         return ()
+    shared = sharing.found_at(fit.setting)
     return tuple(
         name
         for name in fit.parameters.names
-        if fit.status[name] in {Status.FITTED, Status.NOT_IDENTIFIABLE}
-        and name not in sharing.found
+        if fit.status[name] in {Status.FITTED, Status.NOT_IDENTIFIABLE} and name not in shared
     )
 
 

@@ -19,7 +19,6 @@ from damperfit.identification.descent import common_variables, linearise
 from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_jointly
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.plausible import is_at_edge
-from damperfit.identification.sharing import MEAN
 from damperfit.identification.step_solvers import NO_LENGTH, DenseSystem
 from damperfit.identification.trust_region import Stopping, iterate
 from damperfit.statistics import NORMAL_95
@@ -47,6 +46,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Quantity, Values
     from damperfit.identification import Sharing
     from damperfit.identification.step_solvers import LinearSystem, Step
+    from damperfit.identification.unknowns import Unknown
     from damperfit.setting import Setting
     from damperfit.uncertainty.intervals import Uncertainty
     from damperfit.uncertainty.linearisation import Linearisation
@@ -222,7 +222,7 @@ def doubtful_profiles(
             continue
         mine, its = {one.fit.setting: one}, {one.fit.setting: known}
         for line in lines_of(name, mine, its, sharing, bench):
-            if name == MEAN and name in sharing.found:
+            if sharing.is_mean(name):
                 continue  # a mean over settings has no profile in one of them
             profile = trace_profile(line, Stride(_QUICK_STEP, _QUICK_REACH, budget))
             budget -= profile.evaluations
@@ -236,7 +236,7 @@ class _JointWalk:
     """The walker over all settings of a joint fit."""
 
     problem: JointProblem
-    name: str
+    unknown: Unknown
     best: JointSolution
     scale: float
     spent: int = 0
@@ -245,7 +245,8 @@ class _JointWalk:
     value: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self.value = float(getattr(next(iter(self.best.parameters.values())), self.name))
+        having = [at for s, at in self.best.parameters.items() if self.unknown.holds_at(s)]
+        self.value = float(getattr(having[0], self.unknown.name))
         self.last = self.best
         self.points.append((0.0, 0.0, self.best.parameters))
 
@@ -253,10 +254,11 @@ class _JointWalk:
         self.last = self.best
 
     def refit(self, along: float) -> float:
-        starts = {
-            setting: at.replace({self.name: value_at(at.quantity(self.name), self.value, along)})
-            for setting, at in self.last.parameters.items()
-        }
+        name, starts = self.unknown.name, dict(self.last.parameters)
+        for setting, at in starts.items():
+            if self.unknown.holds_at(setting):
+                held = value_at(at.quantity(name), self.value, along)
+                starts[setting] = at.replace({name: held})
         problem = replace(self.problem, gas=self.last.gas, weights=self.best.weights)
         self.last = fit_jointly(problem, starts)
         self.spent += self.last.evaluations
@@ -266,7 +268,7 @@ class _JointWalk:
 
 
 def profile_jointly(
-    name: str,
+    unknown: Unknown,
     linearised: Sequence[Linearisation],
     known: Uncertainty,
     sharing: Sharing,
@@ -274,18 +276,18 @@ def profile_jointly(
     *,
     stride: Stride = Stride(),
 ) -> tuple[MisfitProfile, ...]:
-    """Return the profile of a shared parameter of a joint fit, once for every setting in it.
+    """Return the profile of a shared parameter of a joint fit, once for every setting that has it.
 
     The rise is that of all settings together.
 
     Parameters
     ----------
-    name : str
-        One of ``sharing.jointly``.
+    unknown : Unknown
+        One of ``sharing.unknowns``.
     linearised : sequence of Linearisation
         Of all settings.
     known : Uncertainty
-        Of any setting of the joint fit.
+        Of any setting of the joint fit that has it.
     sharing : Sharing
         What was shared.
     bench : Bench
@@ -306,26 +308,23 @@ def profile_jointly(
         if one.fit.setting in sharing.settings and one.fit.outcome is Outcome.CONVERGED
     ]
     start = {fit.setting: fit.parameters for fit in fits}
-
-    def problem(free: tuple[str, ...]) -> JointProblem:
-        return JointProblem(
-            {fit.setting: bench.misfit(fit, free) for fit in fits},
-            tuple(n for n in sharing.jointly if n in free),
-            gas=sharing.gas,
-            jobs=bench.jobs,
-        )
-
-    whole = problem(sharing.free)
+    whole = JointProblem(
+        {fit.setting: bench.misfit(fit, sharing.free) for fit in fits},
+        sharing.jointly,
+        sharing.follows,
+        gas=sharing.gas,
+        jobs=bench.jobs,
+    )
     best = fit_jointly(whole, start)
-    held = problem(tuple(n for n in sharing.free if n != name))
-    place = known.names.index(name)
+    held = replace(whole, held=frozenset({unknown}))
+    place = known.names.index(unknown.name)
     variance = float(known.covariance[place, place])
-    curvature = shared_curvature(linearised, sharing)[sharing.variables.index(name)]
-    walk = _JointWalk(held, name, best, curvature / variance)
-    quantity = fits[0].parameters.quantity(name)
+    curvature = shared_curvature(linearised, sharing)[sharing.unknowns.index(unknown)]
+    walk = _JointWalk(held, unknown, best, curvature / variance)
+    quantity = fits[0].parameters.quantity(unknown.name)
     error = math.sqrt(variance) / unit_of(quantity)
     profiles = _walked(walk, quantity, walk.value, error, stride)
-    return tuple(profiles[setting] for setting in sorted(profiles))
+    return tuple(profiles[setting] for setting in sorted(profiles) if unknown.holds_at(setting))
 
 
 def _walked(

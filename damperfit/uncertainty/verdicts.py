@@ -137,6 +137,7 @@ def _verdict(
     if interval is None:
         return "no interval: the fit did not end at a minimum"
     tied = _tied(name, known) if is_tied else ""
+    whose = sharing.whose(name, fit.setting) if name in sharing.found_at(fit.setting) else ""
     where = (
         f"95 % from {interval.low:.4g} to {interval.high:.4g}"
         if profile is None or not profile.is_complete or (interval.misfit and not profile.is_flat)
@@ -145,9 +146,7 @@ def _verdict(
     if profile is not None and profile.better is not None:
         where += f", a better minimum lies near {profile.better.value:.4g}: give --starts 20"
     if status == Status.NOT_IDENTIFIABLE and profile is not None and profile.shape == "flat upward":
-        used = f"; {getattr(fit.parameters, name):.4g} is used" + (
-            " for all settings" if name in sharing.found else ""
-        )
+        used = f"; {getattr(fit.parameters, name):.4g} is used" + (f" for {whose}" if whose else "")
         rigid = ", as rigid oil would" if fit.parameters.quantity(name).is_open else ""
         return (
             f"not identifiable upward: at least {profile.low:.4g} (95 %), and any higher value "
@@ -155,7 +154,7 @@ def _verdict(
         )
     if status == Status.NOT_IDENTIFIABLE:
         value = f"{getattr(fit.parameters, name):.4g}"
-        used = f"; {value} is used for all settings" if name in sharing.found else ""
+        used = f"; {value} is used for {whose}" if whose else ""
         if used and profile is not None and profile.shape == "flat downward":
             used += ", in place of nothing: any value below the limit fits as well"
         return f"these logs do not tell it ({where}{tied}){used}; fix it, or fit more logs"
@@ -164,7 +163,7 @@ def _verdict(
             f" (standard errors: {interval.error:.2g} of noise, {interval.misfit:.2g} for what the "
             "model misses)"
         )
-    found = "shared by all settings" if status == Status.SHARED else "fitted"
+    found = f"shared by {whose or 'all settings'}" if status == Status.SHARED else "fitted"
     return f"{found}, {where}{tied}"
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from damperfit.configuration.loading import configuration_toml, load_configuration
+from damperfit.configuration.what_is_tested import unmatched
 from damperfit.damper.models import MODELS
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.network import Valve
@@ -46,7 +47,7 @@ def test_a_damper_of_real_valves_is_what_its_sections_say(tmp_path: Path) -> Non
     assert (damper.rebound, damper.compression) == (Valve("long", "rounded"), Valve())
     assert damper.mounting == Mounting(4e5, "none", "fit")
     assert found.identification.procedure == "plain"
-    assert found.identification.share == ("lag",)
+    assert found.identification.share == ("detect",)
     assert "made-up damper" in found.notes[0]
     assert "chamber_1_length" in found.notes[0]
 
@@ -94,3 +95,65 @@ def test_the_command_line_takes_another_model_over_the_file(tmp_path: Path) -> N
     other = written(tmp_path, '[damper]\nmodel = "linear"\n')
     found = load_configuration(other, overlay={"damper": {"model": "kwok"}})
     assert found.damper.name == "kwok"
+
+
+ADJUSTED = TEXT + '\n[adjusters]\nlow_speed = ["from closed", "rebound.bleed"]\nhigh_speed = {}\n'
+
+
+def test_what_follows_an_adjuster_is_declared_by_parts_or_columns(tmp_path: Path) -> None:
+    text = ADJUSTED.format('["rebound.blow_off", "compression_opening"]')
+    found = load_configuration(written(tmp_path, text))
+    # The rebound valve of TEXT is long and rounded.
+    assert found.identification.follows == {
+        "rebound_bleed": ("low_speed",),
+        "rebound_leak": ("low_speed",),
+        "rebound_opening": ("high_speed",),
+        "rebound_slope": ("high_speed",),
+        "rebound_width": ("high_speed",),
+        "compression_opening": ("high_speed",),
+    }
+    assert found.identification.from_closed == ("low_speed",)
+    assert "only procedure joint uses it, found procedure plain" in " ".join(found.notes)
+    again = load_configuration(written(tmp_path, configuration_toml(found)))
+    assert again == found
+
+
+def test_two_adjusters_may_move_one_quantity(tmp_path: Path) -> None:
+    found = load_configuration(written(tmp_path, ADJUSTED.format('["rebound.opening", "rebound"]')))
+    assert found.identification.follows["rebound_bleed"] == ("low_speed", "high_speed")
+    assert found.identification.follows["rebound_opening"] == ("high_speed",)
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        ('["rebound.blowoff"]', "'rebound.blowoff'.* Did you mean 'rebound.blow_off'"),
+        ('["rebound.port"]', "no quantity 'rebound.port' of the model through_flow"),
+        ('["open"]', "no quantity 'open'"),
+        ("[3]", "expected .* or a list of what follows it"),
+    ],
+)
+def test_what_is_no_quantity_is_refused_with_its_line(said, expected, tmp_path: Path) -> None:
+    text = ADJUSTED.format(said)
+    line = text[: text.index("high_speed =")].count("\n") + 1
+    with pytest.raises(
+        ConfigurationError, match=rf"rig\.toml:{line}: adjusters\.high_speed.*{expected}"
+    ):
+        load_configuration(written(tmp_path, text))
+
+
+def test_a_law_that_is_still_open_may_have_it(tmp_path: Path) -> None:
+    text = '[adjusters]\nlow_speed = ["rebound.bleed", "r_m1"]\n'
+    found = load_configuration(written(tmp_path, text))
+    assert found.identification.follows == {"r_m1": ("low_speed",)}
+    assert unmatched(found.document["adjusters"], found.damper) == ("rebound.bleed",)
+    with pytest.raises(
+        ConfigurationError, match=r"'rebound\.blood'.* Did you mean 'rebound.bleed'"
+    ):
+        load_configuration(written(tmp_path, text.replace("bleed", "blood")))
+
+
+def test_what_follows_an_adjuster_cannot_be_fixed(tmp_path: Path) -> None:
+    text = ADJUSTED.format('""') + "\n[identification]\nfix = {rebound_bleed = 3e4}\n"
+    with pytest.raises(ConfigurationError, match="rebound_bleed follows an adjuster and is fixed"):
+        load_configuration(written(tmp_path, text))

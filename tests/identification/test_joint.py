@@ -22,9 +22,12 @@ from damperfit.identification import (
     identify,
     joint_procedure,
 )
+from damperfit.identification.following import Way
 from damperfit.identification.joint_fit import JointSolution, fit_jointly
 from damperfit.identification.options import PROCEDURE_NAMES
+from damperfit.identification.unknowns import Unknown
 from damperfit.readers import read_log
+from damperfit.setting import Setting
 from damperfit.uncertainty import assess, linearise_settings
 from damperfit.uncertainty.intervals import shared_covariance, shared_curvature
 from tests.identification.rig import trace, traces
@@ -171,13 +174,14 @@ def test_rough_errors_of_the_joint_fit_are_those_of_the_judging(monkeypatch) -> 
 @pytest.mark.parametrize(("error", "status"), [(0.32, "shared"), (0.35, "not_identifiable")])
 def test_a_shared_parameter_is_told_by_three_errors(error: float, status: str) -> None:
     agreed = reference_parameters(5)
-    solution = JointSolution({5: agreed}, 1, True, 1.0, {}, {}, {}, {"r_m3": error, "f_f": 0.01})
-    found = joint_procedure._statuses(solution, SHARED, is_gas=False)
-    assert found == {"r_m3": status, "f_f": "shared"}
-    far = replace(agreed, f_f=1e7)
-    beyond = replace(solution, parameters={5: far})
-    assert joint_procedure._statuses(beyond, SHARED, is_gas=True)["f_f"] == "at_bound"
-    assert joint_procedure._statuses(beyond, SHARED, is_gas=True)["k_e"] == "shared"
+    at = dict.fromkeys((Setting.of(5), Setting.of(6)), agreed)
+    solution = JointSolution(at, 1, True, 1.0, {}, {}, {}, {"r_m3": error, "f_f": 0.01})
+    way = Way(OWN, SHARED, {})
+    found = joint_procedure._statuses(solution, way, is_gas=False)
+    assert found == {Unknown("r_m3"): status, Unknown("f_f"): "shared"}
+    beyond = replace(solution, parameters=dict.fromkeys(at, replace(agreed, f_f=1e7)))
+    found = joint_procedure._statuses(beyond, way, is_gas=True)
+    assert (found[Unknown("f_f")], found[Unknown("k_e")]) == ("at_bound", "shared")
 
 
 def test_a_setting_outside_of_the_joint_fit_lends_it_no_weight(three) -> None:

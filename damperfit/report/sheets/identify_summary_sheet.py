@@ -76,7 +76,7 @@ def summary_sheet(
     """
     shown = shown_quantities(rows, quantities)
     # What is each setting's own has a column, equal at all settings or not.
-    common = [q for q in shown if not _is_own(q) and _is_common(rows, q.name)]
+    common = [q for q in shown if _is_common(rows, q.name) and not _is_own(q, rows)]
     shown = [one for one in shown if one not in common]
     units = scaled_units(quantities)
     notes = (*_common_notes(rows, common), *setting_sparklines(rows, shown, levels))
@@ -88,8 +88,9 @@ def summary_sheet(
     return next(fitting, sheets[-1])
 
 
-def _is_own(quantity: Quantity) -> bool:
-    return quantity.scope == SETTING and quantity.default is None
+def _is_own(quantity: Quantity, rows: Sequence[Row]) -> bool:
+    is_shared = all(row[f"{quantity.name}_status"] == "shared" for row in rows)
+    return quantity.scope == SETTING and quantity.default is None and not is_shared
 
 
 def _is_common(rows: Sequence[Row], name: str) -> bool:

@@ -47,6 +47,7 @@ _MARKS = {
     "at_bound": "! ran into a bound",
     "not_identifiable": "? these logs cannot tell it",
 }
+_BY_CLICK = "s shared by all settings, or by those with one click of the adjuster that it follows"
 
 _OF_MISFIT = (
     "errors are of noise and of what repeats in the residual; parameters.csv has them apart"
@@ -68,8 +69,14 @@ def units_and_marks(rows: Sequence[Row], names: Sequence[str], units: str) -> tu
     """
     used = {row[f"{name}_status"] for row in rows for name in names}
     marks = ", ".join(text for status, text in _MARKS.items() if status in used)
+    if any(_follows_adjuster(rows, name) for name in names):
+        marks = marks.replace(_MARKS["shared"], _BY_CLICK)
     is_bent = any(row.get(f"{name}_misfit_se") for row in rows for name in names)
     return tuple(note for note in (units, marks, _OF_MISFIT * is_bent) if note)
+
+
+def _follows_adjuster(rows: Sequence[Row], name: str) -> bool:
+    return len({row[name] for row in rows if row[f"{name}_status"] == "shared"}) > 1
 
 
 def errors_and_flags(
