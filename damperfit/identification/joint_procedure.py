@@ -197,7 +197,7 @@ def _fit_sound(
 def _helped(
     misfits: Mapping[Setting, Misfit], fits: Mapping[Setting, Fit], *, jobs: int
 ) -> tuple[dict[Setting, Values], int]:
-    """Each setting's values; one that ended unsound starts again from its sound neighbours'.
+    """Each setting's values; one that ended at a bound starts again from its sound neighbours'.
 
     A weak stroke may be read as a blow-off that is always open where its bleed is all that acts.
     """
@@ -207,7 +207,8 @@ def _helped(
     def helped(setting: Setting) -> Values:
         best, least = fits[setting].parameters, fits[setting].mse_percent
         nearest = sorted(sound, key=lambda other: (_steps(setting, other), other))
-        for other in nearest[:_NEIGHBOURS] if setting not in sound else ():
+        is_lost = fits[setting].outcome is Outcome.AT_BOUND
+        for other in nearest[:_NEIGHBOURS] if is_lost else ():
             start = best.replace(
                 {n: getattr(fits[other].parameters, n) for n in misfits[other].free}
             )

@@ -111,12 +111,7 @@ def check_options(options: FitOptions, damper: Model) -> None:
     for name in options.free or ():
         if name in options.fixed:
             raise ConfigurationError(f"{name} is both free and fixed; choose one.")
-    for name in options.follows:
-        if name in options.fixed:
-            raise ConfigurationError(f"{name} follows an adjuster and is fixed; choose one.")
-    for name in share if options.procedure == "joint" and not options.is_detecting else ():
-        if name in options.fixed or name in (options.free or ()):
-            raise ConfigurationError(f"{name} is shared and also free or fixed; choose one.")
+    _check_sharing(options, share)
     _check_bulk_modulus(options, damper)
     moving = {*(options.free or ()), *share}
     for name, begin in options.start.named.items():
@@ -133,6 +128,15 @@ def check_options(options: FitOptions, damper: Model) -> None:
                 f"{quantity.name} = {value:g} is fixed, far from any damper's; expected {low:g} to "
                 f"{high:g} {quantity.unit}."
             )
+
+
+def _check_sharing(options: FitOptions, share: tuple[str, ...]) -> None:
+    for name in options.follows:
+        if name in options.fixed:
+            raise ConfigurationError(f"{name} follows an adjuster and is fixed; choose one.")
+    for name in share if options.procedure == "joint" and not options.is_detecting else ():
+        if name in options.fixed or name in (options.free or ()):
+            raise ConfigurationError(f"{name} is shared and also free or fixed; choose one.")
 
 
 def shared_names(options: FitOptions, damper: Model) -> tuple[str, ...]:
