@@ -81,7 +81,8 @@ def export(
         document = {"target": to, "units": target.units, "sign": target.sign}
         names = [str(path) for path in written]
         lost = {"lost_in_a_table": what_is_lost(handed)} if has_table else {}
-        print_json({**document, "files": names, "remarks": list(handed.remarks), **lost})
+        told = {"remarks": list(handed.remarks), "notes": list(target.notes())}
+        print_json({**document, "files": names, **told, **lost})
     elif not quiet:
         more = f" and {len(written) - 1} more" if len(written) > 1 else ""
         say(f"damperfit: {written[0]} written{more}; {target.units}; {target.sign}")
@@ -89,6 +90,8 @@ def export(
             say(f"note: {what_is_lost(handed)}")
         if speed is not None:
             say(f"note: beyond {handed.motion.peak_speed:.4g} m/s the tables are untested")
+        for note in target.notes():
+            say(f"note: {note}")
     return 1 if handed.remarks else 0
 
 

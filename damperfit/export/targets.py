@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from damperfit.damper.purdy.parameters import Damper
@@ -13,6 +14,7 @@ from damperfit.export.carsim import write_carsim
 from damperfit.export.chrono import write_chrono
 from damperfit.export.combitable import write_combitable
 from damperfit.export.csv_table import write_csv
+from damperfit.export.fmu.archive import missing_platforms, write_fmi2
 from damperfit.export.matlab import write_matlab
 from damperfit.export.modelica import write_modelica
 
@@ -66,6 +68,8 @@ class Target:
         It holds force by speed, which may go beyond the tested speed and loses what a table loses.
     physics_of : tuple of type
         Models whose own equations it holds instead.
+    notes : callable
+        What to say when it was written, a sentence each.
     """
 
     name: str
@@ -75,6 +79,7 @@ class Target:
     sign: str
     place: str
     write: Callable[[HandedOver, ExportOptions], Mapping[str, bytes]]
+    notes: Callable[[], tuple[str, ...]] = tuple
     has_table: bool = True
     physics_of: tuple[type[Model], ...] = ()
 
@@ -173,6 +178,17 @@ TARGETS: Mapping[str, Target] = {
             "rebound is positive, and so is the curve; Chrono applies it with a minus",
             "tsdas of a model, with bodies and points added",
             write_chrono,
+        ),
+        Target(
+            "fmu2",
+            "FMU of FMI 2.0, co-simulation and model exchange, all settings",
+            "{stem}.fmu",
+            "SI",
+            "rebound (rod out) is positive, and so is the force that resists it",
+            "any vehicle simulator; inputs displacement and velocity",
+            write_fmi2,
+            has_table=False,
+            notes=partial(missing_platforms, 2),
         ),
     )
 }

@@ -6,6 +6,7 @@ A rig PC or a slim container has no C compiler. The backend then asks the instal
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import os
 import shlex
@@ -39,6 +40,17 @@ __all__ = [
     "prepare_metadata_for_build_editable",
     "prepare_metadata_for_build_wheel",
 ]
+
+# The library of exported FMUs: the doors of the standard, and of the core what they need. Of these
+# the names, as `sysconfig` calls a platform and as the standard does.
+_EXPORTED = Path("damperfit", "export", "fmu")
+_EXPORTED_PLATFORMS = {
+    "linux-x86_64": ("x86_64-linux", ".so"),
+    "linux-aarch64": ("aarch64-linux", ".so"),
+    "win-amd64": ("x86_64-windows", ".dll"),
+    "macosx-x86_64": ("x86_64-darwin", ".dylib"),
+    "macosx-arm64": ("aarch64-darwin", ".dylib"),
+}
 
 _MSVC = "Microsoft.VisualStudio.Component.VC.Tools.x86.x64"
 
@@ -78,6 +90,55 @@ class BuildCore(build_ext):
         else:
             with TemporaryDirectory() as cache:
                 _compile_with_zig(ext, Path(self.get_ext_fullpath(ext.name)), cache)
+        self._build_exported(ext)
+
+    def copy_extensions_to_source(self) -> None:
+        """Take the library of exported FMUs along into an editable installation."""
+        super().copy_extensions_to_source()
+        built = Path(self.build_lib, _EXPORTED, "binaries")
+        if built.is_dir():
+            shutil.copytree(built, _EXPORTED / "binaries", dirs_exist_ok=True)
+
+    def _build_exported(self, ext: Extension) -> None:
+        """Build the library that every exported FMU of this platform holds, where it has a name."""
+        system, _, machine = sysconfig.get_platform().rpartition("-")
+        known = _EXPORTED_PLATFORMS.get(f"{system.partition('-')[0]}-{machine}")
+        if known is None:
+            return
+        name, suffix = known
+        folder = Path(self.build_lib, _EXPORTED, "binaries", name)
+        folder.mkdir(parents=True, exist_ok=True)
+        files = _exported_sources()
+        sources = [str(path) for path in files if path.suffix == ".c"]
+        library = folder / f"damperfit{suffix}"
+        core = str(Path("damperfit", "damper", "core"))
+        options = list(ext.extra_compile_args)
+        if self._compiler:
+            if os.name != "nt":
+                options.append("-fvisibility=hidden")
+            objects = self.compiler.compile(
+                sources, output_dir=self.build_temp, include_dirs=[core], extra_postargs=options
+            )
+            libraries = [] if os.name == "nt" else ["m"]
+            self.compiler.link_shared_object(objects, str(library), libraries=libraries)
+        else:
+            with TemporaryDirectory() as cache:
+                _run_zig(
+                    ["-shared", "-fvisibility=hidden", *_ZIG, *options, f"-I{core}", *sources],
+                    library,
+                    cache,
+                )
+        total = hashlib.sha256()
+        for path in sorted(files, key=lambda path: path.name):
+            content = path.read_bytes()
+            total.update(f"{path.name} {len(content)}\n".encode() + content)
+        (folder / "sources.sha256").write_text(total.hexdigest(), encoding="ascii")
+
+
+def _exported_sources() -> list[Path]:
+    own = Path(_EXPORTED, "c")
+    core = (own / "core_sources.txt").read_text(encoding="ascii").split()
+    return [*own.glob("*.[ch]"), *(Path("damperfit", "damper", "core", name) for name in core)]
 
 
 def _compiler_package() -> list[str]:
@@ -121,22 +182,29 @@ def _compile_with_zig(ext: Extension, target: Path, cache: str) -> None:
             "damperfit needs a C compiler and found none: install gcc, clang or Visual Studio's "
             "build tools, or `pip install ziglang` and build again"
         )
-    target.parent.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "ziglang", "cc", *_zig_options(), *ext.extra_compile_args]
-    command += [f"-I{sysconfig.get_path(kind)}" for kind in ("include", "platinclude")]
-    command += [*map(str, ext.sources), "-o", str(target), *(f"-l{name}" for name in ext.libraries)]
+    options = [*_zig_options(), *ext.extra_compile_args]
+    options += [f"-I{sysconfig.get_path(kind)}" for kind in ("include", "platinclude")]
+    options += [*map(str, ext.sources), *(f"-l{name}" for name in ext.libraries)]
     if os.name == "nt":
-        command += [f"-L{Path(sys.base_prefix, 'libs')}", "-lpython3"]
+        options += [f"-L{Path(sys.base_prefix, 'libs')}", "-lpython3"]
+    _run_zig(options, target, cache)
+
+
+def _run_zig(options: list[str], target: Path, cache: str) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", "ziglang", "cc", *options, "-o", str(target)]
     # Not in somebody's home.
     environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": cache, "ZIG_LOCAL_CACHE_DIR": cache}
     if subprocess.run(command, env=environment, check=False).returncode:
         raise CompileError("Zig could not compile the core; its messages stand above")
 
 
+# Zig tunes for the CPU at hand and traps undefined behaviour unless told otherwise.
+_ZIG = ["-mcpu=baseline", "-fno-sanitize=undefined", "-DNDEBUG", "-s", "-fPIC"]
+
+
 def _zig_options() -> list[str]:
     """Return what makes Zig an ordinary C compiler for a Python extension."""
-    # Zig tunes for the CPU at hand and traps undefined behaviour unless told otherwise.
-    options = ["-mcpu=baseline", "-fno-sanitize=undefined", "-DNDEBUG", "-s", "-fPIC"]
     if sys.platform == "darwin":
-        return [*options, "-bundle", "-undefined", "dynamic_lookup"]
-    return [*options, "-shared"]
+        return [*_ZIG, "-bundle", "-undefined", "dynamic_lookup"]
+    return [*_ZIG, "-shared"]

@@ -405,6 +405,26 @@ int df_simulate(const df_geometry *g, const df_parameters *p, const df_options *
     return DF_OK;
 }
 
+int df_place(df_run *run, double m1, double m2, double x, double v)
+{
+    const df_problem *q = &run->q;
+    chambers c;
+    if (!isfinite(m1) || !isfinite(m2) || !isfinite(v))
+        return DF_NOT_FINITE;
+    const int code = chamber_stiffness(q, x, &c);
+    if (code != DF_OK)
+        return code;
+    if (!df_gas_is_near(&run->gas, m1 + m2) && df_gas_expand(&q->g, &q->p, m1 + m2, &run->gas))
+        return DF_CHAMBER_EMPTY;
+    c.gas = &run->gas;
+    run->m.m1 = q->m_10 + m1;
+    run->m.m2 = q->m_20 + m2;
+    run->x = x;
+    run->v = v;
+    restart(run, &c);
+    return DF_OK;
+}
+
 /* What a parameter does to the free pressures at constant masses. */
 static df_masses free_slopes(const df_problem *q, const df_balance *b, int parameter)
 {

@@ -69,6 +69,9 @@ double df_force(const df_run *run, double *slopes);
  * are: the masses follow. A parameter that changes has had no influence on the past. */
 int df_retune(df_run *run, const df_parameters *parameters, double dead_band);
 
+/* Put the run where another integrator has it: masses above the oil at x = 0, and the piston. */
+int df_place(df_run *run, double m1, double m2, double x, double v);
+
 /* The mass balances as they stand, for an integrator that is not ours. */
 typedef struct {
     double rates[2];                               /* dm/dt */

@@ -1,0 +1,469 @@
+#include "exported.h"
+#include "reading.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define RANGE_MARGIN 1.01 /* a test's own peaks scatter by less */
+#define BAR 1e5
+
+const double EX_NOMINALS[EX_N_STATES] = {1e-3, 1e-3, 1.0};
+
+static const int ALL[EX_MOST_NUMBERS] = {DF_R_M1, DF_R_M2, DF_R_M3, DF_K_E, DF_F_F, DF_F_0, DF_P_0, DF_GAMMA};
+
+int ex_open(ex_instance *e, ex_kind kind, const char *folder, const char *token, char *why)
+{
+    memset(e, 0, sizeof *e);
+    e->kind = kind;
+    char *text = damperfit_data[0] ? NULL : ex_read_text(folder);
+    if (!text && !damperfit_data[0]) {
+        snprintf(why, EX_WHY, "no damper.txt in the resources folder %.120s", folder ? folder : "(none)");
+        return 0;
+    }
+    const int is_good = ex_parse(text ? text : damperfit_data, &e->damper, why);
+    free(text);
+    if (is_good && (!token || strcmp(token, e->damper.token) != 0)) {
+        snprintf(why, EX_WHY, "the token %.80s is not that of the parameters, %.80s", token ? token : "(none)",
+                 e->damper.token);
+        return 0;
+    }
+    if (is_good && !ex_reset(e)) {
+        snprintf(why, EX_WHY, "the parameters in damper.txt are of no damper");
+        return 0;
+    }
+    return is_good;
+}
+
+void ex_close(ex_instance *e)
+{
+    free(e->damper.settings);
+    free(e->damper.table);
+    e->damper.settings = NULL;
+    e->damper.table = NULL;
+}
+
+int ex_reset(ex_instance *e)
+{
+    memset(&e->s, 0, sizeof e->s);
+    e->s.setting = e->damper.start;
+    e->s.friction_band = e->damper.friction_band;
+    e->s.extrapolation = 2;
+    return ex_begin(e) == DF_OK;
+}
+
+static double number_at(const ex_instance *e, int k)
+{
+    return e->s.is_own[k] ? e->s.own[k] : e->damper.table[e->s.setting * EX_MOST_NUMBERS + k];
+}
+
+static df_parameters parameters_of(const ex_instance *e)
+{
+    const df_parameters p = {number_at(e, 0), number_at(e, 1), number_at(e, 2), number_at(e, 3),
+                             number_at(e, 4), number_at(e, 5), number_at(e, 6), number_at(e, 7)};
+    return p;
+}
+
+static void take_states(ex_instance *e)
+{
+    e->s.y[0] = e->s.run.m.m1 - e->s.run.q.m_10;
+    e->s.y[1] = e->s.run.m.m2 - e->s.run.q.m_20;
+}
+
+int ex_begin(ex_instance *e)
+{
+    const df_parameters p = parameters_of(e);
+    df_options o = e->damper.options;
+    o.dead_band = e->s.friction_band;
+    const int code = df_begin(&e->damper.geometry, &p, &o, ALL, EX_MOST_NUMBERS, e->s.x, e->s.v, &e->s.run);
+    if (code == DF_OK)
+        take_states(e);
+    e->s.is_stale = 0;
+    e->s.t_inputs = e->s.time;
+    e->s.inputs_are_new = 0;
+    return code;
+}
+
+/* Model exchange: where the piston is now, if the inputs were set some time ago. */
+static double place_now(ex_instance *e)
+{
+    ex_state *s = &e->s;
+    if (s->inputs_are_new) {
+        s->t_inputs = s->time;
+        s->inputs_are_new = 0;
+    }
+    return s->extrapolation > 0 ? s->x + s->v * (s->time - s->t_inputs) : s->x;
+}
+
+int ex_refresh(ex_instance *e, int *states_moved)
+{
+    int code = DF_OK;
+    if (states_moved)
+        *states_moved = 0;
+    if (!e->s.has_begun)
+        return ex_begin(e);
+    if (!e->s.is_stale)
+        return DF_OK;
+    const df_parameters p = parameters_of(e);
+    if (e->kind == EX_MODEL_EXCHANGE)
+        code = df_place(&e->s.run, e->s.y[0], e->s.y[1], place_now(e), e->s.v);
+    if (code == DF_OK)
+        code = df_retune(&e->s.run, &p, e->s.friction_band);
+    if (code == DF_OK) {
+        take_states(e);
+        e->s.is_stale = 0;
+        if (states_moved)
+            *states_moved = 1;
+    }
+    return code;
+}
+
+int ex_number_of(unsigned reference)
+{
+    return reference >= EX_NUMBERS && reference < EX_NUMBERS + EX_MOST_NUMBERS ? (int)(reference - EX_NUMBERS) : -1;
+}
+
+int ex_is_integer(unsigned reference)
+{
+    return reference == EX_SETTING || reference == EX_EXTRAPOLATION;
+}
+
+/* The balances where the instance stands. */
+static int evaluate_here(ex_instance *e, df_rates *r)
+{
+    const int code = ex_refresh(e, NULL);
+    if (code != DF_OK)
+        return code;
+    const double x = e->kind == EX_MODEL_EXCHANGE ? place_now(e) : e->s.run.x;
+    return df_evaluate(&e->s.run, e->s.y[0], e->s.y[1], x, r);
+}
+
+static double speed_here(const ex_instance *e)
+{
+    return e->kind == EX_MODEL_EXCHANGE ? e->s.v : e->s.run.v;
+}
+
+static double force_of(const ex_instance *e, const df_rates *r)
+{
+    const df_problem *q = &e->s.run.q;
+    const double friction = df_friction_share(speed_here(e), q->o.dead_band);
+    return r->pressures[0] * q->g.a_p1 - r->pressures[1] * q->g.a_p2 + q->p.f_f * friction + q->p.f_0;
+}
+
+/* How far beyond the tested range, as a share of it; negative within, -1 where it is not known. */
+static double beyond(const ex_instance *e, double x, double v)
+{
+    const double stroke = e->damper.stroke, speed = e->damper.speed;
+    const double by_x = stroke > 0.0 ? fabs(x) / (RANGE_MARGIN * stroke) : 0.0;
+    const double by_v = speed > 0.0 ? fabs(v) / (RANGE_MARGIN * speed) : 0.0;
+    return fmax(by_x, by_v) - 1.0;
+}
+
+int ex_get(ex_instance *e, unsigned reference, double *value)
+{
+    const int k = ex_number_of(reference);
+    df_rates r;
+    if (k >= 0) {
+        *value = number_at(e, k);
+        return DF_OK;
+    }
+    switch (reference) {
+    case EX_TIME: *value = e->s.time; return DF_OK;
+    case EX_DISPLACEMENT: *value = e->s.x; return DF_OK;
+    case EX_VELOCITY: *value = e->s.v; return DF_OK;
+    case EX_FRICTION_BAND: *value = e->s.friction_band; return DF_OK;
+    case EX_STATE_3:
+    case EX_SECONDS_OUTSIDE: *value = e->s.y[2]; return DF_OK;
+    default: break;
+    }
+    if (reference > EX_INDICATOR_4)
+        return EX_NO_VARIABLE;
+    const int code = evaluate_here(e, &r);
+    if (code != DF_OK)
+        return code;
+    if (reference == EX_FORCE) {
+        *value = force_of(e, &r);
+    } else if (reference >= EX_PRESSURE_1 && reference <= EX_PRESSURE_3) {
+        *value = r.pressures[reference - EX_PRESSURE_1];
+    } else if (reference == EX_STATE_1 || reference == EX_STATE_2) {
+        *value = e->s.y[reference - EX_STATE_1];
+    } else if (reference >= EX_RATE_1 && reference <= EX_RATE_3) {
+        double rates[EX_N_STATES];
+        const int ended = ex_get_rates(e, rates);
+        *value = rates[reference - EX_RATE_1];
+        return ended;
+    } else if (reference >= EX_INDICATOR_1) {
+        double z[EX_N_INDICATORS];
+        const int ended = ex_get_indicators(e, z);
+        *value = z[reference - EX_INDICATOR_1];
+        return ended;
+    } else {
+        return EX_NO_VARIABLE;
+    }
+    return DF_OK;
+}
+
+int ex_set(ex_instance *e, unsigned reference, double value)
+{
+    ex_state *s = &e->s;
+    const int k = ex_number_of(reference);
+    if (!isfinite(value))
+        return DF_NOT_FINITE;
+    if (k >= 0) {
+        if (value < 0.0 && k != DF_F_0)
+            return EX_OUT_OF_RANGE;
+        if (value == 0.0 && k != DF_F_0 && k != DF_F_F)
+            return EX_OUT_OF_RANGE;
+        /* Importers set every parameter to its start value: that is no wish of its own. */
+        s->is_own[k] = value != e->damper.table[e->damper.start * EX_MOST_NUMBERS + k];
+        s->own[k] = value;
+        s->is_stale = 1;
+        return DF_OK;
+    }
+    switch (reference) {
+    case EX_TIME: s->time = value; return DF_OK;
+    case EX_DISPLACEMENT: s->x = value; break;
+    case EX_VELOCITY: s->v = value; break;
+    case EX_FRICTION_BAND:
+        if (!(value > 0.0))
+            return EX_OUT_OF_RANGE;
+        s->friction_band = value;
+        s->is_stale = 1;
+        return DF_OK;
+    case EX_STATE_1:
+    case EX_STATE_2:
+    case EX_STATE_3: s->y[reference - EX_STATE_1] = value; return DF_OK;
+    default: return reference <= EX_INDICATOR_4 ? EX_NOT_SETTABLE : EX_NO_VARIABLE;
+    }
+    s->inputs_are_new = 1;
+    return DF_OK;
+}
+
+int ex_get_integer(const ex_instance *e, unsigned reference, int *value)
+{
+    if (!ex_is_integer(reference))
+        return EX_NO_VARIABLE;
+    *value = reference == EX_SETTING ? e->damper.settings[e->s.setting] : e->s.extrapolation;
+    return DF_OK;
+}
+
+int ex_set_integer(ex_instance *e, unsigned reference, int value)
+{
+    if (reference == EX_EXTRAPOLATION) {
+        if (value < 0 || value > 2)
+            return EX_OUT_OF_RANGE;
+        e->s.extrapolation = value;
+        return DF_OK;
+    }
+    if (reference != EX_SETTING)
+        return EX_NO_VARIABLE;
+    for (int i = 0; i < e->damper.n_settings; i++) {
+        if (e->damper.settings[i] == value) {
+            e->s.is_stale = e->s.is_stale || i != e->s.setting;
+            e->s.setting = i;
+            return DF_OK;
+        }
+    }
+    return EX_NO_SETTING;
+}
+
+size_t ex_serialised_size(const ex_instance *e)
+{
+    return sizeof(ex_state) + sizeof e->damper.token;
+}
+
+int ex_serialise(const ex_instance *e, const void *state, char *bytes, size_t size)
+{
+    if (!state || size < ex_serialised_size(e))
+        return EX_NO_STATE;
+    memcpy(bytes, e->damper.token, sizeof e->damper.token);
+    memcpy(bytes + sizeof e->damper.token, state, sizeof(ex_state));
+    return DF_OK;
+}
+
+int ex_deserialise(const ex_instance *e, const char *bytes, size_t size, void *state)
+{
+    if (size != ex_serialised_size(e) || memcmp(bytes, e->damper.token, sizeof e->damper.token) != 0)
+        return EX_NO_STATE;
+    memcpy(state, bytes + sizeof e->damper.token, sizeof(ex_state));
+    const int setting = ((const ex_state *)state)->setting;
+    return setting >= 0 && setting < e->damper.n_settings ? DF_OK : EX_NO_STATE;
+}
+
+/* Inputs are of the beginning of the step, and what they will be at its end is guessed from the
+ * velocity (1) and its slope since the step before (2), or they are of its end (0). */
+int ex_step(ex_instance *e, double time, double interval)
+{
+    ex_state *s = &e->s;
+    df_work work = {0, 0, 0, 0};
+    double x = s->x, v = s->v;
+    const int code = ex_refresh(e, NULL);
+    if (code != DF_OK)
+        return code;
+    const df_run before = s->run;
+    if (s->extrapolation > 0) {
+        double slope = 0.0;
+        if (s->extrapolation > 1 && s->has_before && time > s->t_before)
+            slope = (s->v - s->v_before) / (time - s->t_before);
+        x += interval * (s->v + 0.5 * interval * slope);
+        v += interval * slope;
+        s->run.v = s->v;
+    }
+    const int ended = df_advance(&s->run, interval, x, v, &work);
+    if (ended != DF_OK) {
+        s->run = before;
+        return ended;
+    }
+    take_states(e);
+    s->y[2] += beyond(e, x, v) > 0.0 ? interval : 0.0;
+    s->v_before = s->v;
+    s->t_before = time;
+    s->has_before = 1;
+    s->time = time + interval;
+    return DF_OK;
+}
+
+void ex_set_time(ex_instance *e, double time)
+{
+    e->s.time = time;
+}
+
+int ex_get_states(ex_instance *e, double *y)
+{
+    const int code = ex_refresh(e, NULL);
+    for (int i = 0; i < EX_N_STATES; i++)
+        y[i] = e->s.y[i];
+    return code;
+}
+
+int ex_set_states(ex_instance *e, const double *y)
+{
+    for (int i = 0; i < EX_N_STATES; i++) {
+        if (!isfinite(y[i]))
+            return DF_NOT_FINITE;
+        e->s.y[i] = y[i];
+    }
+    return DF_OK;
+}
+
+int ex_get_rates(ex_instance *e, double *rates)
+{
+    df_rates r;
+    const int code = evaluate_here(e, &r);
+    if (code != DF_OK)
+        return code;
+    rates[0] = r.rates[0];
+    rates[1] = r.rates[1];
+    rates[2] = beyond(e, e->kind == EX_MODEL_EXCHANGE ? place_now(e) : e->s.run.x, speed_here(e)) > 0.0;
+    return DF_OK;
+}
+
+/* Where friction leaves its band, where a chamber empties, where the tested range ends. */
+int ex_get_indicators(ex_instance *e, double *z)
+{
+    df_rates r;
+    const int code = evaluate_here(e, &r);
+    if (code != DF_OK)
+        return code;
+    z[0] = fabs(speed_here(e)) / e->s.friction_band - 1.0;
+    z[1] = r.free[0] / BAR;
+    z[2] = r.free[1] / BAR;
+    z[3] = beyond(e, e->kind == EX_MODEL_EXCHANGE ? place_now(e) : e->s.run.x, speed_here(e));
+    return DF_OK;
+}
+
+/* What a known moves: both rates and the three pressures. */
+typedef struct {
+    double rates[2], pressures[3];
+} moved;
+
+static void move_masses(const df_rates *r, double m1, double m2, moved *d)
+{
+    for (int i = 0; i < 2; i++)
+        d->rates[i] += r->by_mass[i][0] * m1 + r->by_mass[i][1] * m2;
+    for (int i = 0; i < 3; i++)
+        d->pressures[i] += r->pressures_by_mass[i][0] * m1 + r->pressures_by_mass[i][1] * m2;
+}
+
+static void move_piston(const df_rates *r, double x, moved *d)
+{
+    for (int i = 0; i < 2; i++)
+        d->rates[i] += r->by_x[i] * x;
+    for (int i = 0; i < 3; i++)
+        d->pressures[i] += r->pressures_by_x[i] * x;
+}
+
+/* In co-simulation the masses have followed the parameter since the beginning. */
+static void move_parameter(const ex_instance *e, const df_rates *r, int k, moved *d)
+{
+    for (int i = 0; i < 2; i++)
+        d->rates[i] = r->by_parameter[k][i];
+    for (int i = 0; i < 3; i++)
+        d->pressures[i] = r->pressures_by_parameter[k][i];
+    if (e->kind == EX_MODEL_EXCHANGE)
+        return;
+    const df_problem *q = &e->s.run.q;
+    for (int j = 0; j < q->n_active; j++)
+        if (q->active[j] == k)
+            move_masses(r, e->s.run.S[j].m1, e->s.run.S[j].m2, d);
+}
+
+static double friction_slope(const ex_instance *e, unsigned known)
+{
+    const df_problem *q = &e->s.run.q;
+    const double v = speed_here(e), band = q->o.dead_band;
+    const int slides = fabs(v) >= band;
+    if (known == EX_VELOCITY)
+        return slides ? 0.0 : q->p.f_f / band;
+    if (known == EX_FRICTION_BAND)
+        return slides ? 0.0 : -q->p.f_f * v / (band * band);
+    if (known == EX_NUMBERS + DF_F_F)
+        return df_friction_share(v, band);
+    return known == EX_NUMBERS + DF_F_0 ? 1.0 : 0.0;
+}
+
+int ex_slope(ex_instance *e, unsigned unknown, unsigned known, double *slope)
+{
+    moved d = {{0.0, 0.0}, {0.0, 0.0, 0.0}};
+    df_rates r;
+    *slope = 0.0;
+    const int code = evaluate_here(e, &r);
+    if (code != DF_OK)
+        return code;
+    const int k = ex_number_of(known);
+    if (k >= 0)
+        move_parameter(e, &r, k, &d);
+    else if (known == EX_STATE_1 || known == EX_STATE_2)
+        move_masses(&r, known == EX_STATE_1, known == EX_STATE_2, &d);
+    else if (known == EX_DISPLACEMENT)
+        move_piston(&r, 1.0, &d);
+    else if (known == EX_VELOCITY && e->kind == EX_MODEL_EXCHANGE && e->s.extrapolation > 0)
+        move_piston(&r, e->s.time - e->s.t_inputs, &d);
+    if (unknown == EX_FORCE)
+        *slope = d.pressures[0] * e->s.run.q.g.a_p1 - d.pressures[1] * e->s.run.q.g.a_p2 +
+                 friction_slope(e, known);
+    else if (unknown >= EX_PRESSURE_1 && unknown <= EX_PRESSURE_3)
+        *slope = d.pressures[unknown - EX_PRESSURE_1];
+    else if (unknown == EX_RATE_1 || unknown == EX_RATE_2)
+        *slope = d.rates[unknown - EX_RATE_1];
+    else if (unknown == EX_SECONDS_OUTSIDE)
+        *slope = known == EX_STATE_3;
+    return DF_OK;
+}
+
+const char *ex_sentence(int code)
+{
+    switch (code) {
+    case DF_NOT_FINITE: return "an input, a parameter or a state is not a finite number";
+    case DF_STEP_LIMIT: return "the integrator needs too many steps; take a shorter communication step";
+    case DF_CHAMBER_EMPTY: return "the displacement leaves no volume in a chamber or in the gas";
+    case DF_BAD_ARGUMENT: return "a parameter or the step is zero, negative or not finite";
+    case EX_NO_SETTING: return "this setting was not identified; the description of 'setting' lists those that were";
+    case EX_NO_VARIABLE: return "there is no variable of this type with this value reference";
+    case EX_NOT_SETTABLE: return "this variable cannot be set";
+    case EX_OUT_OF_RANGE: return "the value is out of the range of its variable";
+    case EX_NO_STATE: return "these bytes are no state of this damper";
+    default: return "no such ending";
+    }
+}

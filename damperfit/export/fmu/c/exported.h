@@ -1,0 +1,117 @@
+/* An exported damper: the model that FMI 2 and FMI 3 are two doors to.
+ *
+ * The library holds no damper: its parameters stand in resources/damper.txt, or in data.c where the
+ * sources of an exported unit were compiled. No globals; one instance, one block of memory.
+ */
+#ifndef DAMPERFIT_EXPORTED_H
+#define DAMPERFIT_EXPORTED_H
+
+#include "stepper.h"
+
+enum { EX_MOST_NUMBERS = 8, EX_TOKEN = 80, EX_WHY = 280 };
+
+/* Value references. A number of the damper is EX_NUMBERS + its place. */
+enum {
+    EX_TIME,
+    EX_DISPLACEMENT,
+    EX_VELOCITY,
+    EX_FORCE,
+    EX_PRESSURE_1,
+    EX_PRESSURE_2,
+    EX_PRESSURE_3,
+    EX_SECONDS_OUTSIDE,
+    EX_SETTING,
+    EX_FRICTION_BAND,
+    EX_EXTRAPOLATION,
+    EX_STATE_1,
+    EX_STATE_2,
+    EX_STATE_3,
+    EX_RATE_1,
+    EX_RATE_2,
+    EX_RATE_3,
+    EX_INDICATOR_1, /* FMI 3 names them */
+    EX_INDICATOR_2,
+    EX_INDICATOR_3,
+    EX_INDICATOR_4,
+    EX_NUMBERS = 100
+};
+enum { EX_N_STATES = 3, EX_N_INDICATORS = 4 };
+
+typedef enum { EX_CO_SIMULATION, EX_MODEL_EXCHANGE } ex_kind;
+
+/* What the exported file says; the same for all instances of it. */
+typedef struct {
+    char token[EX_TOKEN];
+    df_geometry geometry;
+    df_options options;
+    double stroke, speed; /* tested range; 0: not known */
+    double friction_band;
+    int start;            /* place of the setting that is set at the beginning */
+    int n_settings;
+    int *settings;        /* as people call them */
+    double *table;        /* EX_MOST_NUMBERS a setting, in the order of df_parameters */
+} ex_damper;
+
+/* All that changes: a copy of its bytes is a copy of the instance's state. */
+typedef struct {
+    int setting, extrapolation;                 /* place of the setting; order */
+    double friction_band;
+    double own[EX_MOST_NUMBERS];
+    int is_own[EX_MOST_NUMBERS];                /* set to something else than the setting has */
+    double time, x, v;                          /* inputs, as they were set */
+    int has_begun, is_stale;                    /* stale: parameters changed since the last use */
+    df_run run;
+    double y[EX_N_STATES];                      /* oil above that at x = 0, kg; seconds outside */
+    double v_before, t_before;                  /* inputs of the step before */
+    int has_before;
+    int inputs_are_new;                         /* model exchange: set since the last use */
+    double t_inputs;
+} ex_state;
+
+typedef struct {
+    ex_kind kind;
+    ex_damper damper;
+    ex_state s;
+} ex_instance;
+
+/* Read the parameters of resources/damper.txt in `folder`, a path or a file URI; 0 where the damper of
+ * `token` is not there, with a sentence in `why`. */
+int ex_open(ex_instance *e, ex_kind kind, const char *folder, const char *token, char *why);
+void ex_close(ex_instance *e);
+int ex_reset(ex_instance *e);
+
+int ex_number_of(unsigned reference); /* place of a number of the damper, -1: none */
+int ex_get(ex_instance *e, unsigned reference, double *value);
+int ex_set(ex_instance *e, unsigned reference, double value);
+int ex_get_integer(const ex_instance *e, unsigned reference, int *value);
+int ex_set_integer(ex_instance *e, unsigned reference, int value);
+int ex_is_integer(unsigned reference);
+
+int ex_begin(ex_instance *e);
+int ex_step(ex_instance *e, double time, double interval);
+
+/* Model exchange. `ex_refresh` takes up changed parameters and says whether the states moved. */
+int ex_refresh(ex_instance *e, int *states_moved);
+void ex_set_time(ex_instance *e, double time);
+int ex_get_states(ex_instance *e, double *y);
+int ex_set_states(ex_instance *e, const double *y);
+int ex_get_rates(ex_instance *e, double *rates);
+int ex_get_indicators(ex_instance *e, double *z);
+extern const double EX_NOMINALS[EX_N_STATES];
+
+/* A state as bytes that another process may take up, of the same damper and the same build. */
+size_t ex_serialised_size(const ex_instance *e);
+int ex_serialise(const ex_instance *e, const void *state, char *bytes, size_t size);
+int ex_deserialise(const ex_instance *e, const char *bytes, size_t size, void *state);
+
+/* d(unknown)/d(known); 0 where the pair has none. */
+int ex_slope(ex_instance *e, unsigned unknown, unsigned known, double *slope);
+
+/* What resources/damper.txt would hold, in a unit that was compiled from its own sources. */
+extern const char damperfit_data[];
+
+/* The sentence of a code other than DF_OK. */
+const char *ex_sentence(int code);
+enum { EX_NO_SETTING = 100, EX_NO_VARIABLE, EX_NOT_SETTABLE, EX_OUT_OF_RANGE, EX_NO_STATE };
+
+#endif

@@ -1,0 +1,210 @@
+/* damper.txt: words and numbers, separated by white space, in this order:
+ *
+ *   damperfit-damper 1
+ *   token TEXT
+ *   geometry a_p1 a_p2 a_r V_10 V_20 V_g0 rho_0
+ *   solver tolerance max_steps
+ *   tested stroke speed
+ *   friction_band width
+ *   start SETTING
+ *   settings N
+ *   SETTING R_m1 R_m2 R_m3 K_e f_f f_0 P_0 gamma     (N times)
+ *
+ * Numbers have a point, whatever the locale of the host says.
+ */
+#include "reading.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define FILE_NAME "damper.txt"
+enum { LONGEST_FILE = 4000000, MOST_SETTINGS = 100000 };
+
+typedef struct {
+    const char *at;
+    int is_good;
+} cursor;
+
+static int is_space(char c)
+{
+    return c == ' ' || c == '\t' || c == '\n' || c == '\r';
+}
+
+static size_t next_word(cursor *c, const char **word)
+{
+    size_t n = 0;
+    while (is_space(*c->at))
+        c->at++;
+    *word = c->at;
+    while (c->at[n] != '\0' && !is_space(c->at[n]))
+        n++;
+    c->at += n;
+    return n;
+}
+
+static void expect(cursor *c, const char *name)
+{
+    const char *word;
+    const size_t n = next_word(c, &word);
+    if (n != strlen(name) || strncmp(word, name, n) != 0)
+        c->is_good = 0;
+}
+
+/* strtod would take the locale's decimal mark. Digits are gathered in an integer and scaled once, by
+ * a power of ten that is exact up to 22; a file has seventeen digits at most. */
+static double read_number(cursor *c)
+{
+    const char *p;
+    size_t n = next_word(c, &p);
+    char text[64], *end;
+    if (n == 0 || n >= sizeof text) {
+        c->is_good = 0;
+        return 0.0;
+    }
+    memcpy(text, p, n);
+    text[n] = '\0';
+    double value = strtod(text, &end);
+    if (*end == '.') { /* the host's mark is another one */
+        char mark[8];
+        snprintf(mark, sizeof mark, "%.1f", 0.5);
+        *end = mark[1];
+        value = strtod(text, &end);
+    }
+    if (*end != '\0' || !isfinite(value))
+        c->is_good = 0;
+    return value;
+}
+
+static int read_whole(cursor *c, int low, int high)
+{
+    const double value = read_number(c);
+    if (!(value >= low && value <= high) || value != floor(value)) {
+        c->is_good = 0;
+        return low;
+    }
+    return (int)value;
+}
+
+static void read_body(cursor *c, ex_damper *d)
+{
+    df_geometry *g = &d->geometry;
+    double *const sizes[] = {&g->a_p1, &g->a_p2, &g->a_r, &g->V_10, &g->V_20, &g->V_g0, &g->rho_0};
+    const char *word;
+    expect(c, "damperfit-damper");
+    expect(c, "1");
+    expect(c, "token");
+    const size_t n = next_word(c, &word);
+    if (n >= EX_TOKEN) {
+        c->is_good = 0;
+        return;
+    }
+    memcpy(d->token, word, n);
+    d->token[n] = '\0';
+    expect(c, "geometry");
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
+        *sizes[i] = read_number(c);
+    expect(c, "solver");
+    d->options.tolerance = read_number(c);
+    d->options.max_steps_per_sample = read_whole(c, 1, 1000000000);
+    expect(c, "tested");
+    d->stroke = read_number(c);
+    d->speed = read_number(c);
+    expect(c, "friction_band");
+    d->friction_band = read_number(c);
+    d->options.dead_band = d->friction_band;
+}
+
+int ex_parse(const char *text, ex_damper *d, char *why)
+{
+    cursor c = {text, 1};
+    memset(d, 0, sizeof *d);
+    read_body(&c, d);
+    expect(&c, "start");
+    const int start = read_whole(&c, -1000000, 1000000);
+    expect(&c, "settings");
+    const int n = read_whole(&c, 1, MOST_SETTINGS);
+    if (c.is_good) {
+        d->settings = calloc((size_t)n, sizeof *d->settings);
+        d->table = calloc((size_t)n * EX_MOST_NUMBERS, sizeof *d->table);
+    }
+    if (!d->settings || !d->table) {
+        snprintf(why, EX_WHY, "%s", c.is_good ? "out of memory" : FILE_NAME " is damaged at its head");
+        return 0;
+    }
+    d->n_settings = n;
+    d->start = -1;
+    for (int i = 0; i < n; i++) {
+        d->settings[i] = read_whole(&c, -1000000, 1000000);
+        if (d->settings[i] == start)
+            d->start = i;
+        for (int k = 0; k < EX_MOST_NUMBERS; k++)
+            d->table[i * EX_MOST_NUMBERS + k] = read_number(&c);
+    }
+    if (!c.is_good || d->start < 0) {
+        snprintf(why, EX_WHY, FILE_NAME " is damaged in its table of settings");
+        return 0;
+    }
+    return 1;
+}
+
+static int hex(char c)
+{
+    if (c >= '0' && c <= '9')
+        return c - '0';
+    if (c >= 'a' && c <= 'f')
+        return c - 'a' + 10;
+    return c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
+}
+
+/* file:///C:/a%20b, file:/a, file://host/a or a path; as importers write it. */
+static void path_of(const char *folder, char *path)
+{
+    const char *from = folder;
+    char *const begin = path;
+    const int is_uri = strncmp(folder, "file:", 5) == 0;
+    if (is_uri) {
+        from += 5;
+        if (from[0] == '/' && from[1] == '/') {
+            from += 2;
+            if (strncmp(from, "localhost/", 10) == 0)
+                from += 9;
+        }
+        if (from[0] == '/' && from[1] != '\0' && from[2] == ':')
+            from++; /* a drive of Windows */
+    }
+    while (*from) {
+        if (is_uri && from[0] == '%' && hex(from[1]) >= 0 && hex(from[2]) >= 0) {
+            *path++ = (char)(16 * hex(from[1]) + hex(from[2]));
+            from += 3;
+        } else {
+            *path++ = *from++;
+        }
+    }
+    while (path > begin && (path[-1] == '/' || path[-1] == '\\'))
+        path--;
+    strcpy(path, "/" FILE_NAME);
+}
+
+char *ex_read_text(const char *folder)
+{
+    if (!folder || !*folder)
+        return NULL;
+    char *text = NULL, *path = malloc(strlen(folder) + sizeof FILE_NAME + 2);
+    if (!path)
+        return NULL;
+    path_of(folder, path);
+    FILE *file = fopen(path, "rb");
+    free(path);
+    if (!file)
+        return NULL;
+    long size = -1;
+    if (fseek(file, 0, SEEK_END) == 0)
+        size = ftell(file);
+    rewind(file);
+    if (size >= 0 && size < LONGEST_FILE && (text = malloc((size_t)size + 1)) != NULL)
+        text[fread(text, 1, (size_t)size, file)] = '\0';
+    fclose(file);
+    return text;
+}
