@@ -3,3 +3,5 @@
 The library in an FMU holds no damper: it is built once, with the wheel for the host and on request
 for others, and reads ``resources/damper.txt``. So exporting is writing a zip.
 """
+
+__all__: list[str] = []
