@@ -1,7 +1,8 @@
 """Forces by setting, speed and stroke of fitted runs at one motion, as model or measurement tells.
 
-Where a model misses the measured force of any run by more than it may, the measured forces of all
-are compared: a difference must be of one kind.
+At a setting where a model misses the measured force of any run by more than it may, the measured
+forces of all are compared, at every speed: a model that misses one is not asked for the next, and a
+difference must be of one kind.
 """
 
 from __future__ import annotations
@@ -56,11 +57,11 @@ def force_readings(
         _levels(run, settings, sine, speeds=speeds, jobs=jobs, on_error=on_error) for run in runs
     ]
     common = [key for key in tables[0] if all(key in table for table in tables)]
+    doubted = {key[0] for key in common if any(table[key].disagrees for table in tables)}
     missed = {
-        (setting, speed, stroke)
-        for setting, speed, stroke in common
-        if any(table[setting, speed, stroke].disagrees for table in tables)
-        and all(math.isfinite(table[setting, speed, stroke].measured) for table in tables)
+        key
+        for key in common
+        if key[0] in doubted and all(math.isfinite(table[key].measured) for table in tables)
     }
     found = []
     for run, table in zip(runs, tables, strict=True):

@@ -77,7 +77,11 @@ def baseline_text(run: Run) -> str:
         "source": run.name,
         "record": record,
         "parameters": [
-            {**row, **setting_cells(setting, is_whole=is_whole)}
+            # The columns of adjusters are those that follow the setting.
+            {
+                **setting_cells(setting, is_whole=is_whole),
+                **{name: cell for name, cell in row.items() if name != "setting"},
+            }
             for setting, row in run.fitted.rows.items()
         ],
         "tests": [_told(test) for test in run.tests],

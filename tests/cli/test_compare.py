@@ -10,7 +10,7 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.samples import SampleOptions, make_samples
+from tests.identification.rig import recording
 
 SETTINGS = (1, 2)
 
@@ -25,12 +25,16 @@ def campaigns(tmp_path_factory) -> Path:
         ("after", 3, 1.05, SETTINGS),
         ("fewer", 4, 1.0, (2,)),
     ):
-        parameters = {s: reference_parameters(s) for s in settings}
-        changed = {s: one.replace(r_m1=factor * one.r_m1) for s, one in parameters.items()}
-        options = SampleOptions(
-            settings=settings, cycles=7.0, force_noise=2.0, displacement_noise=2e-6, seed=seed
-        )
-        make_samples(root / f"logs_{name}", options, parameters=changed)
+        (root / f"logs_{name}").mkdir()
+        for setting in settings:
+            truth = reference_parameters(setting)
+            changed = truth.replace(r_m1=factor * truth.r_m1)
+            log = recording(setting, changed, noise=2.0, rate=500.0, duration=6.0, seed=seed)
+            rows = zip(log.time, 1e3 * log.displacement, log.force, strict=True)
+            text = "\n".join(f"{t:.3f},{x:.4f},{f:.1f}" for t, x, f in rows)
+            head = f"# setting: {setting}\ntime_s,displacement_mm,force_N\n"
+            path = root / f"logs_{name}" / f"setting_{setting:02d}.csv"
+            path.write_text(head + text + "\n")
         logs = sorted(map(str, (root / f"logs_{name}").glob("*.csv")))
         assert main(["identify", *logs, "--out", str(root / name), "--quiet"]) in {0, 1}
     return root
@@ -310,3 +314,45 @@ def test_junit_without_a_tolerance_is_refused(run, campaigns) -> None:
     ended = run("compare", campaigns / "before", campaigns / "again", "--junit", "j.xml")
     assert ended.code == 2
     assert "--junit: holds the points of --tolerance" in ended.err
+
+
+def test_two_models_have_their_forces_compared_as_measured(run, campaigns) -> None:
+    logs = sorted(map(str, (campaigns / "logs_again").glob("*.csv")))
+    assert main(["identify", *logs, "--model", "linear", "--out", "linear", "--quiet"]) in {0, 1}
+    ended = run("compare", campaigns / "before", "linear", "--json")
+    (found,) = json.loads(ended.out)["comparisons"]
+    assert {line["kind"] for line in found["lines"]} == {"force", "figure"}
+    forces = [line for line in found["lines"] if line["kind"] == "force"]
+    # A straight line misses the force somewhere at every setting: it is not asked at the others.
+    assert {line["told_from"] for line in forces} == {"measured"}
+    assert not [line for line in forces if line["is_sure"]]
+    assert "model: purdy, then linear" in found["circumstances"][0]["sentence"]
+    assert "fitted with different models: no parameter is common to both" in found["notes"]
+    alike = json.loads(run("compare", "linear", "linear", "--json").out)["comparisons"][0]
+    assert {line["name"] for line in alike["lines"] if line["kind"] == "parameter"}
+
+
+def test_labels_of_several_adjusters_are_settings_too(run, campaigns) -> None:
+    Path("two.toml").write_text('[adjusters]\nrebound = ""\ncompression = ""\n')
+    for name in ("before", "after"):
+        Path(name).mkdir()
+        rows = ["file,rebound,compression"]
+        for setting in SETTINGS:
+            text = (campaigns / f"logs_{name}" / f"setting_{setting:02d}.csv").read_text()
+            body = [line for line in text.splitlines() if "setting" not in line]
+            Path(name, f"log_{setting}.csv").write_text("\n".join(body) + "\n")
+            rows.append(f"log_{setting}.csv,{setting},7")
+        Path(name, "tests.csv").write_text("\n".join(rows) + "\n")
+        logs = sorted(map(str, Path(name).glob("log_*.csv")))
+        arguments = ["--config", "two.toml", "--out", f"{name}_out", "--quiet"]
+        assert main(["identify", *logs, *arguments]) in {0, 1}
+    found = _document(run, "before_out", "after_out")
+    assert found["settings"] == ["R1 C7", "R2 C7"]
+    told = [line for line in found["lines"] if line["name"] == "r_m1"]
+    assert [line["verdict"] for line in told] == ["different"] * 2
+    assert run("compare", "before_out", "--save", "base.json").code == 0
+    kept = _document(run, "base.json", "after_out")
+    assert [a["verdict"] for a in kept["lines"]] == [b["verdict"] for b in found["lines"]]
+    mixed = run("compare", campaigns / "before", "after_out")
+    assert mixed.code == 2
+    assert "no setting is common to all" in mixed.err

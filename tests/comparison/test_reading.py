@@ -117,3 +117,8 @@ def test_chance_is_told_as_often_as_it_says() -> None:
     lines = [compared(FORCE, _reading(a), _reading(b)) for a, b in values]
     share = np.mean([line.verdict is Sameness.DIFFERENT for line in lines])
     assert share == pytest.approx(0.05, abs=0.01)
+
+
+def test_noise_of_what_a_model_misses_is_no_misfit() -> None:
+    a, b = (_reading(1000.0 + d, 1.0, misses=m) for d, m in ((0.0, 1.0), (3.5, -2.0)))
+    assert compared(FORCE, a, b, is_same_motion=True).verdict is Sameness.DIFFERENT

@@ -1,0 +1,87 @@
+"""The page of a comparison: loops and differences as they are, names that are no markup."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+
+import numpy as np
+import pytest
+
+from damperfit.comparison import ComparisonOptions, compare_runs, parse_tolerance, tolerated
+from damperfit.report import comparison_markdown, comparison_page
+from damperfit.report.plots.compared_runs import difference_plots, loop_plots
+from damperfit.setting import Setting
+from tests.comparison.runs import DAMPING, GAS, measured, run
+
+pytest.importorskip("plotly")
+EVIL = "</script><img src=x onerror=alert(1)>"
+MEASURED = ComparisonOptions(is_measured=True)
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    first = run(measured(1), measured(2), measured(3), name="before")
+    second = run(measured(1, factor=1.1, seed=9), measured(2), name=EVIL)
+    return compare_runs(first, second, MEASURED)
+
+
+def test_the_difference_below_is_the_second_less_the_first(comparison) -> None:
+    runs = (comparison.first, comparison.second)
+    by_velocity, by_displacement = loop_plots(runs, Setting.of(1), name="setting_1")
+    upper, lower = by_velocity.panels
+    assert [line.label for line in upper.lines] == ["before", EVIL]
+    (apart,) = lower.lines
+    # Ten per cent of c v more, at the velocity of the first.
+    np.testing.assert_allclose(apart.y, 0.1 * DAMPING * apart.x, atol=0.5)
+    assert apart.x.max() == pytest.approx(0.3, abs=0.005)
+    np.testing.assert_allclose(by_displacement.panels[1].lines[0].y, apart.y)
+    assert by_displacement.panels[0].x_unit == "mm"
+
+
+def test_cycles_that_begin_elsewhere_are_laid_over_one_another(comparison) -> None:
+    test = measured(1)
+    rolled = {
+        name: np.roll(getattr(test, name), 77) for name in ("displacement", "velocity", "force")
+    }
+    from dataclasses import replace
+
+    runs = (run(test), run(replace(test, **rolled), name="rolled"))
+    plot, _ = loop_plots(runs, Setting.of(1), name="x")
+    assert np.abs(plot.panels[1].lines[0].y).max() < 0.01
+
+
+def test_the_difference_over_settings_is_in_per_cent(comparison) -> None:
+    plot = difference_plots([comparison])[0]
+    (line,) = plot.panels[0].lines
+    at_top = 0.3 * DAMPING
+    assert line.y[0] == pytest.approx(100.0 * 0.1 * at_top / (at_top + GAS), rel=0.01)
+    assert line.y[1] == pytest.approx(0.0, abs=0.01)
+
+
+def test_the_page_shows_names_and_obeys_none(comparison) -> None:
+    points = tolerated(comparison, parse_tolerance("5%"))
+    page = comparison_page([comparison], points, source="5%", alone=[EVIL])
+    assert EVIL not in page
+    assert page.count("&lt;/script&gt;") >= 3
+    assert "FAILS" in page
+    assert "setting 3 only in before: not compared" in page
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    data = json.loads(found[1])
+    names = [plot["name"] for plot in data["plots"]]
+    assert "setting_01_force_velocity" in names or "setting_1_force_velocity" in names
+    assert len(names) == len(set(names))
+    assert np.isfinite(np.frombuffer(base64.b64decode(data["arrays"][0]), "<f4")).all()
+    text = comparison_markdown([comparison], points, source="5%", alone=[EVIL])
+    assert "<img" not in text.replace("\\<img", "")
+
+
+def test_several_references_have_plots_of_their_own(comparison) -> None:
+    other = compare_runs(
+        run(measured(1), name="other"), run(measured(1, factor=0.9), name="later"), MEASURED
+    )
+    page = comparison_page([comparison, other])
+    names = re.findall(r'data-name="([^"]+)"', page)
+    assert len(names) == len(set(names))
+    assert "Setting 1 (other)" in page
