@@ -360,6 +360,7 @@ SURFACE = {
         "describe_searches",
         "identify",
         "normalised_mse",
+        "put_together",
         "shared_names",
     ],
     "damperfit.run.hold_out": [

@@ -9,6 +9,7 @@ from damperfit.identification.options import DETECT, FitOptions, check_options, 
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.setting import Fit, LogFit
 from damperfit.identification.sharing import Sharing
+from damperfit.identification.unseen import put_together
 
 __all__ = [
     "DETECT",
@@ -31,5 +32,6 @@ __all__ = [
     "describe_searches",
     "identify",
     "normalised_mse",
+    "put_together",
     "shared_names",
 ]

@@ -21,6 +21,7 @@ from damperfit.errors import (
     did_you_mean,
     mishap_of,
 )
+from damperfit.identification import put_together
 from damperfit.queries.origin import configured_as, origin_of
 from damperfit.readers import read_log
 from damperfit.setting import ADJUSTER, Setting, parse_setting
@@ -183,12 +184,16 @@ def choose_parameters(
     else:
         known = read_parameters(path, quantities)
         chosen = _meant(setting, known)
-        if chosen not in known:
+        together = None if chosen in known else put_together(known, chosen)
+        if chosen not in known and together is None:
             there = ", ".join(str(number) for number in sorted(known)) or "none"
             raise ConfigurationError(
                 f"{path}: no parameters of setting {chosen}; there are {there}"
             )
-        parameters, source = known[chosen], f"setting {chosen} of {path}"
+        parameters = known[chosen] if together is None else together
+        source = f"setting {chosen} of {path}"
+        if together is not None:
+            source = f"setting {chosen}, put together from the clicks of the settings of {path}"
     if values:
         source = f"{source}; replaced: {', '.join(values)}"
     return Choice(parameters.replace(values), chosen, f"parameters: {source}", path)

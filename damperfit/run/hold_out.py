@@ -158,7 +158,7 @@ def _unpredicted(trace: Trace, *, is_fitted: bool) -> Mishap:
     kind, why = (
         ("SimulationError", "cannot be simulated on it")
         if is_fitted
-        else ("PredictionError", "has no fit")
+        else ("PredictionError", "has no fit, and no joint fit of others that have its clicks")
     )
     said = f"{trace.name}: held out, but cannot be predicted: setting {trace.setting} {why}"
     return Mishap(kind, said)

@@ -197,6 +197,8 @@ def _graded_rows(campaign: Campaign, predictions: Sequence[Prediction]) -> Itera
         for held_out in predictions:
             if held_out.setting == fit.setting:
                 yield _mse_row(fit.setting, "held_out", *_of_log(held_out))
+    for unseen in (one for one in predictions if one.is_unseen):
+        yield _mse_row(unseen.setting, "held_out", *_of_log(unseen))
 
 
 def _of_log(seen: LogFit | Prediction) -> tuple[str, float, float, int]:

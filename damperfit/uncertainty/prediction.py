@@ -15,18 +15,22 @@ import numpy as np
 
 from damperfit.conditioning import noise_floor
 from damperfit.errors import LogError, SimulationError
-from damperfit.identification import compare, normalised_mse
+from damperfit.identification import compare, normalised_mse, put_together
+from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.residuals import scatter_between_cycles
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
 
     from damperfit.damper.model import Model
     from damperfit.identification import Campaign, Comparison, Fit
     from damperfit.recording import Trace
-    from damperfit.setting import Setting
     from damperfit.uncertainty.assessment import Assessment
+
+    FloatArray = NDArray[np.float64]
 
 __all__ = ["HoldOutOptions", "Prediction", "predict", "prediction_warnings", "split_cycles"]
 
@@ -77,6 +81,9 @@ class Prediction:
     is_same_motion : bool
         Whether its strokes and speeds were all fitted too: then it tells of drift and scatter, and
         every law that was bent to the one meets the other.
+    is_unseen : bool
+        No log of its setting was fitted: its values are put together from those of other settings
+        with the same clicks; a force offset, which is each test's own, is taken from the log.
     """
 
     setting: Setting
@@ -87,6 +94,7 @@ class Prediction:
     fitted_mse_percent: float
     expected_mse_percent: float
     is_same_motion: bool = False
+    is_unseen: bool = False
 
     @property
     def ratio(self) -> float:
@@ -107,6 +115,8 @@ class Prediction:
     def verdict(self) -> str:
         """The ratio in words, and whether it tests the model at all."""
         told = self._ratio_in_words
+        if self.is_unseen:
+            return f"{told}; put together from the clicks of other settings"
         if not self.is_same_motion:
             return told
         return f"{told}; of the stroke and speed that were fitted: no test of the model"
@@ -133,6 +143,7 @@ class Prediction:
             "fitted_mse_percent": self.fitted_mse_percent,
             "expected_mse_percent": self.expected_mse_percent,
             "is_same_motion": self.is_same_motion,
+            "is_unseen": self.is_unseen,
             "verdict": self.verdict,
         }
 
@@ -216,8 +227,9 @@ def predict(
     assessment : Assessment
         What `assess` says of it; without it all misfit of the fitted logs counts as lack of fit.
     traces : sequence of Trace
-        What was held out. Those of a setting without a fit, or that cannot be simulated, are left
-        out of the result.
+        What was held out. Those of a setting without a fit are predicted where others of a joint
+        fit have its clicks; else, or where they cannot be simulated, they are left out of the
+        result.
     damper : Model
         The damper's model.
     solver : SolverOptions
@@ -231,16 +243,24 @@ def predict(
         By setting, then in the order given.
     """
     fits = {fit.setting: fit for fit in campaign.fits}
+    parameters = {setting: fit.parameters for setting, fit in fits.items()}
     noise = {one.setting: _known(one.noise_percent) for one in assessment.diagnoses}
 
     def one(trace: Trace) -> Prediction | None:
-        fit = fits.get(trace.setting) if trace.setting is not None else None
-        if fit is None:
+        if trace.setting is None:
+            return None
+        fit = fits.get(trace.setting)
+        values = (
+            put_together(parameters, Setting.of(trace.setting)) if fit is None else fit.parameters
+        )
+        if values is None:
             return None
         try:
-            seen = compare(fit.parameters, trace, damper, solver=solver)
+            seen = compare(values, trace, damper, solver=solver)
         except SimulationError:
             return None
+        if fit is None:
+            return _unseen(Setting.of(trace.setting), campaign.fits, trace, seen, noise)
         return _prediction(fit, trace, seen, noise.get(fit.setting, 0.0))
 
     with ThreadPoolExecutor(max(1, jobs)) as pool:
@@ -248,13 +268,43 @@ def predict(
     return tuple(sorted(found, key=lambda prediction: prediction.setting))
 
 
-def _prediction(fit: Fit, trace: Trace, seen: Comparison, fitted_noise: float) -> Prediction:
+def _unseen(
+    setting: Setting,
+    fits: Sequence[Fit],
+    trace: Trace,
+    seen: Comparison,
+    fitted_noise: Mapping[Setting, float],
+) -> Prediction:
+    """The prediction of a setting that was not fitted, with the offset of the log itself."""
     measured, simulated = trace.force[trace.compared], seen.force[trace.compared]
+    if any(one.is_offset for one in fits[0].parameters.quantities):
+        simulated = simulated + float(np.mean(measured - simulated))
+    lacks = [max(fit.mse_percent - fitted_noise.get(fit.setting, 0.0), 0.0) for fit in fits]
+    return Prediction(
+        setting=setting,
+        trace=trace,
+        is_part=False,
+        mse_percent=normalised_mse(measured, simulated),
+        noise_floor_percent=noise_floor(trace),
+        fitted_mse_percent=float(np.mean([fit.mse_percent for fit in fits])),
+        expected_mse_percent=float(np.mean(lacks)) + _noise(trace, measured - simulated),
+        is_unseen=True,
+    )
+
+
+def _noise(trace: Trace, rest: FloatArray) -> float:
+    """What scatter between the cycles of a residual costs, in per cent of the force's variance."""
     scatter = sum(
-        stretch.n_samples * scatter_between_cycles((measured - simulated)[place], stretch)
+        stretch.n_samples * scatter_between_cycles(rest[place], stretch)
         for stretch, place in zip(trace.stretches, trace.places, strict=True)
     )
-    noise = 100.0 * scatter / trace.n_samples / float(np.var(measured))
+    variance = float(np.var(trace.force[trace.compared]))
+    return _known(100.0 * scatter / trace.n_samples / variance)
+
+
+def _prediction(fit: Fit, trace: Trace, seen: Comparison, fitted_noise: float) -> Prediction:
+    measured, simulated = trace.force[trace.compared], seen.force[trace.compared]
+    noise = _noise(trace, measured - simulated)
     return Prediction(
         setting=fit.setting,
         trace=trace,
@@ -262,7 +312,7 @@ def _prediction(fit: Fit, trace: Trace, seen: Comparison, fitted_noise: float) -
         mse_percent=normalised_mse(measured, simulated),
         noise_floor_percent=noise_floor(trace),
         fitted_mse_percent=fit.mse_percent,
-        expected_mse_percent=max(fit.mse_percent - fitted_noise, 0.0) + _known(noise),
+        expected_mse_percent=max(fit.mse_percent - fitted_noise, 0.0) + noise,
         is_same_motion=_is_same_motion(fit, trace),
     )
 

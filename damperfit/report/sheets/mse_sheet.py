@@ -39,11 +39,11 @@ def mse_sheet(
         is_whole = not row["log"]
         if mine == [row["log"]]:  # the row of its setting says the same
             continue
-        setting = settings[row["setting"]]
+        setting = settings.get(row["setting"], {})  # one that was only predicted has no parameters
         name = row["log"] or (mine[0] if len(mine) == 1 else "all logs")
         rows.append(
             (
-                str(row["setting"]) if is_whole else "",
+                str(row["setting"]) if is_whole or not setting else "",
                 name,
                 percent(row["mse_percent"]),
                 percent(row["noise_floor_percent"]),
