@@ -1,15 +1,48 @@
 """damperfit reads damper rig logs and fits a physical damper model at every adjuster setting.
 
-The Python API is one import path per name:
+    import damperfit
+    result = damperfit.identify("sample_runs/*.csv")
+    result.setting(10).simulate("sine", amplitude=0.04, frequency=2.0).force
 
-    from damperfit.readers import read_log
-    from damperfit.conditioning import condition
-    from damperfit.simulation import simulate
-    from damperfit.identification import identify
-
-This module imports nothing, so that ``damperfit --help`` starts at once.
+`read`, `inspect`, `identify`, `simulate`, `compare`, `export`, `load`, `Damper`, `Motion` and
+`Result` are looked up when they are first used: importing damperfit imports nothing else, so that
+``damperfit --help`` starts at once. The layers below are importable by their own names.
 """
+
+from __future__ import annotations
+
+from typing import Any
 
 __all__ = ["__version__"]
 
 __version__ = "0.1.0"
+
+# A name of the door, and the module that has it.
+_DOOR = {
+    "Damper": "damperfit.damper.purdy.parameters",
+    "Motion": "damperfit.simulation.motion",
+    "Result": "damperfit.door.results",
+    "compare": "damperfit.door.calls",
+    "export": "damperfit.door.calls",
+    "identify": "damperfit.door.calls",
+    "inspect": "damperfit.door.calls",
+    "load": "damperfit.door.calls",
+    "read": "damperfit.door.calls",
+    "simulate": "damperfit.door.calls",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Look a name of the door up."""
+    if name not in _DOOR:
+        from damperfit.errors import did_you_mean
+
+        raise AttributeError(f"damperfit has no {name!r}.{did_you_mean(name, _DOOR)}")
+    from importlib import import_module
+
+    return getattr(import_module(_DOOR[name]), name)
+
+
+def __dir__() -> list[str]:
+    """Return the names of the door."""
+    return sorted([*__all__, *_DOOR])

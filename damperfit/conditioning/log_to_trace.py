@@ -33,7 +33,7 @@ from damperfit.conditioning.scatter import with_noise
 from damperfit.conditioning.skew import take_back
 from damperfit.conditioning.timebase import UniformLog, make_uniform
 from damperfit.conditioning.velocity import check_velocity
-from damperfit.errors import ConditioningError
+from damperfit.errors import ConditioningError, ConfigurationError
 from damperfit.recording import Drive, Recording, Stretch, Trace
 
 if TYPE_CHECKING:
@@ -65,6 +65,11 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         Constant channel, gap in time, sample rate too low for the filter, too few steady cycles,
         implausible stroke or force, stroke beyond the chambers, a sign that must be declared.
     """
+    if not isinstance(recording, Recording):
+        raise ConfigurationError(
+            f"condition: found {type(recording).__name__}; expected a recording, as "
+            "damperfit.readers.read_log(path) returns it"
+        )
     options = options or ConditionOptions()
     if options.spikes == "bridge":
         options = replace(options, spikes="keep")

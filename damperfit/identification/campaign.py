@@ -25,7 +25,7 @@ from damperfit.identification.paper.procedure import as_in_the_paper
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import Fit, describe_fit
 from damperfit.identification.sharing import MEAN, TAKEN
-from damperfit.recording import natural_order
+from damperfit.recording import Trace, natural_order
 from damperfit.setting import Setting
 
 if TYPE_CHECKING:
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model
     from damperfit.identification.descent import Misfit
-    from damperfit.recording import Trace
 
 __all__ = ["PROCEDURES", "Campaign", "identify"]
 
@@ -85,6 +84,13 @@ def identify(
     LogError
         No trace, or one without a setting.
     """
+    for one in traces:
+        if not isinstance(one, Trace):
+            raise ConfigurationError(
+                f"identify: found {type(one).__name__} among the traces; expected what "
+                "damperfit.conditioning.condition(read_log(path)) returns; "
+                "damperfit.identify(paths) takes paths"
+            )
     check_options(options, damper)
     if not traces:
         raise LogError("identify: there is no log to fit; give one trace or more")

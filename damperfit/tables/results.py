@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from damperfit.adjustment import Adjustment, credible_forces
+from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification.setting import EXCELLENT
 from damperfit.tables.arrays import column, float_array
 from damperfit.tables.columns import setting_cells, table_schema
@@ -79,6 +80,9 @@ class Tables:
     def frame(self, name: str) -> pd.DataFrame:
         """Return the table ``name`` (as the attributes) as a pandas data frame."""
         tables = {"parameters": self.parameters, "mse": self.mse, "adjustment": self.adjustment}
+        if name not in tables:
+            hint = did_you_mean(name, tables)
+            raise ConfigurationError(f"no table {name!r}; there are {', '.join(tables)}.{hint}")
         table: pa.Table = tables[name]
         frame: pd.DataFrame = table.to_pandas()
         return frame

@@ -1,0 +1,108 @@
+"""Keywords of a call to a configuration: the same keys and checks as on the command line."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, is_dataclass
+from typing import TYPE_CHECKING, Any
+
+from damperfit.configuration.loading import load_configuration
+from damperfit.errors import ConfigurationError
+from damperfit.setting import Setting, parse_setting
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.damper.model import Model
+
+__all__ = ["configured", "declared_setting", "texts"]
+
+
+def configured(
+    call: str,
+    *,
+    config: str | Path | None = None,
+    damper: Model | Mapping[str, Any] | None = None,
+    rig: Mapping[str, Any] | None = None,
+    units: Mapping[str, str] | None = None,
+    **entries: tuple[str, Any],
+) -> Configuration:
+    """Return the configuration that the keywords of a call ask for.
+
+    Parameters
+    ----------
+    call : str
+        The function, for messages.
+    config : path, optional
+        TOML file.
+    damper : Model or mapping, optional
+        The damper, or keys of [damper] such as ``{"rod_diameter": "12mm"}``.
+    rig : mapping, optional
+        Keys of [rig].
+    units : mapping of str to str, optional
+        Units of columns that do not say theirs, as in ``{"force": "kN"}``.
+    **entries : tuple of str and any
+        By keyword: the key that it sets, as in "identification.free", and the value; None is not
+        given.
+
+    Raises
+    ------
+    ConfigurationError
+        A key or value is wrong; the keyword is named.
+    """
+    sections: dict[str, dict[str, Any]] = {}
+    options: dict[str, str] = {}
+    for keyword, (place, value) in entries.items():
+        if value is not None:
+            section, _, key = place.partition(".")
+            sections.setdefault(section, {})[key] = value
+            options[place] = f"{call}({keyword}=...)"
+    for key, value in (rig or {}).items():
+        sections.setdefault("rig", {})[key] = value
+        options[f"rig.{key}"] = f"{call}(rig={{{key!r}: ...}})"
+    if units:
+        sections.setdefault("rig", {})["units"] = dict(units)
+        options["rig.units"] = f"{call}(units=...)"
+    if damper is not None:
+        sections["damper"] = {**_declared(damper, call), **sections.get("damper", {})}
+    try:
+        return load_configuration(config, overlay=sections, options=options)
+    except ConfigurationError as error:
+        said = str(error).removeprefix("command line: ")
+        raise ConfigurationError(said if said.startswith(call) else f"{call}: {said}") from error
+
+
+def _declared(damper: Any, call: str) -> dict[str, Any]:
+    if is_dataclass(damper) and not isinstance(damper, type):
+        model: Any = damper
+        return {"model": model.name, **asdict(model)}
+    if hasattr(damper, "items"):
+        return dict(damper)
+    raise ConfigurationError(
+        f"{call}(damper=...): found {type(damper).__name__}; expected a damper such as "
+        "damperfit.Damper(rod_diameter=0.012), or keys of [damper]"
+    )
+
+
+def texts(values: Mapping[str, Any] | None) -> dict[str, str] | None:
+    """Return values as the command line has them: 32mm, or a number in SI."""
+    return None if values is None else {name: str(value) for name, value in values.items()}
+
+
+def declared_setting(
+    setting: Setting | int | str | None, configuration: Configuration
+) -> Setting | None:
+    """Return the setting that is meant, by its label or number.
+
+    Raises
+    ------
+    ConfigurationError
+        It is none.
+    """
+    if setting is None or isinstance(setting, Setting):
+        return setting
+    try:
+        return parse_setting(str(setting), configuration.reading.adjusters)
+    except ValueError as error:
+        raise ConfigurationError(f"setting={setting!r}: {error}") from error

@@ -1,0 +1,313 @@
+"""The jobs of the command line, as calls: same words, same checks, same sentences."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import TYPE_CHECKING, Any
+
+from damperfit.door.asked import configured, declared_setting, texts
+from damperfit.door.given_logs import as_files
+from damperfit.door.results import Result, Simulation, simulated
+from damperfit.errors import ConfigurationError, LogError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from damperfit.damper.model import Model
+    from damperfit.door.tables import Comparison, Inspection
+    from damperfit.recording import Recording
+    from damperfit.setting import Setting
+
+__all__ = ["compare", "export", "identify", "inspect", "load", "read", "simulate"]
+
+_FEW = 3
+
+
+def read(log: object, *, units: Mapping[str, str] | None = None, **asked: Any) -> Recording:
+    """Return one log as it was logged, in SI and with the project's signs.
+
+    Parameters
+    ----------
+    log : path, or mapping of one label to a data frame
+        Any format that `damperfit inspect` reads.
+    units : mapping of str to str, optional
+        Units of columns that do not say theirs, as in ``{"force": "kN"}``.
+    **asked
+        config, rig: as of `identify`.
+
+    Raises
+    ------
+    LogError
+        It cannot be read, or holds several tests.
+    """
+    from damperfit.readers import read_log
+
+    configuration = configured("damperfit.read", units=units, **asked)
+    with as_files(log, call="damperfit.read") as paths:
+        if len(paths) > 1:
+            raise ConfigurationError("damperfit.read: found several logs; give one")
+        return read_log(paths[0], configuration.reading)
+
+
+def inspect(
+    logs: object,
+    *,
+    setting: Setting | int | str | None = None,
+    units: Mapping[str, str] | None = None,
+    jobs: int | None = None,
+    **asked: Any,
+) -> Inspection:
+    """Tell what is in logs and what is wrong with them; fit nothing.
+
+    Parameters
+    ----------
+    logs, setting, units, jobs
+        As of `identify`.
+    **asked
+        config, rig: as of `identify`.
+    """
+    from damperfit.door.tables import Inspection
+    from damperfit.run.logs import available_cores, expand, read_batch
+
+    configuration = configured("damperfit.inspect", units=units, **asked)
+    with as_files(logs, call="damperfit.inspect") as paths:
+        batch = read_batch(
+            expand(paths),
+            configuration,
+            jobs=jobs or available_cores(),
+            setting=declared_setting(setting, configuration),
+            keeps_traces=False,
+        )
+    return Inspection(batch)
+
+
+def identify(  # noqa: PLR0913 - one keyword an option of the command line
+    logs: object,
+    *,
+    damper: Model | Mapping[str, Any] | None = None,
+    model: str | None = None,
+    setting: Setting | int | str | None = None,
+    free: Sequence[str] | None = None,
+    fix: Mapping[str, Any] | None = None,
+    procedure: str | None = None,
+    share: Sequence[str] | None = None,
+    hold_out: Sequence[str] | None = None,
+    starts: int | None = None,
+    profile: Sequence[str] | None = None,
+    units: Mapping[str, str] | None = None,
+    rig: Mapping[str, Any] | None = None,
+    tests: str | Path | None = None,
+    config: str | Path | None = None,
+    out: str | Path | None = None,
+    jobs: int | None = None,
+) -> Result:
+    """Fit every setting in the logs of one damper.
+
+    Parameters
+    ----------
+    logs : path, pattern, list of such, or mapping of labels to data frames
+        A label is the setting, as in ``{"10": frame}`` or ``{"R12 C8": frame}``; a frame, or a
+        mapping of arrays, has time, displacement and force, with units in its names
+        (``displacement_mm``) or in `units`.
+    damper : Model or mapping, optional
+        The damper, or keys of [damper]; the paper's where neither it nor `config` says it.
+    model : str, optional
+        Of `damperfit models`.
+    setting : optional
+        Setting of logs that do not say theirs.
+    free, fix, procedure, share, hold_out, starts, profile, tests, jobs
+        As the options of `damperfit identify`; ``fix={"f_f": "50N"}``.
+    units, rig : mapping, optional
+        Of the rig: keys of [rig.units] and [rig].
+    config : path, optional
+        TOML file.
+    out : path, optional
+        Folder for the results; by default they go when the result does.
+
+    Returns
+    -------
+    Result
+        It has the settings that could be fitted; `Result.failures` tells of the others.
+
+    Raises
+    ------
+    ConfigurationError
+        A keyword is wrong, or the logs are of several dampers.
+    LogError
+        No log could be fitted.
+    """
+    from damperfit.run.pipeline import run
+
+    configuration = configured(
+        "damperfit.identify",
+        config=config,
+        damper=damper,
+        rig=rig,
+        units=units,
+        model=("damper.model", model),
+        free=("identification.free", _listed(free)),
+        fix=("identification.fix", texts(fix)),
+        procedure=("identification.procedure", procedure),
+        share=("identification.share", _listed(share)),
+        hold_out=("identification.hold_out", _listed(hold_out)),
+        starts=("identification.starts", starts),
+        profile=("identification.profile", _listed(profile)),
+        tests=("test.table", None if tests is None else str(tests)),
+    )
+    folder = Path(mkdtemp(prefix="damperfit-result-")) if out is None else Path(out)
+    configuration = replace(configuration, output=replace(configuration.output, folder=folder))
+    result = Result(folder, is_temporary=out is None)
+    declared = declared_setting(setting, configuration)
+    with as_files(logs, call="damperfit.identify") as paths:
+        found = run(configuration, paths, jobs=jobs, setting=declared)
+    if not found.campaign.fits:
+        said = [_in_words_of_a_call(failure.message) for failure in found.facts.failures]
+        more = f" (and {len(said) - _FEW} more)" if len(said) > _FEW else ""
+        raise LogError(f"no setting could be fitted: {'; '.join(said[:_FEW])}{more}")
+    return result
+
+
+def _in_words_of_a_call(message: str) -> str:
+    """Return a sentence with keywords in place of the command line's options.
+
+    Examples
+    --------
+    >>> _in_words_of_a_call("no unit (--rig units.force=N); or give --setting N")
+    "no unit (units={'force': 'N'}); or give setting=N"
+    """
+    told = re.sub(r"--rig units\.(\w+)=([^\s)]+)", r"units={'\1': '\2'}", message)
+    told = re.sub(r"--rig (\w+)=([^\s)]+)", r"rig={'\1': \2}", told)
+    return re.sub(r"--setting (\S+)", r"setting=\1", told)
+
+
+def _listed(names: Sequence[str] | None) -> list[str] | None:
+    return names.split(",") if isinstance(names, str) else None if names is None else list(names)
+
+
+def load(folder: str | Path) -> Result:
+    """Return the results in a folder, as `damperfit identify` wrote them.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such folder, or no results in it.
+    """
+    if not isinstance(folder, str | Path):
+        raise ConfigurationError(
+            f"damperfit.load: found {type(folder).__name__}; expected the path of a results folder"
+        )
+    result = Result(Path(folder))
+    len(result.settings)  # read, so that what is wrong is told here
+    return result
+
+
+def simulate(  # noqa: PLR0913 - one keyword an option of the command line
+    setting: Setting | int | str | None = None,
+    *,
+    parameters: Result | str | Path | None = None,
+    set: Mapping[str, Any] | None = None,  # noqa: A002 - the option's name
+    wave: str = "sine",
+    amplitude: float | str | None = None,
+    frequency: float | str | None = None,
+    cycles: float | None = None,
+    sample_rate: float | str | None = None,
+    displacement: str | Path | None = None,
+    **asked: Any,
+) -> Simulation:
+    """Simulate one setting.
+
+    Parameters
+    ----------
+    setting : optional
+        Whose parameters; not needed where `set` gives all of them.
+    parameters : Result or path, optional
+        Results, their folder or a parameters table; by default the reference set.
+    set : mapping, optional
+        Parameters that replace the setting's.
+    wave : str
+        sine or triangle.
+    amplitude, frequency, cycles, sample_rate : optional
+        Of the wave, SI or text with a unit; by default those of the test.
+    displacement : path, optional
+        A log whose displacement drives the damper instead.
+    **asked
+        config, damper: as of `identify`.
+    """
+    configuration = configured(
+        "damperfit.simulate",
+        wave=("simulation.wave", None if displacement is not None else wave),
+        amplitude=("rig.amplitude", amplitude),
+        frequency=("rig.frequency", frequency),
+        cycles=("simulation.cycles", cycles),
+        sample_rate=("simulation.sample_rate", sample_rate),
+        **asked,
+    )
+    table = parameters.folder if isinstance(parameters, Result) else parameters
+    return simulated(
+        setting,
+        configuration,
+        table=None if table is None else Path(table),
+        replaced=texts(set) or {},
+        log=None if displacement is None else Path(displacement),
+    )
+
+
+def compare(*runs: Result | str | Path, tolerance: str | None = None, **options: Any) -> Comparison:
+    """Tell what differs between results, and whether it is more than chance.
+
+    Parameters
+    ----------
+    *runs : Result or path
+        The first is the reference.
+    tolerance : str, optional
+        "5%", "20N" or a table of bands.
+    **options
+        velocities, amplitude, frequency, is_measured, jobs: as of `damperfit compare`.
+    """
+    from damperfit.door.tables import Comparison
+    from damperfit.queries.comparisons import compare_all, comparison_options, parse_bands
+
+    places = [one.folder if isinstance(one, Result) else Path(one) for one in runs]
+    if not places:
+        raise ConfigurationError("damperfit.compare: expected two results or more, found none")
+    return Comparison(
+        compare_all(places, comparison_options(**options), tolerance=parse_bands(tolerance))
+    )
+
+
+def export(
+    results: Result | str | Path, to: str, out: str | Path, *, extend: float | str | None = None
+) -> tuple[Path, ...]:
+    """Hand a damper over to another program.
+
+    Parameters
+    ----------
+    results : Result or path
+        What `identify` found.
+    to : str
+        A target of `damperfit export --list`.
+    out : path
+        Folder for the files.
+    extend : speed, optional
+        Tables beyond the tested speed, from the model.
+
+    Returns
+    -------
+    tuple of pathlib.Path
+        What was written.
+    """
+    from damperfit.atomic import file_set
+    from damperfit.export import ExportOptions, find_target, hand_over
+    from damperfit.quantities import parse_quantity
+
+    target = find_target(to)
+    folder = results.folder if isinstance(results, Result) else Path(results)
+    speed = None if extend is None else parse_quantity(extend, "velocity")
+    files = target.write(hand_over(folder), ExportOptions(stem="damper", extend=speed))
+    with file_set(Path(out)) as drafts:
+        for name, content in dict(files).items():
+            drafts.path(name).write_bytes(content)
+    return tuple(Path(out) / name for name in dict(files))

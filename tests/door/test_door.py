@@ -1,0 +1,256 @@
+"""`import damperfit` and what it offers: a notebook needs no second import."""
+
+from __future__ import annotations
+
+import gc
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import damperfit
+from damperfit.errors import ConfigurationError, DamperfitError, LogError
+
+ROOT = Path(__file__).parents[2]
+LOGS = [str(ROOT / "sample_runs" / f"setting_{number:02d}.csv") for number in (1, 10)]
+NAMES = {
+    *("Damper", "Motion", "Result"),
+    *("compare", "export", "identify", "inspect", "load", "read", "simulate"),
+}
+
+
+@pytest.fixture(scope="module")
+def result():
+    return damperfit.identify(LOGS)
+
+
+@pytest.fixture(scope="module")
+def frame():
+    return pd.read_csv(LOGS[1], comment="#")
+
+
+def test_the_door_has_a_dozen_names_at_most():
+    assert set(dir(damperfit)) >= NAMES
+    assert len(NAMES) <= 12
+    for name in NAMES:
+        assert getattr(damperfit, name).__doc__
+
+
+def test_importing_it_imports_nothing_of_weight():
+    heavy = ("numpy", "pandas", "pyarrow", "scipy", "matplotlib")
+    code = f"import sys, damperfit\nprint([name for name in {heavy} if name in sys.modules])"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "[]"
+
+
+def test_a_name_that_is_none_is_an_attribute_error_with_the_nearest():
+    with pytest.raises(AttributeError, match=r"no 'identifi'\. Did you mean 'identify'"):
+        _ = damperfit.identifi
+    assert not hasattr(damperfit, "anything_else")
+
+
+def test_a_result_has_values_intervals_and_verdicts_without_a_second_call(result):
+    table = result.parameters
+    assert table["setting"].tolist() == [1, 10]
+    assert table["r_m1"].tolist() == pytest.approx([14012.0, 23952.0], rel=1e-3)
+    assert (table["r_m1_ci_low"] < table["r_m1"]).all()
+    assert (table["r_m1"] < table["r_m1_ci_high"]).all()
+    assert result.to_frame().equals(table)
+    ten = result.setting(10)
+    assert (ten.label, ten.grade) == ("10", "excellent")
+    assert ten.values["r_m1"] == table["r_m1"][1]
+    assert ten.intervals["k_e"] == (table["k_e_ci_low"][1], table["k_e_ci_high"][1])
+    assert ten.mse_percent == table["mse_percent"][1]
+    assert result.failures == ()
+    assert "name" in result.checks
+
+
+def test_a_result_prints_itself(result):
+    assert repr(result) == "<Result: 2 settings, MSE 0.00043 to 0.0012 %>"
+    assert repr(result.setting("1")) == "<setting 1: MSE 0.00121 %, excellent>"
+    lines = str(result).splitlines()
+    assert lines[0].split()[:3] == ["set", "R_m1", "R_m2"]
+    assert lines[2].split()[:2] == ["1", "14.012(13)"]
+    page = result._repr_html_()
+    assert page.startswith("<table><caption>Result: 2 settings")
+    assert page.count("<tr>") == 4
+    assert "14.012(13)" in page
+
+
+def test_a_setting_simulates_itself(result):
+    seen = result.setting(10).simulate("sine", amplitude=0.04, frequency=2)
+    assert np.ptp(seen.displacement) == pytest.approx(0.08, rel=1e-4)
+    assert seen.force.max() == pytest.approx(4121.6, abs=0.5)
+    assert len(seen.time) == len(seen.velocity) == seen.pressures.shape[1]
+    assert list(seen.to_frame())[:4] == [
+        "time_s",
+        "displacement_m",
+        "velocity_m_per_s",
+        "force_N",
+    ]
+    assert "sine of 40 mm at 2 Hz" in repr(seen)
+    same = damperfit.simulate(10, parameters=result, amplitude="40mm", frequency="2Hz")
+    assert np.array_equal(same.force, seen.force)
+
+
+def test_the_reference_set_is_simulated_where_nothing_is_given():
+    plain = damperfit.simulate(10)
+    firm = damperfit.simulate(10, set={"r_m1": 4e4})
+    assert firm.force.max() > 1.5 * plain.force.max()
+
+
+def test_figures_return_their_axes(result):
+    axes = result.plot()
+    assert axes.get_title(loc="left").startswith("Force against velocity")
+    assert len(result.plot("setting_10_force_time")) == 2
+    left, right = result.setting(1).simulate().plot()
+    assert (left.get_xlabel(), right.get_xlabel()) == ("velocity, m/s", "displacement, mm")
+
+
+def test_a_result_pickles_with_its_files(result):
+    again = pickle.loads(pickle.dumps(result))  # noqa: S301
+    assert again.folder != result.folder
+    assert again.parameters.equals(result.parameters)
+    assert again.frame("responses").equals(result.frame("responses"))
+    assert again.setting(1).simulate().force.tolist() == result.setting(1).simulate().force.tolist()
+
+
+def test_a_temporary_folder_goes_with_its_result(result):
+    again = pickle.loads(pickle.dumps(result))  # noqa: S301
+    folder = again.folder
+    assert folder.is_dir()
+    del again
+    gc.collect()
+    assert not folder.exists()
+    assert result.folder.is_dir()
+
+
+def test_a_result_is_saved_and_loaded(result, tmp_path):
+    where = result.save(tmp_path / "kept")
+    names = {path.name for path in where.iterdir()}
+    assert {"parameters.parquet", "parameters.csv", "run.json", "report.md"} <= names
+    again = damperfit.load(where)
+    assert again.parameters.equals(result.parameters)
+    with pytest.raises(DamperfitError, match="there already"):
+        again.save(where)
+    page = again.report(tmp_path / "page.html")
+    assert page.read_text().startswith("<!DOCTYPE html>")
+
+
+def test_out_is_where_the_command_line_writes_too(tmp_path):
+    found = damperfit.identify(LOGS[1], out=tmp_path / "results")
+    assert found.folder == tmp_path / "results"
+    assert (tmp_path / "results" / "report.md").exists()
+
+
+class TestFrames:
+    """A data frame or arrays are as good as a file."""
+
+    def test_a_frame_gives_what_its_file_gives(self, frame):
+        alone = damperfit.identify(LOGS[1])
+        found = damperfit.identify({"10": frame})
+        assert found.parameters["r_m1"].tolist() == alone.parameters["r_m1"].tolist()
+
+    def test_arrays_with_units_do_too(self, frame):
+        arrays = {
+            "time": frame["time_s"].to_numpy(),
+            "displacement": frame["displacement_mm"].to_numpy() / 10.0,
+            "force": frame["force_N"].to_numpy() / 1e3,
+        }
+        units = {"time": "s", "displacement": "cm", "force": "kN"}
+        alone = damperfit.identify(LOGS[1]).parameters["r_m1"]
+        found = damperfit.identify({10: arrays}, units=units).parameters["r_m1"]
+        assert found.tolist() == pytest.approx(alone.tolist(), rel=1e-9)
+
+    def test_a_label_may_be_a_word(self, frame):
+        found = damperfit.identify({"soft": frame})
+        assert found.settings == ("soft",)
+
+    def test_time_may_be_the_index(self, frame):
+        found = damperfit.read({"10": frame.set_index("time_s")})
+        assert len(found.time) == len(frame)
+
+    def test_units_that_are_missing_are_asked_for_in_words_of_a_call(self, frame):
+        bare = frame.rename(columns={"force_N": "force"})
+        with pytest.raises(LogError, match=r"units=\{'force': 'N'\}") as caught:
+            damperfit.identify({"10": bare})
+        assert "--rig" not in str(caught.value)
+
+    def test_columns_of_different_lengths_are_refused(self):
+        with pytest.raises(LogError, match="give columns of one length"):
+            damperfit.identify({"10": {"time_s": [0.0, 1.0], "force_N": [1.0]}})
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda f, _: damperfit.identify(f), "without a label; give {'10': frame}"),
+        (lambda *_: damperfit.identify(3), "found int; expected paths or patterns"),
+        (lambda f, _: damperfit.identify([f]), "found DataFrame in a list"),
+        (lambda *_: damperfit.identify([]), "found no log"),
+        (lambda *_: damperfit.identify({}), "found no log"),
+        (lambda *_: damperfit.identify({"10": 3}), "'10' is of type int"),
+        (lambda *_: damperfit.identify("nowhere.csv"), "nowhere.csv: no such file"),
+        (lambda *_: damperfit.identify(LOGS, free=["r_m9"]), r"(free=...): no parameter 'r_m9'"),
+        (lambda *_: damperfit.identify(LOGS, fix={"f_f": "x"}), "(fix=...): f_f = x: expected"),
+        (lambda *_: damperfit.identify(LOGS, damper=3), "(damper=...): found int"),
+        (
+            lambda *_: damperfit.identify(LOGS, damper={"rod": "1mm"}),
+            "damperfit.identify: unknown key 'rod' in [damper]",
+        ),
+        (lambda *_: damperfit.identify(LOGS, units={"force": "stone"}), "no unit of force"),
+        (lambda *_: damperfit.identify(LOGS, setting=""), "setting=''"),
+        (lambda _, r: r.frame("params"), "Did you mean 'parameters'?"),
+        (lambda _, r: r.setting(7), "no setting 7; there are 1, 10"),
+        (lambda _, r: r.plot("fann"), "Did you mean 'fan'?"),
+        (lambda *_: damperfit.load(3), "expected the path of a results folder"),
+        (lambda *_: damperfit.load("/nowhere"), "nowhere"),
+        (lambda *_: damperfit.compare(), "found none"),
+        (lambda *_: damperfit.read(LOGS), "found several logs"),
+    ],
+)
+def test_a_wrong_call_gets_a_sentence(call, said, frame, result):
+    with pytest.raises(ConfigurationError) as caught:
+        call(frame, result)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_damper_is_declared_as_an_object_or_as_keys():
+    thick = damperfit.Damper(rod_diameter=0.014)
+    as_object = damperfit.identify(LOGS[1], damper=thick).parameters
+    as_keys = damperfit.identify(LOGS[1], damper={"rod_diameter": "14mm"}).parameters
+    assert as_object["r_m1"].tolist() == as_keys["r_m1"].tolist()
+    assert as_object["r_m1"][0] != pytest.approx(23952.0, rel=0.01)
+
+
+def test_logs_are_inspected(result):
+    seen = damperfit.inspect(LOGS)
+    assert seen.to_frame()["setting"].tolist() == ["1", "10"]
+    assert repr(seen) == "<Inspection: 2 logs, 0 cannot be used>"
+    assert "setting_10.csv" in str(seen)
+    assert "<td>setting_10.csv</td>" in seen._repr_html_()
+
+
+def test_results_are_compared(result):
+    same = damperfit.compare(result, pickle.loads(pickle.dumps(result)))  # noqa: S301
+    assert same.sentences[0].startswith("forces: all 20 the same")
+    assert len(same.to_frame()) > 20
+    assert "same within errors" in same._repr_html_()
+
+
+def test_calls_of_the_layers_below_say_what_they_want():
+    from damperfit.conditioning import condition
+    from damperfit.identification import Campaign, identify
+    from damperfit.tables import make_tables
+
+    with pytest.raises(ConfigurationError, match=r"found str; expected a recording"):
+        condition(LOGS[0])
+    with pytest.raises(ConfigurationError, match=r"found str among the traces"):
+        identify(LOGS, damperfit.Damper())
+    with pytest.raises(ConfigurationError, match=r"no table 'params'; there are parameters"):
+        make_tables(Campaign("plain", ())).frame("params")
