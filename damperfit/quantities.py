@@ -141,6 +141,7 @@ _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
         "in/s in_per_s": _INCH,
     },
     "density": {"kg/m3 kg/m^3 kg/m³": 1.0, "g/cm3 g/cm^3 g/cm³": 1e3},
+    "area": {"m2 m^2 m²": 1.0, "cm2 cm^2 cm²": 1e-4, "mm2 mm^2 mm²": 1e-6},
     "volume": {"m3 m^3 m³": 1.0, "l L": 1e-3, "cm3 cm^3 cm³ ml cc": 1e-6},
     "stiffness": {"N/m": 1.0, "N/mm kN/m": 1e3, "kN/mm": 1e6},
     "voltage": {"V": 1.0, "mV": 1e-3},

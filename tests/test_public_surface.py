@@ -261,6 +261,11 @@ SURFACE = {
         "FIT",
         "Mounting",
         "NONE",
+        "check_part",
+        "declared_quantities",
+    ],
+    "damperfit.damper.friction": [
+        "Friction",
     ],
     "damperfit.damper.valve_curves": [
         "Loop",

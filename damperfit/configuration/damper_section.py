@@ -24,7 +24,15 @@ __all__ = ["DAMPER_SECTIONS", "DamperSection", "damper_defaults"]
 _ASKED_BELOW = 2e5  # Pa: a gauge reading taken as absolute is here a third too low, or more
 _DIMENSIONS = {"m": "length", "m3": "volume", "kg/m3": "density", "Pa": "absolute pressure"}
 # Numbers of a section inside [damper], which may be words too.
-_INNER_DIMENSIONS = {"series_stiffness": "stiffness", "play": "length", "lag": "time"}
+_INNER_DIMENSIONS = {
+    "series_stiffness": "stiffness",
+    "play": "length",
+    "lag": "time",
+    "presliding": "length",
+    "breakaway": "force",
+    "stribeck_speed": "velocity",
+    "seal_area": "area",
+}
 _BEGIN_OF_NUMBER = frozenset("0123456789.+-")
 
 

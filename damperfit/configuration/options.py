@@ -30,7 +30,15 @@ __all__ = [
 ]
 
 # Of units that have a short name; parameters of other units are bare numbers in SI.
-_DIMENSIONS = {"Pa": "pressure", "N": "force", "m": "length", "s": "time", "N/m": "stiffness"}
+_DIMENSIONS = {
+    "Pa": "pressure",
+    "N": "force",
+    "m": "length",
+    "s": "time",
+    "m/s": "velocity",
+    "m2": "area",
+    "N/m": "stiffness",
+}
 
 
 @dataclass(frozen=True, slots=True)

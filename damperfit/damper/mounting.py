@@ -9,13 +9,64 @@ place. At one frequency a lag and an elasticity look alike; several speeds part 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
+from damperfit.damper.model import RIG, Quantity
 from damperfit.errors import ConfigurationError
 
-__all__ = ["FIT", "NONE", "Mounting"]
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+__all__ = ["FIT", "NONE", "Mounting", "check_part", "declared_quantities"]
 
 NONE, FIT = "none", "fit"
+_QUANTITIES = (
+    Quantity(
+        "k_s", "k_s", "series stiffness", "stiffness of rod ends, frame and load cell", "N/m",
+        (1e3, 1e10), scope=RIG, power=3, shown_unit="N/mm", believable=(2e4, math.inf),
+        belief="rigs have 125 to 1900 N/mm",
+    ),
+    Quantity(
+        "play", "play", "play", "whole gap of the joints", "m", (1e-6, 1e-2), scope=RIG,
+        power=-3, shown_unit="mm", believable=(0.0, 5e-3), belief="joints have 0.3 to 2 mm",
+    ),
+    Quantity(
+        "lag", "T", "lag of the force", "lag of the force channel, first order", "s",
+        (1e-5, 5e-2), scope=RIG, power=-3, shown_unit="ms", believable=(0.0, 0.025),
+        belief="force channels have 8 to 14 ms",
+    ),
+)  # fmt: skip
+
+
+def check_part(name: str, found: str | float) -> None:
+    """Refuse what is neither "none", "fit" nor a number above 0.
+
+    Raises
+    ------
+    ConfigurationError
+        With what was found and expected.
+    """
+    is_number = isinstance(found, float | int) and not isinstance(found, bool)
+    if is_number and not (float(found) > 0.0 and math.isfinite(float(found))):
+        raise ConfigurationError(
+            f"{name}: found {float(found):g}; expected a number above 0, {NONE!r} or {FIT!r}"
+        )
+    if not is_number and found not in (NONE, FIT):
+        raise ConfigurationError(f"{name}: found {found!r}; expected a number, {NONE!r} or {FIT!r}")
+
+
+def declared_quantities(
+    parts: Iterable[str | float], known: Iterable[Quantity]
+) -> tuple[Quantity, ...]:
+    """Return the quantities of the parts that there are; a part that is known is held."""
+    found = []
+    for wanted, one in zip(parts, known, strict=True):
+        if wanted == FIT:
+            found.append(one)
+        elif wanted != NONE:
+            found.append(replace(one, default=float(wanted)))
+    return tuple(found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,18 +90,14 @@ class Mounting:
     def __post_init__(self) -> None:
         """Refuse what no mounting is."""
         for name in ("series_stiffness", "play", "lag"):
-            found = getattr(self, name)
-            is_number = isinstance(found, float | int) and not isinstance(found, bool)
-            if is_number and not (found > 0.0 and math.isfinite(found)):
-                raise ConfigurationError(
-                    f"{name}: found {found:g}; expected a number above 0, {NONE!r} or {FIT!r}"
-                )
-            if not is_number and found not in (NONE, FIT):
-                raise ConfigurationError(
-                    f"{name}: found {found!r}; expected a number, {NONE!r} or {FIT!r}"
-                )
+            check_part(name, getattr(self, name))
         if self.play != NONE and self.series_stiffness == NONE:
             raise ConfigurationError(
                 "play needs a series stiffness that takes the force once the gap is closed: "
                 f"set series_stiffness to {FIT!r} or to a value"
             )
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What a fit may find of it; what was measured is held."""
+        return declared_quantities((self.series_stiffness, self.play, self.lag), _QUANTITIES)

@@ -33,6 +33,16 @@ is stretched by more than half the play. The piston is then where the forces bal
 
 and what the load cell reads is the left side. ``series_stiffness`` 0 is a rigid mounting without
 play.
+
+Friction is Coulomb's unless more is said of it::
+
+    f = z (f_f + breakaway exp(-(v/stribeck_speed)^2) + seal_area P_1)
+
+    z = sgn(dy/dt)                              presliding 0
+    dz/dy = (1 - z sgn(dy/dt))/presliding       Dahl: it builds up over a distance
+
+``breakaway`` falls with the speed v of the rig, not of the piston: a friction that falls with the
+speed of a piston without mass would let it jump.
 """
 
 from __future__ import annotations
@@ -69,11 +79,15 @@ BODY_NUMBERS = (
     "series_stiffness",
     "play",
     "drag",
+    "presliding",
+    "breakaway",
+    "stribeck_speed",
+    "seal_area",
 )
 
 # What the compiled core has room for (core/network.h).
 MOST_PASSAGES = 16
-MOST_NUMBERS = 40
+MOST_NUMBERS = 44
 
 # Parts of a valve: which of the law's numbers each kind has.
 BLEEDS = {

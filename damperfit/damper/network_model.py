@@ -89,6 +89,10 @@ def simulate_network(
         "series_stiffness": 0.0,
         "play": 0.0,
         "drag": 0.0,
+        "presliding": 0.0,
+        "breakaway": 0.0,
+        "stribeck_speed": 0.0,
+        "seal_area": 0.0,
     }
     known = network.numbers
     numbers = at_rest | dict(values)

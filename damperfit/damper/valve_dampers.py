@@ -16,15 +16,16 @@ beside the slopes of the blow-offs.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from damperfit.damper.cylinder import Cylinder
-from damperfit.damper.model import DAMPER, FRICTION, LOG, OFFSET, RIG, Model, Quantity
-from damperfit.damper.mounting import FIT, NONE, Mounting
+from damperfit.damper.friction import Friction
+from damperfit.damper.model import DAMPER, FRICTION, LOG, OFFSET, Model, Quantity
+from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.network import Network, Valve, monotube, through_flow, twin_tube
 from damperfit.damper.purdy.quantities import OF_OIL, OIL
 from damperfit.errors import ConfigurationError
@@ -82,6 +83,8 @@ class ValveDamper(Cylinder, Model):
         What the valve of each stroke is made of.
     mounting : Mounting
         Elasticity, play, lag.
+    friction : Friction
+        What there is to it beside Coulomb's.
 
     Raises
     ------
@@ -101,6 +104,7 @@ class ValveDamper(Cylinder, Model):
     rebound: Valve = Valve()
     compression: Valve = Valve()
     mounting: Mounting = Mounting()
+    friction: Friction = Friction()
 
     conditions: ClassVar[tuple[str, ...]] = ("gas_pressure", "gas_exponent")
     ranges: ClassVar[Mapping[str, tuple[float, float, str]]] = VALVE_RANGES
@@ -355,6 +359,11 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
             believable=OIL, belief=OF_OIL,
         ),
         Quantity(
+            "free_gas", "phi", "free gas", "share of the oil's volume that is gas at rest", "1",
+            (1e-6, 0.3), scope=DAMPER, default=0.0, may_vanish=True, power=-2, shown_unit="%",
+            believable=(0.0, 0.05), belief="oil that was filled with care holds less than 5 %",
+        ),
+        Quantity(
             "f_f", "f_f", FRICTION, "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
             scope=DAMPER, may_vanish=True, shown_unit="N",
         ),
@@ -362,7 +371,8 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
             "drag", "c", "drag of the seals", "force of the seals by the speed", "N s/m",
             (1e-2, 1e5), scope=DAMPER, default=0.0, may_vanish=True, shown_unit="N s/m",
         ),
-        *_of_mounting(damper.mounting),
+        *damper.friction.quantities,
+        *damper.mounting.quantities,
         Quantity(
             "f_0", "f_0", OFFSET, "constant offset added to the force, the rig's tare",
             "N", (-math.inf, math.inf), is_logarithmic=False, size=100.0, scope=LOG, shown_unit="N",
@@ -384,30 +394,3 @@ def _of_valve(name: str) -> Quantity:
         power=power,
         shown_unit=shown,
     )
-
-
-def _of_mounting(mounting: Mounting) -> tuple[Quantity, ...]:
-    known = {
-        "k_s": Quantity(
-            "k_s", "k_s", "series stiffness", "stiffness of rod ends, frame and load cell", "N/m",
-            (1e3, 1e10), scope=RIG, power=3, shown_unit="N/mm", believable=(2e4, math.inf),
-            belief="rigs have 125 to 1900 N/mm",
-        ),
-        "play": Quantity(
-            "play", "play", "play", "whole gap of the joints", "m", (1e-6, 1e-2), scope=RIG,
-            power=-3, shown_unit="mm", believable=(0.0, 5e-3), belief="joints have 0.3 to 2 mm",
-        ),
-        "lag": Quantity(
-            "lag", "T", "lag of the force", "lag of the force channel, first order", "s",
-            (1e-5, 5e-2), scope=RIG, power=-3, shown_unit="ms", believable=(0.0, 0.025),
-            belief="force channels have 8 to 14 ms",
-        ),
-    }  # fmt: skip
-    found = []
-    for part, name in zip(fields(mounting), known, strict=True):
-        wanted = getattr(mounting, part.name)
-        if wanted == FIT:
-            found.append(known[name])
-        elif wanted != NONE:
-            found.append(replace(known[name], default=float(wanted)))
-    return tuple(found)

@@ -11,6 +11,7 @@ import numpy as np
 
 from damperfit.configuration.loading import redeclared
 from damperfit.configuration.what_is_tested import unmatched
+from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import (
@@ -258,6 +259,7 @@ def _layouts(damper: Model, layout: str | None) -> list[ValveDamper]:
             gas_exponent=damper.gas_exponent,
             ambient_pressure=getattr(damper, "ambient_pressure", AMBIENT),
             mounting=getattr(damper, "mounting", Mounting()),
+            friction=getattr(damper, "friction", Friction()),
         )
         for kind in kinds.values()
     ]

@@ -61,7 +61,7 @@ static df_network damper(void)
     memcpy(q.passages, ways, sizeof ways);
     q.n_numbers = N_NUMBERS;
     const double numbers[N_NUMBERS] = {3.65e8, 0.0, 50.0, 0.0, 4.6e5, 1.4, 6.28319e-5, 0.0, 0.0, 0.0,
-                                       1.8e4, 3.527e6, 2.597e6, 1e6, 2e7, 3e4, 5e4};
+                                       0.0, 0.0, 0.0, 0.0, 1.8e4, 3.527e6, 2.597e6, 1e6, 2e7, 3e4, 5e4};
     memcpy(q.numbers, numbers, sizeof numbers);
     return q;
 }
@@ -169,12 +169,17 @@ static void expect(run *r, const df_network *q, const df_options *o, int expecte
     }
 }
 
-/* Rigid, elastic, with play, with free gas, with a floating piston: all sensitivities at once. */
+/* Rigid, elastic, with play, with free gas, with a floating piston, with friction that pre-slides, is
+ * larger at rest and pressed: all sensitivities at once. */
 static void every_kind(void)
 {
-    for (int kind = 0; kind < 5; kind++) {
+    for (int kind = 0; kind < 8; kind++) {
         df_network q = damper();
-        q.numbers[DF_NUMBER_STIFFNESS] = kind == 1 || kind == 2 ? 5e6 : 0.0;
+        q.numbers[DF_NUMBER_STIFFNESS] = kind == 1 || kind == 2 || kind == 6 ? 5e6 : 0.0;
+        q.numbers[DF_NUMBER_PRESLIDING] = kind == 5 || kind == 6 ? 3e-5 : 0.0;
+        q.numbers[DF_NUMBER_BREAKAWAY] = kind > 5 ? 20.0 : 0.0;
+        q.numbers[DF_NUMBER_STRIBECK] = kind > 5 ? 0.02 : 0.0;
+        q.numbers[DF_NUMBER_PRESSED] = kind > 5 ? 1e-5 : 0.0;
         q.numbers[DF_NUMBER_PLAY] = kind == 2 ? 2e-4 : 0.0;
         q.numbers[DF_NUMBER_DRAG] = kind == 1 ? 100.0 : 0.0;
         q.numbers[DF_NUMBER_PHI] = kind == 3 ? 0.01 : 0.0;
@@ -219,7 +224,8 @@ static void step_by_step(void)
 static void what_is_refused(void)
 {
     const double wrong[] = {-1.0, NAN, INFINITY};
-    const int positive[] = {DF_NUMBER_K, DF_NUMBER_P_0, DF_NUMBER_GAMMA, DF_NUMBER_V_GAS, R_M1, R_M2, SLOPE};
+    const int positive[] = {DF_NUMBER_K, DF_NUMBER_P_0, DF_NUMBER_GAMMA, DF_NUMBER_V_GAS, R_M1, R_M2, SLOPE,
+                            DF_NUMBER_PRESLIDING, DF_NUMBER_BREAKAWAY, DF_NUMBER_STRIBECK, DF_NUMBER_PRESSED};
     run r = new_run(30, 1e-3, 3);
     sine(&r, 0.03, 1.5);
     for (int k = 0; k < 3; k++)
@@ -280,6 +286,7 @@ static void anything(void)
             q.numbers[j] = spread(q.numbers[j] > 0.0 ? q.numbers[j] : 1e-3, j == DF_NUMBER_GAMMA ? 0.5 : 3.0);
         q.numbers[DF_NUMBER_PHI] = k % 3 ? 0.0 : 0.1 * chance();
         q.numbers[DF_NUMBER_STIFFNESS] = k % 2 ? 0.0 : spread(1e6, 3.0);
+        q.numbers[DF_NUMBER_PRESLIDING] = k % 5 ? 0.0 : spread(3e-5, 3.0);
         q.n_passages = 4 + (int)(12.0 * chance());
         for (int j = 4; j < q.n_passages; j++) {
             const int from = 1 + (int)(3.0 * chance());

@@ -82,6 +82,8 @@ CASES = {
         (0.032, 1.5),
     ),
 }
+FRICTION = ("presliding", "breakaway", "stribeck_speed", "seal_area")
+ABSENT = {"free_gas", "series_stiffness", "play", "drag", *FRICTION}
 PHASES = (0.1, 0.2, 0.3, 0.4, 0.6, 0.9)
 # 4th cycle from rest at x = 0: force N, pressures bar. Two independent codes agree on every digit.
 GOLDEN = {
@@ -196,16 +198,20 @@ def test_the_slow_twin_agrees_on_a_rough_motion(name, mounting):
 @pytest.mark.parametrize("name", CASES)
 def test_sensitivities_by_every_number_are_those_of_central_differences(name):
     _, values, damper, _ = CASES[name]
-    base = {
-        "free_gas": 0.0,
-        "f_0": 0.0,
-        "gas_pressure": damper.gas_pressure,
-        "gas_exponent": damper.gas_exponent,
-        "gas_volume": damper.gas_volume,
-        "series_stiffness": 0.0,
-        "play": 0.0,
-        "drag": 0.0,
-    } | values
+    base = (
+        dict.fromkeys(FRICTION, 0.0)
+        | {
+            "free_gas": 0.0,
+            "f_0": 0.0,
+            "gas_pressure": damper.gas_pressure,
+            "gas_exponent": damper.gas_exponent,
+            "gas_volume": damper.gas_volume,
+            "series_stiffness": 0.0,
+            "play": 0.0,
+            "drag": 0.0,
+        }
+        | values
+    )
     check_slopes(name, base)
 
 
@@ -216,7 +222,7 @@ def test_sensitivities_by_every_number_are_those_of_central_differences(name):
 def test_sensitivities_hold_behind_an_elastic_mounting_with_play(name, mounting):
     _, values, damper, _ = CASES[name]
     held = {"series_stiffness": mounting[0], "play": mounting[1], "drag": 40.0}
-    base = {
+    base = dict.fromkeys(FRICTION, 0.0) | {
         "free_gas": 0.0,
         "f_0": 0.0,
         "gas_pressure": damper.gas_pressure,
@@ -238,7 +244,7 @@ def check_slopes(name, base, held=None, *, passed=0):
         name, cycles=1, per_cycle=300, options=SMOOTH, sensitivities=network.numbers, **held
     )
     for number in network.numbers:
-        if number in {"free_gas", "series_stiffness", "play", "drag"} and base[number] == 0.0:
+        if number in ABSENT and base[number] == 0.0:
             continue  # two laws meet there; the limits are tested below
         size = base[number] or {"drag": 1.0}.get(number, 100.0)
         best = math.inf
@@ -465,7 +471,7 @@ def test_more_passages_than_the_core_holds_are_refused():
     values = {"k_e": 1e9, "f_f": 0.0, "a": 1e5}
     fits = Network("many", tuple(Passage(1, 3, resistance="a") for _ in range(16)))
     simulate_network(fits, values, PURDY_DAMPER, motion)
-    with pytest.raises(ConfigurationError, match="many has 17 passages and 11 numbers"):
+    with pytest.raises(ConfigurationError, match="many has 17 passages and 15 numbers"):
         Network("many", (*fits.passages, Passage(1, 3, resistance="a")))
 
 
@@ -476,12 +482,12 @@ def test_more_numbers_than_the_core_holds_are_refused():
         return Passage(1, 3, **{kind: next(names) for kind in kinds})
 
     three = ("orifice", "resistance", "opening")
-    full = tuple(passage(three) for _ in range(10))  # 30 of 40; 10 are the body's
+    full = tuple(passage(three) for _ in range(10))  # 30 of 44; 14 are the body's
     motion = sine_motion(0.01, 1.0, cycles=1, sample_rate=100)
     values = {"k_e": 1e9, "f_f": 0.0} | {f"n{k}": 1e5 for k in range(30)}
     network = Network("full", full)
     simulate_network(network, values, PURDY_DAMPER, motion, sensitivities=network.numbers)
-    with pytest.raises(ConfigurationError, match="11 passages and 41 numbers"):
+    with pytest.raises(ConfigurationError, match="11 passages and 45 numbers"):
         Network("over", (*full, passage(("resistance",))))
 
 

@@ -56,7 +56,13 @@ def log(model, values, *, speed=0.26):
 
 def test_the_quantities_are_those_of_the_valves_and_the_mounting():
     held = {one.name: one.default for one in ThroughFlow().quantities if one.default is not None}
-    assert held == {"return_slope": 2.5e5, "gas_volume": 3e-5, "k_e": 1e9, "drag": 0.0}
+    assert held == {
+        "return_slope": 2.5e5,
+        "gas_volume": 3e-5,
+        "k_e": 1e9,
+        "free_gas": 0.0,
+        "drag": 0.0,
+    }
     assert ThroughFlow(mounting=ALL).names[-5:] == ("drag", "k_s", "play", "lag", "f_0")
     bleeds = Valve("orifice", "none")
     assert TwinTube(rebound=bleeds, compression=bleeds).names[:3] == (
@@ -95,6 +101,8 @@ def test_the_force_is_differentiated_by_every_quantity_that_is_asked_for(kind):
     assert tuple(slopes) == wanted
     exact = SolverOptions(tolerance=1e-4)
     for name in model.names:
+        if name == "free_gas":
+            continue  # at nothing two laws meet; case c of test_network.py has some
         step = 2e-3 * (abs(getattr(values, name)) or 1.0)
         high, low = (
             simulate(
@@ -148,7 +156,7 @@ def test_every_kind_of_valve_has_a_start_for_all_its_numbers():
         held = {q.name: q.default for q in one.quantities if q.default is not None}
         for start in one.start([trace], held):
             assert all(value > 0.0 for name, value in zip(start.names, start.numbers, strict=True)
-                       if name not in {"drag", "f_0"})  # fmt: skip
+                       if name not in {"drag", "f_0", "free_gas"})  # fmt: skip
             assert np.isfinite(simulate(start, one, motion(cycles=1)).force).all()
 
 

@@ -69,6 +69,13 @@ def pressures(masses, x, network, values, damper):
 DEAD_BAND = 1e-4  # m/s, that of the core
 
 
+def rub(values, v, p1):
+    """Friction while it slides, N."""
+    speed = values["stribeck_speed"]
+    rest = values["breakaway"] * math.exp(-((v / speed) ** 2)) if speed else 0.0
+    return values["f_f"] + rest + values["seal_area"] * p1
+
+
 def speed_of(excess, friction, drag):
     """Speed at which friction and drag take the force that is left, m/s; drag must not be 0."""
     within = friction / DEAD_BAND + drag
@@ -89,7 +96,8 @@ def solve(network, values, damper, motion, time, rtol=1e-9):
     An elastic mounting makes the piston's position a third state, whose speed is what friction and
     drag leave of the balance of forces.
     """
-    values = {"free_gas": 0.0, "f_0": 0.0} | values
+    absent = ("free_gas", "f_0", "presliding", "breakaway", "stribeck_speed", "seal_area")
+    values = dict.fromkeys(absent, 0.0) | values
     known = {"": 0.0} | values
     rod, bore = damper.rod_area, damper.piston_area
     n_oil = 1 if network.has_floating_piston else 2
@@ -113,15 +121,26 @@ def solve(network, values, damper, motion, time, rtol=1e-9):
             )
             change[way.start - 1] -= w
             change[way.end - 1] += w
-        if not is_elastic:
-            return change[:n_oil]
-        excess = pull_of(motion[0](t) - y, values) - oil_force(p)
-        return [*change[:n_oil], speed_of(excess, values["f_f"], values["drag"])]
+        rates = change[:n_oil]
+        speed = motion[1](t)
+        if is_elastic:
+            excess = pull_of(motion[0](t) - y, values) - oil_force(p)
+            friction = rub(values, speed, p[0])
+            if values["presliding"]:  # what it has built up is known: the drag takes the rest
+                speed = (excess - friction * state[n_oil]) / values["drag"]
+            else:
+                speed = speed_of(excess, friction, values["drag"])
+        if values["presliding"]:
+            grip = state[n_oil]
+            rates.append((speed - abs(speed) * grip) / values["presliding"])
+        return [*rates, speed] if is_elastic else rates
 
     start = [
         damper.oil_density * damper.chamber_1_length * (bore - rod),
         damper.oil_density * damper.chamber_2_length * bore,
     ][:n_oil]
+    if values["presliding"]:
+        start.append(0.0)
     if is_elastic:
         level = rod * (network.ambient_pressure - values["gas_pressure"])
         start.append(-level / values["series_stiffness"] + values["play"] / 2)
@@ -147,5 +166,6 @@ def solve(network, values, damper, motion, time, rtol=1e-9):
         stretch = [motion[0](t) - y for t, y in zip(time, where, strict=True)]
         return np.array([pull_of(u, values) for u in stretch]), p
     v = np.array([motion[1](t) for t in time])
-    friction = values["f_f"] * np.clip(v / DEAD_BAND, -1, 1) + values["drag"] * v
-    return oil_force(p) + friction, p
+    grip = done.y[n_oil] if values["presliding"] else np.clip(v / DEAD_BAND, -1, 1)
+    rubbed = np.array([rub(values, at, p1) for at, p1 in zip(v, p[0], strict=True)])
+    return oil_force(p) + rubbed * grip + values["drag"] * v, p

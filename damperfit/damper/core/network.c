@@ -201,29 +201,92 @@ static void evaluate(const df_network *q, const chambers *c, const df_gas_point 
     }
 }
 
-/* The elastic mounting: stretch x - y beyond half the play, and friction by the piston's speed. */
-static void hold(const df_network *q, const df_options *o, double stretch, double speed, df_network_balance *b)
-{
-    const double k = q->numbers[DF_NUMBER_STIFFNESS], half = 0.5 * q->numbers[DF_NUMBER_PLAY];
-    const double beyond = fabs(stretch) - half;
-    b->pull = beyond > 0.0 ? copysign(k * beyond, stretch) : 0.0;
-    b->pull_slope = beyond > 0.0 ? k : 0.0;
-    b->grip = df_friction_share(speed, o->dead_band);
-    b->brake = q->numbers[DF_NUMBER_DRAG];
-    if (fabs(speed) < o->dead_band)
-        b->brake += q->numbers[DF_NUMBER_FRICTION] / o->dead_band;
-    b->speed = speed;
-}
-
 static double oil_force(const df_network *q, const double P[3])
 {
     return P[0] * q->a_1 - P[1] * q->a_2;
 }
 
-/* Slope of the oil's force by a state. */
+/* Friction while it slides. What it has more at rest goes with the speed that the rig drives, not with
+ * the piston's own: a friction that falls with that would let a piston without mass jump. */
+static double rubbing(const df_network *q, double v, double P1)
+{
+    const double v_s = q->numbers[DF_NUMBER_STRIBECK], r = v_s > 0.0 ? v / v_s : INFINITY;
+    return q->numbers[DF_NUMBER_FRICTION] + q->numbers[DF_NUMBER_BREAKAWAY] * exp(-r * r) +
+           q->numbers[DF_NUMBER_PRESSED] * P1;
+}
+
+/* Derivative of that by a number, with the pressure held. */
+static double rubbing_by(const df_network *q, double v, double P1, int place)
+{
+    const double v_s = q->numbers[DF_NUMBER_STRIBECK], r = v_s > 0.0 ? v / v_s : INFINITY;
+    if (place == DF_NUMBER_FRICTION)
+        return 1.0;
+    if (place == DF_NUMBER_PRESSED)
+        return P1;
+    if (place == DF_NUMBER_BREAKAWAY)
+        return exp(-r * r);
+    if (place == DF_NUMBER_STRIBECK && v_s > 0.0)
+        return q->numbers[DF_NUMBER_BREAKAWAY] * exp(-r * r) * 2.0 * r * r / v_s;
+    return 0.0;
+}
+
+/* Dahl's friction, dz/dy = (1 - z sgn dy)/sigma, over a way without a turn; `turn` is the sign of a
+ * way of no length. */
+typedef struct {
+    double z, left, turn; /* left: what is left of the start, by which it is forgotten */
+} dahl;
+
+static dahl dahl_after(double sigma, double z, double way, double turn)
+{
+    dahl d;
+    d.turn = way != 0.0 ? copysign(1.0, way) : turn;
+    d.left = exp(-fabs(way) / sigma);
+    d.z = d.turn + (z - d.turn) * d.left;
+    return d;
+}
+
+/* Its derivative where start, way and distance move. */
+static double dahl_by(const dahl *d, double sigma, double z, double way, double z_by, double way_by, double sigma_by)
+{
+    return d->left * (z_by + (d->turn - z) * (d->turn * way_by / sigma - fabs(way) / (sigma * sigma) * sigma_by));
+}
+
+/* What a step begins with, as friction remembers it, and the speed of the rig at a stage. */
+typedef struct {
+    double y, grip, v;
+} memory;
+
+/* The elastic mounting: stretch x - y beyond half the play, and friction by the piston's speed. */
+static void hold(const df_network *q, const df_options *o, double x, double y, double speed, const memory *from,
+                 df_network_balance *b)
+{
+    const double stretch = x - y, sigma = q->numbers[DF_NUMBER_PRESLIDING];
+    const double k = q->numbers[DF_NUMBER_STIFFNESS], half = 0.5 * q->numbers[DF_NUMBER_PLAY];
+    const double beyond = fabs(stretch) - half;
+    b->pull = beyond > 0.0 ? copysign(k * beyond, stretch) : 0.0;
+    b->pull_slope = beyond > 0.0 ? k : 0.0;
+    b->brake = q->numbers[DF_NUMBER_DRAG];
+    b->rub = rubbing(q, from->v, b->P[0]);
+    b->speed = speed;
+    b->caught = 0.0;
+    if (sigma > 0.0) {
+        dahl d = dahl_after(sigma, from->grip, y - from->y, 0.0);
+        if (d.turn == 0.0) /* to where the forces push it from here */
+            d.turn = b->pull - oil_force(q, b->P) - q->rod_force - b->rub * d.z < 0.0 ? -1.0 : 1.0;
+        b->grip = d.z;
+        b->caught = b->rub * (1.0 - d.turn * from->grip) * d.left / sigma;
+        return;
+    }
+    b->grip = df_friction_share(speed, o->dead_band);
+    if (fabs(speed) < o->dead_band)
+        b->brake += b->rub / o->dead_band;
+}
+
+/* Slope of the oil's force, and of the friction that it presses, by a state. */
 static double oil_force_by(const df_network *q, const df_network_balance *b, int state)
 {
-    return b->slope[0][state] * q->a_1 - b->slope[1][state] * q->a_2;
+    return b->slope[0][state] * q->a_1 - b->slope[1][state] * q->a_2 +
+           q->numbers[DF_NUMBER_PRESSED] * b->grip * b->slope[0][state];
 }
 
 /* Inverse of the Newton matrix: I - h diagonal J for the masses and, where the mounting is elastic,
@@ -250,7 +313,7 @@ static void invert(const df_network *q, const df_network_balance *b, double hd, 
     /* By the Schur complement of the masses. */
     const double right[2] = {-hd * b->J[0][DF_PISTON], -hd * b->J[1][DF_PISTON]};
     const double below[2] = {oil_force_by(q, b, 0), oil_force_by(q, b, 1)};
-    const double corner = b->pull_slope + oil_force_by(q, b, DF_PISTON) + b->brake / hd;
+    const double corner = b->pull_slope + oil_force_by(q, b, DF_PISTON) + b->brake / hd + b->caught;
     const double AR[2] = {A[0][0] * right[0] + A[0][1] * right[1], A[1][0] * right[0] + A[1][1] * right[1]};
     const double BA[2] = {below[0] * A[0][0] + below[1] * A[1][0], below[0] * A[0][1] + below[1] * A[1][1]};
     const double s = 1.0 / (corner - below[0] * AR[0] - below[1] * AR[1]);
@@ -345,11 +408,11 @@ static double nearest_root(const df_network *q, const df_network_balance *b)
 
 /* One implicit stage: y = known + hd F(y), the mounting in equilibrium. Returns 0 when it converged. */
 static int solve_stage(const df_network *q, const df_options *o, double x, const df_gas_point *gas,
-                       const double known[DF_STATES], double hd, double y[DF_STATES], chambers *c,
-                       df_network_balance *b, inverse3 *inverse, df_work *work, int *code)
+                       const double known[DF_STATES], double hd, const memory *from, double y[DF_STATES],
+                       chambers *c, df_network_balance *b, inverse3 *inverse, df_work *work, int *code)
 {
     const double K = q->numbers[DF_NUMBER_K], share_done = fmin(SHARE_DONE, 0.01 * o->tolerance);
-    const int elastic = is_elastic(q);
+    const int elastic = is_elastic(q), presliding = q->numbers[DF_NUMBER_PRESLIDING] > 0.0;
     double before = INFINITY, step[DF_STATES] = {0.0, 0.0, 0.0};
     for (int k = 0; k < NEWTON_LIMIT; k++) {
         if (k == 0 || elastic) {
@@ -364,9 +427,9 @@ static int solve_stage(const df_network *q, const df_options *o, double x, const
         double speed = 0.0, size = fmax(stiff[0] * fabs(r[0]), stiff[1] * fabs(r[1]));
         if (elastic) {
             speed = (y[DF_PISTON] - known[DF_PISTON]) / hd;
-            hold(q, o, x - y[DF_PISTON], speed, b);
-            r[DF_PISTON] = b->pull - oil_force(q, b->P) - q->rod_force -
-                           q->numbers[DF_NUMBER_FRICTION] * b->grip - q->numbers[DF_NUMBER_DRAG] * speed;
+            hold(q, o, x, y[DF_PISTON], speed, from, b);
+            r[DF_PISTON] = b->pull - oil_force(q, b->P) - q->rod_force - b->rub * b->grip -
+                           q->numbers[DF_NUMBER_DRAG] * speed;
             size = fmax(size, fabs(r[DF_PISTON]) / q->a_2);
         }
         if (!(size < INFINITY))
@@ -385,13 +448,15 @@ static int solve_stage(const df_network *q, const df_options *o, double x, const
         const double far = fmax(stiff[0] * fabs(e[0]), stiff[1] * fabs(e[1]));
         if (!(far < INFINITY) || !isfinite(e[DF_PISTON]))
             return 1;
-        const double then = speed + e[DF_PISTON] / hd;
-        const int crosses = elastic && fabs(b->grip) == 1.0 && speed * then < 0.0;
+        /* Where friction has a corner: at a speed of nothing, or where the step has begun. */
+        const double here = presliding ? y[DF_PISTON] - from->y : speed;
+        const double then = here + (presliding ? e[DF_PISTON] : e[DF_PISTON] / hd);
+        const int crosses = elastic && (presliding || fabs(b->grip) == 1.0) && here * then < 0.0;
         const int converged = far <= PA_DONE + ROUNDING_SHARE * K + share_done * nearest_root(q, b) &&
                               !crosses && q->numbers[DF_NUMBER_STIFFNESS] * fabs(e[DF_PISTON]) <= PULL_DONE;
-        if (crosses && q->numbers[DF_NUMBER_FRICTION] > 0.0) {
+        if (crosses && b->rub > 0.0) {
             /* Beyond the dead band lies another branch: stop inside and look. */
-            const double share = -speed / (then - speed);
+            const double share = -here / (then - here);
             for (int i = 0; i < DF_STATES; i++)
                 e[i] *= share;
             before = INFINITY;
@@ -402,6 +467,8 @@ static int solve_stage(const df_network *q, const df_options *o, double x, const
             y[i] += e[i];
             step[i] = e[i];
         }
+        if (crosses && presliding && b->rub > 0.0)
+            y[DF_PISTON] = from->y; /* exactly, for only there the branch is chosen anew */
         if (converged) {
             for (int i = 0; i < DF_STATES; i++)
                 b->F[i] = (y[i] - known[i]) / hd;
@@ -423,18 +490,18 @@ static int solve_stage(const df_network *q, const df_options *o, double x, const
 }
 
 /* dF/d(number) at constant masses, and that of the mounting's balance of forces. */
-static void balance_by(const df_network *q, const df_network_balance *b, double s, int place, double F[DF_STATES])
+static void balance_by(const df_network *q, const df_network_balance *b, double s, double v, int place,
+                       double F[DF_STATES])
 {
     double P[3] = {0.0, 0.0, 0.0};
     const int by_pressure = moves_pressures(place);
     F[0] = F[1] = F[DF_PISTON] = 0.0;
     if (by_pressure) {
         pressures_by(q, b, s, place, P);
-        F[DF_PISTON] = -oil_force(q, P);
+        F[DF_PISTON] = -oil_force(q, P) - q->numbers[DF_NUMBER_PRESSED] * b->grip * P[0];
     }
-    if (place == DF_NUMBER_FRICTION)
-        F[DF_PISTON] -= b->grip;
-    else if (place == DF_NUMBER_DRAG)
+    F[DF_PISTON] -= b->grip * rubbing_by(q, v, b->P[0], place);
+    if (place == DF_NUMBER_DRAG)
         F[DF_PISTON] -= b->speed;
     else if (place == DF_NUMBER_STIFFNESS)
         F[DF_PISTON] += b->pull / q->numbers[DF_NUMBER_STIFFNESS];
@@ -459,8 +526,8 @@ static int moves_the_state(const df_network *q, int place)
 {
     if (place == DF_NUMBER_OFFSET)
         return 0;
-    return is_elastic(q) || (place != DF_NUMBER_FRICTION && place != DF_NUMBER_DRAG &&
-                             place != DF_NUMBER_STIFFNESS && place != DF_NUMBER_PLAY);
+    return is_elastic(q) || place < DF_NUMBER_FRICTION || place >= DF_FIRST_PASSAGE_NUMBER ||
+           moves_pressures(place);
 }
 
 typedef struct {
@@ -472,6 +539,13 @@ static double hermite(const piece *c, double t)
     const double u = t / c->interval, w = 1.0 - u;
     return w * w * ((1.0 + 2.0 * u) * c->x0 + c->interval * u * c->v0) +
            u * u * ((1.0 + 2.0 * w) * c->x1 - c->interval * w * c->v1);
+}
+
+/* The speed along it. */
+static double hermite_speed(const piece *c, double t)
+{
+    const double u = t / c->interval, w = 1.0 - u;
+    return 6.0 * u * w * (c->x1 - c->x0) / c->interval + w * (w - 2.0 * u) * c->v0 + u * (u - 2.0 * w) * c->v1;
 }
 
 /* Weights at t of the values at t0, t1, t2 on their parabola. */
@@ -487,15 +561,19 @@ enum { STEP_TAKEN, STEP_REFUSED };
 
 /* The sensitivities of a converged stage, by its own Newton matrix. */
 static void carry_slopes(const df_network *q, const df_network_state *now, const df_network_balance *b,
-                         const inverse3 *inverse, double s, double h, int stage,
+                         const inverse3 *inverse, double s, const memory *from, double y, double h, int stage,
                          double S[][DF_STATES], double G[][DF_STAGES][DF_STATES])
 {
-    const double hd = h * DF_DIAGONAL;
+    const double hd = h * DF_DIAGONAL, sigma = q->numbers[DF_NUMBER_PRESLIDING], way = y - from->y;
+    const dahl d = sigma > 0.0 ? dahl_after(sigma, from->grip, way, 0.0) : (dahl){0.0, 0.0, 0.0};
     for (int j = 0; j < now->n_which; j++) {
         if (!moves_the_state(q, now->which[j]))
             continue;
         double slope[DF_STATES], past[DF_STATES], r[DF_STATES];
-        balance_by(q, b, s, now->which[j], slope);
+        balance_by(q, b, s, from->v, now->which[j], slope);
+        if (sigma > 0.0) /* what friction remembers has moved too; the way's end is in the matrix */
+            slope[DF_PISTON] -= b->rub * dahl_by(&d, sigma, from->grip, way, now->grip_by[j],
+                                                 -now->S[j][DF_PISTON], now->which[j] == DF_NUMBER_PRESLIDING);
         for (int i = 0; i < DF_STATES; i++) {
             past[i] = now->S[j][i];
             for (int k = 0; k < stage; k++)
@@ -542,6 +620,42 @@ static void guess_state(const df_network *q, const df_network_state *now, double
     y[1] = n_oil(q) == 2 ? c.full[1] * (1.0 + g[1]) : now->y[1];
 }
 
+/* What friction remembers, carried along a way without a turn; S: the piston's slopes at its end. */
+static void remember(const df_network *q, double way, double S[][DF_STATES], df_network_state *now)
+{
+    const double sigma = q->numbers[DF_NUMBER_PRESLIDING];
+    const dahl d = dahl_after(sigma, now->grip, way, 1.0);
+    for (int j = 0; j < now->n_which; j++) {
+        const int moves = S && moves_the_state(q, now->which[j]);
+        const double moved = moves ? S[j][DF_PISTON] - now->S[j][DF_PISTON] : 0.0;
+        now->grip_by[j] = dahl_by(&d, sigma, now->grip, way, now->grip_by[j], moved,
+                                  now->which[j] == DF_NUMBER_PRESLIDING);
+    }
+    now->grip = d.z;
+}
+
+/* Along a piece of the motion, from turn to turn: the roots of its speed, a parabola. */
+static void remember_piece(const df_network *q, const piece *m, df_network_state *now)
+{
+    const double rise = 6.0 * (m->x1 - m->x0) / m->interval, a = 3.0 * (m->v0 + m->v1) - rise;
+    const double b = rise - 4.0 * m->v0 - 2.0 * m->v1, inside = b * b - 4.0 * a * m->v0;
+    double at = m->x0, turns[2] = {2.0, 2.0};
+    if (inside > 0.0) { /* a u^2 + b u + v0 = 0 without cancellation */
+        const double half = -0.5 * (b + copysign(sqrt(inside), b));
+        const double one = a != 0.0 ? half / a : 2.0, other = half != 0.0 ? m->v0 / half : 2.0;
+        turns[0] = fmin(one, other);
+        turns[1] = fmax(one, other);
+    }
+    for (int k = 0; k < 2; k++) {
+        if (!(turns[k] > 0.0 && turns[k] < 1.0))
+            continue;
+        const double x = hermite(m, turns[k] * m->interval);
+        remember(q, x - at, 0, now);
+        at = x;
+    }
+    remember(q, m->x1 - at, 0, now);
+}
+
 /* One step of length h from time t of the piece; a refused step leaves `now` alone. */
 static int take_step(const df_network *q, const df_options *o, const piece *motion, double t, double h,
                      df_network_state *now, df_work *work, double *error, int *code)
@@ -560,6 +674,7 @@ static int take_step(const df_network *q, const df_options *o, const piece *moti
     }
     for (int k = 1; k < DF_STAGES; k++) {
         const double x = hermite(motion, t + DF_C[k] * h);
+        const memory from = {now->y[DF_PISTON], now->grip, hermite_speed(motion, t + DF_C[k] * h)};
         double known[DF_STATES];
         for (int i = 0; i < DF_STATES; i++) {
             known[i] = now->y[i];
@@ -567,12 +682,12 @@ static int take_step(const df_network *q, const df_options *o, const piece *moti
                 known[i] += h * DF_A[k][l] * F[l][i];
         }
         guess_state(q, now, guide, k, x, h, y);
-        if (solve_stage(q, o, x, &now->gas, known, hd, y, &c, &b, &inverse, work, code))
+        if (solve_stage(q, o, x, &now->gas, known, hd, &from, y, &c, &b, &inverse, work, code))
             return STEP_REFUSED;
         for (int i = 0; i < DF_STATES; i++)
             F[k][i] = b.F[i];
         guide_of(q, &b, x, y, guide[k]);
-        carry_slopes(q, now, &b, &inverse, taken(q, &c, y), h, k, S, G);
+        carry_slopes(q, now, &b, &inverse, taken(q, &c, y), &from, y[DF_PISTON], h, k, S, G);
     }
     double r[DF_STATES] = {0.0, 0.0, 0.0}, e[DF_STATES];
     for (int k = 0; k < DF_STAGES; k++) {
@@ -584,6 +699,8 @@ static int take_step(const df_network *q, const df_options *o, const piece *moti
     *error = fmax(q->a_1 * K * c.inverse[0] * fabs(e[0]), q->a_2 * K * c.inverse[1] * fabs(e[1])) / o->tolerance;
     if (!(*error <= 1.0))
         return STEP_REFUSED;
+    if (is_elastic(q) && q->numbers[DF_NUMBER_PRESLIDING] > 0.0)
+        remember(q, y[DF_PISTON] - now->y[DF_PISTON], S, now);
     now->b = b;
     for (int i = 0; i < DF_STATES; i++) {
         now->y[i] = y[i];
@@ -635,6 +752,9 @@ static int network_is_sound(const df_network *q)
                             n[DF_NUMBER_GAMMA] > 0.0 && n[DF_NUMBER_V_GAS] > 0.0 && q->rounding > 0.0 &&
                             n[DF_NUMBER_FRICTION] >= 0.0 && n[DF_NUMBER_STIFFNESS] >= 0.0 &&
                             n[DF_NUMBER_PLAY] >= 0.0 && n[DF_NUMBER_DRAG] >= 0.0 &&
+                            n[DF_NUMBER_PRESLIDING] >= 0.0 && n[DF_NUMBER_BREAKAWAY] >= 0.0 &&
+                            n[DF_NUMBER_STRIBECK] >= 0.0 && n[DF_NUMBER_PRESSED] >= 0.0 &&
+                            (n[DF_NUMBER_BREAKAWAY] == 0.0 || n[DF_NUMBER_STRIBECK] > 0.0) &&
                             q->a_1 > 0.0 && q->a_2 > q->a_1 && q->rho_0 > 0.0))
         return 0;
     for (int k = 0; k < q->n_passages; k++) {
@@ -695,7 +815,7 @@ static void start_slopes(const df_network *q, const chambers *c, df_network_stat
     for (int j = 0; j < now->n_which; j++) {
         double direct[3], slope[DF_STATES], own = 0.0, growth = 0.0, by_y = b->slope[2][DF_PISTON];
         pressures_by(q, b, s, now->which[j], direct);
-        balance_by(q, b, s, now->which[j], slope);
+        balance_by(q, b, s, 0.0, now->which[j], slope);
         for (int i = 0; i < n_oil(q); i++) {
             own += direct[i] / b->slope[i][i];
             growth += 1.0 / b->slope[i][i];
@@ -733,8 +853,12 @@ int df_begin_network(const df_network *q, const df_options *o, double x, double 
     const int code = equalise(q, x, now, &c);
     if (code != DF_OK)
         return code;
+    const memory from = {now->y[DF_PISTON], 0.0, v};
+    now->grip = 0.0;
+    for (int j = 0; j < n_which; j++)
+        now->grip_by[j] = 0.0;
     evaluate(q, &c, &now->gas, now->y, &now->b);
-    hold(q, o, x - now->y[DF_PISTON], 0.0, &now->b);
+    hold(q, o, x, now->y[DF_PISTON], 0.0, &from, &now->b);
     start_slopes(q, &c, now);
     guide_of(q, &now->b, x, now->y, now->guide_mid);
     for (int i = 0; i < DF_STATES; i++) {
@@ -794,6 +918,8 @@ int df_advance_network(const df_network *q, const df_options *o, double x, doubl
             now->wish = h * (shrink < 0.1 ? 0.1 : shrink);
         }
     }
+    if (!is_elastic(q) && q->numbers[DF_NUMBER_PRESLIDING] > 0.0)
+        remember_piece(q, &motion, now);
     now->x = x;
     now->v = v;
     return isfinite(now->b.P[0]) && isfinite(now->b.P[1]) && isfinite(now->b.P[2]) ? DF_OK : DF_NOT_FINITE;
@@ -813,23 +939,24 @@ static double slope_of_force(const df_network *q, const df_network_state *now, i
             own = -0.5 * copysign(b->pull_slope, b->pull);
         return own - b->pull_slope * now->S[j][DF_PISTON];
     }
-    if (place == DF_NUMBER_FRICTION)
-        return friction;
+    const double own = friction * rubbing_by(q, now->v, b->P[0], place);
+    const double kept = rubbing(q, now->v, b->P[0]) * now->grip_by[j];
     if (place == DF_NUMBER_DRAG)
         return now->v;
-    if (place == DF_NUMBER_STIFFNESS || place == DF_NUMBER_PLAY)
-        return 0.0;
+    if (!moves_the_state(q, place))
+        return own + kept;
     double P[3];
     pressures_by(q, b, s, place, P);
     for (int i = 0; i < 2; i++)
         P[i] += b->slope[i][0] * now->S[j][0] + b->slope[i][1] * now->S[j][1];
-    return oil_force(q, P);
+    return oil_force(q, P) + q->numbers[DF_NUMBER_PRESSED] * friction * P[0];
 }
 
 double df_force_network(const df_network *q, const df_options *o, const df_network_state *now, double *slopes)
 {
     const df_network_balance *b = &now->b;
-    const double friction = df_friction_share(now->v, o->dead_band);
+    const int presliding = q->numbers[DF_NUMBER_PRESLIDING] > 0.0;
+    const double friction = presliding ? now->grip : df_friction_share(now->v, o->dead_band);
     const double piston = is_elastic(q) ? now->y[DF_PISTON] : now->x;
     const double shift = q->has_floating_piston ? q->rho_0 * q->a_2 * piston : now->y[1] - q->rho_0 * q->V_2;
     const double s = now->y[0] - q->rho_0 * q->V_1 + shift;
@@ -838,7 +965,7 @@ double df_force_network(const df_network *q, const df_options *o, const df_netwo
     const double offset = q->numbers[DF_NUMBER_OFFSET];
     if (is_elastic(q))
         return b->pull + offset;
-    return oil_force(q, b->P) + q->rod_force + q->numbers[DF_NUMBER_FRICTION] * friction +
+    return oil_force(q, b->P) + q->rod_force + rubbing(q, now->v, b->P[0]) * friction +
            q->numbers[DF_NUMBER_DRAG] * now->v + offset;
 }
 

@@ -14,7 +14,7 @@
 extern "C" {
 #endif
 
-enum { DF_MOST_PASSAGES = 16, DF_MOST_NUMBERS = 40 };
+enum { DF_MOST_PASSAGES = 16, DF_MOST_NUMBERS = 44 };
 
 /* The numbers that every network has; those of its passages follow. */
 enum {
@@ -28,6 +28,10 @@ enum {
     DF_NUMBER_STIFFNESS, /* of rod ends, frame and load cell in series, N/m; 0: rigid */
     DF_NUMBER_PLAY,      /* whole gap of the joints, m */
     DF_NUMBER_DRAG,      /* of the seals, N s/m */
+    DF_NUMBER_PRESLIDING, /* distance in which friction builds up, m; 0: at once */
+    DF_NUMBER_BREAKAWAY, /* friction at rest above that of sliding, N */
+    DF_NUMBER_STRIBECK,  /* speed at which a third of it is left, m/s */
+    DF_NUMBER_PRESSED,   /* friction by the pressure on the rod's seal, m2 */
     DF_FIRST_PASSAGE_NUMBER
 };
 
@@ -62,7 +66,9 @@ typedef struct {
     double F[DF_STATES], J[2][DF_STATES];   /* d(state)/dt; slopes of the masses' */
     double pull, pull_slope;                /* mounting: its force, N, and that by its stretch */
     double speed;                           /* of the piston, m/s */
-    double grip, brake;                     /* share of f_f; slope of all friction by speed, N s/m */
+    double rub;                             /* friction while it slides, N */
+    double grip, brake;                     /* share of it; slope of all friction by speed, N s/m */
+    double caught;                          /* slope of friction by the piston's place, N/m */
     df_flow flow[DF_MOST_PASSAGES];
     double drop[DF_MOST_PASSAGES];
 } df_network_balance;
@@ -78,6 +84,7 @@ typedef struct {
     double guide_mid[DF_STATES], guide_old[DF_STATES], t_mid, t_old;
     double wish;                                   /* next step, s */
     double x, v;
+    double grip, grip_by[DF_MOST_NUMBERS]; /* of a friction that pre-slides, with its derivatives */
 } df_network_state;
 
 /* All chambers at one pressure at x, with the oil mass of the damper at x = 0. */

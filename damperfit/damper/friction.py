@@ -1,0 +1,80 @@
+"""Friction of seals and bearings beyond Coulomb's: it builds up, is larger at rest, is pressed.
+
+While it slides it is f_f + f_b exp(-(v/v_s)^2) + a_s P_1: Coulomb's, what it has more at rest
+(Stribeck), and what the pressure on the rod's seal adds. It turns with the motion at once, or
+builds up over a distance (Dahl). The equations stand in `damperfit.damper.network`. Loops seldom
+tell any of them from soft oil and bleeds: a friction that changes with the clicks is none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from damperfit.damper.model import DAMPER, Quantity
+from damperfit.damper.mounting import NONE, check_part, declared_quantities
+from damperfit.errors import ConfigurationError
+
+__all__ = ["Friction"]
+
+_QUANTITIES = (
+    Quantity(
+        "presliding", "s_f", "presliding", "distance over which friction builds up", "m",
+        (1e-7, 1e-2), scope=DAMPER, power=-6, shown_unit="µm", believable=(0.0, 1e-3),
+        belief="seals slide after 5 to 500 µm",
+    ),
+    Quantity(
+        "breakaway", "f_b", "breakaway", "friction at rest above that of sliding", "N",
+        (1e-3, 1e4), scope=DAMPER, may_vanish=True, shown_unit="N", believable=(0.0, 200.0),
+        belief="seals of car dampers stick with less than 200 N",
+    ),
+    Quantity(
+        "stribeck_speed", "v_s", "Stribeck speed", "speed at which a third of it is left", "m/s",
+        (1e-4, 1.0), scope=DAMPER, power=-3, shown_unit="mm/s", believable=(0.0, 0.2),
+        belief="seals slide freely above 5 to 100 mm/s",
+    ),
+    Quantity(
+        "seal_area", "a_s", "pressed friction", "friction by the pressure on the rod's seal", "m2",
+        (1e-9, 1e-2), scope=DAMPER, may_vanish=True, power=-6, shown_unit="mm²",
+        believable=(0.0, 5e-5),
+        belief="rod seals have less than 50 mm²",
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Friction:
+    """Which parts there are beside Coulomb's; each is absent, found by the fit, or known.
+
+    Attributes
+    ----------
+    presliding : str or float
+        Distance over which it builds up: "none", "fit", or m.
+    breakaway : str or float
+        What it has more at rest: "none", "fit", or N. Needs a Stribeck speed.
+    stribeck_speed : str or float
+        "none", "fit", or m/s.
+    seal_area : str or float
+        What the pressure above the piston adds, per Pa: "none", "fit", or m2.
+    """
+
+    presliding: str | float = NONE
+    breakaway: str | float = NONE
+    stribeck_speed: str | float = NONE
+    seal_area: str | float = NONE
+
+    def __post_init__(self) -> None:
+        """Refuse what is no friction."""
+        for name in ("presliding", "breakaway", "stribeck_speed", "seal_area"):
+            check_part(name, getattr(self, name))
+        if (self.breakaway == NONE) is not (self.stribeck_speed == NONE):
+            missing = "stribeck_speed" if self.stribeck_speed == NONE else "breakaway"
+            raise ConfigurationError(
+                f"{missing}: found 'none'; breakaway and stribeck_speed are two numbers of one "
+                "thing: set both, each to 'fit' or to a value, or neither"
+            )
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What a fit may find of it; what was measured is held."""
+        parts = (self.presliding, self.breakaway, self.stribeck_speed, self.seal_area)
+        return declared_quantities(parts, _QUANTITIES)

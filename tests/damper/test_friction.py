@@ -1,0 +1,240 @@
+"""Friction that pre-slides, is larger at rest, grows with pressure: golden values, twin, slopes."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from damperfit.configuration.loading import load_configuration
+from damperfit.damper.friction import Friction
+from damperfit.damper.mounting import Mounting
+from damperfit.damper.network_model import simulate_network
+from damperfit.damper.valve_dampers import ThroughFlow
+from damperfit.errors import ConfigurationError, SimulationError
+from damperfit.identification import FitOptions, identify
+from damperfit.simulation import SolverOptions, sine_motion
+from tests.damper.test_network import CASES, FRICTION, SHARP, check_slopes, run
+from tests.damper.test_valve_dampers import VALVES, damper, log
+from tests.oracles import network as twin
+
+RIGID = {"series_stiffness": 0.0, "play": 0.0, "drag": 0.0}
+ELASTIC = {"series_stiffness": 1e6, "play": 0.0, "drag": 40.0}
+PLAY = {"series_stiffness": 3e5, "play": 7e-4, "drag": 40.0}
+PRESLIDES = {"presliding": 3e-5}
+STRIBECK = {"breakaway": 20.0, "stribeck_speed": 0.02}
+PRESSED = {"seal_area": 1e-5}
+ALL = {**PRESLIDES, **STRIBECK, **PRESSED}
+KINDS = pytest.mark.parametrize(
+    "more", [PRESLIDES, STRIBECK, PRESSED, ALL], ids=["presliding", "stribeck", "pressed", "all"]
+)
+
+
+def rest(name):
+    damper = CASES[name][2]
+    gas = {key: getattr(damper, key) for key in ("gas_pressure", "gas_exponent", "gas_volume")}
+    return {"free_gas": 0.0, "f_0": 0.0, **dict.fromkeys(FRICTION, 0.0), **gas}
+
+
+# Case b (valves.md) with more friction, 4th cycle: force N. The core and SciPy's Radau agree.
+PHASES = (0.02, 0.1, 0.26, 0.3, 0.6, 0.77)
+GOLDEN = {
+    "presliding": (270.083, 258.704, 78.103, -263.214, -358.929, -16.219),
+    "all": (284.601, 272.642, 66.690, -270.735, -367.041, 3.853),
+    "all, elastic": (289.468, 276.773, 166.450, -187.871, -371.036, -151.376),
+    "all, play": (289.328, 277.030, 197.598, 0.000, -370.915, -242.454),
+}
+
+
+def golden_cases():
+    return {
+        "presliding": {**RIGID, **PRESLIDES},
+        "all": {**RIGID, **ALL},
+        "all, elastic": {**ELASTIC, **ALL},
+        "all, play": {**PLAY, **ALL},
+    }
+
+
+@pytest.mark.parametrize("name", golden_cases())
+def test_golden_values(name):
+    response = run("b", **golden_cases()[name])
+    at = [3000 + round(1000 * q) for q in PHASES]
+    assert response.force[at] == pytest.approx(GOLDEN[name], abs=0.02)
+
+
+@KINDS
+@pytest.mark.parametrize("mounting", [RIGID, ELASTIC, PLAY], ids=["rigid", "elastic", "play"])
+def test_sensitivities_are_those_of_central_differences(more, mounting):
+    held = {**mounting, **more}
+    passed = 30 if mounting["play"] else 20 if mounting["series_stiffness"] else 4
+    check_slopes("b", {**rest("b"), **CASES["b"][1], **held}, held, passed=passed)
+
+
+@pytest.mark.parametrize("name", ["b", pytest.param("e", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("mounting", [RIGID, {**PLAY, "drag": 60.0}], ids=["rigid", "play"])
+def test_the_slow_twin_agrees_on_a_rough_motion(name, mounting):
+    network, values, damper, (amplitude, frequency) = CASES[name]
+    values = {**rest(name), **values, **mounting, **ALL}
+    w = 2 * math.pi * frequency
+
+    def x(t):
+        return amplitude * (0.6 * math.sin(w * t) + 0.25 * math.sin(5.3 * w * t))
+
+    def v(t):
+        return amplitude * w * (0.6 * math.cos(w * t) + 0.25 * 5.3 * math.cos(5.3 * w * t))
+
+    time = np.arange(351) / (500 * frequency)
+    motion = dataclasses.replace(
+        sine_motion(0.01, 1.0, cycles=1, sample_rate=500),
+        interval=float(time[1]),
+        displacement=np.array([x(t) for t in time]),
+        velocity=np.array([v(t) for t in time]),
+    )
+    options = dataclasses.replace(SHARP, tolerance=1e-4)
+    response = simulate_network(network, values, damper, motion, options=options)
+    force, _ = twin.solve(network, values, damper, (x, v), time)
+    # Behind a mounting the two start with the piston elsewhere, which a reversal makes forget.
+    gap = np.abs(response.force - force)[150 if mounting["series_stiffness"] else 0 :]
+    assert np.max(gap) < 0.05
+    assert np.sqrt(np.mean(gap**2)) < 0.005
+
+
+@pytest.mark.parametrize("mounting", [RIGID, ELASTIC], ids=["rigid", "elastic"])
+def test_a_short_presliding_fades_to_coulombs_friction(mounting):
+    sharp = run("b", cycles=2, **mounting).force
+    gaps = [
+        float(np.mean(np.abs(run("b", cycles=2, presliding=way, **mounting).force - sharp)))
+        for way in (2e-4, 5e-5, 1.25e-5)
+    ]
+    # Beside a turn the way grows with the square of the time.
+    assert gaps[1:] == pytest.approx([gaps[0] / 2, gaps[0] / 4], rel=0.2)
+
+
+def test_presliding_is_a_spring_first_and_loses_what_it_rubs():
+    """From rest it is f_f/presliding stiff; a closed loop of it turns work into heat."""
+    still = sine_motion(1e-6, 1.0, cycles=1, sample_rate=1000)
+    network, values, damper, _ = CASES["b"]
+    some = {**values, "presliding": 5e-5}
+    there = simulate_network(network, some, damper, still).force
+    gone = simulate_network(network, {**values, "f_f": 0.0}, damper, still).force
+    stiffness = (there - gone)[100] / still.displacement[100]
+    assert stiffness == pytest.approx(values["f_f"] / 5e-5, rel=0.02)
+    loop = sine_motion(2e-3, 1.0, cycles=2, sample_rate=1000)
+    rubbed = (
+        simulate_network(network, some, damper, loop).force
+        - simulate_network(network, {**values, "f_f": 0.0}, damper, loop).force
+    )[1000:]
+    work = float(np.sum(rubbed * loop.velocity[1000:]) * loop.interval)
+    assert 0.9 * values["f_f"] * 8e-3 < work < values["f_f"] * 8e-3
+
+
+def test_a_turn_within_a_sample_is_found():
+    """A triangle whose corners lie between the samples: the way to the corner and back counts."""
+    network, values, damper, _ = CASES["b"]
+    some = {**values, "presliding": 2e-4, "f_f": 200.0}
+    fine = sine_motion(1e-3, 3.0, cycles=2, sample_rate=24_000)
+    coarse = dataclasses.replace(
+        fine,
+        interval=fine.interval * 64,
+        displacement=fine.displacement[7::64],
+        velocity=fine.velocity[7::64],
+    )
+    shifted = dataclasses.replace(
+        fine, displacement=fine.displacement[7:], velocity=fine.velocity[7:]
+    )
+    one = simulate_network(network, some, damper, shifted, options=SHARP).force[::64]
+    other = simulate_network(network, some, damper, coarse, options=SHARP).force
+    assert np.max(np.abs(one - other)) < 0.2
+
+
+def test_the_bias_of_a_usual_tolerance_is_below_it():
+    for mounting in (RIGID, ELASTIC, PLAY):
+        usual = run("b", options=SolverOptions(tolerance=1e-2), per_cycle=300, **mounting, **ALL)
+        sharp = run("b", options=SHARP, per_cycle=300, **mounting, **ALL)
+        assert np.sqrt(np.mean((usual.force - sharp.force)[600:] ** 2)) < 0.15
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"presliding": -1e-5}, {"breakaway": -1.0, "stribeck_speed": 0.1}, {"seal_area": -1e-9},
+     {"stribeck_speed": -0.1}, {"breakaway": 5.0}],
+)  # fmt: skip
+def test_what_is_no_friction_is_refused(wrong):
+    with pytest.raises(SimulationError):
+        run("b", cycles=1, per_cycle=50, **wrong)
+
+
+def fitted(values, free=None, **friction):
+    """A through-flow damper with such a friction, its log, and what a fit of it finds."""
+    model = dataclasses.replace(
+        damper(ThroughFlow), friction=Friction(**friction), mounting=Mounting(4e5)
+    )
+    truth = model.values({**VALVES, "return_slope": 2e5, **values})
+    one = log(model, truth, speed=0.13)
+    noise = np.random.default_rng(3).normal(0.0, 1.0, len(one.force))
+    one = dataclasses.replace(one, force=one.force + noise)
+    free = free or tuple(q.name for q in model.quantities if q.default is None)
+    options = FitOptions("plain", free=free, solver=SolverOptions(tolerance=1e-2))
+    (fit,) = identify([one], model, options).fits
+    return truth, fit
+
+
+def test_a_presliding_friction_is_found_again():
+    truth, fit = fitted({"presliding": 1.5e-4, "f_f": 40.0}, presliding="fit")
+    assert fit.parameters.presliding == pytest.approx(1.5e-4, rel=0.1)
+    assert fit.parameters.f_f == pytest.approx(40.0, rel=0.05)
+    assert fit.mse_percent < 3 * 100 / np.var(fit.logs[0].trace.force)
+    assert truth.presliding == 1.5e-4
+
+
+def test_stribecks_friction_is_found_again():
+    _, fit = fitted(
+        {"breakaway": 40.0, "stribeck_speed": 0.03}, breakaway="fit", stribeck_speed="fit"
+    )
+    assert fit.parameters.breakaway == pytest.approx(40.0, rel=0.1)
+    assert fit.parameters.stribeck_speed == pytest.approx(0.03, rel=0.1)
+
+
+def test_free_gas_is_found_where_it_is_freed():
+    free = (*(name for name in VALVES if name != "drag"), "free_gas")
+    _, fit = fitted({"free_gas": 0.01}, free=free)
+    assert fit.parameters.free_gas == pytest.approx(0.01, rel=0.1)
+    assert damper(ThroughFlow).quantity("free_gas").default == 0.0
+
+
+def test_what_is_known_is_held_and_what_is_none_is_no_quantity():
+    plain, known = ThroughFlow(), ThroughFlow(friction=Friction(presliding=3e-5, seal_area="fit"))
+    assert set(known.names) - set(plain.names) == {"presliding", "seal_area"}
+    assert known.quantity("presliding").default == 3e-5
+    assert known.quantity("seal_area").default is None
+
+
+@pytest.mark.parametrize(
+    ("declared", "said"),
+    [
+        ({"presliding": "some"}, "presliding: found 'some'; expected a number, 'none' or 'fit'"),
+        ({"presliding": 0.0}, "presliding: found 0; expected a number above 0"),
+        (
+            {"breakaway": "fit"},
+            "stribeck_speed: found 'none'; breakaway and stribeck_speed are two",
+        ),
+        ({"stribeck_speed": 0.1}, "breakaway: found 'none'"),
+    ],
+)
+def test_what_is_no_declaration_is_refused(declared, said):
+    with pytest.raises(ConfigurationError, match=said):
+        Friction(**declared)
+
+
+def test_toml_declares_it_with_units():
+    told = {"presliding": "30um", "breakaway": "12N", "stribeck_speed": "20mm/s"}
+    friction = {**told, "seal_area": "4mm2"}
+    made = load_configuration(overlay={"damper": {"model": "twin_tube", "friction": friction}})
+    found = made.damper.friction
+    assert dataclasses.astuple(found) == pytest.approx((3e-5, 12.0, 0.02, 4e-6))
+    with pytest.raises(ConfigurationError, match=r"unknown key 'presliding_way' in \[damper.fric"):
+        load_configuration(
+            overlay={"damper": {"model": "twin_tube", "friction": {"presliding_way": "fit"}}}
+        )
