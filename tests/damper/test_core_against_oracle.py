@@ -43,10 +43,10 @@ def sampled(motion, *, rate, duration, start=0.0):
     return Motion(1.0 / rate, x, v, start_time=start)
 
 
-def largest_gap(parameters, damper, motion, *, rates, duration=1.0, rtol=1e-11, **options):
+def largest_gap(parameters, damper, motion, *, rates, duration=0.7, rtol=1e-11, **options):
     """Largest distance in N between core and oracle at the core's samples; rates divide the last.
 
-    One solution of the twin serves all rates.
+    One solution of the twin serves all rates. A cycle takes 0.67 s.
     """
     time = np.arange(round(duration * rates[-1]) + 1) / rates[-1]
     twin = model.solve(parameters, damper, motion, time, rtol=rtol).force
@@ -121,8 +121,8 @@ def test_other_motion_other_damper_and_cavitation(damper, r_m3):
 
 def test_cavitating_case_does_cavitate():
     parameters = dataclasses.replace(SET_M, r_m3=6e6)
-    moved = sampled(two_tones(), rate=2000.0, duration=1.0)
-    assert np.any(simulate(parameters, PURDY_DAMPER, moved).pressures[1] == 0.0)
+    moved = sampled(two_tones(), rate=2000.0, duration=0.7)
+    assert np.sum(simulate(parameters, PURDY_DAMPER, moved).pressures[1] == 0.0) > 20
 
 
 @pytest.mark.parametrize(("method", "rtol"), [("Radau", 1e-12), ("LSODA", 1e-10), ("BDF", 1e-11)])
@@ -201,7 +201,8 @@ def scale_of(parameters, damper, name):
 @pytest.mark.parametrize("name", SENSITIVITY_NAMES)
 def test_sensitivities_against_the_oracle(name):
     """N29: exact derivatives in the core, central differences in the twin; 1e-4 of the largest."""
-    motion = sampled(STANDARD, rate=600.0, duration=0.7)  # a cycle and a reversal
+    # A cycle and a reversal; forces that act on no pressure need both directions and no more.
+    motion = sampled(STANDARD, rate=600.0, duration=0.25 if name in {"f_f", "f_0"} else 0.7)
     exact = simulate(SET_M, PURDY_DAMPER, motion, sensitivities=[name], options=TIGHT)
     time, size = exact.time, scale_of(SET_M, PURDY_DAMPER, name)
     step = 1e-4 * size

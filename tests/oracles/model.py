@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -39,8 +39,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
-class Instant:
+class Instant(NamedTuple):
     """Everything that can be said about the damper at one moment, SI."""
 
     volume_1: float
@@ -186,7 +185,8 @@ def solve(
     displacement, velocity = motion
 
     def rates(t: float, masses: FloatArray) -> tuple[float, float]:
-        now = instant(parameters, damper, masses[0], masses[1], displacement(t))
+        mass_1, mass_2 = masses.tolist()  # Python's floats: NumPy's take three times as long
+        now = instant(parameters, damper, mass_1, mass_2, displacement(t))
         return now.rate_1, now.rate_2
 
     begin = float(time[0])

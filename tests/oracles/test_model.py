@@ -66,6 +66,7 @@ def test_equal_pressure_start_keeps_the_oil():
         assert m_1 + m_2 + gained_3 == pytest.approx(rest, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_any_starting_phase_ends_in_the_same_steady_cycle():
     """N24: within 1e-6 of the force, two cycles on."""
     phases = np.arange(40) / 40
@@ -76,6 +77,7 @@ def test_any_starting_phase_ends_in_the_same_steady_cycle():
         assert np.max(np.abs(solved.force[1:] - expected)) < 1e-6 * np.max(np.abs(expected)) + 1e-4
 
 
+@pytest.mark.slow
 def test_tightening_moves_nothing():
     """N16: rtol 1e-10 is already within 1e-3 N of 1e-13, and 1e-8 is worse by ten or more."""
     phases = np.arange(500) / 500
