@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from damperfit.damper.valve_dampers import ThroughFlow
-from damperfit.laws import ENOUGH_PERCENT, LawFit, SettingLogs, Tried, effective_samples, judged
+from damperfit.laws import LawFit, SettingLogs, Tried, effective_samples, judged
 from damperfit.setting import Setting
 from tests.fakes import trace
 
@@ -51,8 +51,8 @@ def test_quantities_must_earn_what_they_cost():
 
 
 def test_a_law_that_leaves_nothing_is_large_enough():
-    assert judged(tried(1.01 * ENOUGH_PERCENT, 4), tried(1e-3, 5), 30.0).takes_larger
-    refused = judged(tried(ENOUGH_PERCENT, 4), tried(1e-5, 5), 30.0)
+    assert judged(tried(0.0202, 4), tried(1e-3, 5), 30.0).takes_larger
+    refused = judged(tried(0.0199, 4), tried(1e-5, 5), 30.0)
     assert not refused.takes_larger
     assert "leave nothing" in refused.reason
 

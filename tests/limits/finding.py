@@ -1,0 +1,179 @@
+"""The named limits of the package: constants at the top of a module that a comparison reads.
+
+A constant counts as compared where its name stands in a comparison or in `isclose`, in its own
+module or in one that imports it, or where a variable does to which the same function has given a
+value made with it.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["Limit", "find_constants", "find_limits"]
+
+_CLOSE = {"isclose", "allclose"}
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One named limit, with the place of its value in the file."""
+
+    name: str  # conditioning/channels.py:_SPIKE
+    path: str  # damperfit/conditioning/channels.py
+    value: float
+    line: int
+    start: int
+    last_line: int
+    stop: int
+
+    def with_value(self, text: str, value: float) -> str:
+        """Return the file's text with another value in place of the limit's."""
+        lines = text.encode().splitlines(keepends=True)
+        first, last = self.line - 1, self.last_line - 1
+        head, tail = lines[first][: self.start], lines[last][self.stop :]
+        lines[first : last + 1] = [head + repr(value).encode() + tail]
+        return b"".join(lines).decode()
+
+
+def find_constants(root: Path) -> dict[str, Limit]:
+    """Return all numbers that the package below a root names at the top of a module."""
+    return {
+        limit.name: limit
+        for path, tree in _trees(root).items()
+        for limit in _constants(path, tree).values()
+    }
+
+
+def find_limits(root: Path) -> dict[str, Limit]:
+    """Return those of them that are compared with something."""
+    trees = _trees(root)
+    constants = {path: _constants(path, tree) for path, tree in trees.items()}
+    found: dict[str, Limit] = {}
+    for path, tree in trees.items():
+        names = {**_imported(tree, constants), **constants[path]}
+        for name in _compared(tree, names):
+            found[names[name].name] = names[name]
+    return {name: found[name] for name in sorted(found)}
+
+
+def _trees(root: Path) -> dict[str, ast.Module]:
+    return {
+        path.relative_to(root).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
+        for path in sorted((root / "damperfit").rglob("*.py"))
+    }
+
+
+def _constants(path: str, tree: ast.Module) -> dict[str, Limit]:
+    found: dict[str, Limit] = {}
+    for statement in tree.body:
+        match statement:
+            case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                pass
+            case ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value):
+                pass
+            case _:
+                continue
+        number = _number(value)
+        if number is not None:
+            assert value.end_lineno is not None
+            assert value.end_col_offset is not None
+            found[name] = Limit(
+                f"{path.removeprefix('damperfit/')}:{name}", path, number,
+                value.lineno, value.col_offset, value.end_lineno, value.end_col_offset,
+            )  # fmt: skip
+    return found
+
+
+def _number(value: ast.expr) -> float | None:
+    """Return the number that an expression of numbers alone gives."""
+    if any(
+        not isinstance(node, ast.Constant | ast.BinOp | ast.UnaryOp | ast.operator | ast.unaryop)
+        for node in ast.walk(value)
+    ):
+        return None
+    number = eval(compile(ast.Expression(value), "", "eval"), {"__builtins__": {}})  # noqa: S307
+    is_number = isinstance(number, int | float) and not isinstance(number, bool)
+    return number if is_number else None
+
+
+def _imported(tree: ast.Module, constants: dict[str, dict[str, Limit]]) -> dict[str, Limit]:
+    """Return the limits that a module knows from others, by what it calls them."""
+    found: dict[str, Limit] = {}
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.ImportFrom) or node.module is None:
+            continue
+        place = node.module.replace(".", "/")
+        for alias in node.names:
+            called = alias.asname or alias.name
+            for path in (f"{place}.py", f"{place}/__init__.py"):
+                if alias.name in constants.get(path, {}):
+                    found[called] = constants[path][alias.name]
+            for name, limit in constants.get(f"{place}/{alias.name}.py", {}).items():
+                found[f"{called}.{name}"] = limit
+    return found
+
+
+def _compared(tree: ast.Module, names: dict[str, Limit]) -> set[str]:
+    functions = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef | ast.Lambda)]
+    found: set[str] = set()
+    for scope in (tree, *functions):
+        made: dict[str, set[str]] = {}
+        for node in _inside(scope):
+            for target, value in _assigned(node):
+                made.setdefault(target, set()).update(_read(value, names))
+        for node in _inside(scope):
+            for part in _sides(node):
+                found |= _read(part, names)
+                for inner in ast.walk(part):
+                    if isinstance(inner, ast.Name):
+                        found |= made.get(inner.id, set())
+    return found
+
+
+def _inside(scope: ast.AST) -> Iterator[ast.AST]:
+    """Yield what stands in a function, or at the top of a module, but not in functions inside."""
+    for child in ast.iter_child_nodes(scope):
+        yield child
+        if not isinstance(child, ast.FunctionDef):
+            yield from _inside(child)
+
+
+def _assigned(node: ast.AST) -> Iterator[tuple[str, ast.expr]]:
+    match node:
+        case ast.Assign(targets=targets, value=value):
+            pairs = [(target, value) for target in targets]
+        case ast.AnnAssign(target=target, value=ast.expr() as value):
+            pairs = [(target, value)]
+        case ast.NamedExpr(target=target, value=value):
+            pairs = [(target, value)]
+        case _:
+            return
+    for target, value in pairs:
+        if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
+            both = list(zip(target.elts, value.elts, strict=False))
+        else:
+            both = [(target, value)]
+        for one, other in both:
+            for name in ast.walk(one):
+                if isinstance(name, ast.Name):
+                    yield name.id, other
+
+
+def _sides(node: ast.AST) -> list[ast.expr]:
+    if isinstance(node, ast.Compare):
+        return [node.left, *node.comparators]
+    if isinstance(node, ast.Call):
+        called = node.func
+        name = called.attr if isinstance(called, ast.Attribute) else getattr(called, "id", "")
+        if name in _CLOSE:
+            return [*node.args, *(word.value for word in node.keywords)]
+    return []
+
+
+def _read(part: ast.AST, names: dict[str, Limit]) -> set[str]:
+    return {
+        ast.unparse(n) for n in ast.walk(part) if isinstance(n, ast.Name | ast.Attribute)
+    } & set(names)

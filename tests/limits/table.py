@@ -1,0 +1,54 @@
+"""held.toml: which test notices each named limit when it is raised, and which when lowered."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["HELD", "Held", "Table", "read_table"]
+
+HELD = Path(__file__).with_name("held.toml")
+
+
+@dataclass(frozen=True)
+class Held:
+    """The tests of one limit: the case that a higher limit would judge otherwise, and a lower."""
+
+    raised: str
+    lowered: str
+    by: float | None = None  # the factor that they notice, where it is not the usual one
+    why: str = ""  # they do not notice less
+
+    @property
+    def tests(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys((self.raised, self.lowered)))
+
+
+@dataclass(frozen=True)
+class Table:
+    held: dict[str, Held]
+    exempt: dict[str, str]
+    open: set[str]
+
+
+def read_table(path: Path) -> Table:
+    rows = tomllib.loads(path.read_text(encoding="utf-8"))
+    held: dict[str, Held] = {}
+    exempt: dict[str, str] = {}
+    still_open: set[str] = set()
+    for file, limits in rows.items():
+        for name, said in limits.items():
+            key = f"{file}:{name}"
+            if "exempt" in said:
+                exempt[key] = said["exempt"]
+            elif "open" in said:
+                still_open.add(key)
+            else:
+                held[key] = Held(
+                    **{
+                        k: f"tests/{v}" if k in {"raised", "lowered"} else v
+                        for k, v in said.items()
+                    }
+                )
+    return Table(held, exempt, still_open)

@@ -1,0 +1,99 @@
+"""Every named limit stands in held.toml, with its tests; `python -m tests.limits` proves them.
+
+A comparison with a number of a name decides something: a verdict, a sentence, a refusal. Each has a
+test that fails when the limit is a little higher and one that fails when it is a little lower, or
+a reason why it needs none. Limits that were there before and have no such tests yet are open.
+"""
+
+from __future__ import annotations
+
+import ast
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from tests.limits.finding import find_constants, find_limits
+from tests.limits.table import HELD, read_table
+
+ROOT = Path(__file__).parents[2]
+TABLE = read_table(HELD)
+OPEN = 223  # limits of held.toml without a test on both sides
+
+
+def test_every_limit_has_its_tests_or_a_reason() -> None:
+    known = TABLE.held.keys() | TABLE.exempt.keys() | TABLE.open
+    missing = find_limits(ROOT).keys() - known
+    assert not missing, "python -m tests.limits --seek looks for tests of them"
+    assert not known - find_constants(ROOT).keys(), "no longer in the package"
+    assert not TABLE.held.keys() & TABLE.exempt.keys()
+
+
+def test_what_is_open_gets_less() -> None:
+    """A new limit has its tests; who finds or writes those of an old one lowers the number."""
+    assert len(TABLE.open) == OPEN
+
+
+@cache
+def _tests_of(file: str) -> set[str]:
+    path = ROOT / file
+    if not path.is_file():
+        return set()
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+
+
+@pytest.mark.parametrize("name", sorted(TABLE.held))
+def test_the_tests_of_a_limit_are_there(name) -> None:
+    for test in TABLE.held[name].tests:
+        file, _, function = test.partition("::")
+        assert function.startswith("test_"), test
+        assert function in _tests_of(file), test
+
+
+def test_every_reason_is_one() -> None:
+    assert all(len(reason.split()) >= 3 for reason in TABLE.exempt.values())
+    assert all(one.why for one in TABLE.held.values() if one.by is not None)
+
+
+MODULE = """
+from damperfit.other import FAR
+from damperfit import other
+
+_SPIKE: float = 0.02
+_COUNT = 3
+_SUM = 24 + 8
+_USED = 7.0
+_NAMES = ("a", "b")
+
+
+def is_spike(x):
+    allowed = _SPIKE * x.max()
+    return x > allowed or len(x) < _COUNT
+
+
+def is_far(x):
+    return isclose(x, 1.0, rel_tol=FAR) or x < other.NEAR + _SUM
+
+
+def scaled(x):
+    return _USED * x
+"""
+
+
+def test_limits_are_found_where_they_are_compared(tmp_path) -> None:
+    (tmp_path / "damperfit").mkdir()
+    (tmp_path / "damperfit" / "one.py").write_text(MODULE)
+    (tmp_path / "damperfit" / "other.py").write_text("FAR = 1e-9\nNEAR = -2.0\nNOT = 1\n")
+    found = find_limits(tmp_path)
+    assert set(found) == {
+        "one.py:_SPIKE",
+        "one.py:_COUNT",
+        "one.py:_SUM",
+        "other.py:FAR",
+        "other.py:NEAR",
+    }
+    spike = found["one.py:_SPIKE"]
+    assert spike.with_value(MODULE, 0.03) == MODULE.replace("0.02", "0.03")
+    assert found["one.py:_SUM"].with_value(MODULE, 35) == MODULE.replace("24 + 8", "35")
+    assert "one.py:_USED" in find_constants(tmp_path)
