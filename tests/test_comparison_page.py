@@ -31,7 +31,7 @@ def test_the_difference_below_is_the_second_less_the_first(comparison) -> None:
     runs = (comparison.first, comparison.second)
     by_velocity, by_displacement = loop_plots(runs, Setting.of(1), name="setting_1")
     upper, lower = by_velocity.panels
-    assert [line.label for line in upper.lines] == ["before", EVIL]
+    assert [line.label for line in upper.lines] == [EVIL, "before"]
     (apart,) = lower.lines
     # Ten per cent of c v more, at the velocity of the first.
     np.testing.assert_allclose(apart.y, 0.1 * DAMPING * apart.x, atol=0.5)

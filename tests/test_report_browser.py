@@ -9,8 +9,10 @@ import time
 
 import pytest
 
-from damperfit.report import html_report, report_plots
+from damperfit.comparison import ComparisonOptions, compare_runs
+from damperfit.report import comparison_page, html_report, report_plots
 from damperfit.tables import read_results
+from tests.comparison.runs import measured, run
 from tests.report_folder import make_results
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
@@ -157,3 +159,26 @@ def test_it_prints_without_cutting_a_plot(browser):
     assert {(width, height) for _, width, height in printed} == {(340, 235)}
     assert "break-inside: avoid" in browser.execute_script("return document.head.innerHTML")
     assert browser.execute_script("return document.querySelector('.plot').layout.width") != 340
+
+
+def test_runs_over_one_another_are_drawn_and_switched(browser, tmp_path):
+    first = run(measured(1), measured(2), name="before")
+    second = run(measured(1, factor=1.1), measured(2), name="after")
+    comparison = compare_runs(first, second, ComparisonOptions(is_measured=True))
+    path = tmp_path / "comparison.html"
+    path.write_text(comparison_page([comparison]), encoding="utf-8")
+    browser.get(path.as_uri())
+    _wait(browser, "return document.documentElement.dataset.drawn === 'all'")
+    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
+    drawn = browser.execute_script(
+        "return [...document.querySelectorAll('.plot')].map("
+        "d => [d.dataset.name, d.data.length, d.querySelectorAll('.trace').length])"
+    )
+    # Two runs above and their difference below; one point a setting in each of the first two.
+    assert [n for _, n, _ in drawn] == [1, 1, 3, 3, 3, 3]
+    assert all(n == shown for _, n, shown in drawn)
+    browser.execute_script("document.querySelector('nav input[data-setting=\"1\"]').click()")
+    hidden = (
+        "return document.querySelector('section.log[data-setting=\"1\"]').offsetParent === null"
+    )
+    assert browser.execute_script(hidden)

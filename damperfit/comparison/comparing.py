@@ -266,6 +266,11 @@ def _notes(runs: Sequence[Run], lines: Sequence[Difference]) -> Iterator[str]:
                 f"beyond their noise ({freedom:.0f} degrees of freedom): counted in the errors of "
                 "forces, energy and hysteresis, not in those of parameters"
             )
+        if run.fitted is not None and not run.fitted.forces:
+            yield (
+                f"{run.name}: what the model misses of the measured force is not known (an older "
+                "version, or no motion repeats): it is not in the errors of forces"
+            )
     fitted = [run.fitted for run in runs if run.fitted is not None]
     forces = [line for line in lines if line.subject.kind == "force"]
     if len(fitted) == len(runs) and forces:

@@ -32,8 +32,9 @@ def outcome_of(lines: Sequence[Difference], words: str) -> str:
             f"95 % interval, and chance alone puts {0.05 * len(known):.2g} there{beside}"
         )
     worst = max(sure, key=_weight)
+    how_many = "all" if len(sure) == len(different) else str(len(sure))
     return (
-        f"{words}: {len(different)} of {len(known)} differ, {len(sure)} of them surely; most "
+        f"{words}: {len(different)} of {len(known)} differ, {how_many} of them surely; most "
         f"{place_of(worst.subject)}: {difference_of(worst)}{beside}"
     )
 

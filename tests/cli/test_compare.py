@@ -356,3 +356,16 @@ def test_labels_of_several_adjusters_are_settings_too(run, campaigns) -> None:
     mixed = run("compare", campaigns / "before", "after_out")
     assert mixed.code == 2
     assert "no setting is common to all" in mixed.err
+
+
+def test_older_results_do_not_tell_what_their_model_misses(run, campaigns) -> None:
+    shutil.copytree(campaigns / "again", "older")
+    record = json.loads(Path("older/run.json").read_text())
+    del record["speed_forces"]
+    for log in record["inputs"]:
+        del log["stretches"]
+    Path("older/run.json").write_text(json.dumps(record))
+    found = _document(run, campaigns / "before", "older")
+    assert any(note.startswith("older: what the model misses") for note in found["notes"])
+    energy = [line for line in found["lines"] if line["name"] == "energy"]
+    assert [line["verdict"] for line in energy] == ["same"] * len(SETTINGS)

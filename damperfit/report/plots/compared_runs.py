@@ -64,9 +64,10 @@ def loop_plots(runs: Sequence[Run], setting: Setting, *, name: str) -> tuple[Plo
                 run.name,
                 _colour(k),
                 setting=setting,
-                style="thin" if k == 0 else "solid",
+                style="thin" if k == 0 else "wide",
             )
-            for k, (run, loop) in enumerate(zip(runs, loops, strict=True))
+            # The reference last and thin: it would else be hidden where nothing differs.
+            for k, (run, loop) in reversed(list(enumerate(zip(runs, loops, strict=True))))
         )
         lower = tuple(
             Line(

@@ -35,7 +35,8 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
     comparison : RunComparison
         What was compared.
     is_short : bool
-        Of many lines those that differ, and the fastest speed of each setting.
+        Of many lines those that differ, unless these are many too, and the fastest speed of each
+        setting.
     """
     lines = comparison.of("force")
     shown = _telling(lines) if is_short and len(lines) > _MANY else lines
@@ -43,10 +44,10 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
     if any(line.is_measured for line in shown) and not all(line.is_measured for line in lines):
         notes.append("m: as measured, where a model misses the measured force")
     if len(shown) < len(lines):
-        notes.append(
-            f"{len(lines) - len(shown)} more lines are the same within errors: --json and --out "
-            "have all"
-        )
+        rest = [line for line in lines if line not in shown]
+        differ = sum(line.verdict is Sameness.DIFFERENT for line in rest)
+        said = f", {differ} of them different" if differ else ""
+        notes.append(f"{len(rest)} more lines{said}: --json and --out have all")
     return Sheet(
         headings=("set", "speed", "stroke", "A", "B", "B - A", "", "verdict"),
         units=("", "m/s", "", "N", "N", "N", "%", ""),
@@ -70,9 +71,9 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
 
 def _telling(lines: Sequence[Difference]) -> list[Difference]:
     fastest = max(line.subject.speed or 0.0 for line in lines)
-    return [
-        line for line in lines if line.verdict is not Sameness.SAME or line.subject.speed == fastest
-    ]
+    top = [line for line in lines if line.subject.speed == fastest]
+    shown = [line for line in lines if line in top or line.verdict is not Sameness.SAME]
+    return shown if len(shown) <= _MANY else top
 
 
 def _mark(line: Difference, lines: Sequence[Difference]) -> str:
