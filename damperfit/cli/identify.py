@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from damperfit.configuration.options import Configuration
+    from damperfit.laws import Tried
     from damperfit.run.result import RunResult
     from damperfit.run.run_json import Ending
 
@@ -78,6 +79,12 @@ def identify(
             metavar="NAME", help="Model of the damper; auto: the one that the logs tell.  [purdy]"
         ),
     ] = None,
+    rivals: Annotated[
+        bool,
+        typer.Option(
+            "--rivals", help="With --model auto, rank models of the literature on the logs too."
+        ),
+    ] = False,
     procedure: Annotated[
         str | None, typer.Option(metavar="NAME", help="How to fit: paper, joint, plain.")
     ] = None,
@@ -199,7 +206,12 @@ def identify(
     )
     if model == _AUTO:
         configuration = _with_law(
-            configuration, logs, setting, start_values, jobs=jobs, is_quiet=quiet
+            configuration, logs, setting, start_values, jobs=jobs, rivals=rivals, is_quiet=quiet
+        )
+    elif rivals:
+        raise ConfigurationError(
+            "--rivals: models are ranked where the logs choose the law; add --model auto, or ask "
+            "damperfit models LOGS --rivals"
         )
     procedure_used = configuration.identification.procedure
     if share is not None and procedure_used != "joint":
@@ -323,6 +335,7 @@ def _with_law(
     start_values: dict[str, str],
     *,
     jobs: int | None,
+    rivals: bool,
     is_quiet: bool,
 ) -> Configuration:
     """Let the logs choose the law, and say which it is."""
@@ -330,13 +343,18 @@ def _with_law(
     from damperfit.run.given_starts import start_of_laws
     from damperfit.run.law_choice import choose_law, with_chosen_law
 
+    def tried(law: Tried) -> None:
+        if not is_quiet:
+            say(f"damperfit: tried {law.title}")
+
     choice = choose_law(
         configuration,
         logs,
         jobs=jobs,
         setting=declared_setting(setting, configuration),
         start=start_of_laws(configuration, start_values),
-        on_rung=lambda rung: None if is_quiet else say(f"damperfit: tried {rung.tried.title}"),
+        on_rung=lambda rung: tried(rung.tried),
+        on_rival=tried if rivals else None,
     )
     if not is_quiet:
         said = " ".join(physics_seen(choice.fits))

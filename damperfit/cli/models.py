@@ -113,48 +113,30 @@ def models(
             say(f"note: {remark}")
     say_failures(choice.failures, is_debug=debug)
     if json:
-        _print_document(choice)
+        print_json(choice.document())
     else:
         _show(choice)
     return int(bool(choice.failures or choice.lost))
-
-
-def _print_document(choice: LawChoice) -> None:
-    from damperfit.laws import physics_seen
-    from damperfit.report import chosen_records, ladder_records, rival_records
-
-    print_json(
-        {
-            "chosen": choice.ladder.chosen.title,
-            "model": choice.ladder.chosen.fits[0].model.name,
-            "compared_settings": [one.cell for one in choice.compared],
-            "effective_samples": None
-            if choice.ladder.n_eff != choice.ladder.n_eff
-            else choice.ladder.n_eff,
-            "laws": ladder_records(choice.ladder),
-            "settings": chosen_records(choice.fits),
-            "lost_settings": [one.cell for one in choice.lost],
-            "rivals": rival_records(choice.rivals),
-            "sentences": list(physics_seen(choice.fits)),
-        }
-    )
 
 
 def _show(choice: LawChoice) -> None:
     from damperfit.laws import physics_seen
     from damperfit.report import chosen_sheet, ladder_sheet, rival_sheet, terminal_table
 
-    width = screen_columns()
-    print_renderable(terminal_table(ladder_sheet(choice.ladder)))
+    width, told = screen_columns(), choice.document()
+    print_renderable(terminal_table(ladder_sheet(told, is_narrow=True)))
     reasons = [f"{rung.tried.title}: {rung.reason}" for rung in choice.ladder.rungs]
     print_lines(["", *(line for one in reasons for line in wrap(one, width))])
     said = " ".join((f"The logs speak for {choice.ladder.chosen.title}.",
                      *physics_seen(choice.fits)))  # fmt: skip
     print_lines(["", *wrap(said, width), ""])
     print_renderable(terminal_table(chosen_sheet(choice.fits)))
+    if choice.undecided:
+        print_lines(["", "What these logs leave open:"])
+        print_lines([line for one in choice.undecided for line in wrap(one, width)])
     if choice.rivals:
         print_lines([""])
-        print_renderable(terminal_table(rival_sheet(choice.rivals)))
+        print_renderable(terminal_table(rival_sheet(told)))
     if choice.lost:
         lost = ", ".join(str(one) for one in choice.lost)
         print_lines([f"The chosen law cannot be simulated at setting {lost}."])

@@ -10,6 +10,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.quantities import parse_quantity, says_absolute_or_gauge
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from damperfit.conditioning import ConditionOptions
@@ -144,6 +145,8 @@ class Configuration:
         Keys that somebody gave, as in "damper.rod_diameter"; the others are defaults.
     document : dict
         The same as one TOML document, quantities as they were written.
+    chosen_law : mapping
+        Where the logs chose the damper's law: what they told, as it stands in run.json.
     """
 
     damper: Model
@@ -159,6 +162,7 @@ class Configuration:
     test: TestOptions
     declared: frozenset[str] = field(compare=False)
     document: dict[str, Any] = field(compare=False, repr=False)
+    chosen_law: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def undeclared(self) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from damperfit.laws.ladder import Ladder, Rung, climb
 from damperfit.laws.law_fit import UNTOLD, LawFit, SettingLogs, fit_law
 from damperfit.laws.physics import opening_force, physics_seen
 from damperfit.laws.rivalry import rank_rivals
+from damperfit.laws.undecided import undecided
 from damperfit.laws.variants import in_words
 
 __all__ = [
@@ -24,4 +25,5 @@ __all__ = [
     "opening_force",
     "physics_seen",
     "rank_rivals",
+    "undecided",
 ]

@@ -5,7 +5,7 @@ A law with more quantities fits better always. It is taken only where all of the
     n_eff ln(MSE_a/MSE_b) > (k_b - k_a) ln n_eff      its gain is more than its quantities cost
     MSE_a > 1.5 MSE_b                                 and worth having
     MSE_a > 0.02 %                                    the smaller law leaves something to explain
-    no new quantity at an edge of its range
+    not every new part has a quantity at an edge of its range
     what was held out is predicted no worse
 
 n_eff = 2 (sum p_h)^2/sum p_h^2 with p_h the power of the largest law's residual at the h-th
@@ -77,6 +77,11 @@ class Tried:
         return tuple(name for name in self.fits[0].free if name in names)
 
     @property
+    def unseen(self) -> set[str]:
+        """What no setting's logs determine."""
+        return set.intersection(*({*one.at_bound, *one.untold} for one in self.fits))
+
+    @property
     def score(self) -> float:
         """How well it fits and predicts at once; lower is better."""
         held = self.held_out_percent
@@ -119,7 +124,7 @@ def judged(small: Tried, large: Tried, n_eff: float) -> Verdict:
     n_settings = len(small.fits)
     cost = n_settings * (large.n_quantities - small.n_quantities) * math.log(n_eff / n_settings)
     bic = n_eff * math.log(max(gain, 1e-300)) - cost
-    new = [x for x in large.at_bound if x not in small.fits[0].free]
+    new = [x for x in large.at_bound if x in _more(large, small)]
     held = small.held_out_percent, large.held_out_percent
     if small.mse_percent <= ENOUGH_PERCENT:
         reason = (
@@ -130,7 +135,7 @@ def judged(small: Tried, large: Tried, n_eff: float) -> Verdict:
         reason = f"the MSE falls by a factor of {gain:.2f} only; {GAIN:g} is asked for"
     elif bic <= 0.0:
         reason = f"its quantities cost more than the fall is worth (BIC {bic:+.0f})"
-    elif new:
+    elif new and _parts(new) == _parts(_more(large, small)):
         reason = f"{', '.join(new)} runs to the end of its range: it is not there"
     elif held[1] > _NO_WORSE * held[0]:
         reason = f"what was held out is predicted worse, {held[1]:.2g} % after {held[0]:.2g} %"
@@ -139,6 +144,17 @@ def judged(small: Tried, large: Tried, n_eff: float) -> Verdict:
         reason = f"MSE {small.mse_percent:.2g} to {large.mse_percent:.2g} %{told}"
         return Verdict(True, gain, bic, reason)
     return Verdict(False, gain, bic, reason)
+
+
+def _more(large: Tried, small: Tried) -> list[str]:
+    """Quantities that only the larger law has free."""
+    return [name for name in large.fits[0].free if name not in small.fits[0].free]
+
+
+def _parts(names: Sequence[str]) -> set[str]:
+    """What quantities are of: the valve of a stroke, or one for itself."""
+    strokes = ("rebound", "compression")
+    return {next((one for one in strokes if name.startswith(one)), name) for name in names}
 
 
 def effective_samples(tried: Tried, evidence: Sequence[SettingLogs]) -> float:

@@ -23,7 +23,16 @@ from typing import TYPE_CHECKING, cast
 from damperfit.errors import SimulationError
 from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
 from damperfit.laws.law_fit import fit_law
-from damperfit.laws.variants import BOTH, KINDS, SMALLER, everything, in_words, of_kind, with_parts
+from damperfit.laws.variants import (
+    BOTH,
+    KINDS,
+    ONE_STROKE,
+    SMALLER,
+    everything,
+    in_words,
+    of_kind,
+    with_parts,
+)
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
@@ -237,22 +246,27 @@ class _Course:
     def lean(self, law: Tried) -> Tried:
         """Take out what is not needed, until nothing can be."""
         for change, smaller in SMALLER.items():
-            model = smaller(_valve_damper(law))
-            one = None if model is None else self.fitted(model, freed=_freed(law), near=law)
-            if one is None:
-                continue
-            law = self.no_worse(law, one)
-            verdict = judged(one, law, self.n_eff)
-            reason = (
-                f"what it lacks is needed: {verdict.reason}"
-                if verdict.takes_larger
-                else verdict.reason
-            )
-            is_taken = not verdict.takes_larger
-            self.told(one, reason, is_taken=is_taken, change=f"without {change}", verdict=verdict)
-            if is_taken:
-                law = one
+            law = self.without(law, change, smaller)
+        for change, (names, smaller) in ONE_STROKE.items():
+            if set(names) & law.unseen:
+                law = self.without(law, change, smaller)
         return law
+
+    def without(
+        self, law: Tried, change: str, smaller: Callable[[ValveDamper], ValveDamper | None]
+    ) -> Tried:
+        """The law without a part, where it does not need it."""
+        model = smaller(_valve_damper(law))
+        one = None if model is None else self.fitted(model, freed=_freed(law), near=law)
+        if one is None:
+            return law
+        law = self.no_worse(law, one)
+        verdict = judged(one, law, self.n_eff)
+        needed = "what it lacks is needed: " if verdict.takes_larger else ""
+        is_taken = not verdict.takes_larger
+        reason = f"{needed}{verdict.reason}"
+        self.told(one, reason, is_taken=is_taken, change=f"without {change}", verdict=verdict)
+        return one if is_taken else law
 
     def no_worse(self, large: Tried, small: Tried) -> Tried:
         """The larger of two nested laws, which can fit no worse: if it does, from the smaller."""
@@ -262,31 +276,44 @@ class _Course:
         return large if again is None or again.mse_percent >= large.mse_percent else again
 
     def enriched(self, law: Tried, names: Sequence[str]) -> Tried:
-        """Offer what is left over to further quantities and kinds of valves."""
-        for name in names:
-            if law.mse_percent <= ENOUGH_PERCENT:
+        """Offer what is left over to further parts: the one that explains most, and so on."""
+        left = list(names)
+        while left and law.mse_percent > ENOUGH_PERCENT:
+            offered = [(name, one) for name in left if (one := self.offered(law, name)) is not None]
+            if not offered:
                 return law
-            model, wanted = _valve_damper(law), _freed(law)
-            if name in KINDS:
-                part, old, words = KINDS[name]
-                model = of_kind(model, part, old, name)
-                if model == _valve_damper(law):  # there is nothing of the kind
-                    continue
-            elif name not in model.names or name in law.fits[0].free:
-                continue
-            else:
-                wanted, words = (*wanted, name), model.quantity(name).label
-            one = self.fitted(model, freed=wanted, near=law)
-            if one is None:
-                continue
-            verdict = judged(law, one, self.n_eff)
-            is_taken = verdict.takes_larger
-            self.told(
-                one, verdict.reason, is_taken=is_taken, change=f"with {words}", verdict=verdict
-            )
-            if is_taken:
-                law = one
+            offered.sort(key=lambda pair: pair[1].score)
+            best: Tried | None = None
+            for name, one in offered:
+                verdict = judged(law, one, self.n_eff)
+                is_taken = verdict.takes_larger and best is None
+                reason = verdict.reason
+                if verdict.takes_larger and best is not None:
+                    reason = "another part explains more of what was left"
+                change = f"with {_words_of(law, name)}"
+                self.told(one, reason, is_taken=is_taken, change=change, verdict=verdict)
+                if is_taken:
+                    best = one
+                elif not verdict.takes_larger:
+                    left.remove(name)
+            if best is None:
+                return law
+            law = best
         return law
+
+    def offered(self, law: Tried, name: str) -> Tried | None:
+        """A law with a part more; None where it has that already, or cannot have it."""
+        model, freed = _valve_damper(law), _freed(law)
+        if name in KINDS:
+            part, old, _ = KINDS[name]
+            model = of_kind(model, part, old, name)
+            if model == _valve_damper(law):
+                return None
+        elif name not in model.names or name in law.fits[0].free:
+            return None
+        else:
+            freed = (*freed, name)
+        return self.fitted(model, freed=freed, near=law)
 
     def settled(self, simplest: Tried, law: Tried) -> Tried:
         """The paper's model where the other is not worth its quantities."""
@@ -326,6 +353,10 @@ def _freed(law: Tried) -> tuple[str, ...]:
     """What a law's fits have free although it has a default."""
     fit = law.fits[0]
     return tuple(name for name in fit.free if fit.model.quantity(name).default is not None)
+
+
+def _words_of(law: Tried, name: str) -> str:
+    return KINDS[name][2] if name in KINDS else _valve_damper(law).quantity(name).label
 
 
 def _factor(best: Tried, other: Tried) -> float:

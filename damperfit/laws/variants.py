@@ -19,6 +19,7 @@ __all__ = [
     "BLOW_OFF",
     "BOTH",
     "KINDS",
+    "ONE_STROKE",
     "SMALLER",
     "everything",
     "in_words",
@@ -89,6 +90,30 @@ SMALLER: dict[str, Callable[[ValveDamper], ValveDamper | None]] = {
 }
 
 
+def _lacking(stroke: str, part: str) -> Callable[[ValveDamper], ValveDamper | None]:
+    def smaller(damper: ValveDamper) -> ValveDamper | None:
+        valve = getattr(damper, stroke)
+        if "none" in {valve.bleed, valve.blow_off}:
+            return None
+        less = dataclasses.replace(valve, **{part: "none"})
+        return dataclasses.replace(damper, **{stroke: less})
+
+    return smaller
+
+
+# A part of one stroke's valve, and a quantity of it: asked for where no log tells that quantity.
+ONE_STROKE: dict[str, tuple[tuple[str, ...], Callable[[ValveDamper], ValveDamper | None]]] = {
+    "the blow-off in rebound": (
+        ("rebound_opening", "rebound_slope"), _lacking("rebound", "blow_off"),
+    ),
+    "the blow-off in bump": (
+        ("compression_opening", "compression_slope"), _lacking("compression", "blow_off"),
+    ),
+    "the bleed in rebound": (("rebound_bleed",), _lacking("rebound", "bleed")),
+    "the bleed in bump": (("compression_bleed",), _lacking("compression", "bleed")),
+}  # fmt: skip
+
+
 def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
     """Return a law in a few words.
 
@@ -101,7 +126,9 @@ def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
     if damper.name == "purdy":
         return "the paper's model"
     law = cast("ValveDamper", damper)
-    words = [f"{law.name.replace('_', ' ')}: {_of_valve(law.rebound)}", _of_rig(law.mounting)]
+    rebound, bump = _of_valve(law.rebound), _of_valve(law.compression)
+    valves = rebound if rebound == bump else f"{rebound} in rebound, {bump} in bump"
+    words = [f"{law.name.replace('_', ' ')}: {valves}", _of_rig(law.mounting)]
     if freed:
         words.append("also " + ", ".join(law.quantity(name).label for name in freed))
     return "; ".join(words)

@@ -64,6 +64,7 @@ if TYPE_CHECKING:
         chosen_sheet,
         ladder_records,
         ladder_sheet,
+        law_sentences,
         rival_records,
         rival_sheet,
     )
@@ -112,6 +113,7 @@ __all__ = [
     "junit_report",
     "ladder_records",
     "ladder_sheet",
+    "law_sentences",
     "markdown_report",
     "measured_force_sheet",
     "parameter_sheet",
@@ -161,6 +163,7 @@ _LATE = {
     "junit_report": "junit",
     "ladder_records": "sheets.law_sheet",
     "ladder_sheet": "sheets.law_sheet",
+    "law_sentences": "sheets.law_sheet",
     "rival_records": "sheets.law_sheet",
     "rival_sheet": "sheets.law_sheet",
     "read_back": "json_records",

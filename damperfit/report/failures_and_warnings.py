@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from damperfit.report.alike import shape_of, summarised
@@ -135,6 +135,8 @@ class ReportFacts:
         Settings whose grade is withheld, and why.
     stretches : tuple of mapping
         What was compared, stretch by stretch, as in run.json.
+    law_choice : mapping
+        Which laws were tried, as in run.json; empty where the logs did not choose.
     is_interrupted : bool
         The run was stopped before all settings were done.
     """
@@ -157,4 +159,5 @@ class ReportFacts:
     checks: tuple[Check, ...] = ()
     withheld: tuple[str, ...] = ()
     stretches: tuple[Mapping[str, Any], ...] = ()
+    law_choice: Mapping[str, Any] = field(default_factory=dict)
     is_interrupted: bool = False

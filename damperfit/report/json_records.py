@@ -29,6 +29,7 @@ __all__ = [
     "findings_in",
     "gaps_in",
     "held_out_in",
+    "law_in",
     "listed_in",
     "number_in",
     "read_back",
@@ -169,6 +170,12 @@ def held_out_in(record: Mapping[str, Any]) -> list[str]:
         for entry in listed_in(record, "held_out")
         if isinstance(entry, dict)
     ]
+
+
+def law_in(record: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return what the logs told of the damper's law; empty where they were not asked."""
+    told = record.get("law_choice")
+    return told if isinstance(told, dict) else {}
 
 
 def listed_in(record: Mapping[str, Any], key: str) -> list[Any]:

@@ -15,6 +15,7 @@ from damperfit.report.sheets.force_by_setting_sheet import (
     measured_force_sheet,
 )
 from damperfit.report.sheets.held_out_sheet import held_out_sheet
+from damperfit.report.sheets.law_sheet import ladder_sheet, law_sentences, rival_sheet
 from damperfit.report.sheets.mse_sheet import grade_counts, mse_sheet
 from damperfit.report.sheets.parameter_sheet import parameter_sheet
 from damperfit.report.sheets.rounding import percent
@@ -64,6 +65,8 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
         ["# MSE report", "", *_summary(parameters, facts)],
         _section("Parameters", markdown_table(parameter_sheet(parameters, tables.quantities))),
         _section("MSE by setting and log", markdown_table(errors)),
+        _section("Which law the logs tell", _law(facts)),
+        _section("Models of the literature", markdown_table(rival_sheet(facts.law_choice))),
         _section(
             "Characteristics as measured", markdown_table(measured_stretch_sheet(facts.stretches))
         ),
@@ -109,6 +112,11 @@ def _checks(facts: ReportFacts) -> list[str]:
     if not facts.checks:
         return []
     return [check_summary(facts.checks), "", *markdown_table(check_sheet(facts.checks))]
+
+
+def _law(facts: ReportFacts) -> list[str]:
+    said = _list(law_sentences(facts.law_choice))
+    return [*said, "", *markdown_table(ladder_sheet(facts.law_choice))] if said else []
 
 
 def _clicks(tables: Tables) -> list[str]:

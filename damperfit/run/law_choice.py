@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from itertools import chain
@@ -23,7 +24,8 @@ from damperfit.damper.valve_dampers import (
 )
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import GivenStart
-from damperfit.laws import SettingLogs, climb, fit_law, rank_rivals
+from damperfit.laws import SettingLogs, climb, fit_law, physics_seen, rank_rivals, undecided
+from damperfit.report import chosen_records, ladder_records, rival_records
 from damperfit.run.dampers import of_one_damper
 from damperfit.run.hold_out import named_files, part
 from damperfit.run.logs import available_cores, expand, read_batch
@@ -69,6 +71,8 @@ class LawChoice:
         Models of the literature at the settings that were compared; empty unless asked for.
     remarks : tuple of str
         What was done with the logs: copies left out, contradictions averaged.
+    undecided : tuple of str
+        What the logs leave open, and which test would decide it.
     """
 
     ladder: Ladder
@@ -78,6 +82,23 @@ class LawChoice:
     lost: tuple[Setting, ...] = ()
     rivals: tuple[Tried, ...] = ()
     remarks: tuple[str, ...] = ()
+    undecided: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """Return all of it as JSON values, as it stands in run.json."""
+        n_eff = self.ladder.n_eff
+        return {
+            "chosen": self.ladder.chosen.title,
+            "model": self.ladder.chosen.fits[0].model.name,
+            "compared_settings": [one.cell for one in self.compared],
+            "effective_samples": None if math.isnan(n_eff) else n_eff,
+            "laws": ladder_records(self.ladder),
+            "settings": chosen_records(self.fits),
+            "lost_settings": [one.cell for one in self.lost],
+            "rivals": rival_records(self.rivals),
+            "sentences": list(physics_seen(self.fits)),
+            "undecided": list(self.undecided),
+        }
 
 
 def choose_law(  # noqa: PLR0913 - what a user may ask of it
@@ -169,14 +190,16 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     rivals: tuple[Tried, ...] = ()
     if on_rival is not None:
         rivals = rank_rivals(compared, solver=solver, on_rival=on_rival, jobs=workers)
+    found = tuple(one for one in fits if one is not None)
     return LawChoice(
         ladder,
         tuple(one.setting for one in compared),
-        tuple(one for one in fits if one is not None),
+        found,
         parted.batch.failures,
         tuple(e.setting for e, one in zip(evidence, fits, strict=True) if one is None),
         rivals,
         tuple(parted.batch.remarks),
+        undecided(ladder, found, evidence),
     )
 
 
@@ -191,6 +214,7 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
         What `choose_law` found.
     """
     best = choice.ladder.chosen.fits[0]
+    configuration = replace(configuration, chosen_law=choice.document())
     if not isinstance(best.model, ValveDamper):
         return configuration
     sections: dict[str, dict[str, Any]] = {
@@ -211,6 +235,7 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     return replace(
         made,
         declared=configuration.declared | chosen,
+        chosen_law=configuration.chosen_law,
         identification=replace(made.identification, start=GivenStart(by_setting=found)),
     )
 

@@ -138,6 +138,7 @@ def report_facts(
             for setting, why in assessment.objections.items()
         ),
         stretches=tuple(entry for fit in campaign.fits for entry in _stretches(fit)),
+        law_choice=configuration.chosen_law,
         is_interrupted=is_interrupted,
     )
 
@@ -229,6 +230,7 @@ def record(
             "many_starts": list(facts.searches),
             "cavitation": list(facts.cavitation),
         },
+        **({"law_choice": dict(configuration.chosen_law)} if configuration.chosen_law else {}),
         "gates_missed": list(facts.gates),
         "procedure": list(facts.procedure),
         "checks": [to_record(check) for check in judgement.checks],

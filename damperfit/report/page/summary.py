@@ -15,11 +15,13 @@ from damperfit.report.json_records import (
     findings_in,
     gaps_in,
     held_out_in,
+    law_in,
     listed_in,
     sentences_in,
     trends_in,
 )
 from damperfit.report.sheets.check_sheet import CHECK_WORDS
+from damperfit.report.sheets.law_sheet import law_sentences
 from damperfit.report.sheets.mse_sheet import flags, grade_counts
 from damperfit.report.sheets.rounding import number, percent
 from damperfit.report.sheets.sheet import Sheet
@@ -101,6 +103,7 @@ def summary(results: Results, logs: Sequence[EvaluatedLog]) -> Summary:
         checks=checks,
         listings=(
             Listing("Verdicts", short_listing(_verdicts(results))),
+            Listing("Which law the logs tell", law_sentences(law_in(record))),
             Listing("Held out: predicted, not fitted", held_out_in(record)),
             Listing("Across the settings", trends),
             Listing("Noise and lack of fit", sentences_in(record, "noise_and_lack_of_fit")),

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from damperfit.report.json_records import clicks_in
+from damperfit.report.json_records import clicks_in, law_in
 from damperfit.report.sheets.cavitation_sheet import cavitation_sheet
 from damperfit.report.sheets.click_sheet import click_sheet
+from damperfit.report.sheets.law_sheet import ladder_sheet, rival_sheet
 from damperfit.report.sheets.mse_sheet import mse_sheet
 from damperfit.report.sheets.parameter_sheet import parameter_sheet
 
@@ -25,6 +26,8 @@ def page_tables(results: Results) -> list[tuple[str, Sheet]]:
     sheets = [
         ("Parameters", parameter_sheet(rows, results.quantities)),
         ("MSE by setting and log", mse_sheet(errors, rows, results.quantities)),
+        ("Laws that were tried", ladder_sheet(law_in(results.record))),
+        ("Models of the literature on the same logs", rival_sheet(law_in(results.record))),
         ("Change of force by click", click_sheet(clicks_in(results.record))),
         ("How near to cavitation", cavitation_sheet(results.parameters)),
     ]

@@ -11,7 +11,7 @@ from damperfit.report.sheets.rounding import number
 from damperfit.report.sheets.sheet import Sheet
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from damperfit.laws import Ladder, LawFit, Tried
 
@@ -20,28 +20,79 @@ __all__ = [
     "chosen_sheet",
     "ladder_records",
     "ladder_sheet",
+    "law_sentences",
     "rival_records",
     "rival_sheet",
 ]
 
 
-def ladder_sheet(ladder: Ladder) -> Sheet:
-    """Return one row a law, in the order in which they were tried."""
+def ladder_sheet(told: Mapping[str, Any], *, is_narrow: bool = False) -> Sheet:
+    """Return one row a law, in the order in which they were tried.
+
+    Parameters
+    ----------
+    told : mapping
+        What a choice of laws tells, as in run.json.
+    is_narrow : bool
+        For a terminal: without what was changed and why it was taken or not.
+    """
+    wide = ("changed", "gained", "BIC", "why") if not is_narrow else ("BIC",)
+    headings = ("", "law", *wide[:-1], "free", "MSE", "held out", *wide[-1:])
+    if is_narrow:
+        headings = ("", "law", "free", "BIC", "MSE", "held out")
+    samples = _number(told.get("effective_samples"))
+    notes = ["* the law that was taken; MSE and what was held out in per cent of the variance"]
+    if not math.isnan(samples):
+        notes.append(
+            f"BIC with {samples:.0f} effective samples, against the law that the row was compared "
+            "with: positive where it is for the larger of both"
+        )
     return Sheet(
-        headings=("", "law", "free", "MSE", "held out"),
-        units=("", "", "", "%", "%"),
+        headings=headings,
+        units=tuple("%" if one in {"MSE", "held out"} else "" for one in headings),
         rows=tuple(
-            (
-                "*" if rung.is_taken else "",
-                rung.tried.title,
-                str(rung.tried.n_quantities),
-                _percent(rung.tried.mse_percent),
-                _percent(rung.tried.held_out_percent),
-            )
-            for rung in ladder.rungs
+            tuple(_cell(one, heading) for heading in headings) for one in _entries(told, "laws")
         ),
-        is_number=(False, False, True, True, True),
+        is_number=tuple(one in _NUMBERS for one in headings),
+        notes=tuple(notes),
     )
+
+
+_NUMBERS = {"gained", "BIC", "free", "MSE", "held out"}
+
+
+def _cell(one: Mapping[str, Any], heading: str) -> str:
+    """What stands under a heading in the row of a law, or of a model of the literature."""
+    if heading == "free":
+        free = one.get("free")
+        return str(len(free)) if isinstance(free, list) else ""
+    if heading in {"MSE", "held out"}:
+        key = "mse_percent" if heading == "MSE" else "held_out_mse_percent"
+        return _percent(_number(one.get(key)))
+    if heading == "gained":
+        gain = _number(one.get("gain"))
+        return "" if math.isnan(gain) else f"{gain:.3g} times"
+    if heading == "BIC":
+        bic = _number(one.get("bic"))
+        return "" if math.isnan(bic) else f"{bic:+.0f}"
+    keys = {
+        "law": "law", "changed": "change", "why": "reason",
+        "model of the literature": "title", "source": "source",
+    }  # fmt: skip
+    if heading in keys:
+        return str(one.get(keys[heading]) or "")
+    return "*" if one.get("is_chosen") is True else ""
+
+
+def _entries(told: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
+    """The entries of a list; what somebody else has written there is left out."""
+    found = told.get(key)
+    return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
+
+
+def _number(value: object) -> float:
+    is_one = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if is_one else math.nan  # type: ignore[arg-type]
 
 
 def ladder_records(ladder: Ladder) -> list[dict[str, Any]]:
@@ -55,6 +106,8 @@ def ladder_records(ladder: Ladder) -> list[dict[str, Any]]:
             "at_bound": list(rung.tried.at_bound),
             "mse_percent": rung.tried.mse_percent,
             "held_out_mse_percent": _finite(rung.tried.held_out_percent),
+            "change": rung.change,
+            "gain": _finite(rung.gain),
             "bic": _finite(rung.bic),
             "reason": rung.reason,
         }
@@ -62,24 +115,40 @@ def ladder_records(ladder: Ladder) -> list[dict[str, Any]]:
     ]
 
 
-def rival_sheet(rivals: Sequence[Tried]) -> Sheet:
-    """Return one row a model of the literature, the best prediction first."""
+def rival_sheet(told: Mapping[str, Any]) -> Sheet:
+    """Return one row a model of the literature, the best prediction first.
+
+    Parameters
+    ----------
+    told : mapping
+        What a choice of laws tells, as in run.json.
+    """
+    headings = ("model of the literature", "source", "free", "MSE", "held out")
+    caveats: dict[str, list[str]] = {}
+    for one in _entries(told, "rivals"):
+        if one.get("caveat"):
+            caveats.setdefault(str(one["caveat"]), []).append(str(one.get("title")))
     return Sheet(
-        headings=("model of the literature", "source", "free", "MSE", "held out"),
+        headings=headings,
         units=("", "", "", "%", "%"),
         rows=tuple(
-            (
-                one.title,
-                _source(one),
-                str(one.n_quantities),
-                _percent(one.mse_percent),
-                _percent(one.held_out_percent),
-            )
-            for one in rivals
+            tuple(_cell(one, heading) for heading in headings) for one in _entries(told, "rivals")
         ),
         is_number=(False, False, True, True, True),
-        notes=("Some equations are those of later texts, not of the original; --json says which.",),
+        notes=tuple(f"{', '.join(titles)}: {why}" for why, titles in caveats.items()),
     )
+
+
+def law_sentences(told: Mapping[str, Any]) -> list[str]:
+    """Return which law was taken, the physics that it sees, and what the logs leave open."""
+    chosen = told.get("chosen")
+    if not isinstance(chosen, str):
+        return []
+    said = [f"The logs speak for {chosen}."]
+    for key in ("sentences", "undecided"):
+        found = told.get(key)
+        said += [str(one) for one in found] if isinstance(found, list) else []
+    return said
 
 
 def rival_records(rivals: Sequence[Tried]) -> list[dict[str, Any]]:

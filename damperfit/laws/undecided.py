@@ -1,0 +1,168 @@
+"""What the logs cannot decide of the law that was taken, and which test would."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from damperfit.identification.sharing import listed_settings
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from damperfit.laws.ladder import Ladder
+    from damperfit.laws.law_fit import LawFit, SettingLogs
+    from damperfit.setting import Setting
+
+__all__ = ["undecided"]
+
+# Frequencies within this factor of each other are one.
+_ONE_FREQUENCY = 1.25
+# Of the damper's travel: as far as a test goes.
+_TRAVEL = 0.8
+
+
+@dataclass(frozen=True, slots=True)
+class _Tests:
+    """What was tested: frequencies in Hz, speeds in m/s, half of the longest stroke in m."""
+
+    slowest: float
+    fastest: float
+    lowest_frequency: float
+    highest_frequency: float
+    amplitude: float
+
+    @property
+    def has_one_frequency(self) -> bool:
+        return self.highest_frequency <= _ONE_FREQUENCY * self.lowest_frequency
+
+    @property
+    def faster(self) -> str:
+        return f"a test faster than the {self.fastest:.2g} m/s of these"
+
+    @property
+    def slower(self) -> str:
+        return f"a test slower than the {self.slowest:.2g} m/s of these, {0.2 * self.slowest:.2g}"
+
+
+def undecided(
+    ladder: Ladder, fits: Sequence[LawFit], evidence: Sequence[SettingLogs]
+) -> tuple[str, ...]:
+    """Return one sentence for each thing that the logs leave open, with the test that decides it.
+
+    Parameters
+    ----------
+    ladder : Ladder
+        The laws that were tried.
+    fits : sequence of LawFit
+        The law that was taken, at every setting.
+    evidence : sequence of SettingLogs
+        The logs of these settings.
+    """
+    tests = _tests(evidence)
+    if tests is None:
+        return ()
+    return (
+        *_of_layouts(ladder, tests),
+        *_of_mounting(fits[0], tests),
+        *_of_quantities(fits, tests),
+        *_of_refused(ladder, tests),
+        *_of_prediction(fits, tests),
+    )
+
+
+def _tests(evidence: Sequence[SettingLogs]) -> _Tests | None:
+    stretches = [part for one in evidence for log in one.fitted for part in log.stretches]
+    if not stretches:
+        return None
+    speeds = [one.peak_speed for one in stretches]
+    frequencies = [one.frequency for one in stretches]
+    longest = max(one.amplitude for one in stretches)
+    return _Tests(min(speeds), max(speeds), min(frequencies), max(frequencies), longest)
+
+
+def _of_layouts(ladder: Ladder, tests: _Tests) -> Iterator[str]:
+    if not ladder.alike:
+        return
+    names = [ladder.chosen.fits[0].model.name, *ladder.alike]
+    listed = " or ".join(one.replace("_", " ") for one in names)
+    yield (
+        f"The layout, {listed}: they fit and predict alike. The maker's drawing decides it "
+        f"(damper.model, or models --layout), or {tests.faster}."
+    )
+
+
+def _of_mounting(fit: LawFit, tests: _Tests) -> Iterator[str]:
+    told = [name for name in ("k_s", "lag") if name in fit.free]
+    if told and tests.has_one_frequency:
+        yield (
+            "Whether the force is late or the mounting gives: at one frequency they look alike. "
+            f"A second speed decides it, at {0.3 * tests.lowest_frequency:.2g} or "
+            f"{3.0 * tests.highest_frequency:.2g} Hz beside the {tests.highest_frequency:.2g} Hz."
+        )
+
+
+def _of_quantities(fits: Sequence[LawFit], tests: _Tests) -> Iterator[str]:
+    where: dict[tuple[str, str], list[Setting]] = defaultdict(list)
+    for fit in fits:
+        known = (_asked(fit, name, tests) for name in (*fit.untold, *fit.at_bound))
+        for asked in dict.fromkeys(one for one in known if one is not None):
+            where[asked].append(fit.setting)
+    for (what, test), settings in where.items():
+        place = f" at setting {listed_settings(settings)}" if len(fits) > 1 else ""
+        yield f"{what[0].upper()}{what[1:]}{place}: {test} would decide it."
+
+
+def _asked(fit: LawFit, name: str, tests: _Tests) -> tuple[str, str] | None:
+    """What is not known, and the test."""
+    stroke, _, part = name.partition("_")
+    people = {"rebound": "rebound", "compression": "bump"}.get(stroke, "")
+    if people and part in {"opening", "slope", "port", "width"}:
+        return f"where the blow-off opens in {people}, and how it goes on", tests.faster
+    if people:
+        return f"how large the bleed of {people} is", tests.slower
+    stroke_mm = 1e3 * min(2.0 * tests.amplitude, _TRAVEL * fit.model.travel)
+    bar = "a rigid bar in the damper's place, pushed and pulled,"
+    known = {
+        "k_s": ("how much the mounting gives", bar),
+        "play": ("how much play there is", bar),
+        "lag": ("how late the force is", tests.faster),
+        "f_f": ("the friction", f"a test below {0.2 * tests.slowest:.1g} m/s"),
+        "drag": ("the drag of the seals", tests.slower),
+        "gas_volume": ("the gas volume", f"a stroke of {stroke_mm:.2g} mm to both sides"),
+        "k_e": ("how stiff the oil is beside its mounting", "a test on a stiffer mounting"),
+        "return_slope": ("what the return checks resist", tests.faster),
+    }
+    return known.get(name)
+
+
+def _of_refused(ladder: Ladder, tests: _Tests) -> Iterator[str]:
+    """Parts that would be worth having but for their price or what they predict."""
+    for rung in ladder.rungs:
+        is_larger = rung.change.startswith("with ")
+        if is_larger and not rung.is_taken and rung.gain > 1.5 and rung.bic <= 0.0:
+            yield (
+                f"Whether the damper has {rung.change.removeprefix('with ')}: the MSE falls by a "
+                f"factor of {rung.gain:.2g}, but these logs are too few for it. A second speed, "
+                f"{0.3 * tests.slowest:.2g} or {2.0 * tests.fastest:.2g} m/s, would decide it."
+            )
+
+
+def _of_prediction(fits: Sequence[LawFit], tests: _Tests) -> Iterator[str]:
+    if any(fit.held_out == "logs" for fit in fits):
+        return
+    which = (
+        "only the changes of speed of these logs were predicted"
+        if any(fit.held_out for fit in fits)
+        else "nothing was held out"
+    )
+    speed = math.sqrt(tests.slowest * tests.fastest)
+    if tests.fastest < _ONE_FREQUENCY * tests.slowest:
+        speed = 0.3 * tests.fastest
+    yield (
+        f"How well the law predicts another test: {which}. One more log decides it, of "
+        f"{speed:.2g} m/s at a stroke of {0.6e3 * tests.amplitude:.2g} mm to both sides, given to "
+        "--hold-out."
+    )
