@@ -239,6 +239,7 @@ SURFACE = {
         "opening_force",
         "physics_seen",
         "rank_rivals",
+        "undecided",
     ],
     "damperfit.run.given_starts": [
         "start_of_laws",
@@ -546,6 +547,7 @@ SURFACE = {
         "junit_report",
         "ladder_records",
         "ladder_sheet",
+        "law_sentences",
         "markdown_report",
         "measured_force_sheet",
         "parameter_sheet",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -61,6 +62,21 @@ def test_a_new_quantity_at_its_edge_is_none():
     new, old = NAMES[4], NAMES[1]
     assert not judged(tried(1.0, 4), tried(0.1, 5, at_bound=(new,)), 30.0).takes_larger
     assert judged(tried(1.0, 4), tried(0.1, 5, at_bound=(old,)), 30.0).takes_larger
+
+
+def test_a_part_at_its_edge_does_not_speak_against_the_other_stroke() -> None:
+    small = replace(tried(1.0, 4).fits[0], free=("f_f", "f_0"))
+    strokes = "rebound_opening", "rebound_slope", "compression_opening", "compression_slope"
+    for at_bound, is_taken in ((strokes[2:], True), ((strokes[0], strokes[2]), False)):
+        large = replace(small, free=(*strokes, *small.free), at_bound=at_bound, mse_percent=0.01)
+        verdict = judged(Tried("small", (small,)), Tried("large", (large,)), 30.0)
+        assert verdict.takes_larger is is_taken, at_bound
+
+
+def test_what_no_setting_determines_is_unseen() -> None:
+    one = replace(tried(1.0, 4).fits[0], untold=NAMES[:2])
+    other = replace(one, untold=(), at_bound=NAMES[1:3])
+    assert Tried("law", (one, other)).unseen == {NAMES[1]}
 
 
 def test_what_was_held_out_must_be_predicted_no_worse():

@@ -36,7 +36,7 @@ def ladder_sheet(told: Mapping[str, Any], *, is_narrow: bool = False) -> Sheet:
     is_narrow : bool
         For a terminal: without what was changed and why it was taken or not.
     """
-    wide = ("changed", "gained", "BIC", "why") if not is_narrow else ("BIC",)
+    wide = ("changed", "factor", "BIC", "why") if not is_narrow else ("BIC",)
     headings = ("", "law", *wide[:-1], "free", "MSE", "held out", *wide[-1:])
     if is_narrow:
         headings = ("", "law", "free", "BIC", "MSE", "held out")
@@ -45,7 +45,8 @@ def ladder_sheet(told: Mapping[str, Any], *, is_narrow: bool = False) -> Sheet:
     if not math.isnan(samples):
         notes.append(
             f"BIC with {samples:.0f} effective samples, against the law that the row was compared "
-            "with: positive where it is for the larger of both"
+            "with: positive where it is for the larger of both; factor: MSE of the smaller of both "
+            "over that of the larger"
         )
     return Sheet(
         headings=headings,
@@ -58,7 +59,7 @@ def ladder_sheet(told: Mapping[str, Any], *, is_narrow: bool = False) -> Sheet:
     )
 
 
-_NUMBERS = {"gained", "BIC", "free", "MSE", "held out"}
+_NUMBERS = {"factor", "BIC", "free", "MSE", "held out"}
 
 
 def _cell(one: Mapping[str, Any], heading: str) -> str:
@@ -69,9 +70,9 @@ def _cell(one: Mapping[str, Any], heading: str) -> str:
     if heading in {"MSE", "held out"}:
         key = "mse_percent" if heading == "MSE" else "held_out_mse_percent"
         return _percent(_number(one.get(key)))
-    if heading == "gained":
+    if heading == "factor":
         gain = _number(one.get("gain"))
-        return "" if math.isnan(gain) else f"{gain:.3g} times"
+        return "" if math.isnan(gain) else f"{gain:.3g}"
     if heading == "BIC":
         bic = _number(one.get("bic"))
         return "" if math.isnan(bic) else f"{bic:+.0f}"

@@ -1,0 +1,102 @@
+"""What logs leave open is told with the test that decides it, and what they decide is not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.damper.mounting import FIT, NONE, Mounting
+from damperfit.damper.valve_dampers import TwinTube
+from damperfit.laws import Ladder, LawFit, Rung, SettingLogs, Tried, undecided
+from damperfit.recording import Trace
+from damperfit.setting import Setting
+from tests import fakes
+
+MODEL = TwinTube(mounting=Mounting(FIT, NONE, FIT))
+FREE = tuple(one.name for one in MODEL.quantities if one.default is None)
+
+
+def log(*frequencies: float) -> Trace:
+    """A log of a stroke of 20 mm to both sides at each frequency."""
+    one = fakes.trace(1)
+    (stretch,) = one.stretches
+    parts = tuple(
+        replace(stretch, frequency=f, amplitude=0.02, peak_speed=2 * np.pi * f * 0.02)
+        for f in frequencies
+    )
+    return replace(one, stretches=parts)
+
+
+def fit(place: int = 1, **known: object) -> LawFit:
+    numbers = {one.name: one.default or 1e5 for one in MODEL.quantities}
+    whole = LawFit(
+        Setting.of(place), MODEL, MODEL.values(numbers), FREE, (), 0.01, (0.01,), 0.01, "logs",
+        (np.zeros(3),), 9,
+    )  # fmt: skip
+    return replace(whole, **known)  # type: ignore[arg-type]
+
+
+def told(fits: list[LawFit], *frequencies: float, ladder: Ladder | None = None) -> tuple[str, ...]:
+    logs = [SettingLogs(one.setting, (log(*frequencies),)) for one in fits]
+    return undecided(ladder or Ladder((), Tried("law", tuple(fits)), 60.0), fits, logs)
+
+
+def test_logs_that_decide_everything_leave_nothing_open() -> None:
+    assert told([fit()], 1.0, 2.0) == ()
+
+
+@pytest.mark.parametrize(("second", "is_open"), [(1.24, True), (1.26, False)])
+def test_lag_and_elasticity_ask_for_a_second_frequency(second: float, *, is_open: bool) -> None:
+    said = told([fit()], 1.0, second)
+    assert bool(said) is is_open
+    if said:
+        assert "they look alike. A second speed decides it, at 0.3 or 3.7 Hz" in said[0]
+
+
+def test_an_unopened_blow_off_asks_for_a_faster_test_and_names_its_settings() -> None:
+    fits = [fit(1), fit(2, untold=("compression_opening", "compression_slope"))]
+    (said,) = told(fits, 1.0, 2.0)
+    assert said == (
+        "Where the blow-off opens in bump, and how it goes on at setting 2: a test faster than the "
+        "0.25 m/s of these would decide it."
+    )
+
+
+@pytest.mark.parametrize("name", [n for n in FREE if n != "f_0"] + ["gas_volume", "k_e", "drag"])
+def test_whatever_is_not_told_has_a_test_that_decides_it(name: str) -> None:
+    (said,) = told([fit(at_bound=(name,))], 1.0, 2.0)
+    assert said.endswith("would decide it.")
+    assert " at setting" not in said  # there is one
+
+
+def test_layouts_alike_are_named() -> None:
+    fits = [fit()]
+    ladder = Ladder((), Tried("law", tuple(fits)), 60.0, alike=("monotube",))
+    (said,) = told(fits, 1.0, 2.0, ladder=ladder)
+    assert said.startswith("The layout, twin tube or monotube: they fit and predict alike.")
+
+
+@pytest.mark.parametrize(("bic", "gain", "is_open"), [
+    (-0.1, 1.6, True), (0.1, 1.6, False), (-0.1, 1.4, False),
+])  # fmt: skip
+def test_a_part_that_costs_more_than_the_logs_pay_is_left_open(
+    bic: float, gain: float, *, is_open: bool
+) -> None:
+    tried = Tried("law", (fit(),))
+    rung = Rung(tried, False, "", bic, "with gas volume", gain)
+    said = told([fit()], 1.0, 2.0, ladder=Ladder((rung,), tried, 60.0))
+    assert bool(said) is is_open
+    assert all(one.startswith("Whether the damper has gas volume: ") for one in said)
+
+
+@pytest.mark.parametrize(("kind", "words"), [
+    ("transients", "only the changes of speed"), ("", "nothing was held out"),
+])  # fmt: skip
+def test_without_a_held_out_log_one_more_is_asked_for(kind: str, words: str) -> None:
+    held = 0.01 if kind else math.nan
+    (said,) = told([fit(held_out=kind, held_out_percent=held)], 1.0, 2.0)
+    assert words in said
+    assert "0.18 m/s at a stroke of 12 mm" in said
