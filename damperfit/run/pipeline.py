@@ -22,6 +22,7 @@ from damperfit.run.earlier import PAGE, forget_figures
 from damperfit.run.given_starts import with_given_start
 from damperfit.run.hold_out import Parted, fitting, named_files, note_unpredicted, part
 from damperfit.run.judging import assessed, judge, with_profiles
+from damperfit.run.like_speeds import without_contradictory_motions
 from damperfit.run.logs import available_cores, expand, read_batch
 from damperfit.run.mishaps import Mishaps
 from damperfit.run.readings import Readings
@@ -232,6 +233,7 @@ def _read(
             parted = part(mine, options, named)
             once = once_each(parted.batch)
             left = without_contradictions(once, is_averaging=is_averaging)
+            left = without_contradictory_motions(left, configuration)
             left, held_out = without_copies(left, parted.held_out)
             parted = replace(parted, batch=left, held_out=held_out)
         own = configuration

@@ -19,20 +19,28 @@ from damperfit.errors import ContradictionError
 from damperfit.report import Failure
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from damperfit.recording import Stretch, Trace
     from damperfit.run.logs import LogBatch
     from damperfit.setting import Setting
 
-__all__ = ["once_each", "without_contradictions", "without_copies"]
+__all__ = [
+    "REPEATS",
+    "SCATTERS",
+    "contradicting",
+    "once_each",
+    "share_a_motion",
+    "without_contradictions",
+    "without_copies",
+]
 
 # Of the range: text of four digits stands 1e-4 beside the binary file, and noise of 4 N in 1300 N
 # makes two tests differ by 4e-3.
 _SAME = 5e-4
 _ALIKE = 0.05  # motions nearer than this are one: rigs repeat speed and stroke to 1 %
-_REPEATS = 0.05  # a damper at one setting, taken off and put on again, is within 5 %
-_SCATTERS = 3.0  # standard deviations
+REPEATS = 0.05  # a damper at one setting, taken off and put on again, is within 5 %
+SCATTERS = 3.0  # standard deviations
 _WARMER = 5.0  # degC; forces fall by some 0.5 % for each
 _MANY = 20
 
@@ -173,20 +181,43 @@ def without_contradictions(batch: LogBatch, *, is_averaging: bool) -> LogBatch:
         for setting, traces in groups.items()
         if (found := list(_contradictions(traces)))
     }
+    said = {setting: found.sentence for setting, found in worst.items()}
+    return contradicting(batch, said, is_averaging=is_averaging)
+
+
+def contradicting(
+    batch: LogBatch, sentences: Mapping[Setting, str], *, is_averaging: bool
+) -> LogBatch:
+    """Return the batch without settings whose logs contradict each other, or with a word on them.
+
+    Parameters
+    ----------
+    batch : LogBatch
+        What was read.
+    sentences : mapping of Setting to str
+        Which logs differ, and where.
+    is_averaging : bool
+        Such logs are to be fitted together all the same.
+    """
     if is_averaging:
-        said = (f"setting {one}: {found.sentence}; averaged" for one, found in worst.items())
+        said = (f"setting {one}: {sentence}; averaged" for one, sentence in sentences.items())
         return replace(batch, remarks=(*batch.remarks, *said))
     failures = [
         Failure(
             *("", "", setting, ContradictionError.__name__),
-            f"setting {setting}: {found.sentence}, more than they scatter; look whether the "
+            f"setting {setting}: {sentence}, more than they scatter; look whether the "
             "setting or the damper is another, leave one out, or fit them together by "
             "--rig contradictions=average",
         )
-        for setting, found in worst.items()
+        for setting, sentence in sentences.items()
     ]
-    kept = tuple(trace for trace in batch.traces if trace.setting not in worst)
+    kept = tuple(trace for trace in batch.traces if trace.setting not in sentences)
     return replace(batch, traces=kept, failures=(*batch.failures, *failures))
+
+
+def share_a_motion(first: Trace, second: Trace) -> bool:
+    """Whether two logs hold one steady motion, so that their peak forces can be compared."""
+    return any(_is_one_motion(a, b) for a in _told(first) for b in _told(second))
 
 
 def _contradictions(traces: Sequence[Trace]) -> Iterator[_Contradiction]:
@@ -220,7 +251,7 @@ def _compared(first: Trace, second: Trace, a: Stretch, b: Stretch) -> Iterator[_
         speeds = (getattr(one, f"peak_speed_{stroke}"), getattr(other, f"peak_speed_{stroke}"))
         # A force grows with the square of the speed at most.
         by_speed = 2.0 * abs(math.log(speeds[0] / speeds[1])) * max(map(abs, forces))
-        allowed = max(_SCATTERS * noise, _REPEATS * scale) + by_speed
+        allowed = max(SCATTERS * noise, REPEATS * scale) + by_speed
         excess = abs(forces[0] - forces[1]) / allowed
         if excess > 1.0:
             yield _Contradiction(first, second, stroke, forces, a.peak_speed, excess)
