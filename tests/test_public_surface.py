@@ -449,8 +449,13 @@ SURFACE = {
         "Labels",
         "labels_for",
     ],
+    "damperfit.run.like_speeds": ["without_contradictory_motions"],
     "damperfit.run.same_setting": [
+        "REPEATS",
+        "SCATTERS",
+        "contradicting",
         "once_each",
+        "share_a_motion",
         "without_contradictions",
         "without_copies",
     ],
