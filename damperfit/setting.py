@@ -213,8 +213,8 @@ def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
     Parameters
     ----------
     text : str
-        As in "10" or "soft" for one adjuster; for several "rebound=12, compression=8", "R12 C08"
-        or "12/8", in the declared order.
+        As in "10" or "soft" for one adjuster; for several "rebound=12, compression=8",
+        "R12 C08", "12r/8c", or "12/8" in the declared order.
     adjusters : sequence of str
         Names of the adjusters.
 
@@ -229,6 +229,8 @@ def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
     (('rebound', 12), ('compression', 8))
     >>> parse_setting("12/-8", ["rebound", "compression"]).label
     'R12 C-8'
+    >>> parse_setting("12r/8c", ["rebound", "compression"]).label
+    'R12 C8'
     """
     if len(adjusters) == 1:
         name = re.escape(adjusters[0])
@@ -254,6 +256,15 @@ def _named_places(text: str, adjusters: Sequence[str]) -> dict[str, str] | None:
         re.IGNORECASE,
     )
     found = [(m[1].casefold(), m[2] or m[3]) for m in mark.finditer(text)]
+    if len(found) < len(adjusters):
+        # As in 12r/8c: the number first.
+        ahead = re.compile(
+            rf"(?<![\w.])([+-]?\d+(?:\.\d+)?) ?({known})(?![^\W_])|"
+            rf"(?<=_)([+-]?\d+(?:\.\d+)?)({known})(?![^\W_])",
+            re.IGNORECASE,
+        )
+        turned = [((m[2] or m[4]).casefold(), m[1] or m[3]) for m in ahead.finditer(text)]
+        found = turned if len(turned) == len(adjusters) else found
     if not found:
         return None
     if len({names[word] for word, _ in found}) < len(found):

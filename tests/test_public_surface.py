@@ -406,6 +406,8 @@ SURFACE = {
         "FIGURES",
         "PAGE",
         "forget_figures",
+        "forget_run",
+        "holds_fits",
     ],
     "damperfit.run.mishaps": [
         "Mishaps",
@@ -445,6 +447,7 @@ SURFACE = {
         "sha256_of",
     ],
     "damperfit.run.labelling": [
+        "FROM_NAME",
         "GUESSED",
         "Labels",
         "labels_for",
@@ -498,6 +501,7 @@ SURFACE = {
         "TestsTable",
         "guess_settings",
         "is_tests_table",
+        "one_of_several",
         "read_curves",
         "read_log",
         "read_logs",

@@ -142,7 +142,9 @@ def _words(answer: Answer, wanted: float, adjuster: str) -> str:
     click = round(answer.position)
     if click in {answer.below.number(adjuster), answer.above.number(adjuster)}:
         return f"{said}; nearest of those fitted is {nearest}"
-    return f"{said}; nearest is {click}, which has no fit, and of those fitted {nearest}"
+    turned = {adjuster: click}
+    label = Setting(tuple((one, turned.get(one, place)) for one, place in answer.below.places))
+    return f"{said}; nearest is {label}, which has no fit, and of those fitted {nearest}"
 
 
 @dataclass(frozen=True, slots=True)

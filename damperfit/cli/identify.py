@@ -302,7 +302,7 @@ def _tell_people(
         say(f"damperfit: {gate}")
     if is_quiet:
         return
-    for line in (*configuration.notes, *corrections(result.campaign)):
+    for line in (*configuration.notes, *result.facts.taken, *corrections(result.campaign)):
         say(f"note: {line}")
     for warning in short_listing(result.facts.warnings):
         say(f"warning: {warning}")
@@ -324,6 +324,8 @@ def _summary(result: RunResult, folder: Path) -> str:
     failed += f", {n_all - n_failed} left out" if n_all > n_failed else ""
     if result.facts.is_interrupted and not n_fits:
         return "interrupted before a setting was finished; nothing was written"
+    if result.keeps_earlier:
+        return f"{done}{failed}; nothing was written: the earlier results in {folder} stay"
     interrupted = "interrupted; " if result.facts.is_interrupted else ""
     return f"{interrupted}{done}{failed}; results in {folder}"
 

@@ -82,6 +82,8 @@ def inspect(
     )
     say_failures(batch.failures, is_debug=debug)
     if not quiet:
+        for note in batch.notes:
+            say(f"note: {note}")
         for warning in (*skipped_files(batch), *batch.remarks):
             say(f"warning: {warning}")
     if json:

@@ -108,7 +108,7 @@ class _DeclaredKeys(_Section):
     reverse_displacement: _Sign
     reverse_force: _Sign
     setting_pattern: str
-    part_settings: list[int]
+    part_settings: list[int | float | str]
     columns: dict[str, str | int]
     units: dict[str, str]
     scales: dict[str, float]

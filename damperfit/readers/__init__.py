@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import LogError, TimelessError
-from damperfit.readers.name_guess import Guess, guess_settings
+from damperfit.readers.name_guess import Guess, guess_settings, one_of_several
 from damperfit.readers.options import Profile, ReadOptions
 from damperfit.readers.tests_table import TestRow, TestsTable, is_tests_table, read_tests
 
@@ -26,6 +26,7 @@ __all__ = [
     "TestsTable",
     "guess_settings",
     "is_tests_table",
+    "one_of_several",
     "read_curves",
     "read_log",
     "read_logs",

@@ -13,7 +13,13 @@ from damperfit.errors import LogError
 from damperfit.identity import identity_in
 from damperfit.readers.channels import all_told_together, choose_channels, has_channel
 from damperfit.readers.options import EXTRAS
-from damperfit.readers.setting_number import Told, file_setting, place_of, preamble_setting
+from damperfit.readers.setting_number import (
+    Told,
+    file_setting,
+    place_of,
+    preamble_setting,
+    setting_in_words,
+)
 from damperfit.readers.write_buffers import TITLE, join_buffers
 from damperfit.recording import Recording
 from damperfit.setting import Setting
@@ -58,7 +64,10 @@ def make_recordings(
             raise
     are_buffers = len(tables) > 1 and all(table.may_run_on for table in tables)
     parts = join_buffers(blocks) if are_buffers else list(chain.from_iterable(blocks))
-    settings = options.part_settings
+    where = f"{source.name}: part_settings"
+    settings = [
+        setting_in_words(str(one), where, options.adjusters) for one in options.part_settings
+    ]
     if settings and len(settings) != len(parts):
         raise LogError(
             f"{source.name}: {len(parts)} tests found, but {len(settings)} settings declared for "
@@ -72,9 +81,7 @@ def make_recordings(
             name=f"{source.name} part {i + 1}" if len(parts) > 1 else source.name,
             path=source.path,
             sha256=source.sha256,
-            setting=Setting(((options.adjusters[0], settings[i]),))
-            if settings and options.setting is None and len(options.adjusters) == 1
-            else part.setting,
+            setting=settings[i] if settings and options.setting is None else part.setting,
             time=part.time,
             displacement=part.displacement,
             force=part.force,

@@ -18,7 +18,7 @@ from damperfit.setting import Setting, parse_place
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-__all__ = ["Guess", "guess_settings"]
+__all__ = ["Guess", "guess_settings", "one_of_several"]
 
 _CLICKS = {
     "click", "clicks", "clk", "clicked", "setting", "set", "pos", "position", "adj", "adjuster",
@@ -119,6 +119,20 @@ def guess_settings(names: Iterable[str]) -> Guess:
         f"to say so: {_option(pattern)}",
         _option(pattern),
     )
+
+
+def one_of_several(name: str) -> str:
+    """Return the number after a bare "s" where others in the name may count clicks too.
+
+    Examples
+    --------
+    >>> one_of_several("t1_2_24_s5_100psi.csv"), one_of_several("run3_s5_1.5Hz.csv")
+    ('5', '')
+    """
+    fields = _fields(_texts(name), [name])
+    chosen = [one for one in fields if one.word == "s"]
+    others = any(one.may_be for one in fields if one.word != "s")
+    return chosen[-1].values[0] if chosen and others else ""
 
 
 def _texts(name: str) -> tuple[str, ...]:

@@ -66,8 +66,9 @@ class Declarations:
     setting_pattern : str
         Regular expression whose first group is the setting in a file name; the last match
         counts, and case does not matter.
-    part_settings : tuple of int
-        Settings of the tests in one file, in their order; empty when the log says them.
+    part_settings : tuple of int, float or str
+        Settings of the tests in one file, in their order, by number or label; empty when the log
+        says them.
     columns : mapping of str to str or int
         Column of a channel, by name or by number from 1, as in {"force": "Load cell"}; empty text:
         found by its name.
@@ -106,7 +107,7 @@ class Declarations:
     """
 
     setting_pattern: str = SETTING_PATTERN
-    part_settings: tuple[int, ...] = ()
+    part_settings: tuple[int | float | str, ...] = ()
     columns: Mapping[str, str | int] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)

@@ -123,6 +123,8 @@ class ReportFacts:
         Parameters that the logs do not tell, and those that are tied, one sentence each.
     untold : tuple of str
         Those of them that are not told, which the command says too.
+    taken : tuple of str
+        Tables of tests that were used, which the command says too.
     searches : tuple of str
         What fits from many starts found, one sentence each.
     cavitation : tuple of str
@@ -153,6 +155,7 @@ class ReportFacts:
     held_out: tuple[Prediction, ...] = ()
     identifiability: tuple[str, ...] = ()
     untold: tuple[str, ...] = ()
+    taken: tuple[str, ...] = ()
     searches: tuple[str, ...] = ()
     cavitation: tuple[str, ...] = ()
     across: tuple[str, ...] = ()

@@ -57,6 +57,7 @@ def by_damper(batch: LogBatch) -> dict[str, LogBatch]:
         first,
         failures=(*first.failures, *_nameless(batch, nameless), *lost),
         remarks=(*batch.remarks, *first.remarks),
+        notes=batch.notes,
         skipped=batch.skipped,
         logs=(*first.logs, *(log for log in batch.logs if log.log in nameless)),
     )
@@ -103,6 +104,7 @@ def _part(batch: LogBatch, owners: Mapping[str, str], owner: str) -> LogBatch:
         skipped=(),
         n_good=len(mine) - len(failures),
         remarks=(),
+        notes=(),
         identities={log: one for log, one in batch.identities.items() if log in mine},
     )
 

@@ -1,4 +1,4 @@
-"""What an earlier run may have left in a results folder and a new one must not keep.
+"""What an earlier run left in a results folder: what a new one must not keep, or not lose.
 
 Page and figures are drawn after the run, on request; beside new tables the old ones would tell of
 other numbers. Only files with the names that damperfit gives them go.
@@ -10,10 +10,12 @@ import re
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from damperfit.atomic import file_set
+
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["FIGURES", "PAGE", "forget_figures"]
+__all__ = ["FIGURES", "PAGE", "forget_figures", "forget_run", "holds_fits"]
 
 PAGE = "report.html"
 FIGURES = "figures"
@@ -22,6 +24,31 @@ _DRAWN = re.compile(
     r"|setting_[\w.+-]+_(force_velocity|force_displacement|force_time|residual|pressures|peaks))"
     r"\.(png|svg|pdf)"
 )
+_WRITTEN = re.compile(
+    r"(parameters|mse|adjustment|characteristics|valves|profiles|responses)\.(csv|parquet)"
+    r"|run\.json|report\.(md|html)"
+)
+
+
+def holds_fits(folder: Path) -> bool:
+    """Whether a folder holds the results of a run that fitted something."""
+    try:
+        with (folder / "parameters.csv").open("rb") as file:
+            rows = [line for line in file.read(100_000).splitlines() if line.strip()]
+    except OSError:
+        return False
+    return (folder / "run.json").is_file() and len(rows) > 1
+
+
+def forget_run(folder: Path) -> None:
+    """Remove the results of an earlier run, where its logs now have folders of their own."""
+    if not (folder / "run.json").is_file():
+        return
+    with file_set(folder) as files:
+        for path in folder.iterdir():
+            if _WRITTEN.fullmatch(path.name) and path.is_file():
+                files.without(path.name)
+    forget_figures(folder)
 
 
 def forget_figures(folder: Path) -> None:

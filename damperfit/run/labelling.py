@@ -6,13 +6,23 @@ name; what no source says is guessed from what differs between the names, and th
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, LogError
 from damperfit.identity import Identity, identity_in
-from damperfit.readers import Guess, TestRow, TestsTable, guess_settings, is_tests_table, read_tests
+from damperfit.readers import (
+    Guess,
+    TestRow,
+    TestsTable,
+    guess_settings,
+    is_tests_table,
+    one_of_several,
+    read_tests,
+)
+from damperfit.readers.options import SETTING_PATTERN
 from damperfit.readers.setting_number import file_setting
 from damperfit.setting import Setting, parse_place
 
@@ -23,8 +33,9 @@ if TYPE_CHECKING:
     from damperfit.recording import Recording
     from damperfit.setting import Place
 
-__all__ = ["GUESSED", "Labels", "labels_for"]
+__all__ = ["FROM_NAME", "GUESSED", "Labels", "labels_for"]
 
+FROM_NAME = "setting: from the file name"
 GUESSED = "setting: guessed from the file name"
 _FEW = 3  # rows of a table that are named
 
@@ -47,6 +58,8 @@ class Labels:
         What the names tell.
     notes : tuple of str
         What was doubtful in the tables.
+    has_pattern : bool
+        The user says where the setting stands in a file's name.
     """
 
     adjusters: tuple[str, ...]
@@ -55,6 +68,7 @@ class Labels:
     tables: tuple[TestsTable, ...] = ()
     guess: Guess = field(default_factory=Guess)
     notes: tuple[str, ...] = ()
+    has_pattern: bool = False
 
     def labelled(self, recording: Recording, path: Path) -> tuple[Recording, Identity]:
         """Return the recording with its setting, None where nobody says it, and whose it is.
@@ -98,8 +112,41 @@ class Labels:
         labelled = replace(recording, setting=setting, notes=(*recording.notes, *notes))
         return labelled, identity
 
+    def one_of_several(self, name: str) -> str:
+        """Say which of several numbers in a file's name is taken for the setting; empty: no choice.
+
+        Parameters
+        ----------
+        name : str
+            Of a log whose setting comes from its name.
+        """
+        is_said = self.has_pattern or len(self.adjusters) > 1
+        number = "" if is_said else one_of_several(name)
+        return number and (
+            f"{name}: of its numbers that after 's' is taken for the setting, {number}; to "
+            "say which it is, name what stands before it: "
+            "--rig 'setting_pattern=s(?P<setting>\\d+)'"
+        )
+
+    @property
+    def tables_used(self) -> tuple[str, ...]:
+        """Which tables of tests were used, a sentence each."""
+        counts = [(table.path, len(table.rows)) for table in self.tables]
+        return tuple(
+            f"{path}: taken as the table of tests, {n} row{'s' * (n != 1)}" for path, n in counts
+        )
+
     def missing(self, name: str, recording: Recording) -> LogError:
         """Return why a log without a setting cannot be fitted, with what to write."""
+        row = self.row(Path(recording.path))
+        if row is not None and not row.places and (columns := _clicks_of(row)):
+            declared = ", ".join(f'{column} = ""' for column in columns)
+            return LogError(
+                f"{name}: line {row.line} of the table of tests does not say its setting; it has "
+                f"{', '.join(columns)}: where these are adjusters, declare them in the "
+                f"configuration, [adjusters] {declared}; else name the column of the setting "
+                "'setting'"
+            )
         if len(self.adjusters) > 1:
             own = _places(recording, self.adjusters)
             lacks = ", ".join(one for one in self.adjusters if one not in own)
@@ -126,6 +173,15 @@ class Labels:
                 ):
                     best = (len(parts), row)
         return None if best is None else best[1]
+
+
+def _clicks_of(row: TestRow) -> list[str]:
+    """Return the names of a row's other columns that hold clicks, as adjusters are named."""
+    return [
+        re.sub(r"[\W_]+", "_", name.casefold()).strip("_")
+        for name, cell in row.identity.more
+        if re.fullmatch(r"[+-]?\d{1,3}(\.\d)?", cell)
+    ]
 
 
 def _places(recording: Recording, adjusters: Sequence[str]) -> dict[str, Place]:
@@ -172,6 +228,7 @@ def labels_for(
         configuration.test.identity,
         tables,
         notes=tuple(note for table in tables for note in (*table.notes, *_unknown(table))),
+        has_pattern=reading.setting_pattern != SETTING_PATTERN,
     )
     unsaid = [
         path.name

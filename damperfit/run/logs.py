@@ -29,7 +29,7 @@ from damperfit.identity import Identity
 from damperfit.readers import is_tests_table, read_curves, read_logs
 from damperfit.recording import Finding, natural_order
 from damperfit.report import Failure
-from damperfit.run.labelling import GUESSED, labels_for
+from damperfit.run.labelling import FROM_NAME, GUESSED, labels_for
 from damperfit.run.log_paths import matches
 
 if TYPE_CHECKING:
@@ -87,6 +87,8 @@ class LogBatch:
         Logs that can be used, whether or not their traces were kept.
     remarks : tuple of str
         How settings were found, where that is more than reading them.
+    notes : tuple of str
+        Tables of tests that were used.
     identities : mapping of str to Identity
         Whose test each log is, by its name.
     """
@@ -97,6 +99,7 @@ class LogBatch:
     skipped: tuple[str, ...]
     n_good: int
     remarks: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     identities: Mapping[str, Identity] = field(default_factory=dict)
 
 
@@ -175,18 +178,20 @@ def read_batch(
         skipped=tuple(_shown(str(path)) for path in paths if is_table[path]),
         n_good=sum(part.failure is None for part in taken),
         remarks=tuple(_label_remarks(labels, taken)),
+        notes=labels.tables_used,
         identities={part.facts.log: part.identity for part in taken},
     )
 
 
 def _label_remarks(labels: Labels, taken: Sequence[_Taken]) -> Iterator[str]:
-    """Say which tables of tests were used, and what was guessed."""
-    for table in labels.tables:
-        n = len(table.rows)
-        yield f"{table.path}: taken as the table of tests, {n} row{'s' * (n != 1)}"
+    """Say what is doubtful in tables of tests, and what was guessed."""
     yield from labels.notes
     if any(GUESSED in part.facts.facts.get("notes", ()) for part in taken):
         yield labels.guess.sentence
+    for part in taken:
+        notes = part.facts.facts.get("notes", ())
+        if FROM_NAME in notes and (said := labels.one_of_several(Path(part.facts.path).name)):
+            yield said
 
 
 def _gains_by_threads(path: Path) -> bool:

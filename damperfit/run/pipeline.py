@@ -18,7 +18,7 @@ from damperfit.configuration.what_is_tested import unmatched
 from damperfit.errors import ConfigurationError, OutputError
 from damperfit.report import markdown_report
 from damperfit.run.dampers import by_damper, folder_name
-from damperfit.run.earlier import PAGE, forget_figures
+from damperfit.run.earlier import PAGE, forget_figures, forget_run, holds_fits
 from damperfit.run.given_starts import with_given_start
 from damperfit.run.hold_out import Parted, fitting, named_files, note_unpredicted, part
 from damperfit.run.judging import assessed, judge, with_profiles
@@ -134,7 +134,10 @@ def run_each(
         parts = _read(configuration, logs, jobs=workers, setting=setting, watch=watch)
         for one in parts:
             try:
-                yield one.folder_owner, one.run(watch)
+                result = one.run(watch)
+                if len(parts) > 1 and result.campaign.fits:
+                    forget_run(configuration.output.folder)
+                yield one.folder_owner, result
             except UnwrittenError as error:
                 raise UnwrittenError(str(error), error.result, one.folder_owner) from error
 
@@ -251,6 +254,8 @@ def _run(
     found, mishaps = _found(configuration, parted, clock=clock, jobs=jobs, watch=watch)
     if not found.campaign.fits and watch.cancelled():
         return found.result(mishaps.failures)
+    if not found.campaign.fits and holds_fits(configuration.output.folder):
+        return replace(found.result(mishaps.failures), keeps_earlier=True)
     try:
         return _write(found, mishaps, clock=clock, jobs=jobs)
     except OutputError as error:

@@ -47,6 +47,8 @@ class RunResult:
         What is read off each stretch; None where nothing was written.
     valves : pyarrow.Table or None
         Flow against pressure of each valve; None where the model has none.
+    keeps_earlier : bool
+        Nothing was fitted, and nothing written: the folder keeps the results that it had.
     """
 
     ending: Ending
@@ -57,6 +59,7 @@ class RunResult:
     profiles: pa.Table | None = None
     characteristics: pa.Table | None = None
     valves: pa.Table | None = None
+    keeps_earlier: bool = False
 
     @property
     def written(self) -> dict[str, pa.Table]:

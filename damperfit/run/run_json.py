@@ -107,6 +107,7 @@ def report_facts(
         version=__version__,
         tested=identity_of(batch, _used(campaign)).sentence,
         procedure=(
+            *batch.notes,
             *_procedure(configuration, campaign),
             *((assessment.gas.sentence,) if assessment.gas is not None else ()),
             *_method(campaign, assessment),
@@ -122,6 +123,7 @@ def report_facts(
         trust=assessment.sentences,
         identifiability=assessment.doubts(campaign),
         untold=assessment.untold(campaign),
+        taken=batch.notes,
         searches=describe_searches(campaign.searches),
         cavitation=describe_cavitation({fit.setting: fit.cavitation for fit in campaign.fits}),
         across=judgement.adjustment.sentences,

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment import Level, which_setting
+from damperfit.setting import Setting, lines_of
 
 
 def ladder(forces, *, settings=None, error=0.5, stroke="rebound"):
@@ -94,6 +95,15 @@ def test_the_nearest_click_is_named_also_where_it_was_not_tested(force, words) -
     assert wanted.sentence.endswith(words)
     tested = which_setting(ladder([100, 200], settings=(10, 11)), force)
     assert re.search(r"; nearest is 1[01] \([+-][12]0 N\)$", tested.sentence)
+
+
+def test_the_nearest_click_of_several_adjusters_is_a_label() -> None:
+    pairs = [Setting((("rebound", r), ("compression", 8))) for r in (10, 14)]
+    (line,) = lines_of(pairs)
+    wanted = which_setting(ladder([100, 200], settings=pairs), 180.0, line=line)
+    assert wanted.sentence.endswith(
+        "nearest is R13 C8, which has no fit, and of those fitted R14 C8 (+20 N)"
+    )
 
 
 def test_without_errors_there_is_no_interval() -> None:

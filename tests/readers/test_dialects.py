@@ -63,6 +63,20 @@ LOGGER_PROFILE = profile_of(
 )
 
 
+def test_the_tests_of_a_file_have_labels_too(put) -> None:
+    path = put(LOGGER, "ME2mm.txt")
+
+    def read(*labels: str) -> list[str]:
+        declared = {**LOGGER_PROFILE.declared, "part_settings": labels}
+        profile = Profile(name="logger", files="ME*.txt", declared=declared)
+        options = ReadOptions(profiles=(profile,), adjusters=("rebound", "compression"))
+        return [str(part.setting) for part in read_logs(path, options)]
+
+    assert read("R12 C8", "12r/6c", "R-1 C2.5") == ["R12 C8", "R12 C6", "R-1 C2.5"]
+    with pytest.raises(LogError, match="part_settings: setting '12'; expected a place for each"):
+        read("R1 C1", "12", "R1 C2")
+
+
 def test_logger_in_volts_with_pauses_and_events(put) -> None:
     path = put(LOGGER, "ME2mm.txt")
     parts = read_logs(path, ReadOptions(profiles=(LOGGER_PROFILE,)))
@@ -501,7 +515,7 @@ def test_quantities_of_a_profile_may_carry_units() -> None:
         ({"scales": {"force": 0.0}}, "scales: force is 0.0, expected other than 0"),
         ({"offsets": {"force": float("nan")}}, "offsets: force is nan"),
         ({"columns": {"force": 1.5}}, "columns.force: expected a valid string, found 1.5"),
-        ({"part_settings": [1.5]}, "part_settings.0: expected a valid integer, found 1.5"),
+        ({"part_settings": [True]}, "part_settings.0: expected a valid integer, found True"),
         ({"skip_lines": "3"}, "rig.profiles.a.skip_lines: expected a valid integer, found '3'"),
         ({"reverse_force": 1}, "expected true, false or 'detect', found 1"),
         ({"sample_rate": -1.0}, "sample_rate: expected greater than or equal to 0, found -1.0"),

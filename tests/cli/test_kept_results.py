@@ -1,0 +1,88 @@
+"""What a run leaves alone in a results folder, and what must go; how its logs were labelled."""
+
+from __future__ import annotations
+
+import pytest
+
+TWO = '[adjusters]\nrebound = ""\ncompression = ""\n'
+
+
+@pytest.fixture
+def one_log(logs, tmp_path):
+    """The text of a short log that says nothing of itself."""
+    lines = (logs / "setting_01.csv").read_text().splitlines()
+    return "\n".join(x for x in lines if "setting" not in x) + "\n"
+
+
+def listed(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+def test_a_run_that_fits_nothing_keeps_the_earlier_results(run, one_log, tmp_path):
+    good, bad = tmp_path / "setting_01.csv", tmp_path / "setting_02.csv"
+    good.write_text(one_log)
+    bad.write_text("nothing\n")
+    first = run("identify", bad, "--out", "out")
+    assert first.code == 3
+    assert "1 failed; results in out" in first.err
+    assert run("identify", good, "--out", "out").code == 0
+    before = listed(tmp_path / "out")
+    ended = run("identify", bad, "--out", "out")
+    assert ended.code == 3
+    assert ended.err.splitlines()[-1] == (
+        "damperfit: 0 settings fitted, 1 failed; nothing was written: the earlier results in out "
+        "stay"
+    )
+    assert listed(tmp_path / "out") == before
+
+
+def test_where_dampers_get_folders_the_earlier_results_of_one_go(run, one_log, repeated, tmp_path):
+    for k, name in enumerate(("SN11_click01.csv", "SN12_click01.csv")):
+        (tmp_path / name).write_text(repeated(one_log, k))
+    out = tmp_path / "out"
+    assert run("identify", "SN11_click01.csv", "--out", "out").code == 0
+    (out / "mine.txt").write_text("a user's own")
+    assert run("identify", "SN*.csv", "--out", "out").code == 0
+    assert sorted(path.name for path in out.iterdir()) == ["11", "12", "mine.txt"]
+    assert (out / "11" / "run.json").exists()
+
+
+def test_which_of_several_numbers_is_taken_is_said(run, one_log, tmp_path):
+    name = "t1_2_2_24_24_s5_100psi.csv"
+    (tmp_path / name).write_text(one_log)
+    ended = run("identify", name, "--out", "out")
+    assert (
+        f"warning: {name}: of its numbers that after 's' is taken for the setting, 5; to say "
+        r"which it is, name what stands before it: --rig 'setting_pattern=s(?P<setting>\d+)'"
+    ) in ended.err
+    same = run("identify", name, "--out", "out", "--rig", r"setting_pattern=s(?P<setting>\d+)")
+    assert same.code == 0
+    assert "of its numbers" not in same.err
+
+
+def test_clicks_with_their_letters_behind_are_understood(run, one_log, repeated, tmp_path):
+    (tmp_path / "two.toml").write_text(TWO)
+    (tmp_path / "12r_8c.csv").write_text(one_log)
+    ended = run("identify", "12r_8c.csv", "--config", "two.toml", "--out", "out")
+    assert ended.code == 0
+    assert (tmp_path / "out" / "parameters.csv").read_text().splitlines()[1].startswith("R12 C8,")
+
+
+def test_a_table_with_columns_that_nobody_declared(run, one_log, tmp_path):
+    (tmp_path / "a.csv").write_text(one_log)
+    table = tmp_path / "t2.csv"
+    table.write_text("file,Rebound,compression,car\na.csv,12,8,GT3\n")
+    ended = run("identify", "a.csv", "--tests", "t2.csv", "--out", "out")
+    assert ended.code == 3
+    assert (
+        "a.csv: line 2 of the table of tests does not say its setting; it has rebound, "
+        "compression: where these are adjusters, declare them in the configuration, [adjusters] "
+        'rebound = "", compression = ""; else name'
+    ) in ended.err
+    # A table that is used is no reason to warn.
+    assert "note: t2.csv: taken as the table of tests, 1 row" in ended.err
+    (tmp_path / "two.toml").write_text(TWO)
+    good = run("identify", "a.csv", "--tests", "t2.csv", "--config", "two.toml", "--out", "out")
+    assert good.code == 0
+    assert "warning" not in good.err
+    assert "t2.csv: taken as the table of tests" in (tmp_path / "out" / "report.md").read_text()
