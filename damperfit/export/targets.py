@@ -14,7 +14,7 @@ from damperfit.export.carsim import write_carsim
 from damperfit.export.chrono import write_chrono
 from damperfit.export.combitable import write_combitable
 from damperfit.export.csv_table import write_csv
-from damperfit.export.fmu.archive import missing_platforms, write_fmi2
+from damperfit.export.fmu.archive import missing_platforms, write_fmi2, write_fmi3
 from damperfit.export.matlab import write_matlab
 from damperfit.export.modelica import write_modelica
 
@@ -189,6 +189,17 @@ TARGETS: Mapping[str, Target] = {
             write_fmi2,
             has_table=False,
             notes=partial(missing_platforms, 2),
+        ),
+        Target(
+            "fmu3",
+            "FMU of FMI 3.0, co-simulation and model exchange, all settings",
+            "{stem}.fmu",
+            "SI",
+            "rebound (rod out) is positive, and so is the force that resists it",
+            "simulators that know FMI 3.0; inputs displacement and velocity",
+            write_fmi3,
+            has_table=False,
+            notes=partial(missing_platforms, 3),
         ),
     )
 }

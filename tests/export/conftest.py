@@ -10,8 +10,10 @@ from pathlib import Path
 import pytest
 
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.export import hand_over
+from damperfit.export import TARGETS, ExportOptions, hand_over
+from damperfit.export.fmu import libraries
 from damperfit.tables import make_tables, write_table
+from tests.export.fmi2_client import Unit, unzip
 from tests.fakes import campaign, fit
 
 SETTINGS = (1, 10, 20)
@@ -62,3 +64,31 @@ def handed(results):
 def folder(results, tmp_path) -> Path:
     """A copy to be spoilt."""
     return Path(shutil.copytree(results, tmp_path / "results"))
+
+
+@pytest.fixture(scope="session")
+def content(handed) -> bytes:
+    return TARGETS["fmu2"].write(handed, ExportOptions())["damper.fmu"]
+
+
+@pytest.fixture(scope="session")
+def folder_of_unit(content, tmp_path_factory):
+    host = {one.name for one in libraries.built()}
+    if "x86_64-linux" not in host:
+        pytest.fail("the library of FMUs is not built of these sources: pip install -e . again")
+    # What importers must not stumble over: blanks, per cent and umlauts in the path.
+    return unzip(content, tmp_path_factory.mktemp("fmu") / "a b%20ü")
+
+
+@pytest.fixture
+def unit(folder_of_unit):
+    made = []
+
+    def make(**how) -> Unit:
+        made.append(Unit(folder_of_unit, **how))
+        return made[-1]
+
+    yield make
+    for one in made:
+        if one.component:
+            one.close()

@@ -19,7 +19,7 @@ from damperfit.export import TARGETS, ExportOptions
 from damperfit.export.fmu import libraries
 from damperfit.export.fmu.archive import missing_platforms
 from damperfit.simulation import Motion, SolverOptions, simulate
-from tests.export.fmi2_client import ERROR, OK, Unit, unzip
+from tests.export.fmi2_client import ERROR, OK
 
 BAND = 0.005
 NUMBERS = ("r_m1", "r_m2", "r_m3", "k_e", "f_f", "f_0", "gas_pressure", "gas_exponent")
@@ -27,34 +27,6 @@ NUMBERS = ("r_m1", "r_m2", "r_m3", "k_e", "f_f", "f_0", "gas_pressure", "gas_exp
 runs_here = pytest.mark.skipif(
     sys.platform != "linux", reason="the little importer loads the library of Linux"
 )
-
-
-@pytest.fixture(scope="session")
-def content(handed) -> bytes:
-    return TARGETS["fmu2"].write(handed, ExportOptions())["damper.fmu"]
-
-
-@pytest.fixture(scope="session")
-def folder_of_unit(content, tmp_path_factory):
-    host = {one.name for one in libraries.built()}
-    if "x86_64-linux" not in host:
-        pytest.fail("the library of FMUs is not built of these sources: pip install -e . again")
-    # What importers must not stumble over: blanks, per cent and umlauts in the path.
-    return unzip(content, tmp_path_factory.mktemp("fmu") / "a b%20ü")
-
-
-@pytest.fixture
-def unit(folder_of_unit):
-    made = []
-
-    def make(**how) -> Unit:
-        made.append(Unit(folder_of_unit, **how))
-        return made[-1]
-
-    yield make
-    for one in made:
-        if one.component:
-            one.close()
 
 
 def sine(duration=2.0, interval=1e-3, amplitude=0.032):
@@ -324,6 +296,25 @@ def test_a_state_is_taken_up_bit_for_bit_also_from_its_bytes(unit) -> None:
     for each, state in ((one, kept), (other, taken)):
         assert each.call("FreeFMUstate", ct.byref(state)) == OK
         assert state.value is None
+
+
+@runs_here
+def test_instances_do_not_disturb_each_other(unit) -> None:
+    x, v = sine(0.2)
+    both = unit(), unit()
+    mixed = np.empty((2, len(x) - 1))
+    for one, setting in zip(both, (1, 20), strict=True):
+        one.initialise(x[0], v[0], setting=setting)
+    for i in range(len(x) - 1):
+        for k, one in enumerate(both):
+            one.set("displacement", x[i])
+            one.set("velocity", v[i])
+            assert one.step(i * 1e-3, 1e-3) == OK
+            mixed[k, i] = one.get("force")
+    for row, setting in zip(mixed, (1, 20), strict=True):
+        alone = unit()
+        alone.initialise(x[0], v[0], setting=setting)
+        assert np.array_equal(alone.run(x, v), row)
 
 
 @runs_here

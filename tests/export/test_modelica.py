@@ -126,9 +126,10 @@ def test_another_model_gives_its_table_and_its_force_at_rest(handed) -> None:
         assert now["f"] == pytest.approx(now["damping"] + now["gas"])
 
 
+@pytest.mark.proof
 def test_a_modelica_compiler_flattens_it_and_its_simulation_is_the_core_s(handed, motion) -> None:
-    pytest.importorskip("pymoca")
-    casadi = pytest.importorskip("casadi")
+    import casadi
+
     for kind in (casadi.MX, casadi.SX, casadi.DM):
         if not hasattr(kind, "__div__"):  # pymoca still asks for the name of Python 2
             kind.__div__ = kind.__truediv__

@@ -120,7 +120,11 @@ class BuildCore(build_ext):
                 sources, output_dir=self.build_temp, include_dirs=[core], extra_postargs=options
             )
             libraries = [] if os.name == "nt" else ["m"]
-            self.compiler.link_shared_object(objects, str(library), libraries=libraries)
+            # Without what Python's own options leave in it for debuggers, twice its size.
+            bare = ["-s"] if sys.platform == "linux" else []
+            self.compiler.link_shared_object(
+                objects, str(library), libraries=libraries, extra_postargs=bare
+            )
         else:
             with TemporaryDirectory() as cache:
                 _run_zig(

@@ -86,6 +86,7 @@ def fmi3_description(handed: HandedOver, damper: ExportedDamper, *, date: str) -
         "canGetAndSetFMUState": "true",
         "canSerializeFMUState": "true",
         "providesDirectionalDerivatives": "true",
+        "providesAdjointDerivatives": "true",
     }
     ET.SubElement(root, "ModelExchange", can)
     steps = {"canHandleVariableCommunicationStepSize": "true"}
