@@ -42,7 +42,6 @@ NAMES = (
     "mse",
     "fan",
     "absolute_velocity",
-    "peak_force",
     "named_speeds",
     "setting_02_force_velocity",
     "setting_02_force_displacement",

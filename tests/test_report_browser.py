@@ -156,9 +156,74 @@ def test_it_prints_without_cutting_a_plot(browser):
     printed = browser.execute_script("return window.printed")
     assert len(printed) == len(browser.execute_script("return damperfit.plots"))
     # A4 less its margins is 703 CSS pixels wide: two of these and the gap fit.
-    assert {(width, height) for _, width, height in printed} == {(340, 235)}
+    sizes = {name: (width, height) for name, width, height in printed}
+    assert sizes.pop("fan") == (690, 380)  # the first, as wide as the paper
+    assert set(sizes.values()) == {(340, 235)}
     assert "break-inside: avoid" in browser.execute_script("return document.head.innerHTML")
     assert browser.execute_script("return document.querySelector('.plot').layout.width") != 340
+
+
+def test_force_against_velocity_comes_first_and_is_as_wide_as_the_page(browser):
+    first, width, page = browser.execute_script(
+        "const one = document.querySelector('main section .plot');"
+        "return [one.dataset.name, one.clientWidth,"
+        " document.querySelector('main').clientWidth]"
+    )
+    assert first == "fan"
+    assert width > page - 60  # the page's own margins
+
+
+def test_measured_lies_above_simulated_and_curves_are_drawn_point_by_point(browser):
+    for name in ("fan", "setting_02_force_velocity"):
+        drawn = browser.execute_script(
+            f"const d = document.querySelector('[data-name={name}]');"
+            "const order = [...d.querySelectorAll('.scatterlayer .trace path.js-line')];"
+            "return d.data.map((t, k) => [t.name, t.x.length,"
+            " order[k].getAttribute('d').split(/[LHV]/).length, t.line.simplify])"
+        )
+        words = ["measured" if "measured" in label else "simulated" for label, *_ in drawn]
+        assert words == sorted(words, reverse=True), name
+        for label, n, n_drawn, simplify in drawn:
+            assert n > 300, label
+            assert n_drawn > 0.95 * n, label
+            assert simplify is False
+
+
+def test_no_column_is_cut_at_1400_pixels(browser):
+    cut = browser.execute_script(
+        "return [...document.querySelectorAll('.table')]"
+        ".filter(d => d.scrollWidth > d.clientWidth + 1).map(d => d.innerText.slice(0, 60))"
+    )
+    assert cut == []
+    assert browser.execute_script("return document.body.scrollWidth <= innerWidth")
+
+
+def test_the_tools_of_a_plot_are_not_over_its_legend_or_its_curves(browser):
+    over = browser.execute_script(
+        "return [...document.querySelectorAll('.plot')].filter(d => {"
+        " const bar = d.querySelector('.modebar').getBoundingClientRect();"
+        " return [...d.querySelectorAll('.legend, .nsewdrag')].some(one => {"
+        "  const box = one.getBoundingClientRect();"
+        "  return bar.left < box.right && box.left < bar.right"
+        "   && bar.top < box.bottom && box.top < bar.bottom; }); }).map(d => d.dataset.name)"
+    )
+    assert over == []
+
+
+def test_every_setting_has_its_anchor(browser, page):
+    for setting in (1, 2, 3, 5):
+        title = browser.execute_script(
+            f"return document.getElementById('setting-{setting}').querySelector('h2').innerText"
+        )
+        assert title.startswith(f"Setting {setting}:")
+    targets = browser.execute_script(
+        "return [...document.querySelectorAll('.contents a')].map(a => a.getAttribute('href'))"
+    )
+    assert {"#force-velocity", "#summary", "#all-settings", "#tables", "#setting-5"} <= set(targets)
+    missing = browser.execute_script(
+        "return arguments[0].filter(one => !document.querySelector(one))", targets
+    )
+    assert missing == []
 
 
 def test_runs_over_one_another_are_drawn_and_switched(browser, tmp_path):

@@ -52,10 +52,10 @@ def test_the_frequency_is_that_of_the_cycles_however_many_there_are(results, n_c
     assert sine(results, 400, n_cycles).frequency == pytest.approx(1.5, rel=0.004)
 
 
-# Traces thinned: 120 runs of a cycle, two signals, a lowest and a highest of each, and the ends.
+# Traces thinned: 500 runs of a cycle, two signals, a lowest and a highest of each, and the ends.
 
 
-@pytest.mark.parametrize(("n", "is_whole"), [(482, True), (483, False)])
+@pytest.mark.parametrize(("n", "is_whole"), [(2002, True), (2003, False)])
 def test_a_cycle_is_drawn_whole_up_to_what_thinning_would_leave(results, n, is_whole) -> None:
     view = sine(results, n, 1)
     assert view.cycle == slice(0, n)
@@ -129,9 +129,9 @@ def drawn(rows):
 
 def test_a_parameter_that_is_not_known_hides_no_other() -> None:
     rows = rows_of(*(fit(k, status={"r_m1": "not_identifiable"}) for k in (1, 2)))
-    assert list(drawn(rows)) == ["r_m2", "r_m3", "k_e", "f_f"]
+    assert list(drawn(rows)) == ["r_m2", "k_e"]
     rows = rows_of(fit(1, f_0=-12.0), fit(2))
-    assert list(drawn(rows)) == ["r_m1", "r_m2", "r_m3", "k_e", "f_f", "f_0"]
+    assert list(drawn(rows)) == ["r_m1", "r_m2", "k_e", "f_0"]
 
 
 @pytest.mark.parametrize(("share", "is_far"), [(0.999, False), (1.001, True)])

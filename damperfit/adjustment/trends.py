@@ -236,7 +236,7 @@ def _trend(quantity: Quantity, points: Points, line: Line) -> Trend:
         adjuster=line.adjuster,
         held=line.held,
     )
-    return replace(trend, sentence=_sentence(trend, quantity.symbol, own, len(points)))
+    return replace(trend, sentence=_sentence(trend, quantity, own, len(points)))
 
 
 def _outlier(points: Points, curve: Curve, place: int) -> Outlier:
@@ -326,7 +326,7 @@ def _exp(logs: FloatArray) -> FloatArray:
         return np.asarray(np.exp(logs))
 
 
-def _sentence(trend: Trend, symbol: str, own: float, n: int) -> str:
+def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
     """Direction and range, scatter, outliers, reversals."""
     assert trend.degree is not None
     first, last = trend.points[0], trend.points[-1]
@@ -348,9 +348,10 @@ def _sentence(trend: Trend, symbol: str, own: float, n: int) -> str:
         "from_last": " of logarithms, counted from the last setting",
     }
     kind = f"{_DEGREES[trend.degree]}{on[trend.scale or 'linear'] if trend.degree else ''}"
+    unit = f" {quantity.unit}" if quantity.unit else ""
     said = (
-        f"{symbol} {words}, {engineering(first.value)} at {trend.adjuster} "
-        f"{first.setting}, {engineering(last.value)} at {last.setting} ({kind})"
+        f"{quantity.symbol} {words}, {engineering(first.value)}{unit} at {trend.adjuster} "
+        f"{first.setting}, {engineering(last.value)}{unit} at {last.setting} ({kind})"
     )
     if trend.held:
         said += f" with {trend.held}"

@@ -11,17 +11,27 @@ import numpy as np
 from damperfit.conditioning import figures_of
 from damperfit.errors import SimulationError
 from damperfit.report.json_records import findings_in, listed_in, number_in
+from damperfit.report.sheets.peak_sheet import PeakPoint
 from damperfit.simulation import Characteristics, Response, characterise, mean_figures
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from damperfit.recording import Finding, StretchFigures
+    from damperfit.setting import Setting
     from damperfit.tables import LogSignals, Results
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["EvaluatedLog", "EvaluatedStretch", "evaluate_logs"]
+__all__ = [
+    "EvaluatedLog",
+    "EvaluatedStretch",
+    "evaluate_logs",
+    "has_several_speeds",
+    "peak_points",
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,6 +65,7 @@ class EvaluatedStretch:
 
 _LATE = 1e-6  # s; time stamps are rounded alike
 _FEWEST = 8  # samples
+_ONE_SPEED = 0.05  # speeds within this share are one test, run again
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,6 +104,26 @@ class EvaluatedLog:
     notes: tuple[str, ...]
     findings: tuple[Finding, ...]
     stretches: tuple[EvaluatedStretch, ...] = ()
+
+
+def peak_points(views: Sequence[EvaluatedLog]) -> tuple[PeakPoint, ...]:
+    """Return the peaks of each log, or of each of its steady stretches."""
+    found = []
+    for view in views:
+        who = view.signals.setting, view.signals.log
+        steady = [one for one in view.stretches if one.n_cycles]
+        found += [PeakPoint(*who, one.frequency, one.measured, one.simulated) for one in steady]
+        if not steady and view.measured and view.simulated:
+            found.append(PeakPoint(*who, view.frequency, view.measured, view.simulated))
+    return tuple(found)
+
+
+def has_several_speeds(points: Sequence[PeakPoint]) -> bool:
+    """Whether a setting was tested at more than one speed."""
+    speeds: dict[Setting, list[float]] = {}
+    for one in points:
+        speeds.setdefault(one.setting, []).append(one.measured.peak_speed_rebound)
+    return any(max(known) > (1.0 + _ONE_SPEED) * min(known) for known in speeds.values())
 
 
 def evaluate_logs(results: Results) -> tuple[EvaluatedLog, ...]:

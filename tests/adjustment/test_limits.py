@@ -174,9 +174,10 @@ def test_the_sentence_names_direction_range_and_curve(shape, verb, ends, kind) -
     ]
     trends = find_trends([fit for fit, _ in pairs], {u.setting: u for _, u in pairs})
     (trend,) = (one for one in trends if one.parameter == "r_m1")
+    unit = "s sqrt(N)/(m kg)"
     assert trend.sentence == (
-        f"R_m1 {verb} with the setting, {ends[0]} at setting 1, {ends[1]} at 20 ({kind}), "
-        "within 0.3 %"
+        f"R_m1 {verb} with the setting, {ends[0]} {unit} at setting 1, {ends[1]} {unit} at 20 "
+        f"({kind}), within 0.3 %"
     )
 
 

@@ -32,6 +32,8 @@ class LogSection:
     ----------
     setting : Setting
         Adjuster setting.
+    anchor : str
+        Where the page can be entered: ``setting-12``; a second log has ``setting-12-log-2``.
     log : str
         Name of the log.
     verdict : str
@@ -49,6 +51,7 @@ class LogSection:
     """
 
     setting: Setting
+    anchor: str
     log: str
     verdict: str
     facts: str
@@ -65,13 +68,30 @@ def log_section(
     figures: Sequence[Figure],
     row: Mapping[str, Any] | None,
     quantities: Sequence[Quantity] = PAPER_QUANTITIES,
+    *,
+    anchor: str = "",
 ) -> LogSection:
-    """Return the section of a log; ``row`` holds the parameters of its setting, if known."""
+    """Return the section of a log.
+
+    Parameters
+    ----------
+    log : EvaluatedLog
+        The log.
+    figures : sequence of Figure
+        Where its plots stand.
+    row : mapping or None
+        Parameters of its setting, if known.
+    quantities : sequence of Quantity
+        What the row is of.
+    anchor : str
+        Where the page can be entered here.
+    """
     verdict = ""
     if row:
         verdict = f"Fit of the setting: {setting_verdict(row)}. {parameter_line(row, quantities)}"
     return LogSection(
         setting=log.signals.setting,
+        anchor=anchor,
         log=log.signals.log,
         verdict=verdict,
         facts=_facts(log),

@@ -4,7 +4,7 @@
   const off = new Set();
   const drawn = new Set();
   const dark = matchMedia("(prefers-color-scheme: dark)");
-  const WIDTHS = { solid: 2, wide: 4, thin: 1, dashed: 1.5, dotted: 1.5, dot_line: 1, triangle_line: 1 };
+  const WIDTHS = { solid: 2, wide: 5, thin: 1.3, dashed: 1.5, dotted: 1.5, dot_line: 1, triangle_line: 1 };
   const DASHES = { dashed: "dash", dotted: "dot", triangle_line: "dash" };
   const SYMBOLS = { points: "circle", triangles: "triangle-up-open", rings: "circle-open", above: "triangle-up", below: "triangle-down", dot_line: "circle", triangle_line: "triangle-up-open" };
   const JOINED = new Set(["dot_line", "triangle_line"]);
@@ -52,10 +52,11 @@
       hovertemplate: `${line.label}<br>${panel.x[0]} %{x:.4~g} ${panel.x[1]}<br>${panel.y[0]} %{y:.5~g} ${panel.y[1]}<extra></extra>`,
     };
     if (marked(line)) {
-      const size = line.style === "rings" ? 16 : JOINED.has(line.style) ? 6 : few ? 8 : 3;
+      const size = line.style === "rings" ? 16 : line.style === "triangle_line" ? 10 : JOINED.has(line.style) ? 6 : few ? 8 : 3;
       one.marker = { color: colour, size, symbol: SYMBOLS[line.style], line: { width: few ? 1.5 : 0, color: colour } };
     }
-    if (!marked(line) || JOINED.has(line.style)) one.line = { color: colour, width: WIDTHS[line.style], dash: DASHES[line.style] || "solid" };
+    if (!marked(line) || JOINED.has(line.style)) one.line = { color: colour, width: WIDTHS[line.style], dash: DASHES[line.style] || "solid", simplify: false };
+    if (line.style === "wide") one.opacity = 0.6;  // what lies thin on top of it is seen
     if (line.up !== null && marked(line)) one.error_y = { type: "data", symmetric: false, array: [...array(line.up)], arrayminus: [...array(line.down)], color: colour, thickness: 1.5, width: 4 };
     return one;
   }
@@ -119,7 +120,8 @@
       hovermode: "closest",
       uirevision: plot.name,  // a zoom survives switching
     };
-    if (printing) Object.assign(layout, { width: 340, height: 235, showlegend: shown > 1 && shown <= 6 });
+    const [width, height] = div.closest(".first") ? [690, 380] : [340, 235];
+    if (printing) Object.assign(layout, { width, height, showlegend: shown > 1 && shown <= 6 });
     drawn.add(place);
     return Plotly.react(div, data, layout, { responsive: true, displaylogo: false, displayModeBar: "hover", modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]], toImageButtonOptions: { format: "svg", filename: plot.name } });
   }

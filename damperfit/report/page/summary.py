@@ -32,7 +32,9 @@ if TYPE_CHECKING:
     from damperfit.report.evaluated_log import EvaluatedLog
     from damperfit.tables import Results
 
-__all__ = ["Listing", "Summary", "setting_verdict", "summary"]
+__all__ = ["Listing", "Summary", "identity_of_test", "setting_verdict", "summary"]
+
+_IDENTITY = ("damper", "serial", "date", "operator", "customer", "rig")
 
 _SYMBOLS = (
     "R_m1: restriction of valve 1, the adjuster, rod side to gas side; acts in bump and rebound",
@@ -170,11 +172,14 @@ def _headline(results: Results) -> Iterator[str]:
     yield grade_counts(results.parameters)
 
 
-def _tested(record: Mapping[str, Any]) -> str:
-    """Whose test it is."""
+def identity_of_test(record: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    """Return whose test it is, as far as the run tells: damper, serial, date, operator first."""
     told = record.get("test")
-    known = told.items() if isinstance(told, dict) else ()
-    return "; ".join(f"{key}: {value}" for key, value in known)
+    known = {
+        str(key): str(value) for key, value in (told if isinstance(told, dict) else {}).items()
+    }
+    order = [*(key for key in _IDENTITY if key in known), *known]
+    return tuple((key, known[key]) for key in dict.fromkeys(order) if known[key])
 
 
 def _facts(results: Results, logs: Sequence[EvaluatedLog]) -> Sheet | None:
@@ -185,7 +190,6 @@ def _facts(results: Results, logs: Sequence[EvaluatedLog]) -> Sheet | None:
         "",
     )
     rows = [
-        ("tested", _tested(record)),
         ("damper", _damper(record)),
         ("rig", "; ".join(line.removeprefix("Rig: ").rstrip(".") for line in _rig(record))),
         ("test", _test(logs)),

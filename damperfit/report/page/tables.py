@@ -4,26 +4,44 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from damperfit.report.evaluated_log import has_several_speeds
 from damperfit.report.json_records import clicks_in, law_in
 from damperfit.report.sheets.cavitation_sheet import cavitation_sheet
 from damperfit.report.sheets.click_sheet import click_sheet
 from damperfit.report.sheets.law_sheet import ladder_sheet, rival_sheet
 from damperfit.report.sheets.mse_sheet import mse_sheet
 from damperfit.report.sheets.parameter_sheet import parameter_sheet
+from damperfit.report.sheets.peak_sheet import peak_sheet
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from damperfit.report.sheets.peak_sheet import PeakPoint
     from damperfit.report.sheets.sheet import Sheet
     from damperfit.tables import Results
 
 __all__ = ["page_tables"]
 
 
-def page_tables(results: Results) -> list[tuple[str, Sheet]]:
-    """Return the tables of a results folder by title, those without rows left out."""
+def page_tables(results: Results, points: Sequence[PeakPoint] = ()) -> list[tuple[str, Sheet]]:
+    """Return the tables of a results folder by title, those without rows left out.
+
+    Parameters
+    ----------
+    results : Results
+        The folder.
+    points : sequence of PeakPoint
+        What its logs give to peak force against peak speed.
+    """
     rows = [row | {"outcome": row["outcome"] or "unknown"} for row in results.parameters]
     settings = {row["setting"] for row in rows}
     errors = [row for row in results.mse if row["setting"] in settings]
     sheets = [
+        *(
+            [("Peak force against peak speed (PVP)", peak_sheet(points))]
+            if has_several_speeds(points)
+            else []
+        ),
         ("Parameters", parameter_sheet(rows, results.quantities)),
         ("MSE by setting and log", mse_sheet(errors, rows, results.quantities)),
         ("Laws that were tried", ladder_sheet(law_in(results.record))),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from damperfit.report.evaluated_log import has_several_speeds, peak_points
 from damperfit.report.plots.colours import SPEED_COLOURS
 from damperfit.report.plots.description import (
     Line,
@@ -28,18 +29,17 @@ if TYPE_CHECKING:
 
     from damperfit.adjustment import Trend
     from damperfit.damper.model import Quantity
-    from damperfit.recording import StretchFigures
     from damperfit.report.evaluated_log import EvaluatedLog
+    from damperfit.report.sheets.peak_sheet import PeakPoint
     from damperfit.setting import Setting
-    from damperfit.simulation import Characteristics
 
     FloatArray = NDArray[np.float64]
     Row = Mapping[str, Any]
 
 __all__ = ["campaign_plots"]
 
-_CYCLE_BUCKETS = 120
-_BOTH = (("simulated", "solid"), ("measured", "dotted"))
+_CYCLE_BUCKETS = 500  # a cycle of 3000 samples is drawn as it is
+_BOTH = (("simulated", "wide"), ("measured", "dotted"))
 
 
 def campaign_plots(
@@ -68,9 +68,11 @@ def campaign_plots(
     """
     plots = [*parameter_plots(parameters, colours, trends, quantities), *_errors(mse, colours)]
     if views:
-        plots += [_fan(views, colours), _absolute(views, colours)]
+        plots = [_fan(views, colours), *plots, _absolute(views, colours)]
+    points = peak_points(views)
+    if has_several_speeds(points):
+        plots.insert(1, _peaks(points, colours))
     if any(view.measured for view in views):
-        plots += [_peaks(views, colours)]
         plots += _named_speeds(views)
     return tuple(plots)
 
@@ -119,18 +121,22 @@ def _is_positive(value: float | None) -> bool:
 
 
 def _fan(views: Sequence[EvaluatedLog], colours: Mapping[Setting, str]) -> Plot:
+    """Force against velocity: all simulated loops first, the measured ones thin on top of them."""
     lines = []
-    for view in views:
-        signals, setting = view.signals, view.signals.setting
-        v = signals.velocity[view.cycle]
-        for force, (words, style) in zip(
-            (signals.force[view.cycle], signals.force_measured[view.cycle]), _BOTH, strict=True
-        ):
+    for words, style in _BOTH:
+        for view in views:
+            signals, setting = view.signals, view.signals.setting
+            v = signals.velocity[view.cycle]
+            force = (signals.force if words == "simulated" else signals.force_measured)[view.cycle]
             kept = thin(_CYCLE_BUCKETS, v, force)
             label = f"setting {setting}, {words}"
-            lines.append(Line(v[kept], force[kept], label, colours[setting], setting, style))
+            colour = colours[setting] if words == "simulated" else "ink"
+            lines.append(Line(v[kept], force[kept], label, colour, setting, style))
     panel = Panel("velocity", "m/s", "force", "N", tuple(lines))
-    caption = "Last cycle of every log; solid: simulated, dotted: measured."
+    caption = (
+        "Last cycle of every log; wide in the setting's colour: simulated, dark and dotted on top "
+        "of it: measured. Rebound to the right and up, bump to the left and down."
+    )
     return Plot("fan", "Force against velocity, all settings", (panel,), caption, _BOTH)
 
 
@@ -149,15 +155,14 @@ def _absolute(views: Sequence[EvaluatedLog], colours: Mapping[Setting, str]) -> 
     return Plot("absolute_velocity", title, (panel,), caption, (("measured", "thin"),))
 
 
-def _peaks(views: Sequence[EvaluatedLog], colours: Mapping[Setting, str]) -> Plot:
+def _peaks(points: Sequence[PeakPoint], colours: Mapping[Setting, str]) -> Plot:
     """Peak force of each test; tests of one setting at several speeds are joined."""
     lines = []
-    for setting in sorted({view.signals.setting for view in views}):
-        mine = [view for view in views if view.signals.setting == setting]
-        for words, style in (("measured", "dot_line"), ("simulated", "triangle_line")):
-            known = [figures for view in mine for figures in _figures_of(view, words)]
-            for stroke in ("rebound", "bump"):
-                sign = 1.0 if stroke == "rebound" else -1.0
+    for setting in sorted({one.setting for one in points}):
+        mine = [one for one in points if one.setting == setting]
+        for words, style in (("simulated", "triangle_line"), ("measured", "points")):
+            known = [getattr(one, words) for one in mine]
+            for stroke, sign in (("rebound", 1.0), ("bump", -1.0)):
                 pairs = sorted(
                     (
                         sign * getattr(one, f"peak_speed_{stroke}"),
@@ -165,26 +170,17 @@ def _peaks(views: Sequence[EvaluatedLog], colours: Mapping[Setting, str]) -> Plo
                     )
                     for one in known
                 )
-                if not pairs:
-                    continue
                 speeds, forces = (np.array(column) for column in zip(*pairs, strict=True))
                 label = f"setting {setting}, {words}, {stroke}"
-                lines.append(Line(speeds, forces, label, colours[setting], setting, style))
+                colour = colours[setting] if words == "simulated" else "ink"
+                lines.append(Line(speeds, forces, label, colour, setting, style))
     panel = Panel("peak velocity", "m/s", "peak force", "N", tuple(lines))
     caption = (
-        "One pair per log, rebound right, bump left; dots: measured, triangles: simulated. "
-        "Logs of one setting at several speeds are joined."
+        "One pair per log, and per stretch where a log has several; rebound right, bump left; "
+        "dark dots: measured, triangles: simulated. Those of one setting are joined."
     )
-    if any(view.stretches for view in views):
-        caption = caption.replace("per log", "per log and stretch")
     key = (("measured", "points"), ("simulated", "triangles"))
-    return Plot("peak_force", "Peak force against peak velocity", (panel,), caption, key)
-
-
-def _figures_of(view: EvaluatedLog, words: str) -> list[Characteristics | StretchFigures]:
-    """Return what is read off a log, or off each of its steady stretches."""
-    steady = [getattr(one, words) for one in view.stretches if one.n_cycles]
-    return steady or [one for one in (getattr(view, words),) if one is not None]
+    return Plot("peak_force", "Peak force against peak velocity (PVP)", (panel,), caption, key)
 
 
 def _named_speeds(views: Sequence[EvaluatedLog]) -> Iterator[Plot]:

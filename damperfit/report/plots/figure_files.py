@@ -18,10 +18,10 @@ __all__ = ["FIXED_METADATA", "compose", "draw_plot", "fixed_style"]
 _COLOURS = {"ink": "#000000", "muted": "#7d8796"}
 _STYLES: dict[str, dict[str, Any]] = {
     "solid": {"linewidth": 1.6},
-    "wide": {"linewidth": 3.0},
+    "wide": {"linewidth": 3.0, "alpha": 0.6},
     "thin": {"linewidth": 0.7},
     "dashed": {"linewidth": 1.2, "linestyle": "--"},
-    "dotted": {"linewidth": 1.2, "linestyle": ":"},
+    "dotted": {"linewidth": 1.6, "linestyle": ":"},
     "points": {"linestyle": "none", "marker": "o"},
     "triangles": {"linestyle": "none", "marker": "^", "markerfacecolor": "none"},
     "rings": {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markersize": 11.0},
@@ -32,7 +32,7 @@ _STYLES: dict[str, dict[str, Any]] = {
         "linewidth": 0.8,
         "linestyle": "--",
         "marker": "^",
-        "markersize": 5.0,
+        "markersize": 7.0,
         "markerfacecolor": "none",
     },
 }
@@ -43,7 +43,7 @@ _FIXED: Any = {
     "pdf.fonttype": 42,
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
-    "path.simplify": True,
+    "path.simplify": False,
     "text.usetex": False,
     "text.parse_math": False,  # a log may be called $x_1$
 }
@@ -174,7 +174,11 @@ def _draw_key(axes: Any, plot: Plot) -> None:
     from matplotlib.lines import Line2D
 
     lines = [line for panel in plot.panels for line in panel.lines]
-    colours = {line.setting: line.colour for line in lines if line.setting is not None}
+    colours = {
+        line.setting: line.colour
+        for line in lines
+        if line.setting is not None and line.colour not in _COLOURS
+    }
     settings = sorted(colours)
     handles = [Line2D([], [], color=colours[s], linewidth=4.0, label=str(s)) for s in settings]
     key = axes.legend(

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["cavitation_bands", "pressure_panel", "setting_plots"]
 
 _BUCKETS = 200  # of a whole log: peaks of every cycle survive
-_CYCLE_BUCKETS = 120  # of one cycle: finer than a screen shows
+_CYCLE_BUCKETS = 500  # of one cycle: 3000 samples and more are drawn as they are
 _CLOUD = 800  # points of a residual plot, besides the peaks
 _BINS = 24  # of velocity, for the mean residual
 _FEW = 3  # samples: no mean of fewer

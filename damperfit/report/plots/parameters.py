@@ -16,7 +16,7 @@ from damperfit.report.plots.description import (
     setting_names,
     setting_places,
 )
-from damperfit.report.sheets.parameter_sheet import scale_of
+from damperfit.report.sheets.parameter_sheet import is_one_for_all, scale_of
 from damperfit.setting import Setting
 from damperfit.tables import PAPER_QUANTITIES
 
@@ -40,7 +40,7 @@ def parameter_plots(
     trends: Sequence[Trend] = (),
     quantities: Sequence[Quantity] = PAPER_QUANTITIES,
 ) -> Iterator[Plot]:
-    """Yield one plot per parameter that is known at some setting.
+    """Yield one plot per parameter that is known at some setting, and not one for all of them.
 
     Parameters
     ----------
@@ -60,6 +60,8 @@ def parameter_plots(
         name, scale = one.name, scale_of(one)
         known = [row for row in rows if _is_shown(row, name)]
         if not known or (one.default is not None and {row[name] for row in known} == {one.default}):
+            continue
+        if is_one_for_all(rows, name):  # a sentence tells it: twenty equal bars say no more
             continue
         y_range, far = _window(known, name, scale.factor)
         points = [

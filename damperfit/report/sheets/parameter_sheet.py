@@ -20,11 +20,13 @@ if TYPE_CHECKING:
 __all__ = [
     "PARAMETER_MARKS",
     "Scale",
+    "is_one_for_all",
     "limit_text",
     "parameter_line",
     "parameter_sheet",
     "scale_of",
     "scaled_units",
+    "shared_sentence",
     "shown_quantities",
     "total_error",
 ]
@@ -66,6 +68,7 @@ class Scale(NamedTuple):
 
 
 _SHORT = 5
+_SAME = 1e-9  # of a value that went through a file
 # Within this factor of an edge a value at its bound is the edge, not a number that was found.
 _AT_EDGE = 2.0
 
@@ -182,6 +185,30 @@ def total_error(row: Row, name: str) -> float | None:
     error = row[f"{name}_se"]
     bend = row.get(f"{name}_misfit_se")
     return math.hypot(error, bend) if error is not None and bend else error
+
+
+def is_one_for_all(rows: Sequence[Row], name: str) -> bool:
+    """Whether several settings have one value, shared or held, and none by a fit of its own."""
+    values = [row[name] for row in rows if row[name] is not None]
+    held = {row[f"{name}_status"] for row in rows if row[name] is not None} <= {"fixed", "shared"}
+    return len(values) > 1 and held and max(values) - min(values) <= _SAME * abs(values[0])
+
+
+def shared_sentence(rows: Sequence[Row], quantities: Sequence[Quantity]) -> str:
+    """Return what all settings have in common, in a line; empty where there is nothing."""
+    said = []
+    for one in shown_quantities(rows, quantities):
+        if not is_one_for_all(rows, one.name):
+            continue
+        row, scale = next(row for row in rows if row[one.name] is not None), scale_of(one)
+        error = total_error(row, one.name)
+        value = with_error(
+            scale.factor * row[one.name], None if error is None else scale.factor * error
+        )
+        status = row[f"{one.name}_status"]
+        how = "shared by all settings" if status == "shared" else "fixed"
+        said.append(f"{scale.symbol} = {scale.say(value)}, {how}")
+    return "; ".join(said)
 
 
 def limit_text(quantity: Quantity, value: float, factor: float) -> str:

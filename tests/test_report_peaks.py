@@ -1,0 +1,101 @@
+"""Peak force against peak speed (PVP), what all settings share, and where the page is entered."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from damperfit.recording import StretchFigures
+from damperfit.report.evaluated_log import has_several_speeds
+from damperfit.report.page.page import _anchors
+from damperfit.report.page.summary import identity_of_test
+from damperfit.report.page.tables import page_tables
+from damperfit.report.plots.all_settings import _peaks
+from damperfit.report.sheets.parameter_sheet import shared_sentence
+from damperfit.report.sheets.peak_sheet import PeakPoint, peak_sheet
+from damperfit.setting import Setting
+from damperfit.tables import PAPER_QUANTITIES, make_tables
+from tests.fakes import campaign, fit
+
+READ = StretchFigures(812.34, -604.5, 0.3016, 0.2987, 61.25, 0.15, 20.0, -18.0)
+
+
+def point(setting, speed, *, scale=0.5) -> PeakPoint:
+    measured = replace(READ, peak_speed_rebound=speed)
+    simulated = replace(measured, peak_force_rebound=scale * READ.peak_force_rebound)
+    return PeakPoint(Setting.of(setting), "a.csv", 1.5, measured, simulated)
+
+
+@pytest.mark.parametrize(("speed", "is_several"), [(0.1049, False), (0.1051, True)])
+def test_two_speeds_of_a_setting_are_several_beyond_five_per_cent(speed, is_several) -> None:
+    assert has_several_speeds([point(1, 0.1), point(1, speed)]) is is_several
+    assert not has_several_speeds([point(1, 0.1), point(2, 0.3)])  # each setting its own
+
+
+def test_a_row_of_peaks_by_setting_and_speed() -> None:
+    sheet = peak_sheet([point(3, 0.3), point(3, 0.1), point(1, 0.2)])
+    assert [row[0] for row in sheet.rows] == ["1", "3", "3"]
+    assert [row[2] for row in sheet.rows] == ["0.200", "0.100", "0.300"]
+    assert sheet.rows[0] == (
+        *("1", "1.50", "0.200", "812.3", "406.2", "0.299", "-604.5", "-604.5"),
+        *("1.34", "0.672", "61.25"),
+    )
+    assert len(sheet.headings) == len(sheet.units) == len(sheet.is_number) == 11
+
+
+@pytest.mark.parametrize(("n", "n_rows", "n_notes"), [(200, 200, 1), (201, 200, 2)])
+def test_very_many_are_cut_with_a_word(n, n_rows, n_notes) -> None:
+    sheet = peak_sheet([point(1, 0.1 + 0.01 * k) for k in range(n)])
+    assert (len(sheet.rows), len(sheet.notes)) == (n_rows, n_notes)
+
+
+def test_the_table_stands_on_the_page_where_several_speeds_were_tested(results) -> None:
+    titles = [title for title, _ in page_tables(results, [point(1, 0.1), point(1, 0.3)])]
+    assert titles[0] == "Peak force against peak speed (PVP)"
+    assert titles[0] not in [title for title, _ in page_tables(results, [point(1, 0.1)])]
+
+
+@pytest.fixture
+def results(tmp_path):
+    from damperfit.tables import read_results
+    from tests.report_folder import make_results
+
+    return read_results(make_results(tmp_path / "results"))
+
+
+def test_measured_peaks_lie_on_top_and_settings_keep_their_colour() -> None:
+    plot = _peaks([point(1, 0.1), point(1, 0.3)], {Setting.of(1): "#123456"})
+    words = [("measured" in line.label, line.colour) for line in plot.panels[0].lines]
+    assert words == [(False, "#123456")] * 2 + [(True, "ink")] * 2
+
+
+def test_what_all_settings_share_is_one_line() -> None:
+    rows = make_tables(campaign(fit(1), fit(2))).parameters.to_pylist()
+    said = shared_sentence(rows, PAPER_QUANTITIES)
+    assert said == (
+        "R_m3 = 2.5970e6 N s/(m2 kg), shared by all settings; "
+        "f_f = 50.000 N, shared by all settings"
+    )
+    rows[1]["f_f"] = 51.0
+    assert "f_f" not in shared_sentence(rows, PAPER_QUANTITIES)
+    assert shared_sentence(rows[:1], PAPER_QUANTITIES) == ""
+
+
+def test_whose_test_it_is_stands_in_order_and_what_is_empty_does_not() -> None:
+    record = {
+        "test": {"rig": "hall 2", "colour": "red", "operator": "", "serial": 7, "damper": "D"}
+    }
+    assert identity_of_test(record) == (
+        *(("damper", "D"), ("serial", "7"), ("rig", "hall 2"), ("colour", "red")),
+    )
+    assert identity_of_test({"test": "no mapping"}) == ()
+
+
+def test_each_log_has_an_anchor_of_its_own() -> None:
+    named = Setting((("rebound", 3), ("bump", "soft/1")))
+    alike = Setting((("rebound", 3), ("bump", "soft_1")))
+    settings = [Setting.of(12), Setting.of(12), Setting.of(-3), named, alike]
+    found = list(_anchors(settings))
+    assert found[:3] == ["setting-12", "setting-12-log-2", "setting--3"]
+    assert len(set(found)) == 5
