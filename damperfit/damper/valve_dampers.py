@@ -106,7 +106,6 @@ class ValveDamper(Cylinder, Model):
     mounting: Mounting = Mounting()
     friction: Friction = Friction()
 
-    conditions: ClassVar[tuple[str, ...]] = ("gas_pressure", "gas_exponent")
     ranges: ClassVar[Mapping[str, tuple[float, float, str]]] = VALVE_RANGES
     # Openings and play. What promises less moves nothing by much more than a tenth of its error.
     kinks: ClassVar[float] = 2e-5
@@ -344,12 +343,22 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
                 (1e2, 1e10), scope=DAMPER, default=_RETURN, power=6, shown_unit="10⁶ N s / (m² kg)",
             )
         )  # fmt: skip
-    found.append(
+    found += [
+        Quantity(
+            "gas_pressure", "P_0", "gas pressure", "absolute pressure of the gas at x = 0", "Pa",
+            VALVE_RANGES["gas_pressure"][:2], scope=DAMPER, default=damper.gas_pressure, power=5,
+            shown_unit="bar",
+        ),
         Quantity(
             "gas_volume", "V_g", "gas volume", "volume of the gas at x = 0", "m3", (1e-8, 1.0),
             scope=DAMPER, default=damper.gas_volume, power=-6, shown_unit="cm³",
-        )
-    )  # fmt: skip
+        ),
+        Quantity(
+            "gas_exponent", "gamma", "gas exponent", "polytropic exponent of the gas", "1",
+            VALVE_RANGES["gas_exponent"][:2], scope=DAMPER, default=damper.gas_exponent,
+            believable=(0.95, 1.75), belief="gases have 1.0 (slow) to 1.67",
+        ),
+    ]  # fmt: skip
     is_rigid = damper.mounting.series_stiffness == NONE
     found += [
         Quantity(
