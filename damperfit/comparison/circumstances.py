@@ -14,7 +14,8 @@ from damperfit.tables import SCHEMA_VERSION
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from damperfit.comparison.run import Run
+    from damperfit.comparison.run import FittedRun, Run
+    from damperfit.damper.model import Model
 
 __all__ = ["Circumstance", "circumstances"]
 
@@ -144,29 +145,44 @@ def _damper(first: Run, second: Run) -> Iterator[Circumstance]:
         sentence = f"model: {a.name}, then {b.name}: forces alone are compared, no parameters"
         yield Circumstance("model", a.name, b.name, sentence)
         return
-    names = [one.names for one in (a, b)]
-    if names[0] != names[1]:
-        told = [", ".join(one) for one in names]
-        sentence = "the models have other quantities: those of one name are compared"
-        yield Circumstance("model", told[0], told[1], sentence)
+    yield from _quantities(first.fitted, second.fitted)
     for name, (_, _, unit) in a.ranges.items():
         here, there = (getattr(one, name, None) for one in (a, b))
         if isinstance(here, float) and isinstance(there, float):
             if math.isclose(here, there, rel_tol=_SAME):
                 continue
             kind = "gas" if name.startswith(_GAS) else "damper"
-            units = [f"{one:.6g} {unit}".strip() for one in (here, there)]
-            yield _differs(kind, f"damper.{name}", units[0], units[1])
+            said = [f"{one:.6g} {unit}".strip() for one in (here, there)]
+            yield _differs(kind, f"damper.{name}", said[0], said[1])
+    yield from _gas_force(a, b)
+
+
+def _quantities(first: FittedRun, second: FittedRun) -> Iterator[Circumstance]:
+    names = [", ".join(one.damper.names) for one in (first, second)]
+    if names[0] != names[1]:
+        sentence = "the models have other quantities: those of one name are compared"
+        yield Circumstance("model", names[0], names[1], sentence)
+    others = {one.name: one.unit for one in second.quantities}
+    for one in first.quantities:
+        other = others.get(one.name, one.unit)
+        if one.unit != other:
+            found = _differs("model", f"unit of {one.name}", one.unit, other)
+            said = f"{found.sentence}: it is not compared"
+            yield Circumstance("model", found.first, found.second, said)
+
+
+def _gas_force(a: Model, b: Model) -> Iterator[Circumstance]:
     forces = [float(one) for model in (a, b) if (one := model.rest_force(0.0)) is not None]
-    if len(forces) == len((a, b)):
-        here, there = forces
-        if not math.isclose(here, there, rel_tol=_SAME):
-            said = [f"{one:.1f} N" for one in (here, there)]
-            sentence = (
-                f"gas force at mid-stroke: {said[0]}, then {said[1]}: {there - here:+.1f} N of "
-                "every difference of force is the declared gas"
-            )
-            yield Circumstance("gas", said[0], said[1], sentence)
+    if len(forces) < 2 or math.isclose(forces[0], forces[1], rel_tol=_SAME):
+        return
+    said = [f"{one:.1f} N" for one in forces]
+    yield Circumstance(
+        "gas",
+        said[0],
+        said[1],
+        f"gas force at mid-stroke: {said[0]}, then {said[1]}: {forces[1] - forces[0]:+.1f} N of "
+        "every difference of force is the declared gas",
+    )
 
 
 def _motion(first: Run, second: Run) -> Iterator[Circumstance]:
@@ -176,7 +192,10 @@ def _motion(first: Run, second: Run) -> Iterator[Circumstance]:
         for run in (first, second)
     ]
     if not all(told):
-        return
+        sines = [run.fitted.sine for run in (first, second) if run.fitted is not None]
+        if len(sines) < len(told):
+            return
+        told = [[(sine.amplitude, sine.frequency)] for sine in sines]
     middle = [tuple(median(one[k] for one in tests) for k in (0, 1)) for tests in told]
     if any(map(math.isnan, (*middle[0], *middle[1]))):
         return

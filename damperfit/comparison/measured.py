@@ -113,10 +113,14 @@ def figure_readings(
                     one.freedom,
                     repeat=share * abs(one.value) / math.sqrt(len(group)),
                     repeat_freedom=freedom,
-                    scale=abs(one.value),
+                    scale=one.value if name == "energy" else _half_range(group),
                     is_measured=True,
                 )
     return found
+
+
+def _half_range(group: _Group) -> float:
+    return float(np.mean([0.5 * np.ptp(test.force) for test in group]))
 
 
 def _figure(name: str) -> Callable[[MeasuredTest], tuple[float, float]]:

@@ -98,7 +98,8 @@ class Reading:
     misses_error : float
         Standard error of that.
     scale : float
-        What per cents are of: the damping of a force, with its sign; NaN: of the value.
+        What per cents are of: the damping of a force, with its sign; half the force's range for a
+        hysteresis; the usual size of an offset. NaN: of the value.
     is_measured : bool
         The number is measured, not modelled.
     objection : str
@@ -131,8 +132,8 @@ class Difference:
     difference, low, high : float
         Second less first with its 95 % interval; NaN where no error is known.
     percent, percent_low, percent_high : float
-        The same in per cent, for a force of the reference's damping: positive is harder. NaN where
-        there is nothing to take it of.
+        The same in per cent, for a force of the reference's damping: positive is harder; for a
+        hysteresis of half the force's range. NaN where there is nothing to take it of.
     chance : float
         How often chance alone makes a difference as large, 0 to 1; NaN where it is not known.
     verdict : Sameness
@@ -241,6 +242,8 @@ def _by_difference(subject: Topic, first: Reading, second: Reading, bend: float)
         percent + percent_reach,
         _chance(difference, spread, freedom),
     )
+    if subject.kind == "parameter":  # an offset may pass zero: per cent of it say nothing
+        line = replace(line, percent=math.nan, percent_low=math.nan, percent_high=math.nan)
     return _judged(line, distance=difference, reach=reach, share=percent_reach / 100.0)
 
 
@@ -250,7 +253,7 @@ def _judged(line: Difference, *, distance: float, reach: float, share: float) ->
     if abs(distance) > reach:
         return replace(line, verdict=Sameness.DIFFERENT)
     # At its passage through zero a force has no per cent to speak of: newtons say it.
-    if share > SEEN and line.subject.kind != "figure":
+    if share > SEEN:
         said = f"a difference of {100.0 * share:.2g} % would not be seen"
         return replace(line, reason=said)
     return replace(line, verdict=Sameness.SAME)

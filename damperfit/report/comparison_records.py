@@ -39,7 +39,7 @@ _COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
     ("difference", _FLOAT, "second less first"),
     ("difference_ci_low", _FLOAT, "95 % interval of the difference"),
     ("difference_ci_high", _FLOAT, "95 % interval of the difference"),
-    ("percent", _FLOAT, "the difference in % of the first; of a force in % of its damping"),
+    ("percent", _FLOAT, "difference in % of the first; of its damping, or half the force's range"),
     ("percent_ci_low", _FLOAT, "95 % interval of percent"),
     ("percent_ci_high", _FLOAT, "95 % interval of percent"),
     ("chance", _FLOAT, "how often chance alone makes as large a difference, 0 to 1"),

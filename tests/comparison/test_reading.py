@@ -122,3 +122,14 @@ def test_chance_is_told_as_often_as_it_says() -> None:
 def test_noise_of_what_a_model_misses_is_no_misfit() -> None:
     a, b = (_reading(1000.0 + d, 1.0, misses=m) for d, m in ((0.0, 1.0), (3.5, -2.0)))
     assert compared(FORCE, a, b, is_same_motion=True).verdict is Sameness.DIFFERENT
+
+
+def test_an_offset_has_newtons_and_no_per_cent() -> None:
+    offset = Topic("parameter", "f_0", "f_0", "N", Setting.of(1))
+    a, b = (Reading(value, 0.5, scale=100.0) for value in (-0.1, 3.0))
+    line = compared(offset, a, b)
+    assert line.verdict is Sameness.DIFFERENT
+    assert math.isnan(line.percent)
+    assert line.difference == pytest.approx(3.1)
+    far = Reading(-0.1, 5.0, scale=100.0)
+    assert compared(offset, far, far).reason.startswith("a difference of 14 %")

@@ -114,7 +114,8 @@ def _units(lines: Sequence[Difference]) -> tuple[str, ...]:
 
 def _change(line: Difference) -> tuple[str, str]:
     if math.isnan(line.percent):
-        return NOTHING, NOTHING
+        interval = f"{line.low:+.3g} to {line.high:+.3g}" if math.isfinite(line.low) else NOTHING
+        return f"{line.difference:+.3g} {line.subject.unit}".rstrip(), interval
     if math.isnan(line.percent_low):
         return f"{line.percent:+.2f}", NOTHING
     return f"{line.percent:+.2f}", f"{line.percent_low:+.2f} to {line.percent_high:+.2f}"
