@@ -7,6 +7,7 @@ import io
 import sys
 import time
 import zipfile
+from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -18,6 +19,10 @@ from damperfit.errors import ConfigurationError
 from damperfit.export import TARGETS, ExportOptions
 from damperfit.export.fmu import libraries
 from damperfit.export.fmu.archive import missing_platforms
+from damperfit.export.fmu.documentation import documentation
+from damperfit.export.fmu.exported_damper import exported_damper
+from damperfit.export.fmu.variables import variables
+from damperfit.setting import Setting
 from damperfit.simulation import Motion, SolverOptions, simulate
 from tests.export.fmi2_client import ERROR, OK
 
@@ -128,11 +133,43 @@ def test_a_library_of_other_sources_is_none(tmp_path, monkeypatch) -> None:
     assert [one.fmi2 for one in libraries.built()] == ["linux64"]
 
 
-def test_another_model_is_refused_in_a_sentence(handed) -> None:
-    from dataclasses import replace
-
-    with pytest.raises(ConfigurationError, match=r"monotube cannot be an FMU yet.*table"):
+def test_another_model_is_refused_in_a_sentence_that_names_the_tables(handed) -> None:
+    with pytest.raises(ConfigurationError, match=r"monotube cannot be an FMU yet") as caught:
         TARGETS["fmu2"].write(replace(handed, damper=Monotube()), ExportOptions())
+    named = str(caught.value).partition("--to ")[2].split(", ")
+    assert {"adams", "carmaker", "csv"} <= set(named)
+    assert "fmu3" not in named
+
+
+def test_settings_that_are_no_whole_numbers_are_counted(handed) -> None:
+    words = [
+        replace(one, setting=Setting.of(w))
+        for one, w in zip(handed.settings, ("soft", 1.5, "C8"), strict=True)
+    ]
+    damper = exported_damper(replace(handed, settings=tuple(words)))
+    assert damper.settings == {1: "soft", 2: "1.5", 3: "C8"}
+    assert (
+        "one of 1: soft, 2: 1.5, 3: C8"
+        in {v.name: v for v in variables(damper)}["setting"].description
+    )
+    assert damper.start == 2
+    negative = [
+        replace(one, setting=Setting.of(n))
+        for one, n in zip(handed.settings, (-3, 0, 2), strict=True)
+    ]
+    assert list(exported_damper(replace(handed, settings=tuple(negative))).settings) == [-3, 0, 2]
+
+
+def test_the_tare_of_the_rig_is_left_out_and_that_is_said(handed) -> None:
+    (first, *others) = handed.settings
+    tared = replace(first, values=first.values.replace(f_0=-12.5))
+    damper = replace(handed, settings=(tared, *others))
+    assert "-12.5" not in exported_damper(damper).text
+    assert (
+        "f_0), which the fit found, is left out"
+        in documentation(damper, exported_damper(damper)).decode()
+    )
+    assert "is left out" not in documentation(handed, exported_damper(handed)).decode()
 
 
 @runs_here

@@ -86,7 +86,7 @@ def exported_damper(handed: HandedOver) -> ExportedDamper:
     if not isinstance(damper, Damper):
         raise ConfigurationError(
             f"a damper of the model {damper.name} cannot be an FMU yet, only one of the paper's; "
-            "hand it over as a table instead: damperfit export --list shows the targets"
+            f"hand it over as a table: --to {_tables()}"
         )
     cells = [one.setting.cell for one in handed.settings]
     whole = [cell for cell in cells if isinstance(cell, int)]
@@ -98,6 +98,13 @@ def exported_damper(handed: HandedOver) -> ExportedDamper:
     token = "{" + hashlib.sha256(body.encode()).hexdigest()[:32] + "}"
     text = f"damperfit-damper 1\ntoken {token}\n{body}\n"
     return ExportedDamper(token, text, _numbers(handed, rows[start]), named, start)
+
+
+def _tables() -> str:
+    """The targets that take any model."""
+    from damperfit.export.targets import TARGETS  # which know this one
+
+    return ", ".join(name for name, one in TARGETS.items() if one.has_table)
 
 
 def _row(damper: Damper, one: HandedSetting) -> tuple[float, ...]:

@@ -160,6 +160,17 @@ static double beyond(const ex_instance *e, double x, double v)
     return fmax(by_x, by_v) - 1.0;
 }
 
+/* In co-simulation what the last step ended with, to the last bit that of the core. */
+static int output_of_run(ex_instance *e, unsigned reference, double *value)
+{
+    const int code = ex_refresh(e, NULL);
+    const df_run *run = &e->s.run;
+    const double P[3] = {run->b.P1, run->b.P2, run->b.P3};
+    double slopes[DF_N_PARAMETERS];
+    *value = reference == EX_FORCE ? df_force(run, slopes) : P[reference - EX_PRESSURE_1];
+    return code;
+}
+
 int ex_get(ex_instance *e, unsigned reference, double *value)
 {
     const int k = ex_number_of(reference);
@@ -179,6 +190,8 @@ int ex_get(ex_instance *e, unsigned reference, double *value)
     }
     if (reference > EX_INDICATOR_4)
         return EX_NO_VARIABLE;
+    if (e->kind == EX_CO_SIMULATION && reference >= EX_FORCE && reference <= EX_PRESSURE_3)
+        return output_of_run(e, reference, value);
     const int code = evaluate_here(e, &r);
     if (code != DF_OK)
         return code;

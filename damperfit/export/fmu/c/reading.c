@@ -18,6 +18,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#ifdef _WIN32
+#include <windows.h>
+#endif
 
 #define FILE_NAME "damper.txt"
 enum { LONGEST_FILE = 4000000, MOST_SETTINGS = 100000 };
@@ -187,6 +190,17 @@ static void path_of(const char *folder, char *path)
     strcpy(path, "/" FILE_NAME);
 }
 
+/* Importers give paths in UTF-8, which Windows does not take as they are. */
+static FILE *open_file(const char *path)
+{
+#ifdef _WIN32
+    wchar_t wide[2048];
+    if (MultiByteToWideChar(CP_UTF8, MB_ERR_INVALID_CHARS, path, -1, wide, 2048) > 0)
+        return _wfopen(wide, L"rb");
+#endif
+    return fopen(path, "rb");
+}
+
 char *ex_read_text(const char *folder)
 {
     if (!folder || !*folder)
@@ -195,7 +209,7 @@ char *ex_read_text(const char *folder)
     if (!path)
         return NULL;
     path_of(folder, path);
-    FILE *file = fopen(path, "rb");
+    FILE *file = open_file(path);
     free(path);
     if (!file)
         return NULL;
