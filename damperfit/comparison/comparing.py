@@ -262,7 +262,7 @@ def _notes(runs: Sequence[Run], lines: Sequence[Difference]) -> Iterator[str]:
         share, freedom = repeat_scatter(run)
         if share:
             yield (
-                f"{run.name}: tests of one setting differ by {100.0 * share:.2g} % of the force "
+                f"{run.name}: tests of one setting differ by {100.0 * share:.2g} % of the damping "
                 f"beyond their noise ({freedom:.0f} degrees of freedom): counted in the errors of "
                 "forces, energy and hysteresis, not in those of parameters"
             )

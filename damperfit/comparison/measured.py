@@ -29,6 +29,7 @@ _FIGURES = {
     "hysteresis_rebound": ("hysteresis, rebound", "N"),
     "hysteresis_bump": ("hysteresis, bump", "N"),
 }
+_ROUNDING = 1e-6  # of the force
 _LEAST = 0.05  # of the largest force: below it a force has no per cent to speak of
 
 _Group = tuple[MeasuredTest, ...]
@@ -84,7 +85,7 @@ def _force(group: _Group, speed: float, stroke: str, scatter: tuple[float, float
         one.value,
         one.error,
         one.freedom,
-        repeat=share * abs(one.value) / math.sqrt(len(group)),
+        repeat=share * _damping(group, speed) / math.sqrt(len(group)),
         repeat_freedom=freedom,
         scale=one.value if has_size else math.nan if math.isnan(one.value) else 0.0,
         is_measured=True,
@@ -139,7 +140,7 @@ def _pooled(group: _Group, of: Callable[[MeasuredTest], tuple[float, float]]) ->
 def repeat_scatter(run: Run) -> tuple[float, float]:
     """Return how far tests of one setting differ beyond their noise, and its degrees of freedom.
 
-    As a share of the force, one standard deviation, over all settings that were tested more than
+    As a share of the damping, one standard deviation, over all settings that were tested more than
     once; (0, inf) where none was, or where they repeat to their noise.
     """
     excess, noises, scatters, freedom = 0.0, 0.0, 0.0, 0
@@ -148,6 +149,7 @@ def repeat_scatter(run: Run) -> tuple[float, float]:
         known = np.isfinite(quiet) & (sizes > 0.0)
         if not known.any():
             continue
+        quiet = np.maximum(quiet, (_ROUNDING * sizes) ** 2)  # made-up cycles may be all alike
         more = len(group) - 1
         excess += more * float(np.mean((variances - quiet)[known] / sizes[known] ** 2))
         # Each point counts alike, whatever its force.
@@ -175,4 +177,10 @@ def _scatter_of(group: _Group) -> Iterator[tuple[float, float, float]]:
         for stroke in STROKES:
             told = np.array([test.force_at(share * top, stroke) for test in group])
             noise = float(np.mean(told[:, 1] ** 2))
-            yield float(np.var(told[:, 0], ddof=1)), noise, abs(float(np.mean(told[:, 0])))
+            yield float(np.var(told[:, 0], ddof=1)), noise, _damping(group, share * top)
+
+
+def _damping(group: _Group, speed: float) -> float:
+    """Return half the force between the strokes at a speed, N: without the gas force."""
+    ends = [[test.force_at(speed, stroke)[0] for test in group] for stroke in STROKES]
+    return 0.5 * abs(float(np.mean(ends[0])) - float(np.mean(ends[1])))

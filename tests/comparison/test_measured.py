@@ -9,12 +9,16 @@ import pytest
 
 from damperfit.comparison import (
     ComparisonOptions,
+    Reading,
     Sameness,
+    Topic,
     common_tests,
     compare_runs,
+    compared,
     measured_tests,
     repeat_scatter,
 )
+from damperfit.comparison.repeats import by_repeats
 from damperfit.errors import ConfigurationError
 from damperfit.setting import Setting
 from tests.comparison.runs import (
@@ -92,8 +96,37 @@ def test_tests_that_do_not_repeat_are_found_with_their_size() -> None:
     ]
     share, freedom = repeat_scatter(run(*tests))
     assert freedom == 16.0
-    # Of the force with the gas in it, which is why it is not 2 %.
-    assert 0.012 < share < 0.05
+    assert share == pytest.approx(0.02, rel=0.4)
+
+
+def test_dampers_that_are_mounted_anew_are_seldom_called_different() -> None:
+    rng = np.random.default_rng(5)
+
+    def campaign() -> object:
+        return run(
+            *(
+                measured(k, factor=1.0 + 0.02 * rng.standard_normal(), cycles=4)
+                for k in range(1, 5)
+                for _ in range(3)
+            )
+        )
+
+    options = ComparisonOptions(speeds=(0.26,), is_measured=True)
+    lines = [one for _ in range(6) for one in compare_runs(campaign(), campaign(), options).lines]
+    forces = [one.verdict is Sameness.DIFFERENT for one in lines if one.subject.kind == "force"]
+    assert np.mean(forces) < 0.13  # 48, in 24 settings of their own
+
+
+def test_of_repeats_one_in_twenty_lies_outside() -> None:
+    rng = np.random.default_rng(6)
+    topic = Topic("force", "force", "force", "N")
+    outside = []
+    for _ in range(2000):
+        *reference, other = ({topic: Reading(x, 0.01)} for x in rng.normal(100.0, 1.0, 4))
+        means, bare = by_repeats(reference, other)
+        line = compared(topic, means[topic], bare[topic])
+        outside.append(abs(line.difference) > line.high - line.difference)
+    assert np.mean(outside) == pytest.approx(0.05, abs=0.015)
 
 
 def test_a_scatter_of_tests_keeps_a_difference_from_being_called_one() -> None:
