@@ -6,6 +6,7 @@ import errno
 import gc
 import sys
 import traceback
+from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -27,7 +28,7 @@ from damperfit.cli.sweep import sweep
 from damperfit.errors import DamperfitError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
 __all__ = ["app", "main"]
 
@@ -35,6 +36,20 @@ _INTERRUPTED = 130
 # Imports make many objects and little garbage; looking for it after every 700 costs time.
 _NEW_OBJECTS = 50_000
 _BUG = 70  # "internal software error" of sysexits.h; none of the documented codes
+
+
+def _heard(command: Callable[..., int]) -> Callable[..., int]:
+    """Return a command whose interruption reaches `main`: typer ends without a word."""
+
+    @wraps(command)
+    def call(*arguments: Any, **options: Any) -> int:
+        try:
+            return command(*arguments, **options)
+        except KeyboardInterrupt:
+            raise typer.Abort from None
+
+    return call
+
 
 app = typer.Typer(
     name="damperfit",
@@ -57,7 +72,7 @@ for _command in (
     samples,
     config,
 ):
-    app.command()(_command)
+    app.command()(_heard(_command))
 
 
 @app.callback()

@@ -169,7 +169,8 @@ def _temperature(recording: Recording, window: slice, test: NominalTest) -> Iter
         is_asked and not abs(mean - (test.temperature or 0.0)) <= test.temperature_tolerance
     )
     if is_outside:
-        text += f", outside {wanted}; oil and forces are others; hold the temperature, log again"
+        text += f", outside {wanted}; forces fall as the oil warms: hold the temperature, "
+        text += "or set rig.temperature to that of this test"
     yield Finding("temperature", "warning" if is_outside else "note", text, mean, "degC")
     text = f"the temperature moves by {drift:.1f} degC within the run"
     is_wide = is_asked and drift > 2.0 * test.temperature_tolerance

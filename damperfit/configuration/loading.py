@@ -8,6 +8,7 @@ default stands anywhere else. A key that defaults.toml does not know is an error
 from __future__ import annotations
 
 import json
+import math
 import re
 import tomllib
 from copy import deepcopy
@@ -33,6 +34,7 @@ __all__ = ["configuration_toml", "load_configuration", "redeclared"]
 _MAX_BYTES = 1_000_000  # a configuration is a page; anything larger is some other file
 _COMMAND_LINE = "command line"
 _DEFAULT_MODEL = "purdy"
+_TEMPERATURES = {"rig.temperature", "rig.temperature_tolerance"}
 _WHOLE = ("adjusters",)  # a section whose keys are the user's: it takes the place of the one before
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]")
 _ENTRY = re.compile(r"(?P<key>\w+) = (?P<value>[^#]*[^#\s])(?P<comment>\s*#.*)?$")
@@ -87,6 +89,10 @@ def load_configuration(
         for section, values in layer.values.items()
         for key in values
     }
+    has_damper = any(key.startswith("damper.") and key != "damper.model" for key in declared)
+    if has_damper and declared.isdisjoint(_TEMPERATURES):
+        # The paper's 26 degC is no window of another damper's test.
+        document["rig"]["temperature_tolerance"] = math.inf
     try:
         return build_configuration(document, declared=frozenset(declared))
     except ValidationError as error:

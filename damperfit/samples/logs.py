@@ -21,7 +21,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.samples.steady import RTOL, SteadyCycle, steady_cycle
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -236,6 +236,23 @@ def _is_sample(path: Path) -> bool:
         return False
 
 
+def _check_own(folder: Path, names: Sequence[str]) -> None:
+    """Refuse to put made-up files over others of these names."""
+    heads = {"README.md": b"# Synthetic rig logs", "truth.csv": b"setting,r_m1,"}
+    for path in (folder / name for name in (*names, *heads)):
+        if not path.is_file():
+            continue
+        is_own = _is_sample(path)
+        if path.name in heads:
+            with path.open("rb") as file:
+                is_own = file.read(100).startswith(heads[path.name])
+        if not is_own:
+            raise ConfigurationError(
+                f"{path}: is there, and was not written by samples; choose another folder, or move "
+                "that file"
+            )
+
+
 def make_samples(
     folder: str | Path,
     options: SampleOptions | None = None,
@@ -265,7 +282,7 @@ def make_samples(
     Raises
     ------
     ConfigurationError
-        A setting has no parameters.
+        A setting has no parameters, or a file of another origin stands where one is to go.
     SimulationError
         The model cannot be integrated.
     OutputError
@@ -278,6 +295,7 @@ def make_samples(
     source = reference_parameters if parameters is None else parameters.__getitem__
     truth = {setting: source(setting) for setting in options.settings}
     names = [f"setting_{setting:02d}.csv" for setting in truth]
+    _check_own(Path(folder), names)
     with file_set(Path(folder)) as files:
         for path in Path(folder).glob("setting_*.csv"):
             if path.name not in names and _is_sample(path):  # truth.csv will not speak of it

@@ -190,7 +190,9 @@ def seek_flaws(
     has_yielded : bool
         The damper yields before it slides: nothing of valves, oil or gas is named.
     """
-    residuals = np.concatenate([seen.residuals for seen in linearised.logs])
+    # Beside a jump of the speed nothing counts.
+    counts = np.concatenate([seen.weights > 0.0 for seen in linearised.logs])
+    residuals = np.concatenate([seen.residuals for seen in linearised.logs]) * counts
     doubted = tuple(name for name in doubted if linearised.fit.status[name] == Status.SHARED)
     absorbed = _absorbed(linearised, {Status.FITTED, Status.SHARED, Status.NOT_IDENTIFIABLE})
     tables = [
@@ -215,7 +217,7 @@ def seek_flaws(
     unlikely = _OF_VALVES if has_yielded else frozenset()
     for name, candidates in columns.items():
         basis = own if name in doubted else absorbed
-        share, amount = max(gain(column, basis, residuals) for column in candidates)
+        share, amount = max(gain(column * counts, basis, residuals) for column in candidates)
         flaw = _FLAWS.get(name) or _held_flaw(name, is_shared=name in doubted)
         size = amount * flaw.unit
         found.append(Hint(name, flaw.family, min(share / power, 1.0), size, flaw.words(size)))
@@ -264,7 +266,9 @@ def _absorbed(linearised: Linearisation, statuses: set[str]) -> FloatArray:
     """Orthonormal basis of what parameters of these statuses could absorb."""
     status = linearised.fit.status
     places = [j for j, name in enumerate(linearised.names) if status[name] in statuses]
-    whole = np.vstack([seen.jacobian[:, places] for seen in linearised.logs])
+    whole = np.vstack(
+        [seen.jacobian[:, places] * (seen.weights > 0.0)[:, None] for seen in linearised.logs]
+    )
     lengths = np.sqrt(np.sum(whole * whole, axis=0))
     basis, _ = np.linalg.qr(whole[:, lengths > 0.0] / lengths[lengths > 0.0])
     return np.asarray(basis)

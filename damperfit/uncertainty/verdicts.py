@@ -127,11 +127,11 @@ def _verdict(
     *,
     is_tied: bool = False,
 ) -> str:
-    status = fit.status[name]
+    status, unit = fit.status[name], fit.parameters.quantity(name).unit
     if status == Status.FIXED:
         return "held at the value given"
     if status == Status.AT_BOUND:
-        seen = f": {_seen(profile)}" if profile is not None else ""
+        seen = f": {_seen(profile, unit)}" if profile is not None else ""
         return f"ran to the edge of its plausible range{seen}; fix it, or check units and signs"
     interval = known.intervals.get(name)
     if interval is None:
@@ -139,45 +139,48 @@ def _verdict(
     tied = _tied(name, known) if is_tied else ""
     whose = sharing.whose(name, fit.setting) if name in sharing.found_at(fit.setting) else ""
     where = (
-        f"95 % from {interval.low:.4g} to {interval.high:.4g}"
+        f"95 % from {interval.low:.4g} to {interval.high:.4g} {unit}"
         if profile is None or not profile.is_complete or (interval.misfit and not profile.is_flat)
-        else _seen(profile)
+        else _seen(profile, unit)
     )
     if profile is not None and profile.better is not None:
-        where += f", a better minimum lies near {profile.better.value:.4g}: give --starts 20"
+        where += f", a better minimum lies near {profile.better.value:.4g} {unit}: give --starts 20"
     if status == Status.NOT_IDENTIFIABLE and profile is not None and profile.shape == "flat upward":
-        used = f"; {getattr(fit.parameters, name):.4g} is used" + (f" for {whose}" if whose else "")
+        used = f"; {getattr(fit.parameters, name):.4g} {unit} is used" + (
+            f" for {whose}" if whose else ""
+        )
         rigid = ", as rigid oil would" if fit.parameters.quantity(name).is_open else ""
         return (
-            f"not identifiable upward: at least {profile.low:.4g} (95 %), and any higher value "
-            f"fits these logs as well{rigid}{tied}{used}; fix it, or fit faster logs of more force"
+            f"not identifiable upward: at least {profile.low:.4g} {unit} (95 %), and any higher "
+            f"value fits these logs as well{rigid}{tied}{used}; fix it, or fit faster logs of more "
+            "force"
         )
     if status == Status.NOT_IDENTIFIABLE:
-        value = f"{getattr(fit.parameters, name):.4g}"
+        value = f"{getattr(fit.parameters, name):.4g} {unit}"
         used = f"; {value} is used for {whose}" if whose else ""
         if used and profile is not None and profile.shape == "flat downward":
             used += ", in place of nothing: any value below the limit fits as well"
         return f"these logs do not tell it ({where}{tied}){used}; fix it, or fit more logs"
     if interval.misfit > 0.0:
         where += (
-            f" (standard errors: {interval.error:.2g} of noise, {interval.misfit:.2g} for what the "
-            "model misses)"
+            f" (standard errors: {interval.error:.2g} {unit} of noise, "
+            f"{interval.misfit:.2g} {unit} for what the model misses)"
         )
     found = f"shared by {whose or 'all settings'}" if status == Status.SHARED else "fitted"
     return f"{found}, {where}{tied}"
 
 
-def _seen(profile: MisfitProfile) -> str:
+def _seen(profile: MisfitProfile, unit: str) -> str:
     """What the misfit along the parameter says."""
     low, high = profile.low, profile.high
     if not profile.is_complete:
         return "its profile was not finished, give --profile"
     if low is not None and high is not None:
-        return f"95 % from {low:.4g} to {high:.4g} by its profile"
+        return f"95 % from {low:.4g} to {high:.4g} {unit} by its profile"
     if high is not None:
-        return f"flat downward, only an upper limit: 95 % below {high:.4g}"
+        return f"flat downward, only an upper limit: 95 % below {high:.4g} {unit}"
     if low is not None:
-        return f"flat upward, only a lower limit: 95 % above {low:.4g}"
+        return f"flat upward, only a lower limit: 95 % above {low:.4g} {unit}"
     return "flat upward and downward: no limit at all"
 
 

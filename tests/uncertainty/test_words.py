@@ -177,16 +177,20 @@ def test_a_limit_from_below_says_that_any_higher_value_fits() -> None:
     fit = fakes.fit(1, status={"r_m3": "not_identifiable"})
     seen = {"r_m3": profile(5e4, None)}
     assert verdicts(fit, known(), Sharing(r_m3_from=1), seen)["r_m3"] == (
-        "not identifiable upward: at least 5e+04 (95 %), and any higher value fits these logs as "
-        "well; 2.597e+06 is used for all settings; fix it, or fit faster logs of more force"
+        "not identifiable upward: at least 5e+04 N s/(m2 kg) (95 %), and any higher value fits "
+        "these logs as well; 2.597e+06 N s/(m2 kg) is used for all settings; fix it, or fit faster "
+        "logs of more force"
     )
 
 
 @pytest.mark.parametrize(
     ("seen", "end"),
     [
-        (None, "95 % from 2.547e+06 to 2.648e+06); 2.597e+06 is used for all settings"),
-        (profile(None, 5e4), "; 2.597e+06 is used for all settings, in place of nothing: any"),
+        (None, "95 % from 2.547e+06 to 2.648e+06 N s/(m2 kg)); 2.597e+06 N s/(m2 kg) is used for"),
+        (
+            profile(None, 5e4),
+            "; 2.597e+06 N s/(m2 kg) is used for all settings, in place of nothing: any",
+        ),
     ],
 )
 def test_a_limit_from_above_says_that_the_fallback_stands_for_nothing(seen, end) -> None:
@@ -202,9 +206,9 @@ def test_a_limit_from_above_says_that_the_fallback_stands_for_nothing(seen, end)
 @pytest.mark.parametrize(
     ("seen", "said"),
     [
-        (profile(1.0, 3.0), "95 % from 1 to 3 by its profile"),
-        (profile(None, 3.0), "flat downward, only an upper limit: 95 % below 3"),
-        (profile(1.0, None), "flat upward, only a lower limit: 95 % above 1"),
+        (profile(1.0, 3.0), "95 % from 1 to 3 N s/(m2 kg) by its profile"),
+        (profile(None, 3.0), "flat downward, only an upper limit: 95 % below 3 N s/(m2 kg)"),
+        (profile(1.0, None), "flat upward, only a lower limit: 95 % above 1 N s/(m2 kg)"),
         (profile(None, None), "flat upward and downward: no limit at all"),
     ],
 )
@@ -218,7 +222,7 @@ def test_what_a_profile_has_seen_is_said(seen, said) -> None:
     told = verdicts(fitted, known(), Sharing(), {"r_m3": seen})["r_m3"]
     assert told == f"fitted, {said}"
     shared = verdicts(fakes.fit(1), known(), Sharing(), {})
-    assert shared["r_m3"] == "shared by all settings, 95 % from 2.547e+06 to 2.648e+06"
+    assert shared["r_m3"] == "shared by all settings, 95 % from 2.547e+06 to 2.648e+06 N s/(m2 kg)"
     assert shared["f_0"] == "held at the value given"
     assert shared["f_f"] == "no interval: the fit did not end at a minimum"
 

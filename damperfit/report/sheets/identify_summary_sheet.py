@@ -7,6 +7,7 @@ go first (values stay rounded by them), then the grade, which the MSE tells too.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -189,5 +190,7 @@ def _legend(
     rows: Sequence[Row], shown: Sequence[Quantity], look: _Look, units: str
 ) -> tuple[str, ...]:
     names = [one.name for one in shown]
-    said = errors_and_flags(rows, names, shows_errors=look.has_errors)
+    cells = (_cell(row, one, has_error=True) for row in rows for one in shown)
+    example = next((cell for cell in cells if re.fullmatch(r"-?[\d.]+\([\d.]+\)\S*", cell)), "")
+    said = errors_and_flags(rows, names, shows_errors=look.has_errors, example=example)
     return (*units_and_marks(rows, names, units), *said)

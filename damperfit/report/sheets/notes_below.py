@@ -80,16 +80,45 @@ def _follows_adjuster(rows: Sequence[Row], name: str) -> bool:
 
 
 def errors_and_flags(
-    rows: Sequence[Row], names: Sequence[str], *, shows_errors: bool
+    rows: Sequence[Row], names: Sequence[str], *, shows_errors: bool, example: str = ""
 ) -> Iterator[str]:
-    """Yield how errors are written in the table that `identify` ends with, and its flags."""
+    """Yield how errors are written in the table that `identify` ends with, and its flags.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Rows of the table.
+    names : sequence of str
+        Parameters in it.
+    shows_errors : bool
+        Cells hold the errors.
+    example : str
+        A cell of the table, as in "14.005(11)".
+    """
     has_errors = any(row[f"{name}_se"] for row in rows for name in names)
     if shows_errors and has_errors:
-        yield "14.005(11) means 14.005 +- 0.011, one standard error"
+        if example:
+            yield f"{example} means {_spelt_out(example)}, one standard error"
     elif has_errors:
         yield "rounded by their standard errors, which stand in parameters.csv"
     if any(row.get("cavitation_fraction") for row in rows):
         yield "cav.: share of the cycle with a chamber at zero pressure"
+
+
+def _spelt_out(cell: str) -> str:
+    """Return what a cell means.
+
+    Examples
+    --------
+    >>> [_spelt_out(cell) for cell in ("14.005(11)", "45680(320)", "0.80(1.20)", "2.5(3)e6")]
+    ['14.005 +- 0.011', '45680 +- 320', '0.80 +- 1.20', '(2.5 +- 0.3)e6']
+    """
+    value, _, rest = cell.partition("(")
+    error, _, power = rest.partition(")")
+    decimals = len(value.partition(".")[2])
+    if "." not in error:
+        error = f"{int(error) / 10**decimals:.{decimals}f}"
+    return f"({value} +- {error}){power}" if power else f"{value} +- {error}"
 
 
 def force_and_click_at(speed: float) -> str:
