@@ -202,6 +202,9 @@ SURFACE = {
         "emptiest",
         "seen_cavitation",
     ],
+    "damperfit.damper.detour": [
+        "Detour",
+    ],
     "damperfit.damper.models": [
         "MODELS",
         "model_named",
@@ -213,7 +216,6 @@ SURFACE = {
     ],
     "damperfit.damper.model": [
         "DAMPER",
-        "Detour",
         "LOG",
         "Model",
         "Quantity",
@@ -384,6 +386,7 @@ SURFACE = {
     ],
     "damperfit.run.hold_out": [
         "Parted",
+        "TRANSIENTS",
         "fitting",
         "named_files",
         "note_unpredicted",
@@ -755,6 +758,7 @@ SURFACE = {
         "profile_campaign",
         "reconsider",
         "split_cycles",
+        "transients",
         "uncertainties",
     ],
 }

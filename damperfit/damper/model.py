@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from damperfit.damper.cavitation import Cavitation
+    from damperfit.damper.detour import Detour
     from damperfit.damper.valve_characteristics import ValveCharacteristic
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
@@ -40,7 +41,6 @@ __all__ = [
     "LOG",
     "RIG",
     "SETTING",
-    "Detour",
     "Model",
     "Quantity",
     "Values",
@@ -223,26 +223,6 @@ def _quantity(quantities: Sequence[Quantity], name: str) -> Quantity:
     raise ConfigurationError(_no_quantity(name, [one.name for one in quantities]))
 
 
-@dataclass(frozen=True, slots=True)
-class Detour:
-    """Another way to a minimum, for a fit that has ended in a wrong valley.
-
-    Attributes
-    ----------
-    start : Values
-        Where it begins.
-    held : tuple of frozenset of str
-        Quantities that rough descents hold, one after the other, before all are free.
-    is_last_resort : bool
-        Taken only where what came before is neither sound nor explained; it must then be clearly
-        better. Otherwise it is always taken, and a sound end is preferred.
-    """
-
-    start: Values
-    held: tuple[frozenset[str], ...]
-    is_last_resort: bool = False
-
-
 class Model(ABC):
     """One damper, as far as it is declared, and the law that it is taken to follow."""
 
@@ -259,6 +239,8 @@ class Model(ABC):
     kinks: ClassVar[float] = 0.0
     """Share of the sum of squares that a step must promise to be tried: what the misfit of a law
     with kinks jumps by, as a sample falls to one side of one or the other."""
+    told_together: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    """Quantities of one part: where the logs do not tell the first, they tell none of them."""
     ranges: ClassVar[Mapping[str, tuple[float, float, str]]] = MappingProxyType({})
     """Range of each declared number in SI, and its unit; what lies outside was misread."""
     bulk_moduli: ClassVar[tuple[str, ...]] = ("free",)

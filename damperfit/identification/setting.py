@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.cavitation import Cavitation
-    from damperfit.damper.model import Detour, Values
+    from damperfit.damper.detour import Detour
+    from damperfit.damper.model import Values
     from damperfit.recording import Trace
     from damperfit.setting import Setting
 
@@ -312,6 +313,9 @@ def _statuses(misfit: Misfit, solution: Solution) -> dict[str, Status]:
             status[name] = Status.AT_BOUND
         elif one.is_logarithmic and error > NOT_FOUND:
             status[name] = Status.NOT_IDENTIFIABLE
+    for first, *others in misfit.damper.told_together:
+        if status.get(first) is Status.NOT_IDENTIFIABLE:
+            status |= {name: status[first] for name in others if name in misfit.free}
     return status
 
 

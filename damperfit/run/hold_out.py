@@ -1,7 +1,8 @@
 """Which logs and cycles are kept from the fit: patterns to traces.
 
 A pattern picks among the logs by name or path. One that picks none names further files, which are
-read for prediction only.
+read for prediction only. The word `transients` stands for what lies between the steady cycles of
+the logs that are fitted: the changes of speed.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, Mishap, mishap_of
 from damperfit.run.logs import LogBatch, expand, failure_of
-from damperfit.uncertainty import split_cycles
+from damperfit.uncertainty import split_cycles, transients
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -24,7 +25,9 @@ if TYPE_CHECKING:
     from damperfit.report import Failure
     from damperfit.uncertainty import HoldOutOptions, Prediction
 
-__all__ = ["Parted", "fitting", "named_files", "note_unpredicted", "part"]
+TRANSIENTS = "transients"
+
+__all__ = ["TRANSIENTS", "Parted", "fitting", "named_files", "note_unpredicted", "part"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +61,7 @@ def named_files(patterns: Iterable[str], paths: Sequence[Path]) -> dict[str, tup
     paths : sequence of pathlib.Path
         The logs.
     """
-    return {pattern: _named(pattern, paths) for pattern in patterns}
+    return {one: _named(one, paths) for one in patterns if one != TRANSIENTS}
 
 
 def _named(pattern: str, paths: Sequence[Path]) -> tuple[Path, ...]:
@@ -76,7 +79,9 @@ def fitting(
     batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[Path]]
 ) -> HoldOutOptions:
     """Return the options with the patterns alone that fit a log of the batch."""
-    patterns = tuple(one for one in options.patterns if _hits(one, batch, named))
+    patterns = tuple(
+        one for one in options.patterns if one == TRANSIENTS or _hits(one, batch, named)
+    )
     return replace(options, patterns=patterns)
 
 
@@ -103,7 +108,7 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
         A pattern fits nothing, or no log is left to fit.
     """
     names: set[str] = set()
-    for pattern in options.patterns:
+    for pattern in (one for one in options.patterns if one != TRANSIENTS):
         hits = _hits(pattern, batch, named)
         if not hits:
             raise ConfigurationError(
@@ -125,6 +130,14 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
             continue
         fitted.append(rest)
         held_out.extend([last] if last is not None else [])
+    if TRANSIENTS in options.patterns:
+        beside = [one for one in map(transients, fitted) if one is not None]
+        if fitted and not beside:
+            raise ConfigurationError(
+                "hold-out transients: no log changes its speed between steady cycles; give one of "
+                "several speeds, or hold out another log"
+            )
+        held_out += beside
     left = replace(batch, traces=tuple(fitted), failures=(*batch.failures, *failures))
     return Parted(left, tuple(held_out), frozenset(names))
 

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from damperfit.configuration.options import Configuration
-    from damperfit.damper.model import Model
     from damperfit.laws import Ladder, LawFit, Rung, Tried
     from damperfit.report import Failure
     from damperfit.run.hold_out import Parted
@@ -160,7 +159,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     compared = _told_most(evidence)
     ladder = climb(
         configuration.damper,
-        _layouts(configuration.damper, layout),
+        _layouts(configuration, layout),
         compared,
         solver=solver,
         on_rung=on_rung,
@@ -198,7 +197,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         parted.batch.failures,
         tuple(e.setting for e, one in zip(evidence, fits, strict=True) if one is None),
         rivals,
-        tuple(parted.batch.remarks),
+        (*parted.batch.remarks, *_assumed(configuration)),
         undecided(ladder, found, evidence),
     )
 
@@ -264,13 +263,15 @@ def _told_most(evidence: Sequence[SettingLogs]) -> tuple[SettingLogs, ...]:
     return tuple(one for one in evidence if one in kept)
 
 
-def _layouts(damper: Model, layout: str | None) -> list[ValveDamper]:
+def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamper]:
     """The damper in each layout that it may have."""
+    damper = configuration.damper
     if not isinstance(damper, Damper | ValveDamper):
         raise ConfigurationError(
             f"models: damper.model = {damper.name} has no geometry that a layout could take; "
             "declare [damper] as of the paper's model or of real valves"
         )
+    volume, exponent = _gas(configuration)
     kinds = LAYOUTS if layout is None else {layout: LAYOUTS[layout]}
     return [
         kind(
@@ -280,11 +281,50 @@ def _layouts(damper: Model, layout: str | None) -> list[ValveDamper]:
             chamber_2_length=damper.chamber_2_length,
             oil_density=damper.oil_density,
             gas_pressure=damper.gas_pressure,
-            gas_volume=damper.gas_volume,
-            gas_exponent=damper.gas_exponent,
+            gas_volume=volume,
+            gas_exponent=exponent,
             ambient_pressure=getattr(damper, "ambient_pressure", AMBIENT),
             mounting=getattr(damper, "mounting", Mounting()),
             friction=getattr(damper, "friction", Friction()),
         )
         for kind in kinds.values()
     ]
+
+
+def _gas(configuration: Configuration) -> tuple[float, float]:
+    """Gas volume and exponent of the layouts.
+
+    Of a damper that somebody has declared what is left out is as `--model twin_tube` would have it;
+    the paper's own damper keeps its gas.
+    """
+    damper, declared = configuration.damper, configuration.declared
+    if not isinstance(damper, Damper) or not _is_declared(configuration):
+        return damper.gas_volume, damper.gas_exponent  # type: ignore[attr-defined]
+    usual = ValveDamper()
+    has_volume = bool(declared & {"damper.gas_length", "damper.gas_piston_diameter"})
+    return (
+        damper.gas_volume if has_volume else usual.gas_volume,
+        damper.gas_exponent if "damper.gas_exponent" in declared else usual.gas_exponent,
+    )
+
+
+def _is_declared(configuration: Configuration) -> bool:
+    keys = {f"damper.{name}" for name in configuration.keys}
+    return bool(keys & configuration.declared)
+
+
+def _assumed(configuration: Configuration) -> tuple[str, ...]:
+    """What the layouts have of the gas that nobody has declared, in a sentence."""
+    volume, exponent = _gas(configuration)
+    damper = configuration.damper
+    if not isinstance(damper, Damper) or (volume, exponent) == (
+        damper.gas_volume,
+        damper.gas_exponent,
+    ):
+        return ()
+    said = (
+        f"laws of real valves were tried with {1e6 * volume:.3g} cm3 of gas and the exponent "
+        f"{exponent:g}: declare gas_volume and gas_exponent, with model = 'twin_tube', 'monotube' "
+        "or 'through_flow', where they are known"
+    )
+    return (said,)

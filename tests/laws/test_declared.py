@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from damperfit.cli import main
+from damperfit.configuration.loading import load_configuration
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification.signatures import gain, signatures
@@ -15,7 +16,7 @@ from damperfit.laws import LawFit, Tried
 from damperfit.laws.ladder import _Course
 from damperfit.laws.variants import BLEED, everything, without
 from damperfit.recording import Trace
-from damperfit.run.law_choice import _layouts
+from damperfit.run.law_choice import _assumed, _layouts
 from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions
 from tests import fakes
@@ -24,11 +25,31 @@ from tests import fakes
 def test_a_layout_keeps_ambient_pressure_and_mounting() -> None:
     measured = Mounting(series_stiffness=3e5, play=NONE, lag=8e-3)
     damper = TwinTube(ambient_pressure=0.0, mounting=measured)
-    for layout in _layouts(damper, None):
+    for layout in _layouts(replace(load_configuration(None), damper=damper), None):
         assert layout.ambient_pressure == 0.0
         assert layout.mounting == measured
     assert everything(measured) == Mounting(3e5, FIT, 8e-3)
     assert everything(Mounting()) == Mounting(FIT, FIT, FIT)
+
+
+@pytest.mark.parametrize(("declared", "volume", "exponent"), [
+    ("", 62.83e-6, 1.4),  # the paper's own damper
+    ('rod_diameter = "12mm"', 30e-6, 1.3),
+    ('rod_diameter = "12mm"\ngas_exponent = 1.2', 30e-6, 1.2),
+    ('gas_length = "25mm"', 31.42e-6, 1.3),
+    ('model = "twin_tube"\ngas_volume = "20cm3"', 20e-6, 1.3),
+    ('model = "twin_tube"', 30e-6, 1.3),
+])  # fmt: skip
+def test_gas_that_nobody_declared_is_that_of_every_declared_damper(
+    tmp_path, declared: str, volume: float, exponent: float
+) -> None:
+    (tmp_path / "damper.toml").write_text(f"[damper]\n{declared}\n")
+    configuration = load_configuration(tmp_path / "damper.toml")
+    for layout in _layouts(configuration, None):
+        assert layout.gas_volume == pytest.approx(volume, rel=1e-3)
+        assert layout.gas_exponent == exponent
+    is_told = declared.startswith(("rod", "gas"))
+    assert bool(_assumed(configuration)) is is_told
 
 
 def test_a_measured_lag_is_not_taken_out() -> None:

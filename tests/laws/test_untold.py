@@ -9,12 +9,17 @@ import numpy as np
 import pytest
 
 from damperfit.damper.valve_dampers import TwinTube
+from damperfit.identification import Status
+from damperfit.identification.descent import Misfit, Solution
 from damperfit.identification.minimiser import Point
+from damperfit.identification.setting import _statuses
 from damperfit.laws import UNTOLD, LawFit, physics_seen
 from damperfit.laws.choosing import FEWEST_SAMPLES
 from damperfit.laws.law_fit import _untold
 from damperfit.report import chosen_records, chosen_sheet
 from damperfit.setting import Setting
+from damperfit.simulation import SolverOptions
+from tests import fakes
 
 MODEL = TwinTube()
 NAMES = MODEL.names
@@ -65,3 +70,19 @@ def test_sentences_and_table_leave_out_or_mark_what_is_not_told() -> None:
     )
     assert chosen_sheet(fits[:1]).notes == ()
     assert [one["not_told"] for one in chosen_records(fits)] == [[], [name]]
+
+
+@pytest.mark.parametrize(("flat", "are_told"), [("opening", False), ("bleed", True)])
+def test_a_fit_tells_nothing_of_a_blow_off_whose_opening_it_does_not_tell(
+    flat: str, *, are_told: bool
+) -> None:
+    free = tuple(one.name for one in MODEL.quantities if one.default is None)
+    jacobian = np.eye(100)[:, : len(free)]
+    jacobian[:, free.index(f"compression_{flat}")] = 0.0
+    values = MODEL.values({one.name: one.default or 1e5 for one in MODEL.quantities})
+    solution = Solution(values, 0.01, jacobian, 1, 0, 2, 0.0, 100.0, is_cavitating=False)
+    misfit = Misfit((fakes.trace(1),), MODEL, free, SolverOptions(), 100, lambda: False)
+    found = _statuses(misfit, solution)
+    assert found[f"compression_{flat}"] is Status.NOT_IDENTIFIABLE
+    assert (found["compression_slope"] is Status.FITTED) is are_told
+    assert found["rebound_slope"] is Status.FITTED

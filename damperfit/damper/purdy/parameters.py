@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from damperfit.damper.cavitation import Cavitation
-    from damperfit.damper.model import Detour
+    from damperfit.damper.detour import Detour
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
 

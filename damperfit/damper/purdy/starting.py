@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.model import Detour
+from damperfit.damper.detour import Detour
 from damperfit.damper.purdy.closed_forms import gas_pressure, incompressible_design
 from damperfit.damper.purdy.parameters import Parameters
 
