@@ -53,6 +53,7 @@ TRUTH = {
     "twin_tube": {**VALVES, "k_s": 4e5},
     "monotube": {**VALVES, "k_s": 4e5},
     "through_flow": {**VALVES, "k_s": 4e5},
+    "network": {**VALVES, "k_s": 4e5},
     **NUMBERS,
 }
 

@@ -267,6 +267,12 @@ SURFACE = {
         "check_part",
         "declared_quantities",
     ],
+    "damperfit.damper.declared_network": [
+        "DeclaredNetwork",
+        "DeclaredPassage",
+        "LAWS",
+        "declared_passages",
+    ],
     "damperfit.damper.friction": [
         "Friction",
     ],
@@ -294,6 +300,8 @@ SURFACE = {
     "damperfit.damper.valve_starts": [
         "read_strokes",
         "sides",
+        "values_of",
+        "valve_points",
         "valve_starts",
     ],
     "damperfit.damper.rivals": [

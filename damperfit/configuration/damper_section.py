@@ -9,6 +9,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, create_model, model
 from pydantic import ValidationInfo as Info
 from pydantic import field_validator as checks
 
+from damperfit.damper.declared_network import declared_passages
 from damperfit.damper.models import MODELS
 from damperfit.errors import ConfigurationError
 from damperfit.quantities import parse_quantity, says_absolute_or_gauge
@@ -68,25 +69,38 @@ class DamperSection(_Section):
         kind = MODELS[type(self).__name__]
         values = self.model_dump(exclude={"model"})
         inner = _inner(kind)
+        if "passages" in values:
+            values["passages"] = declared_passages(values["passages"])
         return kind(**{k: inner[k](**v) if k in inner else v for k, v in values.items()})
 
 
 def damper_defaults(model: str) -> dict[str, Any]:
     """Return every key of [damper] for a model, as in defaults.toml, in SI."""
     damper: Any = MODELS[model]()
-    return {"model": model, **asdict(damper)}
+    keys = {one.name for one in fields(damper) if one.init}
+    own = {name: value for name, value in asdict(damper).items() if name in keys}
+    if "passages" in own:
+        own["passages"] = [one.table for one in damper.passages]
+    return {"model": model, **own}
 
 
 def _inner(kind: Any) -> dict[str, type]:
     """The fields of a model that are sections of their own, and what they are."""
-    return {one.name: type(one.default) for one in fields(kind) if is_dataclass(one.default)}
+    known = [one for one in fields(kind) if one.init]
+    return {one.name: type(one.default) for one in known if is_dataclass(one.default)}
 
 
 def _section(kind: type[Model]) -> type[DamperSection]:
     inner = _inner(kind)
     keys: dict[str, Any] = {}
     for one in fields(kind):  # type: ignore[arg-type]
-        if one.name in inner:
+        if not one.init:
+            continue
+        if one.name == "passages":
+            keys[one.name] = (list[dict[str, Any]], ...)
+        elif one.type == "bool":
+            keys[one.name] = (bool, ...)
+        elif one.name in inner:
             found: dict[str, Any] = {
                 part.name: (_word(part.name, str(part.type)), ...)
                 for part in fields(inner[one.name])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict
 
+from damperfit.damper.declared_network import DeclaredNetwork
 from damperfit.damper.models import MODELS
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import ValveDamper
@@ -191,7 +192,9 @@ def _every_model() -> list[Model]:
     kinds = (("long", "port"), ("long", "rounded"))
     valves = [Valve(bleed, blow_off) for bleed, blow_off in kinds]
     return [
-        kind(rebound=valve, compression=valve) if issubclass(kind, ValveDamper) else kind()
+        kind(rebound=valve, compression=valve)
+        if issubclass(kind, ValveDamper) and kind is not DeclaredNetwork
+        else kind()
         for kind in MODELS.values()
         for valve in valves
     ]

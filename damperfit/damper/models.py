@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from damperfit.damper.declared_network import DeclaredNetwork
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.rivals import RIVALS
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MODELS", "model_named"]
 
-_ALL: tuple[type[Model], ...] = (Damper, TwinTube, Monotube, ThroughFlow, *RIVALS)
+_ALL: tuple[type[Model], ...] = (Damper, TwinTube, Monotube, ThroughFlow, DeclaredNetwork, *RIVALS)
 MODELS: dict[str, type[Model]] = {one.name: one for one in _ALL}
 
 

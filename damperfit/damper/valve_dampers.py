@@ -176,16 +176,20 @@ class ValveDamper(Cylinder, Model):
     @property
     def sentence(self) -> str:
         """The damper's main figures."""
-        valves = ", ".join(
-            f"{stroke} {valve.bleed} bleed and {valve.blow_off} blow-off"
-            for stroke, valve in (("rebound", self.rebound), ("compression", self.compression))
-        )
         return (
             f"{self.title}; rod {1e3 * self.rod_diameter:g} mm, piston "
             f"{1e3 * self.piston_diameter:g} mm, chambers {1e3 * self.chamber_1_length:g} and "
             f"{1e3 * self.chamber_2_length:g} mm, gas {1e6 * self.gas_volume:g} cm3 at "
             f"{self.gas_pressure / 1e5:.5g} bar absolute, exponent {self.gas_exponent:g}, oil "
-            f"{self.oil_density:g} kg/m3; {valves}"
+            f"{self.oil_density:g} kg/m3; {self.valves_said}"
+        )
+
+    @property
+    def valves_said(self) -> str:
+        """What its valves are, in words."""
+        return ", ".join(
+            f"{stroke} {valve.bleed} bleed and {valve.blow_off} blow-off"
+            for stroke, valve in (("rebound", self.rebound), ("compression", self.compression))
         )
 
     @property
@@ -395,7 +399,7 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
 
 
 def _of_valve(name: str) -> Quantity:
-    stroke, part = name.split("_", 1)
+    stroke, part = name.rsplit("_", 1)
     symbol, label, meaning, unit, plausible, power, shown = _PARTS[part]
     return Quantity(
         name,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from damperfit.damper.valve_dampers import ValveDamper
     from damperfit.recording import Trace
 
-__all__ = ["read_strokes", "sides", "valve_starts"]
+__all__ = ["read_strokes", "sides", "values_of", "valve_points", "valve_starts"]
 
 # Openings tried beside those read, in shares of the largest pressure: rebound, compression.
 _GUESSES = ((0.35, 0.35), (0.75, 0.35), (0.35, 0.75), (0.75, 0.75))
@@ -61,6 +61,13 @@ def valve_starts(
     fixed : mapping of str to float
         What is held.
     """
+    return tuple(values_of(damper, one, fixed) for one in valve_points(damper, traces, fixed))
+
+
+def valve_points(
+    damper: ValveDamper, traces: Sequence[Trace], fixed: Mapping[str, float]
+) -> list[dict[str, float]]:
+    """Return the same points by name, whatever of it the damper has."""
     loops = _loops(damper, traces)
     half = 0.5 * max(float(np.ptp(loop.force)) for loop in loops)
     readings = [
@@ -76,7 +83,7 @@ def valve_starts(
         _general(damper, one, traces) | _valves(damper, one, traces, None) for one in readings
     ]
     points += [points[0] | _valves(damper, readings[0], traces, guess) for guess in _GUESSES]
-    return tuple(_values(damper, point, fixed) for point in points)
+    return points
 
 
 def read_strokes(
@@ -178,7 +185,9 @@ def _parts(
     return {part: known[part] for part in (*BLEEDS[valve.bleed], *BLOW_OFFS[valve.blow_off])}
 
 
-def _values(damper: ValveDamper, point: Mapping[str, float], fixed: Mapping[str, float]) -> Values:
+def values_of(
+    damper: ValveDamper, point: Mapping[str, float], fixed: Mapping[str, float]
+) -> Values:
     """Return values within the plausible ranges; what the damper has not is left out."""
     found: dict[str, float] = {}
     for one in damper.quantities:

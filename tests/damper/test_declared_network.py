@@ -1,0 +1,200 @@
+"""Passages one by one: spelled out, a preset is itself; what is no passage is refused."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from damperfit.configuration.loading import configuration_toml, load_configuration
+from damperfit.damper.declared_network import DeclaredNetwork, DeclaredPassage, declared_passages
+from damperfit.damper.mounting import Mounting
+from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
+from damperfit.errors import ConfigurationError
+from damperfit.identification import FitOptions, identify
+from damperfit.simulation import SolverOptions, simulate
+from tests.damper.test_valve_dampers import HELD, VALVES, log, motion
+
+P = DeclaredPassage
+TWIN = (
+    P(1, 2, "rebound", "orifice", is_two_way=True), P(1, 2, "rebound", "linear"),
+    P(2, 1, "return", "check"),
+    P(2, 3, "compression", "orifice", is_two_way=True), P(2, 3, "compression", "linear"),
+    P(3, 2, "return", "check"),
+)  # fmt: skip
+SPELLED = {
+    "twin_tube": (TwinTube, TWIN, False),
+    "through_flow": (
+        ThroughFlow,
+        (
+            P(1, 3, "rebound", "orifice", is_two_way=True), P(1, 3, "rebound", "linear"),
+            P(3, 1, "return", "check"),
+            P(2, 3, "compression", "orifice", is_two_way=True), P(2, 3, "compression", "linear"),
+            P(3, 2, "return", "check"),
+        ),
+        False,
+    ),
+    "monotube": (
+        Monotube,
+        (
+            P(1, 2, "rebound", "orifice"), P(1, 2, "rebound", "linear"),
+            P(2, 1, "compression", "orifice"), P(2, 1, "compression", "linear"),
+        ),
+        True,
+    ),
+}  # fmt: skip
+ALL = Mounting("fit", "fit", "fit")
+
+
+def both(name):
+    kind, passages, floats = SPELLED[name]
+    pressure = 2.5e6 if floats else 5e5
+    return (
+        kind(gas_pressure=pressure, mounting=ALL),
+        DeclaredNetwork(
+            gas_pressure=pressure, mounting=ALL, passages=passages, floating_piston=floats
+        ),
+    )
+
+
+@pytest.mark.parametrize("name", SPELLED)
+def test_a_preset_spelled_out_has_its_quantities_its_force_and_its_slopes(name):
+    preset, spelled = both(name)
+    assert spelled.quantities == preset.quantities
+    values = preset.values({**VALVES, **HELD})
+    wanted = preset.names
+    one = simulate(values, preset, motion(), sensitivities=wanted)
+    other = simulate(values, spelled, motion(), sensitivities=wanted)
+    assert np.array_equal(one.force, other.force)
+    for number in wanted:
+        assert np.array_equal(one.sensitivities[number], other.sensitivities[number])
+    assert spelled.pressed_areas == preset.pressed_areas
+    assert spelled.rest_force(0.01) == preset.rest_force(0.01)
+
+
+def test_a_fit_of_it_starts_and_ends_as_that_of_the_preset():
+    kind, passages, _ = SPELLED["twin_tube"]
+    preset, spelled = kind(gas_pressure=5e5), DeclaredNetwork(gas_pressure=5e5, passages=passages)
+    made = log(preset, preset.values({**VALVES, "k_s": 4e5}))
+    held = {one.name: one.default for one in preset.quantities if one.default is not None}
+    for one, other in zip(spelled.start([made], held), preset.start([made], held), strict=True):
+        assert one.numbers == pytest.approx(other.numbers, rel=1e-9)
+    (fit,) = identify(
+        [made], spelled, FitOptions("plain", solver=SolverOptions(tolerance=1e-2))
+    ).fits
+    for number, true in VALVES.items():
+        assert getattr(fit.parameters, number) == pytest.approx(true, rel=0.03, abs=0.3)
+
+
+def test_a_damper_that_is_no_preset_is_fitted():
+    """A piston valve with two stacks in rebound, a leak about it, and a base valve with a port."""
+    passages = (
+        P(1, 2, "piston", "orifice", is_two_way=True), P(1, 2, "low", "linear"),
+        P(2, 1, "intake", "check"), P(1, 2, "ring", "leak", is_two_way=True),
+        P(2, 3, "base", "orifice", is_two_way=True), P(2, 3, "base", "port"),
+        P(3, 2, "foot", "check"),
+    )  # fmt: skip
+    model = DeclaredNetwork(gas_pressure=5e5, passages=passages)
+    truth = model.values(
+        piston_bleed=9e4, low_opening=4e5, low_slope=6e6, intake_slope=3e5, ring_leak=3e7,
+        base_bleed=6e4, base_opening=9e5, base_slope=9e6, base_port=4e4, foot_slope=2e5,
+        k_s=4e5, f_f=15.0, f_0=0.0,
+    )  # fmt: skip
+    made = log(model, truth)
+    (start, *_) = model.start([made], {})
+    assert np.isfinite(simulate(start, model, motion(cycles=1)).force).all()
+    (fit,) = identify([made], model, FitOptions("plain", solver=SolverOptions(tolerance=1e-2))).fits
+    assert fit.mse_percent < 0.01
+    assert "1 to 2 and back piston (orifice), 1 to 2 low (linear)" in model.sentence
+    assert model.valve_characteristics(truth, [made]) == ()
+
+
+TOML = """[damper]
+model = "network"
+gas_pressure = "5bara"
+floating_piston = false
+[[damper.passages]]
+from = 1
+to = 3
+name = "needle"
+law = "long"
+two_way = true
+[[damper.passages]]
+from = 3
+to = 1
+name = "foot"
+law = "check"
+[[damper.passages]]
+from = 2
+to = 3
+name = "base"
+law = "rounded"
+[[damper.passages]]
+from = 3
+to = 2
+name = "foot"
+law = "check"
+[damper.mounting]
+series_stiffness = "none"
+"""
+
+
+def test_toml_declares_it_and_config_prints_it_back(tmp_path):
+    path = tmp_path / "damper.toml"
+    path.write_text(TOML)
+    made = load_configuration(path)
+    assert isinstance(made.damper, DeclaredNetwork)
+    assert made.damper.names[:6] == (
+        "needle_leak", "needle_bleed", "foot_slope", "base_opening", "base_slope", "base_width",
+    )  # fmt: skip
+    assert made.damper.passages[0] == P(1, 3, "needle", "long", is_two_way=True)
+    text = configuration_toml(made)
+    again = tmp_path / "again.toml"
+    again.write_text(text)
+    assert load_configuration(again).damper == made.damper
+    assert tomllib.loads(text)["damper"]["passages"][1]["name"] == "foot"
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"from": 4}, r"passage 2: from = 4; expected chamber 1 \(rod side\)"),
+        ({"to": True}, "passage 2: to = True; expected chamber"),
+        ({"to": 1}, "passage 2 leads from chamber 1 to itself"),
+        ({"law": "orifise"}, "passage 2: no law 'orifise'; .* Did you mean 'orifice'"),
+        ({"name": "Base valve"}, "passage 2: name = 'Base valve'; expected small letters"),
+        ({"two_way": 1}, "passage 2: two_way = 1; expected true or false"),
+        ({"twoway": True}, "passage 2 has no key 'twoway'; .* Did you mean 'two_way'"),
+    ],
+)
+def test_what_is_no_passage_is_refused_with_its_place(changed, said):
+    good = {"from": 1, "to": 2, "name": "one", "law": "orifice"}
+    with pytest.raises(ConfigurationError, match=said):
+        declared_passages([good, good | changed])
+    with pytest.raises(ConfigurationError, match="passage 1 lacks to, law"):
+        declared_passages([{"from": 1, "name": "one"}])
+
+
+def test_a_refusal_names_the_file(tmp_path):
+    path = tmp_path / "damper.toml"
+    path.write_text(TOML.replace('law = "rounded"', 'law = "round"'))
+    with pytest.raises(
+        ConfigurationError, match=r"damper.toml.*passage 3: no law 'round'"
+    ) as found:
+        load_configuration(path)
+    assert "\n" not in str(found.value)
+
+
+def test_a_layout_that_cannot_be_is_refused():
+    with pytest.raises(ConfigurationError, match="passage 2 joins 2 and 3, which are one behind"):
+        DeclaredNetwork(passages=(P(1, 2, "a", "leak"), P(2, 3, "b", "leak")), floating_piston=True)
+    with pytest.raises(ConfigurationError, match="none leads to or from chamber 1"):
+        DeclaredNetwork(passages=(P(2, 3, "a", "leak"),))
+    many = tuple(P(1, 2, "a", "leak") for _ in range(17))
+    with pytest.raises(ConfigurationError, match="17 passages"):
+        DeclaredNetwork(passages=many)
+    assert (
+        "rebound"
+        not in load_configuration(overlay={"damper": {"model": "network"}}).document["damper"]
+    )
