@@ -55,6 +55,14 @@ SURFACE = {
     ],
     "damperfit.fleet.tasks": ["Share", "Task", "content_key", "parted", "share_of", "tasks_of"],
     "damperfit.fleet.whole_fleet": ["Engine", "planned", "run_fleet"],
+    "damperfit.configuration.drawings": ["DRAWINGS", "MEASURED"],
+    "damperfit.queries.first_configuration": [
+        "Guessed",
+        "check_damper",
+        "damper_keys",
+        "first_configuration",
+        "guess_from_logs",
+    ],
     "damperfit.door.asked": ["configured", "declared_setting", "texts"],
     "damperfit.door.calls": [
         "compare",

@@ -14,9 +14,11 @@ import typer
 from damperfit.cli.compare import compare
 from damperfit.cli.config import config
 from damperfit.cli.console import say, shield_streams, silence_broken_pipe
+from damperfit.cli.doctor import doctor
 from damperfit.cli.export import export
 from damperfit.cli.fleet import fleet
 from damperfit.cli.identify import identify
+from damperfit.cli.init import init
 from damperfit.cli.inspect import inspect
 from damperfit.cli.models import models
 from damperfit.cli.options import DebugOption, VersionOption
@@ -71,6 +73,8 @@ for _command in (
     inspect,
     samples,
     config,
+    init,
+    doctor,
 ):
     app.command()(_heard(_command))
 

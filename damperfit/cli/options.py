@@ -68,12 +68,18 @@ DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback o
 VersionOption = Annotated[
     bool,
     typer.Option(
-        "--version", help="Print the version and leave.", callback=_print_version, is_eager=True
+        "--version",
+        "-V",
+        help="Print the version and leave.",
+        callback=_print_version,
+        is_eager=True,
     ),
 ]
 LogsArgument = Annotated[
     list[str],
-    typer.Argument(metavar="LOGS...", help="Log files or patterns such as 'runs/*.csv'."),
+    typer.Argument(
+        metavar="LOGS...", help="Log files, patterns such as 'runs/*.csv', folders, @list.txt."
+    ),
 ]
 JobsOption = Annotated[
     int | None,

@@ -7,23 +7,30 @@ from contextlib import suppress
 from pathlib import Path
 
 from damperfit.errors import ConfigurationError
+from damperfit.readers.formats import LOG_SUFFIXES
 
 __all__ = ["matches"]
 
 
 def matches(pattern: str) -> list[Path]:
-    """Return the files that a path or pattern names.
+    """Return the files that a path, a pattern, a folder or ``@list.txt`` names.
+
+    A folder stands for the logs in it, not below it: files with the suffix of a format that is
+    read. A list has one path or pattern a line, relative to where the command is run; empty lines
+    and those that begin with ``#`` count for nothing.
 
     Raises
     ------
     ConfigurationError
-        There is none, or it is a folder.
+        There is none.
     """
     path = Path(pattern)
     if _is_folder(path):
-        raise ConfigurationError(f"{pattern}: is a folder; name the logs in it, as in {path}/*.csv")
+        return _logs_in(path)
     if _may_exist(path):
         return [path]
+    if pattern.startswith("@"):
+        return _listed(pattern)
     if any(c in pattern for c in "*?["):
         hits = [Path(hit) for hit in glob.glob(pattern, recursive=True)]
         files = [hit for hit in hits if not _is_folder(hit)]
@@ -31,6 +38,48 @@ def matches(pattern: str) -> list[Path]:
             raise ConfigurationError(f"{pattern}: the pattern matches no file")
         return files
     raise ConfigurationError(f"{pattern}: no such file")
+
+
+def _logs_in(folder: Path) -> list[Path]:
+    try:
+        entries = sorted(folder.iterdir())
+    except OSError as error:
+        raise ConfigurationError(f"{folder}: cannot be read: {error.strerror or error}") from error
+    names = (one for one in entries if one.name[0] != "." and not _is_folder(one))
+    found = [one for one in names if one.name.lower().endswith(LOG_SUFFIXES)]
+    if any(one.name == "run.json" for one in found):
+        raise ConfigurationError(
+            f"{folder}: holds results, no logs (run.json is there); give the folder of the logs"
+        )
+    if not found:
+        raise ConfigurationError(
+            f"{folder}: no log in this folder; expected files such as "
+            f"{', '.join(LOG_SUFFIXES[:4])}; for those of its folders give {folder}/*/*.csv"
+        )
+    return found
+
+
+def _listed(pattern: str) -> list[Path]:
+    path = Path(pattern[1:])
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, ValueError) as error:
+        said = getattr(error, "strerror", None) or error
+        raise ConfigurationError(f"{pattern}: the list {path} cannot be read: {said}") from error
+    found: list[Path] = []
+    for number, line in enumerate(lines, start=1):
+        text = line.strip()
+        if not text or text.startswith("#"):
+            continue
+        if text.startswith("@"):
+            raise ConfigurationError(f"{path}:{number}: a list in a list is not followed: {text}")
+        try:
+            found += matches(text)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{path}:{number}: {error}") from error
+    if not found:
+        raise ConfigurationError(f"{pattern}: the list names no log")
+    return found
 
 
 def _is_folder(path: Path) -> bool:

@@ -144,7 +144,11 @@ def test_the_proofs_stand_elsewhere() -> None:
 @pytest.mark.parametrize("command", ["inspect", "identify"])
 @pytest.mark.parametrize(
     ("log", "says"),
-    [("nowhere.csv", "no such file"), (".", "is a folder"), ("*.nothing", "matches no file")],
+    [
+        ("nowhere.csv", "no such file"),
+        (".", "no log in this folder"),
+        ("*.nothing", "matches no file"),
+    ],
 )
 def test_f01_a_path_that_is_no_file_is_wrong_usage(run, tmp_path, command, log, says) -> None:
     ended = run(command, log)

@@ -176,7 +176,7 @@ def test_a_gate_that_is_not_met_is_code_4_and_everything_is_written(run, logs, t
     [
         (["nope.csv"], "nope.csv: no such file"),
         (["nope*.csv"], "nope*.csv: the pattern matches no file"),
-        (["."], "is a folder"),
+        (["."], "no log in this folder"),
         (["LOG", "nope.csv"], "nope.csv: no such file"),
         (["LOG", "--config", "nope.toml"], "nope.toml: cannot be read"),
         (["LOG", "--frree", "r_m1"], "No such option: --frree"),

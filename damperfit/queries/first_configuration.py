@@ -1,0 +1,264 @@
+"""The first configuration of a damper of one's own: what its logs show, what must be measured."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from damperfit.conditioning import condition
+from damperfit.configuration.drawings import DRAWINGS, MEASURED
+from damperfit.configuration.loading import load_configuration
+from damperfit.damper.models import model_named
+from damperfit.errors import DamperfitError, LogError
+from damperfit.identity import IDENTITY_KEYS, common_identity, identity_in
+from damperfit.readers import guess_settings, read_logs
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from damperfit.readers import ReadOptions
+    from damperfit.recording import Recording
+
+__all__ = ["Guessed", "check_damper", "damper_keys", "first_configuration", "guess_from_logs"]
+
+_FEW = 3  # logs that are read; the others are named alike
+# Units that are tried for a column that says none, the likeliest first.
+_UNITS = {"time": ("s", "ms"), "displacement": ("mm", "m", "in"), "force": ("N", "kN", "lbf")}
+# What a damper's test looks like: amplitude in m, peak force in N, duration in s.
+_AMPLITUDES = (5e-4, 0.25)
+_FORCES = (30.0, 5e4)
+_DURATIONS = (0.2, 7200.0)
+_LACKS = re.compile(r"rig\.units \(--rig units\.(\w+)=")
+
+
+@dataclass(frozen=True, slots=True)
+class Guessed:
+    """What logs show of the rig and the test.
+
+    Attributes
+    ----------
+    rig : mapping
+        Keys of [rig].
+    test : mapping of str to str
+        Keys of [test] that all logs agree in.
+    why : tuple of str
+        A sentence for each guess.
+    open : tuple of str
+        What they do not show, a sentence each.
+    """
+
+    rig: Mapping[str, Any]
+    test: Mapping[str, str]
+    why: tuple[str, ...] = ()
+    open: tuple[str, ...] = ()
+
+
+def guess_from_logs(logs: Sequence[Path]) -> Guessed:
+    """Return what can be seen in logs: units, setting, signs, whose they are.
+
+    Parameters
+    ----------
+    logs : sequence of pathlib.Path
+        Of one damper and one rig; a few are read.
+    """
+    rig: dict[str, Any] = {}
+    why: list[str] = []
+    unknown: list[str] = []
+    options = load_configuration().reading
+    recordings: list[Recording] = []
+    for path in logs[:_FEW]:
+        try:
+            found, units = _read(path, options)
+        except DamperfitError as error:
+            unknown.append(str(error))
+            continue
+        recordings += found
+        for channel, unit in units.items():
+            if rig.setdefault("units", {}).setdefault(channel, unit) == unit and path == logs[0]:
+                why.append(_unit_sentence(channel, unit, found[0]))
+    said = [one.setting for one in recordings]
+    guess = guess_settings(path.name for path in logs)
+    if guess.settings and any(one is None for one in said):
+        pattern = re.search(r"setting_pattern=(.*)'$", guess.sentence)
+        if pattern:
+            rig["setting_pattern"] = pattern[1]
+            why.append(guess.sentence.partition(";")[0])
+    elif recordings and any(one is None for one in said):
+        unknown.append(
+            "the logs do not say their setting: name them setting_10.csv, write '# setting: 10' "
+            "into them, or give rig.setting_pattern or a table tests.csv"
+        )
+    signs = [_signs(one) for one in recordings]
+    for channel in ("displacement", "force"):
+        if signs and all(f"reverse_{channel}" in one for one in signs):
+            rig[f"reverse_{channel}"] = True
+            why.append(f"the {channel} counts positive in bump: the loops show it")
+    identity = common_identity(identity_in(one.metadata) for one in recordings)
+    told = {key: getattr(identity, key) for key in IDENTITY_KEYS}
+    test = {key: value for key, value in told.items() if value and "," not in value}
+    return Guessed(rig, test, tuple(why), tuple(dict.fromkeys(unknown)))
+
+
+def _read(path: Path, options: ReadOptions) -> tuple[tuple[Recording, ...], dict[str, str]]:
+    """Read a log, with likely units for columns that say none; and these units."""
+    try:
+        return read_logs(path, options), {}
+    except LogError as error:
+        lacking = [channel for channel in _LACKS.findall(str(error)) if channel in _UNITS]
+        if not lacking:
+            raise
+    for chosen in product(*(_UNITS[channel] for channel in lacking)):
+        units = dict(zip(lacking, chosen, strict=True))
+        declared = load_configuration(overlay={"rig": {"units": units}}).reading
+        found = read_logs(path, declared)
+        if all(map(_is_likely, found)):
+            return found, units
+    raise LogError(
+        f"{path.name}: columns without units, and no common units make a damper's test of them: "
+        f"declare rig.units ({', '.join(lacking)})"
+    )
+
+
+def _is_likely(recording: Recording) -> bool:
+    amplitude = float(np.ptp(recording.displacement)) / 2.0
+    force = float(np.max(np.abs(recording.force - np.median(recording.force))))
+    duration = float(recording.time[-1] - recording.time[0])
+    seen = ((amplitude, _AMPLITUDES), (force, _FORCES), (duration, _DURATIONS))
+    return all(low <= value <= high for value, (low, high) in seen)
+
+
+def _unit_sentence(channel: str, unit: str, recording: Recording) -> str:
+    seen = {
+        "time": f"the log then lasts {recording.time[-1] - recording.time[0]:.3g} s",
+        "displacement": f"its amplitude is then {500.0 * np.ptp(recording.displacement):.3g} mm",
+        "force": f"its largest is then {np.max(np.abs(recording.force)):.4g} N",
+    }
+    return f"{channel} is taken in {unit}: {seen[channel]}"
+
+
+def _signs(recording: Recording) -> dict[str, bool]:
+    """Return whether channels are reversed, where the loop itself tells."""
+    try:
+        trace = condition(recording)
+    except DamperfitError:
+        return {}
+    # A note is certain; where it is a warning the direction is not known.
+    certain = {one.name for one in trace.findings if one.severity == "note"}
+    return {
+        f"reverse_{channel}": True
+        for channel in ("displacement", "force")
+        if f"{channel}_polarity" in certain
+    }
+
+
+def first_configuration(model: str, given: Mapping[str, str], guessed: Guessed) -> str:
+    """Return a commented TOML of a damper: what was given, what was seen, what is to be measured.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    given : mapping of str to str
+        Keys of [damper] that are known, as text with units.
+    guessed : Guessed
+        What the logs show.
+    """
+    kind = model_named(model)
+    lines = [
+        "# Configuration of one damper and its rig: damperfit identify LOGS --config THIS_FILE.",
+        "# A key with # in front has its default; damperfit config prints all keys and defaults.",
+        "",
+        "[damper]",
+        f'model = "{kind.name}"',
+    ]
+    if kind.name in DRAWINGS:
+        lines += ["#", *(f"# {line}".rstrip() for line in DRAWINGS[kind.name].splitlines()), "#"]
+    defaults = damper_keys(kind.name)
+    for key, text in defaults.items():
+        value = _toml(given.get(key, text))
+        mark = "" if key in given else "# "
+        comment = MEASURED.get(key, "")
+        entry = f"{mark}{key} = {value}"
+        lines.append(f"{entry:<34} # {comment}" if comment else entry)
+    lines += ["", "[test]"]
+    lines += [f"{key} = {_text(value)}" for key, value in guessed.test.items()]
+    lines += [
+        *(f'# {key} = ""' for key in ("damper", "serial", "operator") if key not in guessed.test),
+        "",
+        "[rig]",
+        *(f"# {sentence}" for sentence in guessed.why),
+    ]
+    lines += [f"{key} = {_toml(value)}" for key, value in guessed.rig.items()]
+    lines += [f"# open: {sentence}" for sentence in guessed.open]
+    lines += [
+        "# temperature_tolerance = inf      # ask for no temperature",
+        "",
+        "# [adjusters]                      # more than the one, setting: in the order of R12 C8",
+        '# rebound = "from open"',
+        '# compression = "from open"',
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def damper_keys(model: str) -> dict[str, str]:
+    """Return the plain keys of [damper] and their defaults, as text."""
+    document = load_configuration(overlay={"damper": {"model": model}}).document["damper"]
+    ranges = model_named(model).ranges
+    return {
+        key: _with_unit(value, ranges[key][2] if key in ranges else "")
+        for key, value in document.items()
+        if key != "model" and not isinstance(value, dict)
+    }
+
+
+# SI unit of a key: the unit that people measure it in, and its size.
+_MEASURED_IN = {
+    "m": ("mm", 1e-3),
+    "m3": ("cm3", 1e-6),
+    "Pa": ("bara", 1e5),
+    "kg/m3": ("kg/m3", 1.0),
+}
+
+
+def _with_unit(value: Any, unit: str) -> str:
+    if isinstance(value, str) or unit not in _MEASURED_IN:
+        return str(value)
+    name, size = _MEASURED_IN[unit]
+    return f"{float(value) / size:.6g}{name}"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items()) + "}"
+    try:
+        float(value)
+    except ValueError:
+        return _text(str(value))
+    return str(value)
+
+
+def _text(value: str) -> str:
+    """Return text as TOML has it; without escapes where it can be."""
+    if "\\" in value and "'" not in value:
+        return f"'{value}'"
+    return json.dumps(value, ensure_ascii=False)
+
+
+def check_damper(model: str, given: Mapping[str, str]) -> None:
+    """Refuse keys of [damper] that there are none of, or values that cannot be.
+
+    Raises
+    ------
+    ConfigurationError
+        One of them is wrong.
+    """
+    options = {f"damper.{key}": f"--set {key}" for key in given}
+    load_configuration(overlay={"damper": {"model": model, **given}}, options=options)

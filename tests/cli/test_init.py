@@ -1,0 +1,215 @@
+"""``damperfit init`` and ``doctor``, and logs named by folder and list."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from damperfit.cli.main import main
+from damperfit.configuration.drawings import DRAWINGS, MEASURED
+from damperfit.configuration.loading import load_configuration
+from damperfit.damper.models import MODELS
+from damperfit.queries.first_configuration import Guessed, damper_keys, first_configuration
+
+SAMPLES = Path(__file__).parents[2] / "sample_runs"
+
+
+@pytest.fixture(scope="module")
+def text():
+    """One sample log without its preamble, 4 s of it."""
+    lines = (SAMPLES / "setting_10.csv").read_text().splitlines(keepends=True)
+    return "".join(line for line in lines if line[0] != "#")[:48_000].rpartition("\n")[0] + "\n"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def bare(text: str, factor: float = 1.0, length: float = 1.0) -> str:
+    """The log with names that tell no unit, and force and displacement in other ones."""
+    rows = [line.split(",") for line in text.splitlines()[1:]]
+    told = (f"{t},{float(x) * length!r},{float(f) * factor!r}" for t, x, f, _ in rows)
+    return "\n".join(["Time,Position,Load", *told]) + "\n"
+
+
+@pytest.mark.parametrize("model", ["purdy", "twin_tube", "monotube", "through_flow"])
+def test_what_is_written_is_read_with_and_without_its_marks(model, folder):
+    written = first_configuration(model, {"rod_diameter": "12mm"}, Guessed({}, {}))
+    path = folder / "damper.toml"
+    path.write_text(written)
+    found = load_configuration(path)
+    assert found.damper.name == model
+    assert found.damper.rod_diameter == pytest.approx(0.012)
+    assert f"damper.{'piston_diameter'}" not in found.declared
+    # Without the marks everything is declared, with the values that were assumed before.
+    keys = "|".join(damper_keys(model))
+    path.write_text(re.sub(rf"(?m)^# ({keys}) = ", r"\1 = ", written))
+    declared = load_configuration(path)
+    assert declared.damper == found.damper
+    assert {f"damper.{key}" for key in damper_keys(model)} <= declared.declared
+
+
+def test_every_key_that_is_measured_is_explained_and_drawn():
+    for model, drawing in DRAWINGS.items():
+        for key in damper_keys(model):
+            assert MEASURED[key], key
+            if key.endswith(("_diameter", "_length", "_volume")):
+                assert key in drawing, (model, key)
+        assert model in MODELS
+
+
+def test_settings_units_and_serials_are_seen_in_logs(folder, text, capsys):
+    for click in ("02", "10"):
+        head = "# serial: SN7\n# operator: Kim\n"
+        (folder / f"D7_C{click}.csv").write_text(head + bare(text))
+    assert main(["init", "D7_C02.csv", "D7_C10.csv", "--set", "rod_diameter=19mm"]) == 0
+    said = capsys.readouterr()
+    found = tomllib.loads((folder / "damper.toml").read_text())
+    assert found["rig"]["units"] == {"time": "s", "displacement": "mm", "force": "N"}
+    assert found["rig"]["setting_pattern"] == r"C(?P<setting>\d+)"
+    assert found["test"] == {"serial": "SN7", "operator": "Kim"}
+    assert "note: displacement is taken in mm: its amplitude is then 32 mm" in said.err
+    # The logs are looked at with it.
+    assert "$ damperfit inspect D7_C02.csv D7_C10.csv --config damper.toml" in said.out
+    assert "D7_C10.csv   10" in said.out
+    assert "refused" not in said.out
+
+
+@pytest.mark.parametrize(
+    ("factor", "length", "units"),
+    [
+        (1e-3, 1.0, {"displacement": "mm", "force": "kN"}),
+        (1.0, 1e-3, {"displacement": "m", "force": "N"}),
+    ],
+)
+def test_units_are_those_that_make_a_damper_s_test(factor, length, units, folder, text):
+    (folder / "setting_10.csv").write_text(bare(text, factor, length))
+    assert main(["init", "setting_10.csv", "-q"]) == 0
+    found = tomllib.loads((folder / "damper.toml").read_text())
+    assert found["rig"]["units"] == {"time": "s", **units}
+
+
+def test_units_that_make_no_test_of_a_damper_are_asked_for(folder, text, capsys):
+    (folder / "setting_10.csv").write_text(bare(text, 1e9, 1e9))
+    assert main(["init", "setting_10.csv"]) != 0
+    assert "no common units make a damper's test" in capsys.readouterr().err
+    assert "# open: setting_10.csv: columns without units" in (folder / "damper.toml").read_text()
+
+
+def test_signs_that_the_loops_show_are_written(folder, text):
+    rows = [line.split(",") for line in text.splitlines()[1:]]
+    turned = "\n".join(f"{t},{-float(x)!r},{-float(f)!r}" for t, x, f, _ in rows)
+    (folder / "setting_10.csv").write_text(f"time_s,displacement_mm,force_N\n{turned}\n")
+    main(["init", "setting_10.csv", "-q"])
+    found = tomllib.loads((folder / "damper.toml").read_text())
+    plain = folder / "plain"
+    plain.mkdir()
+    (plain / "setting_10.csv").write_text(text)
+    main(["init", "plain/setting_10.csv", "-q", "--out", "plain.toml"])
+    assert "reverse_force" not in tomllib.loads((folder / "plain.toml").read_text()).get("rig", {})
+    signs = {key: found["rig"].get(key) for key in ("reverse_displacement", "reverse_force")}
+    assert set(signs.values()) in ({None}, {True})
+
+
+def test_a_file_that_is_there_stays_unless_forced(folder, capsys):
+    (folder / "damper.toml").write_text("mine")
+    assert main(["init"]) == 2
+    assert "is there already; give --force" in capsys.readouterr().err
+    assert (folder / "damper.toml").read_text() == "mine"
+    assert main(["init", "--force", "-q"]) == 0
+    assert load_configuration(folder / "damper.toml").damper.name == "purdy"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--set", "rod_diamter=12mm"], "unknown key 'rod_diamter' in [damper]"),
+        (["--set", "rod_diameter=12bar"], "--set rod_diameter"),
+        (["--model", "monotub"], "monotub"),
+        (["nowhere.csv"], "nowhere.csv: no such file"),
+    ],
+)
+def test_wrong_usage_is_told_and_writes_nothing(arguments, said, folder, capsys):
+    assert main(["init", *arguments]) == 2
+    assert said in capsys.readouterr().err
+    assert list(folder.iterdir()) == []
+
+
+def test_a_dash_prints_it(folder, capsys):
+    assert main(["init", "--out", "-", "--model", "twin_tube"]) == 0
+    assert tomllib.loads(capsys.readouterr().out)["damper"] == {"model": "twin_tube"}
+    assert list(folder.iterdir()) == []
+
+
+def test_doctor_fits_and_names_what_is_there(capsys):
+    assert main(["doctor", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["checks"]["fit"]["works"]
+    assert found["extras"]["tdms"]
+    assert main(["doctor"]) == 0
+    assert "fit        works: R_m1 of a made-up log within" in capsys.readouterr().out
+
+
+def test_doctor_says_what_mends_a_broken_core(monkeypatch, capsys):
+    def broken() -> str:
+        raise ImportError("undefined symbol")
+
+    monkeypatch.setattr("damperfit.cli.doctor._core", broken)
+    monkeypatch.setattr("damperfit.cli.doctor._version", lambda _: "")
+    assert main(["doctor"]) == 1
+    said = capsys.readouterr().out
+    assert "core       FAILS: ImportError: undefined symbol; to mend it: pip install" in said
+    assert "not there: pip install 'damperfit[tdms]'" in said
+
+
+class TestLogsByFolderAndList:
+    """A folder stands for its logs, @list.txt for what it names."""
+
+    @pytest.fixture(autouse=True)
+    def logs(self, folder):
+        (folder / "runs").mkdir()
+        for number in ("01", "10"):
+            name = f"setting_{number}.csv"
+            (folder / "runs" / name).symlink_to(SAMPLES / name)
+        (folder / "runs" / "README.md").write_text("no log")
+        (folder / "runs" / "deeper").mkdir()
+        return folder / "runs"
+
+    def names(self, capsys, *arguments: str) -> list[str]:
+        assert main(["inspect", "--json", *arguments]) == 0
+        return [Path(one["path"]).name for one in json.loads(capsys.readouterr().out)["logs"]]
+
+    def test_a_folder(self, logs, capsys):
+        assert self.names(capsys, str(logs)) == ["setting_01.csv", "setting_10.csv"]
+
+    def test_a_list_with_remarks_and_patterns(self, folder, capsys):
+        (folder / "list.txt").write_text("# of May\n\nruns/setting_1*.csv\nruns/setting_01.csv\n")
+        assert self.names(capsys, "@list.txt") == ["setting_01.csv", "setting_10.csv"]
+
+    @pytest.mark.parametrize(
+        ("text", "said"),
+        [
+            ("# nothing\n", "@list.txt: the list names no log"),
+            ("runs/setting_01.csv\nnowhere.csv\n", "list.txt:2: nowhere.csv: no such file"),
+            ("@list.txt\n", "list.txt:1: a list in a list is not followed"),
+        ],
+    )
+    def test_a_list_that_is_wrong(self, text, said, folder, capsys):
+        (folder / "list.txt").write_text(text)
+        assert main(["inspect", "@list.txt"]) == 2
+        assert said in capsys.readouterr().err
+
+    def test_a_list_that_is_not_there(self, capsys):
+        assert main(["inspect", "@list.txt"]) == 2
+        assert "the list list.txt cannot be read" in capsys.readouterr().err
+
+    def test_a_folder_of_results_is_no_folder_of_logs(self, folder, capsys):
+        (folder / "run.json").write_text("{}")
+        assert main(["inspect", "."]) == 2
+        assert "holds results, no logs" in capsys.readouterr().err
