@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ComparisonOptions", "RunComparison", "compare_runs"]
 
+_FEW_REPEATS = 3  # fewer tell little of a scatter
 _Tables = tuple[dict[Topic, Reading], ...]
 
 
@@ -182,7 +183,7 @@ def compare_runs(
         settings,
         motion,
         (*lines, *told),
-        notes=tuple(_notes(runs, lines)),
+        notes=(*_on_repeats(repeats), *_notes(runs, lines)),
         remarks=tuple(dict.fromkeys(one.message for one in mishaps)),
         traces=tuple(one.trace for one in mishaps if one.trace),
     )
@@ -255,6 +256,15 @@ def _speeds(sine: Sine, options: ComparisonOptions) -> tuple[float, ...]:
             "--velocity, or a larger --amplitude or --frequency"
         )
     return tuple(speeds)
+
+
+def _on_repeats(repeats: Sequence[Run]) -> Iterator[str]:
+    if 0 < len(repeats) < _FEW_REPEATS:
+        n = len(repeats) + 1
+        yield (
+            f"{n} runs of A tell its scatter with {n - 1} degree{'s' * (n > 2)} of freedom: "
+            f"intervals are {'six times' if n == 2 else 'twice'} as wide as those of many would be"
+        )
 
 
 def _notes(runs: Sequence[Run], lines: Sequence[Difference]) -> Iterator[str]:

@@ -119,8 +119,9 @@ def adjuster_in(
     configuration = _configuration(folder, config, results.record, remarks)
     stages = tuple(_stages(results, remarks))
     if not stages:
+        why = f" ({'; '.join(results.remarks)})" if results.remarks else ""
         raise ConfigurationError(
-            f"{folder}: no setting has all parameters; run damperfit identify LOGS first"
+            f"{folder}: no setting has all parameters{why}; run damperfit identify LOGS first"
         )
     own = motion_of_tests(results.record, {stage.setting.cell for stage in stages})
     if own is None and not (amplitude and frequency):

@@ -18,7 +18,7 @@ from damperfit.comparison import (
 )
 from damperfit.errors import ConfigurationError
 from damperfit.quantities import parse_quantity
-from damperfit.queries.runs_to_compare import holds_runs, named_apart, pairs_of, read_run
+from damperfit.queries.runs_to_compare import Pair, holds_runs, named_apart, pairs_of, read_run
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -121,6 +121,7 @@ def compare_all(
         raise ConfigurationError(
             "--repeats are of one reference, and there are several; compare one damper at a time"
         )
+    _refuse_repeats(repeats, pairs)
     places = list(dict.fromkeys(p for pair in pairs for p in (pair.first, pair.second)))
     places = places or list(paths)
     wanted = [*places, *(one for one in repeats if one not in places)]
@@ -133,7 +134,7 @@ def compare_all(
             known[pair.first],
             known[pair.second],
             options,
-            repeats=[known[place] for place in repeats if place != pair.first],
+            repeats=[known[place] for place in repeats],
         )
         for pair in pairs
     )
@@ -146,6 +147,23 @@ def compare_all(
     elif tolerance is not None:
         points = tuple(p for one in comparisons for p in tolerated(one, tolerance))
     return Compared(comparisons, alone, tuple(dict.fromkeys(remarks)), points)
+
+
+def _refuse_repeats(repeats: Sequence[Path], pairs: Sequence[Pair]) -> None:
+    """Refuse runs that are no further ones of the reference."""
+    taken = {
+        one.resolve(): word
+        for pair in pairs
+        for one, word in ((pair.second, "what is compared with it"), (pair.first, "A itself"))
+    }
+    seen: set[Path] = set()
+    for place in repeats:
+        word = taken.get(place.resolve(), "given twice" if place.resolve() in seen else "")
+        if word:
+            raise ConfigurationError(
+                f"--repeats {place}: is {word}; give further runs of the reference, each once"
+            )
+        seen.add(place.resolve())
 
 
 def parse_bands(text: str | None) -> Tolerance | None:

@@ -157,6 +157,7 @@ def test_repeats_of_the_reference_are_the_measure(run, campaigns) -> None:
     before = campaigns / "before"
     found = _document(run, before, campaigns / "after", "--repeats", campaigns / "again")
     assert [one["name"] for one in found["repeats"]] == ["again"]
+    assert found["notes"][0].startswith("2 runs of A tell its scatter with 1 degree of freedom")
     single = _document(run, before, campaigns / "after")
     line, other = (
         next(one for one in document["lines"] if one["name"] == "r_m1")
@@ -193,6 +194,9 @@ def test_before_and_after_of_several_dampers_are_paired_by_name(run, campaigns) 
         (("BEFORE", "AGAIN", "--velocity", "2m/s"), "not reached by a sine of 32 mm"),
         (("BEFORE", "AGAIN", "--velocity", "0"), "expected a speed other than zero"),
         (("BEFORE", "AGAIN", "--amplitude", "20mm"), "give both or neither"),
+        (("BEFORE", "AGAIN", "--repeats", "BEFORE"), "is A itself; give further runs"),
+        (("BEFORE", "AGAIN", "--repeats", "AGAIN"), "is what is compared with it"),
+        (("DAMAGED", "AGAIN"), "no setting has all parameters (parameters.parquet is not the"),
         (
             ("BEFORE", "AGAIN", "--measured", "--amplitude", "20mm", "--frequency", "1"),
             "cannot act beside --measured",
@@ -203,7 +207,11 @@ def test_bad_input_is_one_sentence_and_code_2(run, campaigns, arguments, said) -
     Path("empty").mkdir()
     shutil.copytree(campaigns / "before", "few2")
     _keep_settings(Path("few2"), "9")
+    shutil.copytree(campaigns / "before", "damaged")
+    Path("damaged/parameters.csv").unlink()
+    Path("damaged/parameters.parquet").write_bytes(b"no table")
     places = {
+        "DAMAGED": "damaged",
         "BEFORE": campaigns / "before",
         "AGAIN": campaigns / "again",
         "LOG": campaigns / "logs_before" / "setting_01.csv",
