@@ -501,6 +501,7 @@ SURFACE = {
         "CHI_SQUARED_95",
         "NORMAL_95",
     ],
+    "damperfit.shown_units": ["SI", "ShownUnits", "parse_units"],
     "damperfit.quantities": [
         "QuantityError",
         "Unit",

@@ -13,12 +13,14 @@ from damperfit.cli.options import (
     DebugOption,
     JsonOption,
     QuietOption,
+    UnitsOption,
     VersionOption,
 )
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from damperfit.export import Target
+    from damperfit.shown_units import ShownUnits
 
 __all__ = ["export"]
 
@@ -43,6 +45,10 @@ def export(
             metavar="SPEED", help="Tables beyond the tested speed, from the model: untested."
         ),
     ] = None,
+    units: UnitsOption = None,
+    decimal: Annotated[
+        str, typer.Option(metavar="MARK", help="Of the decimals in CSV: a point or a comma.")
+    ] = ".",
     list_: Annotated[
         bool, typer.Option("--list", help="Show the targets with file, units and sign.")
     ] = False,
@@ -67,6 +73,7 @@ def export(
             f"export: to what? Give --to {'|'.join(TARGETS)}; --list shows what they are"
         )
     target = find_target(to)
+    shown, mark = _chosen(target, units, decimal)
     speed = None if extend is None else parse_quantity(extend, "velocity")
     folder, stem = _destination(results, out, target)
     handed = hand_over(results, config=config)
@@ -75,7 +82,7 @@ def export(
         raise ConfigurationError(f"--extend {extend}: {to} holds no table here; leave it out")
     for remark in handed.remarks:
         say(f"damperfit: {results}: {remark}")
-    files = target.write(handed, ExportOptions(stem=stem, extend=speed))
+    files = target.write(handed, ExportOptions(stem, speed, shown, mark))
     written = _write(folder, dict(files))
     if json:
         document = {"target": to, "units": target.units, "sign": target.sign}
@@ -85,7 +92,8 @@ def export(
         print_json({**document, "files": names, **told, **lost})
     elif not quiet:
         more = f" and {len(written) - 1} more" if len(written) > 1 else ""
-        say(f"damperfit: {written[0]} written{more}; {target.units}; {target.sign}")
+        used = target.units if shown.is_si else f"{shown.of('m/s')}, {shown.of('N')}"
+        say(f"damperfit: {written[0]} written{more}; {used}; {target.sign}")
         if has_table:
             say(f"note: {what_is_lost(handed)}")
         if speed is not None:
@@ -93,6 +101,28 @@ def export(
         for note in target.notes():
             say(f"note: {note}")
     return 1 if handed.remarks else 0
+
+
+def _chosen(target: Target, units: str | None, decimal: str) -> tuple[ShownUnits, str]:
+    """Return units and decimal mark, where the target heeds them.
+
+    Raises
+    ------
+    ConfigurationError
+        It does not, or they are none.
+    """
+    from damperfit.shown_units import SI, parse_units
+
+    given = {"units": units is not None, "decimal": decimal != "."}
+    for option, is_given in given.items():
+        if is_given and option not in target.takes:
+            raise ConfigurationError(
+                f"--{option} {units if option == 'units' else decimal}: {target.name} has units "
+                f"and marks of its own ({target.units}); leave it out"
+            )
+    if decimal not in {".", ","}:
+        raise ConfigurationError(f"--decimal {decimal}: expected . or ,")
+    return SI if units is None else parse_units(units), decimal
 
 
 def _destination(results: Path, out: Path | None, target: Target) -> tuple[Path, str]:

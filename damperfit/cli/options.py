@@ -33,6 +33,7 @@ __all__ = [
     "StrictOption",
     "TestsOption",
     "TruncatedOption",
+    "UnitsOption",
     "VersionOption",
     "assignments",
     "configured",
@@ -73,6 +74,12 @@ VersionOption = Annotated[
         help="Print the version and leave.",
         callback=_print_version,
         is_eager=True,
+    ),
+]
+UnitsOption = Annotated[
+    str | None,
+    typer.Option(
+        "--units", metavar="LIST", help="Of force, speed and length: N,mm/s or lbf,in/s or daN."
     ),
 ]
 LogsArgument = Annotated[

@@ -98,6 +98,8 @@ class HandedOver:
         SHA-256 of the table of parameters.
     remarks : tuple of str
         What was missing or damaged.
+    folder : pathlib.Path or None
+        The results folder itself, for those who hand on its tables.
     """
 
     name: str
@@ -110,6 +112,7 @@ class HandedOver:
     version: str = __version__
     digest: str = ""
     remarks: tuple[str, ...] = ()
+    folder: Path | None = None
 
 
 def hand_over(folder: Path, *, config: Path | None = None) -> HandedOver:
@@ -156,6 +159,7 @@ def hand_over(folder: Path, *, config: Path | None = None) -> HandedOver:
         MappingProxyType(identity),
         digest=_digest(folder),
         remarks=tuple(remarks),
+        folder=folder,
     )
 
 

@@ -17,6 +17,9 @@ from damperfit.export.csv_table import write_csv
 from damperfit.export.fmu.archive import missing_platforms, write_fmi2, write_fmi3
 from damperfit.export.matlab import write_matlab
 from damperfit.export.modelica import write_modelica
+from damperfit.export.plain_tables import TABLE_NAMES
+from damperfit.export.workbook import write_xlsx
+from damperfit.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -37,10 +40,16 @@ class ExportOptions:
         What the names of the files begin with.
     extend : float or None
         Speed up to which tables go, m/s; None: to the tested speed.
+    units : ShownUnits
+        Of spreadsheets; a simulator has units of its own.
+    decimal : str
+        Mark of the decimals in CSV: a point or a comma.
     """
 
     stem: str = "damper"
     extend: float | None = None
+    units: ShownUnits = SI
+    decimal: str = "."
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +77,10 @@ class Target:
         It holds force by speed, which may go beyond the tested speed and loses what a table loses.
     physics_of : tuple of type
         Models whose own equations it holds instead.
+    takes : tuple of str
+        Options that only some targets heed: "units", "decimal".
+    beside : tuple of str
+        Patterns of files that are written as far as the results hold what goes into them.
     notes : callable
         What to say when it was written, a sentence each.
     """
@@ -82,6 +95,8 @@ class Target:
     notes: Callable[[], tuple[str, ...]] = tuple
     has_table: bool = True
     physics_of: tuple[type[Model], ...] = ()
+    takes: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
 
     def has_table_of(self, damper: Model) -> bool:
         """Whether the file of this damper holds a table."""
@@ -99,12 +114,24 @@ TARGETS: Mapping[str, Target] = {
     for one in (
         Target(
             "csv",
-            "table of force by setting and speed",
+            "table of force by setting and speed, and the tables of the results",
             "{stem}.csv",
             "m/s, N",
             "rebound is positive, and so is its force",
             "a spreadsheet, a script",
             write_csv,
+            takes=("units", "decimal"),
+            beside=tuple(f"{{stem}}_{name}.csv" for name in TABLE_NAMES),
+        ),
+        Target(
+            "xlsx",
+            "workbook, one sheet a table, with units and frozen headings",
+            "{stem}.xlsx",
+            "m/s, N",
+            "rebound is positive, and so is its force",
+            "Excel, LibreOffice, a customer",
+            write_xlsx,
+            takes=("units",),
         ),
         Target(
             "combitable",

@@ -24,6 +24,8 @@ COMMANDS = (
     "models",
     "inspect",
     "report",
+    "export",
+    "compare",
     "samples",
     "config",
 )

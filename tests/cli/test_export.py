@@ -29,7 +29,7 @@ def test_the_list_as_json(run) -> None:
 def test_a_folder_is_made_and_a_file_keeps_its_name(run, results, tmp_path) -> None:
     for out, expected in (("new/folder", "new/folder/damper.csv"), ("front.csv", "front.csv")):
         ended = run("export", results, "--to", "csv", "--out", tmp_path / out, "--json")
-        assert json.loads(ended.out)["files"] == [str(tmp_path / expected)]
+        assert json.loads(ended.out)["files"][0] == str(tmp_path / expected)
         assert (tmp_path / expected).read_text().startswith("setting,")
 
 
@@ -53,3 +53,29 @@ def test_misuse_is_one_line_and_writes_nothing(run, results, tmp_path, arguments
     assert said in ended.err
     assert len(ended.err.splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--to", "adams", "--units", "lbf"), "--units lbf: adams has units and marks of its own"),
+        (("--to", "xlsx", "--decimal", ","), "--decimal ,: xlsx has units and marks of its own"),
+        (("--to", "csv", "--decimal", ";"), "--decimal ;: expected . or ,"),
+        (("--to", "csv", "--units", "ell"), "--units ell: no unit 'ell'"),
+        (("--to", "modelica", "--extend", "0.5m/s"), "modelica holds no table here"),
+        (("--to", "carsim", "--extend", "0.1m/s"), "expected a speed above the tested"),
+    ],
+)
+def test_options_that_a_target_does_not_heed_are_refused(
+    run, results, tmp_path, arguments, said
+) -> None:
+    ended = run("export", results, *arguments)
+    assert ended.code == 2
+    assert said in ended.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_a_table_loses_is_told(run, results, tmp_path) -> None:
+    ended = run("export", results, "--to", "carsim", "--out", tmp_path / "there", "--extend", "0.4")
+    assert "note: against the model on a class B road" in ended.err
+    assert "the tables are untested" in ended.err

@@ -42,7 +42,7 @@ def written(name, handed, **options):
 
 def test_every_table_target_has_a_reader_and_a_row_of_signs() -> None:
     tables = {name for name, one in TARGETS.items() if one.has_table and not one.physics_of}
-    assert tables == set(READERS) == set(SIGNS)
+    assert tables - {"xlsx"} == set(READERS) == set(SIGNS)  # xlsx: test_spreadsheets.py
 
 
 @pytest.mark.parametrize("name", TABLES)

@@ -1,0 +1,126 @@
+"""The units in which people want to see forces, speeds and lengths; inside everything is SI."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+from damperfit.quantities import QuantityError, Unit, find_unit, units_of
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Number = TypeVar("Number", float, NDArray[np.float64])
+
+__all__ = ["SI", "ShownUnits", "parse_units"]
+
+_DIMENSIONS = {"force": "N", "velocity": "m/s", "length": "m"}
+_NEWTON, _METRE_PER_SECOND, _METRE = (find_unit(si, kind) for kind, si in _DIMENSIONS.items())
+
+
+@dataclass(frozen=True, slots=True)
+class ShownUnits:
+    """One unit for each of force, velocity and length.
+
+    Attributes
+    ----------
+    force, velocity, length : Unit
+        What was asked for, else SI.
+    """
+
+    force: Unit = _NEWTON
+    velocity: Unit = _METRE_PER_SECOND
+    length: Unit = _METRE
+
+    @property
+    def is_si(self) -> bool:
+        """Whether nothing is converted."""
+        return all(getattr(self, name).factor == 1.0 for name in _DIMENSIONS)
+
+    def of(self, unit: str) -> str:
+        """Return the unit in which what is in an SI unit is shown.
+
+        Examples
+        --------
+        >>> parse_units("lbf,in/s").of("N"), parse_units("lbf").of("Pa")
+        ('lbf', 'Pa')
+        """
+        found = self._named(unit)
+        return unit if found is None else found.symbol
+
+    def show(self, value: Number, unit: str) -> Number:
+        """Return a number, or an array of numbers, in the unit that is shown for an SI unit."""
+        found = self._named(unit)
+        return value if found is None else value / found.factor
+
+    def column(self, name: str, unit: str) -> str:
+        """Return the name of a column whose unit stands at its end, with the unit shown.
+
+        Examples
+        --------
+        >>> parse_units("lbf,in/s").column("speed_m_per_s", "m/s")
+        'speed_in_per_s'
+        """
+        end = "_" + unit.replace("/", "_per_")
+        if self.of(unit) == unit or not name.endswith(end):
+            return name
+        return f"{name.removesuffix(end)}_{self.of(unit).replace('/', '_per_')}"
+
+    def say(self, text: str) -> str:
+        """Return a text whose forces and speeds are converted already with the units' names.
+
+        Examples
+        --------
+        >>> parse_units("lbf,in/s").say("force at 3.94 m/s, N")
+        'force at 3.94 in/s, lbf'
+        """
+        text = re.sub(r"(?<![\w/])m/s(?![\w/])", self.velocity.symbol, text)
+        return re.sub(r"(?<![\w/.])N(?![\w/])", self.force.symbol, text)
+
+    def _named(self, unit: str) -> Unit | None:
+        for dimension, si in _DIMENSIONS.items():
+            if unit == si:
+                chosen: Unit = getattr(self, dimension)
+                return None if chosen.factor == 1.0 else chosen
+        return None
+
+
+SI = ShownUnits()
+
+
+def parse_units(text: str) -> ShownUnits:
+    """Return the units of a list such as "lbf,in/s".
+
+    Parameters
+    ----------
+    text : str
+        Units of force, velocity and length in any order; what is not named stays SI.
+
+    Raises
+    ------
+    QuantityError
+        A unit is unknown, or two are of one kind.
+    """
+    chosen: dict[str, Unit] = {}
+    for name in (part.strip() for part in text.split(",")):
+        found = [unit for unit in (_unit(name, kind) for kind in _DIMENSIONS) if unit]
+        if not found:
+            known = "; ".join(f"{kind} {', '.join(units_of(kind))}" for kind in _DIMENSIONS)
+            raise QuantityError(f"--units {text}: no unit {name!r}; there are {known}")
+        (unit,) = found
+        if unit.dimension in chosen:
+            raise QuantityError(
+                f"--units {text}: {chosen[unit.dimension].symbol} and {unit.symbol} are both of "
+                f"{unit.dimension}; give one"
+            )
+        chosen[unit.dimension] = unit
+    return ShownUnits(**chosen)
+
+
+def _unit(name: str, dimension: str) -> Unit | None:
+    try:
+        return find_unit(name, dimension)
+    except QuantityError:
+        return None
