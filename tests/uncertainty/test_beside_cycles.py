@@ -42,7 +42,8 @@ def test_what_comes_before_counts_where_the_log_begins_at_rest(
 ) -> None:
     fastest = max(one.peak_speed for one in trace.stretches)
     velocity = trace.velocity.copy()
-    velocity[:25] = share * fastest
+    velocity[:24], velocity[24] = 0.0, share * fastest  # 50 ms
+    assert abs(velocity[25]) > 0.1 * fastest
     found = transients(replace(trace, velocity=velocity))
     assert found is not None
     assert (found.stretches[0].first == 0) is has_run_up
