@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 __all__ = ["ValveCharacteristic", "law_flow", "valve_characteristics"]
 
 _POINTS = 120  # of a law's curve
-_FEWEST = 8  # samples; fewer show nothing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,7 +89,7 @@ def valve_characteristics(
     return tuple(
         _characteristic(stroke, valve, curve, area, numbers, damper.oil_density)
         for stroke, valve, curve, area in found
-        if len(curve.drop) >= _FEWEST
+        if curve.highest > 0.0
     )
 
 

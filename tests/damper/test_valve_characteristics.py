@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -95,3 +97,13 @@ def test_the_law_is_that_of_the_core(bleed, blow_off) -> None:
     parts = {name.removeprefix("rebound_"): known[name] for name in known if "rebound" in name}
     flow = law_flow(parts, drop[fastest], model.oil_density)
     assert flow == pytest.approx(model.annulus_area * response.velocity[fastest], rel=5e-3)
+
+
+def test_a_valve_that_no_log_presses_is_left_out() -> None:
+    model = damper(ThroughFlow)
+    values = truth(model)
+    made = log(model, values)
+    # The load cell reads a pull throughout: nothing presses the valve of compression.
+    pulled = replace(made, force=np.abs(made.force) + 50.0)
+    (only,) = valve_characteristics(model, values, [pulled])
+    assert only.stroke == "rebound"
