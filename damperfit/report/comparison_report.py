@@ -54,6 +54,9 @@ def tolerance_outcome(points: Sequence[Point]) -> str:
     met = sum(one.is_met for one in points)
     unseen = sum(bool(one.margin != one.margin) for one in points)
     said = f"{met} of {len(points)} points within the tolerance"
+    outside = [-one.margin for one in points if one.margin < 0.0]
+    if outside:
+        said += f", {len(outside)} outside, by up to {max(outside):.3g} N"
     if unseen:
         said += f", {unseen} not looked at"
     if met == len(points):

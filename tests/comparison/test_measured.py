@@ -161,6 +161,24 @@ def test_repeats_are_the_measure() -> None:
     assert far.of("force")[-2].verdict is Sameness.DIFFERENT
 
 
+def test_a_force_near_nothing_has_newtons_and_no_per_cent() -> None:
+    top = DAMPING * float(measured().speeds[-1]) + GAS
+    edge = (0.05 * top - GAS) / DAMPING
+    options = ComparisonOptions(speeds=(edge - 1e-3, edge + 1e-3), is_measured=True)
+    found = compare_runs(run(measured(noise=0.1)), run(measured(noise=0.1, seed=1)), options)
+    below, above = (line for line in found.of("force") if line.subject.stroke == "rebound")
+    assert math.isnan(below.percent)
+    assert math.isfinite(below.high)
+    assert math.isfinite(above.percent)
+
+
+@pytest.mark.parametrize(("n", "is_said"), [(1, True), (2, True), (3, False)])
+def test_few_repeats_are_said_to_tell_little(n, is_said) -> None:
+    reference, *repeats = (run(measured(factor=1.0 + 0.01 * k), name=str(k)) for k in range(n + 1))
+    found = compare_runs(reference, run(measured(), name="b"), MEASURED, repeats=repeats)
+    assert any("degree" in note and "tell its scatter" in note for note in found.notes) == is_said
+
+
 def test_no_setting_in_common_is_said() -> None:
     with pytest.raises(ConfigurationError, match="no setting is common to all: a has setting 1"):
         compare_runs(run(measured(1)), run(measured(2), name="b"), MEASURED)

@@ -139,7 +139,12 @@ def test_the_words_say_how_far_and_whether_that_is_sure() -> None:
     assert _point(109.5).words == "passes, 0.5 N inside, no further than its error"
     assert _point(110.0).is_met
     points = [_point(100.0), _point(112.0), _point(math.nan, reason="not tested")]
-    assert tolerance_outcome(points) == "1 of 3 points within the tolerance, 1 not looked at"
+    assert tolerance_outcome(points) == (
+        "1 of 3 points within the tolerance, 1 outside, by up to 2 N, 1 not looked at"
+    )
+    assert tolerance_outcome(points[:1]) == (
+        "1 of 1 points within the tolerance; the nearest edge is 10 N away"
+    )
     assert [row[-1] for row in tolerance_sheet(points).rows] == [
         "not looked at: not tested",
         "FAILS, 2 N outside",
