@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.damper.valve_dampers import Monotube
+from damperfit.damper.rivals.linear import Linear
 from damperfit.errors import ConfigurationError
 from damperfit.export import TARGETS, ExportOptions
 from damperfit.export.fmu import libraries
@@ -134,8 +134,8 @@ def test_a_library_of_other_sources_is_none(tmp_path, monkeypatch) -> None:
 
 
 def test_another_model_is_refused_in_a_sentence_that_names_the_tables(handed) -> None:
-    with pytest.raises(ConfigurationError, match=r"monotube cannot be an FMU yet") as caught:
-        TARGETS["fmu2"].write(replace(handed, damper=Monotube()), ExportOptions())
+    with pytest.raises(ConfigurationError, match=r"linear cannot be an FMU") as caught:
+        TARGETS["fmu2"].write(replace(handed, damper=Linear()), ExportOptions())
     named = str(caught.value).partition("--to ")[2].split(", ")
     assert {"adams", "carmaker", "csv"} <= set(named)
     assert "fmu3" not in named

@@ -8,6 +8,7 @@ from pathlib import Path
 from damperfit.export.fmu.exported_damper import exported_damper
 from damperfit.export.fmu.libraries import source_files
 from tests.core_sanitizers.test_core_sanitizers import build, compiler  # noqa: F401
+from tests.export.test_fmu_valves import LAYOUTS, of_valves
 
 DRIVER = Path(__file__).parent / "fmu_driver.c"
 
@@ -15,12 +16,13 @@ DRIVER = Path(__file__).parent / "fmu_driver.c"
 def test_the_exported_damper_is_clean_under_sanitizers(compiler, handed, tmp_path) -> None:  # noqa: F811
     for name, content in source_files().items():
         (tmp_path / name).write_bytes(content)
-    damper = exported_damper(handed)
-    (tmp_path / "damper.txt").write_text(damper.text, encoding="ascii")
     sources = [DRIVER, *sorted(tmp_path.glob("*.c"))]
     program = tmp_path / "driver"
     built = build(f"{compiler} -I{tmp_path}", sources, program)
     assert built.returncode == 0, built.stderr
-    command = [program, tmp_path, damper.token]
-    driven = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert driven.returncode == 0, driven.stdout + driven.stderr
+    for one, more in ((handed, ()), (of_valves(handed, LAYOUTS[1]), ("co-simulation only",))):
+        damper = exported_damper(one)
+        (tmp_path / "damper.txt").write_text(damper.text, encoding="ascii")
+        command = [program, tmp_path, damper.token, *more]
+        driven = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        assert driven.returncode == 0, driven.stdout + driven.stderr

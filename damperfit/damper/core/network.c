@@ -873,6 +873,43 @@ int df_begin_network(const df_network *q, const df_options *o, double x, double 
     return DF_OK;
 }
 
+/* The fill of a chamber at a pressure: the inverse of oil_pressure. An empty one stays as it is. */
+static double filled_to(const df_network *q, double P, double fill)
+{
+    const double K = q->numbers[DF_NUMBER_K], P_0 = q->numbers[DF_NUMBER_P_0];
+    const double phi = q->numbers[DF_NUMBER_PHI];
+    if (phi == 0.0)
+        return P > 0.0 ? (P - P_0) / K : fmin(fill, -P_0 / K);
+    return 1.0 / (1.0 - (P - P_0) / K + phi * (P_0 / fmax(P, 1e-3) - 1.0)) - 1.0;
+}
+
+int df_retune_network(df_network *q, const df_network *changed, const df_options *o, df_network_state *now)
+{
+    const df_geometry g = gas_geometry(changed);
+    const df_parameters p = gas_parameters(changed);
+    chambers c;
+    if (!network_is_sound(changed) || is_elastic(q) || is_elastic(changed) || !(o->dead_band > 0.0))
+        return DF_BAD_ARGUMENT;
+    const int code = fill_chambers(changed, now->x, &c);
+    if (code != DF_OK)
+        return code;
+    *q = *changed;
+    now->n_which = 0;
+    for (int i = 0; i < n_oil(q); i++)
+        now->y[i] = c.full[i] * (1.0 + filled_to(q, now->b.P[i], now->b.fill[i]));
+    if (df_gas_expand(&g, &p, taken(q, &c, now->y), &now->gas))
+        return DF_CHAMBER_EMPTY;
+    evaluate(q, &c, &now->gas, now->y, &now->b);
+    guide_of(q, &now->b, now->x, now->y, now->guide_mid);
+    for (int i = 0; i < DF_STATES; i++) {
+        now->F[i] = i < 2 ? now->b.F[i] : 0.0;
+        now->guide_old[i] = now->guide_mid[i];
+    }
+    now->t_old = -2.0;
+    now->t_mid = -1.0;
+    return DF_OK;
+}
+
 int df_advance_network(const df_network *q, const df_options *o, double x, double v, double interval,
                df_network_state *now, df_work *work)
 {

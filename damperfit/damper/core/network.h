@@ -99,6 +99,11 @@ int df_advance_network(const df_network *network, const df_options *options, dou
 double df_force_network(const df_network *network, const df_options *options, const df_network_state *state,
                 double *slopes);
 
+/* Go on with other numbers, at the pressures of the oil chambers as they are: the masses follow. The
+ * sensitivities are not carried on. */
+int df_retune_network(df_network *network, const df_network *changed, const df_options *options,
+                      df_network_state *state);
+
 /* The whole motion; `result->which` names places among the numbers. */
 int df_simulate_network(const df_network *network, const df_options *options,
                         const df_motion *motion, const df_result *result, df_work *work);

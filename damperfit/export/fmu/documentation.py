@@ -37,6 +37,7 @@ def documentation(handed: HandedOver, damper: ExportedDamper) -> bytes:
         tested=_tested(handed),
         mse={place: f"{value:.3g}" for place, value in mse.items() if not math.isnan(value)},
         has_tare=bool(tares),
+        has_rig=bool({"k_s", "play", "lag"} & set(handed.damper.names)),
         band=f"{1e3 * FRICTION_BAND:g}",
     )
     return text.encode("utf-8", "backslashreplace")

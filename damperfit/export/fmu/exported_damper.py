@@ -1,4 +1,4 @@
-"""What an FMU holds of a damper: the text of ``resources/damper.txt`` and its variables.
+"""What an FMU holds of a damper: the text of ``resources/damper.txt`` and its numbers.
 
 `c/reading.c` reads the text, `c/exported.h` numbers the variables; both are held together by tests.
 """
@@ -9,18 +9,25 @@ import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from damperfit.damper.network import BODY_NUMBERS
 from damperfit.damper.purdy.parameters import Damper
+from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from damperfit.export.handed_over import HandedOver, HandedSetting
+    from collections.abc import Sequence
 
-__all__ = ["FRICTION_BAND", "NUMBERS", "ExportedDamper", "exported_damper"]
+    from damperfit.damper.model import Quantity, Values
+    from damperfit.export.handed_over import HandedOver
+
+__all__ = ["FRICTION_BAND", "NUMBERS", "ExportedDamper", "Number", "exported_damper"]
 
 NUMBERS = 100  # value reference of the first number of the damper
 # With the fit's dead band of 0.1 mm/s a car at rest shakes at steps of 1 ms.
 FRICTION_BAND = 0.005
 _MAX_STEPS = 10_000
+# What is the rig's: rod ends, frame and load cell in series, their play, the tare.
+_OF_THE_RIG = ("series_stiffness", "play", "f_0")
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,21 +36,21 @@ class Number:
 
     Attributes
     ----------
+    place : int
+        Its column in the text.
     name, unit, meaning : str
         As its quantity has them.
     start : float
         At the setting that is set at the beginning, SI.
-    may_vanish : bool
-        Zero is allowed.
     has_sign : bool
         Either sign is allowed.
     """
 
+    place: int
     name: str
     unit: str
     meaning: str
     start: float
-    may_vanish: bool = False
     has_sign: bool = False
 
 
@@ -63,6 +70,8 @@ class ExportedDamper:
         By the number that an importer sets: what people call the setting.
     start : int
         The setting that is set at the beginning.
+    has_equations : bool
+        Its rates can be asked for: model exchange and derivatives are offered.
     """
 
     token: str
@@ -70,10 +79,11 @@ class ExportedDamper:
     numbers: tuple[Number, ...]
     settings: dict[int, str]
     start: int
+    has_equations: bool = True
 
 
 def exported_damper(handed: HandedOver) -> ExportedDamper:
-    """Return the paper's damper with all its settings.
+    """Return the damper with all its settings.
 
     Settings that are whole numbers of one adjuster keep them; others are counted from 1.
 
@@ -83,21 +93,26 @@ def exported_damper(handed: HandedOver) -> ExportedDamper:
         The model is none that an FMU can hold.
     """
     damper = handed.damper
-    if not isinstance(damper, Damper):
+    if not isinstance(damper, Damper | ValveDamper):
         raise ConfigurationError(
-            f"a damper of the model {damper.name} cannot be an FMU yet, only one of the paper's; "
-            f"hand it over as a table: --to {_tables()}"
+            f"a damper of the model {damper.name} cannot be an FMU, only one of the paper's or of "
+            f"valves; hand it over as a table: --to {_tables()}"
         )
     cells = [one.setting.cell for one in handed.settings]
     whole = [cell for cell in cells if isinstance(cell, int)]
     places = whole if len(whole) == len(cells) else range(1, len(cells) + 1)
     named = dict(zip(places, (str(one.setting) for one in handed.settings), strict=True))
     start = sorted(named)[len(named) // 2]
-    rows = {place: _row(damper, one) for place, one in zip(named, handed.settings, strict=True)}
-    body = "\n".join(_lines(handed, damper, rows, start))
+    columns = _columns(damper)
+    rows = {
+        place: tuple(_value(damper, one.values, name) for name in columns)
+        for place, one in zip(named, handed.settings, strict=True)
+    }
+    body = "\n".join([*_head(handed, damper, columns), *_settings(handed, rows, start)])
     token = "{" + hashlib.sha256(body.encode()).hexdigest()[:32] + "}"
     text = f"damperfit-damper 1\ntoken {token}\n{body}\n"
-    return ExportedDamper(token, text, _numbers(handed, rows[start]), named, start)
+    numbers = tuple(_numbers(damper, columns, rows[start]))
+    return ExportedDamper(token, text, numbers, named, start, isinstance(damper, Damper))
 
 
 def _tables() -> str:
@@ -107,27 +122,58 @@ def _tables() -> str:
     return ", ".join(name for name, one in TARGETS.items() if one.has_table)
 
 
-def _row(damper: Damper, one: HandedSetting) -> tuple[float, ...]:
-    """In the order of `df_parameters`; the rig's tare is not the damper's."""
-    values = [0.0 if q.is_offset else getattr(one.values, q.name) for q in one.values.quantities]
-    return (*values, damper.gas_pressure, damper.gas_exponent)
+def _columns(damper: Damper | ValveDamper) -> tuple[str, ...]:
+    """Names of the numbers, in the order of `df_parameters` or of a network's numbers."""
+    if isinstance(damper, Damper):
+        return (*damper.names, "gas_pressure", "gas_exponent")
+    return damper.network.numbers
 
 
-def _lines(
-    handed: HandedOver, damper: Damper, rows: dict[int, tuple[float, ...]], start: int
-) -> list[str]:
-    geometry = (
+def _value(damper: Damper | ValveDamper, values: Values, name: str) -> float:
+    if name in _OF_THE_RIG:
+        return 0.0
+    if name in values.names:
+        return float(getattr(values, name))
+    return float(getattr(damper, name)) if name.startswith("gas_") else 0.0
+
+
+def _head(handed: HandedOver, damper: Damper | ValveDamper, columns: Sequence[str]) -> list[str]:
+    if isinstance(damper, Damper):
+        geometry = (
+            damper.annulus_area,
+            damper.piston_area,
+            damper.rod_area,
+            damper.chamber_1_volume,
+            damper.chamber_2_volume,
+            damper.gas_volume,
+            damper.oil_density,
+        )
+        return [f"purdy {_joined(geometry)}"]
+    network = damper.network
+    place = {"": -1} | {name: k for k, name in enumerate(columns)}
+    body = (
         damper.annulus_area,
         damper.piston_area,
-        damper.rod_area,
         damper.chamber_1_volume,
         damper.chamber_2_volume,
-        damper.gas_volume,
         damper.oil_density,
+        damper.rod_area * network.ambient_pressure,
+        handed.solver.rounding,
     )
+    counts = (int(network.has_floating_piston), len(network.passages), len(columns))
+    rows = (
+        (one.start, one.end, *(place[name] for name in one.numbers), int(one.is_two_way))
+        for one in network.passages
+    )
+    return [
+        f"network {_joined(body)} {' '.join(map(str, counts))}",
+        *(" ".join(map(str, row)) for row in rows),
+    ]
+
+
+def _settings(handed: HandedOver, rows: dict[int, tuple[float, ...]], start: int) -> list[str]:
     tested = handed.tested
     return [
-        f"geometry {_joined(geometry)}",
         f"solver {handed.solver.tolerance!r} {_MAX_STEPS}",
         f"tested {tested.stroke or 0.0!r} {tested.speed or 0.0!r}",
         f"friction_band {FRICTION_BAND!r}",
@@ -137,26 +183,30 @@ def _lines(
     ]
 
 
-def _joined(numbers: tuple[float, ...]) -> str:
+def _joined(numbers: Sequence[float]) -> str:
     return " ".join(repr(float(one)) for one in numbers)
 
 
-def _numbers(handed: HandedOver, row: tuple[float, ...]) -> tuple[Number, ...]:
-    quantities = handed.damper.quantities
-    fitted = [
-        Number(
-            q.name,
-            q.unit,
-            q.meaning,
-            value,
-            may_vanish=q.is_friction,
-            has_sign=not q.is_logarithmic,
-        )
-        for q, value in zip(quantities, row, strict=False)
-    ]
-    pressure, exponent = row[len(quantities) :]
-    return (
-        *fitted,
-        Number("gas_pressure", "Pa", "pressure at rest, absolute", pressure),
-        Number("gas_exponent", "1", "polytropic exponent of the gas", exponent),
-    )
+def _numbers(
+    damper: Damper | ValveDamper, columns: Sequence[str], row: Sequence[float]
+) -> list[Number]:
+    """The numbers that mean something for this damper."""
+    quantities: dict[str, Quantity] = {one.name: one for one in damper.quantities}
+    told = {
+        "gas_pressure": ("Pa", "pressure at rest, absolute"),
+        "gas_exponent": ("1", "polytropic exponent of the gas"),
+        "gas_volume": ("m3", "volume of the gas at x = 0"),
+    }
+    found = []
+    for place, name in enumerate(columns):
+        if name in quantities and name not in _OF_THE_RIG[:2]:
+            one = quantities[name]
+            found.append(
+                Number(place, name, one.unit, one.meaning, row[place], not one.is_logarithmic)
+            )
+        elif name in told:
+            unit, meaning = told[name]
+            found.append(Number(place, name, unit, meaning, row[place]))
+        elif name not in BODY_NUMBERS:
+            raise AssertionError(name)  # a passage's number is always a quantity
+    return found

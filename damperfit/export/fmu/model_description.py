@@ -33,7 +33,7 @@ def fmi2_description(
         {
             "fmiVersion": "2.0",
             "guid": damper.token,
-            "numberOfEventIndicators": str(_N_INDICATORS),
+            **({"numberOfEventIndicators": str(_N_INDICATORS)} if damper.has_equations else {}),
             **_about(handed, date),
         },
     )
@@ -42,11 +42,12 @@ def fmi2_description(
         "canNotUseMemoryManagementFunctions": "true",
         "canGetAndSetFMUstate": "true",
         "canSerializeFMUstate": "true",
-        "providesDirectionalDerivative": "true",
+        "providesDirectionalDerivative": str(damper.has_equations).lower(),
     }
     exchange = {"completedIntegratorStepNotNeeded": "true"}
     steps = {"canHandleVariableCommunicationStepSize": "true"}
-    for kind, more in (("ModelExchange", exchange), ("CoSimulation", steps)):
+    offered = {"ModelExchange": exchange} if damper.has_equations else {}
+    for kind, more in (offered | {"CoSimulation": steps}).items():
         sources = ET.SubElement(ET.SubElement(root, kind, can | more), "SourceFiles")
         for name in files:
             ET.SubElement(sources, "File", name=name)
@@ -65,6 +66,8 @@ def fmi2_description(
         ("Derivatives", "rates"),
         ("InitialUnknowns", "initial"),
     ):
+        if not found[key]:
+            continue
         part = ET.SubElement(structure, name)
         for unknown in sorted(found[key], key=lambda each: place[each.reference]):
             # The standard counts no parameter among what an output follows after the beginning.
@@ -85,10 +88,11 @@ def fmi3_description(handed: HandedOver, damper: ExportedDamper, *, date: str) -
         "modelIdentifier": IDENTIFIER,
         "canGetAndSetFMUState": "true",
         "canSerializeFMUState": "true",
-        "providesDirectionalDerivatives": "true",
-        "providesAdjointDerivatives": "true",
+        "providesDirectionalDerivatives": str(damper.has_equations).lower(),
+        "providesAdjointDerivatives": str(damper.has_equations).lower(),
     }
-    ET.SubElement(root, "ModelExchange", can)
+    if damper.has_equations:
+        ET.SubElement(root, "ModelExchange", can)
     steps = {"canHandleVariableCommunicationStepSize": "true"}
     ET.SubElement(root, "CoSimulation", can | steps)
     _units(root)

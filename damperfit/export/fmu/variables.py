@@ -21,6 +21,10 @@ UNITS: dict[str, dict[str, int] | None] = {
     "s": {"s": 1},
     "kg": {"kg": 1},
     "kg/s": {"kg": 1, "s": -1},
+    "m2": {"m": 2},
+    "m3": {"m": 3},
+    "N s/m": {"kg": 1, "s": -1},
+    "N/m": {"kg": 1, "s": -2},
     "N s/(m2 kg)": {"m": -1, "s": -1},
     "1": {},
     "s sqrt(N)/(m kg)": None,
@@ -75,7 +79,7 @@ class Unknown:
 
 def variables(damper: ExportedDamper) -> tuple[Variable, ...]:
     """Return all variables but time, in the order of the files."""
-    return (*_fixed(), *_parameters(damper), *_states())
+    return (*_fixed(), *_parameters(damper), *(_states() if damper.has_equations else ()))
 
 
 def _fixed() -> tuple[Variable, ...]:
@@ -111,7 +115,7 @@ def _parameters(damper: ExportedDamper) -> tuple[Variable, ...]:
     places = sorted(damper.settings)
     own = tuple(
         Variable(
-            NUMBERS + k,
+            NUMBERS + one.place,
             one.name,
             f"{one.meaning}; follows the setting unless it is changed from its start value",
             "parameter",
@@ -120,7 +124,7 @@ def _parameters(damper: ExportedDamper) -> tuple[Variable, ...]:
             one.start,
             None if one.has_sign else 0.0,
         )
-        for k, one in enumerate(damper.numbers)
+        for one in damper.numbers
     )
     return (
         Variable(
@@ -178,7 +182,14 @@ def _states() -> tuple[Variable, ...]:
 
 def unknowns(damper: ExportedDamper) -> dict[str, tuple[Unknown, ...]]:
     """Return outputs, derivatives, event indicators and initial unknowns with what they follow."""
-    numbers = tuple(NUMBERS + k for k in range(len(damper.numbers)))
+    numbers = tuple(NUMBERS + one.place for one in damper.numbers)
+    if not damper.has_equations:
+        outputs = (
+            Unknown(3, (1, 2), (*numbers, 9)),
+            *(Unknown(r, (1,), numbers) for r in (4, 5, 6)),
+        )
+        outputs = (*outputs, Unknown(7, (1, 2)))
+        return {"outputs": outputs, "rates": (), "indicators": (), "initial": outputs}
     point = (1, 11, 12)
     outputs = (
         Unknown(3, (1, 2, 11, 12), (*numbers, 9)),

@@ -11,7 +11,7 @@
 
 const double EX_NOMINALS[EX_N_STATES] = {1e-3, 1e-3, 1.0};
 
-static const int ALL[EX_MOST_NUMBERS] = {DF_R_M1, DF_R_M2, DF_R_M3, DF_K_E, DF_F_F, DF_F_0, DF_P_0, DF_GAMMA};
+static const int ALL[DF_N_PARAMETERS] = {DF_R_M1, DF_R_M2, DF_R_M3, DF_K_E, DF_F_F, DF_F_0, DF_P_0, DF_GAMMA};
 
 int ex_open(ex_instance *e, ex_kind kind, const char *folder, const char *token, char *why)
 {
@@ -27,6 +27,10 @@ int ex_open(ex_instance *e, ex_kind kind, const char *folder, const char *token,
     if (is_good && (!token || strcmp(token, e->damper.token) != 0)) {
         snprintf(why, EX_WHY, "the token %.80s is not that of the parameters, %.80s", token ? token : "(none)",
                  e->damper.token);
+        return 0;
+    }
+    if (is_good && e->damper.is_network && kind == EX_MODEL_EXCHANGE) {
+        snprintf(why, EX_WHY, "a damper of valves is offered for co-simulation only");
         return 0;
     }
     if (is_good && !ex_reset(e)) {
@@ -53,15 +57,15 @@ int ex_reset(ex_instance *e)
     return ex_begin(e) == DF_OK;
 }
 
-static double number_at(const ex_instance *e, int k)
+double ex_number(const ex_instance *e, int k)
 {
-    return e->s.is_own[k] ? e->s.own[k] : e->damper.table[e->s.setting * EX_MOST_NUMBERS + k];
+    return e->s.is_own[k] ? e->s.own[k] : e->damper.table[e->s.setting * e->damper.n_numbers + k];
 }
 
 static df_parameters parameters_of(const ex_instance *e)
 {
-    const df_parameters p = {number_at(e, 0), number_at(e, 1), number_at(e, 2), number_at(e, 3),
-                             number_at(e, 4), number_at(e, 5), number_at(e, 6), number_at(e, 7)};
+    const df_parameters p = {ex_number(e, 0), ex_number(e, 1), ex_number(e, 2), ex_number(e, 3),
+                             ex_number(e, 4), ex_number(e, 5), ex_number(e, 6), ex_number(e, 7)};
     return p;
 }
 
@@ -73,10 +77,14 @@ static void take_states(ex_instance *e)
 
 int ex_begin(ex_instance *e)
 {
+    if (e->damper.is_network) {
+        e->s.is_stale = 0;
+        return ex_begin_valves(e);
+    }
     const df_parameters p = parameters_of(e);
     df_options o = e->damper.options;
     o.dead_band = e->s.friction_band;
-    const int code = df_begin(&e->damper.geometry, &p, &o, ALL, EX_MOST_NUMBERS, e->s.x, e->s.v, &e->s.run);
+    const int code = df_begin(&e->damper.geometry, &p, &o, ALL, DF_N_PARAMETERS, e->s.x, e->s.v, &e->s.run);
     if (code == DF_OK)
         take_states(e);
     e->s.is_stale = 0;
@@ -105,6 +113,11 @@ int ex_refresh(ex_instance *e, int *states_moved)
         return ex_begin(e);
     if (!e->s.is_stale)
         return DF_OK;
+    if (e->damper.is_network) {
+        code = ex_retune_valves(e);
+        e->s.is_stale = code != DF_OK;
+        return code;
+    }
     const df_parameters p = parameters_of(e);
     if (e->kind == EX_MODEL_EXCHANGE)
         code = df_place(&e->s.run, e->s.y[0], e->s.y[1], place_now(e), e->s.v);
@@ -119,9 +132,10 @@ int ex_refresh(ex_instance *e, int *states_moved)
     return code;
 }
 
-int ex_number_of(unsigned reference)
+int ex_number_of(const ex_instance *e, unsigned reference)
 {
-    return reference >= EX_NUMBERS && reference < EX_NUMBERS + EX_MOST_NUMBERS ? (int)(reference - EX_NUMBERS) : -1;
+    const unsigned n = (unsigned)e->damper.n_numbers;
+    return reference >= EX_NUMBERS && reference < EX_NUMBERS + n ? (int)(reference - EX_NUMBERS) : -1;
 }
 
 int ex_is_integer(unsigned reference)
@@ -132,6 +146,8 @@ int ex_is_integer(unsigned reference)
 /* The balances where the instance stands. */
 static int evaluate_here(ex_instance *e, df_rates *r)
 {
+    if (e->damper.is_network)
+        return EX_NO_VARIABLE;
     const int code = ex_refresh(e, NULL);
     if (code != DF_OK)
         return code;
@@ -164,6 +180,10 @@ static double beyond(const ex_instance *e, double x, double v)
 static int output_of_run(ex_instance *e, unsigned reference, double *value)
 {
     const int code = ex_refresh(e, NULL);
+    if (e->damper.is_network) {
+        *value = ex_output_of_valves(e, reference);
+        return code;
+    }
     const df_run *run = &e->s.run;
     const double P[3] = {run->b.P1, run->b.P2, run->b.P3};
     double slopes[DF_N_PARAMETERS];
@@ -173,10 +193,10 @@ static int output_of_run(ex_instance *e, unsigned reference, double *value)
 
 int ex_get(ex_instance *e, unsigned reference, double *value)
 {
-    const int k = ex_number_of(reference);
+    const int k = ex_number_of(e, reference);
     df_rates r;
     if (k >= 0) {
-        *value = number_at(e, k);
+        *value = ex_number(e, k);
         return DF_OK;
     }
     switch (reference) {
@@ -220,16 +240,17 @@ int ex_get(ex_instance *e, unsigned reference, double *value)
 int ex_set(ex_instance *e, unsigned reference, double value)
 {
     ex_state *s = &e->s;
-    const int k = ex_number_of(reference);
+    const int k = ex_number_of(e, reference);
     if (!isfinite(value))
         return DF_NOT_FINITE;
     if (k >= 0) {
-        if (value < 0.0 && k != DF_F_0)
+        const int is_offset = k == (e->damper.is_network ? (int)DF_NUMBER_OFFSET : (int)DF_F_0);
+        if (value < 0.0 && !is_offset)
             return EX_OUT_OF_RANGE;
-        if (value == 0.0 && k != DF_F_0 && k != DF_F_F)
+        if (value == 0.0 && !is_offset && k != DF_F_F && !e->damper.is_network)
             return EX_OUT_OF_RANGE;
         /* Importers set every parameter to its start value: that is no wish of its own. */
-        s->is_own[k] = value != e->damper.table[e->damper.start * EX_MOST_NUMBERS + k];
+        s->is_own[k] = value != e->damper.table[e->damper.start * e->damper.n_numbers + k];
         s->own[k] = value;
         s->is_stale = 1;
         return DF_OK;
@@ -281,27 +302,18 @@ int ex_set_integer(ex_instance *e, unsigned reference, int value)
     return EX_NO_SETTING;
 }
 
-size_t ex_serialised_size(const ex_instance *e)
+static int step_paper(ex_instance *e, double interval, double x, double v, int is_of_beginning)
 {
-    return sizeof(ex_state) + sizeof e->damper.token;
-}
-
-int ex_serialise(const ex_instance *e, const void *state, char *bytes, size_t size)
-{
-    if (!state || size < ex_serialised_size(e))
-        return EX_NO_STATE;
-    memcpy(bytes, e->damper.token, sizeof e->damper.token);
-    memcpy(bytes + sizeof e->damper.token, state, sizeof(ex_state));
-    return DF_OK;
-}
-
-int ex_deserialise(const ex_instance *e, const char *bytes, size_t size, void *state)
-{
-    if (size != ex_serialised_size(e) || memcmp(bytes, e->damper.token, sizeof e->damper.token) != 0)
-        return EX_NO_STATE;
-    memcpy(state, bytes + sizeof e->damper.token, sizeof(ex_state));
-    const int setting = ((const ex_state *)state)->setting;
-    return setting >= 0 && setting < e->damper.n_settings ? DF_OK : EX_NO_STATE;
+    const df_run before = e->s.run;
+    df_work work = {0, 0, 0, 0};
+    if (is_of_beginning)
+        e->s.run.v = e->s.v;
+    const int code = df_advance(&e->s.run, interval, x, v, &work);
+    if (code != DF_OK)
+        e->s.run = before;
+    else
+        take_states(e);
+    return code;
 }
 
 /* Inputs are of the beginning of the step, and what they will be at its end is guessed from the
@@ -309,26 +321,22 @@ int ex_deserialise(const ex_instance *e, const char *bytes, size_t size, void *s
 int ex_step(ex_instance *e, double time, double interval)
 {
     ex_state *s = &e->s;
-    df_work work = {0, 0, 0, 0};
     double x = s->x, v = s->v;
     const int code = ex_refresh(e, NULL);
     if (code != DF_OK)
         return code;
-    const df_run before = s->run;
-    if (s->extrapolation > 0) {
+    const int is_of_beginning = s->extrapolation > 0;
+    if (is_of_beginning) {
         double slope = 0.0;
         if (s->extrapolation > 1 && s->has_before && time > s->t_before)
             slope = (s->v - s->v_before) / (time - s->t_before);
         x += interval * (s->v + 0.5 * interval * slope);
         v += interval * slope;
-        s->run.v = s->v;
     }
-    const int ended = df_advance(&s->run, interval, x, v, &work);
-    if (ended != DF_OK) {
-        s->run = before;
+    const int ended = e->damper.is_network ? ex_step_valves(e, interval, x, v, is_of_beginning)
+                                           : step_paper(e, interval, x, v, is_of_beginning);
+    if (ended != DF_OK)
         return ended;
-    }
-    take_states(e);
     s->y[2] += beyond(e, x, v) > 0.0 ? interval : 0.0;
     s->v_before = s->v;
     s->t_before = time;
@@ -444,7 +452,7 @@ int ex_slope(ex_instance *e, unsigned unknown, unsigned known, double *slope)
     const int code = evaluate_here(e, &r);
     if (code != DF_OK)
         return code;
-    const int k = ex_number_of(known);
+    const int k = ex_number_of(e, known);
     if (k >= 0)
         move_parameter(e, &r, k, &d);
     else if (known == EX_STATE_1 || known == EX_STATE_2)
@@ -463,20 +471,4 @@ int ex_slope(ex_instance *e, unsigned unknown, unsigned known, double *slope)
     else if (unknown == EX_SECONDS_OUTSIDE)
         *slope = known == EX_STATE_3;
     return DF_OK;
-}
-
-const char *ex_sentence(int code)
-{
-    switch (code) {
-    case DF_NOT_FINITE: return "an input, a parameter or a state is not a finite number";
-    case DF_STEP_LIMIT: return "the integrator needs too many steps; take a shorter communication step";
-    case DF_CHAMBER_EMPTY: return "the displacement leaves no volume in a chamber or in the gas";
-    case DF_BAD_ARGUMENT: return "a parameter or the step is zero, negative or not finite";
-    case EX_NO_SETTING: return "this setting was not identified; the description of 'setting' lists those that were";
-    case EX_NO_VARIABLE: return "there is no variable of this type with this value reference";
-    case EX_NOT_SETTABLE: return "this variable cannot be set";
-    case EX_OUT_OF_RANGE: return "the value is out of the range of its variable";
-    case EX_NO_STATE: return "these bytes are no state of this damper";
-    default: return "no such ending";
-    }
 }

@@ -6,9 +6,10 @@
 #ifndef DAMPERFIT_EXPORTED_H
 #define DAMPERFIT_EXPORTED_H
 
+#include "network.h"
 #include "stepper.h"
 
-enum { EX_MOST_NUMBERS = 8, EX_TOKEN = 80, EX_WHY = 280 };
+enum { EX_MOST_NUMBERS = DF_MOST_NUMBERS, EX_TOKEN = 80, EX_WHY = 280 };
 
 /* Value references. A number of the damper is EX_NUMBERS + its place. */
 enum {
@@ -42,14 +43,17 @@ typedef enum { EX_CO_SIMULATION, EX_MODEL_EXCHANGE } ex_kind;
 /* What the exported file says; the same for all instances of it. */
 typedef struct {
     char token[EX_TOKEN];
-    df_geometry geometry;
+    int is_network;       /* a damper of valves; otherwise the paper's */
+    df_network network;   /* its passages; numbers are each setting's */
+    df_geometry geometry; /* of the paper's */
+    int n_numbers;
     df_options options;
     double stroke, speed; /* tested range; 0: not known */
     double friction_band;
     int start;            /* place of the setting that is set at the beginning */
     int n_settings;
     int *settings;        /* as people call them */
-    double *table;        /* EX_MOST_NUMBERS a setting, in the order of df_parameters */
+    double *table;        /* n_numbers a setting, in the order of df_parameters or of the network */
 } ex_damper;
 
 /* All that changes: a copy of its bytes is a copy of the instance's state. */
@@ -61,6 +65,8 @@ typedef struct {
     double time, x, v;                          /* inputs, as they were set */
     int has_begun, is_stale;                    /* stale: parameters changed since the last use */
     df_run run;
+    df_network network;                         /* with the numbers as they are now, and its state */
+    df_network_state valves;
     double y[EX_N_STATES];                      /* oil above that at x = 0, kg; seconds outside */
     double v_before, t_before;                  /* inputs of the step before */
     int has_before;
@@ -80,12 +86,19 @@ int ex_open(ex_instance *e, ex_kind kind, const char *folder, const char *token,
 void ex_close(ex_instance *e);
 int ex_reset(ex_instance *e);
 
-int ex_number_of(unsigned reference); /* place of a number of the damper, -1: none */
+int ex_number_of(const ex_instance *e, unsigned reference); /* place of a number, -1: none */
+double ex_number(const ex_instance *e, int place);           /* as it is now */
 int ex_get(ex_instance *e, unsigned reference, double *value);
 int ex_set(ex_instance *e, unsigned reference, double value);
 int ex_get_integer(const ex_instance *e, unsigned reference, int *value);
 int ex_set_integer(ex_instance *e, unsigned reference, int value);
 int ex_is_integer(unsigned reference);
+
+/* Of a damper of valves, for co-simulation. */
+int ex_begin_valves(ex_instance *e);
+int ex_retune_valves(ex_instance *e);
+int ex_step_valves(ex_instance *e, double interval, double x, double v, int is_of_beginning);
+double ex_output_of_valves(const ex_instance *e, unsigned reference);
 
 int ex_begin(ex_instance *e);
 int ex_step(ex_instance *e, double time, double interval);

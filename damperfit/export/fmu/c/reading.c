@@ -2,13 +2,18 @@
  *
  *   damperfit-damper 1
  *   token TEXT
- *   geometry a_p1 a_p2 a_r V_10 V_20 V_g0 rho_0
+ *   purdy a_p1 a_p2 a_r V_10 V_20 V_g0 rho_0
  *   solver tolerance max_steps
  *   tested stroke speed
  *   friction_band width
  *   start SETTING
  *   settings N
  *   SETTING R_m1 R_m2 R_m3 K_e f_f f_0 P_0 gamma     (N times)
+ *
+ * and of a damper of valves, in place of the line `purdy`:
+ *
+ *   network a_1 a_2 V_1 V_2 rho_0 rod_force rounding has_floating_piston n_passages n_numbers
+ *   from to p_open R S width two_way                  (n_passages times)
  *
  * Numbers have a point, whatever the locale of the host says.
  */
@@ -90,10 +95,43 @@ static int read_whole(cursor *c, int low, int high)
     return (int)value;
 }
 
-static void read_body(cursor *c, ex_damper *d)
+static void read_sizes(cursor *c, double *const sizes[], size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        *sizes[i] = read_number(c);
+}
+
+static void read_purdy(cursor *c, ex_damper *d)
 {
     df_geometry *g = &d->geometry;
     double *const sizes[] = {&g->a_p1, &g->a_p2, &g->a_r, &g->V_10, &g->V_20, &g->V_g0, &g->rho_0};
+    read_sizes(c, sizes, sizeof sizes / sizeof *sizes);
+    d->n_numbers = DF_N_PARAMETERS;
+}
+
+static void read_network(cursor *c, ex_damper *d)
+{
+    df_network *q = &d->network;
+    double *const sizes[] = {&q->a_1, &q->a_2, &q->V_1, &q->V_2, &q->rho_0, &q->rod_force, &q->rounding};
+    read_sizes(c, sizes, sizeof sizes / sizeof *sizes);
+    q->has_floating_piston = read_whole(c, 0, 1);
+    q->n_passages = read_whole(c, 1, DF_MOST_PASSAGES);
+    q->n_numbers = read_whole(c, DF_FIRST_PASSAGE_NUMBER, DF_MOST_NUMBERS);
+    for (int k = 0; k < q->n_passages; k++) {
+        df_passage *p = &q->passages[k];
+        int *const places[] = {&p->p_open, &p->R, &p->S, &p->width};
+        p->from = read_whole(c, 1, 3);
+        p->to = read_whole(c, 1, 3);
+        for (int i = 0; i < 4; i++)
+            *places[i] = read_whole(c, -1, q->n_numbers - 1);
+        p->two_way = read_whole(c, 0, 1);
+    }
+    d->is_network = 1;
+    d->n_numbers = q->n_numbers;
+}
+
+static void read_body(cursor *c, ex_damper *d)
+{
     const char *word;
     expect(c, "damperfit-damper");
     expect(c, "1");
@@ -105,9 +143,13 @@ static void read_body(cursor *c, ex_damper *d)
     }
     memcpy(d->token, word, n);
     d->token[n] = '\0';
-    expect(c, "geometry");
-    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
-        *sizes[i] = read_number(c);
+    const size_t m = next_word(c, &word);
+    if (m == 7 && strncmp(word, "network", m) == 0)
+        read_network(c, d);
+    else if (m == 5 && strncmp(word, "purdy", m) == 0)
+        read_purdy(c, d);
+    else
+        c->is_good = 0;
     expect(c, "solver");
     d->options.tolerance = read_number(c);
     d->options.max_steps_per_sample = read_whole(c, 1, 1000000000);
@@ -130,7 +172,7 @@ int ex_parse(const char *text, ex_damper *d, char *why)
     const int n = read_whole(&c, 1, MOST_SETTINGS);
     if (c.is_good) {
         d->settings = calloc((size_t)n, sizeof *d->settings);
-        d->table = calloc((size_t)n * EX_MOST_NUMBERS, sizeof *d->table);
+        d->table = calloc((size_t)n * (size_t)d->n_numbers, sizeof *d->table);
     }
     if (!d->settings || !d->table) {
         snprintf(why, EX_WHY, "%s", c.is_good ? "out of memory" : FILE_NAME " is damaged at its head");
@@ -142,8 +184,8 @@ int ex_parse(const char *text, ex_damper *d, char *why)
         d->settings[i] = read_whole(&c, -1000000, 1000000);
         if (d->settings[i] == start)
             d->start = i;
-        for (int k = 0; k < EX_MOST_NUMBERS; k++)
-            d->table[i * EX_MOST_NUMBERS + k] = read_number(&c);
+        for (int k = 0; k < d->n_numbers; k++)
+            d->table[i * d->n_numbers + k] = read_number(&c);
     }
     if (!c.is_good || d->start < 0) {
         snprintf(why, EX_WHY, FILE_NAME " is damaged in its table of settings");
