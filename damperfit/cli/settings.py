@@ -22,25 +22,33 @@ from damperfit.cli.options import (
     JobsOption,
     JsonOption,
     QuietOption,
+    RigOption,
+    RigProfileOption,
     VersionOption,
+    configured,
+    rig_entries,
 )
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from damperfit.adjustment import Answer, Wanted
     from damperfit.queries.adjuster_results import AdjusterResults
     from damperfit.queries.force_by_setting import ForceTable, Question
+    from damperfit.readers import ReadOptions
 
 __all__ = ["settings"]
 
 
 def settings(
     results: Annotated[
-        Path,
+        list[Path] | None,
         typer.Argument(
-            metavar="RESULTS", help="Folder that identify wrote, or a file of measured curves."
+            metavar="RESULTS",
+            help="Folder that identify wrote, or files of measured curves.  [results]",
         ),
-    ] = Path("results"),
+    ] = None,
     force: Annotated[
         str | None,
         typer.Option(metavar="FORCE", help="Which setting gives it? As in 900N; minus: bump."),
@@ -58,6 +66,8 @@ def settings(
     frequency: Annotated[
         str | None, typer.Option(metavar="FREQ", help="Of the sine.  [the test's own]")
     ] = None,
+    rig: RigOption = None,
+    rig_profile: RigProfileOption = None,
     jobs: JobsOption = None,
     config: ConfigOption = None,
     json: JsonOption = False,
@@ -74,19 +84,29 @@ def settings(
     from damperfit.run.logs import available_cores
 
     question = parse_question(force=force, velocity=velocity, stroke=stroke)
-    if results.is_file():
+    paths = results or [Path("results")]
+    if all(path.is_file() for path in paths):
         for option, value in (("--amplitude", amplitude), ("--frequency", frequency)):
             if value is not None:
                 raise ConfigurationError(
-                    f"{option} {value} cannot act: the forces of {results} were measured, not "
+                    f"{option} {value} cannot act: the forces of {paths[0]} were measured, not "
                     "simulated; leave it out"
                 )
-        return _curves(results, question, config=config, is_json=json, is_quiet=quiet)
-    adjuster = read_adjuster(results, config=config, amplitude=amplitude, frequency=frequency)
+        profile = ("--rig-profile", "rig.profile", rig_profile)
+        reading = configured(config, *rig_entries(rig), profile).reading
+        return _curves(paths, question, reading, is_json=json, is_quiet=quiet)
+    folder = _one_folder(paths)
+    for option, given in (("--rig", (rig or [None])[0]), ("--rig-profile", rig_profile)):
+        if given is not None:
+            raise ConfigurationError(
+                f"{option} {given} cannot act: {folder} holds results, and no log is read; leave "
+                "it out"
+            )
+    adjuster = read_adjuster(folder, config=config, amplitude=amplitude, frequency=frequency)
     forces = tabulate_forces(adjuster, question, jobs=jobs or available_cores())
     remarks = (*adjuster.remarks, *forces.remarks)
     for remark in remarks:
-        say(f"damperfit: {results}: {remark}")
+        say(f"damperfit: {folder}: {remark}")
     for trace in forces.traces if debug else ():
         say_lines(trace)
     for note in forces.notes:
@@ -98,18 +118,37 @@ def settings(
     return 1 if remarks else 0
 
 
+def _one_folder(paths: Sequence[Path]) -> Path:
+    """Return the results folder that was given, where that is all."""
+    if len(paths) > 1:
+        raise ConfigurationError(
+            f"found {len(paths)} of {', '.join(map(str, paths[:3]))}; expected one results folder, or "
+            "files of measured curves alone"
+        )
+    return paths[0]
+
+
 def _curves(
-    path: Path, question: Question, *, config: Path | None, is_json: bool, is_quiet: bool
+    paths: Sequence[Path],
+    question: Question,
+    reading: ReadOptions,
+    *,
+    is_json: bool,
+    is_quiet: bool,
 ) -> int:
     """Answer from curves that were measured without time."""
     from damperfit.queries.measured_forces import measured_forces
     from damperfit.report import curve_forces_sheet, terminal_table, to_record
     from damperfit.run.run_json import json_values
 
-    found = measured_forces(path, question, config=config)
+    found = measured_forces(paths, question, reading=reading)
     if is_json:
         asked = None if question.force is None else to_record(question)
-        document = {"source": str(path), "question": asked, "sentence": found.sentence or None}
+        document = {
+            "source": ", ".join(map(str, paths)),
+            "question": asked,
+            "sentence": found.sentence or None,
+        }
         print_json(json_values(document | {"forces": found.rows()}))
         return 0
     if found.sentence:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from damperfit.adjustment import STROKES
-from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
 from damperfit.readers import ForceCurve, read_curves
 from damperfit.simulation import NAMED_SPEEDS
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.queries.force_by_setting import Question
+    from damperfit.readers import ReadOptions
 
 __all__ = ["MeasuredForces", "measured_forces"]
 
@@ -50,26 +50,28 @@ class MeasuredForces:
         ]
 
 
-def measured_forces(path: Path, question: Question, *, config: Path | None) -> MeasuredForces:
-    """Return what the curves of a file say of a question.
+def measured_forces(
+    paths: Sequence[Path], question: Question, *, reading: ReadOptions
+) -> MeasuredForces:
+    """Return what the curves of some files say of a question.
 
     Parameters
     ----------
-    path : pathlib.Path
+    paths : sequence of pathlib.Path
         Points or loops of force over speed, without time.
     question : Question
         Speed, force and stroke asked for.
-    config : pathlib.Path, optional
-        Units and signs, in [rig].
+    reading : ReadOptions
+        Units and signs.
 
     Raises
     ------
     LogError
-        The file holds no such curves.
+        A file holds no such curves.
     ConfigurationError
         No curve reaches the speed.
     """
-    curves = read_curves(path, load_configuration(config).reading)
+    curves = _labelled_apart([curve for path in paths for curve in read_curves(path, reading)])
     strokes = (question.stroke,) if question.stroke else STROKES
     tops = [float(v.max()) for c in curves for s in strokes if len(v := c.points(s)[0])]
     speeds = tuple(speed for speed in NAMED_SPEEDS if speed <= max(tops, default=0.0))
@@ -86,11 +88,22 @@ def measured_forces(path: Path, question: Question, *, config: Path | None) -> M
         at = f"{question.speed:g} m/s" if question.speed else "the named test speeds"
         side = f" in {question.stroke}" if question.stroke else ""
         raise ConfigurationError(
-            f"{at}: no curve of {path.name} has points on both sides of it{side}; the highest "
+            f"{at}: no curve of {', '.join(path.name for path in paths)} has points on both sides of it{side}; the highest "
             f"measured speed is {max(tops, default=0.0):.3g} m/s"
         )
     sentence = "" if question.force is None else _answer(question, forces)
     return MeasuredForces(curves, speeds, sentence)
+
+
+def _labelled_apart(curves: Sequence[ForceCurve]) -> tuple[ForceCurve, ...]:
+    """Put the file's name before labels that several files use."""
+    files: dict[str, set[str]] = {}
+    for one in curves:
+        files.setdefault(one.label, set()).add(one.path)
+    return tuple(
+        replace(one, label=f"{one.name} {one.label}") if len(files[one.label]) > 1 else one
+        for one in curves
+    )
 
 
 def _answer(question: Question, forces: Sequence[tuple[float, str]]) -> str:

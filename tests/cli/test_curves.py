@@ -89,6 +89,27 @@ def test_settings_finds_a_force_among_them(run, curves) -> None:
     assert exact.out.strip() == "700 N in rebound at 0.2 m/s: 12-4.3 gives it"
 
 
+def test_settings_takes_several_files_and_what_the_rig_declares(run, tmp_path) -> None:
+    for name, force in (("soft", 2.0), ("hard", 3.0)):
+        rows = "".join(f"{v},{1000 * force * v}\n" for v in (0.1, 0.2, 0.3))
+        (tmp_path / f"{name}.csv").write_text(f"speed_m/s,Rebound\n{rows}")
+    asked = ("--force", "500N", "--velocity", "0.2m/s", "--quiet")
+    told = run("settings", "soft.csv", "hard.csv", "--rig", "units.force=N", *asked)
+    assert told.code == 0
+    said = " ".join(told.out.split())
+    assert "between soft.csv" in said
+    assert "with 400 N and hard.csv" in said
+    weaker = run("settings", "soft.csv", "hard.csv", "--rig", "units.force=lbf", *asked)
+    assert "no curve gives it; the nearest is soft.csv" in " ".join(weaker.out.split())
+    (tmp_path / "results").mkdir()
+    mixed = run("settings", "soft.csv", "results")
+    assert mixed.code == 2
+    assert "expected one results folder, or files of measured curves alone" in mixed.err
+    useless = run("settings", "results", "--rig", "units.force=N")
+    assert useless.code == 2
+    assert "--rig units.force=N cannot act: results holds results" in useless.err
+
+
 def test_settings_shows_the_forces(run, curves) -> None:
     told = run("settings", curves)
     assert told.code == 0
