@@ -96,7 +96,7 @@ def settings(
         reading = configured(config, *rig_entries(rig), profile).reading
         return _curves(paths, question, reading, is_json=json, is_quiet=quiet)
     folder = _one_folder(paths)
-    for option, given in (("--rig", (rig or [None])[0]), ("--rig-profile", rig_profile)):
+    for option, given in (("--rig", rig[0] if rig else None), ("--rig-profile", rig_profile)):
         if given is not None:
             raise ConfigurationError(
                 f"{option} {given} cannot act: {folder} holds results, and no log is read; leave "
@@ -122,8 +122,8 @@ def _one_folder(paths: Sequence[Path]) -> Path:
     """Return the results folder that was given, where that is all."""
     if len(paths) > 1:
         raise ConfigurationError(
-            f"found {len(paths)} of {', '.join(map(str, paths[:3]))}; expected one results folder, or "
-            "files of measured curves alone"
+            f"found {', '.join(map(str, paths[:3]))}; expected one results folder, or files of "
+            "measured curves alone"
         )
     return paths[0]
 

@@ -87,8 +87,9 @@ def measured_forces(
     if not forces:
         at = f"{question.speed:g} m/s" if question.speed else "the named test speeds"
         side = f" in {question.stroke}" if question.stroke else ""
+        names = ", ".join(path.name for path in paths)
         raise ConfigurationError(
-            f"{at}: no curve of {', '.join(path.name for path in paths)} has points on both sides of it{side}; the highest "
+            f"{at}: no curve of {names} has points on both sides of it{side}; the highest "
             f"measured speed is {max(tops, default=0.0):.3g} m/s"
         )
     sentence = "" if question.force is None else _answer(question, forces)
