@@ -40,9 +40,9 @@ def init(
     ] = None,
     out: Annotated[
         Path, typer.Option(metavar="FILE.toml", help="Where to write; - prints it.")
-    ] = Path("damper.toml"),
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace the file if it is there.")
+    ] = Path("my_damper.toml"),
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the file if it is there.")
     ] = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
@@ -64,8 +64,10 @@ def init(
     from damperfit.run.logs import expand
 
     is_printed = str(out) == _STDOUT
-    if not is_printed and out.exists() and not force:
-        raise ConfigurationError(f"{out}: is there already; give --force to replace it, or --out")
+    if not is_printed and out.exists() and not overwrite:
+        raise ConfigurationError(
+            f"{out}: is there already; give --overwrite to replace it, or --out"
+        )
     given = assignments(set_ or [], option="--set")
     check_damper(model, given)
     paths = expand(logs) if logs else ()

@@ -22,6 +22,7 @@ from damperfit.cli.init import init
 from damperfit.cli.inspect import inspect
 from damperfit.cli.models import models
 from damperfit.cli.options import DebugOption, VersionOption
+from damperfit.cli.panels import PanelledCommand
 from damperfit.cli.report import report
 from damperfit.cli.samples import samples
 from damperfit.cli.settings import settings
@@ -55,7 +56,7 @@ def _heard(command: Callable[..., int]) -> Callable[..., int]:
 
 app = typer.Typer(
     name="damperfit",
-    add_completion=False,
+    add_completion=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog="Example: damperfit identify sample_runs/*.csv",
@@ -76,7 +77,7 @@ for _command in (
     init,
     doctor,
 ):
-    app.command()(_heard(_command))
+    app.command(cls=PanelledCommand)(_heard(_command))
 
 
 @app.callback()

@@ -41,7 +41,7 @@ def bare(text: str, factor: float = 1.0, length: float = 1.0) -> str:
 @pytest.mark.parametrize("model", ["purdy", "twin_tube", "monotube", "through_flow"])
 def test_what_is_written_is_read_with_and_without_its_marks(model, folder):
     written = first_configuration(model, {"rod_diameter": "12mm"}, Guessed({}, {}))
-    path = folder / "damper.toml"
+    path = folder / "my_damper.toml"
     path.write_text(written)
     found = load_configuration(path)
     assert found.damper.name == model
@@ -70,13 +70,13 @@ def test_settings_units_and_serials_are_seen_in_logs(folder, text, capsys):
         (folder / f"D7_C{click}.csv").write_text(head + bare(text))
     assert main(["init", "D7_C02.csv", "D7_C10.csv", "--set", "rod_diameter=19mm"]) == 0
     said = capsys.readouterr()
-    found = tomllib.loads((folder / "damper.toml").read_text())
+    found = tomllib.loads((folder / "my_damper.toml").read_text())
     assert found["rig"]["units"] == {"time": "s", "displacement": "mm", "force": "N"}
     assert found["rig"]["setting_pattern"] == r"C(?P<setting>\d+)"
     assert found["test"] == {"serial": "SN7", "operator": "Kim"}
     assert "note: displacement is taken in mm: its amplitude is then 32 mm" in said.err
     # The logs are looked at with it.
-    assert "$ damperfit inspect D7_C02.csv D7_C10.csv --config damper.toml" in said.out
+    assert "$ damperfit inspect D7_C02.csv D7_C10.csv --config my_damper.toml" in said.out
     assert "D7_C10.csv   10" in said.out
     assert "refused" not in said.out
 
@@ -91,7 +91,7 @@ def test_settings_units_and_serials_are_seen_in_logs(folder, text, capsys):
 def test_units_are_those_that_make_a_damper_s_test(factor, length, units, folder, text):
     (folder / "setting_10.csv").write_text(bare(text, factor, length))
     assert main(["init", "setting_10.csv", "-q"]) == 0
-    found = tomllib.loads((folder / "damper.toml").read_text())
+    found = tomllib.loads((folder / "my_damper.toml").read_text())
     assert found["rig"]["units"] == {"time": "s", **units}
 
 
@@ -99,7 +99,9 @@ def test_units_that_make_no_test_of_a_damper_are_asked_for(folder, text, capsys)
     (folder / "setting_10.csv").write_text(bare(text, 1e9, 1e9))
     assert main(["init", "setting_10.csv"]) != 0
     assert "no common units make a damper's test" in capsys.readouterr().err
-    assert "# open: setting_10.csv: columns without units" in (folder / "damper.toml").read_text()
+    assert (
+        "# open: setting_10.csv: columns without units" in (folder / "my_damper.toml").read_text()
+    )
 
 
 def test_signs_that_the_loops_show_are_written(folder, text):
@@ -107,7 +109,7 @@ def test_signs_that_the_loops_show_are_written(folder, text):
     turned = "\n".join(f"{t},{-float(x)!r},{-float(f)!r}" for t, x, f, _ in rows)
     (folder / "setting_10.csv").write_text(f"time_s,displacement_mm,force_N\n{turned}\n")
     main(["init", "setting_10.csv", "-q"])
-    found = tomllib.loads((folder / "damper.toml").read_text())
+    found = tomllib.loads((folder / "my_damper.toml").read_text())
     plain = folder / "plain"
     plain.mkdir()
     (plain / "setting_10.csv").write_text(text)
@@ -118,12 +120,12 @@ def test_signs_that_the_loops_show_are_written(folder, text):
 
 
 def test_a_file_that_is_there_stays_unless_forced(folder, capsys):
-    (folder / "damper.toml").write_text("mine")
+    (folder / "my_damper.toml").write_text("mine")
     assert main(["init"]) == 2
-    assert "is there already; give --force" in capsys.readouterr().err
-    assert (folder / "damper.toml").read_text() == "mine"
-    assert main(["init", "--force", "-q"]) == 0
-    assert load_configuration(folder / "damper.toml").damper.name == "purdy"
+    assert "is there already; give --overwrite" in capsys.readouterr().err
+    assert (folder / "my_damper.toml").read_text() == "mine"
+    assert main(["init", "--overwrite", "-q"]) == 0
+    assert load_configuration(folder / "my_damper.toml").damper.name == "purdy"
 
 
 @pytest.mark.parametrize(

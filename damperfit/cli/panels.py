@@ -1,0 +1,92 @@
+"""The help of a command: its options in panels, by what they are for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from typer.core import TyperCommand
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["PANELS", "PanelledCommand", "panel_of"]
+
+# What stands in no panel stands last, under "Options".
+PANELS = {
+    "Logs": (
+        *("--setting", "--tests", "--rig", "--rig-profile", "--skew", "--allow-truncated"),
+        *("--displacement", "--measured"),
+    ),
+    "Damper": ("--config", "--model", "--set", "--layout", "--parameters"),
+    "Fit": (
+        *("--free", "--fix", "--procedure", "--share", "--bulk-modulus", "--start", "--starts"),
+        "--rivals",
+    ),
+    "Motion": (
+        *("--wave", "--amplitude", "--frequency", "--cycles", "--sample-rate", "--max-steps"),
+        *("--velocity", "--stroke", "--force", "--vary", "--paper", "--extend"),
+    ),
+    "Trust": ("--hold-out", "--hold-out-cycles", "--profile", "--repeats"),
+    "Gates": ("--strict", "--max-mse", "--check", "--tolerance", "--junit"),
+    "Work": ("--jobs", "--scheduler", "--part"),
+    "Output": (
+        *("--out", "--report", "--plots", "--plot", "--to", "--list"),
+        *("--github-summary", "--save", "--collect", "--json", "--quiet"),
+    ),
+}
+_OTHERS = "Options"
+
+
+def panel_of(option: str) -> str:
+    """Return the panel that an option stands in.
+
+    Examples
+    --------
+    >>> panel_of("--hold-out"), panel_of("--help")
+    ('Trust', 'Options')
+    """
+    return next((panel for panel, names in PANELS.items() if option in names), _OTHERS)
+
+
+class PanelledCommand(TyperCommand):
+    """A command whose help has panels."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return what follows the command's name in its usage."""
+        return ["[OPTIONS]", *(_word(param) for param in self._arguments(ctx))]
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments, then the options panel by panel."""
+        arguments = [
+            (_word(param), " ".join(filter(None, [getattr(param, "help", ""), _need(param)])))
+            for param in self._arguments(ctx)
+        ]
+        if arguments:
+            with formatter.section("Arguments"):
+                formatter.write_dl(arguments)
+        rows: dict[str, list[tuple[str, str]]] = {}
+        for param in self.get_params(ctx):
+            record = None if param.param_type_name == "argument" else param.get_help_record(ctx)
+            if record is not None:
+                rows.setdefault(panel_of(_long(param)), []).append(record)
+        for panel in (*PANELS, _OTHERS):
+            if panel in rows:
+                with formatter.section(panel):
+                    formatter.write_dl(rows[panel])
+
+    def _arguments(self, ctx: Any) -> Iterator[Any]:
+        return (one for one in self.get_params(ctx) if one.param_type_name == "argument")
+
+
+def _word(param: Any) -> str:
+    word = str(param.metavar or (param.name or "").upper())
+    return word if param.required or word.startswith("[") else f"[{word}]"
+
+
+def _need(param: Any) -> str:
+    return " [required]" if param.required else ""
+
+
+def _long(param: Any) -> str:
+    names: list[str] = list(param.opts)
+    return next((name for name in names if name.startswith("--")), names[0])

@@ -1,0 +1,66 @@
+"""The help of each command: options in panels, words for what they take, an example."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from damperfit.cli.main import app, main
+from damperfit.cli.panels import PANELS
+
+COMMANDS = [command.name or command.callback.__name__ for command in app.registered_commands]
+PLAIN = {"--help", "--version", "--debug"}  # options that stand in no panel
+
+
+def help_of(command: str, capsys) -> str:
+    assert main([command, "--help"]) == 0
+    return capsys.readouterr().out
+
+
+def options_of(text: str) -> dict[str, list[str]]:
+    """Return the options by the panel that they stand in."""
+    found: dict[str, list[str]] = {}
+    panel = ""
+    for line in text.splitlines():
+        if heading := re.fullmatch(r"([A-Z]\w+):", line):
+            panel = heading[1]
+        elif option := re.match(r"  (?:-\w, )?(--[a-z-]+)", line):
+            found.setdefault(panel, []).append(option[1])
+    return found
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_option_stands_in_its_panel(command, capsys):
+    found = options_of(help_of(command, capsys))
+    for panel, options in found.items():
+        if panel == "Options":
+            continue
+        assert set(options) <= set(PANELS[panel]), panel
+    assert PLAIN <= set(found["Options"])
+    assert list(found) == [name for name in (*PANELS, "Options") if name in found]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_usage_and_arguments_are_words(command, capsys):
+    text = help_of(command, capsys)
+    assert text.startswith(f"Usage: damperfit {command} [OPTIONS]")
+    assert not re.search(r"[{}<>]", text.split("Example:")[0])
+    assert "list[" not in text
+    assert f"Example: damperfit {command}" in text
+
+
+def test_what_may_be_left_out_stands_in_brackets(capsys):
+    assert "identify [OPTIONS] LOGS...\n" in help_of("identify", capsys)
+    assert "fleet [OPTIONS] [LOGS...]\n" in help_of("fleet", capsys)
+    assert "export [OPTIONS] [RESULTS]\n" in help_of("export", capsys)
+
+
+def test_no_option_stands_in_two_panels():
+    options = [option for names in PANELS.values() for option in names]
+    assert len(options) == len(set(options))
+
+
+def test_completion_is_offered(capsys):
+    assert main(["--help"]) == 0
+    assert "--install-completion" in capsys.readouterr().out
