@@ -318,6 +318,8 @@ class Trace:
         What conditioning assumed or noticed, one plain sentence each.
     findings : tuple of Finding
         What the data show of the log's quality, and what was put right.
+    gas_pressure : float or None
+        What the damper was filled to for this test, Pa absolute; None: as it is declared.
     """
 
     name: str
@@ -335,6 +337,7 @@ class Trace:
     temperature: float | None = None
     notes: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
+    gas_pressure: float | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:

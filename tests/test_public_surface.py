@@ -263,6 +263,7 @@ SURFACE = {
     ],
     "damperfit.damper.cylinder": [
         "Cylinder",
+        "filling",
     ],
     "damperfit.damper.force_channel": [
         "behind_lag",
@@ -476,11 +477,14 @@ SURFACE = {
         "REPEATS",
         "SCATTERS",
         "contradicting",
+        "moves_alike",
         "once_each",
         "share_a_motion",
         "without_contradictions",
         "without_copies",
     ],
+    "damperfit.run.tested_at": ["conditioned_as_tested"],
+    "damperfit.run.rod_area": ["rod_told", "with_rod_remark"],
     "damperfit.run.dampers": [
         "by_damper",
         "folder_name",

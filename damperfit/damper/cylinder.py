@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-__all__ = ["Cylinder"]
+if TYPE_CHECKING:
+    from damperfit.simulation import Motion
+
+__all__ = ["Cylinder", "filling"]
 
 
 class Cylinder:
@@ -43,3 +46,16 @@ class Cylinder:
     def chamber_2_volume(self) -> float:
         """V_20, full-bore side at x = 0, m3."""
         return self.chamber_2_length * self.piston_area
+
+
+def filling(motion: Motion, declared: float) -> float:
+    """Return what a test's gas pressure is over the declared one; 1 where none is told.
+
+    Parameters
+    ----------
+    motion : Motion
+        The test.
+    declared : float
+        Gas pressure of the damper, Pa absolute.
+    """
+    return 1.0 if motion.gas_pressure is None else motion.gas_pressure / declared

@@ -17,7 +17,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, make_dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from damperfit.errors import ConfigurationError, did_you_mean
 
@@ -340,6 +340,12 @@ class Model(ABC):
     def travel(self) -> float:
         """Displacement from rest that the damper does not reach, m."""
         return float("inf")
+
+    def filled_to(self, gas_pressure: float | None) -> Self:
+        """Return the same damper filled to another pressure, Pa; None: as it is declared."""
+        if gas_pressure is None or not hasattr(self, "gas_pressure"):
+            return self
+        return cast("Self", replace(cast("Any", self), gas_pressure=gas_pressure))
 
     def rest_force(self, displacement: ArrayLike) -> FloatArray | None:  # noqa: ARG002
         """Return the force at no speed without friction and offset, N; None: it does not say."""

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from damperfit.damper.cylinder import Cylinder
+from damperfit.damper.cylinder import Cylinder, filling
 from damperfit.damper.friction import Friction
 from damperfit.damper.model import DAMPER, FRICTION, LOG, OFFSET, Model, Quantity
 from damperfit.damper.mounting import NONE, Mounting
@@ -221,10 +221,14 @@ class ValveDamper(Cylinder, Model):
             for one, value in zip(values.names, values.numbers, strict=True)
             if one != "lag"
         }
+        filled = filling(motion, self.gas_pressure)
+        numbers["gas_pressure"] *= filled
         wanted = [_CORE_NAMES.get(one, one) for one in sensitivities if one != "lag"]
         response = simulate_network(
             self.network, numbers, self, motion, sensitivities=wanted, options=options
         )
+        if "gas_pressure" in wanted:
+            response.sensitivities["gas_pressure"] *= filled
         if "lag" not in values.names:
             slopes = [response.sensitivities[_CORE_NAMES.get(one, one)] for one in sensitivities]
             named = dict(zip(sensitivities, slopes, strict=True))

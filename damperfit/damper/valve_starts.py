@@ -99,7 +99,10 @@ def read_strokes(
 
 
 def _loops(damper: ValveDamper, traces: Sequence[Trace]) -> list[Loop]:
-    return [loop_of(trace, damper.rest_force(trace.displacement)) for trace in traces]
+    return [
+        loop_of(trace, damper.filled_to(trace.gas_pressure).rest_force(trace.displacement))
+        for trace in traces
+    ]
 
 
 def sides(damper: ValveDamper, fixed: Mapping[str, float]) -> tuple[Side, Side]:

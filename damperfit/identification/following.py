@@ -356,7 +356,7 @@ def _forces(misfit: Misfit) -> tuple[FloatArray, NDArray[np.bool_]]:
     """What is compared: force above that at rest, and whether the rod goes out."""
     forces, strokes = [], []
     for trace in misfit.traces:
-        rest = misfit.damper.rest_force(trace.displacement)
+        rest = misfit.damper.filled_to(trace.gas_pressure).rest_force(trace.displacement)
         force = trace.force if rest is None else trace.force - rest
         forces.append(force[trace.compared])
         strokes.append(trace.velocity[trace.compared] > 0.0)

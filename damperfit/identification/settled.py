@@ -133,6 +133,7 @@ def _settled(trace: Trace, stretch: Stretch, weight: FloatArray) -> tuple[Settle
         trace.interval * period / n,
         np.concatenate([x[n - lead :], x]),
         np.concatenate([v[n - lead :], v]),
+        gas_pressure=trace.gas_pressure,
     )
     return SettledCycle(motion, force, _gain(trace, period, n), np.sqrt(power)), scatter
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identity import IDENTITY_KEYS, Identity, identity_in
+from damperfit.quantities import parse_quantity, says_absolute_or_gauge
 from damperfit.setting import ADJUSTER, parse_place, parse_setting
 
 if TYPE_CHECKING:
@@ -26,6 +27,14 @@ __all__ = ["TestRow", "TestsTable", "is_tests_table", "read_tests"]
 
 _FILE = ("file", "log", "filename", "datei")
 _MAX_BYTES = 10_000_000
+_SHORT = 4
+# What may stand for each log, and its dimension.
+_FACTS = {
+    "gas_pressure": "absolute pressure",
+    "temperature": "temperature",
+    "tare": "force",
+    "skew": "time",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +49,8 @@ class TestRow:
         Where adjusters stand; an empty cell says nothing.
     identity : Identity
         Whose it is.
+    facts : mapping of str to float
+        What it was tested at, SI, temperature in degrees Celsius: a name of `_FACTS`.
     """
 
     __test__ = False  # no test of pytest's
@@ -47,6 +58,7 @@ class TestRow:
     line: int
     places: Mapping[str, Place] = field(default_factory=dict)
     identity: Identity = Identity()
+    facts: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +148,7 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
             raise ConfigurationError(f"{path}:{k}: no file name in column '{names[at]}'")
         row = _row(told, adjusters, f"{path}:{k}", line=k)
         before = rows.setdefault(file, row)
-        if (before.places, before.identity) != (row.places, row.identity):
+        if (before.places, before.identity, before.facts) != (row.places, row.identity, row.facts):
             raise ConfigurationError(
                 f"{path}:{k}: '{file}' stands in line {before.line} too, with other values; "
                 "leave one of the two out"
@@ -146,6 +158,7 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
 
 def _row(told: dict[str, str], adjusters: Sequence[str], where: str, *, line: int) -> TestRow:
     places: dict[str, Place] = {}
+    facts: dict[str, float] = {}
     others = {}
     for name, cell in told.items():
         key = re.sub(r"[\W_]+", "_", name.casefold()).strip("_")
@@ -154,6 +167,8 @@ def _row(told: dict[str, str], adjusters: Sequence[str], where: str, *, line: in
                 places |= dict(parse_setting(cell, adjusters).places)
             elif key in adjusters:
                 places[key] = parse_place(cell.replace(",", "."))
+            elif key in _FACTS:
+                facts[key] = _fact(key, cell)
             else:
                 others[name] = cell
         except ValueError as error:
@@ -161,12 +176,27 @@ def _row(told: dict[str, str], adjusters: Sequence[str], where: str, *, line: in
     known = identity_in(others)
     used = set(known.describe().values())
     more = tuple((name, cell) for name, cell in others.items() if cell not in used)
-    return TestRow(line, places, Identity(**known.describe(), more=more))
+    return TestRow(line, places, Identity(**known.describe(), more=more), facts)
+
+
+def _fact(key: str, cell: str) -> float:
+    """Return what a cell says of the test, with its unit.
+
+    Raises
+    ------
+    ValueError
+        It is no such quantity, or does not say what a pressure counts from.
+    """
+    value = parse_quantity(cell, _FACTS[key])
+    if key == "gas_pressure" and not says_absolute_or_gauge(cell):
+        raise ValueError("expected a unit that says what it counts from, as in 5.6bara or 80psig")
+    return value
 
 
 def _misspelt(names: Sequence[str], adjusters: Sequence[str], path: Path) -> list[str]:
     """Say which columns are nearly those of an adjuster or of the damper, and are not taken so."""
-    known = (*adjusters, *IDENTITY_KEYS)
+    # Short names lie near too many words.
+    known = (*adjusters, *IDENTITY_KEYS, *(name for name in _FACTS if len(name) > _SHORT))
     notes = []
     for name in names:
         if _column_of(_FILE, [name]) is not None:

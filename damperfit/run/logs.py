@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from damperfit.conditioning import condition, examine_raw
+from damperfit.conditioning import examine_raw
 from damperfit.errors import (
     ConfigurationError,
     InstallationError,
@@ -31,6 +31,7 @@ from damperfit.recording import Finding, natural_order
 from damperfit.report import Failure
 from damperfit.run.labelling import FROM_NAME, GUESSED, labels_for
 from damperfit.run.log_paths import matches
+from damperfit.run.tested_at import conditioned_as_tested
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -305,6 +306,8 @@ def _take_test(
     recording: Recording, path: Path, configuration: Configuration, labelled: _Labelled
 ) -> _Taken:
     recording, identity = labelled.labels.labelled(recording, path)
+    row = labelled.labels.row(path)
+    told = row.facts if row else {}
     whose = {"test": identity.describe()} if identity.describe() else {}
     known = LogFacts(
         log=recording.name,
@@ -320,7 +323,7 @@ def _take_test(
     )
     try:
         try:
-            trace = condition(recording, configuration.conditioning)
+            trace = conditioned_as_tested(recording, configuration.conditioning, told)
         except LogError as error:
             if recording.setting is None and labelled.is_needed:
                 raise type(error)(f"{error}{_NO_SETTING_EITHER}") from error
@@ -333,6 +336,7 @@ def _take_test(
     sentences = (one.sentence for one in trace.findings)
     facts = trace.describe() | {
         **whose,
+        **({"tested_at": dict(told)} if told else {}),
         "n_samples_read": len(recording.time),
         "notes": list(dict.fromkeys([*recording.notes, *trace.notes, *sentences])),
         "verdict": "warnings" if trace.warnings else "good",

@@ -27,6 +27,7 @@ from damperfit.run.logs import available_cores, expand, read_batch
 from damperfit.run.mishaps import Mishaps
 from damperfit.run.readings import Readings
 from damperfit.run.result import Found, RunResult, UnwrittenError
+from damperfit.run.rod_area import with_rod_remark
 from damperfit.run.run_json import provenance
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
 from damperfit.run.work import Clock, comparisons, fitted, sha256_of
@@ -238,6 +239,7 @@ def _read(
             left = without_contradictions(once, is_averaging=is_averaging)
             left = without_contradictory_motions(left, configuration)
             left, held_out = without_copies(left, parted.held_out)
+            left = with_rod_remark(left, configuration.damper)
             parted = replace(parted, batch=left, held_out=held_out)
         own = configuration
         if len(groups) > 1:

@@ -29,6 +29,7 @@ __all__ = [
     "REPEATS",
     "SCATTERS",
     "contradicting",
+    "moves_alike",
     "once_each",
     "share_a_motion",
     "without_contradictions",
@@ -217,11 +218,18 @@ def contradicting(
 
 def share_a_motion(first: Trace, second: Trace) -> bool:
     """Whether two logs hold one steady motion, so that their peak forces can be compared."""
+    return first.gas_pressure == second.gas_pressure and moves_alike(first, second)
+
+
+def moves_alike(first: Trace, second: Trace) -> bool:
+    """Whether two logs hold one steady motion, whatever the damper was filled to."""
     return any(_is_one_motion(a, b) for a in _told(first) for b in _told(second))
 
 
 def _contradictions(traces: Sequence[Trace]) -> Iterator[_Contradiction]:
     for first, second in itertools.combinations(traces, 2):
+        if first.gas_pressure != second.gas_pressure:
+            continue
         for a, b in itertools.product(_told(first), _told(second)):
             if _is_one_motion(a, b):
                 yield from _compared(first, second, a, b)

@@ -35,6 +35,8 @@ class Motion:
         Shape (n,); m and m/s, positive in rebound.
     start_time : float
         Time of the first sample, s.
+    gas_pressure : float or None
+        What the damper was filled to for this test, Pa absolute; None: as it is declared.
 
     Raises
     ------
@@ -47,6 +49,7 @@ class Motion:
     displacement: FloatArray
     velocity: FloatArray
     start_time: float = 0.0
+    gas_pressure: float | None = None
 
     def __post_init__(self) -> None:
         """Refuse what is no motion."""
@@ -70,7 +73,13 @@ class Motion:
 
 def motion_of(trace: Trace) -> Motion:
     """Return the motion that drives a model for a trace."""
-    return Motion(trace.interval, trace.drive.displacement, trace.drive.velocity, trace.start_time)
+    return Motion(
+        trace.interval,
+        trace.drive.displacement,
+        trace.drive.velocity,
+        trace.start_time,
+        trace.gas_pressure,
+    )
 
 
 def refuse_amplitude(amplitude: float, room: float) -> None:

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from damperfit.cli import main
-from damperfit.run import judging, logs, work
+from damperfit.run import judging, logs, tested_at, work
 from damperfit.samples import SampleOptions, make_samples
 from damperfit.uncertainty import assessment
 
@@ -77,7 +77,7 @@ def _names_two(path, *_, **__) -> bool:
 
 READING = {
     "reading the log": (logs, "read_logs"),
-    "conditioning the log": (logs, "condition"),
+    "conditioning the log": (tested_at, "condition"),
 }
 
 
@@ -119,7 +119,7 @@ def test_inspect_goes_on_too(call, samples, monkeypatch, task) -> None:
 
 
 def test_where_it_happened_is_shown_with_debug(call, samples, monkeypatch) -> None:
-    monkeypatch.setattr(logs, "condition", broken_at(logs.condition, _names_two))
+    monkeypatch.setattr(tested_at, "condition", broken_at(tested_at.condition, _names_two))
     ended = call("inspect", samples / "setting_01.csv", samples / "setting_02.csv", "--debug")
     assert ended.code == 1
     assert "Traceback (most recent call last):" in ended.err
@@ -130,7 +130,7 @@ def test_looking_at_a_refused_log_may_fail_as_well(call, samples, monkeypatch) -
     def fail(*_) -> None:
         raise IndexError("list index out of range")
 
-    monkeypatch.setattr(logs, "condition", broken_at(logs.condition, _names_two))
+    monkeypatch.setattr(tested_at, "condition", broken_at(tested_at.condition, _names_two))
     monkeypatch.setattr(logs, "examine_raw", fail)
     ended = call("inspect", samples / "setting_01.csv", samples / "setting_02.csv")
     assert ended.code == 1
@@ -138,14 +138,14 @@ def test_looking_at_a_refused_log_may_fail_as_well(call, samples, monkeypatch) -
 
 
 def test_every_log_that_fails_so_is_code_3(call, samples, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(logs, "condition", broken_at(logs.condition, lambda *_: True))
+    monkeypatch.setattr(tested_at, "condition", broken_at(tested_at.condition, lambda *_: True))
     assert identify(call, samples).code == 3
     assert len(record_of(tmp_path)["failures"]) == 3
 
 
 def test_memory_that_one_log_lacks_is_said_so(call, samples, tmp_path, monkeypatch) -> None:
     error = MemoryError("Unable to allocate 9.00 GiB")
-    monkeypatch.setattr(logs, "condition", broken_at(logs.condition, _names_two, error))
+    monkeypatch.setattr(tested_at, "condition", broken_at(tested_at.condition, _names_two, error))
     ended = identify(call, samples)
     assert ended.code == 1
     (failure,) = record_of(tmp_path)["failures"]
@@ -158,7 +158,7 @@ def test_memory_that_one_log_lacks_is_said_so(call, samples, tmp_path, monkeypat
 
 def test_whoever_wants_to_stop_is_not_held_up(call, samples, monkeypatch) -> None:
     error = KeyboardInterrupt()
-    monkeypatch.setattr(logs, "condition", broken_at(logs.condition, _names_two, error))
+    monkeypatch.setattr(tested_at, "condition", broken_at(tested_at.condition, _names_two, error))
     assert call("inspect", samples / "setting_02.csv").code == 130
 
 

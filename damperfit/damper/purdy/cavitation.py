@@ -132,4 +132,5 @@ def _shortest(trace: Trace, moment: int) -> tuple[Motion, int]:
         first = max(0, stretch.stop - 2 * n)
     part = slice(first, stretch.stop)
     whole = motion_of(trace)
-    return Motion(whole.interval, whole.displacement[part], whole.velocity[part]), n
+    x, v = whole.displacement[part], whole.velocity[part]
+    return Motion(whole.interval, x, v, gas_pressure=whole.gas_pressure), n

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.damper.cylinder import filling
 from damperfit.damper.purdy.quantities import QUANTITIES
 from damperfit.errors import SimulationError, did_you_mean
 from damperfit.simulation import Response, Work
@@ -76,13 +77,16 @@ def integrate(
     which = np.array([SENSITIVITY_NAMES.index(name) for name in names], dtype=np.intc)
     pressures, masses, force = np.empty((3, n)), np.empty((2, n)), np.empty(n)
     rows = np.empty((len(names), n))
-    numbers = np.array([*values.numbers, damper.gas_pressure, damper.gas_exponent])
+    filled = filling(motion, damper.gas_pressure)
+    numbers = np.array([*values.numbers, filled * damper.gas_pressure, damper.gas_exponent])
     code, steps, rejected, newton, sample = compiled_core().simulate(
         _geometry(damper), numbers, x, v, which, pressures, masses, force, rows,
         motion.interval, options.tolerance, options.dead_band, options.max_steps_per_sample,
     )  # fmt: skip
     if code:
         raise SimulationError(describe_ending(code, sample, motion, options))
+    if "gas_pressure" in names:
+        rows[names.index("gas_pressure")] *= filled
     return Response(
         time=motion.start_time + motion.interval * np.arange(n, dtype=np.float64),
         displacement=x,

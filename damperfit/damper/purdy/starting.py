@@ -136,7 +136,7 @@ def _stack(traces: Sequence[Trace], damper: Damper) -> tuple[np.ndarray, np.ndar
         stride = max(1, trace.n_samples // _SAMPLES_A_LOG)
         part = np.arange(len(trace.force))[trace.compared][::stride]
         columns, offset = incompressible_design(
-            damper, trace.displacement[part], trace.velocity[part]
+            damper.filled_to(trace.gas_pressure), trace.displacement[part], trace.velocity[part]
         )
         one = np.ones((len(columns), 1))
         rows.append(np.hstack([columns, one, -one]))

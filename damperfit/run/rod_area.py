@@ -1,0 +1,72 @@
+"""The rod's area, as the level of the force over the gas pressures of several tests tells it."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.run.same_setting import moves_alike
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from damperfit.damper.model import Model
+    from damperfit.recording import Trace
+    from damperfit.run.logs import LogBatch
+
+__all__ = ["rod_told", "with_rod_remark"]
+
+# Pressures nearer than this tell the rod's area badly; an area further off than that is another's.
+_APART, _OFF = 0.1, 0.05
+
+
+def rod_told(traces: Sequence[Trace], damper: Model) -> float | None:
+    """Return the rod's area over the declared one, as the level of the force over pressure tells.
+
+    Of tests of one setting and one motion at gas pressures of their own: there the mean force
+    differs by the gas alone. None where there are no such tests.
+
+    Parameters
+    ----------
+    traces : sequence of Trace
+        Of one damper.
+    damper : Model
+        As declared.
+    """
+    seen = expected = 0.0
+    for one, other in itertools.combinations(traces, 2):
+        pressures = one.gas_pressure, other.gas_pressure
+        if one.setting != other.setting or None in pressures or not moves_alike(one, other):
+            continue
+        levels = [_level(trace, damper) for trace in (one, other)]
+        told = [gas for _, gas in levels if gas is not None]
+        if len(told) < len(levels) or abs(told[0] - told[1]) < _APART * max(map(abs, told)):
+            continue
+        # Each pair by its own difference: a small one says little.
+        weight = told[0] - told[1]
+        seen += weight * (levels[0][0] - levels[1][0])
+        expected += weight**2
+    return seen / expected if expected else None
+
+
+def with_rod_remark(batch: LogBatch, damper: Model) -> LogBatch:
+    """Return the batch with a word where the pressures tell of another rod than is declared."""
+    told = rod_told(batch.traces, damper)
+    if told is None or abs(told - 1.0) <= _OFF:
+        return batch
+    said = (
+        f"the level of the force over the gas pressures of the tests tells a rod of {told:.3g} "
+        "times the declared area: look at rod_diameter, at the pressures, and whether the force "
+        "was tared between the tests"
+    )
+    return replace(batch, remarks=(*batch.remarks, said))
+
+
+def _level(trace: Trace, damper: Model) -> tuple[float, float | None]:
+    """Mean force of the compared part, measured and that of the gas alone, N."""
+    part = trace.compared
+    gas = damper.filled_to(trace.gas_pressure).rest_force(trace.displacement[part])
+    return float(np.mean(trace.force[part])), None if gas is None else float(np.mean(gas))
