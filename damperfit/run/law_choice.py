@@ -271,7 +271,6 @@ def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamp
             f"models: damper.model = {damper.name} has no geometry that a layout could take; "
             "declare [damper] as of the paper's model or of real valves"
         )
-    volume, exponent = _gas(configuration)
     kinds = LAYOUTS if layout is None else {layout: LAYOUTS[layout]}
     return [
         kind(
@@ -281,8 +280,8 @@ def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamp
             chamber_2_length=damper.chamber_2_length,
             oil_density=damper.oil_density,
             gas_pressure=damper.gas_pressure,
-            gas_volume=volume,
-            gas_exponent=exponent,
+            gas_volume=damper.gas_volume,
+            gas_exponent=damper.gas_exponent,
             ambient_pressure=getattr(damper, "ambient_pressure", AMBIENT),
             mounting=getattr(damper, "mounting", Mounting()),
             friction=getattr(damper, "friction", Friction()),
@@ -291,40 +290,18 @@ def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamp
     ]
 
 
-def _gas(configuration: Configuration) -> tuple[float, float]:
-    """Gas volume and exponent of the layouts.
-
-    Of a damper that somebody has declared what is left out is as `--model twin_tube` would have it;
-    the paper's own damper keeps its gas.
-    """
-    damper, declared = configuration.damper, configuration.declared
-    if not isinstance(damper, Damper) or not _is_declared(configuration):
-        return damper.gas_volume, damper.gas_exponent  # type: ignore[attr-defined]
-    usual = ValveDamper()
-    has_volume = bool(declared & {"damper.gas_length", "damper.gas_piston_diameter"})
-    return (
-        damper.gas_volume if has_volume else usual.gas_volume,
-        damper.gas_exponent if "damper.gas_exponent" in declared else usual.gas_exponent,
-    )
-
-
-def _is_declared(configuration: Configuration) -> bool:
-    keys = {f"damper.{name}" for name in configuration.keys}
-    return bool(keys & configuration.declared)
-
-
 def _assumed(configuration: Configuration) -> tuple[str, ...]:
     """What the layouts have of the gas that nobody has declared, in a sentence."""
-    volume, exponent = _gas(configuration)
-    damper = configuration.damper
-    if not isinstance(damper, Damper) or (volume, exponent) == (
-        damper.gas_volume,
-        damper.gas_exponent,
-    ):
+    damper, declared = configuration.damper, configuration.declared
+    gas = {"damper.gas_length", "damper.gas_piston_diameter", "damper.gas_exponent"}
+    others = {f"damper.{name}" for name in configuration.keys} - gas
+    if not isinstance(damper, Damper) or gas & declared or not others & declared:
         return ()
+    usual = ValveDamper()
     said = (
-        f"laws of real valves were tried with {1e6 * volume:.3g} cm3 of gas and the exponent "
-        f"{exponent:g}: declare gas_volume and gas_exponent, with model = 'twin_tube', 'monotube' "
-        "or 'through_flow', where they are known"
+        f"laws of real valves were tried with the paper's gas, {1e6 * damper.gas_volume:.3g} cm3 "
+        f"and exponent {damper.gas_exponent:g}; --model twin_tube and the like take "
+        f"{1e6 * usual.gas_volume:.3g} cm3 and {usual.gas_exponent:g} unless gas_volume and "
+        "gas_exponent are declared: declare them where they are known"
     )
     return (said,)

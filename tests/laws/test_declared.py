@@ -34,13 +34,13 @@ def test_a_layout_keeps_ambient_pressure_and_mounting() -> None:
 
 @pytest.mark.parametrize(("declared", "volume", "exponent"), [
     ("", 62.83e-6, 1.4),  # the paper's own damper
-    ('rod_diameter = "12mm"', 30e-6, 1.3),
-    ('rod_diameter = "12mm"\ngas_exponent = 1.2', 30e-6, 1.2),
-    ('gas_length = "25mm"', 31.42e-6, 1.3),
+    ('rod_diameter = "12mm"', 62.83e-6, 1.4),
+    ('rod_diameter = "12mm"\ngas_exponent = 1.2', 62.83e-6, 1.2),
+    ('rod_diameter = "12mm"\ngas_length = "25mm"', 31.42e-6, 1.4),
     ('model = "twin_tube"\ngas_volume = "20cm3"', 20e-6, 1.3),
     ('model = "twin_tube"', 30e-6, 1.3),
 ])  # fmt: skip
-def test_gas_that_nobody_declared_is_that_of_every_declared_damper(
+def test_gas_that_nobody_declared_is_the_papers_and_is_told(
     tmp_path, declared: str, volume: float, exponent: float
 ) -> None:
     (tmp_path / "damper.toml").write_text(f"[damper]\n{declared}\n")
@@ -48,7 +48,7 @@ def test_gas_that_nobody_declared_is_that_of_every_declared_damper(
     for layout in _layouts(configuration, None):
         assert layout.gas_volume == pytest.approx(volume, rel=1e-3)
         assert layout.gas_exponent == exponent
-    is_told = declared.startswith(("rod", "gas"))
+    is_told = declared == 'rod_diameter = "12mm"'
     assert bool(_assumed(configuration)) is is_told
 
 
