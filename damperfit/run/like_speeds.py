@@ -62,7 +62,7 @@ class _Meeting:
         return (
             f"{self.first.name} and {self.second.name} contradict each other: both pass "
             f"{self.speed:.3g} m/s, there with damping forces of {a:.4g} N and {b:.4g} N, "
-            f"{200.0 * abs(a - b) / (abs(a) + abs(b)):.3g} % apart; no fit of both has that"
+            f"{200.0 * abs(a - b) / (abs(a) + abs(b)):.3g} % apart, also beside a fit of both"
         )
 
 
