@@ -18,6 +18,7 @@ from damperfit.comparison import (
     measured_tests,
     repeat_scatter,
 )
+from damperfit.comparison.measured import measured_readings
 from damperfit.comparison.repeats import by_repeats
 from damperfit.errors import ConfigurationError
 from damperfit.setting import Setting
@@ -187,3 +188,19 @@ def test_no_setting_in_common_is_said() -> None:
 def test_no_motion_in_common_is_said() -> None:
     with pytest.raises(ConfigurationError, match="no motion is common"):
         compare_runs(run(measured()), run(measured(frequency=3.0), name="b"), MEASURED)
+
+
+def test_the_mean_of_several_tests_has_their_scatter_by_the_root_of_their_number() -> None:
+    factors = (0.95, 1.05, 0.97, 1.03)
+    one = run(*(measured(1, factor=f, noise=1.0, seed=k) for k, f in enumerate(factors)))
+    share, _ = repeat_scatter(one)
+    (table,) = measured_readings((one,), one.settings, speeds=(0.2,))
+    for reading in table.values():
+        assert reading.repeat == pytest.approx(share * DAMPING * 0.2 / 2.0, rel=0.01)
+
+
+def test_cycles_that_the_filter_smears_are_left_out() -> None:
+    found, told = signals(cycles=10)
+    clean = {"figures_start_s": 5.0 + 1.0 / FREQUENCY, "figures_stop_s": 5.0 + 9.0 / FREQUENCY}
+    (test,) = measured_tests(found, [told[0] | clean])
+    assert test.n_cycles == 8

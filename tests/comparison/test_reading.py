@@ -133,3 +133,9 @@ def test_an_offset_has_newtons_and_no_per_cent() -> None:
     assert line.difference == pytest.approx(3.1)
     far = Reading(-0.1, 5.0, scale=100.0)
     assert compared(offset, far, far).reason.startswith("a difference of 14 %")
+
+
+def test_the_error_of_the_first_counts_in_the_per_cent_as_often_as_the_ratio() -> None:
+    line = compared(FORCE, _reading(100.0, 1.0), _reading(200.0, 0.0))
+    assert line.high - line.difference == pytest.approx(1.959964)
+    assert line.percent_high - line.percent == pytest.approx(2.0 * 1.959964)

@@ -1,0 +1,76 @@
+"""Readings of fitted runs: degrees of freedom, what is shared, the motion that is common."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from damperfit.adjustment import Sine, Stage
+from damperfit.comparison import ComparisonOptions, FittedRun, Run
+from damperfit.comparison.comparing import _motion
+from damperfit.comparison.forces import freedom_of
+from damperfit.comparison.parameters import parameter_readings
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.setting import Setting
+from damperfit.simulation import SolverOptions
+
+SETTINGS = (Setting.of(1), Setting.of(2))
+
+
+def _row(n_cycles: int, n_logs: int, **more: object) -> dict:
+    row: dict = {"n_cycles": n_cycles, "n_logs": n_logs}
+    for one in PURDY_DAMPER.quantities:
+        status = "shared" if one.name in {"r_m3", "f_f"} else "fitted"
+        row |= {one.name: 5.0, f"{one.name}_se": 0.1, f"{one.name}_status": status}
+    return row | {"f_0_status": "fixed"} | more
+
+
+TESTED = Sine(0.032, 1.5)
+ROWS = (_row(13, 1), _row(12, 2))
+
+
+def _fitted(sine: Sine = TESTED, rows: tuple = ROWS) -> FittedRun:
+    stages = tuple(Stage(one, reference_parameters(1)) for one in SETTINGS)
+    known = dict(zip(SETTINGS, rows, strict=True))
+    solver = SolverOptions()
+    return FittedRun(PURDY_DAMPER, stages, sine, (), known, PURDY_DAMPER.quantities, solver)
+
+
+def test_cycles_less_one_a_log_are_the_degrees_of_freedom() -> None:
+    assert [freedom_of(_fitted(), one) for one in SETTINGS] == [12.0, 10.0]
+    assert freedom_of(_fitted(rows=({}, {})), SETTINGS[0]) == math.inf
+
+
+def test_what_all_share_stands_once_with_the_cycles_of_all() -> None:
+    (table,) = parameter_readings([_fitted()], SETTINGS)
+    told = {(topic.name, topic.setting): one.freedom for topic, one in table.items()}
+    assert told["r_m3", None] == 22.0
+    assert told["r_m1", SETTINGS[1]] == 10.0
+    assert ("f_0", SETTINGS[0]) not in told
+    apart = _fitted(rows=(_row(13, 1), _row(12, 2, r_m3=6.0)))
+    (table,) = parameter_readings([apart], SETTINGS)
+    assert {topic.setting for topic in table if topic.name == "r_m3"} == set(SETTINGS)
+
+
+@pytest.mark.parametrize("status", ["at_bound", "not_identifiable"])
+def test_what_the_logs_do_not_tell_is_not_compared(status) -> None:
+    rows = (_row(13, 1, r_m1_status=status), _row(12, 2))
+    (table,) = parameter_readings([_fitted(rows=rows)], SETTINGS)
+    told = {(topic.name, topic.setting): one.objection for topic, one in table.items()}
+    assert told["r_m1", SETTINGS[0]]
+    assert not told["r_m1", SETTINGS[1]]
+
+
+def test_of_two_motions_the_slower_is_the_one_that_both_can_tell_of() -> None:
+    slow, fast = Sine(0.02, 1.0), Sine(0.032, 1.5)
+    for sines in ((slow, fast), (fast, slow)):
+        runs = [Run("a", "a", _fitted(sine), (), {}) for sine in sines]
+        found, words = _motion(runs, ComparisonOptions())
+        assert found == slow
+        assert words.startswith("the slower test's sine of 20 mm at 1 Hz")
+    near = replace(fast, frequency=1.49)
+    runs = [Run("a", "a", _fitted(sine), (), {}) for sine in (fast, near)]
+    assert _motion(runs, ComparisonOptions())[0] == fast
