@@ -588,6 +588,8 @@ SURFACE = {
         "report_plots",
         "rival_records",
         "rival_sheet",
+        "rows_in_units",
+        "sheet_in_units",
         "short_listing",
         "sparkline",
         "stretch_sheet",

@@ -6,15 +6,20 @@ from dataclasses import replace
 
 import pytest
 
+from damperfit.adjustment import Click
 from damperfit.recording import StretchFigures
-from damperfit.report.evaluated_log import has_several_speeds
+from damperfit.report import html_report, report_plots
+from damperfit.report.evaluated_log import evaluate_logs, has_several_speeds
+from damperfit.report.log_in_units import log_in_units
 from damperfit.report.page.page import _anchors
 from damperfit.report.page.summary import identity_of_test
 from damperfit.report.page.tables import page_tables
 from damperfit.report.plots.all_settings import _peaks
+from damperfit.report.sheets.in_units import clicks_in_units, rows_in_units, sheet_in_units
 from damperfit.report.sheets.parameter_sheet import shared_sentence
 from damperfit.report.sheets.peak_sheet import PeakPoint, peak_sheet
 from damperfit.setting import Setting
+from damperfit.shown_units import parse_units
 from damperfit.tables import PAPER_QUANTITIES, make_tables
 from tests.fakes import campaign, fit
 
@@ -99,3 +104,53 @@ def test_each_log_has_an_anchor_of_its_own() -> None:
     found = list(_anchors(settings))
     assert found[:3] == ["setting-12", "setting-12-log-2", "setting--3"]
     assert len(set(found)) == 5
+
+
+POUND = 4.4482216152605
+SHOWN = parse_units("lbf,in/s,in")
+
+
+def test_a_page_in_other_units_scales_curves_and_tables_alike(results) -> None:
+    plain, shown = report_plots(results), report_plots(results, SHOWN)
+    for before, after in zip(plain.plots, shown.plots, strict=True):
+        for one, two in zip(before.panels, after.panels, strict=True):
+            units = {"N": ("lbf", POUND), "m/s": ("in/s", 0.0254), "mm": ("in", 25.4)}
+            for axis, unit, told in (("x", one.x_unit, two.x_unit), ("y", one.y_unit, two.y_unit)):
+                name, factor = units.get(unit, (unit, 1.0))
+                assert told == name
+                for a, b in zip(one.lines, two.lines, strict=True):
+                    assert factor * getattr(b, axis) == pytest.approx(getattr(a, axis), nan_ok=True)
+    page = html_report(shown, title="x")
+    words = html_report(plain, title="x")
+    forces = "<th class=n>measured</th><th class=n>simulated</th>"
+    assert forces in page
+    assert "<th>force, lbf</th>" in page
+    assert "<th>force, N</th>" in words
+    assert "3.93701 in/s" in page
+    assert "0.1 m/s" in words
+
+
+def test_tables_of_peaks_and_clicks_carry_the_units(results) -> None:
+    mine = log_in_units(evaluate_logs(results)[0], SHOWN)
+    plain = evaluate_logs(results)[0]
+    assert mine.measured.peak_force_bump * POUND == pytest.approx(plain.measured.peak_force_bump)
+    assert mine.measured.hysteresis_speed * 0.0254 == pytest.approx(plain.measured.hysteresis_speed)
+    assert mine.measured.energy == plain.measured.energy
+    assert mine.measured.speed_forces[0].rebound * POUND == pytest.approx(
+        plain.measured.speed_forces[0].rebound
+    )
+    sheet = sheet_in_units(peak_sheet([point(1, 3.94)]), SHOWN)
+    assert sheet.units[2:5] == ("in/s", "measured, lbf", "simulated, lbf")
+    click = Click(
+        Setting.of(1), Setting.of(2), 0.1, "rebound", 44.482216, 40.0, 50.0, 7.0, 6.0, 8.0
+    )
+    (told,) = clicks_in_units([click], SHOWN)
+    assert (told.change, told.percent) == (pytest.approx(10.0), 7.0)
+    assert told.speed == pytest.approx(3.93701, rel=1e-5)
+
+
+def test_rows_are_scaled_by_the_end_of_their_names() -> None:
+    row = {"speed_m_per_s": 0.254, "force_N": POUND, "change_percent": 3.0, "setting": 4}
+    assert rows_in_units([row], SHOWN) == [
+        {"speed_m_per_s": 10.0, "force_N": 1.0, "change_percent": 3.0, "setting": 4}
+    ]

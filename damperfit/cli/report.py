@@ -13,6 +13,7 @@ from damperfit.cli.options import (
     DebugOption,
     JsonOption,
     QuietOption,
+    UnitsOption,
     VersionOption,
 )
 from damperfit.errors import ConfigurationError
@@ -34,6 +35,7 @@ def report(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where to write.  [the results folder]")
     ] = None,
+    units: UnitsOption = None,
     config: ConfigOption = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -52,7 +54,7 @@ def report(
 
         load_configuration(config)
     folder = out or results
-    remarks, files = write_report(results, folder, figures=figures)
+    remarks, files = write_report(results, folder, figures=figures, units=units)
     for remark in remarks:
         say(f"damperfit: {results}: {remark}")
     if json:
@@ -76,7 +78,12 @@ def check_kind(option: str, kind: str | None) -> None:
 
 
 def write_report(
-    results: Path, folder: Path, *, page: bool = True, figures: str | None = None
+    results: Path,
+    folder: Path,
+    *,
+    page: bool = True,
+    figures: str | None = None,
+    units: str | None = None,
 ) -> tuple[tuple[str, ...], tuple[Path, ...]]:
     """Write the page and the figures of a results folder.
 
@@ -89,10 +96,11 @@ def write_report(
     """
     from damperfit.atomic import file_set
     from damperfit.report import html_report, report_plots
+    from damperfit.shown_units import SI, parse_units
     from damperfit.tables import read_results
 
     found = read_results(results)
-    shown = report_plots(found)
+    shown = report_plots(found, SI if units is None else parse_units(units))
     written: list[Path] = []
     if page:
         text = html_report(shown, title=results.resolve().name or str(results))

@@ -24,6 +24,7 @@ from damperfit.cli.options import (
     QuietOption,
     RigOption,
     RigProfileOption,
+    UnitsOption,
     VersionOption,
     configured,
     rig_entries,
@@ -33,10 +34,14 @@ from damperfit.errors import ConfigurationError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rich.console import RenderableType
+
     from damperfit.adjustment import Answer, Wanted
     from damperfit.queries.adjuster_results import AdjusterResults
     from damperfit.queries.force_by_setting import ForceTable, Question
     from damperfit.readers import ReadOptions
+    from damperfit.report import Sheet
+    from damperfit.shown_units import ShownUnits
 
 __all__ = ["settings"]
 
@@ -68,6 +73,7 @@ def settings(
     ] = None,
     rig: RigOption = None,
     rig_profile: RigProfileOption = None,
+    units: UnitsOption = None,
     jobs: JobsOption = None,
     config: ConfigOption = None,
     json: JsonOption = False,
@@ -82,11 +88,14 @@ def settings(
     from damperfit.queries.adjuster_results import read_adjuster
     from damperfit.queries.force_by_setting import parse_question, tabulate_forces
     from damperfit.run.logs import available_cores
+    from damperfit.shown_units import SI, parse_units
 
+    shown = SI if units is None else parse_units(units)
     question = parse_question(force=force, velocity=velocity, stroke=stroke)
     paths = results or [Path("results")]
     if all(path.is_file() for path in paths):
-        for option, value in (("--amplitude", amplitude), ("--frequency", frequency)):
+        untold = {"--amplitude": amplitude, "--frequency": frequency, "--units": units}
+        for option, value in untold.items():
             if value is not None:
                 raise ConfigurationError(
                     f"{option} {value} cannot act: the forces of {paths[0]} were measured, not "
@@ -114,7 +123,7 @@ def settings(
     if json:
         print_json(_document(adjuster, question, forces, remarks))
     else:
-        _show(adjuster, question, forces, is_quiet=quiet)
+        _show(adjuster, question, forces, units=shown, is_quiet=quiet)
     return 1 if remarks else 0
 
 
@@ -164,15 +173,25 @@ def _curves(
 
 
 def _show(
-    adjuster: AdjusterResults, question: Question, forces: ForceTable, *, is_quiet: bool
+    adjuster: AdjusterResults,
+    question: Question,
+    forces: ForceTable,
+    *,
+    units: ShownUnits,
+    is_quiet: bool,
 ) -> None:
     from damperfit.report import (
         force_by_setting_sheet,
         force_by_speed_sheet,
         measured_force_sheet,
+        rows_in_units,
+        sheet_in_units,
         terminal_table,
     )
     from damperfit.tables import adjustment_rows
+
+    def shown(sheet: Sheet) -> RenderableType:
+        return terminal_table(sheet_in_units(sheet, units))
 
     if forces.wanted:
         if is_quiet:
@@ -181,21 +200,21 @@ def _show(
         print_lines(
             [part for one in forces.wanted for part in wrap(one.sentence, screen_columns())] + [""]
         )
-    rows = adjustment_rows(forces.levels, forces.clicks)
+    rows = rows_in_units(adjustment_rows(forces.levels, forces.clicks), units)
     print_lines([f"force by setting, {adjuster.source}", ""])
     if question.speed is not None:
-        print_renderable(terminal_table(force_by_setting_sheet(rows)))
+        print_renderable(shown(force_by_setting_sheet(rows)))
         measured = measured_force_sheet(rows)
         if measured.rows:
             print_lines([""])
-            print_renderable(terminal_table(measured))
+            print_renderable(shown(measured))
         return
     for stroke in (question.stroke,) if question.stroke else ("rebound", "bump"):
-        print_renderable(terminal_table(force_by_speed_sheet(rows, stroke)))
+        print_renderable(shown(force_by_speed_sheet(rows, stroke)))
         print_lines([""])
     measured = measured_force_sheet(rows)
     if measured.rows:
-        print_renderable(terminal_table(measured))
+        print_renderable(shown(measured))
 
 
 def _answer(wanted: Wanted, answer: Answer) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from damperfit.report.sheets.force_by_setting_sheet import (
 )
 from damperfit.report.sheets.held_out_sheet import held_out_sheet
 from damperfit.report.sheets.identify_summary_sheet import summary_sheet
+from damperfit.report.sheets.in_units import rows_in_units, sheet_in_units
 from damperfit.report.sheets.inspection_sheet import (
     VERDICT_COLOURS,
     finding_lines,
@@ -121,6 +122,8 @@ __all__ = [
     "report_plots",
     "rival_records",
     "rival_sheet",
+    "rows_in_units",
+    "sheet_in_units",
     "short_listing",
     "sparkline",
     "stretch_sheet",

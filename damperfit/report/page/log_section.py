@@ -6,10 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from damperfit.report.log_in_units import log_in_units
 from damperfit.report.page.summary import setting_verdict
+from damperfit.report.sheets.in_units import sheet_in_units
 from damperfit.report.sheets.log_force_sheet import measured_and_simulated_sheet
 from damperfit.report.sheets.parameter_sheet import parameter_line
 from damperfit.report.sheets.stretch_sheet import ComparedStretch, compared_stretch_sheet
+from damperfit.shown_units import SI, ShownUnits
 from damperfit.tables import PAPER_QUANTITIES
 
 if TYPE_CHECKING:
@@ -70,6 +73,7 @@ def log_section(
     quantities: Sequence[Quantity] = PAPER_QUANTITIES,
     *,
     anchor: str = "",
+    units: ShownUnits = SI,
 ) -> LogSection:
     """Return the section of a log.
 
@@ -85,10 +89,13 @@ def log_section(
         What the row is of.
     anchor : str
         Where the page can be entered here.
+    units : ShownUnits
+        Of its tables.
     """
     verdict = ""
     if row:
         verdict = f"Fit of the setting: {setting_verdict(row)}. {parameter_line(row, quantities)}"
+    read = log_in_units(log, units)
     return LogSection(
         setting=log.signals.setting,
         anchor=anchor,
@@ -99,20 +106,21 @@ def log_section(
         notes=tuple(f.sentence for f in log.findings if f.severity == "note"),
         reading=log.notes,
         figures=tuple(figures),
-        forces=_forces(log),
-        stretches=_stretches(log),
+        forces=_forces(read, units),
+        stretches=_stretches(read, units),
     )
 
 
-def _stretches(log: EvaluatedLog) -> Sheet | None:
+def _stretches(log: EvaluatedLog, units: ShownUnits) -> Sheet | None:
     if not log.stretches:
         return None
-    return compared_stretch_sheet(
+    sheet = compared_stretch_sheet(
         [
             ComparedStretch(one.start, one.n_cycles, one.frequency, one.measured, one.simulated)
             for one in log.stretches
         ]
     )
+    return sheet_in_units(sheet, units)
 
 
 def _facts(log: EvaluatedLog) -> str:
@@ -128,7 +136,9 @@ def _facts(log: EvaluatedLog) -> str:
     return f"{frequency}, {amplitude}, {temperature}, {samples}."
 
 
-def _forces(log: EvaluatedLog) -> Sheet | None:
+def _forces(log: EvaluatedLog, units: ShownUnits) -> Sheet | None:
     if log.measured is None or log.simulated is None:
         return None
-    return measured_and_simulated_sheet(log.measured, log.simulated, temperature=log.temperature)
+    warmth = log.temperature
+    sheet = measured_and_simulated_sheet(log.measured, log.simulated, temperature=warmth)
+    return sheet_in_units(sheet, units)

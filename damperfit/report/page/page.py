@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from damperfit import __version__
 from damperfit.report.evaluated_log import peak_points
+from damperfit.report.log_in_units import log_in_units
 from damperfit.report.page.log_section import log_section
 from damperfit.report.page.plot_data import PlotData, plotly_script
 from damperfit.report.page.summary import identity_of_test, summary
@@ -55,6 +56,7 @@ def html_report(shown: ReportPlots, *, title: str) -> str:
             rows.get(log.signals.setting),
             shown.results.quantities,
             anchor=anchor,
+            units=shown.units,
         )
         for (log, plots), anchor in zip(shown.by_log, anchors, strict=True)
     ]
@@ -73,7 +75,11 @@ def html_report(shown: ReportPlots, *, title: str) -> str:
         first=firsts,
         shared=shared_sentence(shown.results.parameters, shown.results.quantities),
         overall=[one for one in overall if one not in firsts],
-        tables=page_tables(shown.results, peak_points(views)),
+        tables=page_tables(
+            shown.results,
+            peak_points([log_in_units(view, shown.units) for view in views]),
+            shown.units,
+        ),
         logs=logs,
         data=data.script(shown.colours),
         plotly=plotly_script(),

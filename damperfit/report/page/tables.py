@@ -8,10 +8,12 @@ from damperfit.report.evaluated_log import has_several_speeds
 from damperfit.report.json_records import clicks_in, law_in
 from damperfit.report.sheets.cavitation_sheet import cavitation_sheet
 from damperfit.report.sheets.click_sheet import click_sheet
+from damperfit.report.sheets.in_units import clicks_in_units, sheet_in_units
 from damperfit.report.sheets.law_sheet import ladder_sheet, rival_sheet
 from damperfit.report.sheets.mse_sheet import mse_sheet
 from damperfit.report.sheets.parameter_sheet import parameter_sheet
 from damperfit.report.sheets.peak_sheet import peak_sheet
+from damperfit.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +25,9 @@ if TYPE_CHECKING:
 __all__ = ["page_tables"]
 
 
-def page_tables(results: Results, points: Sequence[PeakPoint] = ()) -> list[tuple[str, Sheet]]:
+def page_tables(
+    results: Results, points: Sequence[PeakPoint] = (), units: ShownUnits = SI
+) -> list[tuple[str, Sheet]]:
     """Return the tables of a results folder by title, those without rows left out.
 
     Parameters
@@ -31,14 +35,17 @@ def page_tables(results: Results, points: Sequence[PeakPoint] = ()) -> list[tupl
     results : Results
         The folder.
     points : sequence of PeakPoint
-        What its logs give to peak force against peak speed.
+        What its logs give to peak force against peak speed, in these units.
+    units : ShownUnits
+        Of forces and speeds.
     """
     rows = [row | {"outcome": row["outcome"] or "unknown"} for row in results.parameters]
     settings = {row["setting"] for row in rows}
     errors = [row for row in results.mse if row["setting"] in settings]
+    clicks = clicks_in_units(clicks_in(results.record), units)
     sheets = [
         *(
-            [("Peak force against peak speed (PVP)", peak_sheet(points))]
+            [("Peak force against peak speed (PVP)", sheet_in_units(peak_sheet(points), units))]
             if has_several_speeds(points)
             else []
         ),
@@ -46,7 +53,7 @@ def page_tables(results: Results, points: Sequence[PeakPoint] = ()) -> list[tupl
         ("MSE by setting and log", mse_sheet(errors, rows, results.quantities)),
         ("Laws that were tried", ladder_sheet(law_in(results.record))),
         ("Models of the literature on the same logs", rival_sheet(law_in(results.record))),
-        ("Change of force by click", click_sheet(clicks_in(results.record))),
+        ("Change of force by click", sheet_in_units(click_sheet(clicks), units)),
         ("How near to cavitation", cavitation_sheet(results.parameters)),
     ]
     return [(title, sheet) for title, sheet in sheets if sheet.rows]

@@ -9,8 +9,10 @@ from damperfit.report.evaluated_log import evaluate_logs
 from damperfit.report.json_records import trends_in
 from damperfit.report.plots.all_settings import campaign_plots
 from damperfit.report.plots.colours import setting_colours
+from damperfit.report.plots.in_units import plot_in_units
 from damperfit.report.plots.one_log import setting_plots
 from damperfit.report.plots.valves import valve_plots
+from damperfit.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -37,12 +39,15 @@ class ReportPlots:
         All settings together.
     by_log : tuple of (EvaluatedLog, tuple of Plot)
         Each log.
+    units : ShownUnits
+        Of the plots; the logs are in SI.
     """
 
     results: Results
     colours: Mapping[Setting, str]
     overall: tuple[Plot, ...]
     by_log: tuple[tuple[EvaluatedLog, tuple[Plot, ...]], ...]
+    units: ShownUnits = SI
 
     @property
     def plots(self) -> tuple[Plot, ...]:
@@ -50,8 +55,16 @@ class ReportPlots:
         return (*self.overall, *(plot for _, plots in self.by_log for plot in plots))
 
 
-def report_plots(results: Results) -> ReportPlots:
-    """Lay out the plots of a results folder."""
+def report_plots(results: Results, units: ShownUnits = SI) -> ReportPlots:
+    """Lay out the plots of a results folder.
+
+    Parameters
+    ----------
+    results : Results
+        The folder.
+    units : ShownUnits
+        Of forces, speeds and displacements.
+    """
     logs = evaluate_logs(results)
     colours = setting_colours(
         [
@@ -77,4 +90,6 @@ def report_plots(results: Results) -> ReportPlots:
         if counts[setting] == 1:  # the valves are those of all its logs
             plots = (*plots, *valve_plots(results.valves, setting, colour=colours[setting]))
         by_log.append((log, plots))
-    return ReportPlots(results, colours, overall, tuple(by_log))
+    overall = tuple(plot_in_units(plot, units) for plot in overall)
+    shown = tuple((log, tuple(plot_in_units(p, units) for p in plots)) for log, plots in by_log)
+    return ReportPlots(results, colours, overall, shown, units)
