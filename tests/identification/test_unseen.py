@@ -1,23 +1,16 @@
-"""A setting that was not fitted, from the clicks of others; logs of an integrator of its own."""
+"""A setting that was not fitted, from the clicks of others."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from scipy.interpolate import CubicHermiteSpline
 
-from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.model import Quantity, values_type
 from damperfit.identification import DETECT, FitOptions, identify, put_together
-from damperfit.recording import Recording
 from damperfit.setting import Setting
 from damperfit.uncertainty import assess, predict
 from tests.identification import adjusted
-from tests.identification.adjusted import DAMPER, FOLLOWS, SETTINGS, at, log, numbers
-from tests.laws.valve_logs import moved
-from tests.oracles.network import solve
+from tests.identification.adjusted import DAMPER, FOLLOWS, SETTINGS, at, log
 
 TWO = values_type(
     (
@@ -76,45 +69,3 @@ def test_an_unseen_setting_is_predicted_with_the_offset_of_its_log() -> None:
     assert worse.is_failed
     apart = identify(adjusted.logs()[:3], DAMPER, FitOptions("plain"))
     assert predict(apart, assess(apart, DAMPER), (unseen,), damper=DAMPER) == ()
-
-
-def from_outside(setting: Setting, speeds: tuple[float, ...]) -> object:
-    """The log of a setting by SciPy's Radau, with 4 N of noise and 8 um of the displacement."""
-    motion = moved(speeds, cycles=2)
-    time = np.arange(len(motion.displacement)) * motion.interval
-    path = CubicHermiteSpline(time, motion.displacement, motion.velocity)
-    values = numbers(setting) | {
-        "gas_pressure": DAMPER.gas_pressure,
-        "gas_volume": DAMPER.gas_volume,
-        "gas_exponent": DAMPER.gas_exponent,
-        "return_slope": 2.5e5,
-        "series_stiffness": 0.0,
-        "play": 0.0,
-        "drag": 0.0,
-    }
-    force, _ = solve(DAMPER.network, values, DAMPER, (path, path.derivative()), time, rtol=1e-6)
-    random = np.random.default_rng([7, *(place for _, place in setting.places)])
-    recording = Recording(
-        name=f"{setting.slug}_{speeds[0]:g}.csv", path="", sha256="", setting=setting, time=time,
-        displacement=motion.displacement + 8e-6 * random.standard_normal(len(time)),
-        force=force + values["f_0"] + 4.0 * random.standard_normal(len(time)),
-    )  # fmt: skip
-    return condition(recording, ConditionOptions(is_offset_known=True))
-
-
-@pytest.mark.slow
-def test_one_model_for_all_settings_and_what_it_predicts() -> None:
-    """`pytest -m slow tests/identification/test_unseen.py`: the bars of one model for all."""
-    fast = [from_outside(one, (0.05, 0.2)) for one in SETTINGS]
-    whole = identify(fast, DAMPER, FitOptions("joint", share=(DETECT,)))
-    assert whole.sharing.follows == FOLLOWS
-    assert np.mean([fit.mse_percent for fit in whole.fits]) <= 0.2
-    slow = [replace(from_outside(one, (0.04,)), name=f"slow {one}") for one in SETTINGS]
-    for one in predict(whole, assess(whole, DAMPER), slow, damper=DAMPER):
-        assert one.mse_percent <= 0.5
-    for k, unseen in enumerate(fast):
-        rest = [one for place, one in enumerate(fast) if place != k]
-        fitted = identify(rest, DAMPER, FitOptions("joint", share=(DETECT,)))
-        (found,) = predict(fitted, assess(fitted, DAMPER), (unseen,), damper=DAMPER)
-        assert found.is_unseen
-        assert found.mse_percent <= 0.15
