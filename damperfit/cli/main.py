@@ -17,6 +17,7 @@ from damperfit.cli.console import say, shield_streams, silence_broken_pipe
 from damperfit.cli.doctor import doctor
 from damperfit.cli.export import export
 from damperfit.cli.fleet import fleet
+from damperfit.cli.help import show_help
 from damperfit.cli.identify import identify
 from damperfit.cli.init import init
 from damperfit.cli.inspect import inspect
@@ -78,6 +79,7 @@ for _command in (
     doctor,
 ):
     app.command(cls=PanelledCommand)(_heard(_command))
+app.command("help", cls=PanelledCommand)(show_help)
 
 
 @app.callback()

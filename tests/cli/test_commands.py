@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 import sys
 import tomllib
@@ -33,7 +32,7 @@ COMMANDS = (
     "fleet",
 )
 # They need no configuration, or make one.
-FIRST = ("init", "doctor")
+FIRST = ("init", "doctor", "help")
 HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pydantic")
 
 
@@ -61,7 +60,7 @@ def test_help_lists_every_command_and_loads_no_numerics(arguments) -> None:
 
 
 def test_exactly_these_commands_exist() -> None:
-    names = {info.callback.__name__ for info in app.registered_commands if info.callback}
+    names = {info.name or info.callback.__name__ for info in app.registered_commands}
     assert names == {*COMMANDS, *FIRST}
 
 
@@ -204,15 +203,6 @@ def test_what_goes_into_a_file_is_utf_8_whatever_the_locale(tmp_path) -> None:
         env={"PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "ascii"},
     )
     assert tomllib.loads(done.stdout.decode("utf-8"))["output"]["folder"] == "Größe"
-
-
-def test_the_readme_documents_every_command_and_option(run) -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    for command in COMMANDS:
-        assert f"damperfit {command}" in text, command
-        options = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", run(command, "--help").out))
-        for option in sorted(options - {"--help"}):
-            assert f"`{option}" in text or f"{option} " in text, (command, option)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,74 @@
+"""``damperfit help``: the pages of the manual in the terminal."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from damperfit.cli.console import print_json, print_lines, print_renderable
+from damperfit.cli.options import (
+    DebugOption,
+    JsonOption,
+    QuietOption,
+    VersionOption,
+)
+
+__all__ = ["show_help"]
+
+
+def show_help(
+    context: typer.Context,
+    topic: Annotated[
+        str | None,
+        typer.Argument(metavar="TOPIC", help="A page of the manual, or a command."),
+    ] = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+    version: VersionOption = False,
+) -> int:
+    """Show a page of the manual, or list the pages.
+
+    Example: damperfit help trust
+    """
+    from damperfit.manual import TOPICS, read_page
+
+    commands = {} if context.parent is None else getattr(context.parent.command, "commands", {})
+    if topic is None:
+        pages = [read_page(one) for one in TOPICS]
+        if json:
+            print_json({"topics": {page.topic: page.title for page in pages}})
+        else:
+            wide = max(map(len, TOPICS))
+            print_lines(
+                [
+                    *(f"{page.topic:{wide}}  {page.title}" for page in pages),
+                    "",
+                    "damperfit help TOPIC shows one of them, or what a command takes.",
+                ]
+            )
+    elif topic not in TOPICS and topic in commands:
+        told = commands[topic].get_help(typer.Context(commands[topic], context.parent, topic))
+        print_json({"command": topic, "text": told}) if json else print_lines(told.splitlines())
+    else:
+        _show(topic, json=json, commands=tuple(commands))
+    return 0
+
+
+def _show(topic: str, *, json: bool, commands: tuple[str, ...]) -> None:
+    from damperfit.errors import ConfigurationError, did_you_mean
+    from damperfit.manual import TOPICS, read_page
+
+    if topic.strip().lower() not in TOPICS:
+        hint = did_you_mean(topic.strip().lower(), (*TOPICS, *commands))
+        raise ConfigurationError(
+            f"help {topic}: there is no such topic.{hint} damperfit help lists them"
+        )
+    page = read_page(topic)
+    if json:
+        print_json({"topic": page.topic, "title": page.title, "text": page.text})
+        return
+    from rich.markdown import Markdown
+
+    print_renderable(Markdown(page.text, hyperlinks=False))

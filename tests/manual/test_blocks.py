@@ -1,0 +1,153 @@
+"""Every command, program and configuration that the manual shows is run.
+
+A line before a block says what is otherwise: `<!-- ends with 4 -->`, `<!-- slow -->`,
+`<!-- file: name -->` (the block is that file), or `<!-- not run: why -->`, where only the options are
+looked at.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from damperfit.cli import main
+from damperfit.configuration.loading import load_configuration
+from damperfit.readers import read_log
+from tests.manual.generated import COMMANDS, PAGES, PLACE, ROOT, options_of
+
+KINDS = {"sh", "python", "toml", "csv", "yaml", "text"}
+_BLOCK = re.compile(r"(?:^<!-- (.+?) -->\n)?^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block, and the mark before it."""
+
+    mark: str
+    kind: str
+    text: str
+
+    @property
+    def code(self) -> int:
+        """What its commands end with."""
+        return int(self.mark.removeprefix("ends with ")) if self.mark.startswith("ends") else 0
+
+
+def blocks(page: Path) -> list[Block]:
+    text = PLACE.sub("", page.read_text(encoding="utf-8"))
+    return [Block(*found) for found in _BLOCK.findall(text)]
+
+
+EVERY = {path.stem: blocks(path) for path in (*sorted(PAGES.glob("*.md")), ROOT / "README.md")}
+RUN = [page for page, found in EVERY.items() if found]
+SLOW = [page for page, found in EVERY.items() if any(one.mark == "slow" for one in found)]
+
+
+@pytest.fixture
+def here(sample_results, tmp_path, monkeypatch) -> Path:
+    """A clone after the README's first command."""
+    shutil.copytree(sample_results, tmp_path, dirs_exist_ok=True)
+    shutil.copytree(ROOT / "configs", tmp_path / "configs")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def _lines(text: str) -> list[str]:
+    return [line for line in text.splitlines() if line and not line.startswith("#")]
+
+
+def _run(line: str, capsys, *, code: int = 0) -> None:
+    command, _, file = line.partition(" > ")
+    program, *arguments = shlex.split(command)
+    assert program == "damperfit"
+    capsys.readouterr()
+    ended = main(arguments)
+    seen = capsys.readouterr()
+    assert ended == code, (line, seen.err)
+    assert seen.out or seen.err, line
+    if file:
+        Path(file).write_text(seen.out, encoding="utf-8")
+
+
+def _configure(block: Block, capsys) -> None:
+    Path("shown.toml").write_text(block.text, encoding="utf-8")
+    load_configuration(Path("shown.toml"))
+
+
+def _steps(block: Block, capsys) -> None:
+    """The commands of a workflow; what makes the runner ready is not ours."""
+    (job,) = yaml.safe_load(block.text)["jobs"].values()
+    lines = [step["run"] for step in job["steps"] if "run" in step]
+    assert lines[0] == "pip install ."
+    for line in lines[1:]:
+        _run(line, capsys)
+
+
+def _try(block: Block, names: dict, capsys) -> None:
+    if block.mark.startswith("file: "):
+        Path(block.mark.removeprefix("file: ")).write_text(block.text, encoding="utf-8")
+    elif block.kind == "sh":
+        for line in _lines(block.text):
+            _run(line, capsys, code=block.code)
+    elif block.kind == "python":
+        exec(compile(block.text, "manual", "exec"), names)  # noqa: S102 - it is our own
+    elif block.kind == "toml":
+        _configure(block, capsys)
+
+
+def _try_page(found: list[Block], capsys, monkeypatch) -> None:
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", "summary.md")
+    names: dict = {}
+    for block in found:
+        if not block.mark.startswith("not run: "):
+            _try(block, names, capsys)
+    for block in found:
+        if block.kind == "yaml":
+            _steps(block, capsys)
+
+
+@pytest.mark.parametrize("page", RUN)
+def test_what_a_page_shows_works(here, capsys, monkeypatch, page) -> None:
+    found = [one for one in EVERY[page] if one.mark != "slow"]
+    _try_page(found, capsys, monkeypatch)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", SLOW)
+def test_what_takes_long_works_too(here, capsys, monkeypatch, page) -> None:
+    _try_page([one for one in EVERY[page] if one.mark == "slow"], capsys, monkeypatch)
+
+
+@pytest.mark.parametrize("page", RUN)
+def test_what_is_not_run_has_a_reason_and_options_that_exist(page) -> None:
+    for block in EVERY[page]:
+        assert block.kind in KINDS, block
+        lines = _lines(block.text) if block.kind in {"sh", "text"} else []
+        for line in lines:
+            command = COMMANDS.get(line.split()[1]) if line.startswith("damperfit ") else None
+            assert block.kind == "text" or command is not None, line
+            for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*", line) if command else ():
+                assert option in options_of(line.split()[1]), line
+        if block.mark:
+            assert re.fullmatch(r"slow|ends with \d|file: [\w.]+|not run: .{5,}", block.mark)
+
+
+def test_the_profile_reads_the_log_beside_it(tmp_path) -> None:
+    (log,) = (one for one in EVERY["logs"] if one.mark == "file: bench_07_s3.csv")
+    (profile,) = (one for one in EVERY["logs"] if "[rig.profiles.bench_7]" in one.text)
+    (tmp_path / "bench_07_s3.csv").write_text(log.text, encoding="utf-8")
+    (tmp_path / "bench.toml").write_text(profile.text, encoding="utf-8")
+    reading = load_configuration(tmp_path / "bench.toml").reading
+    recording = read_log(tmp_path / "bench_07_s3.csv", reading)
+    assert recording.setting == 3
+    np.testing.assert_allclose(recording.time, [0.0, 0.005, 0.01], atol=1e-12)
+    np.testing.assert_allclose(recording.force, [147.295883, 146.903617, 144.255822], rtol=1e-8)
+    # -2.993 V are -29.93 mm, 11.77 mm with the offset, counted as positive in bump.
+    np.testing.assert_allclose(recording.displacement, [-0.01177, -0.01179, -0.01184], rtol=1e-12)
