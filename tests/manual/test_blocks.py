@@ -1,8 +1,7 @@
 """Every command, program and configuration that the manual shows is run.
 
 A line before a block says what is otherwise: `<!-- ends with 4 -->`, `<!-- slow -->`,
-`<!-- file: name -->` (the block is that file), or `<!-- not run: why -->`, where only the options are
-looked at.
+`<!-- file: name -->` (the block is that file), or `<!-- not run: why -->`: then its options are checked.
 """
 
 from __future__ import annotations
