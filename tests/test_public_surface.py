@@ -440,6 +440,7 @@ SURFACE = {
         "run_warnings",
         "skipped_files",
     ],
+    "damperfit.manual": ["Page", "TOPICS", "read_page"],
     "damperfit.identity": [
         "IDENTITY_KEYS",
         "Identity",

@@ -32,7 +32,7 @@ class Failure:
     setting : Setting or None
         Adjuster setting, when known.
     kind : str
-        Name of the error class; the README lists them.
+        Name of the error class; the manual lists them (page gates).
     message : str
         One sentence: what, where, found, expected, what to do.
     trace : str
