@@ -82,7 +82,7 @@ def test_taken_back_by_estimate_k_e_is_near_the_truth_again(setting) -> None:
         fit = identify([trace], PURDY_DAMPER, FIT).fits[0]
         errors[skew] = abs(fit.parameters.k_e / truth - 1.0)
     assert errors[0.0] > 0.1  # 15 to 50 %
-    assert errors["auto"] < 0.04  # as README.md says
+    assert errors["auto"] < 0.04  # as the manual says
     assert errors[0.002] < 0.02
 
 

@@ -62,7 +62,7 @@ def test_a_wrong_gas_fits_one_amplitude_and_predicts_no_other() -> None:
         assert one.fitted_mse_percent < 0.5  # "excellent"
         assert one.mse_percent > 8 * one.fitted_mse_percent
         assert one.is_failed
-    assert found[0].mse_percent == pytest.approx(3.0, abs=0.3)  # the README's figure
+    assert found[0].mse_percent == pytest.approx(3.0, abs=0.3)  # the manual's figure
     assert found[-1].verdict.startswith("not predicted: ")
     # Cycles of the same test are no judge of that.
     same = [split_cycles(trace, 0.3) for trace in fitted]
