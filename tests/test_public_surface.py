@@ -76,7 +76,7 @@ SURFACE = {
     "damperfit.door.given_logs": ["as_files"],
     "damperfit.door.results": ["Result", "SettingResult", "Simulation", "html_table", "text_table"],
     "damperfit.door.tables": ["Comparison", "Inspection"],
-    "damperfit.export": [
+    "damperfit.handover": [
         "ExportOptions",
         "HandedOver",
         "HandedSetting",

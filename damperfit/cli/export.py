@@ -19,7 +19,7 @@ from damperfit.cli.options import (
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from damperfit.export import Target
+    from damperfit.handover import Target
     from damperfit.shown_units import ShownUnits
 
 __all__ = ["export"]
@@ -62,7 +62,7 @@ def export(
 
     Example: damperfit export results --to csv
     """
-    from damperfit.export import TARGETS, ExportOptions, find_target, hand_over, what_is_lost
+    from damperfit.handover import TARGETS, ExportOptions, find_target, hand_over, what_is_lost
     from damperfit.quantities import parse_quantity
 
     if list_:

@@ -300,7 +300,7 @@ def export(
         What was written.
     """
     from damperfit.atomic import file_set
-    from damperfit.export import ExportOptions, find_target, hand_over
+    from damperfit.handover import ExportOptions, find_target, hand_over
     from damperfit.quantities import parse_quantity
 
     target = find_target(to)

@@ -27,8 +27,6 @@ COMMANDS = (
     "compare",
     "samples",
     "config",
-    "compare",
-    "export",
     "fleet",
 )
 # They need no configuration, or make one.

@@ -254,3 +254,13 @@ def test_calls_of_the_layers_below_say_what_they_want():
         identify(LOGS, damperfit.Damper())
     with pytest.raises(ConfigurationError, match=r"no table 'params'; there are parameters"):
         make_tables(Campaign("plain", ())).frame("params")
+
+
+def test_a_result_is_handed_over_also_when_the_package_of_targets_is_loaded(result, tmp_path):
+    import damperfit.handover  # noqa: F401
+
+    files = damperfit.export(result, to="csv", out=tmp_path / "out")
+    assert {path.suffix for path in files} == {".csv"}
+    assert all(path.read_text().startswith("setting") for path in files)
+    with pytest.raises(ConfigurationError, match="Did you mean 'fmu2'"):
+        damperfit.export(result, to="fmu22", out=tmp_path)

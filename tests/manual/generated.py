@@ -13,7 +13,7 @@ import damperfit
 from damperfit.cli.main import app
 from damperfit.damper.models import MODELS
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.export.targets import TARGETS
+from damperfit.handover.targets import TARGETS
 from damperfit.identification import Outcome
 from damperfit.manual import TOPICS, read_page
 from damperfit.quantities import _TABLE

@@ -1,0 +1,28 @@
+"""The C of an FMU, as strict C99, under the address and undefined-behaviour sanitizers."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+from damperfit.handover.fmu.exported_damper import exported_damper
+from damperfit.handover.fmu.libraries import source_files
+from tests.core_sanitizers.test_core_sanitizers import build, compiler  # noqa: F401
+from tests.handover.test_fmu_valves import LAYOUTS, of_valves
+
+DRIVER = Path(__file__).parent / "fmu_driver.c"
+
+
+def test_the_exported_damper_is_clean_under_sanitizers(compiler, handed, tmp_path) -> None:  # noqa: F811
+    for name, content in source_files().items():
+        (tmp_path / name).write_bytes(content)
+    sources = [DRIVER, *sorted(tmp_path.glob("*.c"))]
+    program = tmp_path / "driver"
+    built = build(f"{compiler} -I{tmp_path}", sources, program)
+    assert built.returncode == 0, built.stderr
+    for one, more in ((handed, ()), (of_valves(handed, LAYOUTS[1]), ("co-simulation only",))):
+        damper = exported_damper(one)
+        (tmp_path / "damper.txt").write_text(damper.text, encoding="ascii")
+        command = [program, tmp_path, damper.token, *more]
+        driven = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        assert driven.returncode == 0, driven.stdout + driven.stderr
