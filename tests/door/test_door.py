@@ -257,7 +257,7 @@ def test_calls_of_the_layers_below_say_what_they_want():
 
 
 def test_a_result_is_handed_over_also_when_the_package_of_targets_is_loaded(result, tmp_path):
-    import damperfit.handover  # noqa: F401
+    import damperfit.handover
 
     files = damperfit.export(result, to="csv", out=tmp_path / "out")
     assert {path.suffix for path in files} == {".csv"}
