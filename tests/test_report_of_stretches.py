@@ -9,6 +9,8 @@ import pytest
 
 from damperfit.report.evaluated_log import _evaluate
 from damperfit.report.page.log_section import log_section
+from damperfit.report.plots.all_settings import campaign_plots
+from damperfit.report.plots.branches import mean_branches
 from damperfit.report.plots.one_log import setting_plots
 from damperfit.report.sheets.stretch_sheet import measured_stretch_sheet
 from damperfit.setting import Setting
@@ -149,3 +151,72 @@ def test_the_report_lists_what_was_measured():
     told = ("3", "steps.csv", "4", "1.00", "0.190", "218.5", "-300.0", "21.36", "-43.5")
     assert sheet.rows[0][:9] == told
     assert (len(sheet.rows), sheet.notes[-1]) == (60, "1 more stretch stands in run.json")
+
+
+# A road: what does not repeat is drawn by its means, for its strands are a tangle.
+
+
+def road(n=20_000):
+    """Random motion of a damper with 80 N between its branches."""
+    turn = np.arange(n) / RATE
+    x = 0.03 * np.sin(7.0 * turn) * np.cos(1.9 * turn) + 0.01 * np.sin(12.3 * turn)
+    v = np.gradient(x, 1.0 / RATE)
+    force = force_of(v) + 40.0 * np.sign(np.gradient(np.abs(v)))
+    pressures = np.full((3, n), 4.6e5)
+    signals = LogSignals(Setting.of(3), "road.csv", turn, x, v, 1.1 * force, force, pressures)
+    told = {"kind": "moving", "start_s": 0.0, "stop_s": n / RATE, "cycles": 0, "frequency_Hz": 1.5}
+    return _evaluate(signals, {"log": "road.csv", "stretches": [told]})
+
+
+def all_of(*views):
+    plots = campaign_plots(
+        (), (), views, colours={view.signals.setting: "#123456" for view in views}
+    )
+    return {plot.name: plot for plot in plots}
+
+
+def test_a_road_is_drawn_by_its_branches() -> None:
+    view = road()
+    plots, half_a_bin = all_of(view), np.ptp(view.signals.velocity) / 48.0
+    lines = plots["absolute_velocity"].panels[0].lines
+    assert [line.label for line in lines] == [
+        f"setting 3, measured, mean, {word} branch" for word in ("opening", "closing") for _ in "rb"
+    ]
+    for line, (side, above) in zip(lines, [(1, 40), (-1, 40), (1, -40), (-1, -40)], strict=True):
+        assert np.all(np.diff(side * line.x) > 0.0)  # a line, to the right or to the left
+        inside = (
+            line.x > 2.0 * half_a_bin
+        )  # means of a bin that holds zero mix both signs of the friction
+        wanted = side * (1000.0 * line.x + 30.0) + above
+        assert line.y[inside] == pytest.approx(wanted[inside], abs=1000.0 * half_a_bin)
+    assert len(plots["fan"].panels[0].lines) == 4
+    for name in ("fan", "absolute_velocity"):
+        assert "Of the logs no cycle repeats: drawn is the mean" in plots[name].caption
+
+
+def test_the_caption_counts_the_logs_that_do_not_repeat() -> None:
+    assert "Of 1 of 2 logs no cycle" in all_of(road(), _evaluate(*log()))["fan"].caption
+    assert "cycle repeats" not in all_of(_evaluate(*log()))["fan"].caption
+
+
+def test_a_road_s_own_force_against_velocity_is_of_means() -> None:
+    plot = setting_plots(road(), name="setting_03", colour="#000000")[0]
+    assert [line.label for line in plot.panels[0].lines] == [*["simulated"] * 2, *["measured"] * 2]
+    assert max(len(line.x) for line in plot.panels[0].lines) <= 24
+    assert plot.caption.startswith("Mean of the opening and of the closing branch; rebound")
+
+
+@pytest.mark.parametrize(("n", "n_bins"), [(2, 0), (3, 1)])
+def test_a_mean_takes_three_samples(n, n_bins) -> None:
+    # Rising throughout: one branch; only the first bin's number of samples changes.
+    v = np.concatenate([np.linspace(1.0, 1.01, n), np.linspace(1.1, 2.0, 200)])
+    opening, *closing = mean_branches(v, np.ones(len(v)))
+    assert not closing
+    assert int(np.sum(opening.velocity < 1.04)) == n_bins
+
+
+@pytest.mark.parametrize(("n", "is_drawn"), [(23, False), (24, True)])
+def test_fewer_samples_than_bins_have_no_means(n, is_drawn) -> None:
+    # All but the last in the first bin.
+    v = np.append(np.linspace(1.0, 1.001, n - 1), 2.0)
+    assert bool(list(mean_branches(v, v))) is is_drawn

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.report.evaluated_log import has_several_speeds, peak_points
+from damperfit.report.plots.branches import is_moving, mean_branches
 from damperfit.report.plots.colours import SPEED_COLOURS
 from damperfit.report.plots.description import (
     Line,
@@ -126,16 +127,16 @@ def _fan(views: Sequence[EvaluatedLog], colours: Mapping[Setting, str]) -> Plot:
     for words, style in _BOTH:
         for view in views:
             signals, setting = view.signals, view.signals.setting
-            v = signals.velocity[view.cycle]
-            force = (signals.force if words == "simulated" else signals.force_measured)[view.cycle]
-            kept = thin(_CYCLE_BUCKETS, v, force)
-            label = f"setting {setting}, {words}"
+            force = signals.force if words == "simulated" else signals.force_measured
             colour = colours[setting] if words == "simulated" else "ink"
-            lines.append(Line(v[kept], force[kept], label, colour, setting, style))
+            for v, f, more in _strands(view, force):
+                lines.append(
+                    Line(v, f, f"setting {setting}, {words}{more}", colour, setting, style)
+                )
     panel = Panel("velocity", "m/s", "force", "N", tuple(lines))
     caption = (
         "Last cycle of every log; wide in the setting's colour: simulated, dark and dotted on top "
-        "of it: measured. Rebound to the right and up, bump to the left and down."
+        f"of it: measured. Rebound to the right and up, bump to the left and down.{_means(views)}"
     )
     return Plot("fan", "Force against velocity, all settings", (panel,), caption, _BOTH)
 
@@ -143,16 +144,46 @@ def _fan(views: Sequence[EvaluatedLog], colours: Mapping[Setting, str]) -> Plot:
 def _absolute(views: Sequence[EvaluatedLog], colours: Mapping[Setting, str]) -> Plot:
     lines = []
     for view in views:
-        signals, setting = view.signals, view.signals.setting
-        v, force = signals.velocity[view.cycle], signals.force_measured[view.cycle]
-        kept = thin(_CYCLE_BUCKETS, v, force)
-        speed = np.abs(v[kept])
-        label = f"setting {setting}, measured"
-        lines.append(Line(speed, force[kept], label, colours[setting], setting, "thin"))
+        setting = view.signals.setting
+        for v, force, more in _strands(view, view.signals.force_measured):
+            # The means leap over zero: from there a line would join rebound and bump.
+            for part in (v >= 0.0, v < 0.0) if more else (np.ones(len(v), dtype=bool),):
+                label = f"setting {setting}, measured{more}"
+                kept = np.abs(v[part]), force[part]
+                lines.append(Line(*kept, label, colours[setting], setting, "thin"))
     panel = Panel("absolute velocity", "m/s", "measured force", "N", tuple(lines))
-    caption = "Rebound above, bump below; both branches of each stroke show the hysteresis."
+    caption = (
+        "Rebound above, bump below; both branches of each stroke show the hysteresis."
+        f"{_means(views)}"
+    )
     title = "Force against absolute velocity, measured"
     return Plot("absolute_velocity", title, (panel,), caption, (("measured", "thin"),))
+
+
+def _strands(view: EvaluatedLog, force: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, str]]:
+    """Yield velocity and force of the last cycle; where none repeats, the means of both branches.
+
+    The last is a word for the label, empty for a cycle.
+    """
+    v, f = view.signals.velocity[view.cycle], force[view.cycle]
+    if not is_moving(view):
+        kept = thin(_CYCLE_BUCKETS, v, f)
+        yield v[kept], f[kept], ""
+        return
+    for branch in mean_branches(v, f):
+        yield branch.velocity, branch.mean, f", mean, {branch.word} branch"
+
+
+def _means(views: Sequence[EvaluatedLog]) -> str:
+    """Return what is drawn of logs without a cycle, as a sentence."""
+    n = sum(map(is_moving, views))
+    if not n:
+        return ""
+    whose = "the logs" if n == len(views) else f"{n} of {len(views)} logs"
+    return (
+        f" Of {whose} no cycle repeats: drawn is the mean force by velocity, of the opening and "
+        "of the closing branch."
+    )
 
 
 def _peaks(points: Sequence[PeakPoint], colours: Mapping[Setting, str]) -> Plot:

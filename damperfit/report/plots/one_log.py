@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.report.plots.branches import is_moving, mean_branches
 from damperfit.report.plots.colours import CHAMBER_COLOURS, CHAMBER_STYLES
 from damperfit.report.plots.description import Line, Panel, Plot, thin
 
@@ -25,8 +26,6 @@ __all__ = ["cavitation_bands", "pressure_panel", "setting_plots"]
 _BUCKETS = 200  # of a whole log: peaks of every cycle survive
 _CYCLE_BUCKETS = 500  # of one cycle: 3000 samples and more are drawn as they are
 _CLOUD = 800  # points of a residual plot, besides the peaks
-_BINS = 24  # of velocity, for the mean residual
-_FEW = 3  # samples: no mean of fewer
 _GAP = 1.5  # sample intervals
 _BAR = 1e5  # Pa
 
@@ -86,6 +85,24 @@ def _loops(view: EvaluatedLog, signal: FloatArray, colour: str) -> tuple[Line, .
     return (*simulated, *measured)
 
 
+def _mean_forces(view: EvaluatedLog, colour: str) -> tuple[Line, ...]:
+    """Return the mean force by velocity where nothing repeats, simulated below measured."""
+    lines = []
+    for word, force, ink, style in (
+        ("simulated", view.signals.force, colour, "wide"),
+        ("measured", view.signals.force_measured, "ink", "thin"),
+    ):
+        for branch in mean_branches(view.signals.velocity, force):
+            line = Line(
+                *(branch.velocity, branch.mean, word, ink),
+                setting=view.signals.setting,
+                style=style,
+                in_legend=branch.word == "opening",
+            )
+            lines.append(line)
+    return tuple(lines)
+
+
 def _last_cycle(view: EvaluatedLog) -> str:
     return "Last cycle of each stretch" if view.stretches else "Last cycle"
 
@@ -116,8 +133,11 @@ def _peaks(view: EvaluatedLog, name: str, colour: str) -> tuple[Plot, ...]:
 
 
 def _force_velocity(view: EvaluatedLog, name: str, colour: str) -> Plot:
-    panel = Panel("velocity", "m/s", "force", "N", _loops(view, view.signals.velocity, colour))
-    caption = f"{_last_cycle(view)}; rebound to the right and up, bump to the left and down."
+    lines, begins = _loops(view, view.signals.velocity, colour), _last_cycle(view)
+    if is_moving(view):
+        lines, begins = _mean_forces(view, colour), "Mean of the opening and of the closing branch"
+    panel = Panel("velocity", "m/s", "force", "N", lines)
+    caption = f"{begins}; rebound to the right and up, bump to the left and down."
     title = _title(view, "force against velocity")
     return Plot(f"{name}_force_velocity", title, (panel,), caption)
 
@@ -186,24 +206,15 @@ def _residual(view: EvaluatedLog, name: str, colour: str) -> Plot:
 
 def _mean_residuals(view: EvaluatedLog, residual: FloatArray) -> tuple[Line, ...]:
     """Return the mean of all samples by velocity, on the opening and on the closing branch."""
-    v = view.signals.velocity
-    if len(v) < _BINS or np.ptp(v) == 0.0:
-        return ()
-    edges = np.linspace(v.min(), v.max(), _BINS + 1)
-    place = np.clip(np.digitize(v, edges) - 1, 0, _BINS - 1)
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    is_opening = np.gradient(np.abs(v)) > 0.0
-    lines = []
-    for part, word, style in ((is_opening, "opening", "solid"), (~is_opening, "closing", "dashed")):
-        count = np.bincount(place[part], minlength=_BINS)
-        total = np.bincount(place[part], weights=residual[part], minlength=_BINS)
-        seen = count >= _FEW
-        mean = total[seen] / count[seen]
-        label = f"mean, {word} branch"
-        lines.append(
-            Line(middle[seen], mean, label, "ink", setting=view.signals.setting, style=style)
+    styles = {"opening": "solid", "closing": "dashed"}
+    return tuple(
+        Line(
+            *(branch.velocity, branch.mean, f"mean, {branch.word} branch", "ink"),
+            setting=view.signals.setting,
+            style=styles[branch.word],
         )
-    return tuple(line for line in lines if len(line.x))
+        for branch in mean_branches(view.signals.velocity, residual)
+    )
 
 
 def _pressures(view: EvaluatedLog, name: str) -> Plot:

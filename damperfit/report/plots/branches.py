@@ -1,0 +1,66 @@
+"""Force by velocity where nothing repeats: means of the opening and of the closing branch.
+
+A road drawn sample by sample is a tangle of strands; what the damper does at a velocity is the mean
+of those that pass there, faster on one branch and slower on the other.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from damperfit.report.evaluated_log import EvaluatedLog
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["Branch", "is_moving", "mean_branches"]
+
+_BINS = 24  # of velocity, from the lowest to the highest
+_FEW = 3  # samples: no mean of fewer
+
+
+class Branch(NamedTuple):
+    """Means of one branch: "opening", where the speed grows, or "closing"."""
+
+    word: str
+    velocity: FloatArray
+    mean: FloatArray
+
+
+def is_moving(view: EvaluatedLog) -> bool:
+    """Whether nothing in a log repeats.
+
+    Parameters
+    ----------
+    view : EvaluatedLog
+        The log.
+    """
+    return bool(view.stretches) and not any(one.n_cycles for one in view.stretches)
+
+
+def mean_branches(velocity: FloatArray, values: FloatArray) -> Iterator[Branch]:
+    """Yield the means of both branches by velocity, at the middles of the bins.
+
+    Parameters
+    ----------
+    velocity, values : numpy.ndarray
+        Shape (n,), samples in order of time.
+    """
+    if len(velocity) < _BINS or np.ptp(velocity) == 0.0:
+        return
+    edges = np.linspace(velocity.min(), velocity.max(), _BINS + 1)
+    place = np.clip(np.digitize(velocity, edges) - 1, 0, _BINS - 1)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    is_opening = np.gradient(np.abs(velocity)) > 0.0
+    for part, word in ((is_opening, "opening"), (~is_opening, "closing")):
+        count = np.bincount(place[part], minlength=_BINS)
+        total = np.bincount(place[part], weights=values[part], minlength=_BINS)
+        seen = count >= _FEW
+        if seen.any():
+            yield Branch(word, middle[seen], total[seen] / count[seen])
