@@ -163,7 +163,7 @@ def road(n=20_000):
     v = np.gradient(x, 1.0 / RATE)
     force = force_of(v) + 40.0 * np.sign(np.gradient(np.abs(v)))
     pressures = np.full((3, n), 4.6e5)
-    signals = LogSignals(Setting.of(3), "road.csv", turn, x, v, 1.1 * force, force, pressures)
+    signals = LogSignals(Setting.of(3), "road.csv", turn, x, v, force, 1.1 * force, pressures)
     told = {"kind": "moving", "start_s": 0.0, "stop_s": n / RATE, "cycles": 0, "frequency_Hz": 1.5}
     return _evaluate(signals, {"log": "road.csv", "stretches": [told]})
 
