@@ -12,6 +12,7 @@ from damperfit.comparison import (
     compared,
     verdict_of,
 )
+from damperfit.comparison.comparing import _on_repeats
 from damperfit.comparison.reading import surely_different
 from damperfit.comparison.words import difference_of, outcome_of, place_of
 from damperfit.report import comparison_force_sheet
@@ -68,3 +69,11 @@ def test_a_terminal_shows_of_many_lines_the_fastest(factor, n_shown) -> None:
     assert len(comparison_force_sheet(found).rows) == 50
     assert n_shown <= len(sheet.rows) <= 40
     assert ("different" in sheet.notes[-1]) == (factor > 1.0)
+
+
+@pytest.mark.parametrize(
+    ("n", "said"), [(0, []), (1, ["2 runs of A"]), (2, ["3 runs of A"]), (3, [])]
+)
+def test_few_runs_of_one_damper_tell_little_of_its_scatter(n, said) -> None:
+    notes = [" ".join(note.split()[:4]) for note in _on_repeats([None] * n)]
+    assert notes == said

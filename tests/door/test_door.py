@@ -7,6 +7,7 @@ import pickle
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,7 @@ import pytest
 
 import damperfit
 from damperfit.errors import ConfigurationError, DamperfitError, LogError
+from damperfit.run import pipeline
 
 ROOT = Path(__file__).parents[2]
 LOGS = [str(ROOT / "sample_runs" / f"setting_{number:02d}.csv") for number in (1, 10)]
@@ -264,3 +266,16 @@ def test_a_result_is_handed_over_also_when_the_package_of_targets_is_loaded(resu
     assert all(path.read_text().startswith("setting") for path in files)
     with pytest.raises(ConfigurationError, match="Did you mean 'fmu2'"):
         damperfit.export(result, to="fmu22", out=tmp_path)
+
+
+@pytest.mark.parametrize(("n", "more"), [(3, ""), (4, " (and 1 more)")])
+def test_three_logs_that_could_not_be_fitted_are_named(monkeypatch, tmp_path, n, more):
+    failures = [SimpleNamespace(message=f"{k}.csv: empty") for k in range(n)]
+    found = SimpleNamespace(
+        campaign=SimpleNamespace(fits=()), facts=SimpleNamespace(failures=failures)
+    )
+    monkeypatch.setattr(pipeline, "run", lambda *_, **__: found)
+    with pytest.raises(LogError) as caught:
+        damperfit.identify(LOGS, out=tmp_path / "results")
+    said = "no setting could be fitted: 0.csv: empty; 1.csv: empty; 2.csv: empty"
+    assert str(caught.value) == f"{said}{more}"

@@ -6,6 +6,7 @@ import pytest
 
 from damperfit.errors import ConfigurationError
 from damperfit.readers import is_tests_table, read_tests
+from damperfit.readers.tests_table import _misspelt
 
 TWO = ("rebound", "compression")
 
@@ -95,3 +96,8 @@ def test_a_log_of_that_name_is_no_table(tmp_path) -> None:
     assert not is_tests_table(table(tmp_path, "time_s,displacement_mm,force_N\n0,1,2\n"))
     assert is_tests_table(table(tmp_path, "Setting;File\n1;a.csv\n"))
     assert not is_tests_table(tmp_path / "other.csv")
+
+
+@pytest.mark.parametrize(("name", "is_said"), [("gas_presure", True), ("skw", False)])
+def test_only_a_long_name_is_near_a_misspelt_column(tmp_path, name, is_said) -> None:
+    assert bool(_misspelt([name], [], tmp_path / "tests.csv")) is is_said

@@ -1,0 +1,35 @@
+"""Limits of what a run says before and beside its fits: a case just inside, one just outside."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from damperfit.run import like_speeds
+
+
+@pytest.mark.parametrize(("n", "is_read"), [(11, False), (12, True)])
+def test_a_stroke_has_twelve_samples_near_the_speed(n, is_read) -> None:
+    speed = np.concatenate([np.linspace(0.76, 0.94, n), np.linspace(0.1, 0.7, 40)])
+    velocity = np.concatenate([speed, -speed])
+    trace = SimpleNamespace(velocity=velocity, compared=slice(None))
+    found = like_speeds._damping(trace, 500.0 * velocity, 1.0)
+    assert (found is not None) is is_read
+    assert not is_read or found == pytest.approx(0.85 * 500.0)
+
+
+@pytest.mark.parametrize(("left", "is_told"), [(0.24, True), (0.26, False)])
+def test_fits_of_each_log_leave_a_quarter_of_what_both_miss(monkeypatch, left, is_told) -> None:
+    force = np.sin(np.linspace(0.0, 20.0, 200))
+    log = SimpleNamespace(force=force, compared=slice(None))
+    met = SimpleNamespace(first=log, second=log, differs=True)
+
+    def missed(traces, _configuration):
+        of_each = np.sqrt(left if len(traces) == 1 else 1.0)
+        return [of_each * force for _ in traces]
+
+    monkeypatch.setattr(like_speeds, "_missed", missed)
+    monkeypatch.setattr(like_speeds, "_meeting", lambda *_: met)
+    assert like_speeds._is_left_by_fits(met, None) is is_told
