@@ -276,7 +276,7 @@ def parse_quantity(text: str | float, dimension: str) -> float:
     else:
         value = float(text)
     if not math.isfinite(value):
-        raise QuantityError(f"{text} is no finite {dimension}")
+        raise QuantityError(f"{text} is not a finite {dimension}")
     return value
 
 

@@ -94,7 +94,7 @@ FAILING = {
     ),
     "all_parameters_identifiable": (
         subject(*(fit(n, status={"k_e": "not_identifiable"}) for n in (1, 2, 3, 7))),
-        "k_e is not told by the logs at settings 1-3, 7",
+        "k_e is not determined by the logs at settings 1-3, 7",
     ),
     "no_cavitation": (
         subject(fit(19), fit(20, outcome=Outcome.CAVITATING)),
@@ -146,7 +146,7 @@ FAILING |= {
     ),
     "series_stiffness_found": (
         subject(elastic(1), elastic(2, Status.AT_BOUND)),
-        "k_s is not told by the logs at setting 2",
+        "k_s is not determined by the logs at setting 2",
     ),
 }
 UNSEEN = {
@@ -205,7 +205,7 @@ def test_a_setting_whose_residuals_nobody_saw_is_not_let_through(name) -> None:
     for diagnoses, where in (([diagnosis(1)], "setting 2"), ([], "settings 1, 2")):
         check = result(name, subject(diagnoses=diagnoses))
         assert check.passed is None
-        assert check.reason == f"the residuals were not looked at, at {where}"
+        assert check.reason == f"the residuals were not evaluated, at {where}"
 
 
 def test_a_click_that_hardens_bump_counts() -> None:
@@ -225,7 +225,7 @@ def test_a_trend_that_is_not_told_is_named_beside_the_others() -> None:
     check = result("trend_monotone", seen)
     assert check.passed is True
     assert check.reason == (
-        "with the setting r_m1 rises, within errors and scatter; k_e is not told"
+        "with the setting r_m1 rises, within errors and scatter; k_e is not determined"
     )
 
 
@@ -337,7 +337,7 @@ def test_a_gate_that_nobody_looked_at_is_not_met() -> None:
     checks = (Check("a", True, "fine"), Check("b", False, "bad"), Check("c", None, "no data"))
     assert missed_gates(checks, ("a", "b", "c")) == (
         "check b: bad",
-        "check not looked at: c: no data",
+        "check not evaluated: c: no data",
     )
 
 

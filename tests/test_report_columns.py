@@ -294,10 +294,10 @@ def test_the_facts_of_the_page(page):
 
 
 def test_the_checks_of_the_page(page):
-    assert page.tables["Checks: 1 passed, 1 failed, 1 not looked at"] == [
+    assert page.tables["Checks: 1 passed, 1 failed, 1 not evaluated"] == [
         ["check", "result", "reason"],
         ["no cavitation", "FAILED", "setting 7 cavitates"],
-        ["hold out", "not looked at", "one log alone"],
+        ["hold out", "not evaluated", "one log alone"],
         ["fits converged", "passed", "all did"],
     ]
 
@@ -305,7 +305,7 @@ def test_the_checks_of_the_page(page):
 def test_every_table_of_the_page_is_looked_at_here(page):
     assert set(page.tables) == {
         "Summary",
-        "Checks: 1 passed, 1 failed, 1 not looked at",
+        "Checks: 1 passed, 1 failed, 1 not evaluated",
         "Parameters",
         "MSE by setting and log",
         "Change of force by click",
@@ -403,11 +403,11 @@ def test_what_was_held_out_in_the_report(sections):
 
 
 def test_the_checks_of_the_report(sections):
-    assert sections["Checks"][0] == "1 of 3 checks passed, 1 not looked at"
+    assert sections["Checks"][0] == "1 of 3 checks passed, 1 not evaluated"
     assert cells_of(sections["Checks"]) == [
         ["check", "result", "reason"],
         ["no_cavitation", "FAILED", "setting 7 cavitates"],
-        ["hold_out", "not looked at", "one log alone"],
+        ["hold_out", "not evaluated", "one log alone"],
         ["fits_converged", "passed", "all did"],
     ]
 

@@ -153,7 +153,7 @@ def test_the_headline_names_the_best_the_worst_and_the_middle():
         "setting 3. Grades: 2 excellent, 1 good (excellent below 1 %, good below 5 %)."
     )
     assert summary(Results(rows[:1], (), (), {}, ()), ()).lead.startswith("1 setting fitted.")
-    assert summary(Results((), (), (), {}, ()), ()).lead == "No MSE stands in the tables."
+    assert summary(Results((), (), (), {}, ()), ()).lead == "The tables hold no MSE."
 
 
 # The test as the page tells it.
@@ -429,7 +429,7 @@ def test_the_report_counts_settings_in_words():
     [
         ((True, True), "2 of 2 checks passed"),
         ((True, False), "1 of 2 checks passed"),
-        ((True, None), "1 of 2 checks passed, 1 not looked at"),
+        ((True, None), "1 of 2 checks passed, 1 not evaluated"),
     ],
 )
 def test_checks_that_nobody_looked_at_are_not_passed(passed, said):

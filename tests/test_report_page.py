@@ -235,7 +235,7 @@ def test_what_the_run_told_is_shown(copy):
     (copy / "run.json").write_text(json.dumps(record), encoding="utf-8")
     shown = report_plots(read_results(copy))
     page = html_report(shown, title="x")
-    assert "Checks: 1 passed, 1 failed, 1 not looked at" in page
+    assert "Checks: 1 passed, 1 failed, 1 not evaluated" in page
     assert page.index("setting 3 is off") < page.index("all below 1 %")  # what failed comes first
     assert "K_e rises by 10 MPa a setting." in page
     assert "r_m1 and r_m3 are tied" in page

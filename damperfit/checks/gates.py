@@ -88,6 +88,6 @@ def missed_gates(checks: Sequence[Check], gates: Iterable[str]) -> tuple[str, ..
     for name in gates:
         check = results[name]
         if not check.passed:
-            how = "check" if check.passed is False else "check not looked at:"
+            how = "check" if check.passed is False else "check not evaluated:"
             said.append(f"{how} {name}: {check.reason}")
     return tuple(said)

@@ -112,7 +112,7 @@ def _without_fits(name: str, subject: Subject) -> Check:
 
 def unchecked() -> tuple[Check, ...]:
     """Return the result of every check when an error of damperfit's kept it from looking."""
-    return tuple(Check(name, None, "not looked at for an internal error") for name in CHECKS)
+    return tuple(Check(name, None, "not evaluated for an internal error") for name in CHECKS)
 
 
 def _mse_below_1_percent(subject: Subject) -> _Verdict:
@@ -134,8 +134,8 @@ def _no_parameter_at_bound(subject: Subject) -> _Verdict:
 
 
 def _all_parameters_identifiable(subject: Subject) -> _Verdict:
-    bad = _with_status(subject, Status.NOT_IDENTIFIABLE, "is not told by the logs")
-    return (False, bad) if bad else (True, "the logs tell every parameter that was fitted")
+    bad = _with_status(subject, Status.NOT_IDENTIFIABLE, "is not determined by the logs")
+    return (False, bad) if bad else (True, "the logs determine every parameter that was fitted")
 
 
 def _with_status(subject: Subject, status: Status, words: str) -> str:
@@ -174,7 +174,9 @@ def _trend_monotone(subject: Subject) -> _Verdict:
         by += f" ({trend.held})" if trend.held else ""
         lines[by].append(f"{trend.parameter} {_DIRECTIONS[trend.direction or '']}")
     said = "; with ".join(f"{by} {', '.join(told)}" for by, told in lines.items())
-    untold = [f"; {trend.parameter} is not told" for trend in trends if trend.monotone is None]
+    untold = [
+        f"; {trend.parameter} is not determined" for trend in trends if trend.monotone is None
+    ]
     return True, f"with {said}, within errors and scatter{''.join(untold)}"
 
 
@@ -270,7 +272,7 @@ def _diagnoses(subject: Subject) -> tuple[list[Diagnosis], str]:
         where = _listed(single)
         reasons.append(f"a single cycle does not tell noise from lack of fit, at {where}")
     if unseen:
-        reasons.append(f"the residuals were not looked at, at {_listed(unseen)}")
+        reasons.append(f"the residuals were not evaluated, at {_listed(unseen)}")
     return [one for one in diagnoses if one.setting not in single], "; ".join(reasons)
 
 

@@ -71,7 +71,7 @@ def _series_stiffness_found(fits: Sequence[Fit], said: Objections) -> Verdict:
     lost = [fit for fit in fits if any(fit.status[name].has_failed for name in names)]
     if lost:
         where = _listed(fit.setting for fit in lost)
-        return False, f"{' and '.join(names)} is not told by the logs at {where}"
+        return False, f"{' and '.join(names)} is not determined by the logs at {where}"
     return _judged(fits, said, names, "beyond", "what rigs have")
 
 

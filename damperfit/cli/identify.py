@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 __all__ = ["identify"]
 
-_TOO_LONG = "The MSE report is too long for a summary; it stands in report.md."
+_TOO_LONG = "The MSE report is too long for a summary; it is in report.md."
 _AUTO = "auto"
 _ALL_FAILED = 3
 

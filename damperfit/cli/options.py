@@ -180,7 +180,7 @@ def rig_entries(texts: Iterable[str] | None) -> list[tuple[str, str, Any]]:
                 found = tomllib.loads(f"{key} = {text}")
                 break
         else:
-            raise ConfigurationError(f"--rig {key}={value}: {key!r} is no key")
+            raise ConfigurationError(f"--rig {key}={value}: {key!r} is not a key")
         for name, entry in found.items():
             is_table = isinstance(entry, dict) and isinstance(keys.get(name), dict)
             keys[name] = keys[name] | entry if is_table else entry

@@ -124,7 +124,7 @@ class Point:
     def words(self) -> str:
         """The result in words."""
         if math.isnan(self.margin):
-            return f"not looked at: {self.reason}"
+            return f"not evaluated: {self.reason}"
         near = ", no further than its error" if abs(self.margin) <= self.reach else ""
         side = "passes" if self.is_met else "FAILS"
         return f"{side}, {abs(self.margin):.3g} N {'inside' if self.is_met else 'outside'}{near}"

@@ -241,8 +241,8 @@ def _standing(
     first = int(stands.start[at[0]])
     share = 100.0 * count / n
     text = (
-        f"the {channel.name} stands at {channel.shown(channel.values[first])} while the test goes "
-        f"on: {len(at)} time{'s' * (len(at) > 1)}, {share:.2g} % of the samples, the first from "
+        f"the {channel.name} is stuck at {channel.shown(channel.values[first])} while the test "
+        f"goes on: {len(at)} time{'s' * (len(at) > 1)}, {share:.2g} % of the samples, first from "
         f"{channel.place(first)} for {int(stands.length[at[0]])} rows; check sensor, cable, logger"
     )
     yield Finding(f"{channel.name}_stuck", "warning", text, share, "%")

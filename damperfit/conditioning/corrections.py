@@ -72,8 +72,8 @@ def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple
     size = -level.expected
     severity = "note" if options.is_offset_known else "warning"
     told = (
-        f"at no speed the force is {level.force:.0f} +- {level.uncertainty:.0f} N, the gas alone "
-        f"gives {level.expected:.0f} N"
+        f"at zero velocity the force is {level.force:.0f} +- {level.uncertainty:.0f} N; the gas "
+        f"force alone is {level.expected:.0f} N"
     )
     if level.uncertainty > _KNOWN * size:
         text = f"cannot tell whether the force was tared: {told}"

@@ -154,8 +154,8 @@ def _is_certain(level: ForceLevel, reversed_channels: tuple[str, ...]) -> bool:
 def _told(level: ForceLevel) -> str:
     """Return the level beside the gas force, for people."""
     return (
-        f"at no speed the force is {level.force:.0f} +- {level.uncertainty:.0f} N where the gas "
-        f"gives {level.expected:.0f} N"
+        f"at zero velocity the force is {level.force:.0f} +- {level.uncertainty:.0f} N; the gas "
+        f"force alone is {level.expected:.0f} N"
     )
 
 

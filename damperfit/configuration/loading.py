@@ -183,7 +183,7 @@ def _defaults_text() -> str:
 def _read(path: Path) -> str:
     try:
         if path.is_file() and path.stat().st_size > _MAX_BYTES:
-            raise ConfigurationError(f"{path}: larger than 1 MB; this is no configuration file")
+            raise ConfigurationError(f"{path}: larger than 1 MB; this is not a configuration file")
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error

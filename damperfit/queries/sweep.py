@@ -94,7 +94,7 @@ def parse_variation(text: str) -> Variation:
     values = tuple(_factor(part, text) for part in factors.split(","))
     if min(values) == 0.0 and name not in _MAY_BE_ZERO:
         raise ConfigurationError(
-            f"--vary {text}: {name} times 0 is no damper; give factors above 0"
+            f"--vary {text}: {name} times 0 is not a damper; give factors above 0"
         )
     if len(set(values)) < len(values):
         raise ConfigurationError(f"--vary {text}: a factor is given twice")
@@ -105,7 +105,7 @@ def _factor(text: str, whole: str) -> float:
     try:
         value = float(text)
     except ValueError as error:
-        raise ConfigurationError(f"--vary {whole}: {text!r} is no number") from error
+        raise ConfigurationError(f"--vary {whole}: {text!r} is not a number") from error
     if not (math.isfinite(value) and value >= 0.0):
         raise ConfigurationError(f"--vary {whole}: {text}: expected a factor of 0 or more")
     return value

@@ -66,7 +66,7 @@ def _decoded(data: bytes, encoding: str, name: str) -> bytes:
     try:
         return data.decode(encoding).encode("utf-8")
     except UnicodeError as error:
-        raise LogError(f"{name}: is no valid {encoding.upper()}") from error
+        raise LogError(f"{name}: is not valid {encoding.upper()}") from error
 
 
 def _refuse_pages(data: bytes, name: str) -> None:

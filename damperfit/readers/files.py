@@ -58,7 +58,7 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
     Raises
     ------
     LogError
-        The file is missing, is no regular file, cannot be read, is empty or too large, or
+        The file is missing, is not a regular file, cannot be read, is empty or too large, or
         changes while it is read.
     """
     shown = _one_line(os.fsencode(path).decode("utf-8", "backslashreplace"))
@@ -104,7 +104,7 @@ def _content(file: FileIO, shown: str, max_bytes: int) -> bytes:
     if stat.S_ISDIR(before.st_mode):
         raise LogError(f"{shown}: is a folder; name the logs in it")
     if not stat.S_ISREG(before.st_mode):
-        raise LogError(f"{shown}: is no regular file (a pipe or device); give a file on disk")
+        raise LogError(f"{shown}: is not a regular file (a pipe or device); give a file on disk")
     if before.st_size > max_bytes:
         raise LogError(
             f"{shown}: {before.st_size} bytes, more than the limit of {max_bytes} "

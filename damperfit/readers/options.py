@@ -173,7 +173,7 @@ def _check_pattern(pattern: str) -> None:
         groups = re.compile(pattern, re.IGNORECASE).groups
     except re.error as error:
         raise ConfigurationError(
-            f"setting_pattern: {pattern!r} is no regular expression: {error}"
+            f"setting_pattern: {pattern!r} is not a regular expression: {error}"
         ) from error
     if groups < 1:
         raise ConfigurationError(
@@ -196,7 +196,7 @@ def _check_encoding(encoding: str) -> None:
     try:
         "".encode(encoding or "utf-8")
     except LookupError as error:
-        raise ConfigurationError(f"encoding: {encoding!r} is no text encoding") from error
+        raise ConfigurationError(f"encoding: {encoding!r} is not a text encoding") from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

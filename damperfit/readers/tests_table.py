@@ -112,7 +112,7 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
     """
     try:
         if path.stat().st_size > _MAX_BYTES:
-            raise ConfigurationError(f"{path}: larger than 10 MB; this is no table of tests")
+            raise ConfigurationError(f"{path}: larger than 10 MB; this is not a table of tests")
         text = _text(path.read_bytes())
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror or error}") from error
@@ -150,7 +150,7 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
         before = rows.setdefault(file, row)
         if (before.places, before.identity, before.facts) != (row.places, row.identity, row.facts):
             raise ConfigurationError(
-                f"{path}:{k}: '{file}' stands in line {before.line} too, with other values; "
+                f"{path}:{k}: '{file}' is in line {before.line} too, with other values; "
                 "leave one of the two out"
             )
     return TestsTable(path, rows, tuple(_misspelt(names, adjusters, path)))

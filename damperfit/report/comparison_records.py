@@ -60,7 +60,7 @@ _POINT_COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
     ("high_N", _FLOAT, "upper edge of the band"),
     ("margin_N", _FLOAT, "how far inside the band; negative: outside"),
     ("half_interval_N", _FLOAT, "half of the 95 % interval of what is held against the band"),
-    ("is_met", _TRUTH, "whether it is inside; false where it could not be looked at"),
+    ("is_met", _TRUTH, "whether it is inside; false where it could not be evaluated"),
     ("words", _TEXT, "the result in words"),
 )
 

@@ -58,7 +58,7 @@ def tolerance_outcome(points: Sequence[Point]) -> str:
     if outside:
         said += f", {len(outside)} outside, by up to {max(outside):.3g} N"
     if unseen:
-        said += f", {unseen} not looked at"
+        said += f", {unseen} not evaluated"
     if met == len(points):
         nearest = min(points, key=lambda one: one.margin)
         return f"{said}; the nearest edge is {nearest.margin:.3g} N away"

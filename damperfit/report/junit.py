@@ -36,7 +36,7 @@ def junit_report(points: Sequence[Point], *, source: str) -> bytes:
                 suite, "testcase", {"classname": printable(run), "name": printable(_name(point))}
             )
             if not point.is_met:
-                kind = "not looked at" if math.isnan(point.margin) else "out of tolerance"
+                kind = "not evaluated" if math.isnan(point.margin) else "out of tolerance"
                 said = printable(point.words)
                 failure = SubElement(case, "failure", {"type": kind, "message": said})
                 failure.text = (

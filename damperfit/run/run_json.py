@@ -336,7 +336,7 @@ def _procedure(configuration: Configuration, campaign: Campaign) -> Iterator[str
     fit = campaign.fits[0]
     yield f"Filter: {fit.logs[0].trace.model_filter.description}"
     yield f"Procedure: {campaign.procedure}."
-    yield from (f"Put right: {line}." for line in corrections(campaign))
+    yield from (f"Corrected: {line}." for line in corrections(campaign))
     if campaign.sharing.sentence:
         yield f"{campaign.sharing.sentence}."
     for one in fit.parameters.quantities:

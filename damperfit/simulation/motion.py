@@ -67,7 +67,7 @@ class Motion:
             bad = np.flatnonzero(~np.isfinite(getattr(self, name)))
             if len(bad):
                 raise SimulationError(
-                    f"motion: {name} is no finite number at sample {bad[0]} (counted from 0)"
+                    f"motion: {name} is not a finite number at sample {bad[0]} (counted from 0)"
                 )
 
 

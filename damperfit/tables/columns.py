@@ -213,9 +213,9 @@ def _setting_columns(table: str, settings: Collection[Setting]) -> tuple[_Column
 def _place_column(name: str, settings: Iterable[Setting]) -> _Column:
     places = [one.place(name) for one in settings]
     if any(isinstance(place, str) for place in places):
-        return _Column(name, _TEXT, "", f"where the adjuster {name} stands")
+        return _Column(name, _TEXT, "", f"position of the adjuster {name}")
     kind = _INT if all(isinstance(place, int) for place in places) else _FLOAT
-    return _Column(name, kind, "1", f"where the adjuster {name} stands")
+    return _Column(name, kind, "1", f"position of the adjuster {name}")
 
 
 def setting_cells(setting: Setting, *, is_whole: bool) -> dict[str, Place]:

@@ -56,7 +56,7 @@ def test_a_servo_hydraulic_export_bump_positive_and_off_centre(run, tmp_path, se
     assert record["inputs"][0]["centre_m"] == pytest.approx(0.0417, abs=2e-5)
     names = {one["name"] for one in record["inputs"][0]["findings"] if one["is_correction"]}
     assert names == {"force_polarity", "displacement_polarity"}
-    assert any(line.startswith("Put right:") for line in record["procedure"])
+    assert any(line.startswith("Corrected:") for line in record["procedure"])
 
 
 @pytest.mark.parametrize(("x_sign", "f_sign"), [(-1.0, 1.0), (1.0, -1.0)])

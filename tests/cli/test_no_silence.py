@@ -218,7 +218,7 @@ def test_a_rig_without_temperature_is_not_failed_by_a_list(logs, tmp_path, capsy
         main(["identify", log, "--out", out, *more])
         return capsys.readouterr().err
 
-    gate = "check not looked at: temperature_in_window"
+    gate = "check not evaluated: temperature_in_window"
     told = missed("--check", "purdy2000")
     assert gate in told
     assert "rig.temperature_tolerance = inf" in told

@@ -251,7 +251,7 @@ def test_no_parameters_at_all_is_code_2(run, folder) -> None:
 def test_checks_are_told_and_change_nothing(run, logs) -> None:
     ended = run("identify", logs / "setting_*.csv", "--out", "r")
     assert ended.code == 0
-    assert "15 of 19 checks passed, 4 not looked at" in ended.out
+    assert "15 of 19 checks passed, 4 not evaluated" in ended.out
 
 
 @pytest.mark.parametrize(
@@ -266,7 +266,7 @@ def test_checks_are_told_and_change_nothing(run, logs) -> None:
 def test_a_check_asked_for_is_a_gate(run, logs, gates, code) -> None:
     ended = run("identify", logs / "setting_*.csv", "--out", "r", *gates)
     assert ended.code == code, ended.err
-    assert ("check not looked at: trend_monotone: R_m1: 3 settings" in ended.err) is (code == 4)
+    assert ("check not evaluated: trend_monotone: R_m1: 3 settings" in ended.err) is (code == 4)
     assert bool(record(Path("r"))["gates_missed"]) is (code == 4)
 
 

@@ -70,7 +70,7 @@ def test_a_setting_that_was_not_tested_is_not_met() -> None:
         if math.isnan(p.speed)
     )
     assert not lost.is_met
-    assert lost.words == "not looked at: not tested"
+    assert lost.words == "not evaluated: not tested"
 
 
 def test_nominal_forces_hold_by_setting_speed_and_stroke(tmp_path, monkeypatch) -> None:
@@ -140,13 +140,13 @@ def test_the_words_say_how_far_and_whether_that_is_sure() -> None:
     assert _point(110.0).is_met
     points = [_point(100.0), _point(112.0), _point(math.nan, reason="not tested")]
     assert tolerance_outcome(points) == (
-        "1 of 3 points within the tolerance, 1 outside, by up to 2 N, 1 not looked at"
+        "1 of 3 points within the tolerance, 1 outside, by up to 2 N, 1 not evaluated"
     )
     assert tolerance_outcome(points[:1]) == (
         "1 of 1 points within the tolerance; the nearest edge is 10 N away"
     )
     assert [row[-1] for row in tolerance_sheet(points).rows] == [
-        "not looked at: not tested",
+        "not evaluated: not tested",
         "FAILS, 2 N outside",
         "passes, 10 N inside",
     ]
@@ -161,7 +161,7 @@ def test_junit_has_a_case_a_point_and_every_miss_is_a_failure() -> None:
     assert [None if one is None else one.get("type") for one in kinds] == [
         None,
         "out of tolerance",
-        "not looked at",
+        "not evaluated",
     ]
     assert cases[0].get("name") == "setting 3, rebound, 0.26 m/s"
     assert "\x1b" not in (cases[0].get("classname") or "")

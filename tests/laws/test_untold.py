@@ -66,7 +66,7 @@ def test_sentences_and_table_leave_out_or_mark_what_is_not_told() -> None:
     row = next(row for row in sheet.rows if row[0] == "rebound opening")
     assert row[2:] == ("5.000", "0.2000?")
     assert sheet.notes == (
-        "? not told by these logs: 1.65 times as much or as little would do as well",
+        "? not determined by these logs: 1.65 times as much or little would do as well",
     )
     assert chosen_sheet(fits[:1]).notes == ()
     assert [one["not_told"] for one in chosen_records(fits)] == [[], [name]]

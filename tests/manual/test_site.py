@@ -47,7 +47,7 @@ def test_nothing_is_fetched_from_another_host(site) -> None:
 def test_a_dead_link_fails_the_build(tmp_path) -> None:
     (tmp_path / "pages").mkdir()
     text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
-    text = re.sub(r"^nav:\n(?:  - .+\n)+", "", text, flags=re.MULTILINE)
+    text = re.sub(r"^nav:\n(?: +- .+\n)+", "", text, flags=re.MULTILINE)
     (tmp_path / "mkdocs.yml").write_text(text.replace("damperfit/manual/pages", "pages"))
     (tmp_path / "pages" / "index.md").write_text("# A\n\n[b](#nowhere)\n")
     done = subprocess.run(

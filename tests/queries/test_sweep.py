@@ -146,7 +146,7 @@ def test_the_papers_families_are_those_of_its_figures():
     [
         ("r_m9=1,2", "Did you mean"),
         ("r_m1", "expected NAME=F1,F2"),
-        ("r_m1=a", "'a' is no number"),
+        ("r_m1=a", "'a' is not a number"),
         ("r_m1=nan", "0 or more"),
         ("r_m1=-1", "0 or more"),
         ("r_m1=0,1", "no damper"),

@@ -428,7 +428,7 @@ def test_declared_separator_and_encoding(put) -> None:
     recording = read_log(put(log.encode("utf-16-le")), options)
     np.testing.assert_allclose(recording.displacement, [10e-6, 20e-6], rtol=1e-15)
     assert "encoding: utf-16-le, as declared" in recording.notes
-    with pytest.raises(LogError, match="is no valid ASCII"):
+    with pytest.raises(LogError, match="is not valid ASCII"):
         read_log(put("time_s,\xe9\n"), ReadOptions(encoding="ascii"))
 
 
@@ -523,7 +523,7 @@ def test_quantities_of_a_profile_may_carry_units() -> None:
             {"restarts": "lst"},
             "found 'lst', expected 'refuse' or 'split' or 'last'.*Did you mean 'last'",
         ),
-        ({"encoding": "rot13"}, "'rot13' is no text encoding"),
+        ({"encoding": "rot13"}, "'rot13' is not a text encoding"),
         ({"separator": "colon"}, "found 'colon', expected ',' or ';'"),
         ({"decimal": "·"}, "decimal: found '·', expected '.' or ','"),
         ({"thousands": ",", "decimal": ","}, "',' already has another meaning"),

@@ -271,7 +271,7 @@ FAULTS = {
     "HTML": ("\n<!DOCTYPE html><html><body>404</body></html>", "this is HTML"),
     "XML": ("<?xml version='1.0'?><log/>", "this is XML"),
     "UTF-16 without mark": (PLAIN.encode("utf-16-le"), "looks like UTF-16"),
-    "broken UTF-16": (b"\xff\xfe\x00\xd8", "is no valid UTF-16-LE"),
+    "broken UTF-16": (b"\xff\xfe\x00\xd8", "is not valid UTF-16-LE"),
     "pickle": (b"\x80\x04\x95\x00", "pickle, which could run code"),
     "zip": (b"PK\x03\x04 and so on", "ZIP archive"),
     "NumPy": (b"\x93NUMPY\x01\x00", "NumPy array"),

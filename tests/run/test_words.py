@@ -94,7 +94,7 @@ def test_the_procedure_is_told_with_every_value_that_holds_for_all() -> None:
         ),
         "Filter: no filter",
         "Procedure: paper.",
-        "Put right: setting_02.csv: force reversed.",
+        "Corrected: setting_02.csv: force reversed.",
         "r_m3 = 2.5970e6 N s/(m2 kg) is fixed.",
         "f_f = 50.000 N is shared by all settings, found from the logs.",
     ]

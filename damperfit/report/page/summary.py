@@ -162,7 +162,7 @@ def _headline(results: Results) -> Iterator[str]:
         if row["mse_percent"] is not None
     }
     if not known:
-        yield "No MSE stands in the tables."
+        yield "The tables hold no MSE."
         return
     best, worst = min(known, key=known.__getitem__), max(known, key=known.__getitem__)
     yield f"{len(known)} setting{'s' if len(known) > 1 else ''} fitted."
@@ -244,7 +244,7 @@ def _checks(record: Mapping[str, Any]) -> tuple[str, Sheet | None]:
     failed = sum(check.passed is False for check in checks)
     passed = sum(check.passed is True for check in checks)
     title = (
-        f"Checks: {passed} passed, {failed} failed, {len(checks) - passed - failed} not looked at"
+        f"Checks: {passed} passed, {failed} failed, {len(checks) - passed - failed} not evaluated"
     )
     order = sorted(checks, key=lambda check: check.passed is not False)
     rows = tuple(

@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 
 __all__ = ["CHECK_WORDS", "check_lines", "check_sheet", "check_summary"]
 
-CHECK_WORDS = {True: "passed", False: "FAILED", None: "not looked at"}
+CHECK_WORDS = {True: "passed", False: "FAILED", None: "not evaluated"}
 
 
 def check_summary(checks: Sequence[Check]) -> str:
     """Return how many checks were passed, failed and not looked at."""
     counts = {word: sum(check.passed is word for check in checks) for word in (True, False, None)}
     said = f"{counts[True]} of {len(checks)} checks passed"
-    return said + (f", {counts[None]} not looked at" if counts[None] else "")
+    return said + (f", {counts[None]} not evaluated" if counts[None] else "")
 
 
 def check_lines(checks: Sequence[Check]) -> list[str]:

@@ -197,8 +197,10 @@ def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
     rows.append(("MSE", "%", *(_percent(fit.mse_percent) for fit in fits)))
     rows.append(("MSE held out", "%", *(_percent(fit.held_out_percent) for fit in fits)))
     marks = {
-        "! at the edge of its range: not told by these logs": any(fit.at_bound for fit in fits),
-        f"? not told by these logs: {UNTOLD:g} times as much or as little would do as well": any(
+        "! at the edge of its range: not determined by these logs": any(
+            fit.at_bound for fit in fits
+        ),
+        f"? not determined by these logs: {UNTOLD:g} times as much or little would do as well": any(
             fit.untold for fit in fits
         ),
     }
