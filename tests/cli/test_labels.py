@@ -228,7 +228,7 @@ def test_the_same_test_in_another_dialect_counts_once(bodies, run, tmp_path):
 @pytest.mark.parametrize(
     ("rows", "says"),
     [
-        ("file,setting\na.csv,4\na.csv,5\n", "tests.csv:3: 'a.csv' stands in line 2 too"),
+        ("file,setting\na.csv,4\na.csv,5\n", "tests.csv:3: 'a.csv' is in line 2 too"),
         ("file,setting\na.csv,1e9\n", "tests.csv:2: setting: found '1e9', expected clicks"),
     ],
 )

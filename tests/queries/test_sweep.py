@@ -149,7 +149,7 @@ def test_the_papers_families_are_those_of_its_figures():
         ("r_m1=a", "'a' is not a number"),
         ("r_m1=nan", "0 or more"),
         ("r_m1=-1", "0 or more"),
-        ("r_m1=0,1", "no damper"),
+        ("r_m1=0,1", "not a damper"),
         ("r_m1=1,1", "given twice"),
     ],
 )

@@ -198,7 +198,7 @@ def test_the_column_with_the_right_unit_is_taken(put) -> None:
         ({"units": {"force": "stone"}}, "no unit of force 'stone'"),
         ({"units": {"forse": "N"}}, "no channel 'forse'.*Did you mean 'force'"),
         ({"columns": {"speed": 1}}, "no channel 'speed'"),
-        ({"setting_pattern": "s(\\d+"}, "no regular expression"),
+        ({"setting_pattern": "s(\\d+"}, "not a regular expression"),
         ({"setting_pattern": "s\\d+"}, "no group"),
         ({"max_bytes": 0}, "max_log_bytes: found 0"),
     ],
@@ -346,13 +346,13 @@ def test_missing_file_folder_and_nul_in_the_name(tmp_path) -> None:
 def test_a_pipe_is_refused_and_not_waited_for(tmp_path) -> None:
     path = tmp_path / "pipe.csv"
     os.mkfifo(path)
-    with pytest.raises(LogError, match="no regular file"):
+    with pytest.raises(LogError, match="not a regular file"):
         read_log(path)
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no devices on this system")
 def test_a_device_is_refused() -> None:
-    with pytest.raises(LogError, match="no regular file"):
+    with pytest.raises(LogError, match="not a regular file"):
         read_log("/dev/zero")
 
 

@@ -58,9 +58,9 @@ def test_the_same_row_twice_is_one(tmp_path) -> None:
         ),
         (
             "file,setting\na.csv,1\na.csv,2\n",
-            r":3: 'a\.csv' stands in line 2 too, with other values",
+            r":3: 'a\.csv' is in line 2 too, with other values",
         ),
-        ("file,serial\na.csv,1\n\na.csv,2\n", r":4: 'a\.csv' stands in line 2 too"),
+        ("file,serial\na.csv,1\n\na.csv,2\n", r":4: 'a\.csv' is in line 2 too"),
         ("file,setting\na.csv,1,2\n", r":2: 3 fields, but 2 names in line 1"),
         ("file,setting\n,1\n", r":2: no file name in column 'file'"),
         ("file,setting\na.csv,1e9\n", r":2: setting: found '1e9', expected clicks"),
