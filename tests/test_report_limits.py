@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from damperfit.adjustment import Outlier, Trend, TrendPoint
 from damperfit.identification import Outcome
 from damperfit.report import (
     finding_lines,
@@ -29,6 +31,7 @@ from damperfit.report.sheets.mse_sheet import grade_counts
 from damperfit.report.sheets.rounding import number, percent, with_interval
 from damperfit.report.sheets.sheet import sheet_width
 from damperfit.report.sheets.sparkline import differ
+from damperfit.setting import Setting
 from damperfit.tables import Results, grade, make_tables, read_results
 from tests.fakes import campaign, fit
 from tests.report_folder import make_results
@@ -438,3 +441,60 @@ def test_checks_that_nobody_looked_at_are_not_passed(passed, said):
     checks = tuple(Check(f"c{k}", p, "") for k, p in zip(itertools.count(), passed))
     text = markdown_report(make_tables(campaign(fit(1))), replace(FACTS, checks=checks))
     assert f"\n{said}\n" in text
+
+
+# Several adjusters: trends along one with the others held.
+
+
+def _two(rebound, compression):
+    return Setting((("rebound", rebound), ("compression", compression)))
+
+
+def _along(adjuster, held, values, *, outliers=()):
+    points = tuple(TrendPoint(k, value, math.nan, math.nan, None) for k, value in values.items())
+    off = tuple(Outlier(k, value, value, 0.2) for k, value in outliers)
+    return Trend(
+        *("k_e", "linear", 1, 0.0, False, "rising", True, (), off, True, points, "said"),
+        adjuster=adjuster,
+        held=held,
+    )
+
+
+def _k_e_of_two(trends, *, n=2):
+    settings = [_two(r, c) for r in (2, 4) for c in range(8, 8 + n)]
+    rows = rows_of(*(fit(k + 1) for k in range(len(settings))))
+    for row, setting in zip(rows, settings, strict=True):
+        row["setting"] = setting
+    plots = parameter_plots(rows, setting_colours(settings), trends)
+    return next(plot for plot in plots if plot.name == "parameter_k_e")
+
+
+def test_trends_run_along_each_adjuster_with_the_others_held():
+    plot = _k_e_of_two(
+        (
+            _along("rebound", "compression 8", {2: 5e8, 3: 5.5e8, 4: 6e8}),
+            _along("compression", "rebound 4", {8: 6e8, 9: 7e8}, outliers=[(9, 7.5e8)]),
+            _along("compression", "rebound 99", {8: 1e8, 9: 1e8}),
+        )
+    )
+    lines = {line.label: line for line in plot.panels[0].lines if line.colour == "muted"}
+    # On the axis: R2 C8, R2 C9, R4 C8, R4 C9.
+    rebound, compression = lines.values()
+    assert list(lines) == [
+        "trend along rebound, compression 8",
+        "trend along compression, rebound 4",
+    ]
+    assert (rebound.x.tolist(), rebound.y.tolist()) == ([1.0, 3.0], [500.0, 600.0])
+    assert (compression.x.tolist(), compression.y.tolist()) == ([3.0, 4.0], [600.0, 700.0])
+    assert rebound.style != compression.style
+    (ring,) = (line for line in plot.panels[0].lines if line.style == "rings")
+    assert (ring.x.tolist(), ring.y.tolist()) == ([4.0], [750.0])
+    assert "Broken lines: trends along one adjuster" in plot.caption
+    assert "Broken lines" not in _k_e_of_two(()).caption
+
+
+@pytest.mark.parametrize(("n", "is_named"), [(6, True), (7, False)])
+def test_six_trends_have_a_legend(n, is_named):
+    trends = [_along("rebound", f"compression {8 + k}", {2: 5e8, 4: 6e8}) for k in range(n)]
+    lines = [line for line in _k_e_of_two(trends, n=n).panels[0].lines if line.colour == "muted"]
+    assert [line.in_legend for line in lines] == [is_named] * n

@@ -17,7 +17,7 @@ from damperfit.report.plots.description import (
     setting_places,
 )
 from damperfit.report.sheets.parameter_sheet import is_one_for_all, scale_of
-from damperfit.setting import Setting
+from damperfit.setting import Setting, lines_of
 from damperfit.tables import PAPER_QUANTITIES
 
 if TYPE_CHECKING:
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 __all__ = ["parameter_plots"]
 
 _TREND_POINTS = 4  # a quadratic through fewer says nothing
+_ALONG = ("dashed", "dotted")  # trends of the first adjuster, of the second, ...
+_NAMED = 6  # trends along adjusters that a legend names
 _FAR = 3.0  # heights of the fitted values: a value at a bound beyond it would flatten them
 
 
@@ -56,6 +58,7 @@ def parameter_plots(
     places = setting_places(row["setting"] for row in rows)
     names = setting_names(places)
     told = {} if names else {trend.parameter: trend for trend in trends}
+    lined = [one for one in trends if one.points] if names else []
     for one in quantities:
         name, scale = one.name, scale_of(one)
         known = [row for row in rows if _is_shown(row, name)]
@@ -73,8 +76,10 @@ def parameter_plots(
         ]
         trend = told.get(name)
         curve = _told_trend(trend, scale.factor) if trend else ()
+        along = [one for one in lined if one.parameter == name]
         lines = (
             *(curve or (() if names else _quadratic(known, name, scale.factor))),
+            *_along_adjusters(along, places, scale.factor),
             *_rings(trend, known, name, scale.factor),
             *points,
         )
@@ -87,6 +92,8 @@ def parameter_plots(
             y_range=y_range,
         )
         caption = " ".join(_caption(rows, known, name, far, trend))
+        if along:
+            caption += " Broken lines: trends along one adjuster with the others held."
         title = f"{scale.symbol}, {scale.meaning}, against setting"
         yield Plot(f"parameter_{name}", title, (panel,), caption)
 
@@ -171,6 +178,32 @@ def _told_trend(trend: Trend, factor: float) -> tuple[Line, ...]:
             high=factor * high if has_band else None,
         ),
     )
+
+
+def _along_adjusters(
+    trends: Sequence[Trend], places: Mapping[Setting, float], factor: float
+) -> Iterator[Line]:
+    """Yield each trend through the settings of its line, which stand beside others on the axis."""
+    adjusters = list(dict.fromkeys(one.adjuster for one in trends))
+    standing = {(line.adjuster, line.held): line for line in lines_of(places)}
+    for trend in trends:
+        line = standing.get((trend.adjuster, trend.held))
+        values = {float(point.setting): point.value for point in trend.points}
+        numbers = {} if line is None else line.numbers
+        on = [setting for setting, number in numbers.items() if number in values]
+        if not on:
+            continue
+        x = np.array([places[one] for one in on])
+        y = factor * np.array([values[numbers[one]] for one in on])
+        label = f"trend along {trend.adjuster}" + (f", {trend.held}" if trend.held else "")
+        style = _ALONG[adjusters.index(trend.adjuster) % len(_ALONG)]
+        yield Line(x, y, label, "muted", style=style, in_legend=len(trends) <= _NAMED)
+        off = {float(one.setting): one.value for one in trend.outliers}
+        outside = [setting for setting, number in numbers.items() if number in off]
+        if outside:
+            at = np.array([places[one] for one in outside])
+            found = factor * np.array([off[numbers[one]] for one in outside])
+            yield Line(at, found, "off the trend", "ink", style="rings", in_legend=False)
 
 
 def _rings(trend: Trend | None, rows: Sequence[Row], name: str, factor: float) -> tuple[Line, ...]:
