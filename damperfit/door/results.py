@@ -355,10 +355,10 @@ class Simulation:
         return [left, right]
 
     def __repr__(self) -> str:
-        force = self.force
+        force, setting = self.force, self.test.choice.setting
         return (
-            f"<Simulation: {self.test.motion}; force {force.min():.0f} to {force.max():.0f} N; "
-            f"{self.test.choice.source}>"
+            f"<Simulation: {self.test.motion}; force {force.min():.0f} to {force.max():.0f} N"
+            f"{'' if setting is None else f'; setting {setting}'}>"
         )
 
 
