@@ -28,6 +28,6 @@ def test_every_cell_runs_and_shows_what_its_text_says(monkeypatch):
     values = [shown(cell, names) for cell in cells if cell["cell_type"] == "code"]
     assert names["result"].settings == ("1", "10", "20")
     pages = [value._repr_html_() for value in values if hasattr(value, "_repr_html_")]
-    assert len(pages) == 6  # inspection, result, frame, signals, second result, comparison
+    assert len(pages) == 7  # inspection, result, frame, figure, signals, second result, comparison
     assert names["again"].parameters["r_m1"][0] > 0.0
     assert [cell["outputs"] for cell in cells if cell["cell_type"] == "code"] == 7 * [[]]
