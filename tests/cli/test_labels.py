@@ -91,7 +91,8 @@ def test_a_result_says_whose_it_is(results):
         results / "report.md"
     ).read_text(encoding="utf-8")
     page = (results / "report.html").read_text(encoding="utf-8")
-    assert "serial: 0077; customer: Müller; Farbe: grün" in page
+    for key, value in whose.items():
+        assert f"<dt>{key}</dt><dd>{value}</dd>" in page
     facts = json.loads(pq.read_schema(results / "mse.parquet").metadata[b"damperfit"])
     assert facts["test"] == whose
 

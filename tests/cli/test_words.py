@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from damperfit.cli import main
+from damperfit.cli import github, main
 from damperfit.identification import Outcome
 from tests.fakes import campaign, fit
 
@@ -39,14 +39,15 @@ def test_a_report_counts_its_figures(n, more, run, tmp_path, monkeypatch) -> Non
 def test_the_settings_fitted_are_counted(n, word) -> None:
     facts = SimpleNamespace(failures=(), warnings=(), gates=(), is_interrupted=False, gaps=())
     fits = campaign(*(fit(k + 1) for k in range(n)))
-    result = SimpleNamespace(campaign=fits, facts=facts, ending=Outcome.CONVERGED)
+    ending = Outcome.CONVERGED
+    result = SimpleNamespace(campaign=fits, facts=facts, ending=ending, keeps_earlier=False)
     assert word in identify._summary(result, "results")
 
 
 @pytest.mark.parametrize(("spare", "is_kept"), [(1, True), (0, False)])
 def test_a_summary_of_a_mebibyte_is_refused_and_said_to_be(spare, is_kept, tmp_path) -> None:
-    path, text = tmp_path / "summary.md", "x" * (identify._SUMMARY_BYTES - spare)
-    identify._append(path, text)
+    path, text = tmp_path / "summary.md", "x" * (github._MOST_BYTES - spare)
+    github.append_summary(path, text, instead="The report is too long for a summary.")
     written = path.read_text(encoding="utf-8")
     assert (written == text) is is_kept
     assert len(written) < 2**20

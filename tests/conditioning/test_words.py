@@ -44,7 +44,9 @@ def temperatures(values, test=TEST):
 def test_a_temperature_is_outside_from_its_tolerance_on(mean, severity) -> None:
     found = temperatures(np.full(200, mean))["temperature"]
     assert (found.severity, found.value) == (severity, pytest.approx(mean))
-    assert ("outside 26 +- 1 degC; oil and forces" in found.sentence) is (severity == "warning")
+    assert ("outside 26 +- 1 degC; forces fall as the oil warms" in found.sentence) is (
+        severity == "warning"
+    )
 
 
 @pytest.mark.parametrize(("drift", "severity"), [(1.95, "note"), (2.15, "warning")])

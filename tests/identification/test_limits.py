@@ -23,8 +23,9 @@ from damperfit.identification.paper.first_pass import (
     _tells_r_m3,
 )
 from damperfit.identification.plausible import points_inside
-from damperfit.identification.procedure_input import first_start
+from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.step_solvers import _inverted
+from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions
 from tests import fakes
 from tests.identification.rig import trace
@@ -130,8 +131,11 @@ def test_a_misfit_falls_into_a_range_from_its_edges_alone(at, slope, is_inward) 
 
 def test_a_bulk_modulus_that_is_held_is_not_looked_for() -> None:
     misfit = Misfit((trace(6),), PURDY_DAMPER, ("k_e",), SolverOptions(tolerance=1e-2), 1, bool)
-    assert first_start(misfit, {"k_e": 3e8}).k_e == 3e8
-    assert first_start(misfit, {}).k_e == pytest.approx(5.6e8, rel=0.5)
+    given = ProcedureInput(
+        {Setting.of(6): misfit.traces}, PURDY_DAMPER, FitOptions(), 1, print, bool
+    )
+    assert given.start(Setting.of(6), misfit, {"k_e": 3e8}).k_e == 3e8
+    assert given.start(Setting.of(6), misfit, {}).k_e == pytest.approx(5.6e8, rel=0.5)
 
 
 @pytest.mark.parametrize(

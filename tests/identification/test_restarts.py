@@ -11,8 +11,8 @@ from damperfit.conditioning import apply_filter
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify, multistart
-from damperfit.identification import campaign as campaign_module
 from damperfit.identification.descent import Misfit
+from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.restarts import is_suspicious, noise_percent, reconsidered
 from damperfit.identification.setting import attempt, describe_fit
 from damperfit.simulation import SolverOptions
@@ -121,7 +121,7 @@ def test_what_no_start_can_help_is_bounded_and_told(log):
 def test_identify_starts_again_by_itself(log, monkeypatch):
     """Also where the closed form leads astray, and from the first pass on."""
     far = replace(TRUTH, r_m1=1e6)
-    monkeypatch.setattr(campaign_module, "first_start", lambda *_: far)
+    monkeypatch.setattr(ProcedureInput, "start", lambda *_: far)
     monkeypatch.setattr(multistart, "fit_setting", lambda m, s, spent=0: attempt(m, s, spent))
     (fit,) = identify([log], PURDY_DAMPER, FitOptions(procedure="plain")).fits
     assert fit.parameters.r_m1 == pytest.approx(TRUTH.r_m1, rel=0.005)

@@ -141,7 +141,10 @@ def test_little_rebound_resistance_is_flat_downward_with_an_upper_limit() -> Non
         assert fit.status["r_m3"] == "not_identifiable"
         assert judged.limits(fit.setting, "r_m3") == (None, profile.high)
         assert "flat downward, only an upper limit: 95 % below" in said[fit.setting]["r_m3"]
-        assert f"{fit.parameters.r_m3:.4g} is used for all settings" in said[fit.setting]["r_m3"]
+        assert (
+            f"{fit.parameters.r_m3:.4g} N s/(m2 kg) is used for all settings"
+            in said[fit.setting]["r_m3"]
+        )
         # The others are told all the same, and their intervals know of the doubt.
         truth = reference_parameters(fit.setting)
         for name in FREE:
@@ -165,7 +168,9 @@ def test_a_short_slow_stroke_leaves_the_bulk_modulus_flat_upward() -> None:
     assert again.status["k_e"] == "not_identifiable"
     assert again.outcome is Outcome.NOT_IDENTIFIABLE
     said = judged.verdicts(reconsider(campaign, judged))[10]["k_e"]
-    assert said.startswith(f"not identifiable upward: at least {profile.low:.4g} (95 %), and any")
+    assert said.startswith(
+        f"not identifiable upward: at least {profile.low:.4g} Pa (95 %), and any"
+    )
 
 
 def test_no_friction_has_an_upper_limit() -> None:
