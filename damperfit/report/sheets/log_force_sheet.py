@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from damperfit.report.sheets.notes_below import BRANCHES_AND_RATIO, energy_and_temperature
-from damperfit.report.sheets.rounding import number
+from damperfit.report.sheets.rounding import number, stroke_ratio
 from damperfit.report.sheets.sheet import Sheet
 
 if TYPE_CHECKING:
@@ -60,9 +60,4 @@ def _force_row(
 ) -> tuple[str, ...]:
     """Return a row; pairs are measured and simulated."""
     forces = (number(force, digits=4) for force in (*rebound, *bump))
-    return (name, *forces, *map(_ratio, rebound, bump))
-
-
-def _ratio(rebound: float, bump: float) -> str:
-    # At low speed the gas pushes both strokes to one side: then no ratio.
-    return number(-rebound / bump if rebound > 0.0 > bump else None, digits=3)
+    return (name, *forces, *map(stroke_ratio, rebound, bump))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from damperfit.report.sheets.rounding import number
+from damperfit.report.sheets.rounding import number, stroke_ratio
 from damperfit.report.sheets.sheet import Sheet
 
 if TYPE_CHECKING:
@@ -68,11 +68,7 @@ def _row(one: PeakPoint) -> tuple[str, ...]:
         number(measured.peak_speed_bump, digits=3),
         number(measured.peak_force_bump, digits=4),
         number(simulated.peak_force_bump, digits=4),
-        _ratio(measured.peak_force_rebound, measured.peak_force_bump),
-        _ratio(simulated.peak_force_rebound, simulated.peak_force_bump),
+        stroke_ratio(measured.peak_force_rebound, measured.peak_force_bump),
+        stroke_ratio(simulated.peak_force_rebound, simulated.peak_force_bump),
         number(measured.energy, digits=4),
     )
-
-
-def _ratio(rebound: float, bump: float) -> str:
-    return number(-rebound / bump if rebound > 0.0 > bump else None, digits=3)

@@ -9,7 +9,15 @@ from __future__ import annotations
 import math
 from typing import TypeGuard
 
-__all__ = ["NOTHING", "number", "percent", "rounded_by_error", "with_error", "with_interval"]
+__all__ = [
+    "NOTHING",
+    "number",
+    "percent",
+    "rounded_by_error",
+    "stroke_ratio",
+    "with_error",
+    "with_interval",
+]
 
 NOTHING = "-"
 
@@ -123,3 +131,11 @@ def _decimals(value: float, digits: int) -> int:
     """Return the decimals that show ``digits`` significant digits of the rounded value."""
     power = int(f"{value:.{digits - 1}e}".partition("e")[2])
     return max(0, digits - 1 - power)
+
+
+def stroke_ratio(rebound: float, bump: float) -> str:
+    """Return the force in rebound over that in bump.
+
+    At low speed the gas pushes both strokes to one side: then there is no ratio.
+    """
+    return number(-rebound / bump if rebound > 0.0 > bump else None, digits=3)
