@@ -39,7 +39,7 @@ def test_tables_are_those_of_the_code(page) -> None:
     if os.environ.get("DAMPERFIT_WRITE_GOLDEN"):
         path.write_text(filled(kept), encoding="utf-8")
         return
-    assert kept == filled(kept), "write them anew: the command stands at the top of this file"
+    assert kept == filled(kept), "write them anew: the command is at the top of this file"
 
 
 def test_every_kind_of_table_stands_in_a_page() -> None:
