@@ -27,7 +27,9 @@ from damperfit.errors import ConfigurationError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
+    from damperfit.comparison import Tolerance
     from damperfit.configuration.options import Configuration
+    from damperfit.fleet.bands import HeldFleet
     from damperfit.fleet.one_damper import Done
     from damperfit.fleet.tasks import Task
 
@@ -60,6 +62,15 @@ def fleet(
         bool,
         typer.Option("--collect", help="Then make one table of all parts: fleet.parquet, .csv."),
     ] = False,
+    report: Annotated[
+        bool, typer.Option("--report", help="Likewise, and one page of the fleet: fleet.html.")
+    ] = False,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(
+            metavar="5%|20N|FILE", help="Likewise; gate: around the median, or a table; code 4."
+        ),
+    ] = None,
     model: Annotated[
         str | None, typer.Option(metavar="NAME", help="Model of the dampers.  [purdy]")
     ] = None,
@@ -83,21 +94,21 @@ def fleet(
     from damperfit.atomic import check_writable
     from damperfit.cli.interrupt import stop_on_signal
     from damperfit.cli.progress import fleet_progress
-    from damperfit.fleet.parts import collect as collected
     from damperfit.fleet.tasks import share_of
     from damperfit.fleet.whole_fleet import planned
+    from damperfit.queries.comparisons import parse_bands
 
-    if not logs and not collect:
-        raise ConfigurationError("fleet: expected LOGS, or --collect for the parts that are there")
-    if scheduler is not None and jobs is not None:
-        raise ConfigurationError(
-            "--jobs cannot act beside --scheduler: the cluster has its own workers; leave one out"
+    asked = [
+        option
+        for option, is_given in (
+            ("--collect", collect),
+            ("--report", report),
+            ("--tolerance", tolerance is not None),
         )
-    if part is not None and collect:
-        raise ConfigurationError(
-            "--collect cannot act beside --part: other parts may not be done yet; collect with "
-            f"damperfit fleet --out {out} --collect when all are"
-        )
+        if is_given
+    ]
+    _refuse(asked, logs, out, scheduler=scheduler, jobs=jobs, part=part)
+    bands = parse_bands(tolerance)
     configuration = configured(
         config,
         ("--model", "damper.model", model),
@@ -122,18 +133,78 @@ def fleet(
                 done.append(one)
                 advance()
             is_stopped = cancelled()
-    if collect and not is_stopped:
-        table = collected(out)
-        if not quiet:
-            say(
-                f"damperfit: {table.num_rows} rows of the fleet in {out / 'fleet.parquet'} and .csv"
-            )
+    held = None
+    if asked and not is_stopped:
+        held = _collect(out, bands, is_reported=report, is_quiet=quiet)
     _say(done, n_tasks, out, is_quiet=quiet, is_stopped=is_stopped)
     if json:
-        print_json(_document(done, n_tasks, is_stopped=is_stopped))
-    elif logs:
-        print_lines(_summary(done, n_tasks))
-    return _code(done, is_stopped=is_stopped)
+        print_json(_document(done, n_tasks, held, is_stopped=is_stopped))
+    else:
+        print_lines([*(_summary(done, n_tasks) if logs else ()), *_held_lines(held)])
+    return _code(done, held, is_stopped=is_stopped)
+
+
+def _refuse(
+    asked: Sequence[str],
+    logs: Sequence[str] | None,
+    out: Path,
+    *,
+    scheduler: str | None,
+    jobs: int | None,
+    part: str | None,
+) -> None:
+    """Refuse options that do not go together."""
+    if not logs and not asked:
+        raise ConfigurationError(
+            "fleet: expected LOGS, or --collect or --report for the parts that are there"
+        )
+    if scheduler is not None and jobs is not None:
+        raise ConfigurationError(
+            "--jobs cannot act beside --scheduler: the cluster has its own workers; leave one out"
+        )
+    if part is not None and asked:
+        raise ConfigurationError(
+            f"{asked[0]} cannot act beside --part: other parts may not be done yet; collect with "
+            f"damperfit fleet --out {out} {asked[0]} when all are"
+        )
+
+
+def _collect(
+    out: Path, bands: Tolerance | None, *, is_reported: bool, is_quiet: bool
+) -> HeldFleet | None:
+    """Make the one table of all parts, its page, and hold its forces against bands."""
+    from damperfit.fleet.parts import collect as collected
+
+    table = collected(out)
+    if not is_quiet:
+        say(f"damperfit: {table.num_rows} rows of the fleet in {out / 'fleet.parquet'} and .csv")
+    if bands is None and not is_reported:
+        return None
+    from damperfit.fleet.bands import held_against
+    from damperfit.fleet.survey import survey
+
+    found = survey(table)
+    held = None if bands is None else held_against(found, bands)
+    if is_reported:
+        from damperfit.fleet.page import write_page
+
+        write_page(out, found, held)
+        if not is_quiet:
+            say(f"damperfit: {out / 'fleet.html'} written, with tables of dampers and outliers")
+    return held
+
+
+def _held_lines(held: HeldFleet | None) -> list[str]:
+    if held is None:
+        return []
+    lines = [
+        f"{point.run or 'unknown'}{f', setting {point.setting}' if str(point.setting) else ''}, "
+        f"{point.speed:g} m/s {point.stroke}: {point.words}"
+        for point in held.worst[:_MANY]
+    ]
+    if len(held.worst) > _MANY:
+        lines.append(f"and {len(held.worst) - _MANY} more dampers; --report lists them")
+    return [f"tolerance {held.source}: {held.sentence}", *lines]
 
 
 def _each(
@@ -203,7 +274,11 @@ def _summary(done: Sequence[Done], n_tasks: int) -> list[str]:
     return [f"{dampers}: {', '.join(told)}; {n_logs} logs, {n_settings} settings with a fit"]
 
 
-def _document(done: Sequence[Done], n_tasks: int, *, is_stopped: bool) -> dict[str, Any]:
+def _document(
+    done: Sequence[Done], n_tasks: int, held: HeldFleet | None, *, is_stopped: bool
+) -> dict[str, Any]:
+    from damperfit.report import tolerance_rows
+
     return {
         "dampers": n_tasks,
         **_counts(done),
@@ -216,10 +291,13 @@ def _document(done: Sequence[Done], n_tasks: int, *, is_stopped: bool) -> dict[s
         "gates_missed": [
             {"damper": one.owner, "message": line} for one in done for line in one.gates
         ],
+        "tolerance": None if held is None else held.source,
+        "dampers_out_of_tolerance": [] if held is None else [one.run for one in held.worst],
+        "points": [] if held is None else tolerance_rows(held.missed),
     }
 
 
-def _code(done: Sequence[Done], *, is_stopped: bool) -> int:
+def _code(done: Sequence[Done], held: HeldFleet | None, *, is_stopped: bool) -> int:
     """Return the exit code; failures of parts that were there count like those of new ones."""
     if is_stopped:
         return 130
@@ -228,4 +306,5 @@ def _code(done: Sequence[Done], *, is_stopped: bool) -> int:
         return 3
     if has_failed:
         return 1
-    return 4 if any(one.n_gates for one in done) else 0
+    is_missed = held is not None and bool(held.missed)
+    return 4 if is_missed or any(one.n_gates for one in done) else 0
