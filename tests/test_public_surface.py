@@ -435,10 +435,11 @@ SURFACE = {
         "with_profiles",
     ],
     "damperfit.run.earlier": [
+        "BESIDE",
         "FIGURES",
         "PAGE",
         "forget_figures",
-        "forget_run",
+        "forget_others",
         "holds_fits",
     ],
     "damperfit.run.mishaps": [

@@ -6,6 +6,7 @@ other numbers. Only files with the names that damperfit gives them go.
 
 from __future__ import annotations
 
+import json
 import re
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -13,15 +14,18 @@ from typing import TYPE_CHECKING
 from damperfit.atomic import file_set
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
-__all__ = ["FIGURES", "PAGE", "forget_figures", "forget_run", "holds_fits"]
+__all__ = ["BESIDE", "FIGURES", "PAGE", "forget_figures", "forget_others", "holds_fits"]
+
+BESIDE = "folders_of_this_run"  # in run.json, where one command wrote results of several dampers
 
 PAGE = "report.html"
 FIGURES = "figures"
 _DRAWN = re.compile(
-    r"(mse|fan|absolute_velocity|peak_force|named_speeds|parameter_(r_m[123]|k_e|f_f|f_0)"
-    r"|setting_[\w.+-]+_(force_velocity|force_displacement|force_time|residual|pressures|peaks))"
+    r"(mse|fan|absolute_velocity|peak_force|named_speeds|parameter_\w+"
+    r"|setting_[\w.+-]+_(force_velocity|force_displacement|force_time|residual|pressures|peaks|valves))"
     r"\.(png|svg|pdf)"
 )
 _WRITTEN = re.compile(
@@ -40,8 +44,41 @@ def holds_fits(folder: Path) -> bool:
     return (folder / "run.json").is_file() and len(rows) > 1
 
 
-def forget_run(folder: Path) -> None:
-    """Remove the results of an earlier run, where its logs now have folders of their own."""
+def forget_others(folder: Path, written: Sequence[str]) -> None:
+    """Remove what an earlier command left in a results folder: it holds one run only.
+
+    A folder inside goes only where its run.json says that it was written as one of several
+    dampers; what somebody put there by another command stays.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Where results go.
+    written : sequence of str
+        Folders inside of it that this command writes; "" for itself.
+    """
+    if "" not in written:
+        _forget_run(folder)
+    with suppress(OSError):
+        for inside in sorted(folder.iterdir()):
+            if inside.is_symlink() or inside.name in written or not _is_part(inside):
+                continue
+            _forget_run(inside)
+            with suppress(OSError):  # what else it holds stays
+                inside.rmdir()
+
+
+def _is_part(folder: Path) -> bool:
+    try:
+        record = json.loads((folder / "run.json").read_bytes())
+    except (OSError, ValueError):
+        return False
+    told = record.get(BESIDE) if isinstance(record, dict) else None
+    return isinstance(told, list) and folder.name in told
+
+
+def _forget_run(folder: Path) -> None:
+    """Remove the results of a run with its figures."""
     if not (folder / "run.json").is_file():
         return
     with file_set(folder) as files:

@@ -18,7 +18,7 @@ from damperfit.configuration.what_is_tested import unmatched
 from damperfit.errors import ConfigurationError, OutputError
 from damperfit.report import markdown_report
 from damperfit.run.dampers import by_damper, folder_name
-from damperfit.run.earlier import PAGE, forget_figures, forget_run, holds_fits
+from damperfit.run.earlier import BESIDE, PAGE, forget_figures, forget_others, holds_fits
 from damperfit.run.given_starts import with_given_start
 from damperfit.run.hold_out import Parted, fitting, named_files, note_unpredicted, part
 from damperfit.run.judging import assessed, judge, with_profiles
@@ -111,7 +111,10 @@ def run(
                 f"logs of {len(parts)} dampers: {', '.join(one.owner for one in parts)}; run_each "
                 "gives each a result of its own"
             )
-        return parts[0].run(watch)
+        result = parts[0].run(watch)
+        if result.campaign.fits:
+            forget_others(configuration.output.folder, [""])
+        return result
 
 
 def run_each(
@@ -136,8 +139,8 @@ def run_each(
         for one in parts:
             try:
                 result = one.run(watch)
-                if len(parts) > 1 and result.campaign.fits:
-                    forget_run(configuration.output.folder)
+                if result.campaign.fits:
+                    forget_others(configuration.output.folder, [each.folder for each in parts])
                 yield one.folder_owner, result
             except UnwrittenError as error:
                 raise UnwrittenError(str(error), error.result, one.folder_owner) from error
@@ -189,11 +192,15 @@ class _OneDamper:
     parted: Parted
     clock: Clock
     jobs: int
+    beside: tuple[str, ...] = ()  # folders of all dampers of the command, where these are several
+
+    @property
+    def folder(self) -> str:
+        """Name of its folder inside of the results' folder; empty where it is that."""
+        return folder_name(self.folder_owner) if self.folder_owner else ""
 
     def run(self, watch: Watch) -> RunResult:
-        fit = partial(
-            _run, self.configuration, self.parted, clock=self.clock, jobs=self.jobs, watch=watch
-        )
+        fit = partial(_run, self, watch=watch)
         if not self.folder_owner:
             return fit()
         check_writable(self.configuration.output.folder)
@@ -226,6 +233,7 @@ def _read(
         )
     groups = by_damper(batch)
     is_averaging = configuration.rig.is_averaging
+    beside = tuple(map(folder_name, groups)) if len(groups) > 1 else ()
     found = []
     for owner, mine in groups.items():
         parted = Parted(mine)
@@ -245,21 +253,21 @@ def _read(
         if len(groups) > 1:
             output = replace(configuration.output, folder=folder / folder_name(owner))
             own = replace(configuration, output=output)
-        found.append(_OneDamper(owner, owner if len(groups) > 1 else "", own, parted, clock, jobs))
+        whose = owner if beside else ""
+        found.append(_OneDamper(owner, whose, own, parted, clock, jobs, beside))
     return found
 
 
-def _run(
-    configuration: Configuration, parted: Parted, *, clock: Clock, jobs: int, watch: Watch
-) -> RunResult:
+def _run(one: _OneDamper, *, watch: Watch) -> RunResult:
     """Fit, judge and write what was read."""
+    configuration, parted, clock, jobs = one.configuration, one.parted, one.clock, one.jobs
     found, mishaps = _found(configuration, parted, clock=clock, jobs=jobs, watch=watch)
     if not found.campaign.fits and watch.cancelled():
         return found.result(mishaps.failures)
     if not found.campaign.fits and holds_fits(configuration.output.folder):
         return replace(found.result(mishaps.failures), keeps_earlier=True)
     try:
-        return _write(found, mishaps, clock=clock, jobs=jobs)
+        return _write(found, mishaps, clock=clock, jobs=jobs, beside=one.beside)
     except OutputError as error:
         raise UnwrittenError(str(error), found.result(mishaps.failures)) from error
 
@@ -298,7 +306,9 @@ def _found(
     return Found(configuration, batch, campaign, judgement, origin, is_interrupted), mishaps
 
 
-def _write(found: Found, mishaps: Mishaps, *, clock: Clock, jobs: int) -> RunResult:
+def _write(
+    found: Found, mishaps: Mishaps, *, clock: Clock, jobs: int, beside: tuple[str, ...] = ()
+) -> RunResult:
     """Write all files as a set, run.json last; page and figures of an earlier run go."""
     configuration, campaign = found.configuration, found.campaign
     folder = configuration.output.folder
@@ -325,6 +335,8 @@ def _write(found: Found, mishaps: Mishaps, *, clock: Clock, jobs: int) -> RunRes
             files.path("report.md").write_bytes(report.encode("utf-8", "backslashreplace"))
         result.record["files"] = {name: sha256_of(files.path(name)) for name in sorted(files.names)}
         result.record["timings"] = clock.read()
+        if beside:
+            result.record[BESIDE] = list(beside)
         text = json.dumps(result.record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
         files.path("run.json").write_bytes(text.encode("utf-8", "backslashreplace"))
     forget_figures(folder)

@@ -206,6 +206,11 @@ def test_several_dampers_get_a_result_each(bodies, run, tmp_path):
     ended = run("models", tmp_path / "*_6.csv")
     assert ended.code == 2
     assert "logs of 2 dampers: A1, B 2; give those of one" in ended.err
+    # The folder holds one run only.
+    ended = run("identify", tmp_path / "B_6.csv", "--out", tmp_path / "out")
+    assert ended.code == 0, ended.err
+    assert (tmp_path / "out" / "run.json").exists()
+    assert not [path.name for path in (tmp_path / "out").iterdir() if path.is_dir()]
 
 
 def test_a_configured_serial_against_the_log_is_an_error(bodies, run, tmp_path):
