@@ -8,8 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.adjustment import Sine, find_trends, named_speeds, selection, which_setting
+from damperfit.adjustment import Sine, find_trends, named_speeds, selection, trends, which_setting
 from damperfit.adjustment.curves import LEAST_SCATTER, Points, fit_curve, scatter_of
+from damperfit.adjustment.forces import fastest_sine
 from damperfit.adjustment.selection import (
     _Candidate,
     _is_jump,
@@ -262,3 +263,53 @@ def test_a_setting_is_off_where_chance_has_it_once_in_a_thousand(
     for distance, is_off in ((0.999 * bound, False), (1.001 * bound, True)):
         monkeypatch.setattr(selection, "_distance", lambda *_, d=distance: d)
         assert _is_off(points(np.zeros(n)), one, 3) is is_off
+
+
+@pytest.mark.parametrize(("speed", "is_near"), [(0.286, True), (0.284, False)])
+def test_motions_within_five_per_cent_of_the_fastest_are_as_fast(speed, is_near) -> None:
+    motions = [(0.032, 1.5, 0.3), (0.016, 3.0, speed), (0.016, 3.0, speed)]
+    assert (fastest_sine(motions).amplitude == 0.016) is is_near
+
+
+@pytest.mark.parametrize(("off", "is_sine"), [(1.095, True), (1.105, False), (0.905, True)])
+def test_a_motion_is_a_sine_within_a_tenth_of_its_frequency(off, is_sine) -> None:
+    frequency = 0.3 / (2.0 * np.pi * 0.032)
+    found = fastest_sine([(0.032, off * frequency, 0.3)]).frequency
+    assert found == pytest.approx(off * frequency if is_sine else frequency)
+
+
+@pytest.mark.parametrize(("times", "is_jump"), [(7.8, False), (8.2, True), (-7.8, False)])
+def test_a_jump_bends_eight_times_as_much_as_the_curve_beside_it(times, is_jump) -> None:
+    # The third divided difference of a cubic is its leading number everywhere.
+    smooth = points(0.01 * np.arange(8.0) ** 3, settings=range(1, 9))
+    curve = fit_curve(smooth, "log", 3)
+    bent = replace(smooth, logs=smooth.logs + np.r_[np.zeros(7), 0.06 * (times - 1.0)])
+    assert _is_jump(bent, _Candidate(0.0, curve, (7,)), 7) is is_jump
+
+
+def with_scatter(monkeypatch, scatter: float, error: float, name: str = "r_m1"):
+    """The trend of eight equal values whose curve is said to leave this scatter."""
+
+    def chosen(points, families=None):
+        found = choose(points, families)
+        return replace(found, curve=replace(found.curve, scatter=scatter))
+
+    monkeypatch.setattr(trends, "choose", chosen)
+    value = 5e8 if name == "k_e" else 1e4
+    return ladders.trend_of(np.full(8, value), tuple(range(1, 9)), name=name, error=error)
+
+
+@pytest.mark.parametrize(
+    ("scatter", "error", "is_erratic"),
+    [(0.019, 1e-3, False), (0.021, 1e-3, True), (0.029, 0.01, False), (0.031, 0.01, True)],
+)
+def test_a_scatter_of_three_errors_and_two_per_cent_is_erratic(
+    monkeypatch, scatter, error, is_erratic
+) -> None:
+    trend = with_scatter(monkeypatch, scatter, error)
+    assert trend.is_erratic is is_erratic
+
+
+@pytest.mark.parametrize(("scatter", "direction"), [(0.19, "flat"), (0.21, None)])
+def test_no_direction_is_told_of_what_scatters_by_a_fifth(monkeypatch, scatter, direction) -> None:
+    assert with_scatter(monkeypatch, scatter, 0.1 * scatter, name="k_e").direction == direction

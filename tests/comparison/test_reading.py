@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from damperfit.comparison import SEEN, Reading, Sameness, Topic, compared
+from damperfit.comparison import Reading, Sameness, Topic, compared
 from damperfit.comparison.reading import surely_different
 from damperfit.setting import Setting
 
@@ -30,7 +30,7 @@ def test_a_difference_counts_beyond_the_interval_of_both_errors(beyond, verdict)
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.99, "same"), (1.01, "untold")])
 def test_same_is_said_only_where_a_difference_would_be_seen(share, verdict) -> None:
-    error = share * SEEN * 1000.0 / 1.959964
+    error = share * 0.05 * 1000.0 / 1.959964
     line = compared(FORCE, _reading(1000.0, 0.0), _reading(1000.0, error))
     assert line.verdict is Sameness(verdict)
     assert ("would not be seen" in line.reason) == (verdict == "untold")
@@ -103,7 +103,7 @@ def test_two_numbers_that_were_declared_are_the_same_or_not() -> None:
 
 
 def test_holm_remembers_how_many_lines_there_are() -> None:
-    chances = [0.001, 0.012, 0.014, 0.04, 0.9]  # 0.05 over 5, 4, 3, 2: the fourth is above 0.025
+    chances = [0.001, 0.012, 0.016, 0.026, 0.9]  # 0.05 over 5, 4, 3, 2: the fourth is above 0.025
     steps = [-float(np.sqrt(2.0) * student.ppf(p / 2.0, 1e12)) for p in chances]
     lines = [compared(FORCE, _reading(1000.0), _reading(1000.0 + step)) for step in steps]
     told = surely_different(lines[::-1])[::-1]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
-from damperfit.configuration.loading import configuration_toml, load_configuration
+from damperfit.configuration.loading import _read, configuration_toml, load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, shared_names
@@ -229,3 +229,14 @@ def test_files_that_are_no_configuration_are_refused(tmp_path: Path) -> None:
 def test_a_byte_order_mark_is_no_mistake(tmp_path: Path) -> None:
     (tmp_path / "bom.toml").write_bytes(b"\xef\xbb\xbf[rig]\nfrequency = 2\n")
     assert load_configuration(tmp_path / "bom.toml").rig.frequency == 2.0
+
+
+@pytest.mark.parametrize(("size", "is_read"), [(950_000, True), (1_050_000, False)])
+def test_a_configuration_is_no_larger_than_a_megabyte(tmp_path, size, is_read):
+    path = tmp_path / "long.toml"
+    path.write_text("#" * size)
+    if is_read:
+        assert len(_read(path)) == size
+    else:
+        with pytest.raises(ConfigurationError, match="larger than 1 MB"):
+            _read(path)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.run import like_speeds
+from damperfit.run import dampers, labelling, like_speeds
 
 
 @pytest.mark.parametrize(("n", "is_read"), [(11, False), (12, True)])
@@ -33,3 +33,17 @@ def test_fits_of_each_log_leave_a_quarter_of_what_both_miss(monkeypatch, left, i
     monkeypatch.setattr(like_speeds, "_missed", missed)
     monkeypatch.setattr(like_speeds, "_meeting", lambda *_: met)
     assert like_speeds._is_left_by_fits(met, None) is is_told
+
+
+@pytest.mark.parametrize(("n", "more"), [(5, ""), (6, " and 1 more")])
+def test_five_dampers_are_named(n, more) -> None:
+    assert dampers._listed([f"SN{k}" for k in range(n)]) == f"SN0, SN1, SN2, SN3, SN4{more}"
+
+
+@pytest.mark.parametrize(("n", "more"), [(3, ""), (4, " and 1 more")])
+def test_three_lost_rows_of_a_table_are_named(tmp_path, n, more) -> None:
+    rows = {f"{k}.csv": SimpleNamespace(line=k + 2) for k in range(n)}
+    path = tmp_path / "tests.csv"
+    (said,) = labelling._unknown(SimpleNamespace(path=path, rows=rows))
+    named = "line 2 '0.csv', line 3 '1.csv', line 4 '2.csv'"
+    assert said == f"{path}: no such file: {named}{more}"

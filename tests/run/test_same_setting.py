@@ -109,7 +109,8 @@ def test_one_test_under_two_settings_is_a_failure_of_both():
         ({"rebound": 1200.0, "noise": 20.0}, True),
         ({"rebound": 1120.0, "speed": 0.314}, False),  # speed explains 2 x 4.6 % more
         ({"rebound": 1180.0, "speed": 0.314}, True),
-        ({"rebound": 2000.0, "speed": 0.33}, False),  # another motion
+        ({"rebound": 2000.0, "speed": 0.3144}, True),
+        ({"rebound": 2000.0, "speed": 0.3162}, False),  # another motion
     ],
 )
 def test_what_contradicts(change, is_contradiction):
@@ -129,6 +130,13 @@ def test_a_contradiction_is_told_by_name_and_costs_its_setting_alone():
         "at 0.3 m/s, 26.1 % apart, at 26 and 60 degC, more than they scatter"
     )
     assert "--rig contradictions=average" in failure.message
+
+
+@pytest.mark.parametrize(("temperature", "is_said"), [(30.8, False), (31.2, True)])
+def test_five_degrees_between_two_tests_are_said(temperature, is_said):
+    logs = batch(log("a.csv"), log("b.csv", rebound=1300.0, temperature=temperature))
+    (failure,) = without_contradictions(logs, is_averaging=False).failures
+    assert ("degC" in failure.message) is is_said
 
 
 def test_told_to_they_are_averaged_and_it_is_said():

@@ -21,8 +21,8 @@ from tests.uncertainty.test_words import known, profile
 @pytest.mark.parametrize(
     ("error", "status", "is_in_doubt"),
     [
-        (0.09, "fitted", False),
-        (0.11, "fitted", True),
+        (0.095, "fitted", False),
+        (0.105, "fitted", True),
         (0.01, "at_bound", True),
         (0.01, "not_identifiable", True),
     ],

@@ -1,0 +1,48 @@
+"""Limits by which laws are told apart: a case just inside and one just outside."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from damperfit.laws import ladder, law_fit
+
+
+def tried(mse: float, *, score: float = 0.0, name: str = "twin_tube") -> SimpleNamespace:
+    model = SimpleNamespace(name=name)
+    return SimpleNamespace(mse_percent=mse, score=score, fits=(SimpleNamespace(model=model),))
+
+
+@pytest.mark.parametrize(("mse", "is_kept"), [(1.019, True), (1.021, False)])
+def test_a_larger_law_may_fit_worse_by_two_per_cent(monkeypatch, mse, is_kept) -> None:
+    large, again = tried(mse), tried(0.9)
+    monkeypatch.setattr(ladder, "_freed", lambda _: ())
+    course = SimpleNamespace(fitted=lambda *_, **__: again)
+    found = ladder._Course.no_worse(course, large, tried(1.0))
+    assert found is (large if is_kept else again)
+
+
+@pytest.mark.parametrize(("factor", "alike"), [(1.48, ("monotube",)), (1.52, ())])
+def test_layouts_within_half_as_much_again_are_not_told_apart(monkeypatch, factor, alike) -> None:
+    monkeypatch.setattr(ladder, "effective_samples", lambda *_: 100.0)
+    monkeypatch.setattr(ladder, "_against", lambda *_, **__: "")
+    course = SimpleNamespace(
+        evidence=(), told=lambda *_, **__: None, enriched=lambda one, _: one, alike=None
+    )
+    best, other = tried(0.1), tried(0.1, score=math.log(factor), name="monotube")
+    assert ladder._Course.best_layout(course, [best, other]) is best
+    assert course.alike == alike
+
+
+@pytest.mark.parametrize(("n", "is_told"), [(24, False), (26, True)])
+def test_a_quarter_of_a_second_between_stretches_tells_something(monkeypatch, n, is_told) -> None:
+    force = np.sin(np.arange(200.0))
+    stretches = (SimpleNamespace(stop=50), SimpleNamespace(first=50 + n))
+    trace = SimpleNamespace(force=force, stretches=stretches, compared=slice(0, 50), interval=0.01)
+    seen = SimpleNamespace(force=force + 1.0)
+    monkeypatch.setattr(law_fit, "compare", lambda *_, **__: seen)
+    found = law_fit._missed_between(None, None, [trace], None)
+    assert math.isfinite(found) is is_told

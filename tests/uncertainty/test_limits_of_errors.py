@@ -1,0 +1,126 @@
+"""Limits of intervals, profiles and forces: a case just inside and one just outside."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from damperfit.uncertainty import (
+    Assessment,
+    SpeedForces,
+    correlated_noise,
+    speed_forces,
+    withheld,
+)
+from damperfit.uncertainty.correlated_noise import correlation_length
+from damperfit.uncertainty.few_samples import ShortStretch, widening
+from damperfit.uncertainty.prediction import _is_same_motion
+from damperfit.uncertainty.profiles import interpolated_limit
+from damperfit.uncertainty.speed_forces import _fastest, _misfit
+from damperfit.uncertainty.withheld import _jumps
+from tests.uncertainty.test_words import diagnosis, known
+
+
+@pytest.mark.parametrize(("ratio", "is_blind"), [(0.38, True), (0.42, False)])
+def test_a_jackknife_is_blind_below_two_fifths(ratio, is_blind) -> None:
+    one = known()
+    intervals = {name: replace(i, cycle_ratio=ratio) for name, i in one.intervals.items()}
+    told = Assessment(uncertainties=(replace(one, intervals=intervals),)).cycle_check
+    assert ("no misfit that repeats" in told) is is_blind
+
+
+@pytest.mark.parametrize(("errors", "length"), [(2.4, 0), (2.6, 1)])
+def test_a_correlation_counts_from_two_and_a_half_errors_on(monkeypatch, errors, length) -> None:
+    rho = np.zeros(41)
+    rho[:2] = 1.0, errors / math.sqrt(400.0)
+    monkeypatch.setattr(correlated_noise, "autocorrelation", lambda *_: rho)
+    assert correlation_length(np.ones(400), longest=40) == length
+
+
+@pytest.mark.parametrize(("n", "is_widened"), [(97, True), (103, False)])
+def test_fifty_independent_samples_a_parameter_are_enough(n, is_widened) -> None:
+    turns = 2.0 * np.pi * np.arange(n) / n
+    slopes = np.stack([np.cos(3.0 * turns), np.sin(2.0 * turns)], axis=1)
+    white = ShortStretch(slopes, np.eye(1, n)[0], 1)
+    assert white.independent == n
+    assert (widening([white]) > 1.0) is is_widened
+
+
+def steady(amplitude=0.03, speed=0.3):
+    return SimpleNamespace(amplitude=amplitude, peak_speed=speed, n_cycles=5, window=slice(0, 2))
+
+
+@pytest.mark.parametrize("name", ["amplitude", "speed"])
+@pytest.mark.parametrize(("factor", "is_same"), [(1.049, True), (1.051, False)])
+def test_a_motion_within_five_per_cent_of_a_fitted_one_is_the_same(name, factor, is_same) -> None:
+    fit = SimpleNamespace(logs=[SimpleNamespace(trace=SimpleNamespace(stretches=[steady()]))])
+    one = {"amplitude": 0.03, "speed": 0.3}
+    other = steady(**one | {name: factor * one[name]})
+    assert _is_same_motion(fit, SimpleNamespace(stretches=[other])) is is_same
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "is_near"),
+    [
+        (1.6, 2.38, True),  # 0.78 apart
+        (1.5, 2.32, False),
+        (1.0, 2.20, True),  # the farther one 0.24 beyond 1.96
+        (1.0, 2.22, False),
+        (1.84, 2.9, True),  # the nearer one 0.12 below
+        (1.83, 2.9, False),
+    ],
+)
+def test_a_limit_is_told_between_points_that_are_near(low, high, is_near) -> None:
+    assert interpolated_limit([(0.0, 0.0), (0.2, low), (0.3, high)], 1.0)[1] is is_near
+
+
+@pytest.mark.parametrize("of", ["amplitude", "frequency"])
+@pytest.mark.parametrize(("factor", "is_at"), [(1.049, True), (1.051, False)])
+def test_forces_are_those_of_a_motion_within_five_per_cent(of, factor, is_at) -> None:
+    motion = {"amplitude": 0.03, "frequency": 1.5}
+    tested = motion | {of: factor * motion[of]}
+    forces = SpeedForces(None, "bump", **tested, half_range=1.0, speeds=(), measured=(),
+                         measured_se=(), difference=(), misfit=())  # fmt: skip
+    assert forces.is_at(**motion) is is_at
+
+
+@pytest.mark.parametrize(("speed", "n"), [(0.286, 2), (0.284, 1)])
+def test_the_fastest_motion_is_that_within_five_per_cent(speed, n) -> None:
+    stretches = [steady(speed=one) for one in (0.3, speed)]
+    trace = SimpleNamespace(
+        stretches=stretches, places=[slice(0, 2)] * 2, velocity=np.ones(4), force=np.ones(4)
+    )
+    log, seen = SimpleNamespace(trace=trace), SimpleNamespace(residuals=np.ones(4))
+    linearised = SimpleNamespace(fit=SimpleNamespace(logs=[log]), logs=[seen])
+    assert len(list(_fastest(linearised))) == n
+
+
+@pytest.mark.parametrize(("factor", "is_alike"), [(1.95, True), (2.05, False)])
+def test_the_misfit_at_a_speed_is_that_within_a_factor_of_two(monkeypatch, factor, is_alike):
+    monkeypatch.setattr(speed_forces, "scatter_between_cycles", lambda *_: math.nan)
+    for speed in (0.1 * factor, 0.1 / factor):
+        part = (None, np.array([speed]), None, np.array([7.0]))
+        assert _misfit([part], 1.0, 0.1) == (7.0 if is_alike else 0.0)
+
+
+@pytest.mark.parametrize(("share", "has_yielded"), [(0.39, False), (0.41, True)])
+def test_a_damper_has_yielded_from_two_fifths_of_its_range(share, has_yielded) -> None:
+    assert replace(diagnosis(1), held_share=share).has_yielded is has_yielded
+
+
+def test_the_jump_at_a_reversal_is_read_over_twenty_milliseconds(monkeypatch) -> None:
+    monkeypatch.setattr(withheld, "apply_filter", lambda _, signal: signal)
+    force = np.zeros(400)
+    force[199 - 20], force[200 + 20] = 50.0, -50.0  # nothing before and behind
+    trace = SimpleNamespace(
+        drive=SimpleNamespace(velocity=np.repeat([1.0, -1.0], 200)),
+        interval=1e-3,
+        compared=slice(0, 400),
+        force=force,
+        model_filter=None,
+    )
+    assert _jumps(trace, 10.0) == pytest.approx(0.2)
