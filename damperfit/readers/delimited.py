@@ -24,6 +24,7 @@ from damperfit.readers.dialect import Dialect, fields_of, find_dialect, metadata
 from damperfit.readers.encoding import to_utf8
 from damperfit.readers.rows import TextRows, load_rows
 from damperfit.readers.table import Column, Table
+from damperfit.readers.title_time import with_time_of_titles
 from damperfit.recording import Finding
 
 if TYPE_CHECKING:
@@ -81,7 +82,8 @@ def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         others = f" and {len(empty) - 1} more" if len(empty) > 1 else ""
         notes = (*notes, f"left out: the block in line {empty[0].first_line}{others}, without rows")
         blocks = [block for block in blocks if block.title and _DATA.search(block.data)]
-    return tuple(_read_block(block, notes, options) for block in blocks)
+    tables = tuple(_read_block(block, notes, options) for block in blocks)
+    return with_time_of_titles(tables, options)
 
 
 def _without_lines(data: bytes, n_lines: int, name: str) -> tuple[bytes, int]:
