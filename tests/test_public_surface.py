@@ -68,6 +68,7 @@ SURFACE = {
     "damperfit.fleet.tasks": ["Share", "Task", "content_key", "parted", "share_of", "tasks_of"],
     "damperfit.fleet.whole_fleet": ["Engine", "planned", "run_fleet"],
     "damperfit.configuration.drawings": ["DRAWINGS", "MEASURED"],
+    "damperfit.queries.fleet_part": ["RECORD", "is_part", "parts_of", "read_part"],
     "damperfit.queries.first_configuration": [
         "Guessed",
         "check_damper",
@@ -748,7 +749,13 @@ SURFACE = {
         "pairs_of",
         "read_run",
     ],
-    "damperfit.queries.baseline": ["Baseline", "baseline_text", "is_baseline", "read_baseline"],
+    "damperfit.queries.baseline": [
+        "Baseline",
+        "baseline_text",
+        "compared_record",
+        "is_baseline",
+        "read_baseline",
+    ],
     "damperfit.queries.measured_forces": [
         "MeasuredForces",
         "measured_forces",

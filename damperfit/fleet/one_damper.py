@@ -14,6 +14,7 @@ from damperfit.errors import DamperfitError, mishap_of
 from damperfit.fleet.parts import forget_earlier, part_path, read_facts_of, write_part
 from damperfit.fleet.sources import UnreachableError, brought_here
 from damperfit.fleet.tasks import content_key
+from damperfit.queries.baseline import compared_record
 from damperfit.setting import ADJUSTER
 from damperfit.simulation.characteristics import NAMED_SPEEDS
 
@@ -155,6 +156,7 @@ def _done(job: Job, here: Mapping[Source, Path]) -> Done:
     dead = dict(job.dead)
     rows: list[dict[str, Any]] = []
     gates: list[str] = []
+    records: list[dict[str, Any]] = []
     failed = [
         _failure(one.file, "WorkerDied", dead[one.place]) for one in task.logs if one.place in dead
     ]
@@ -163,6 +165,7 @@ def _done(job: Job, here: Mapping[Source, Path]) -> Done:
         for owner, result in _results(configuration, living):
             rows += list(_rows(result, owner or task.owner))
             gates += result.facts.gates
+            records.append(compared_record(result.record))
             failed += [
                 _failure(one.log, one.kind, one.message, owner or task.owner, one.setting)
                 for one in result.facts.failures
@@ -177,7 +180,8 @@ def _done(job: Job, here: Mapping[Source, Path]) -> Done:
     table = pa.Table.from_pylist(
         [{"damper": task.owner, **row} for row in (*rows, *failed)], schema
     )
-    write_part(path, table, facts)
+    # Rows of several dampers are no one run.
+    write_part(path, table, facts, records[0] if len(records) == 1 and rows else None)
     return Done(
         task.owner,
         State.FITTED if rows else State.FAILED,

@@ -22,6 +22,7 @@ import pyarrow.parquet as pq
 from damperfit.atomic import file_set
 from damperfit.atomic.owner import new_owner, owner_of
 from damperfit.errors import ConfigurationError, OutputError
+from damperfit.queries.fleet_part import RECORD
 from damperfit.recording import natural_order
 
 if TYPE_CHECKING:
@@ -70,7 +71,9 @@ def parts_in(folder: Path) -> list[Path]:
     return sorted(found, key=lambda path: (natural_order(owner_in(path)), path.name))
 
 
-def write_part(path: Path, table: pa.Table, facts: dict[str, Any]) -> None:
+def write_part(
+    path: Path, table: pa.Table, facts: dict[str, Any], record: dict[str, Any] | None = None
+) -> None:
     """Write a part, whole or not at all; earlier parts of the same logs go once it is there.
 
     Parameters
@@ -82,6 +85,8 @@ def write_part(path: Path, table: pa.Table, facts: dict[str, Any]) -> None:
     facts : dict
         For the schema's ``damperfit`` entry; "logs" are the hashes of its files, "places" where
         its logs stand.
+    record : dict, optional
+        What of run.json is compared.
 
     Raises
     ------
@@ -89,7 +94,8 @@ def write_part(path: Path, table: pa.Table, facts: dict[str, Any]) -> None:
         It cannot be written.
     """
     text = json.dumps(facts, sort_keys=True, ensure_ascii=False).encode()
-    table = table.replace_schema_metadata({_FACTS: text})
+    told = json.dumps(record or {}, sort_keys=True, ensure_ascii=False).encode()
+    table = table.replace_schema_metadata({_FACTS: text, RECORD: told})
     beside = path.parent / f".{new_owner().text}.damperfit-new"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

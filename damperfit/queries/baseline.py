@@ -17,11 +17,12 @@ from damperfit.tables import Results, column_names, quantities_in
 from damperfit.tables.columns import adjusters_in, read_setting, setting_cells
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from damperfit.comparison import Run
 
-__all__ = ["Baseline", "baseline_text", "is_baseline", "read_baseline"]
+__all__ = ["Baseline", "baseline_text", "compared_record", "is_baseline", "read_baseline"]
 
 _KEY, _VERSION = "damperfit_baseline", 1
 # Of run.json: what is compared, or says what is compared.
@@ -62,13 +63,7 @@ def baseline_text(run: Run) -> str:
         raise ConfigurationError(
             f"{run.place}: --save keeps a run that was fitted; run damperfit identify first"
         )
-    record = {key: run.record[key] for key in _KEPT if key in run.record}
-    inputs = run.record.get("inputs")
-    record["inputs"] = [
-        {key: one[key] for key in (*_OF_INPUTS, "stretches") if key in one}
-        for one in (inputs if isinstance(inputs, list) else ())
-        if isinstance(one, dict)
-    ]
+    record = compared_record(run.record)
     settings = list(run.fitted.rows)
     is_whole = all(isinstance(one.cell, int) for one in settings)
     document = {
@@ -87,6 +82,18 @@ def baseline_text(run: Run) -> str:
         "tests": [_told(test) for test in run.tests],
     }
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
+
+
+def compared_record(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what of run.json is compared, or says what is compared."""
+    inputs = record.get("inputs")
+    return {key: record[key] for key in _KEPT if key in record} | {
+        "inputs": [
+            {key: one[key] for key in (*_OF_INPUTS, "stretches") if key in one}
+            for one in (inputs if isinstance(inputs, list) else ())
+            if isinstance(one, dict)
+        ]
+    }
 
 
 def _told(test: MeasuredTest) -> dict[str, Any]:

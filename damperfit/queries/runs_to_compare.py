@@ -15,6 +15,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, TimelessError
 from damperfit.queries.adjuster_results import adjuster_in
 from damperfit.queries.baseline import is_baseline, read_baseline
+from damperfit.queries.fleet_part import is_part, read_part
 from damperfit.readers import read_curves, read_logs
 from damperfit.recording import natural_order
 from damperfit.report.json_records import listed_in, number_in
@@ -107,10 +108,10 @@ def _paired(
 
 def _inside(path: Path) -> dict[str, Path]:
     """Return the results folders inside a folder that is none itself."""
-    if not path.is_dir() or _is_results(path):
+    if not path.is_dir() or _is_run(path):
         return {}
     inside = sorted(path.iterdir(), key=lambda one: natural_order(one.name))
-    found = {one.name: one for one in inside if one.is_dir() and _is_results(one)}
+    found = {one.name: one for one in inside if one.is_dir() and _is_run(one)}
     if not found:
         raise ConfigurationError(
             f"{path}: no results of damperfit identify, and no folder in it holds any; expected "
@@ -124,6 +125,10 @@ def holds_runs(path: Path) -> bool:
     return bool(_inside(path))
 
 
+def _is_run(folder: Path) -> bool:
+    return _is_results(folder) or is_part(folder)
+
+
 def _is_results(folder: Path) -> bool:
     return any((folder / name).is_file() for name in _MARKS)
 
@@ -134,7 +139,8 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
     Parameters
     ----------
     path : pathlib.Path
-        Results folder or baseline; with ``is_measured`` also a log or a file of curves.
+        Results folder, baseline or a fleet's part; with ``is_measured`` also a log or a file of
+        curves.
     config : pathlib.Path, optional
         How logs are read; the damper of results that do not tell theirs.
     is_measured : bool
@@ -147,6 +153,8 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
     LogError
         A log cannot be read.
     """
+    if is_part(path):
+        return _of_results(read_part(path), path, (), config=config, is_measured=is_measured)
     if path.is_dir():
         return _of_folder(path, config, is_measured=is_measured)
     if not path.is_file():
