@@ -26,6 +26,7 @@ _EXTRAS = (
     ("mat73", "h5py", "MATLAB 7.3 logs"),
     ("excel", "python-calamine", "Excel logs"),
     ("cluster", "distributed", "fleet --scheduler"),
+    ("fmu", "ziglang", "FMU libraries of other platforms"),
 )
 
 

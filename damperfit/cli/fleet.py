@@ -244,6 +244,9 @@ def _say(
     for one in done:
         for gate in one.gates:
             say(f"damperfit: {one.owner or 'logs'}: {gate}")
+    n_before = sum(one.n_failures for one in done) - len(lines)
+    if n_before and not is_quiet:
+        say(f"damperfit: {n_before} failures of an earlier run count too; its parts hold them")
     if is_stopped:
         left = n_tasks - len(done)
         say(f"damperfit: interrupted; {left} of {n_tasks} dampers left, the same command does them")

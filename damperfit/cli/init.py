@@ -68,7 +68,7 @@ def init(
         raise ConfigurationError(
             f"{out}: is there already; give --overwrite to replace it, or --out"
         )
-    given = assignments(set_ or [], option="--set")
+    given = assignments(set_ or [], option="--set", example="rod_diameter=12mm")
     check_damper(model, given)
     paths = expand(logs) if logs else ()
     guessed = guess_from_logs(paths) if paths else Guessed({}, {})
@@ -85,7 +85,7 @@ def init(
             say(f"note: {sentence}")
         for sentence in guessed.open:
             say(f"warning: {sentence}")
-        say(f"damperfit: {out} written; measure what is marked with #, and take the # away")
+        say(f"damperfit: {out} written; measure the keys that begin with #, and take the # away")
     return _inspected(logs, out, is_quiet=quiet) if logs else 0
 
 

@@ -187,7 +187,7 @@ def rig_entries(texts: Iterable[str] | None) -> list[tuple[str, str, Any]]:
     return [(f"--rig {name}", f"rig.{name}", entry) for name, entry in keys.items()]
 
 
-def assignments(texts: Iterable[str], *, option: str) -> dict[str, str]:
+def assignments(texts: Iterable[str], *, option: str, example: str = "k_e=5e8") -> dict[str, str]:
     """Return NAME=VALUE texts as a dictionary.
 
     Raises
@@ -199,7 +199,7 @@ def assignments(texts: Iterable[str], *, option: str) -> dict[str, str]:
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals and value):
-            raise ConfigurationError(f"{option} {text}: expected NAME=VALUE, such as k_e=5e8")
+            raise ConfigurationError(f"{option} {text}: expected NAME=VALUE, such as {example}")
         if name in values:
             raise ConfigurationError(f"{option} {text}: {name} is given twice")
         values[name] = value

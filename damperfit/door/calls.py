@@ -175,12 +175,13 @@ def _in_words_of_a_call(message: str) -> str:
 
     Examples
     --------
-    >>> _in_words_of_a_call("no unit (--rig units.force=N); or give --setting N")
-    "no unit (units={'force': 'N'}); or give setting=N"
+    >>> _in_words_of_a_call("no unit (--rig units.force=N); or give --setting N, or --free")
+    "no unit (units={'force': 'N'}); or give setting=N, or free="
     """
     told = re.sub(r"--rig units\.(\w+)=([^\s)]+)", r"units={'\1': '\2'}", message)
     told = re.sub(r"--rig (\w+)=([^\s)]+)", r"rig={'\1': \2}", told)
-    return re.sub(r"--setting (\S+)", r"setting=\1", told)
+    told = re.sub(r"--(setting|displacement|parameters) ([A-Z]+)\b", r"\1=\2", told)
+    return re.sub(r"--([a-z][a-z-]*)", lambda one: one[1].replace("-", "_") + "=", told)
 
 
 def _listed(names: Sequence[str] | None) -> list[str] | None:
@@ -205,7 +206,7 @@ def load(folder: str | Path) -> Result:
 
 
 def simulate(  # noqa: PLR0913 - one keyword an option of the command line
-    setting: Setting | int | str | None = None,
+    setting: Setting | Result | int | str | None = None,
     *,
     parameters: Result | str | Path | None = None,
     set: Mapping[str, Any] | None = None,  # noqa: A002 - the option's name
@@ -236,6 +237,11 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     **asked
         config, damper: as of `identify`.
     """
+    if isinstance(setting, Result):
+        raise ConfigurationError(
+            "damperfit.simulate: found a result in place of a setting; give "
+            "damperfit.simulate(10, parameters=result), or result.setting(10).simulate()"
+        )
     configuration = configured(
         "damperfit.simulate",
         wave=("simulation.wave", None if displacement is not None else wave),
@@ -246,13 +252,16 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
         **asked,
     )
     table = parameters.folder if isinstance(parameters, Result) else parameters
-    return simulated(
-        setting,
-        configuration,
-        table=None if table is None else Path(table),
-        replaced=texts(set) or {},
-        log=None if displacement is None else Path(displacement),
-    )
+    try:
+        return simulated(
+            setting,
+            configuration,
+            table=None if table is None else Path(table),
+            replaced=texts(set) or {},
+            log=None if displacement is None else Path(displacement),
+        )
+    except ConfigurationError as error:
+        raise ConfigurationError(_in_words_of_a_call(str(error))) from error
 
 
 def compare(*runs: Result | str | Path, tolerance: str | None = None, **options: Any) -> Comparison:
@@ -279,7 +288,11 @@ def compare(*runs: Result | str | Path, tolerance: str | None = None, **options:
 
 
 def export(
-    results: Result | str | Path, to: str, out: str | Path, *, extend: float | str | None = None
+    results: Result | str | Path,
+    to: str,
+    out: str | Path | None = None,
+    *,
+    extend: float | str | None = None,
 ) -> tuple[Path, ...]:
     """Hand a damper over to another program.
 
@@ -289,8 +302,8 @@ def export(
         What `identify` found.
     to : str
         A target of `damperfit export --list`.
-    out : path
-        Folder for the files.
+    out : path, optional
+        Folder for the files; by default ``export`` in the results' own.
     extend : speed, optional
         Tables beyond the tested speed, from the model.
 
@@ -305,9 +318,14 @@ def export(
 
     target = find_target(to)
     folder = results.folder if isinstance(results, Result) else Path(results)
+    if out is None and isinstance(results, Result) and results.is_temporary:
+        raise ConfigurationError(
+            "damperfit.export: these results are in no folder of yours; give out=FOLDER"
+        )
+    where = folder / "export" if out is None else Path(out)
     speed = None if extend is None else parse_quantity(extend, "velocity")
     files = target.write(hand_over(folder), ExportOptions(stem="damper", extend=speed))
-    with file_set(Path(out)) as drafts:
+    with file_set(where) as drafts:
         for name, content in dict(files).items():
             drafts.path(name).write_bytes(content)
-    return tuple(Path(out) / name for name in dict(files))
+    return tuple(where / name for name in dict(files))

@@ -47,11 +47,13 @@ class Result:
     ----------
     folder : pathlib.Path
         Where its files are.
+    is_temporary : bool
+        Whether the folder goes with the object.
     """
 
     def __init__(self, folder: Path, *, is_temporary: bool = False) -> None:
         self.folder = Path(folder)
-        self._is_temporary = is_temporary
+        self.is_temporary = is_temporary
         if is_temporary:
             weakref.finalize(self, rmtree, self.folder, ignore_errors=True)
 
@@ -87,7 +89,7 @@ class Result:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What to know before believing the numbers, a sentence each."""
-        return tuple(self.record.get("warnings", ()))
+        return (*self._read.remarks, *self.record.get("warnings", ()))
 
     @property
     def checks(self) -> pd.DataFrame:

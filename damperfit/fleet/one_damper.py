@@ -175,6 +175,8 @@ def _done(job: Job, here: Mapping[Source, Path]) -> Done:
     except Exception as error:  # noqa: BLE001 - the other dampers of the fleet go on
         bug = mishap_of(error, _WORK)
         failed.append(_failure("", bug.kind, bug.message))
+    for one in failed:
+        one["error"] = _named(str(one["error"]), task, here)
     facts |= {"settings": len(rows), "failures": len(failed), "gates": len(gates)}
     schema = _schema(configuration)
     table = pa.Table.from_pylist(
@@ -192,6 +194,13 @@ def _done(job: Job, here: Mapping[Source, Path]) -> Done:
         len(failed),
         len(gates),
     )
+
+
+def _named(message: str, task: Task, here: Mapping[Source, Path]) -> str:
+    """Return a message with logs by their names, wherever they were when they were read."""
+    for log in task.logs:
+        message = message.replace(str(here[log]), log.name)
+    return message
 
 
 def _results(configuration: Configuration, logs: Sequence[str]) -> Iterator[tuple[str, RunResult]]:
@@ -222,13 +231,16 @@ def _failure(
 
 def _rows(result: RunResult, damper: str) -> Iterator[dict[str, Any]]:
     """Yield one row a setting: parameters, whose it is, forces at named speeds."""
+    from damperfit.tables.columns import adjusters_in
+
     known = result.record["test"]
     forces: dict[str, dict[str, float]] = {}
     for row in result.tables.adjustment.to_pylist():
         name = _force_column(row["stroke"], row["speed_m_per_s"])
         forces.setdefault(str(row["setting"]), {})[name] = row["force_N"]
     for row in result.tables.parameters.to_pylist():
-        places = {name: str(row[name]) for name in _adjusters(row)}
+        names = adjusters_in(list(row), result.tables.quantities)
+        places = {name: str(row[name]) for name in names}
         setting = str(row["setting"])
         yield {
             **row,
@@ -238,12 +250,6 @@ def _rows(result: RunResult, damper: str) -> Iterator[dict[str, Any]]:
             "damper": damper,
             "date": known.get("date"),
         }
-
-
-def _adjusters(row: Mapping[str, Any]) -> list[str]:
-    from damperfit.tables.columns import adjusters_in
-
-    return list(adjusters_in(list(row)))
 
 
 def _force_column(stroke: str, speed: float) -> str:

@@ -27,6 +27,11 @@ _ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+://")
 _PATTERN = re.compile(r"[*?\[]")
 _TRIES = 4
 _PAUSE = 0.5  # s before the second try; doubled before each further one
+# Tables that stand beside run.json.
+_RESULTS = frozenset(
+    {"parameters", "mse", "adjustment", "characteristics", "responses", "profiles", "valves"}
+)
+_SHOWN = ".csv, .txt, .xlsx, .mat, .tdms"
 _HEAD = 4096  # bytes of a log in which its preamble is looked for
 
 
@@ -87,9 +92,7 @@ def find_sources(wanted: Iterable[str]) -> tuple[Source, ...]:
             continue
         sources = _remote(text) if _ADDRESS.match(text) else _below(Path(text).resolve())
         if not sources:
-            raise ConfigurationError(
-                f"{text}: no log in it; expected files such as {', '.join(LOG_SUFFIXES[:4])}"
-            )
+            raise ConfigurationError(f"{text}: no log in it; expected files such as {_SHOWN}")
         for one in sources:
             found.setdefault(one.place, one)
     # A shell makes files of a pattern: the folders that they share are left out of their names.
@@ -105,7 +108,7 @@ def _below(root: Path) -> list[Source]:
         for place, folders, names in os.walk(root)
         if _unhidden(folders)
         for name in names
-        if _is_log(name)
+        if _is_log(name) and not ("run.json" in names and _is_result(name))
     )
     return [Source(str(path), path.relative_to(root).as_posix()) for path in files]
 
@@ -114,6 +117,11 @@ def _unhidden(folders: list[str]) -> bool:
     """Keep `os.walk` out of hidden folders."""
     folders[:] = sorted(name for name in folders if not name.startswith("."))
     return True
+
+
+def _is_result(name: str) -> bool:
+    """Whether a file beside run.json is one of the results."""
+    return name == "run.json" or name.partition(".")[0] in _RESULTS
 
 
 def _is_log(name: str) -> bool:

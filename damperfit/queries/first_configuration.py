@@ -199,7 +199,7 @@ def first_configuration(model: str, given: Mapping[str, str], guessed: Guessed) 
     lines += [
         "# temperature_tolerance = inf      # ask for no temperature",
         "",
-        "# [adjusters]                      # more than the one, setting: in the order of R12 C8",
+        "# [adjusters]                      # more than one: in the order of labels such as R12 C8",
         '# rebound = "from open"',
         '# compression = "from open"',
     ]

@@ -54,7 +54,7 @@ def _logs_in(folder: Path) -> list[Path]:
     if not found:
         raise ConfigurationError(
             f"{folder}: no log in this folder; expected files such as "
-            f"{', '.join(LOG_SUFFIXES[:4])}; for those of its folders give {folder}/*/*.csv"
+            f".csv, .txt, .xlsx, .mat or .tdms; for those of its folders give {folder}/*/*.csv"
         )
     return found
 
@@ -76,7 +76,9 @@ def _listed(pattern: str) -> list[Path]:
         try:
             found += matches(text)
         except ConfigurationError as error:
-            raise ConfigurationError(f"{path}:{number}: {error}") from error
+            raise ConfigurationError(
+                f"{path}:{number}: {error}; paths in a list count from where the command is run"
+            ) from error
     if not found:
         raise ConfigurationError(f"{pattern}: the list names no log")
     return found

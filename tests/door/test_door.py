@@ -213,6 +213,9 @@ class TestFrames:
         (lambda *_: damperfit.load("/nowhere"), "nowhere"),
         (lambda *_: damperfit.compare(), "found none"),
         (lambda *_: damperfit.read(LOGS), "found several logs"),
+        (lambda _, r: damperfit.simulate(r), "damperfit.simulate(10, parameters=result)"),
+        (lambda *_: damperfit.simulate(), "give setting=N or set= them all"),
+        (lambda _, r: damperfit.export(r, "csv"), "give out=FOLDER"),
     ],
 )
 def test_a_wrong_call_gets_a_sentence(call, said, frame, result):
@@ -279,3 +282,10 @@ def test_three_logs_that_could_not_be_fitted_are_named(monkeypatch, tmp_path, n,
         damperfit.identify(LOGS, out=tmp_path / "results")
     said = "no setting could be fitted: 0.csv: empty; 1.csv: empty; 2.csv: empty"
     assert str(caught.value) == f"{said}{more}"
+
+
+def test_a_damaged_file_of_results_is_told(result, tmp_path):
+    where = result.save(tmp_path / "damaged")
+    (where / "run.json").write_text("{")
+    assert any("run.json" in said for said in damperfit.load(where).warnings)
+    assert damperfit.export(damperfit.load(where), "csv")[0].parent == where / "export"

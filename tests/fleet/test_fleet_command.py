@@ -236,3 +236,46 @@ def test_the_wish_to_stop_leaves_the_rest_for_the_next_run(three, tmp_path):
     for one in fleet:
         done.append(one)  # noqa: PERF402 - it is looked at meanwhile
     assert len(done) == len(parts_in(tmp_path / "out")) == 1
+
+
+def test_a_model_with_other_columns_has_parts_too(three, tmp_path, here):
+    out = tmp_path / "out"
+    assert run(three, "--out", out, "--collect", "--model", "bilinear") == 0
+    found = table_of(out)
+    assert len(found) == 6
+    assert found["error"].isna().all()
+    assert found["c_r"].dtype == float
+
+
+def test_labels_of_several_adjusters_have_a_column_each(tmp_path, texts, here):
+    folder = tmp_path / "logs" / "D1"
+    folder.mkdir(parents=True)
+    head, rows = texts["setting_10.csv"]
+    (folder / "a.csv").write_text(head.replace("# setting: 10", "# setting: R12 C8") + rows)
+    config = tmp_path / "two.toml"
+    config.write_text("[adjusters]\nrebound = \"from open\"\ncompression = \"from open\"\n")
+    out = tmp_path / "out"
+    options = ("--config", config, "--model", "bilinear", "--collect")
+    assert run(tmp_path / "logs", "--out", out, *options) == 0
+    (row,) = table_of(out).to_dict("records")
+    assert (row["setting"], row["rebound"], row["compression"]) == ("R12 C8", "12", "8")
+
+
+def test_results_that_lie_among_the_logs_are_no_logs(three, tmp_path, here, capsys):
+    assert main(["identify", str(three / "D1"), "--out", str(three / "D1"), "-q"]) == 0
+    (three / "D1" / "setting_20.txt").write_text("not a log")
+    capsys.readouterr()
+    run(three / "D1", "--out", tmp_path / "out", "--json")
+    document = json.loads(capsys.readouterr().out)
+    assert document["logs"] == 3
+    assert [one["message"].split(":")[0] for one in document["failures"]] == ["setting_20.txt"]
+
+
+def test_failures_of_an_earlier_run_are_counted_aloud(three, tmp_path, here, capsys):
+    (three / "D2" / "setting_05.csv").write_text("")
+    run(three, "--out", tmp_path / "out")
+    said = capsys.readouterr().err
+    assert "D2: D2/setting_05.csv: empty file" in said
+    assert str(tmp_path) not in said.replace(f"parts in {tmp_path / 'out'}", "")
+    assert run(three, "--out", tmp_path / "out") == 1
+    assert "1 failures of an earlier run count too" in capsys.readouterr().err

@@ -236,7 +236,7 @@ def test_nominal_bands_hold_for_every_damper():
     held = held_against(found, nominal(band))
     told = {point.run: point.words for point in held.missed}
     assert set(told) == {"D9", "D1"}
-    assert told["D9"] == "not looked at: the setting was not tested"
+    assert told["D9"] == "not evaluated: the setting was not tested"
     assert told["D1"] == "FAILS, 10 N outside"
     assert held.n_points == 6
     assert held.missed[0].run == "D9"
@@ -247,7 +247,7 @@ def test_nominal_bands_hold_for_every_damper():
 def test_a_band_at_a_speed_no_test_reaches_is_missed():
     held = held_against(survey(fleet_table(2)), nominal(Band("1", 1.05, "bump", -1e4, 0.0)))
     assert {point.words for point in held.missed} == {
-        "not looked at: the test does not reach the speed"
+        "not evaluated: the test does not reach the speed"
     }
 
 
