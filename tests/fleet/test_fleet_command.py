@@ -253,7 +253,8 @@ def test_labels_of_several_adjusters_have_a_column_each(tmp_path, texts, here):
     head, rows = texts["setting_10.csv"]
     (folder / "a.csv").write_text(head.replace("# setting: 10", "# setting: R12 C8") + rows)
     config = tmp_path / "two.toml"
-    config.write_text("[adjusters]\nrebound = \"from open\"\ncompression = \"from open\"\n")
+    both = 'rebound = "from open"\ncompression = "from open"\n'
+    config.write_text(f"[adjusters]\n{both}")
     out = tmp_path / "out"
     options = ("--config", config, "--model", "bilinear", "--collect")
     assert run(tmp_path / "logs", "--out", out, *options) == 0

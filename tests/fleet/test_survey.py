@@ -241,7 +241,7 @@ def test_nominal_bands_hold_for_every_damper():
     assert held.n_points == 6
     assert held.missed[0].run == "D9"
     every = held_against(found, nominal(Band("", 0.26, "rebound", 0.0, 1e4)))
-    assert [point.words for point in every.missed] == ["not looked at: nothing was fitted"]
+    assert [point.words for point in every.missed] == ["not evaluated: nothing was fitted"]
 
 
 def test_a_band_at_a_speed_no_test_reaches_is_missed():
