@@ -209,15 +209,14 @@ def _show_pair(comparison: RunComparison, *, is_quiet: bool) -> None:
     if comparison.repeats:
         names = ", ".join(run.place for run in comparison.repeats)
         lines.append(f"measure: the scatter of A and its repeats {names}")
-    told = [one.sentence for one in comparison.circumstances]
-    lines += [*(f"differs besides: {one}" for one in told), *comparison.sentences]
-    lines += [f"note: {one}" for one in comparison.notes]
+    lines += [*(f"differs besides: {one}" for one in comparison.differing), *comparison.sentences]
+    lines += [f"note: {one}" for one in comparison.to_know]
     columns = screen_columns()
     print_lines([part for line in lines for part in wrap(line, columns, subsequent_indent="  ")])
     print_lines([""])
     if is_quiet:
         return
-    print_lines([f"forces at {comparison.motion}", ""])
+    print_lines([comparison.forces_title, ""])
     for sheet in (
         comparison_force_sheet(comparison, is_short=True),
         comparison_parameter_sheet(comparison),

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from damperfit.comparison.run import FittedRun, Run
     from damperfit.damper.model import Model
 
-__all__ = ["Circumstance", "circumstances"]
+__all__ = ["Circumstance", "circumstances", "have_common_logs"]
 
 _SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
 _WARMER = 2.0  # degC; forces fall by some 0.1 % for each
@@ -61,6 +61,11 @@ class Circumstance:
     second: str
     sentence: str
 
+    @property
+    def is_alike(self) -> bool:
+        """Whether it is what both have in common."""
+        return self.kind == "logs"
+
 
 def circumstances(first: Run, second: Run) -> tuple[Circumstance, ...]:
     """Return what two runs differ in, what matters most first.
@@ -100,6 +105,11 @@ def _logs(first: Run, second: Run) -> Iterator[Circumstance]:
             "is how they were evaluated, and the errors, which are those of two tests, are too "
             "large",
         )
+
+
+def have_common_logs(first: Run, second: Run) -> bool:
+    """Whether any log stands behind both."""
+    return bool(_hashes(first).keys() & _hashes(second).keys())
 
 
 def _hashes(run: Run) -> dict[str, str]:

@@ -14,6 +14,7 @@ from damperfit.comparison.measured import (
     measured_readings,
     repeat_scatter,
 )
+from damperfit.comparison.missed import missed_notes
 from damperfit.comparison.parameters import (
     comparable_quantities,
     figure_lines,
@@ -118,6 +119,24 @@ class RunComparison:
             for sentence in (outcome_of(lines, words),)
         )
 
+    @property
+    def forces_title(self) -> str:
+        """What forces are compared, as in "forces as measured at the motion of each test"."""
+        forces = self.of("force")
+        is_measured = bool(forces) and all(line.is_measured for line in forces)
+        return f"forces {'as measured ' if is_measured else ''}at {self.motion}"
+
+    @property
+    def differing(self) -> tuple[str, ...]:
+        """Sentences of what else differs, which may be the reason."""
+        return tuple(one.sentence for one in self.circumstances if not one.is_alike)
+
+    @property
+    def to_know(self) -> tuple[str, ...]:
+        """Sentences of what both have in common, and the notes."""
+        alike = tuple(one.sentence for one in self.circumstances if one.is_alike)
+        return (*alike, *self.notes)
+
 
 def compare_runs(
     first: Run,
@@ -151,7 +170,7 @@ def compare_runs(
 
     fitted = [run.fitted for run in runs if run.fitted is not None]
     if options.is_measured or len(fitted) < len(runs):
-        motion = "as measured, each at the motion of its test"
+        motion = "the motion of each test"
         forces = measured_readings(runs, settings, speeds=options.speeds)
         is_same = True
         parameters: _Tables = tuple({} for _ in runs)
@@ -183,7 +202,7 @@ def compare_runs(
         settings,
         motion,
         (*lines, *told),
-        notes=(*_on_repeats(repeats), *_notes(runs, lines)),
+        notes=(*_on_repeats(repeats), *_notes(runs, forces, lines)),
         remarks=tuple(dict.fromkeys(one.message for one in mishaps)),
         traces=tuple(one.trace for one in mishaps if one.trace),
     )
@@ -267,7 +286,7 @@ def _on_repeats(repeats: Sequence[Run]) -> Iterator[str]:
         )
 
 
-def _notes(runs: Sequence[Run], lines: Sequence[Difference]) -> Iterator[str]:
+def _notes(runs: Sequence[Run], tables: _Tables, lines: Sequence[Difference]) -> Iterator[str]:
     for run in runs:
         share, freedom = repeat_scatter(run)
         if share:
@@ -284,12 +303,6 @@ def _notes(runs: Sequence[Run], lines: Sequence[Difference]) -> Iterator[str]:
     fitted = [run.fitted for run in runs if run.fitted is not None]
     forces = [line for line in lines if line.subject.kind == "force"]
     if len(fitted) == len(runs) and forces:
-        measured = [line.subject for line in forces if line.is_measured]
-        if measured and len(measured) < len(forces):
-            where = listed_settings(dict.fromkeys(s.setting for s in measured if s.setting))
-            yield (
-                f"a model misses measured forces at setting {where}: measured forces of both are "
-                "compared there, marked m"
-            )
+        yield from missed_notes(runs, tables, forces)
         if not comparable_quantities(fitted):
             yield "fitted with different models: no parameter is common to both"

@@ -123,6 +123,7 @@ def _reading(run: Run, level: Level, scatter: tuple[float, float]) -> Reading:
         misfit=level.misfit,
         misses=level.difference,
         misses_error=level.measured_error,
+        disagrees=level.disagrees,
         scale=damping,
         is_measured=level.is_measured,
     )

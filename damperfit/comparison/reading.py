@@ -97,6 +97,8 @@ class Reading:
         Measured less modelled, with its sign, where both are known at the motion of the test.
     misses_error : float
         Standard error of that.
+    disagrees : bool
+        The model misses the measured force by more than it may.
     scale : float
         What per cents are of: the damping of a force, with its sign; half the force's range for a
         hysteresis; the usual size of an offset. NaN: of the value.
@@ -114,6 +116,7 @@ class Reading:
     misfit: float = 0.0
     misses: float = math.nan
     misses_error: float = math.nan
+    disagrees: bool = False
     scale: float = math.nan
     is_measured: bool = False
     objection: str = ""

@@ -98,6 +98,8 @@ class Point:
         Half of the 95 % interval of what is held against the band, N; NaN where it is not known.
     reason : str
         Why it could not be looked at.
+    is_measured : bool
+        The force is measured, not modelled.
     """
 
     run: str
@@ -109,6 +111,7 @@ class Point:
     high: float
     reach: float = math.nan
     reason: str = ""
+    is_measured: bool = False
 
     @property
     def margin(self) -> float:
@@ -126,8 +129,11 @@ class Point:
         if math.isnan(self.margin):
             return f"not evaluated: {self.reason}"
         near = ", no further than its error" if abs(self.margin) <= self.reach else ""
+        told = " (measured)" if self.is_measured else ""
         side = "passes" if self.is_met else "FAILS"
-        return f"{side}, {abs(self.margin):.3g} N {'inside' if self.is_met else 'outside'}{near}"
+        return (
+            f"{side}, {abs(self.margin):.3g} N {'inside' if self.is_met else 'outside'}{near}{told}"
+        )
 
 
 def parse_tolerance(text: str) -> Tolerance:
@@ -250,6 +256,7 @@ def _around(name: str, line: Difference, tolerance: Tolerance) -> Point:
         a.value + reach,
         line.high - line.difference,
         line.reason,
+        line.is_measured,
     )
 
 
@@ -313,4 +320,5 @@ def _held(run: Run, band: Band, setting: Setting, reading: Reading) -> Point:
         band.low,
         band.high,
         half_interval(reading),
+        is_measured=reading.is_measured,
     )

@@ -17,6 +17,12 @@ __all__ = ["difference_of", "outcome_of", "place_of", "verdict_of"]
 
 def outcome_of(lines: Sequence[Difference], words: str) -> str:
     """Say how many differ, which most, and what chance would do."""
+    if lines[0].subject.kind == "force":
+        measured = sum(line.is_measured for line in lines)
+        if measured == len(lines):
+            words += " as measured"
+        elif measured:
+            words += f" ({measured} of {len(lines)} as measured)"
     known = [line for line in lines if line.verdict is not Sameness.UNTOLD]
     if not known:
         return f"{words}: cannot be told ({lines[0].reason})"
@@ -65,7 +71,12 @@ def difference_of(line: Difference) -> str:
 
 
 def verdict_of(line: Difference) -> str:
-    """Say the verdict of a line in words."""
+    """Say the verdict of a line in words, and of a force whether it was measured."""
+    is_force = line.subject.kind == "force"
+    return f"{_verdict(line)} (measured)" if is_force and line.is_measured else _verdict(line)
+
+
+def _verdict(line: Difference) -> str:
     if line.words:
         return line.words
     if line.verdict is Sameness.UNTOLD:

@@ -60,6 +60,7 @@ _POINT_COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
     ("high_N", _FLOAT, "upper edge of the band"),
     ("margin_N", _FLOAT, "how far inside the band; negative: outside"),
     ("half_interval_N", _FLOAT, "half of the 95 % interval of what is held against the band"),
+    ("told_from", _TEXT, "model or measured"),
     ("is_met", _TRUTH, "whether it is inside; false where it could not be evaluated"),
     ("words", _TEXT, "the result in words"),
 )
@@ -114,6 +115,7 @@ def _values(point: Point) -> tuple[Any, ...]:
         _finite(point.speed),
         point.stroke or None,
         *map(_finite, (point.force, point.low, point.high, point.margin, point.reach)),
+        "measured" if point.is_measured else "model",
         point.is_met,
         point.words,
     )

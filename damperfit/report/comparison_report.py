@@ -59,6 +59,9 @@ def tolerance_outcome(points: Sequence[Point]) -> str:
         said += f", {len(outside)} outside, by up to {max(outside):.3g} N"
     if unseen:
         said += f", {unseen} not evaluated"
+    measured = sum(one.is_measured for one in points)
+    if measured:
+        said += f", {measured} of them as measured, whatever a model says"
     if met == len(points):
         nearest = min(points, key=lambda one: one.margin)
         return f"{said}; the nearest edge is {nearest.margin:.3g} N away"
@@ -67,10 +70,10 @@ def tolerance_outcome(points: Sequence[Point]) -> str:
 
 def _comparison(one: RunComparison) -> Iterator[str]:
     yield from ("", f"## {escape(one.second.name)} beside {escape(one.first.name)}", "")
-    yield from _list(item.sentence for item in one.circumstances)
-    yield from ("", *_list((*one.sentences, *one.notes, *one.remarks)))
+    yield from _list(f"differs besides: {sentence}" for sentence in one.differing)
+    yield from ("", *_list((*one.sentences, *one.to_know, *one.remarks)))
     for title, sheet in (
-        (f"Forces at {one.motion}", comparison_force_sheet(one)),
+        (one.forces_title[0].upper() + one.forces_title[1:], comparison_force_sheet(one)),
         ("Parameters", comparison_parameter_sheet(one)),
         ("Energy, hysteresis, MSE, cavitation", comparison_figure_sheet(one)),
     ):

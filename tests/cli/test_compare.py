@@ -126,6 +126,9 @@ def test_results_without_errors_are_compared_without_verdicts(run, campaigns) ->
 def test_measured_curves_are_compared_without_a_model(run, campaigns) -> None:
     found = _document(run, campaigns / "before", campaigns / "after", "--measured")
     assert {line["kind"] for line in found["lines"]} == {"force", "figure"}
+    assert found["motion"] == "the motion of each test"
+    assert found["sentences"][0].startswith("forces as measured: ")
+    assert not [note for note in found["notes"] if "model" in note]
     fast = [line for line in found["lines"] if line["speed_m_per_s"] == 0.3]
     assert all(line["verdict"] == "different" for line in fast if line["stroke"] == "rebound")
     logs = [campaigns / f"logs_{name}" / "setting_02.csv" for name in ("before", "after")]
@@ -338,6 +341,41 @@ def test_two_models_have_their_forces_compared_as_measured(run, campaigns) -> No
     assert "fitted with different models: no parameter is common to both" in found["notes"]
     alike = json.loads(run("compare", "linear", "linear", "--json").out)["comparisons"][0]
     assert {line["name"] for line in alike["lines"] if line["kind"] == "parameter"}
+
+
+def test_what_two_models_of_the_same_logs_measured_says_nothing_of_the_models(
+    run, campaigns
+) -> None:
+    logs = sorted(map(str, (campaigns / "logs_before").glob("*.csv")))
+    assert main(["identify", *logs, "--model", "linear", "--out", "linear", "--quiet"]) in {0, 1}
+    arguments = ("compare", campaigns / "before", "linear", "--tolerance", "5%", "--out", "out")
+    ended = run(*arguments)
+    said = " ".join(ended.out.split())
+    for part in (
+        "forces as measured: all 20 the same within errors",
+        "note: linear: its model (linear) misses the measured force at setting 1, 2, most setting",
+        "at setting 1, 2 the measured forces of both are compared: the same logs stand behind "
+        + "both, so this says nothing of the models",
+        "note: the same logs stand behind both (setting_01.csv, setting_02.csv): what differs",
+        "forces as measured at the tests' sine of 32 mm at 1.5 Hz",
+        "20 of 20 points within the tolerance, 20 of them as measured, whatever a model says",
+    ):
+        assert part in said
+    assert "differs besides: the same" not in said
+    document = json.loads(Path("out/comparison.json").read_text())
+    (found,) = document["comparisons"]
+    words = {line["words"] for line in found["lines"] if line["kind"] == "force"}
+    assert words == {"same within errors (measured)"}
+    assert {point["told_from"] for point in document["points"]} == {"measured"}
+    assert all(point["words"].endswith("(measured)") for point in document["points"])
+    for name in ("comparison.html", "comparison.md"):
+        text = Path("out", name).read_text()
+        for part in ("same within errors (measured)", "says nothing of the models"):
+            assert part in text
+        assert "Forces as measured at the tests" in text
+    by_model = run("compare", campaigns / "before", campaigns / "again", "--tolerance", "9%")
+    assert "measured force" not in by_model.out
+    assert "(measured)" not in by_model.out
 
 
 def test_labels_of_several_adjusters_are_settings_too(run, campaigns) -> None:

@@ -128,7 +128,7 @@ def _title(one: RunComparison) -> str:
 
 def _pair(one: RunComparison) -> _Pair:
     tables = (
-        (f"Forces at {one.motion}", comparison_force_sheet(one)),
+        (one.forces_title[0].upper() + one.forces_title[1:], comparison_force_sheet(one)),
         ("Parameters", comparison_parameter_sheet(one)),
         ("Energy, hysteresis, MSE, cavitation", comparison_figure_sheet(one)),
     )

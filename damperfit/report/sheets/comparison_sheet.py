@@ -41,8 +41,8 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
     lines = comparison.of("force")
     shown = _telling(lines) if is_short and len(lines) > _MANY else lines
     notes = ["B - A with half of its 95 % interval; % of A's damping, positive: B is harder"]
-    if any(line.is_measured for line in shown) and not all(line.is_measured for line in lines):
-        notes.append("m: as measured, where a model misses the measured force")
+    if any(line.is_measured for line in shown):
+        notes.append("measured: A and B are the forces that were measured, not those of a model")
     if len(shown) < len(lines):
         rest = [line for line in lines if line not in shown]
         differ = sum(line.verdict is Sameness.DIFFERENT for line in rest)
@@ -57,7 +57,7 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
                 f"{line.subject.speed:g}",
                 line.subject.stroke,
                 number(line.first.value, digits=4),
-                number(line.second.value, digits=4) + _mark(line, lines),
+                number(line.second.value, digits=4),
                 with_interval(line.difference, line.high, plus="+"),
                 _percent(line),
                 verdict_of(line),
@@ -74,10 +74,6 @@ def _telling(lines: Sequence[Difference]) -> list[Difference]:
     top = [line for line in lines if line.subject.speed == fastest]
     shown = [line for line in lines if line in top or line.verdict is not Sameness.SAME]
     return shown if len(shown) <= _MANY else top
-
-
-def _mark(line: Difference, lines: Sequence[Difference]) -> str:
-    return " m" if line.is_measured and not all(one.is_measured for one in lines) else ""
 
 
 def _percent(line: Difference) -> str:
