@@ -354,8 +354,8 @@ def test_what_two_models_of_the_same_logs_measured_says_nothing_of_the_models(
     for part in (
         "forces as measured: all 20 the same within errors",
         "note: linear: its model (linear) misses the measured force at setting 1, 2, most setting",
-        "at setting 1, 2 the measured forces of both are compared: the same logs stand behind "
-        + "both, so this says nothing of the models",
+        "at setting 1, 2 the measured forces of both are compared: the same logs stand behind both",
+        "both, so this says nothing of the models",
         "note: the same logs stand behind both (setting_01.csv, setting_02.csv): what differs",
         "forces as measured at the tests' sine of 32 mm at 1.5 Hz",
         "20 of 20 points within the tolerance, 20 of them as measured, whatever a model says",
