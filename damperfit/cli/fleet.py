@@ -133,10 +133,10 @@ def fleet(
                 done.append(one)
                 advance()
             is_stopped = cancelled()
+    _say(done, n_tasks, out, is_quiet=quiet, is_stopped=is_stopped)
     held = None
     if asked and not is_stopped:
         held = _collect(out, bands, is_reported=report, is_quiet=quiet)
-    _say(done, n_tasks, out, is_quiet=quiet, is_stopped=is_stopped)
     if json:
         print_json(_document(done, n_tasks, held, is_stopped=is_stopped))
     else:

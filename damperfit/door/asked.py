@@ -26,7 +26,7 @@ def configured(
     damper: Model | Mapping[str, Any] | None = None,
     rig: Mapping[str, Any] | None = None,
     units: Mapping[str, str] | None = None,
-    **entries: tuple[str, Any],
+    **entries: Any,
 ) -> Configuration:
     """Return the configuration that the keywords of a call ask for.
 
@@ -53,6 +53,11 @@ def configured(
     """
     sections: dict[str, dict[str, Any]] = {}
     options: dict[str, str] = {}
+    for keyword, entry in entries.items():
+        if not (isinstance(entry, tuple) and len(entry) == 2 and str(entry[0]).count(".") == 1):
+            raise ConfigurationError(f"{call}: no keyword {keyword!r}; help({call}) lists them")
+    for name, mapping in (("rig", rig), ("units", units)):
+        _mapping(call, name, mapping)
     for keyword, (place, value) in entries.items():
         if value is not None:
             section, _, key = place.partition(".")
@@ -85,8 +90,22 @@ def _declared(damper: Any, call: str) -> dict[str, Any]:
     )
 
 
+def _mapping(call: str, keyword: str, value: object) -> None:
+    if value is not None and not hasattr(value, "items"):
+        raise ConfigurationError(
+            f"{call}({keyword}=...): found {value!r}; expected a mapping of names to values"
+        )
+
+
 def texts(values: Mapping[str, Any] | None) -> dict[str, str] | None:
-    """Return values as the command line has them: 32mm, or a number in SI."""
+    """Return values as the command line has them: 32mm, or a number in SI.
+
+    Raises
+    ------
+    ConfigurationError
+        They are no mapping.
+    """
+    _mapping("damperfit", "fix or set", values)
     return None if values is None else {name: str(value) for name, value in values.items()}
 
 

@@ -82,13 +82,18 @@ def _is_frame(value: object) -> bool:
 def _written(frames: Mapping[Any, Any], folder: Path, call: str) -> list[str]:
     import csv
 
+    from pyarrow import ArrowException
+
     if not frames:
         raise ConfigurationError(f"{call}: found no log; {_EXPECTED}")
     rows = []
     for k, (label, value) in enumerate(frames.items()):
         frame = _frame(label, value, call)
         path = folder / f"{_file_name(str(label))}_{k}.parquet"
-        frame.to_parquet(path, index=False)
+        try:
+            frame.to_parquet(path, index=False)
+        except (ValueError, TypeError, ArrowException) as error:
+            raise LogError(f"{label}: the data frame cannot be read as a log: {error}") from error
         rows.append((path.name, str(label)))
     with (folder / "tests.csv").open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([("file", "setting"), *rows])

@@ -134,6 +134,8 @@ class Result:
         ConfigurationError
             There is none of that name.
         """
+        if isinstance(setting, float) and setting.is_integer():
+            setting = int(setting)
         wanted = str(setting).strip().casefold()
         for row in self._read.parameters:
             if str(row["setting"]).casefold() == wanted:

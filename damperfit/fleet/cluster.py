@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError, InstallationError
@@ -15,6 +16,7 @@ __all__ = ["Cluster"]
 _AHEAD = 4  # items given to each thread of the cluster before one is done
 _PATIENCE = "10s"
 _LOOK = 0.2  # s
+_ALONE = 60.0  # s without a worker
 
 
 class Cluster:
@@ -64,6 +66,7 @@ class Cluster:
 
         waiting = iter(items)
         at_work: dict[Any, Any] = {}
+        since = time.monotonic()
         try:
             while not cancelled():
                 room = _AHEAD * max(1, sum(self._client.nthreads().values())) - len(at_work)
@@ -71,6 +74,7 @@ class Cluster:
                     at_work[self._client.submit(act, item, pure=False)] = item
                 if not at_work:
                     return
+                since = self._refuse_to_wait_for_nobody(since)
                 try:
                     with self._client.as_current():
                         found = wait(list(at_work), timeout=_LOOK, return_when="FIRST_COMPLETED")
@@ -81,6 +85,16 @@ class Cluster:
                     future.release()
         finally:
             self._client.cancel(list(at_work))
+
+    def _refuse_to_wait_for_nobody(self, since: float) -> float:
+        """Return when there last was a worker."""
+        if self._client.nthreads():
+            return time.monotonic()
+        if time.monotonic() - since > _ALONE:
+            raise ConfigurationError(
+                f"--scheduler: no worker for {_ALONE:.0f} s; start some with dask worker"
+            )
+        return since
 
 
 def _first(items: Iterator[Any], number: int) -> Iterator[Any]:

@@ -11,9 +11,9 @@ import pyarrow as pa
 
 from damperfit import __version__
 from damperfit.errors import DamperfitError, mishap_of
-from damperfit.fleet.parts import forget_earlier, part_path, read_facts_of, write_part
+from damperfit.fleet.parts import part_path, read_facts_of, touch, write_part
 from damperfit.fleet.sources import UnreachableError, brought_here
-from damperfit.fleet.tasks import content_key
+from damperfit.fleet.tasks import UNREADABLE, content_key
 from damperfit.queries.baseline import compared_record
 from damperfit.setting import ADJUSTER
 from damperfit.simulation.characteristics import NAMED_SPEEDS
@@ -130,7 +130,7 @@ def known(job: Job) -> Done | None:
 def _known(task: Task, path: Path) -> Done | None:
     if not path.exists() or not (facts := read_facts_of(path)):
         return None
-    forget_earlier(path, facts)
+    touch(path)
     n_settings, n_failures, n_gates = (
         facts.get(name, 0) for name in ("settings", "failures", "gates")
     )
@@ -144,13 +144,14 @@ def _known(task: Task, path: Path) -> Done | None:
 def _done(job: Job, here: Mapping[Source, Path]) -> Done:
     task, configuration = job.task, job.configuration
     key, hashes = content_key([here[one] for one in here], configuration)
+    logs = {hashes[here[one]] for one in task.logs} - {UNREADABLE}
     path = part_path(job.folder, task.owner, key)
     if before := _known(task, path):
         return before
     facts: dict[str, Any] = {
         "key": key,
         "version": __version__,
-        "logs": sorted(hashes),
+        "logs": sorted(logs),
         "places": sorted(one.place for one in task.logs),
     }
     dead = dict(job.dead)
@@ -170,6 +171,8 @@ def _done(job: Job, here: Mapping[Source, Path]) -> Done:
                 _failure(one.log, one.kind, one.message, owner or task.owner, one.setting)
                 for one in result.facts.failures
             ]
+    except (MemoryError, OSError):
+        raise  # of the machine, not of the logs: tried again another time
     except DamperfitError as error:
         failed.append(_failure("", type(error).__name__, str(error)))
     except Exception as error:  # noqa: BLE001 - the other dampers of the fleet go on

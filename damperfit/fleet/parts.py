@@ -9,6 +9,7 @@ the version, never on the clock or the worker.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import time
@@ -38,12 +39,14 @@ __all__ = [
     "parts_in",
     "read_facts_of",
     "tidy",
+    "touch",
     "write_part",
 ]
 
 SERIAL = "serial"
 COLLECTED = "fleet"  # name of the one table
 _NAMELESS = "__unknown__"
+_LONGEST = 180  # characters of a folder's name
 _FACTS = b"damperfit"
 
 
@@ -56,12 +59,16 @@ def part_path(folder: Path, owner: str, key: str) -> Path:
     >>> part_path(Path("out"), "SN 12/34", "ab").as_posix()
     'out/serial=SN%2012%2F34/part-ab.parquet'
     """
-    return folder / f"{SERIAL}={quote(owner or _NAMELESS, safe='')}" / f"part-{key}.parquet"
+    name = quote(owner or _NAMELESS, safe="", errors="surrogateescape")
+    if len(name) > _LONGEST:  # of what a disk takes as a name
+        digest = hashlib.sha256(owner.encode("utf-8", "surrogateescape")).hexdigest()
+        name = f"{name[: _LONGEST - 20].rpartition('%')[0] or name[:100]}-{digest[:16]}"
+    return folder / f"{SERIAL}={name}" / f"part-{key}.parquet"
 
 
 def owner_in(path: Path) -> str:
     """Return whose a part is, from its folder."""
-    owner = unquote(path.parent.name.removeprefix(f"{SERIAL}="))
+    owner = unquote(path.parent.name.removeprefix(f"{SERIAL}="), errors="replace")
     return "" if owner == _NAMELESS else owner
 
 
@@ -74,7 +81,7 @@ def parts_in(folder: Path) -> list[Path]:
 def write_part(
     path: Path, table: pa.Table, facts: dict[str, Any], record: dict[str, Any] | None = None
 ) -> None:
-    """Write a part, whole or not at all; earlier parts of the same logs go once it is there.
+    """Write a part, whole or not at all.
 
     Parameters
     ----------
@@ -83,8 +90,8 @@ def write_part(
     table : pyarrow.Table
         Its rows.
     facts : dict
-        For the schema's ``damperfit`` entry; "logs" are the hashes of its files, "places" where
-        its logs stand.
+        For the schema's ``damperfit`` entry; "logs" are the hashes of its logs, "places" where
+        they stand.
     record : dict, optional
         What of run.json is compared.
 
@@ -93,8 +100,8 @@ def write_part(
     OutputError
         It cannot be written.
     """
-    text = json.dumps(facts, sort_keys=True, ensure_ascii=False).encode()
-    told = json.dumps(record or {}, sort_keys=True, ensure_ascii=False).encode()
+    text = json.dumps(facts, sort_keys=True).encode()
+    told = json.dumps(record or {}, sort_keys=True).encode()
     table = table.replace_schema_metadata({_FACTS: text, RECORD: told})
     beside = path.parent / f".{new_owner().text}.damperfit-new"
     try:
@@ -109,22 +116,38 @@ def write_part(
         with suppress(OSError):
             beside.unlink()
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
-    forget_earlier(path, facts)
 
 
-def forget_earlier(path: Path, facts: dict[str, Any]) -> None:
-    """Remove earlier parts of a damper that are of one of the same logs; other tests of it stay.
+def forget_earlier(folder: Path) -> None:
+    """Remove parts of logs that a later part is of, whoever they were said to be of.
 
-    A log is the same where it stands at the same place, or has the same bytes.
+    A log is the same where it stands at the same place, or of one damper where it has the same
+    bytes. Other tests of a damper stay. The latest part of a log is never removed, also not by
+    another run at once.
     """
-    for other in path.parent.glob("part-*.parquet"):
-        if other != path and _have_common_log(facts, read_facts_of(other)):
+    seen: set[tuple[str, str]] = set()
+    for path in sorted(parts_in(folder), key=_latest_first):
+        facts = read_facts_of(path)
+        logs = {("", one) for one in facts.get("places", ())}
+        logs |= {(path.parent.name, one) for one in facts.get("logs", ())}
+        if logs & seen:
             with suppress(OSError):
-                other.unlink()
+                path.unlink()
+        else:
+            seen |= logs
 
 
-def _have_common_log(facts: dict[str, Any], others: dict[str, Any]) -> bool:
-    return any(set(facts.get(key, ())) & set(others.get(key, ())) for key in ("logs", "places"))
+def _latest_first(path: Path) -> tuple[int, str]:
+    try:
+        return -path.stat().st_mtime_ns, str(path)
+    except OSError:
+        return 0, str(path)
+
+
+def touch(path: Path) -> None:
+    """Make a part the latest of its logs: what it says holds again."""
+    with suppress(OSError):
+        os.utime(path)
 
 
 def _flush_folder(folder: Path) -> None:
@@ -162,6 +185,8 @@ def _age(path: Path) -> float:
 def _tables(folder: Path) -> Iterator[pa.Table]:
     for path in parts_in(folder):
         try:
+            if not path.exists():  # another run has just replaced it
+                continue
             table = pq.ParquetFile(path, page_checksum_verification=True).read()
         except (OSError, pa.ArrowInvalid) as error:
             raise ConfigurationError(
@@ -186,6 +211,7 @@ def collect(folder: Path) -> pa.Table:
     """
     from damperfit.tables import write_table
 
+    forget_earlier(folder)
     tables: Sequence[pa.Table] = list(_tables(folder))
     if not tables:
         raise ConfigurationError(

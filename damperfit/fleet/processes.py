@@ -67,6 +67,10 @@ class Processes:
 
         def serve() -> None:
             worker = _Worker()
+            if hasattr(
+                signal, "pthread_sigmask"
+            ):  # its processes inherit that, from the first line
+                signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             try:
                 while not stop():
                     with guard:
@@ -86,7 +90,10 @@ class Processes:
         try:
             busy = len(threads)
             while busy:
-                found = done.get()
+                try:
+                    found = done.get(timeout=_LOOK)  # a wait without end hears no signal on Windows
+                except queue.Empty:
+                    continue
                 if found is None:
                     busy -= 1
                 else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
+import hashlib
 import os
 import re
 import time
@@ -86,26 +87,42 @@ def find_sources(wanted: Iterable[str]) -> tuple[Source, ...]:
     """
     found: dict[str, Source] = {}
     files: list[Path] = []
+    wanted = list(wanted)
+    local = (Path(one).resolve() for one in wanted if not _ADDRESS.match(one))
+    common = _common([path for path in local if path.is_dir()])
     for text in wanted:
         if not _ADDRESS.match(text) and not Path(text).is_dir():
             files += (path.resolve() for path in matches(text))
             continue
-        sources = _remote(text) if _ADDRESS.match(text) else _below(Path(text).resolve())
+        own = Path(text).resolve()
+        sources = _remote(text) if _ADDRESS.match(text) else _below(own, common or own)
         if not sources:
             raise ConfigurationError(f"{text}: no log in it; expected files such as {_SHOWN}")
         for one in sources:
             found.setdefault(one.place, one)
     # A shell makes files of a pattern: the folders that they share are left out of their names.
-    root = Path(os.path.commonpath([path.parent for path in files])) if files else Path()
+    root = _common([path.parent for path in files])
     for path in files:
-        found.setdefault(str(path), Source(str(path), path.relative_to(root).as_posix()))
+        inside = path.relative_to(root or path.parent)
+        found.setdefault(str(path), Source(str(path), inside.as_posix()))
     return tuple(sorted(found.values(), key=lambda one: (natural_order(one.name), one.place)))
 
 
-def _below(root: Path) -> list[Source]:
+def _common(folders: Sequence[Path]) -> Path | None:
+    """Return the folder that all are in; None where there is none, as on two drives."""
+    try:
+        return Path(os.path.commonpath(folders)) if folders else None
+    except ValueError:
+        return None
+
+
+def _below(folder: Path, root: Path) -> list[Source]:
+    def refuse(error: OSError) -> None:
+        raise ConfigurationError(f"{error.filename}: cannot be read: {error.strerror}") from error
+
     files = (
         Path(place, name)
-        for place, folders, names in os.walk(root)
+        for place, folders, names in os.walk(folder, onerror=refuse)
         if _unhidden(folders)
         for name in names
         if _is_log(name) and not ("run.json" in names and _is_result(name))
@@ -114,8 +131,9 @@ def _below(root: Path) -> list[Source]:
 
 
 def _unhidden(folders: list[str]) -> bool:
-    """Keep `os.walk` out of hidden folders."""
-    folders[:] = sorted(name for name in folders if not name.startswith("."))
+    """Keep `os.walk` out of hidden folders, and those of a fleet's parts."""
+    kept = (name for name in folders if not name.startswith((".", "serial=")))
+    folders[:] = sorted(kept)
     return True
 
 
@@ -221,12 +239,18 @@ def brought_here(sources: Sequence[Source]) -> Iterator[dict[Source, Path]]:
     UnreachableError
         A store does not give one of them.
     """
+    if not any(source.is_remote for source in sources):
+        yield {source: Path(source.place) for source in sources}
+        return
     with TemporaryDirectory(prefix="damperfit-logs-") as folder:
         here: dict[Source, Path] = {}
         for source in sources:
             here[source] = Path(source.place)
             if source.is_remote:
-                path = Path(folder, *PurePosixPath(source.name).parts)
+                # Two folders of stores may hold logs of one name.
+                parent = source.place.rpartition("/")[0].encode()
+                inside = hashlib.sha256(parent).hexdigest()[:12]
+                path = Path(folder, inside, *PurePosixPath(source.name).parts)
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(_patiently(lambda one=source: _bytes(one), source.place))
                 here[source] = path

@@ -23,9 +23,10 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.fleet.sources import Source
 
-__all__ = ["Share", "Task", "content_key", "parted", "share_of", "tasks_of"]
+__all__ = ["UNREADABLE", "Share", "Task", "content_key", "parted", "share_of", "tasks_of"]
 
 TABLE_OF_TESTS = "tests.csv"
+UNREADABLE = "unreadable"
 _ENTRY = re.compile(r"\s*[#;%/*!]*\s*([^:=\t;,]{1,40}?)\s*[:=\t;,]\s*(.+?)[\s;,]*$")
 # What changes where results stand, or who is told, and not the results.
 _NOT_OF_RESULTS = {"output"}
@@ -113,7 +114,7 @@ def tasks_of(sources: Sequence[Source], configuration: Configuration) -> tuple[T
     rows = _rows(tables, configuration)
     owners: dict[str, list[Source]] = defaultdict(list)
     for log in logs:
-        owners[_owner(log, rows)].append(log)
+        owners[_owner(log, rows) or configuration.test.identity.owner or log.folder].append(log)
     beside = {(_where(one), one.folder): one for one in tables}
     return tuple(
         Task(owner, tuple(mine), tuple(dict.fromkeys(_beside(mine, beside))))
@@ -122,7 +123,8 @@ def tasks_of(sources: Sequence[Source], configuration: Configuration) -> tuple[T
 
 
 def _where(source: Source) -> str:
-    return source.place.rsplit("/", 1)[0] if "/" in source.place else ""
+    place = source.place if source.is_remote else source.place.replace("\\", "/")
+    return place.rsplit("/", 1)[0] if "/" in place else ""
 
 
 def _beside(logs: Iterable[Source], tables: Mapping[tuple[str, str], Source]) -> Iterable[Source]:
@@ -143,8 +145,8 @@ def _rows(tables: Sequence[Source], configuration: Configuration) -> dict[tuple[
     adjusters = configuration.reading.adjusters
     found: dict[tuple[str, str], str] = {}
     given = configuration.test.table
-    if given is not None:
-        found |= {("", name): owner for name, owner in _told(read_tests(given, adjusters))}
+    if given is not None:  # then it alone speaks, as in `identify`
+        return {("", name): owner for name, owner in _told(read_tests(given, adjusters))}
     with brought_here(tables) as here:
         for source, path in here.items():
             for name, owner in _told(read_tests(path, adjusters)):
@@ -159,7 +161,7 @@ def _told(table: TestsTable) -> Iterable[tuple[str, str]]:
 def _owner(log: Source, rows: Mapping[tuple[str, str], str]) -> str:
     folder = _where(log)
     owner = rows.get((folder, log.file)) or rows.get(("", log.file)) or rows.get(("", log.name))
-    return owner or _in_preamble(log) or log.folder
+    return owner or _in_preamble(log)
 
 
 def _in_preamble(log: Source) -> str:
@@ -176,7 +178,7 @@ def parted(tasks: Iterable[Task], share: Share | None) -> tuple[Task, ...]:
     return tuple(task for task in tasks if share is None or share.takes(task))
 
 
-def content_key(files: Sequence[Path], configuration: Configuration) -> tuple[str, list[str]]:
+def content_key(files: Sequence[Path], configuration: Configuration) -> tuple[str, dict[Path, str]]:
     """Return the key of what a task's result depends on, and the hash of each file.
 
     Parameters
@@ -189,12 +191,15 @@ def content_key(files: Sequence[Path], configuration: Configuration) -> tuple[st
     Returns
     -------
     str
-        Of the files' bytes and names, the configuration and the version of damperfit; not of the
-        folders that they stand in.
-    list of str
-        SHA-256 of each file, hexadecimal; "unreadable" where it cannot be opened.
+        Of the files' bytes and names, of which stand in one folder (a table of tests speaks for
+        those), the configuration and the version of damperfit; not of the folders' names.
+    dict of pathlib.Path to str
+        SHA-256 of each file, hexadecimal; `UNREADABLE` where it cannot be opened.
     """
-    hashes = [_hash(path) for path in files]
+    hashes = {path: _hash(path) for path in files}
+    folders: dict[Path, list[tuple[str, str]]] = defaultdict(list)
+    for path, digest in hashes.items():
+        folders[path.parent].append((path.name, digest))
     document = {k: v for k, v in configuration.document.items() if k not in _NOT_OF_RESULTS}
     table = configuration.test.table
     told = {
@@ -203,7 +208,7 @@ def content_key(files: Sequence[Path], configuration: Configuration) -> tuple[st
         "checks": list(configuration.output.checks),
         "max_mse_percent": configuration.output.max_mse_percent,
         "table": None if table is None else _hash(table),
-        "files": sorted(zip((path.name for path in files), hashes, strict=True)),
+        "folders": sorted(sorted(entries) for entries in folders.values()),
     }
     text = json.dumps(told, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:24], hashes
@@ -214,4 +219,4 @@ def _hash(path: Path) -> str:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError:
-        return "unreadable"
+        return UNREADABLE

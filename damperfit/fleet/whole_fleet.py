@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from damperfit.errors import ConfigurationError, mishap_of
 from damperfit.fleet.one_damper import Done, Job, do, known, try_log
-from damperfit.fleet.parts import tidy
+from damperfit.fleet.parts import forget_earlier, tidy
 from damperfit.fleet.processes import Died
 from damperfit.fleet.sources import find_sources
 from damperfit.fleet.tasks import Task, parted, tasks_of
@@ -101,7 +101,7 @@ class _Fleet:
         """Yield a job whose worker dies, done without the logs that end it."""
         died = yield from self.tried([self.without_what_kills(job)])
         for one in died:
-            yield Done.later(one.task, "its workers die; nothing was written")
+            yield Done.later(one.task, "its workers die, with no log alone; nothing was written")
 
     def without_what_kills(self, job: Job) -> Job:
         """Return a job that leaves out the logs that end a worker by themselves."""
@@ -109,8 +109,8 @@ class _Fleet:
         for _ in range(2):
             found = self.engine.each(try_log, alone, cancelled=self.cancelled)
             alone = [one for one, result in found if isinstance(result, Died)]
-        # Where none does it alone, together they do.
-        logs = [one.task.logs[0] for one in alone] or list(job.task.logs)
+        # Where none does it alone something else ended the workers, as too little memory does.
+        logs = [one.task.logs[0] for one in alone]
         return replace(job, dead=tuple((log.place, _DIED.format(log.file)) for log in sorted(logs)))
 
 
@@ -148,7 +148,12 @@ def run_fleet(
         if cancelled():
             return
         # Asked here, so that no worker is started where there is nothing to do.
-        if before := known(fleet.job(task)):
+        try:
+            before = known(fleet.job(task))
+        except (OSError, ValueError) as error:
+            yield Done.later(task, mishap_of(error, "looking for its part").message)
+            continue
+        if before:
             yield before
         else:
             waiting.append(fleet.job(task))
@@ -157,3 +162,4 @@ def run_fleet(
     for job in waiting:
         if not cancelled():
             yield from fleet.rescued(job)
+    forget_earlier(folder)

@@ -192,10 +192,10 @@ def first_configuration(model: str, given: Mapping[str, str], guessed: Guessed) 
         *(f'# {key} = ""' for key in ("damper", "serial", "operator") if key not in guessed.test),
         "",
         "[rig]",
-        *(f"# {sentence}" for sentence in guessed.why),
+        *(f"# {' '.join(sentence.split())}" for sentence in guessed.why),
     ]
     lines += [f"{key} = {_toml(value)}" for key, value in guessed.rig.items()]
-    lines += [f"# open: {sentence}" for sentence in guessed.open]
+    lines += [f"# open: {' '.join(sentence.split())}" for sentence in guessed.open]
     lines += [
         "# temperature_tolerance = inf      # ask for no temperature",
         "",
@@ -239,10 +239,9 @@ def _toml(value: Any) -> str:
     if isinstance(value, dict):
         return "{" + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items()) + "}"
     try:
-        float(value)
+        return repr(float(value)) if isinstance(value, str) else str(value)
     except ValueError:
         return _text(str(value))
-    return str(value)
 
 
 def _text(value: str) -> str:

@@ -60,6 +60,8 @@ class Labels:
         What was doubtful in the tables.
     has_pattern : bool
         The user says where the setting stands in a file's name.
+    is_beside : bool
+        The tables stand beside logs, and speak for those in their own folders alone.
     """
 
     adjusters: tuple[str, ...]
@@ -69,6 +71,7 @@ class Labels:
     guess: Guess = field(default_factory=Guess)
     notes: tuple[str, ...] = ()
     has_pattern: bool = False
+    is_beside: bool = False
 
     def labelled(self, recording: Recording, path: Path) -> tuple[Recording, Identity]:
         """Return the recording with its setting, None where nobody says it, and whose it is.
@@ -166,6 +169,8 @@ class Labels:
         """Return the row of a log: the one that names most of its path."""
         best: tuple[int, TestRow] | None = None
         for table in self.tables:
+            if self.is_beside and not path.resolve().is_relative_to(table.path.resolve().parent):
+                continue
             for name, row in table.rows.items():
                 parts = Path(name).parts
                 if path.resolve().parts[-len(parts) :] == parts and (
@@ -228,6 +233,7 @@ def labels_for(
         configuration.test.identity,
         tables,
         notes=tuple(note for table in tables for note in (*table.notes, *_unknown(table))),
+        is_beside=given is None,
         has_pattern=reading.setting_pattern != SETTING_PATTERN,
     )
     unsaid = [

@@ -215,3 +215,9 @@ class TestLogsByFolderAndList:
         (folder / "run.json").write_text("{}")
         assert main(["inspect", "."]) == 2
         assert "holds results, no logs" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", [".012", "12e-3", "0.012", "12mm"])
+def test_numbers_as_people_write_them_are_toml(text, folder):
+    assert main(["init", "--set", f"rod_diameter={text}", "-q"]) == 0
+    assert load_configuration(folder / "my_damper.toml").damper.rod_diameter == 0.012

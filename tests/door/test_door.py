@@ -67,6 +67,7 @@ def test_a_result_has_values_intervals_and_verdicts_without_a_second_call(result
     assert ten.values["r_m1"] == table["r_m1"][1]
     assert ten.intervals["k_e"] == (table["k_e_ci_low"][1], table["k_e_ci_high"][1])
     assert ten.mse_percent == table["mse_percent"][1]
+    assert result.setting(10.0).label == "10"
     assert result.failures == ()
     assert "name" in result.checks
 
@@ -182,6 +183,11 @@ class TestFrames:
             damperfit.identify({"10": bare})
         assert "--rig" not in str(caught.value)
 
+    def test_a_frame_of_two_columns_of_one_name_is_refused(self, frame):
+        doubled = pd.concat([frame, frame[["force_N"]]], axis=1)
+        with pytest.raises(LogError, match="10: the data frame cannot be read as a log"):
+            damperfit.identify({"10": doubled})
+
     def test_columns_of_different_lengths_are_refused(self):
         with pytest.raises(LogError, match="give columns of one length"):
             damperfit.identify({"10": {"time_s": [0.0, 1.0], "force_N": [1.0]}})
@@ -216,6 +222,11 @@ class TestFrames:
         (lambda _, r: damperfit.simulate(r), "damperfit.simulate(10, parameters=result)"),
         (lambda *_: damperfit.simulate(), "give setting=N or set= them all"),
         (lambda _, r: damperfit.export(r, "csv"), "give out=FOLDER"),
+        (lambda *_: damperfit.inspect(LOGS, tests="t.csv"), "no keyword 'tests'"),
+        (lambda *_: damperfit.simulate(10, frequncy=2), "no keyword 'frequncy'"),
+        (lambda *_: damperfit.identify(LOGS, fix="f_f=50N"), "expected a mapping of names"),
+        (lambda *_: damperfit.identify(LOGS, rig="strict"), "(rig=...): found 'strict'"),
+        (lambda *_: damperfit.identify(LOGS, units="kN"), "(units=...): found 'kN'"),
     ],
 )
 def test_a_wrong_call_gets_a_sentence(call, said, frame, result):

@@ -116,3 +116,14 @@ def test_what_cannot_be_fetched_is_left_for_the_next_run(runs, tmp_path, monkeyp
     assert not list(Path(tmp_path).rglob("*.parquet"))
     done = list(run_fleet(CONFIGURATION, tasks, tmp_path, Here()))
     assert {one.state for one in done} == {State.FITTED}
+
+
+def test_logs_of_one_name_in_two_folders_stay_apart(store, texts):
+    put, address = store
+    for folder, name in (("mon", "setting_01.csv"), ("tue", "setting_10.csv")):
+        put(f"{folder}/runs/log.csv", "".join(texts[name]))
+    found = find_sources([address("mon/runs"), address("tue/runs")])
+    assert [one.name for one in found] == ["log.csv", "log.csv"]
+    with sources.brought_here(found) as here:
+        contents = {path.read_bytes() for path in here.values()}
+    assert contents == {"".join(texts[name]).encode() for name in texts}

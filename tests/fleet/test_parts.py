@@ -12,7 +12,15 @@ import pytest
 
 from damperfit.atomic.owner import new_owner
 from damperfit.errors import ConfigurationError, OutputError
-from damperfit.fleet.parts import collect, part_path, parts_in, read_facts_of, tidy, write_part
+from damperfit.fleet.parts import (
+    collect,
+    forget_earlier,
+    part_path,
+    parts_in,
+    read_facts_of,
+    tidy,
+    write_part,
+)
 
 
 def facts(*hashes: str, places: tuple[str, ...] = ()) -> dict:
@@ -52,18 +60,45 @@ def test_rows_stand_by_serial_number(tmp_path):
 def test_a_part_of_the_same_log_replaces_the_earlier_one(tmp_path):
     write_part(part_path(tmp_path, "D1", "old"), rows(1.0), facts("x", "y"))
     write_part(part_path(tmp_path, "D1", "new"), rows(2.0), facts("y", "z"))
+    forget_earlier(tmp_path)
     assert [path.name for path in parts_in(tmp_path)] == ["part-new.parquet"]
+
+
+def test_equal_logs_of_two_dampers_are_two_results(tmp_path):
+    for owner in ("D1", "D2"):
+        write_part(part_path(tmp_path, owner, "k"), rows(1.0), facts("x", places=(owner,)))
+    forget_earlier(tmp_path)
+    assert len(parts_in(tmp_path)) == 2
+
+
+def test_the_part_that_was_right_last_stays(tmp_path):
+    first, second = (part_path(tmp_path, "D1", key) for key in ("first", "second"))
+    for path in (first, second):
+        write_part(path, rows(1.0), facts("x"))
+    os.utime(second, (1.0, 1.0))
+    forget_earlier(tmp_path)
+    assert parts_in(tmp_path) == [first]
+
+
+@pytest.mark.parametrize("owner", ["D\udcff1", "x" * 500, "ü" * 60])
+def test_a_name_that_no_disk_takes_is_shortened_or_spelled(tmp_path, owner):
+    write_part(part_path(tmp_path, owner, "k"), rows(1.0), facts("a", places=(f"/{owner}",)))
+    (part,) = parts_in(tmp_path)
+    assert len(part.parent.name.encode()) < 256
+    assert part_path(tmp_path, owner[:-1], "k") != part
 
 
 def test_a_part_of_the_same_place_replaces_the_earlier_one(tmp_path):
     write_part(part_path(tmp_path, "D1", "old"), rows(1.0), facts("x", places=("/a.csv",)))
-    write_part(part_path(tmp_path, "D1", "new"), rows(2.0), facts("y", places=("/a.csv",)))
+    write_part(part_path(tmp_path, "D2", "new"), rows(2.0), facts("y", places=("/a.csv",)))
+    forget_earlier(tmp_path)
     assert [path.name for path in parts_in(tmp_path)] == ["part-new.parquet"]
 
 
 def test_another_test_of_the_same_damper_stays(tmp_path):
     write_part(part_path(tmp_path, "D1", "june"), rows(1.0), facts("x", places=("/june.csv",)))
     write_part(part_path(tmp_path, "D1", "july"), rows(2.0), facts("y", places=("/july.csv",)))
+    forget_earlier(tmp_path)
     assert len(parts_in(tmp_path)) == 2
 
 

@@ -142,6 +142,17 @@ class TestKey:
         renamed = logs[0].rename(logs[0].with_name("setting_02.csv"))
         assert self.key([renamed, logs[1]]) != before
 
+    def test_which_table_stands_beside_which_log_changes_it(self, tmp_path):
+        for name, log, table in (("a", "1", "x"), ("b", "2", "y")):
+            (tmp_path / name).mkdir()
+            (tmp_path / name / "log.csv").write_text(log)
+            (tmp_path / name / "tests.csv").write_text(table)
+        files = sorted(tmp_path.rglob("*.csv"))
+        before = self.key(files)
+        (tmp_path / "a" / "log.csv").write_text("2")
+        (tmp_path / "b" / "log.csv").write_text("1")
+        assert self.key(files) != before
+
     @pytest.mark.parametrize(
         "overlay",
         [
@@ -170,3 +181,41 @@ class TestKey:
         before = self.key(logs, configuration)
         table.write_text("file,serial\nsetting_01.csv,B\n")
         assert self.key(logs, configuration) != before
+
+
+def test_the_declared_table_speaks_alone(tmp_path, texts):
+    put(tmp_path / "logs", texts)
+    rows = "setting_01.csv,{0}\nsetting_10.csv,{0}\n"
+    (tmp_path / "logs" / "tests.csv").write_text("file,serial\n" + rows.format("BESIDE"))
+    table = tmp_path / "given.csv"
+    table.write_text("file,serial\n" + rows.format("GIVEN"))
+    configuration = replace(CONFIGURATION, test=replace(CONFIGURATION.test, table=table))
+    assert list(owners(tmp_path / "logs", configuration)) == ["GIVEN"]
+
+
+def test_folders_of_one_name_below_two_roots_are_two_dampers(tmp_path, texts):
+    for root in ("a", "b"):
+        put(tmp_path / root / "D1", texts)
+    roots = [str(tmp_path / root) for root in ("a", "b")]
+    tasks = tasks_of(find_sources(roots), CONFIGURATION)
+    assert [task.owner for task in tasks] == ["a/D1", "b/D1"]
+
+
+def test_places_of_windows_have_folders():
+    logs = [
+        Source("C:\\runs\\A\\log_1.csv", "A/log_1.csv"),
+        Source("C:\\runs\\B\\log_1.csv", "B/log_1.csv"),
+    ]
+    assert [task.owner for task in tasks_of(logs, CONFIGURATION)] == ["A", "B"]
+
+
+def test_a_folder_that_cannot_be_read_is_told(tmp_path, texts, monkeypatch):
+    put(tmp_path / "logs", texts)
+
+    def closed(top, onerror):
+        onerror(PermissionError(13, "Permission denied", str(top)))
+        return iter(())
+
+    monkeypatch.setattr("damperfit.fleet.sources.os.walk", closed)
+    with pytest.raises(ConfigurationError, match="logs: cannot be read: Permission denied"):
+        find_sources([str(tmp_path / "logs")])
