@@ -569,3 +569,21 @@ def test_the_columns_of_cavitation_are_those_of_the_fit():
     names = [name for name in parameter_row() if "cavitation" in name or "pressure" in name]
     assert {name: row[name] for name in names} == {name: parameter_row()[name] for name in names}
     assert len(names) == 7
+
+
+def test_a_letter_behind_a_setting_is_explained_once_below() -> None:
+    fields = ("force_N", "force_ci_high_N", "change_N", "change_ci_high_N", "change_percent")
+    rows = [
+        {"setting": "L14 H3", "changed": changed, "stroke": stroke, "speed_m_per_s": 0.3}
+        | dict.fromkeys(fields, 9)
+        for changed in ("h", "l")
+        for stroke in ("rebound", "bump")
+    ]
+    single = [{**row, "setting": 3, "changed": "setting"} for row in rows]
+    for sheet in (force_by_setting_sheet, lambda told: force_by_speed_sheet(told, "rebound")):
+        found = sheet(rows)
+        assert [row[0] for row in found.rows] == ["L14 H3, h", "L14 H3, l"]
+        said = [note for note in found.notes if "alone is turned" in note]
+        (one,) = said
+        assert one.startswith('"L14 H3, h": the change when h alone is turned; the forces of a ')
+        assert not [note for note in sheet(single).notes if "alone is turned" in note]

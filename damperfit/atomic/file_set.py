@@ -147,7 +147,7 @@ def file_set(folder: Path) -> Iterator[FileSet]:
                 f"cannot write to {folder}: {error.strerror or error}; the next command that "
                 "looks there puts the earlier results back"
             ) from error
-        raise OutputError(explain(folder, error)) from error
+        raise OutputError(explain(folder, error, files.names)) from error
     finally:
         files.discard()
 

@@ -20,6 +20,7 @@ __all__ = ["explain", "reserved", "settle", "settled"]
 
 _LOCK = ".damperfit-lock"  # while files are exchanged
 _RUN = ".damperfit-run"  # while a run is at work whose results go there
+_RESULTS = ("run.json", "parameters.csv", "parameters.parquet")  # of a run, whole or damaged
 _PATIENCE = 30.0  # s; an exchange takes some milliseconds
 _RUN_PATIENCE = 1.0  # s; `settle` looks whether a run is at work, and holds its lock for that
 _PAUSE = 0.05  # s
@@ -165,10 +166,21 @@ def _remove_empty(folders: Iterable[Path]) -> None:
             one.rmdir()
 
 
-def explain(folder: Path, error: OSError) -> str:
-    """Return the sentence for a folder that cannot be written to."""
-    reason = error.strerror or str(error)
-    return f"cannot write to {folder}: {reason}; earlier results there are untouched"
+def explain(folder: Path, error: OSError, names: Iterable[str] = ()) -> str:
+    """Return the sentence for a folder that cannot be written to.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Where.
+    error : OSError
+        Why not.
+    names : iterable of str
+        Files that were to be written.
+    """
+    said = f"cannot write to {folder}: {error.strerror or error}"
+    is_earlier = any(os.path.lexists(folder / name) for name in (*names, *_RESULTS))
+    return f"{said}; earlier results there are untouched" if is_earlier else said
 
 
 def _interrupted(folder: Path, error: OSError) -> str:

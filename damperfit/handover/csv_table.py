@@ -1,4 +1,4 @@
-"""Force by setting and speed as CSV, and every table of the results beside it.
+"""Force by setting and speed as CSV, every table of the results and what it is about beside it.
 
 With a decimal comma the cells stand between semicolons, as spreadsheets of those countries read
 and write them.
@@ -11,6 +11,7 @@ import io
 import math
 from typing import TYPE_CHECKING, Any
 
+from damperfit.handover.account import account, gas_line
 from damperfit.handover.force_table import force_tables
 from damperfit.handover.plain_tables import stored_tables
 from damperfit.tables import safe_cell
@@ -23,19 +24,39 @@ if TYPE_CHECKING:
 
 __all__ = ["write_csv"]
 
+_SIGN = "forces, displacement and velocity are positive in rebound (rod out)"
+_NEAR = 1.0 + 1e-9  # the tested speed itself is tested
+
 
 def write_csv(handed: HandedOver, options: ExportOptions) -> Mapping[str, bytes]:
-    """Return a file with a row for each setting and speed, without gas force, and the tables."""
+    """Return a file with a row for each setting and speed, without gas force, and the tables.
+
+    What other targets say in a comment stands in a text file: CSV has no comments.
+    """
     shown, mark = options.units, options.decimal
+    tables = force_tables(handed, extend=options.extend)
     rows = [
-        (str(table.setting), f"{speed:.6g}".replace(".", mark), f"{force:.3f}".replace(".", mark))
-        for table in force_tables(handed, extend=options.extend)
-        for speed, force in zip(
-            shown.show(table.speeds, "m/s"), shown.show(table.forces, "N"), strict=True
+        (
+            str(table.setting),
+            f"{speed:.6g}".replace(".", mark),
+            f"{force:.3f}".replace(".", mark),
+            "tested" if abs(at) <= _NEAR * table.tested_speed else "untested",
+        )
+        for table in tables
+        for at, speed, force in zip(
+            table.speeds,
+            shown.show(table.speeds, "m/s"),
+            shown.show(table.forces, "N"),
+            strict=True,
         )
     ]
-    head = ("setting", shown.column("speed_m_per_s", "m/s"), shown.column("force_N", "N"))
-    files = {f"{options.stem}.csv": _text(head, rows, mark)}
+    head = ("setting", shown.column("speed_m_per_s", "m/s"), shown.column("force_N", "N"), "range")
+    gas = gas_line(tables[0], place="add it to the force")
+    about = "\n".join(account(handed, tables, sign=_SIGN, gas=gas)) + "\n"
+    files = {
+        f"{options.stem}.csv": _text(head, rows, mark),
+        f"{options.stem}_about.txt": about.encode("utf-8", "backslashreplace"),
+    }
     for table in stored_tables(handed, shown):
         named = [_heading(*pair) for pair in zip(table.headings, table.units, strict=True)]
         cells = ([_cell(one, mark) for one in row] for row in zip(*table.columns, strict=True))

@@ -121,7 +121,10 @@ TARGETS: Mapping[str, Target] = {
             "a spreadsheet, a script",
             write_csv,
             takes=("units", "decimal"),
-            beside=tuple(f"{{stem}}_{name}.csv" for name in TABLE_NAMES),
+            beside=(
+                "{stem}_about.txt",
+                *(f"{{stem}}_{name}.csv" for name in TABLE_NAMES),
+            ),
         ),
         Target(
             "xlsx",

@@ -69,6 +69,9 @@ def pairs_of(paths: Sequence[Path]) -> tuple[tuple[Pair, ...], tuple[str, ...]]:
     ConfigurationError
         There are fewer than two, a folder holds no results, or no name is in both.
     """
+    for path in paths:
+        if not path.exists():
+            raise ConfigurationError(f"{path}: no such file or folder")
     groups = [_inside(path) for path in paths]
     if len(paths) == 1:
         if len(groups[0]) < 2:
@@ -113,11 +116,21 @@ def _inside(path: Path) -> dict[str, Path]:
     inside = sorted(path.iterdir(), key=lambda one: natural_order(one.name))
     found = {one.name: one for one in inside if one.is_dir() and _is_run(one)}
     if not found:
-        raise ConfigurationError(
-            f"{path}: no results of damperfit identify, and no folder in it holds any; expected "
-            "run.json and parameters.parquet"
-        )
+        raise ConfigurationError(_no_results(path, inside))
     return found
+
+
+def _no_results(folder: Path, inside: Sequence[Path]) -> str:
+    """Say what a folder without results holds, and what to do if it is logs."""
+    files = [one.name for one in inside if one.is_file() and not one.name.startswith(".")]
+    said = f"{folder}: no results of damperfit identify, and no folder in it holds any"
+    if not files:
+        return f"{said}; expected run.json and parameters.parquet"
+    more = f" and {len(files) - 1} more" if len(files) > 1 else ""
+    return (
+        f"{said}, but {files[0]}{more}; if these are logs, run damperfit identify on them first, "
+        f"or give single files: damperfit compare {folder / files[0]} OTHER --measured"
+    )
 
 
 def holds_runs(path: Path) -> bool:

@@ -190,7 +190,11 @@ def test_before_and_after_of_several_dampers_are_paired_by_name(run, campaigns) 
     ("arguments", "said"),
     [
         (("missing", "BEFORE"), "missing: no such file or folder"),
-        (("empty", "BEFORE"), "no results of damperfit identify"),
+        (("BEFORE", "missing"), "missing: no such file or folder"),
+        (("SEVERAL", "missing"), "missing: no such file or folder"),
+        (("empty", "BEFORE"), "holds any; expected run.json and parameters.parquet"),
+        (("LOGS", "LOGS", "--measured"), "setting_01.csv OTHER --measured"),
+        (("LOGS", "LOGS"), "but setting_01.csv and 1 more; if these are logs, run damperfit"),
         (("BEFORE",), "one run alone has nothing to be compared with"),
         (("BEFORE", "LOG"), "compared by --measured"),
         (("BEFORE", "FEW2"), "no setting is common to all"),
@@ -216,6 +220,8 @@ def test_bad_input_is_one_sentence_and_code_2(run, campaigns, arguments, said) -
     places = {
         "DAMAGED": "damaged",
         "BEFORE": campaigns / "before",
+        "SEVERAL": campaigns,
+        "LOGS": campaigns / "logs_before",
         "AGAIN": campaigns / "again",
         "LOG": campaigns / "logs_before" / "setting_01.csv",
         "FEW2": "few2",
@@ -415,3 +421,24 @@ def test_older_results_do_not_tell_what_their_model_misses(run, campaigns) -> No
     assert any(note.startswith("older: what the model misses") for note in found["notes"])
     energy = [line for line in found["lines"] if line["name"] == "energy"]
     assert [line["verdict"] for line in energy] == ["same"] * len(SETTINGS)
+
+
+def test_only_results_that_are_there_are_called_untouched(run, campaigns, monkeypatch) -> None:
+    for name in ("new", "old"):
+        Path(name).mkdir()
+    Path("old/base.json").write_text("{}")
+    opened = Path.open
+
+    def refuse(path, mode="r", *arguments, **how):
+        if "w" in mode:
+            raise OSError(30, "Read-only file system")
+        return opened(path, mode, *arguments, **how)
+
+    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr(Path, "write_text", lambda path, *_, **__: refuse(path, "w"))
+    said = [
+        run("compare", campaigns / "before", "--save", f"{name}/base.json").err.strip()
+        for name in ("new", "old")
+    ]
+    assert said[0].endswith("cannot write to new: Read-only file system")
+    assert said[1].endswith("Read-only file system; earlier results there are untouched")

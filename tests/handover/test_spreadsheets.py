@@ -87,7 +87,7 @@ def test_a_decimal_comma_comes_with_semicolons(handed) -> None:
     options = ExportOptions(decimal=",", units=parse_units("daN"))
     files = TARGETS["csv"].write(handed, options)
     head, first, *_ = rows_of(files, "damper.csv", ";")
-    assert head == ["setting", "speed_m_per_s", "force_daN"]
+    assert head == ["setting", "speed_m_per_s", "force_daN", "range"]
     table = force_tables(handed)[0]
     assert float(first[2].replace(",", ".")) == pytest.approx(table.forces[0] / 10, abs=1e-3)
     assert b"." not in files["damper.csv"]
@@ -98,7 +98,31 @@ def test_a_decimal_comma_comes_with_semicolons(handed) -> None:
 
 def test_csv_of_the_tables_is_the_tables(handed) -> None:
     files = TARGETS["csv"].write(handed, ExportOptions())
-    assert set(files) == {"damper.csv", "damper_parameters.csv"}
+    assert set(files) == {"damper.csv", "damper_about.txt", "damper_parameters.csv"}
+    about = files["damper_about.txt"].decode()
+    for part in ("tested: ", "gas: ", "sign: forces", "MSE"):
+        assert part in about
     head, first, *_ = rows_of(files, "damper_parameters.csv")
     assert "k_e [Pa]" in head
     assert float(first[head.index("k_e [Pa]")]) == handed.settings[0].values.k_e
+
+
+def test_csv_says_of_each_row_whether_its_speed_was_tested(handed) -> None:
+    tested = force_tables(handed)[0].tested_speed
+    for options, expected in (
+        (ExportOptions(), {"tested"}),
+        (ExportOptions(extend=2.0 * tested), {"tested", "untested"}),
+        (
+            ExportOptions(extend=2.0 * tested, units=parse_units("lbf,in/s")),
+            {"tested", "untested"},
+        ),
+    ):
+        files = TARGETS["csv"].write(handed, options)
+        head, *rows = rows_of(files, "damper.csv")
+        assert head[3] == "range"
+        assert {row[3] for row in rows} == expected
+        edge = tested * (1.0 if options.units.is_si else 1.0 / 0.0254)
+        for row in rows:
+            assert (row[3] == "tested") == (abs(float(row[1])) <= 1.0001 * edge)
+        about = files["damper_about.txt"].decode()
+        assert ("UNTESTED" in about) == (len(expected) > 1)

@@ -55,7 +55,13 @@ def force_by_setting_sheet(rows: Sequence[Mapping[str, Any]]) -> Sheet:
             for setting, changed in places
         ),
         is_number=(True,) * 7,
-        notes=(force_and_click_at(fastest), *gaps, DAMPING_SHARE, *_marks(by_place.values())),
+        notes=(
+            force_and_click_at(fastest),
+            *gaps,
+            *_turned(places),
+            DAMPING_SHARE,
+            *_marks(by_place.values()),
+        ),
     )
 
 
@@ -81,7 +87,13 @@ def force_by_speed_sheet(rows: Sequence[Mapping[str, Any]], stroke: str) -> Shee
             for setting, changed in places
         ),
         is_number=(True,) * (len(speeds) + 3),
-        notes=(stroke_and_click_at(stroke, speeds[-1]), *gaps, DAMPING_SHARE, *_marks(rows)),
+        notes=(
+            stroke_and_click_at(stroke, speeds[-1]),
+            *gaps,
+            *_turned(places),
+            DAMPING_SHARE,
+            *_marks(rows),
+        ),
     )
 
 
@@ -94,6 +106,15 @@ def _places(rows: Iterable[tuple[Any, str | None, Any]]) -> list[tuple[Any, str 
 def _words(setting: Any, changed: str | None) -> str:
     several = changed is not None and " " in str(setting)
     return f"{setting}, {changed}" if several else str(setting)
+
+
+def _turned(places: Sequence[tuple[Any, str | None]]) -> tuple[str, ...]:
+    """Say what the letter behind a setting means, where there is one."""
+    marked = next((one for one in places if _words(*one) != str(one[0])), None)
+    if marked is None:
+        return ()
+    said = f'"{_words(*marked)}": the change when {marked[1]} alone is turned'
+    return (f"{said}; the forces of a setting are the same in its rows",)
 
 
 def measured_force_sheet(rows: Sequence[Mapping[str, Any]]) -> Sheet:
