@@ -480,6 +480,7 @@ SURFACE = {
         "followed",
         "unmatched",
     ],
+    "damperfit.run.own_tables": ["is_own_table"],
     "damperfit.run.log_paths": [
         "matches",
     ],

@@ -33,6 +33,11 @@ def model_named(name: str) -> type[Model]:
     ('r_m1', 'r_m2', 'r_m3', 'k_e', 'f_f', 'f_0')
     """
     if name not in MODELS:
+        if name == "auto":
+            raise ConfigurationError(
+                "model auto: only damperfit identify --model auto and damperfit models let the "
+                "logs choose; give the model that they name here"
+            )
         there = f" There are {', '.join(MODELS)}."
         near = did_you_mean(name, (*MODELS, "auto"))  # what `identify` takes beside them
         raise ConfigurationError(f"no model {name!r}.{near or there}")

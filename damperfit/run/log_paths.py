@@ -8,6 +8,7 @@ from pathlib import Path
 
 from damperfit.errors import ConfigurationError
 from damperfit.readers.formats import LOG_SUFFIXES
+from damperfit.run.own_tables import is_own_table
 
 __all__ = ["matches"]
 
@@ -47,7 +48,7 @@ def _logs_in(folder: Path) -> list[Path]:
         raise ConfigurationError(f"{folder}: cannot be read: {error.strerror or error}") from error
     names = (one for one in entries if one.name[0] != "." and not _is_folder(one))
     found = [one for one in names if one.name.lower().endswith(LOG_SUFFIXES)]
-    if any(one.name == "run.json" for one in found):
+    if found and all(map(is_own_table, found)):
         raise ConfigurationError(
             f"{folder}: holds results, no logs (run.json is there); give the folder of the logs"
         )

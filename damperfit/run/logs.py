@@ -31,6 +31,7 @@ from damperfit.recording import Finding, natural_order
 from damperfit.report import Failure
 from damperfit.run.labelling import FROM_NAME, GUESSED, labels_for
 from damperfit.run.log_paths import matches
+from damperfit.run.own_tables import is_own_table
 from damperfit.run.tested_at import conditioned_as_tested
 
 if TYPE_CHECKING:
@@ -48,7 +49,6 @@ __all__ = ["LogBatch", "LogFacts", "available_cores", "expand", "failure_of", "r
 
 # First line of this project's own parameter tables (truth.csv, parameters.csv), which a pattern
 # such as sample_runs/*.csv catches beside the logs.
-_PARAMETER_TABLE = b"setting,r_m1,"
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +157,7 @@ def read_batch(
     cancelled : callable
         Asked before each log; once it says True, the remaining logs are left out.
     """
-    is_table = {path: _is_parameter_table(path) for path in paths}
+    is_table = {path: is_own_table(path) for path in paths}
     logs = [path for path in paths if not is_table[path] and not is_tests_table(path)]
     labels = labels_for(logs, configuration, setting=setting)
     labelled = _Labelled(labels, is_needed=keeps_traces)
@@ -203,14 +203,6 @@ def _gains_by_threads(path: Path) -> bool:
     """
     with suppress(OSError):
         return path.suffix.lower() in _READ_APART or path.stat().st_size > _LARGE
-    return False
-
-
-def _is_parameter_table(path: Path) -> bool:
-    with suppress(OSError):
-        if path.is_file():
-            with path.open("rb") as file:
-                return file.read(len(_PARAMETER_TABLE)) == _PARAMETER_TABLE
     return False
 
 

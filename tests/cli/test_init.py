@@ -134,6 +134,7 @@ def test_a_file_that_is_there_stays_unless_forced(folder, capsys):
         (["--set", "rod_diamter=12mm"], "unknown key 'rod_diamter' in [damper]"),
         (["--set", "rod_diameter=12bar"], "--set rod_diameter"),
         (["--model", "monotub"], "monotub"),
+        (["--model", "auto"], "only damperfit identify --model auto and damperfit models"),
         (["nowhere.csv"], "nowhere.csv: no such file"),
     ],
 )
@@ -211,10 +212,19 @@ class TestLogsByFolderAndList:
         assert main(["inspect", "@list.txt"]) == 2
         assert "the list list.txt cannot be read" in capsys.readouterr().err
 
-    def test_a_folder_of_results_is_no_folder_of_logs(self, folder, capsys):
-        (folder / "run.json").write_text("{}")
-        assert main(["inspect", "."]) == 2
+    def test_results_among_logs_are_skipped_and_alone_refused(self, logs, folder, capsys):
+        results = folder / "results"
+        assert main(["identify", str(logs), "--out", str(results), "-q"]) == 0
+        alone = (results / "parameters.csv").read_bytes()
+        capsys.readouterr()
+        assert main(["inspect", str(results)]) == 2
         assert "holds results, no logs" in capsys.readouterr().err
+        # Results in the folder of the logs: the same command finds the same logs again.
+        for _ in range(2):
+            assert main(["identify", str(logs), "--out", str(logs), "-q"]) == 0
+        assert (logs / "parameters.csv").read_bytes() == alone
+        capsys.readouterr()
+        assert self.names(capsys, str(logs)) == ["setting_01.csv", "setting_10.csv"]
 
 
 @pytest.mark.parametrize("text", [".012", "12e-3", "0.012", "12mm"])
