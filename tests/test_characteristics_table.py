@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.tables import characteristic_rows, characteristics_table, write_table
+from damperfit.tables import characteristic_rows, lay_out, write_table
 from tests.fakes import trace
 
 SPEED = 0.032 * 2 * math.pi * 1.5  # peak of the made-up log, m/s
@@ -71,7 +71,7 @@ def test_at_a_speed_where_the_gas_pushes_both_strokes_down_there_is_no_ratio() -
 
 
 def test_a_model_without_gas_leaves_the_cells_empty() -> None:
-    table = characteristics_table(rows_of(trace(7), gas=None), settings=[7])
+    table = lay_out("characteristics", rows_of(trace(7), gas=None), settings=[7])
     first = table.to_pylist()[0]
     assert first["measured_rebound_N"] > 0.0
     without = [name for name in table.column_names if "without_gas" in name or "mean_gas" in name]
@@ -96,7 +96,9 @@ def test_motion_that_does_not_repeat_has_its_extremes_and_no_hysteresis() -> Non
 def test_units_and_meaning_stand_in_the_file(tmp_path) -> None:
     write_table(
         tmp_path / "c.parquet",
-        characteristics_table(rows_of(trace(7)), settings=[7], quantities=PURDY_DAMPER.quantities),
+        lay_out(
+            "characteristics", rows_of(trace(7)), settings=[7], quantities=PURDY_DAMPER.quantities
+        ),
     )
     for field in pq.read_schema(tmp_path / "c.parquet"):
         told = {key.decode(): text.decode() for key, text in field.metadata.items()}

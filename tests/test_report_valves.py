@@ -11,7 +11,7 @@ from damperfit.damper.valve_characteristics import ValveCharacteristic
 from damperfit.report import draw_plot, report_plots
 from damperfit.report.plots.valves import valve_plots
 from damperfit.setting import Setting
-from damperfit.tables import Results, read_results, valve_rows, valves_table, write_table
+from damperfit.tables import Results, lay_out, read_results, valve_rows, write_table
 from tests.report_folder import make_results
 
 RAMP = np.linspace(0.0, 8e5, 9)
@@ -26,7 +26,7 @@ def rows(*valves: ValveCharacteristic, setting: int = 1) -> list:
 
 
 def test_a_row_tells_pressure_flow_and_force_in_si() -> None:
-    table = valves_table(rows(valve()), settings=[Setting.of(1)])
+    table = lay_out("valves", rows(valve()), settings=[Setting.of(1)])
     told = table.to_pylist()
     assert [row["curve"] for row in told] == ["measured"] * 9 + ["law"] * 9 + ["opening"]
     assert told[8] == {
@@ -75,7 +75,7 @@ def test_each_setting_has_one_figure_however_many_logs_and_it_is_drawn(tmp_path)
     assert not any("valves" in plot.name for plot in report_plots(plain).plots)
     settings = sorted({log.setting for log in plain.logs})
     every = [row for one in settings for row in valve_rows(one, (valve(), valve("bump")))]
-    table = valves_table(every, settings=settings)
+    table = lay_out("valves", every, settings=settings)
     write_table(tmp_path / "valves.parquet", table)
     results = read_results(tmp_path)
     assert len(results.valves) == len(every)

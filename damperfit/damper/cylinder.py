@@ -1,18 +1,28 @@
-"""Areas and volumes of rod, piston and chambers, as every damper with a cylinder has them."""
+"""Rod, piston, chambers and gas, as every damper with a cylinder has them."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
+from damperfit.errors import ConfigurationError
+
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from damperfit.simulation import Motion
 
 __all__ = ["Cylinder", "filling"]
 
 
 class Cylinder:
-    """What follows from the diameters and the chambers' lengths at x = 0, all in m."""
+    """What follows from the diameters and the chambers' lengths at x = 0, all in m.
+
+    Raises
+    ------
+    ConfigurationError
+        A value is outside `ranges`, or the rod is as wide as the piston.
+    """
 
     __slots__ = ()
 
@@ -21,6 +31,29 @@ class Cylinder:
         piston_diameter: float
         chamber_1_length: float
         chamber_2_length: float
+        gas_pressure: float
+        gas_exponent: float
+
+        @property
+        def ranges(self) -> Mapping[str, tuple[float, float, str]]: ...  # noqa: D102
+
+        @property
+        def gas_volume(self) -> float: ...  # noqa: D102
+
+    def __post_init__(self) -> None:
+        """Refuse what is no damper."""
+        for name, (low, high, unit) in self.ranges.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                in_unit = f" {unit}" if unit else ""
+                raise ConfigurationError(
+                    f"{name}: expected {low:g} to {high:g}{in_unit}, found {value:g}{in_unit}"
+                )
+        if self.rod_diameter >= self.piston_diameter:
+            raise ConfigurationError(
+                f"rod_diameter: expected less than piston_diameter, "
+                f"{self.piston_diameter:g} m, found {self.rod_diameter:g} m"
+            )
 
     @property
     def piston_area(self) -> float:
@@ -46,6 +79,21 @@ class Cylinder:
     def chamber_2_volume(self) -> float:
         """V_20, full-bore side at x = 0, m3."""
         return self.chamber_2_length * self.piston_area
+
+    @property
+    def chamber_lengths(self) -> tuple[float, float]:
+        """l_1 and l_2, m."""
+        return self.chamber_1_length, self.chamber_2_length
+
+    @property
+    def travel(self) -> float:
+        """Length of the shorter chamber, m."""
+        return min(self.chamber_lengths)
+
+    @property
+    def gas(self) -> tuple[float, float, float, float]:
+        """Rod area, gas pressure, gas volume, gas exponent, SI."""
+        return self.rod_area, self.gas_pressure, self.gas_volume, self.gas_exponent
 
 
 def filling(motion: Motion, declared: float) -> float:

@@ -22,6 +22,7 @@ from collections import Counter
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from damperfit.damper.cylinder import Cylinder
 from damperfit.damper.network import Network, Passage, Valve
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 from damperfit.errors import ConfigurationError, did_you_mean
@@ -167,7 +168,7 @@ class DeclaredNetwork(ValveDamper):
 
     def __post_init__(self) -> None:
         """Refuse what is no damper."""
-        ValveDamper.__post_init__(self)
+        Cylinder.__post_init__(self)
         for place, one in enumerate(self.passages, start=1):
             if self.floating_piston and {one.start, one.end} == {2, 3}:
                 raise ConfigurationError(

@@ -28,7 +28,6 @@ from damperfit.damper.model import DAMPER, FRICTION, LOG, OFFSET, Model, Quantit
 from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.network import Network, Valve, monotube, through_flow, twin_tube
 from damperfit.damper.purdy.quantities import OF_OIL, OIL
-from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -114,21 +113,6 @@ class ValveDamper(Cylinder, Model):
         for stroke in ("rebound", "compression")
     )
 
-    def __post_init__(self) -> None:
-        """Refuse what is no damper."""
-        for name, (low, high, unit) in VALVE_RANGES.items():
-            value = getattr(self, name)
-            if not low <= value <= high:
-                in_unit = f" {unit}" if unit else ""
-                raise ConfigurationError(
-                    f"{name}: expected {low:g} to {high:g}{in_unit}, found {value:g}{in_unit}"
-                )
-        if self.rod_diameter >= self.piston_diameter:
-            raise ConfigurationError(
-                f"rod_diameter: expected less than piston_diameter, "
-                f"{self.piston_diameter:g} m, found {self.rod_diameter:g} m"
-            )
-
     @property
     def network(self) -> Network:
         """Its passages."""
@@ -164,16 +148,6 @@ class ValveDamper(Cylinder, Model):
         return {word: names for word, names in found.items() if names}
 
     @property
-    def gas(self) -> tuple[float, float, float, float]:
-        """Rod area, gas pressure, gas volume, gas exponent, SI."""
-        return self.rod_area, self.gas_pressure, self.gas_volume, self.gas_exponent
-
-    @property
-    def chamber_lengths(self) -> tuple[float, float]:
-        """l_1 and l_2, m."""
-        return self.chamber_1_length, self.chamber_2_length
-
-    @property
     def sentence(self) -> str:
         """The damper's main figures."""
         return (
@@ -191,11 +165,6 @@ class ValveDamper(Cylinder, Model):
             f"{stroke} {valve.bleed} bleed and {valve.blow_off} blow-off"
             for stroke, valve in (("rebound", self.rebound), ("compression", self.compression))
         )
-
-    @property
-    def travel(self) -> float:
-        """Length of the shorter chamber, m."""
-        return min(self.chamber_1_length, self.chamber_2_length)
 
     def rest_force(self, displacement: ArrayLike) -> FloatArray:
         """Gas against ambient pressure on the rod, N."""

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.door.asked import configured, declared_setting, texts
 from damperfit.door.given_logs import as_files
-from damperfit.door.results import Result, Simulation, simulated
+from damperfit.door.results import Result
+from damperfit.door.simulations import Simulation, simulated
 from damperfit.errors import ConfigurationError, LogError
 
 if TYPE_CHECKING:

@@ -11,29 +11,23 @@ from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any
 
 from damperfit.atomic import file_set
+from damperfit.door.sheets import WIDTH, html_table, text_table
 from damperfit.errors import ConfigurationError, OutputError, did_you_mean
-from damperfit.queries.one_simulation import choose_parameters, damper_of, simulate_test
-from damperfit.setting import Setting
 from damperfit.tables import read_results
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    import numpy as np
     import pandas as pd
-    from numpy.typing import NDArray
 
-    from damperfit.configuration.options import Configuration
-    from damperfit.queries.one_simulation import SimulatedTest
+    from damperfit.door.simulations import Simulation
     from damperfit.report import Sheet
+    from damperfit.setting import Setting
     from damperfit.tables import Results
 
-    FloatArray = NDArray[np.float64]
-
-__all__ = ["Result", "SettingResult", "Simulation", "html_table", "text_table"]
+__all__ = ["Result", "SettingResult"]
 
 _TABLES = ("parameters", "mse", "adjustment", "characteristics", "valves", "responses", "profiles")
-_WIDE = 100
 _FAN = "fan"  # force against velocity of all settings
 
 
@@ -227,7 +221,7 @@ class Result:
         from damperfit.report import summary_sheet
 
         found = self._read
-        return summary_sheet(found.parameters, columns=_WIDE, quantities=found.quantities)
+        return summary_sheet(found.parameters, columns=WIDTH, quantities=found.quantities)
 
     def __repr__(self) -> str:
         rows = self._read.parameters
@@ -293,121 +287,3 @@ class SettingResult:
 
     def __repr__(self) -> str:
         return f"<setting {self.label}: MSE {self.mse_percent:.3g} %, {self.grade}>"
-
-
-class Simulation:
-    """A simulated test: signals in SI, positive in rebound, and the figures of its last cycle.
-
-    Attributes
-    ----------
-    test : SimulatedTest
-        As `damperfit simulate` has it.
-    """
-
-    def __init__(self, test: SimulatedTest) -> None:
-        self.test = test
-
-    @property
-    def time(self) -> FloatArray:
-        """Time stamps (n,), s."""
-        return self.test.response.time
-
-    @property
-    def displacement(self) -> FloatArray:
-        """Displacement (n,), m."""
-        return self.test.response.displacement
-
-    @property
-    def velocity(self) -> FloatArray:
-        """Velocity (n,), m/s."""
-        return self.test.response.velocity
-
-    @property
-    def force(self) -> FloatArray:
-        """Force (n,), N."""
-        return self.test.response.force
-
-    @property
-    def pressures(self) -> FloatArray:
-        """Absolute pressures of the chambers (3, n), Pa."""
-        return self.test.response.pressures
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What to know before believing the figures, a sentence each."""
-        return self.test.warnings
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return the signals as a data frame, with units in the names of its columns."""
-        from damperfit.tables import time_series_table
-
-        frame: pd.DataFrame = time_series_table(self.test.response).to_pandas()
-        return frame
-
-    def plot(self) -> Any:
-        """Draw force against velocity and against displacement; return both matplotlib axes."""
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(9.0, 3.8), layout="constrained")
-        FigureCanvasAgg(figure)
-        left, right = figure.subplots(1, 2, sharey=True)
-        left.plot(self.velocity, self.force)
-        right.plot(1e3 * self.displacement, self.force)
-        left.set(xlabel="velocity, m/s", ylabel="force, N")
-        right.set(xlabel="displacement, mm")
-        return [left, right]
-
-    def __repr__(self) -> str:
-        force, setting = self.force, self.test.choice.setting
-        return (
-            f"<Simulation: {self.test.motion}; force {force.min():.0f} to {force.max():.0f} N"
-            f"{'' if setting is None else f'; setting {setting}'}>"
-        )
-
-
-def simulated(
-    setting: Setting | int | str | None,
-    configuration: Configuration,
-    *,
-    table: Path | None,
-    replaced: Mapping[str, str],
-    config: Path | None = None,
-    log: Path | None = None,
-) -> Simulation:
-    """Return one setting simulated, of a table or of the reference set."""
-    choice = choose_parameters(setting, table=table, replaced=replaced, damper=configuration.damper)
-    meant, _ = damper_of(choice, configuration, config=config)
-    return Simulation(simulate_test(choice, meant, log=log))
-
-
-def text_table(sheet: Sheet) -> str:
-    """Return a sheet as lines of text with a fixed width."""
-    from io import StringIO
-
-    from rich.console import Console
-
-    from damperfit.report import terminal_table
-
-    lines = StringIO()
-    Console(file=lines, width=_WIDE, no_color=True).print(terminal_table(sheet))
-    return lines.getvalue().rstrip("\n")
-
-
-def html_table(sheet: Sheet, *, caption: str = "") -> str:
-    """Return a sheet as a table of HTML."""
-
-    def row(kind: str, cells: tuple[str, ...]) -> str:
-        styles = (" style='text-align:right'" if right else "" for right in sheet.is_number)
-        inside = (
-            f"<{kind}{style}>{escape(cell)}</{kind}>"
-            for cell, style in zip(cells, styles, strict=True)
-        )
-        return f"<tr>{''.join(inside)}</tr>"
-
-    head = row("th", sheet.headings) + (row("th", sheet.units) if any(sheet.units) else "")
-    body = "".join(row("td", cells) for cells in sheet.rows)
-    return (
-        f"<table><caption>{escape(caption)}</caption><thead>{head}</thead>"
-        f"<tbody>{body}</tbody></table>"
-    )

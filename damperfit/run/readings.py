@@ -6,12 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import sparing
-from damperfit.tables import (
-    characteristic_rows,
-    characteristics_table,
-    valve_rows,
-    valves_table,
-)
+from damperfit.tables import characteristic_rows, lay_out, valve_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -60,9 +55,10 @@ class Readings:
 
     def table(self, origin: Mapping[str, Any]) -> pa.Table:
         """Return the table of what was noted."""
-        return characteristics_table(
+        return lay_out(
+            "characteristics",
             self.rows,
-            provenance=origin,
+            facts=origin,
             settings=[fit.setting for fit in self.campaign.fits],
             quantities=self.campaign.quantities,
         )
@@ -79,9 +75,10 @@ class Readings:
                 rows += valve_rows(fit.setting, found)
         if not rows:
             return None
-        return valves_table(
+        return lay_out(
+            "valves",
             rows,
-            provenance=origin,
+            facts=origin,
             settings=[fit.setting for fit in self.campaign.fits],
             quantities=self.campaign.quantities,
         )

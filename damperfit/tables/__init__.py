@@ -5,7 +5,7 @@ order of columns and the schema in run.json all come from there. `results` lays 
 responses out, `files` writes and reads. Tables are Arrow tables; ``Tables.frame`` gives pandas.
 """
 
-from damperfit.tables.characteristics import characteristic_rows, characteristics_table
+from damperfit.tables.characteristics import characteristic_rows
 from damperfit.tables.columns import SCHEMA_VERSION, column_names, describe_tables, table_schema
 from damperfit.tables.files import (
     read_facts,
@@ -29,11 +29,12 @@ from damperfit.tables.results import (
     Tables,
     adjustment_rows,
     grade,
+    lay_out,
     make_tables,
     profiles_table,
     time_series_table,
 )
-from damperfit.tables.valves import valve_rows, valves_table
+from damperfit.tables.valves import valve_rows
 
 __all__ = [
     "MISSING",
@@ -45,10 +46,10 @@ __all__ = [
     "Tables",
     "adjustment_rows",
     "characteristic_rows",
-    "characteristics_table",
     "column_names",
     "describe_tables",
     "grade",
+    "lay_out",
     "make_tables",
     "profiles_table",
     "quantities_in",
@@ -63,7 +64,6 @@ __all__ = [
     "time_series_table",
     "values_from",
     "valve_rows",
-    "valves_table",
     "write_responses",
     "write_table",
 ]

@@ -14,53 +14,22 @@ import numpy as np
 
 from damperfit.conditioning import branch_forces, clean_cycles, figures_of
 from damperfit.simulation import NAMED_SPEEDS
-from damperfit.tables.results import lay_out
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping
 
-    import pyarrow as pa
     from numpy.typing import NDArray
 
-    from damperfit.damper.model import Model, Quantity
+    from damperfit.damper.model import Model
     from damperfit.identification import Comparison
     from damperfit.recording import Stretch, StretchFigures, Trace
     from damperfit.setting import Setting
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["characteristic_rows", "characteristics_table"]
+__all__ = ["characteristic_rows"]
 
 _STROKES = (("rebound", 1.0), ("bump", -1.0))
-
-
-def characteristics_table(
-    rows: Iterable[Mapping[str, Any]],
-    *,
-    provenance: Mapping[str, Any] | None = None,
-    settings: Iterable[Setting] = (),
-    quantities: Sequence[Quantity] = (),
-) -> pa.Table:
-    """Lay rows out as the table "characteristics".
-
-    Parameters
-    ----------
-    rows : iterable of mapping
-        Of `characteristic_rows`.
-    provenance : mapping, optional
-        Facts for the schema's ``damperfit`` entry, as JSON values.
-    settings : iterable of Setting
-        Of the run.
-    quantities : sequence of Quantity
-        Of the model.
-    """
-    return lay_out(
-        "characteristics",
-        list(rows),
-        facts=dict(provenance or {}),
-        settings=tuple(settings),
-        quantities=tuple(quantities),
-    )
 
 
 def characteristic_rows(

@@ -321,12 +321,26 @@ def lay_out(
     name: str,
     rows: Sequence[Mapping[str, Any]],
     *,
-    facts: Mapping[str, Any],
-    settings: Collection[Setting],
-    quantities: Sequence[Quantity],
+    facts: Mapping[str, Any] | None = None,
+    settings: Collection[Setting] = (),
+    quantities: Sequence[Quantity] = (),
 ) -> pa.Table:
-    """Return rows as a table of `columns`; cells that a row has not are null."""
-    schema = table_schema(name, facts, settings=settings, quantities=quantities)
+    """Return rows as a table of `columns`; cells that a row has not are null.
+
+    Parameters
+    ----------
+    name : str
+        Of the table, as `columns` declares it.
+    rows : sequence of mapping
+        Cells by column; each row has its setting.
+    facts : mapping, optional
+        For the schema's ``damperfit`` entry, as JSON values.
+    settings : collection of Setting
+        Of the run.
+    quantities : sequence of Quantity
+        Of the model.
+    """
+    schema = table_schema(name, facts or {}, settings=settings, quantities=quantities)
     is_whole = schema.field("setting").type == pa.int64()
     cells = [{**row, **setting_cells(row["setting"], is_whole=is_whole)} for row in rows]
     arrays = [column([row.get(field.name) for row in cells], field.type) for field in schema]

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from damperfit.tables.results import lay_out
-
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator
 
-    import pyarrow as pa
-
-    from damperfit.damper.model import Quantity
     from damperfit.damper.valve_characteristics import ValveCharacteristic
     from damperfit.setting import Setting
 
-__all__ = ["valve_rows", "valves_table"]
+__all__ = ["valve_rows"]
 
 
 def valve_rows(setting: Setting, valves: Iterable[ValveCharacteristic]) -> Iterator[dict[str, Any]]:
@@ -48,32 +43,3 @@ def _row(
         "flow_m3_per_s": flow,
         "valve_force_N": pressure * valve.area,
     }
-
-
-def valves_table(
-    rows: Iterable[Mapping[str, Any]],
-    *,
-    provenance: Mapping[str, Any] | None = None,
-    settings: Iterable[Setting] = (),
-    quantities: Sequence[Quantity] = (),
-) -> pa.Table:
-    """Lay rows out as the table "valves".
-
-    Parameters
-    ----------
-    rows : iterable of mapping
-        Of `valve_rows`.
-    provenance : mapping, optional
-        Facts for the schema's ``damperfit`` entry, as JSON values.
-    settings : iterable of Setting
-        Of the run.
-    quantities : sequence of Quantity
-        Of the model.
-    """
-    return lay_out(
-        "valves",
-        list(rows),
-        facts=dict(provenance or {}),
-        settings=tuple(settings),
-        quantities=tuple(quantities),
-    )

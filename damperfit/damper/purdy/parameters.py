@@ -32,7 +32,6 @@ from typing import TYPE_CHECKING, ClassVar
 from damperfit.damper.cylinder import Cylinder
 from damperfit.damper.model import Model, Quantity, Values
 from damperfit.damper.purdy.quantities import QUANTITIES
-from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -106,21 +105,6 @@ class Damper(Cylinder, Model):
     ranges: ClassVar[Mapping[str, tuple[float, float, str]]] = DAMPER_RANGES
     bulk_moduli: ClassVar[tuple[str, ...]] = ("free", "appendix1")
 
-    def __post_init__(self) -> None:
-        """Refuse what is no damper."""
-        for name, (low, high, unit) in DAMPER_RANGES.items():
-            value = getattr(self, name)
-            if not low <= value <= high:
-                in_unit = f" {unit}" if unit else ""
-                raise ConfigurationError(
-                    f"{name}: expected {low:g} to {high:g}{in_unit}, found {value:g}{in_unit}"
-                )
-        if self.rod_diameter >= self.piston_diameter:
-            raise ConfigurationError(
-                f"rod_diameter: expected less than piston_diameter, "
-                f"{self.piston_diameter:g} m, found {self.rod_diameter:g} m"
-            )
-
     @property
     def quantities(self) -> tuple[Quantity, ...]:
         """R_m1, R_m2, R_m3, K_e, f_f, f_0."""
@@ -132,16 +116,6 @@ class Damper(Cylinder, Model):
         return Parameters
 
     @property
-    def gas(self) -> tuple[float, float, float, float]:
-        """Rod area, gas pressure, gas volume, gas exponent, SI."""
-        return self.rod_area, self.gas_pressure, self.gas_volume, self.gas_exponent
-
-    @property
-    def chamber_lengths(self) -> tuple[float, float]:
-        """l_1 and l_2, m."""
-        return self.chamber_1_length, self.chamber_2_length
-
-    @property
     def sentence(self) -> str:
         """The damper's main figures."""
         return (
@@ -151,11 +125,6 @@ class Damper(Cylinder, Model):
             f"{1e3 * self.gas_length:g} mm at {self.gas_pressure / 1e5:.5g} bar absolute, exponent "
             f"{self.gas_exponent:g}, oil {self.oil_density:g} kg/m3"
         )
-
-    @property
-    def travel(self) -> float:
-        """Length of the shorter chamber, m."""
-        return min(self.chamber_1_length, self.chamber_2_length)
 
     def simulate(
         self,
