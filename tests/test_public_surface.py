@@ -58,7 +58,7 @@ SURFACE = {
         "touch",
         "write_part",
     ],
-    "damperfit.fleet.processes": ["Died", "Processes"],
+    "damperfit.fleet.processes": ["Processes"],
     "damperfit.fleet.sources": [
         "Source",
         "UnreachableError",
@@ -75,7 +75,7 @@ SURFACE = {
         "share_of",
         "tasks_of",
     ],
-    "damperfit.fleet.whole_fleet": ["Engine", "planned", "run_fleet"],
+    "damperfit.fleet.whole_fleet": ["planned", "run_fleet"],
     "damperfit.configuration.drawings": ["DRAWINGS", "MEASURED"],
     "damperfit.queries.fleet_part": ["RECORD", "is_part", "parts_of", "read_part"],
     "damperfit.queries.first_configuration": [
@@ -528,6 +528,7 @@ SURFACE = {
         "RunResult",
         "UnwrittenError",
     ],
+    "damperfit.parallel": ["Died", "Executor", "InTurn", "Threads", "executor"],
     "damperfit.statistics": [
         "CHI_SQUARED_95",
         "NORMAL_95",

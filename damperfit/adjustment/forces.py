@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from statistics import median
@@ -25,6 +24,7 @@ import numpy as np
 from damperfit.adjustment.level import STROKES, Level
 from damperfit.damper.model import Model, Values
 from damperfit.errors import SimulationError, sparing
+from damperfit.parallel import executor
 from damperfit.setting import ADJUSTER, lines_of
 from damperfit.simulation import (
     NAMED_SPEEDS,
@@ -240,7 +240,7 @@ def levels(  # noqa: PLR0913 - one more than usual, to be told of errors
             return _levels_of(stage, response, sine.frequency, speeds)
         return []
 
-    with ThreadPoolExecutor(max(1, jobs)) as pool:
+    with executor(jobs) as pool:
         return tuple(level for found in pool.map(one, stages) for level in found)
 
 

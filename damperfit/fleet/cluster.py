@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError, InstallationError
-from damperfit.fleet.processes import Died
+from damperfit.parallel import Died
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -61,7 +61,7 @@ class Cluster:
         *,
         cancelled: Callable[[], bool] = lambda: False,
     ) -> Iterator[tuple[Any, Any]]:
-        """As `damperfit.fleet.processes.Processes.each`."""
+        """As `damperfit.parallel.Executor.each`."""
         from distributed import wait
 
         waiting = iter(items)

@@ -15,16 +15,14 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import TYPE_CHECKING, Any
 
+from damperfit.parallel import Died
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-__all__ = ["Died", "Processes"]
+__all__ = ["Processes"]
 
 _LOOK = 0.2  # s; how often a waiting thread asks whether the user wants to stop
-
-
-class Died:
-    """Stands for the result of work that ended its worker."""
 
 
 class Processes:
@@ -46,17 +44,7 @@ class Processes:
         *,
         cancelled: Callable[[], bool] = lambda: False,
     ) -> Iterator[tuple[Any, Any]]:
-        """Yield each item with its result, `Died` or the exception it raised, as they are done.
-
-        Parameters
-        ----------
-        act : callable
-            Of a module, so that a worker can import it.
-        items : iterable
-            What can be pickled; taken as workers become free, so that memory does not grow.
-        cancelled : callable
-            Once it says True no further item is begun, and those at work are let go.
-        """
+        """As `damperfit.parallel.Executor.each`."""
         waiting = iter(items)
         guard = threading.Lock()
         done: queue.Queue[tuple[Any, Any] | None] = queue.Queue(maxsize=2 * self.number)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, mishap_of
 from damperfit.fleet.one_damper import Done, Job, do, known, try_log
 from damperfit.fleet.parts import forget_earlier, tidy
-from damperfit.fleet.processes import Died
 from damperfit.fleet.sources import find_sources
 from damperfit.fleet.tasks import Task, parted, tasks_of
+from damperfit.parallel import Died
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
@@ -19,26 +19,14 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.fleet.sources import Source
     from damperfit.fleet.tasks import Share
+    from damperfit.parallel import Executor
 
-__all__ = ["Engine", "planned", "run_fleet"]
+__all__ = ["planned", "run_fleet"]
 
 _DIED = (
     "{}: reading or fitting this log ended its worker twice; it is left out: look at the log, and "
     "at the memory of the machine"
 )
-
-
-class Engine(Protocol):
-    """Where the work is done: processes of this machine, or a cluster."""
-
-    def each(
-        self,
-        act: Callable[[Any], Any],
-        items: Iterable[Any],
-        *,
-        cancelled: Callable[[], bool] = ...,
-    ) -> Iterator[tuple[Any, Any]]:
-        """Yield each item with its result, `Died` or an exception, as they are done."""
 
 
 def planned(
@@ -77,7 +65,7 @@ def _is_inside(source: Source, folder: Path) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fleet:
-    engine: Engine
+    engine: Executor
     configuration: Configuration
     folder: Path
     cancelled: Callable[[], bool]
@@ -118,7 +106,7 @@ def run_fleet(
     configuration: Configuration,
     tasks: Sequence[Task],
     folder: Path,
-    engine: Engine,
+    engine: Executor,
     *,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> Iterator[Done]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
@@ -12,6 +11,7 @@ from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.failures import SettingFailure, attempted
 from damperfit.identification.setting import Fit, Judged
 from damperfit.identification.sharing import Sharing
+from damperfit.parallel import executor
 from damperfit.setting import Setting
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def fit_every_setting(
         return result
 
     settings = sorted(given.settings)
-    with ThreadPoolExecutor(given.jobs) as pool:
+    with executor(given.jobs) as pool:
         results = list(pool.map(one, settings))
     return Campaign(
         procedure=given.options.procedure,

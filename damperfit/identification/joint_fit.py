@@ -15,7 +15,6 @@ factorisations. The separate fits are the start, so a handful of steps is enough
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -29,6 +28,7 @@ from damperfit.identification.plausible import is_within, kept_within
 from damperfit.identification.step_solvers import NO_LENGTH, BorderedSystem, reduced
 from damperfit.identification.trust_region import Ended, Stopping, iterate
 from damperfit.identification.unknowns import Follows, Unknown, unknown_at, unknowns_of
+from damperfit.parallel import executor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Values
     from damperfit.identification.descent import Misfit
     from damperfit.identification.paper.gas_content import GasLaw
+    from damperfit.parallel import InTurn, Threads
     from damperfit.setting import Setting
 
     FloatArray = NDArray[np.float64]
@@ -203,7 +204,7 @@ def fit_jointly(problem: JointProblem, starts: Mapping[Setting, Values]) -> Join
         least_gain=_COST_TOLERANCE * sum(one.n_samples for one in problem.misfits.values()),
         longest_step=_LONGEST_STEP,
     )
-    with ThreadPoolExecutor(max(1, problem.jobs)) as pool:
+    with executor(problem.jobs) as pool:
         model = _Model(problem, starts, pool)
         try:
             ended = iterate(model.point_at, model.start, stopping)
@@ -234,7 +235,7 @@ class _Model:
     """All settings as a function of one vector: own variables by setting, then the shared ones."""
 
     def __init__(
-        self, problem: JointProblem, starts: Mapping[Setting, Values], pool: ThreadPoolExecutor
+        self, problem: JointProblem, starts: Mapping[Setting, Values], pool: InTurn | Threads
     ) -> None:
         self.problem, self.starts, self.pool = problem, starts, pool
         self.weights = dict(problem.weights or {})

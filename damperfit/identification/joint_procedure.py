@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, cast
@@ -20,6 +19,7 @@ from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import NOT_FIT_TO_SHARE
 from damperfit.identification.sharing import TAKEN, Sharing
 from damperfit.identification.unknowns import Unknown, unknown_at, unknowns_of
+from damperfit.parallel import executor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -220,7 +220,7 @@ def _helped(
                 best, least = found.parameters, found.mse_percent
         return best
 
-    with ThreadPoolExecutor(max(1, jobs)) as pool:
+    with executor(jobs) as pool:
         found = dict(zip(fits, pool.map(helped, fits), strict=True))
     return found, max(spent.values())
 

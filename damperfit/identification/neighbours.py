@@ -7,7 +7,6 @@ alone decides, so that the order in which settings are done does not matter.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -16,6 +15,7 @@ from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.restarts import LEAST, WELL_ABOVE
 from damperfit.identification.setting import attempt, describe_fit
+from damperfit.parallel import executor
 from damperfit.setting import nearest_setting
 from damperfit.statistics import CHI_SQUARED_95
 
@@ -61,7 +61,7 @@ def beside_neighbours(
 
     if not campaign.is_complete:
         return campaign
-    with ThreadPoolExecutor(jobs) as pool:
+    with executor(jobs) as pool:
         return replace(campaign, fits=tuple(pool.map(again, campaign.fits)))
 
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
@@ -33,6 +32,7 @@ from damperfit.laws.variants import (
     of_kind,
     with_parts,
 )
+from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
@@ -199,7 +199,7 @@ class _Course:
                 return None
 
         places = range(len(self.evidence))
-        with ThreadPoolExecutor(max_workers=self.jobs) as pool:
+        with executor(self.jobs) as pool:
             fits = list(pool.map(fit, [(model, k) for model in models for k in places]))
         found: list[Tried | None] = []
         for row, model in enumerate(models):

@@ -7,7 +7,6 @@ taken where nothing physical is known. None of them is ever chosen by the ladder
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +15,7 @@ from damperfit.damper.rivals import RIVALS, RestoringForceSurface
 from damperfit.errors import SimulationError
 from damperfit.laws.choosing import Tried
 from damperfit.laws.law_fit import fit_law
+from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def rank_rivals(
         except SimulationError:
             return None
 
-    with ThreadPoolExecutor(max_workers=jobs) as pool:
+    with executor(jobs) as pool:
         fits = list(pool.map(fit, [(kind, one) for kind in RIVALS for one in evidence]))
     found = []
     for place, kind in enumerate(RIVALS):

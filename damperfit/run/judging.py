@@ -5,12 +5,12 @@ What fails at one setting or log costs that one its judgement, and no other.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment import Adjustment, compare_settings
 from damperfit.checks import Subject, run_checks, unchecked
+from damperfit.parallel import executor
 from damperfit.run.remarks import MANY
 from damperfit.run.run_json import Judgement, failures_of
 from damperfit.uncertainty import (
@@ -138,7 +138,7 @@ def judge(
             take(trace, error)
             return ()
 
-    with ThreadPoolExecutor(max(1, jobs)) as pool:
+    with executor(jobs) as pool:
         found = [one for few in pool.map(predicted, parted.held_out) for one in few]
     predictions = tuple(sorted(found, key=lambda one: one.setting))
     return judged, Judgement(assessment, adjustment, checks, predictions)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -25,6 +24,7 @@ from damperfit.damper.valve_dampers import (
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import GivenStart
 from damperfit.laws import SettingLogs, climb, fit_law, physics_seen, rank_rivals, undecided
+from damperfit.parallel import executor
 from damperfit.report import chosen_records, ladder_records, rival_records
 from damperfit.run.dampers import of_one_damper
 from damperfit.run.hold_out import named_files, part
@@ -184,7 +184,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         except SimulationError:
             return None
 
-    with ThreadPoolExecutor(max_workers=workers) as pool:
+    with executor(workers) as pool:
         fits = tuple(pool.map(fit, evidence))
     rivals: tuple[Tried, ...] = ()
     if on_rival is not None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import os
 from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -26,6 +25,7 @@ from damperfit.errors import (
 )
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identity import Identity
+from damperfit.parallel import executor
 from damperfit.readers import is_tests_table, read_curves, read_logs
 from damperfit.recording import Finding, natural_order
 from damperfit.report import Failure
@@ -170,7 +170,7 @@ def read_batch(
 
     # BLAS threads spin between small products and take the core of the next log.
     workers = jobs if any(_gains_by_threads(path) for path in logs) else 1
-    with one_blas_thread(), ThreadPoolExecutor(workers) as pool:
+    with one_blas_thread(), executor(workers) as pool:
         taken = [part for parts in pool.map(one, logs, _distinct_names(logs)) for part in parts]
     return LogBatch(
         traces=tuple(part.trace for part in taken if part.trace is not None),

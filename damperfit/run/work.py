@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import time
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from damperfit.identification import Campaign, compare, identify
+from damperfit.parallel import executor
 from damperfit.tables import profiles_table
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def comparisons(
             return None
 
     pairs = [(fit.parameters, log.trace) for fit in campaign.fits for log in fit.logs]
-    with ThreadPoolExecutor(max_workers=jobs) as pool:
+    with executor(jobs) as pool:
         for start in range(0, len(pairs), 2 * jobs):
             yield from pool.map(one, pairs[start : start + 2 * jobs])
 

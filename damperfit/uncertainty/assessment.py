@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -17,6 +16,7 @@ from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.setting import NOT_FIT_TO_SHARE
 from damperfit.identification.sharing import MEAN, TAKEN, listed_settings
+from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.gas import GasContent, gas_content
 from damperfit.uncertainty.intervals import Uncertainty, linearise_settings, uncertainties
@@ -249,7 +249,7 @@ def assess(
             return doubtful_profiles(*pair, campaign.sharing, bench)
         return ()
 
-    with ThreadPoolExecutor(max(1, jobs)) as pool, one_blas_thread():
+    with executor(jobs) as pool, one_blas_thread():
         pairs = zip(linearised, known, strict=True)
         profiles = tuple(p for several in pool.map(doubtful, pairs) for p in several)
     return Assessment(
@@ -310,7 +310,7 @@ def profile_campaign(
             return trace_profile(line, stride)
         return None
 
-    with ThreadPoolExecutor(max(1, bench.jobs)) as pool, one_blas_thread():
+    with executor(bench.jobs) as pool, one_blas_thread():
         for name in dict.fromkeys(names):
             traced: tuple[MisfitProfile, ...] = ()
             if name in sharing.jointly:

@@ -20,7 +20,6 @@ theta holds V_r and K_B/C in its place, and A carries their errors to K_e and to
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -31,6 +30,7 @@ from damperfit.errors import SimulationError, sparing
 from damperfit.identification.outcome import Status
 from damperfit.identification.paper.gas_content import GAS_FOLLOWER, GAS_NAMES
 from damperfit.identification.sharing import MEAN, TAKEN
+from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.linearisation import Linearisation, linearise_at_fit
@@ -140,7 +140,7 @@ def linearise_settings(
             return linearise_at_fit(fit, damper, solver=solver)
         return None
 
-    with ThreadPoolExecutor(max(1, jobs)) as pool:
+    with executor(jobs) as pool:
         found = pool.map(one, campaign.fits)
         return tuple(linearised for linearised in found if linearised is not None)
 

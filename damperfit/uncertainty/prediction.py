@@ -7,7 +7,6 @@ until it fits. It shows where nothing was bent: at another amplitude or frequenc
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +15,7 @@ import numpy as np
 from damperfit.conditioning import noise_floor
 from damperfit.errors import LogError, SimulationError
 from damperfit.identification import compare, normalised_mse, put_together
+from damperfit.parallel import executor
 from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.residuals import scatter_between_cycles
@@ -263,7 +263,7 @@ def predict(
             return _unseen(Setting.of(trace.setting), campaign.fits, trace, seen, noise)
         return _prediction(fit, trace, seen, noise.get(fit.setting, 0.0))
 
-    with ThreadPoolExecutor(max(1, jobs)) as pool:
+    with executor(jobs) as pool:
         found = [one for one in pool.map(one, traces) if one is not None]
     return tuple(sorted(found, key=lambda prediction: prediction.setting))
 

@@ -13,8 +13,8 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.errors import OutputError
 from damperfit.fleet.one_damper import State
 from damperfit.fleet.parts import collect, parts_in
-from damperfit.fleet.processes import Died
 from damperfit.fleet.whole_fleet import planned, run_fleet
+from damperfit.parallel import Died
 from tests.fleet.conftest import put
 from tests.fleet.deadly import Poisoned
 

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.fleet.processes import Died, Processes
+from damperfit.fleet.processes import Processes
+from damperfit.parallel import Died
 from tests.fleet.deadly import die_at_three, double, refuse, say_pid_and_wait
 
 

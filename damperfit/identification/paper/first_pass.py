@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, cast
 
@@ -25,6 +24,7 @@ from damperfit.identification.setting import (
     lacks_stiffness_alone,
 )
 from damperfit.identification.sharing import Sharing
+from damperfit.parallel import executor
 from damperfit.statistics import CHI_SQUARED_95
 
 if TYPE_CHECKING:
@@ -352,7 +352,7 @@ def _free_everywhere(
         start = starting_values(misfit.traces, damper, known, anchor.k_e)
         return fit_guided(misfit, given.told(setting, start, fixed), REBOUND)
 
-    with ThreadPoolExecutor(given.jobs) as pool:
+    with executor(given.jobs) as pool:
         found = pool.map(lambda setting: attempted(setting, lambda: one(setting)), settings)
         return dict(zip(settings, found, strict=True))
 
