@@ -1,7 +1,6 @@
 """What a rig wrote (`Recording`), what is remarkable in it (`Finding`), what is fitted (`Trace`).
 
 A trace is the whole motion that the model runs through; its `Stretch`es are what is compared.
-
 Both hold SI floats and the project's signs: displacement, velocity and force are positive in
 rebound (rod out, tension). Readers make recordings, conditioning turns them into traces.
 """
