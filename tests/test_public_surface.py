@@ -781,6 +781,7 @@ SURFACE = {
     ],
     "damperfit.queries.origin": [
         "Origin",
+        "configuration_of_run",
         "configured_as",
         "motion_of_tests",
         "origin_of",

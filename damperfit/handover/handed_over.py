@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
 from damperfit.adjustment import Sine
-from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
-from damperfit.queries.origin import Origin, configured_as, motion_of_tests
+from damperfit.queries.origin import configuration_of_run, motion_of_tests
 from damperfit.setting import Setting
 from damperfit.tables import read_results, values_from
 
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model, Values
     from damperfit.simulation import SolverOptions
     from damperfit.tables import Results
@@ -133,7 +131,7 @@ def hand_over(folder: Path, *, config: Path | None = None) -> HandedOver:
     """
     results = read_results(folder, parts=("parameters",))
     record, remarks = results.record, list(results.remarks)
-    configuration = _configuration(folder, config, record, remarks)
+    configuration = configuration_of_run(folder, config, record, remarks)
     settings = tuple(_settings(results))
     if not settings:
         raise ConfigurationError(
@@ -161,19 +159,6 @@ def hand_over(folder: Path, *, config: Path | None = None) -> HandedOver:
         remarks=tuple(remarks),
         folder=folder,
     )
-
-
-def _configuration(
-    folder: Path, config: Path | None, record: Mapping[str, Any], remarks: list[str]
-) -> Configuration:
-    given = load_configuration(config)
-    document = record.get("configuration")
-    damper = document.get("damper") if isinstance(document, dict) else None
-    if isinstance(damper, dict):
-        return configured_as(given, Origin(str(folder / "run.json"), damper), config=config)
-    if config is None:
-        remarks.append("the damper of the run is not known: the paper's is taken; give --config")
-    return given
 
 
 def _settings(results: Results) -> Iterator[HandedSetting]:

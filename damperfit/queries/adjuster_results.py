@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.adjustment import Sine, Stage
-from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
 from damperfit.identification.sharing import listed_settings
 from damperfit.quantities import parse_quantity
-from damperfit.queries.origin import Origin, configured_as, motion_of_tests
+from damperfit.queries.origin import configuration_of_run, motion_of_tests
 from damperfit.report.json_records import listed_in, read_back
 from damperfit.setting import Setting
 from damperfit.simulation import refuse_amplitude
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model, Values
     from damperfit.simulation import SolverOptions
     from damperfit.tables import Results
@@ -116,7 +114,7 @@ def adjuster_in(
         As `read_adjuster` takes them.
     """
     remarks = list(results.remarks)
-    configuration = _configuration(folder, config, results.record, remarks)
+    configuration = configuration_of_run(folder, config, results.record, remarks)
     stages = tuple(_stages(results, remarks))
     if not stages:
         why = f" ({'; '.join(results.remarks)})" if results.remarks else ""
@@ -147,20 +145,6 @@ def _forces(record: Mapping[str, Any]) -> Iterator[SpeedForces]:
         rows = () if one is None else (one.measured, one.measured_se, one.difference, one.misfit)
         if one is not None and all(len(row) == len(one.speeds) for row in rows):
             yield one
-
-
-def _configuration(
-    folder: Path, config: Path | None, record: Mapping[str, Any], remarks: list[str]
-) -> Configuration:
-    """Return the configuration that has the run's damper, whatever else is in its document."""
-    given = load_configuration(config)
-    document = record.get("configuration")
-    damper = document.get("damper") if isinstance(document, dict) else None
-    if isinstance(damper, dict):
-        return configured_as(given, Origin(str(folder / "run.json"), damper), config=config)
-    if config is None:
-        remarks.append("the damper of the run is not known: the paper's is taken; give --config")
-    return given
 
 
 def _stages(results: Results, remarks: list[str]) -> Iterator[Stage]:

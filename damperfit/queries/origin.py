@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
 
-__all__ = ["Origin", "configured_as", "motion_of_tests", "origin_of"]
+__all__ = ["Origin", "configuration_of_run", "configured_as", "motion_of_tests", "origin_of"]
 
 _MOTION = ("amplitude", "frequency")
 _SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
@@ -54,6 +54,37 @@ def origin_of(table: Path) -> Origin:
             motion = motion_of_tests(beside) or _nominal(document.get("rig"))
             return Origin(str(place), damper, motion)
     return Origin(str(table))
+
+
+def configuration_of_run(
+    folder: Path, config: Path | None, record: Mapping[str, Any], remarks: list[str]
+) -> Configuration:
+    """Return the configuration that has the run's damper, whatever else is in its document.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Of the results.
+    config : pathlib.Path or None
+        What the user gave.
+    record : mapping
+        Their run.json.
+    remarks : list of str
+        Takes a sentence where the damper of the run is not known.
+
+    Raises
+    ------
+    ConfigurationError
+        The user declares another damper, or that of the run cannot be used.
+    """
+    given = load_configuration(config)
+    document = record.get("configuration")
+    damper = document.get("damper") if isinstance(document, dict) else None
+    if isinstance(damper, dict):
+        return configured_as(given, Origin(str(folder / "run.json"), damper), config=config)
+    if config is None:
+        remarks.append("the damper of the run is not known: the paper's is taken; give --config")
+    return given
 
 
 def configured_as(
