@@ -645,9 +645,11 @@ SURFACE = {
     ],
     "damperfit.configuration.options": [
         "Configuration",
+        "GAS",
         "OutputOptions",
         "RigOptions",
         "SimulationOptions",
+        "gas_in_words",
         "parameter_value",
     ],
     "damperfit.setting": [

@@ -23,12 +23,17 @@ if TYPE_CHECKING:
     from damperfit.uncertainty import HoldOutOptions
 
 __all__ = [
+    "GAS",
     "Configuration",
     "OutputOptions",
     "RigOptions",
     "SimulationOptions",
+    "gas_in_words",
     "parameter_value",
 ]
+
+# Keys of [damper] that say what a damper's gas is.
+GAS = ("gas_volume", "gas_pressure", "gas_exponent")
 
 # Of units that have a short name; parameters of other units are bare numbers in SI.
 _DIMENSIONS = {
@@ -184,14 +189,21 @@ class Configuration:
         return f"Damper: {self.damper.sentence}{assumed}."
 
     @property
+    def _assumed_gas(self) -> str:
+        """What is taken for the gas of valves where nobody declared it, in brackets."""
+        values = self.document["damper"]
+        taken = {name: values[name] for name in GAS if name in self.undeclared}
+        return f" ({gas_in_words(taken)})" if "gas_volume" in taken else ""
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed of the damper, a sentence each."""
         said = []
         if 0 < len(self.undeclared) < len(self.keys):
             whose = "the paper's damper" if self.damper.name == "purdy" else "a made-up damper"
             said.append(
-                f"[damper] leaves {', '.join(self.undeclared)} to {whose}: declare "
-                "what your damper has (damperfit config prints every key)"
+                f"[damper] leaves {', '.join(self.undeclared)} to {whose}{self._assumed_gas}: "
+                "declare what your damper has (damperfit config prints every key)"
             )
         if self.identification.follows and self.identification.procedure != "joint":
             said.append(
@@ -205,6 +217,31 @@ class Configuration:
                 "less: say which, as in 12bara or 12barg"
             )
         return tuple(said)
+
+
+def gas_in_words(values: Mapping[str, float]) -> str:
+    """Return what is taken for a damper's gas.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        Some of `GAS`, SI.
+
+    Examples
+    --------
+    >>> gas_in_words({"gas_volume": 3e-5, "gas_exponent": 1.3})
+    '30 cm3 of gas, exponent 1.3'
+    """
+    words = {
+        "gas_volume": ("{:.3g} cm3 of gas", 1e6),
+        "gas_pressure": ("{:.3g} bar absolute", 1e-5),
+        "gas_exponent": ("exponent {:g}", 1.0),
+    }
+    return ", ".join(
+        text.format(factor * values[name])
+        for name, (text, factor) in words.items()
+        if name in values
+    )
 
 
 def parameter_value(quantity: Quantity, value: str | float) -> float:

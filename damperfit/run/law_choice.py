@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from damperfit.configuration.loading import redeclared
+from damperfit.configuration.options import GAS, gas_in_words
 from damperfit.configuration.what_is_tested import unmatched
-from damperfit.damper.friction import Friction
-from damperfit.damper.mounting import Mounting
 from damperfit.damper.purdy.parameters import Damper
-from damperfit.damper.valve_dampers import (
-    AMBIENT,
-    Monotube,
-    ThroughFlow,
-    TwinTube,
-    ValveDamper,
-)
+from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import GivenStart
 from damperfit.laws import SettingLogs, climb, fit_law, physics_seen, rank_rivals, undecided
@@ -48,6 +41,9 @@ LAYOUTS: dict[str, type[ValveDamper]] = {
 }
 # Laws are told apart by the stiffest and the softest setting as well as by all.
 _COMPARED = 2
+# What a law has of its own, and the lengths that make the paper's gas volume.
+_VALVES = {"rebound", "compression"}
+_GAS_LENGTHS = {"gas_length", "gas_piston_diameter"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -272,36 +268,39 @@ def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamp
             "declare [damper] as of the paper's model or of real valves"
         )
     kinds = LAYOUTS if layout is None else {layout: LAYOUTS[layout]}
-    return [
-        kind(
-            rod_diameter=damper.rod_diameter,
-            piston_diameter=damper.piston_diameter,
-            chamber_1_length=damper.chamber_1_length,
-            chamber_2_length=damper.chamber_2_length,
-            oil_density=damper.oil_density,
-            gas_pressure=damper.gas_pressure,
-            gas_volume=damper.gas_volume,
-            gas_exponent=damper.gas_exponent,
-            ambient_pressure=getattr(damper, "ambient_pressure", AMBIENT),
-            mounting=getattr(damper, "mounting", Mounting()),
-            friction=getattr(damper, "friction", Friction()),
-        )
-        for kind in kinds.values()
-    ]
+    known = _known(configuration)
+    return [kind(**known) for kind in kinds.values()]
+
+
+def _known(configuration: Configuration) -> dict[str, Any]:
+    """What a layout takes from the damper: what was declared, as `--model NAME` does.
+
+    Where nothing was, it is the paper's damper, gas and all.
+    """
+    damper = configuration.damper
+    own = {one.name for one in fields(damper) if one.init}
+    shared = {one.name for one in fields(ValveDamper) if one.name in own} - _VALVES
+    if isinstance(damper, ValveDamper):
+        return {name: getattr(damper, name) for name in shared}
+    known = {name: getattr(damper, name) for name in shared}
+    known["gas_volume"] = damper.gas_volume
+    declared = {one.removeprefix("damper.") for one in configuration.declared}
+    if not {*configuration.keys} & declared:
+        return known
+    if declared & _GAS_LENGTHS:
+        declared |= {"gas_volume"}
+    return {name: value for name, value in known.items() if name in declared}
 
 
 def _assumed(configuration: Configuration) -> tuple[str, ...]:
     """What the layouts have of the gas that nobody has declared, in a sentence."""
-    damper, declared = configuration.damper, configuration.declared
-    gas = {"damper.gas_length", "damper.gas_piston_diameter", "damper.gas_exponent"}
-    others = {f"damper.{name}" for name in configuration.keys} - gas
-    if not isinstance(damper, Damper) or gas & declared or not others & declared:
+    damper = configuration.damper
+    known = _known(configuration) if isinstance(damper, Damper) else {}
+    missing = {name: getattr(ValveDamper(), name) for name in GAS if name not in known}
+    if not isinstance(damper, Damper) or not missing:
         return ()
-    usual = ValveDamper()
     said = (
-        f"laws of real valves were tried with the paper's gas, {1e6 * damper.gas_volume:.3g} cm3 "
-        f"and exponent {damper.gas_exponent:g}; --model twin_tube and the like take "
-        f"{1e6 * usual.gas_volume:.3g} cm3 and {usual.gas_exponent:g} unless gas_volume and "
-        "gas_exponent are declared: declare them where they are known"
+        f"laws of real valves were tried with {gas_in_words(missing)}, as --model twin_tube and "
+        "the like take it: declare what your damper has"
     )
     return (said,)

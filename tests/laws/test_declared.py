@@ -32,24 +32,47 @@ def test_a_layout_keeps_ambient_pressure_and_mounting() -> None:
     assert everything(Mounting()) == Mounting(FIT, FIT, FIT)
 
 
-@pytest.mark.parametrize(("declared", "volume", "exponent"), [
-    ("", 62.83e-6, 1.4),  # the paper's own damper
-    ('rod_diameter = "12mm"', 62.83e-6, 1.4),
-    ('rod_diameter = "12mm"\ngas_exponent = 1.2', 62.83e-6, 1.2),
-    ('rod_diameter = "12mm"\ngas_length = "25mm"', 31.42e-6, 1.4),
-    ('model = "twin_tube"\ngas_volume = "20cm3"', 20e-6, 1.3),
-    ('model = "twin_tube"', 30e-6, 1.3),
+@pytest.mark.parametrize(("declared", "volume", "pressure", "exponent"), [
+    ("", 62.83e-6, 4.6e5, 1.4),  # the paper's own damper
+    ('rod_diameter = "12mm"', 30e-6, 5e5, 1.3),
+    ('rod_diameter = "12mm"\ngas_exponent = 1.2', 30e-6, 5e5, 1.2),
+    ('rod_diameter = "12mm"\ngas_length = "25mm"', 31.42e-6, 5e5, 1.3),
+    ('rod_diameter = "12mm"\ngas_pressure = "8bara"', 30e-6, 8e5, 1.3),
+    ('model = "twin_tube"\ngas_volume = "20cm3"', 20e-6, 5e5, 1.3),
+    ('model = "twin_tube"', 30e-6, 5e5, 1.3),
 ])  # fmt: skip
-def test_gas_that_nobody_declared_is_the_papers_and_is_told(
-    tmp_path, declared: str, volume: float, exponent: float
+def test_gas_that_nobody_declared_is_told(
+    tmp_path, declared: str, volume: float, pressure: float, exponent: float
 ) -> None:
     (tmp_path / "damper.toml").write_text(f"[damper]\n{declared}\n")
     configuration = load_configuration(tmp_path / "damper.toml")
     for layout in _layouts(configuration, None):
         assert layout.gas_volume == pytest.approx(volume, rel=1e-3)
-        assert layout.gas_exponent == exponent
-    is_told = declared == 'rod_diameter = "12mm"'
-    assert bool(_assumed(configuration)) is is_told
+        assert (layout.gas_pressure, layout.gas_exponent) == (pressure, exponent)
+    said = " ".join((*_assumed(configuration), *configuration.notes))
+    is_told = "rod_diameter" in declared
+    assert ("laws of real valves were tried with" in said) is is_told
+    assert ("30 cm3 of gas" in said) is (is_told and "gas_length" not in declared)
+
+
+@pytest.mark.parametrize("declared", [
+    {"rod_diameter": "11mm"},
+    {"rod_diameter": "11mm", "piston_diameter": "28mm", "gas_exponent": 1.2},
+    {"chamber_1_length": "80mm", "gas_pressure": "7bara", "oil_density": 870.0},
+])  # fmt: skip
+def test_auto_tries_the_damper_that_a_named_model_would_take(declared) -> None:
+    auto = _layouts(load_configuration(None, overlay={"damper": declared}), None)
+    for one in auto:
+        named = {"damper": {"model": one.name, **declared}}
+        assert one == load_configuration(None, overlay=named).damper
+
+
+def test_a_named_model_tells_its_assumed_gas() -> None:
+    declared = {"model": "twin_tube", "rod_diameter": "11mm"}
+    (said,) = load_configuration(None, overlay={"damper": declared}).notes
+    assert "(30 cm3 of gas, 5 bar absolute, exponent 1.3): declare" in said
+    known = load_configuration(None, overlay={"damper": {**declared, "gas_volume": "25cm3"}})
+    assert "cm3 of gas" not in " ".join(known.notes)
 
 
 def test_a_measured_lag_is_not_taken_out() -> None:
