@@ -268,16 +268,15 @@ def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamp
             "declare [damper] as of the paper's model or of real valves"
         )
     kinds = LAYOUTS if layout is None else {layout: LAYOUTS[layout]}
-    known = _known(configuration)
+    known = _known(configuration, damper)
     return [kind(**known) for kind in kinds.values()]
 
 
-def _known(configuration: Configuration) -> dict[str, Any]:
+def _known(configuration: Configuration, damper: Damper | ValveDamper) -> dict[str, Any]:
     """What a layout takes from the damper: what was declared, as `--model NAME` does.
 
     Where nothing was, it is the paper's damper, gas and all.
     """
-    damper = configuration.damper
     own = {one.name for one in fields(damper) if one.init}
     shared = {one.name for one in fields(ValveDamper) if one.name in own} - _VALVES
     if isinstance(damper, ValveDamper):
@@ -295,9 +294,11 @@ def _known(configuration: Configuration) -> dict[str, Any]:
 def _assumed(configuration: Configuration) -> tuple[str, ...]:
     """What the layouts have of the gas that nobody has declared, in a sentence."""
     damper = configuration.damper
-    known = _known(configuration) if isinstance(damper, Damper) else {}
+    if not isinstance(damper, Damper):
+        return ()
+    known = _known(configuration, damper)
     missing = {name: getattr(ValveDamper(), name) for name in GAS if name not in known}
-    if not isinstance(damper, Damper) or not missing:
+    if not missing:
         return ()
     said = (
         f"laws of real valves were tried with {gas_in_words(missing)}, as --model twin_tube and "
