@@ -35,10 +35,11 @@ from damperfit.cli.options import (
     TestsOption,
     TruncatedOption,
     VersionOption,
-    assignments,
     configured,
     declared_setting,
     names_of,
+    quantity_names,
+    quantity_values,
     rig_entries,
     starts_of,
 )
@@ -63,7 +64,7 @@ _ALL_FAILED = 3
 def identify(
     logs: LogsArgument,
     free: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             metavar="NAME,NAME",
             help="Fit these; of the paper's model r_m1 r_m2 r_m3 k_e f_f f_0.",
@@ -89,7 +90,7 @@ def identify(
         str | None, typer.Option(metavar="NAME", help="How to fit: paper, joint, plain.")
     ] = None,
     share: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(metavar="NAME,NAME", help="In common to all settings of a joint fit."),
     ] = None,
     hold_out: Annotated[
@@ -178,11 +179,11 @@ def identify(
     start_file, start_values = starts_of(start)
     configuration = configured(
         config,
-        ("--free", "identification.free", free.split(",") if free is not None else None),
-        ("--fix", "identification.fix", assignments(fix or [], option="--fix") or None),
+        ("--free", "identification.free", quantity_names(free)),
+        ("--fix", "identification.fix", quantity_values(fix or [], option="--fix") or None),
         ("--model", "damper.model", None if model == _AUTO else model),
         ("--procedure", "identification.procedure", procedure),
-        ("--share", "identification.share", share.split(",") if share is not None else None),
+        ("--share", "identification.share", quantity_names(share)),
         ("--bulk-modulus", "identification.bulk_modulus", bulk_modulus),
         ("--starts", "identification.starts", starts),
         ("--start", "identification.start", start_file),
@@ -191,7 +192,7 @@ def identify(
             "identification.start_values",
             None if model == _AUTO else start_values or None,
         ),
-        ("--profile", "identification.profile", ",".join(profile).split(",") if profile else None),
+        ("--profile", "identification.profile", quantity_names(profile)),
         ("--hold-out", "identification.hold_out", hold_out or None),
         ("--hold-out-cycles", "identification.hold_out_cycles", hold_out_cycles),
         ("--strict", "rig.strict", strict or None),
@@ -216,8 +217,8 @@ def identify(
     procedure_used = configuration.identification.procedure
     if share is not None and procedure_used != "joint":
         raise ConfigurationError(
-            f"--share {share} cannot act: only procedure joint fits shared parameters, found "
-            f"procedure {procedure_used}; add --procedure joint"
+            f"--share {','.join(share)} cannot act: only procedure joint fits shared parameters, "
+            f"found procedure {procedure_used}; add --procedure joint"
         )
     declared = declared_setting(setting, configuration)
     lost: UnwrittenError | None = None

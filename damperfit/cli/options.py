@@ -39,6 +39,8 @@ __all__ = [
     "configured",
     "declared_setting",
     "names_of",
+    "quantity_names",
+    "quantity_values",
     "refuse_beside",
     "rig_entries",
     "starts_of",
@@ -134,30 +136,72 @@ StartOption = Annotated[
     typer.Option(
         "--start",
         metavar="FILE|NAME=VALUE",
-        help="Where the fits start: parameters of an earlier run, or single values.",
+        help="Where the fits start: parameters of an earlier run, or values, as in f_f=30,k_e=2e9.",
     ),
 ]
 _ASSIGNMENT = re.compile(r"\s*[A-Za-z_]\w*\s*=")
+_NEXT_ASSIGNMENT = re.compile(r",(?=\s*[A-Za-z_]\w*\s*=)")
 
 
 def starts_of(texts: Sequence[str] | None) -> tuple[str | None, dict[str, str]]:
-    """Return the file and the values that ``--start`` gives.
+    """Return the file and the values that ``--start`` gives, values one by one or in lists.
+
+    Examples
+    --------
+    >>> starts_of(["results", "f_f=30,k_e=2e9"])
+    ('results', {'f_f': '30', 'k_e': '2e9'})
 
     Raises
     ------
     ConfigurationError
         Two files are given, a value is missing, or a name is given twice.
     """
-    texts = texts or []
-    values = [text for text in texts if _ASSIGNMENT.match(text) and not Path(text).exists()]
-    files = [text for text in texts if text not in values]
+    parts = [part for text in texts or [] for part in _parted(text)]
+    values = [part for part in parts if _ASSIGNMENT.match(part) and not Path(part).exists()]
+    files = [part for part in parts if part not in values]
     if len(files) > 1:
         raise ConfigurationError(
             f"--start {files[1]}: {files[0]} is given already; a fit starts from one earlier run"
         )
     if "" in files:
         raise ConfigurationError("--start '': expected a file or NAME=VALUE, such as k_e=5e8")
-    return (files[0] if files else None), assignments(values, option="--start")
+    return (files[0] if files else None), quantity_values(values, option="--start")
+
+
+def _parted(text: str) -> list[str]:
+    return [text] if Path(text).exists() else _NEXT_ASSIGNMENT.split(text)
+
+
+def quantity_values(texts: Iterable[str], *, option: str) -> dict[str, str]:
+    """Return NAME=VALUE texts, or lists of them, by quantity; K_e is k_e.
+
+    Raises
+    ------
+    ConfigurationError
+        As of `assignments`.
+
+    Examples
+    --------
+    >>> quantity_values(["K_e=2e9, f_f=30", "f_0=0"], option="--fix")
+    {'k_e': '2e9', 'f_f': '30', 'f_0': '0'}
+    """
+    lower = (
+        f"{name.lower()}{equals}{value}"
+        for text in texts
+        for name, equals, value in (one.partition("=") for one in _NEXT_ASSIGNMENT.split(text))
+    )
+    return assignments(lower, option=option)
+
+
+def quantity_names(texts: Iterable[str] | None) -> list[str] | None:
+    """Return the quantities that options name, None where none was given.
+
+    Examples
+    --------
+    >>> quantity_names(["R_m1, k_e", "f_f"]), quantity_names(None)
+    (['r_m1', 'k_e', 'f_f'], None)
+    """
+    return None if texts is None else [name.lower() for name in names_of(texts)]
 
 
 def rig_entries(texts: Iterable[str] | None) -> list[tuple[str, str, Any]]:

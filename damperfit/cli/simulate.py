@@ -15,8 +15,8 @@ from damperfit.cli.options import (
     JsonOption,
     QuietOption,
     VersionOption,
-    assignments,
     configured,
+    quantity_values,
     refuse_beside,
 )
 from damperfit.errors import ConfigurationError
@@ -97,7 +97,7 @@ def simulate(
     )
     _check_suffix("--out", out, (".csv", ".parquet"))
     _check_suffix("--plot", plot, (".png", ".svg", ".pdf"))
-    replaced = assignments(set_ or [], option="--set")
+    replaced = quantity_values(set_ or [], option="--set")
     choice = choose_parameters(
         setting,
         table=parameters,

@@ -15,8 +15,8 @@ from damperfit.cli.options import (
     JsonOption,
     QuietOption,
     VersionOption,
-    assignments,
     configured,
+    quantity_values,
 )
 from damperfit.cli.report import check_kind
 from damperfit.errors import ConfigurationError
@@ -86,7 +86,7 @@ def sweep(
     if len({variation.name for variation in variations}) < len(variations):
         raise ConfigurationError("--vary: a name is given twice; put its factors into one list")
     given = configured(config, ("--max-steps", "simulation.max_steps", max_steps))
-    replaced = assignments(set_ or [], option="--set")
+    replaced = quantity_values(set_ or [], option="--set")
     number = "10" if paper and setting is None else setting
     choice = choose_parameters(
         number, table=parameters, replaced=replaced, folder=given.output.folder, damper=given.damper

@@ -10,15 +10,22 @@ from damperfit.errors import ConfigurationError
 from damperfit.readers.formats import LOG_SUFFIXES
 from damperfit.run.own_tables import is_own_table
 
-__all__ = ["matches"]
+__all__ = ["is_there", "matches"]
 
 
-def matches(pattern: str) -> list[Path]:
+def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
     """Return the files that a path, a pattern, a folder or ``@list.txt`` names.
 
     A folder stands for the logs in it, not below it: files with the suffix of a format that is
     read. A list has one path or pattern a line, relative to where the command is run; empty lines
     and those that begin with ``#`` count for nothing.
+
+    Parameters
+    ----------
+    pattern : str
+        As given.
+    keeps_missing : bool
+        Return a named file that does not exist as well, for the reader to report.
 
     Raises
     ------
@@ -28,16 +35,18 @@ def matches(pattern: str) -> list[Path]:
     path = Path(pattern)
     if _is_folder(path):
         return _logs_in(path)
-    if _may_exist(path):
+    if is_there(path):
         return [path]
     if pattern.startswith("@"):
-        return _listed(pattern)
+        return _listed(pattern, keeps_missing=keeps_missing)
     if any(c in pattern for c in "*?["):
         hits = [Path(hit) for hit in glob.glob(pattern, recursive=True)]
         files = [hit for hit in hits if not _is_folder(hit)]
         if not files:
             raise ConfigurationError(f"{pattern}: the pattern matches no file")
         return files
+    if keeps_missing and pattern.strip():
+        return [path]
     raise ConfigurationError(f"{pattern}: no such file")
 
 
@@ -60,7 +69,7 @@ def _logs_in(folder: Path) -> list[Path]:
     return found
 
 
-def _listed(pattern: str) -> list[Path]:
+def _listed(pattern: str, *, keeps_missing: bool) -> list[Path]:
     path = Path(pattern[1:])
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -75,7 +84,7 @@ def _listed(pattern: str) -> list[Path]:
         if text.startswith("@"):
             raise ConfigurationError(f"{path}:{number}: a list in a list is not followed: {text}")
         try:
-            found += matches(text)
+            found += matches(text, keeps_missing=keeps_missing)
         except ConfigurationError as error:
             raise ConfigurationError(
                 f"{path}:{number}: {error}; paths in a list count from where the command is run"
@@ -91,7 +100,7 @@ def _is_folder(path: Path) -> bool:
     return False
 
 
-def _may_exist(path: Path) -> bool:
+def is_there(path: Path) -> bool:
     """Whether there is a file, or nobody may look: then reading it says so."""
     try:
         path.lstat()

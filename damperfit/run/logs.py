@@ -30,7 +30,7 @@ from damperfit.readers import is_tests_table, read_curves, read_logs
 from damperfit.recording import Finding, natural_order
 from damperfit.report import Failure
 from damperfit.run.labelling import FROM_NAME, GUESSED, labels_for
-from damperfit.run.log_paths import matches
+from damperfit.run.log_paths import is_there, matches
 from damperfit.run.own_tables import is_own_table
 from damperfit.run.tested_at import conditioned_as_tested
 
@@ -107,15 +107,21 @@ class LogBatch:
 def expand(patterns: Iterable[str]) -> tuple[Path, ...]:
     """Return the files that paths and patterns name, each once, in natural order.
 
+    A named file that does not exist is kept where others do: reading it fails, and costs it alone.
+
     Raises
     ------
     ConfigurationError
-        A path does not exist or is a folder, or a pattern matches nothing.
+        None of the files exists, or a pattern or a folder names none.
     """
+    patterns = list(patterns)
     found: dict[str, Path] = {}
     for pattern in patterns:
-        for path in matches(pattern):
+        for path in matches(pattern, keeps_missing=True):
             found.setdefault(os.path.realpath(path), path)
+    if not any(map(is_there, found.values())):
+        for pattern in patterns:
+            matches(pattern)  # raises with what is missing, and where it was named
     return tuple(sorted(found.values(), key=_by_number))
 
 

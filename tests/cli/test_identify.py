@@ -171,13 +171,37 @@ def test_a_gate_that_is_not_met_is_code_4_and_everything_is_written(run, logs, t
     assert run("identify", logs / "setting_01.csv", "--max-mse", "1").code == 0
 
 
+def test_a_missing_file_among_logs_costs_itself_alone(run, logs, tmp_path) -> None:
+    ended = run("identify", logs / "setting_01.csv", "nope_02.csv", "-q")
+    assert ended.code == 1
+    assert ended.err.splitlines() == ["damperfit: nope_02.csv: no such file"]
+    document = json.loads((tmp_path / "results" / "run.json").read_text())
+    assert document["exit_code"] == 1
+    assert [one["log"] for one in document["failures"]] == ["nope_02.csv"]
+    assert [line.split(",")[0] for line in _rows(tmp_path / "results")] == ["1"]
+
+
+def test_a_missing_file_of_a_list_costs_itself_alone(run, logs, tmp_path) -> None:
+    (tmp_path / "list.txt").write_text(f"{logs / 'setting_01.csv'}\nnope.csv\n")
+    ended = run("inspect", "@list.txt", "--json")
+    assert ended.code == 1
+    assert "nope.csv: no such file" in ended.err
+    read = [Path(one["path"]).name for one in json.loads(ended.out)["logs"]]
+    assert read == ["nope.csv", "setting_01.csv"]
+
+
+def _rows(folder: Path) -> list[str]:
+    return (folder / "parameters.csv").read_text().splitlines()[1:]
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
         (["nope.csv"], "nope.csv: no such file"),
         (["nope*.csv"], "nope*.csv: the pattern matches no file"),
         (["."], "no log in this folder"),
-        (["LOG", "nope.csv"], "nope.csv: no such file"),
+        (["nope.csv", "neither.csv"], "nope.csv: no such file"),
+        (["LOG", "nope*.csv"], "nope*.csv: the pattern matches no file"),
         (["LOG", "--config", "nope.toml"], "nope.toml: cannot be read"),
         (["LOG", "--frree", "r_m1"], "No such option: --frree"),
         (["LOG", "--free", "r_m9"], "r_m9"),

@@ -199,7 +199,7 @@ class TestLogsByFolderAndList:
         ("text", "said"),
         [
             ("# nothing\n", "@list.txt: the list names no log"),
-            ("runs/setting_01.csv\nnowhere.csv\n", "list.txt:2: nowhere.csv: no such file"),
+            ("# x\nnowhere.csv\n", "list.txt:2: nowhere.csv: no such file"),
             ("@list.txt\n", "list.txt:1: a list in a list is not followed"),
         ],
     )

@@ -49,6 +49,17 @@ def test_a_run_begins_where_an_earlier_one_ended(run, logs, earlier, began, name
     assert told["start"] == str(earlier / name)
 
 
+def test_values_come_in_a_list_and_may_be_written_as_in_the_paper(run, logs, began) -> None:
+    log = logs / "setting_02.csv"
+    command = ["identify", log, "--procedure", "plain", "--json", "--quiet"]
+    done = run(*command, "--start", "f_f=30, K_e=2e9", "--start", "r_m1=2e4", "--fix", "F_0=0")
+    assert done.code == 0
+    assert (began[2].f_f, began[2].k_e, began[2].r_m1) == (30.0, 2e9, 2e4)
+    told = json.loads(done.out)["configuration"]["identification"]
+    assert told["start_values"] == {"f_f": "30", "k_e": "2e9", "r_m1": "2e4"}
+    assert told["fix"] == {"f_0": "0"}
+
+
 def test_values_go_before_the_file_and_stand_in_run_json(run, logs, earlier, began) -> None:
     log = logs / "setting_02.csv"
     command = ["identify", log, "--procedure", "plain", "--json", "--quiet"]
@@ -66,6 +77,8 @@ def test_values_go_before_the_file_and_stand_in_run_json(run, logs, earlier, beg
         (["--start", "nowhere.csv"], "--start nowhere.csv: cannot be read"),
         (["--start", "k_e="], "--start k_e=: expected NAME=VALUE"),
         (["--start", "k_e=1e9", "--start", "k_e=2e9"], "k_e is given twice"),
+        (["--start", "k_e=1e9,K_e=2e9"], "--start k_e=2e9: k_e is given twice"),
+        (["--start", "k_e=1e9,"], "k_e = 1e9,: expected a number in Pa"),
         (["--start", "a", "--start", "b"], "--start b: a is given already"),
         (["--start", ""], "expected a file or NAME=VALUE"),
         (["--start", "k_g=1e9"], "no parameter 'k_g'"),
@@ -123,4 +136,6 @@ def test_a_file_whose_name_looks_like_a_value_is_a_file(tmp_path, monkeypatch) -
     monkeypatch.chdir(tmp_path)
     (tmp_path / "day=2.csv").write_text("setting\n")
     assert starts_of(["day=2.csv", "k_e=3"]) == ("day=2.csv", {"k_e": "3"})
+    (tmp_path / "a=1,b=2").write_text("setting\n")
+    assert starts_of(["a=1,b=2"]) == ("a=1,b=2", {})
     assert starts_of(None) == (None, {})
