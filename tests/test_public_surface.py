@@ -484,6 +484,7 @@ SURFACE = {
     ],
     "damperfit.run.own_tables": ["is_own_table"],
     "damperfit.run.log_paths": [
+        "is_there",
         "matches",
     ],
     "damperfit.run.work": [
