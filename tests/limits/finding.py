@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["Limit", "find_constants", "find_limits"]
+__all__ = ["Limit", "constants_of", "find_constants", "find_limits", "names_in"]
 
 _CLOSE = {"isclose", "allclose"}
 
@@ -41,19 +41,21 @@ class Limit:
 def find_constants(root: Path) -> dict[str, Limit]:
     """Return all numbers that the package below a root names at the top of a module."""
     return {
-        limit.name: limit
-        for path, tree in _trees(root).items()
-        for limit in _constants(path, tree).values()
+        limit.name: limit for limits in constants_of(root).values() for limit in limits.values()
     }
+
+
+def constants_of(root: Path) -> dict[str, dict[str, Limit]]:
+    """Return the same by file and name."""
+    return {path: _constants(path, tree) for path, tree in _trees(root).items()}
 
 
 def find_limits(root: Path) -> dict[str, Limit]:
     """Return those of them that are compared with something."""
-    trees = _trees(root)
-    constants = {path: _constants(path, tree) for path, tree in trees.items()}
+    trees, constants = _trees(root), constants_of(root)
     found: dict[str, Limit] = {}
     for path, tree in trees.items():
-        names = {**_imported(tree, constants), **constants[path]}
+        names = {**names_in(tree, constants), **constants[path]}
         for name in _compared(tree, names):
             found[names[name].name] = names[name]
     return {name: found[name] for name in sorted(found)}
@@ -99,7 +101,7 @@ def _number(value: ast.expr) -> float | None:
     return number if is_number else None
 
 
-def _imported(tree: ast.Module, constants: dict[str, dict[str, Limit]]) -> dict[str, Limit]:
+def names_in(tree: ast.Module, constants: dict[str, dict[str, Limit]]) -> dict[str, Limit]:
     """Return the limits that a module knows from others, by what it calls them."""
     found: dict[str, Limit] = {}
     for node in ast.walk(tree):

@@ -1,0 +1,97 @@
+"""Limits by which a channel is judged: a case just inside, one just outside."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from damperfit.conditioning import channels
+from damperfit.conditioning.channels import Channel, _clipped, _is_clip, _repeats, _runs, _steps
+from damperfit.conditioning.stands import Beside, catches_up, is_cut_displacement
+
+
+def channel(values, *, other=None, period=0.0):
+    n = len(values)
+    other = np.zeros(n) if other is None else other
+    return Channel("force", "N", 1.0, values, other, np.arange(n) / 300.0, period=period)
+
+
+BENT = np.array([0.0, 1.0, 3.0, 0.0, 9.0])  # goes on while the force stands, not straight
+
+
+@pytest.mark.parametrize(("steps", "clips"), [(5.8, False), (6.2, True)])
+def test_a_rail_leaps_by_six_steps(steps, clips) -> None:
+    values = np.array([-20.0, -steps, 0.0, 0.0, 0.0, -steps, -20.0])
+    other = np.array([0.0, 1.0, 5.0, 9.0, 5.0, 1.0, 0.0])
+    _, top = _clipped(channel(values, other=other), _runs(values), 1.0, 20.0)
+    assert bool(len(top.start)) is clips
+
+
+@pytest.mark.parametrize(
+    ("beyond", "step", "clips"),
+    [(0.96, 0.0, False), (1.04, 0.0, True), (2.9, 1.0, False), (3.1, 1.0, True)],
+)
+def test_a_crest_may_lack_a_thousandth_or_three_steps(beyond, step, clips, monkeypatch) -> None:
+    near = Beside((1.0, 0.0), (1.0, 0.0), beyond, step)
+    monkeypatch.setattr(channels, "beside", lambda *_: near)
+    run = SimpleNamespace(start=np.array([1]), stop=np.array([4]))
+    assert _is_clip(channel(np.zeros(5), other=BENT), run, 0, 1000.0) is clips
+
+
+@pytest.mark.parametrize(("noise", "severity"), [(0.43, "warning"), (0.47, "note")])
+def test_noise_of_half_a_step_spreads_coarse_steps(noise, severity) -> None:
+    values = np.rint(50.0 * np.sin(np.arange(400.0) / 20.0))
+    assert _steps(channel(values), 1.0, 100.0, noise=noise).severity == severity
+
+
+@pytest.mark.parametrize(("count", "said"), [(0.95e6, "has steps of"), (1.05e6, "has no steps")])
+def test_no_converter_has_more_than_a_million_steps(count, said) -> None:
+    assert said in _steps(channel(np.zeros(9)), 1.0, count, noise=0.0).sentence
+
+
+@pytest.mark.parametrize(("height", "n"), [(24.0, 0), (26.0, 1)])
+def test_a_jump_at_a_turn_is_a_spike_from_a_quarter_of_the_range(height, n) -> None:
+    values = np.zeros(400)
+    values[200] = height
+    other = -np.abs(np.arange(400.0) - 200.0)
+    assert len(channels.find_spikes(channel(values, other=other), 100.0, noise=0.0)) == n
+
+
+@pytest.mark.parametrize(("others", "repeats"), [(24, False), (26, True)])
+def test_what_a_quarter_of_the_cycles_have_repeats(others, repeats) -> None:
+    size = np.zeros(101 * 20)
+    row = 50 * 20 + 10
+    size[row] = 1.0
+    size[10 : 10 + 20 * others : 20] = 1.0
+    assert bool(_repeats(size, row, 20.0)) is repeats
+
+
+@pytest.mark.parametrize(("n", "spikes"), [(19, 19), (21, 0)])
+def test_more_than_one_spike_in_fifty_samples_is_noise(n, spikes) -> None:
+    values = np.zeros(1000)
+    values[5 : 5 + 20 * n : 20] = 50.0
+    # The log is shorter than a cycle: nothing can repeat.
+    found = channels.find_spikes(channel(values, period=2000.0), 100.0, noise=0.0)
+    assert len(found) == spikes
+
+
+@pytest.mark.parametrize(("speed", "is_cut"), [(3.9, False), (4.1, True)])
+def test_a_cut_has_two_fifths_of_the_speed_that_turns_it(speed, is_cut) -> None:
+    near = Beside((speed, 1.0), (speed, 1.0), 0.0, 0.0)
+    assert is_cut_displacement(near, np.zeros(10)) is is_cut
+
+
+@pytest.mark.parametrize(("early", "is_cut"), [(0.29, True), (0.31, False)])
+def test_at_rest_the_force_leaves_its_value_at_once(early, is_cut) -> None:
+    force = np.repeat([early, early, early, 1.0], 10)
+    force[0], force[1:10] = 0.0, early * 10.0 / 9.0
+    near = Beside((100.0, 1.0), (100.0, 1.0), 0.0, 0.0)
+    assert is_cut_displacement(near, force) is is_cut
+
+
+@pytest.mark.parametrize(("leap", "catches"), [(2.9, False), (3.1, True)])
+def test_a_sensor_catches_up_by_three_usual_steps(leap, catches) -> None:
+    values = np.concatenate([np.zeros(20), leap + np.arange(20.0)])
+    assert catches_up(values, 20) is catches

@@ -1,0 +1,351 @@
+"""Limits by which cycles, runs and what repeats are found: a case just inside, one just outside."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from damperfit.conditioning import (
+    compared_part,
+    continuation,
+    cycles,
+    drive,
+    motion,
+    moving,
+    plateaus,
+    repeatability,
+    stretches,
+)
+from damperfit.conditioning.channels import noise_of
+from damperfit.conditioning.options import ConditionOptions
+from damperfit.conditioning.passages import Run, _repeats, cycles_of, ends_in_motion, runs_of
+from damperfit.conditioning.scatter import scatter_between_cycles
+from damperfit.errors import ConditioningError
+from tests.conditioning.test_limits_of_findings import _log
+from tests.conditioning.test_limits_of_findings import cycles as made
+
+OPTIONS = ConditionOptions()
+EDGES = stretches.Edges(5)
+
+
+def swings(n: float, samples: int = 50) -> np.ndarray:
+    """n half strokes of a sine, from turn to turn."""
+    return -np.cos(np.pi * np.arange(round(n * samples)) / samples)
+
+
+# Which part is compared
+
+
+@pytest.mark.parametrize(("beyond", "moves"), [(0.48, True), (0.52, False)])
+def test_noise_with_half_its_speed_far_up_is_no_motion(beyond, moves, monkeypatch) -> None:
+    monkeypatch.setattr(compared_part, "find_runs", lambda *_, **__: ((), 5))
+    monkeypatch.setattr(compared_part, "content_beyond", lambda *_: beyond)
+    monkeypatch.setattr(compared_part, "find_moving", lambda *_, **__: ("a motion",))
+    seen = SimpleNamespace(log=SimpleNamespace(interval=0.001), displacement=0, velocity=0)
+    found, _ = compared_part._several(seen, EDGES, OPTIONS)
+    assert bool(found) is moves
+
+
+@pytest.mark.parametrize(("n", "suffices"), [(2, False), (3, True)])
+def test_three_whole_cycles_make_a_test(n, suffices) -> None:
+    rising = 100.0 * np.arange(n + 1)
+    found = cycles.Cycles(rising, rising + 50.0, 100.0, 0.0, 1.0, n)
+    log = SimpleNamespace(force=np.zeros(350), interval=0.01, displacement=np.arange(350.0))
+    if suffices:
+        assert len(compared_part._window("a.csv", log, found, 0)) >= 2
+    else:
+        with pytest.raises(ConditioningError, match="found 2 whole steady cycles"):
+            compared_part._window("a.csv", log, found, 0)
+
+
+# A log continued by its own cycles
+
+
+def settled(force, length=200.0, *, off, at):
+    force = force.copy()
+    force[at] += off
+    return continuation._settled(force, length)
+
+
+@pytest.mark.parametrize(("off", "run_in"), [(3.8, 0), (4.2, 10)])
+def test_a_beginning_differs_by_a_fiftieth_of_the_range(off, run_in) -> None:
+    wave = 100.0 * np.sin(2.0 * np.pi * np.arange(800) / 200.0)
+    assert settled(wave, off=off, at=slice(0, 10)) == run_in
+
+
+@pytest.mark.parametrize(("share", "run_in"), [(5.8, 0), (6.2, 10)])
+def test_a_beginning_differs_by_six_deviations(share, run_in) -> None:
+    noise = np.tile(np.random.default_rng(1).standard_normal(2000), 4)
+    off = share * math.sqrt(2.0) * noise_of(noise)
+    assert settled(noise, 2000.0, off=off, at=slice(0, 10)) == run_in
+
+
+@pytest.mark.parametrize(("first", "run_in"), [(3, 21), (4, 0)])
+def test_a_beginning_begins_with_the_log(first, run_in) -> None:
+    wave = 100.0 * np.sin(2.0 * np.pi * np.arange(800) / 200.0)
+    assert settled(wave, off=20.0, at=slice(first, 21)) == run_in
+
+
+@pytest.mark.parametrize(("rows", "run_in"), [(88, 88), (92, 0)])
+def test_what_differs_for_most_of_half_a_cycle_is_no_beginning(rows, run_in) -> None:
+    wave = 100.0 * np.sin(2.0 * np.pi * np.arange(800) / 200.0)
+    assert settled(wave, off=20.0, at=slice(0, rows)) == run_in
+
+
+# Cycles
+
+
+@pytest.mark.parametrize(("height", "period"), [(0.24, 200.0), (0.26, 100.0)])
+def test_a_crossing_counts_that_leaves_a_quarter_of_the_amplitude(height, period) -> None:
+    """Between its strokes the motion goes to and fro about the middle, by so much of them."""
+    half = np.sin(np.pi * np.arange(80) / 80.0)
+    small = height * np.sin(np.pi * np.arange(20) / 20.0)
+    x = np.tile(np.concatenate([half, -small, small, -half]), 8)
+    offset = x, np.gradient(x)
+    found = cycles._steady_run(*offset, cycles._HYSTERESIS, 0.05)
+    assert found.period == pytest.approx(period)
+
+
+@pytest.mark.parametrize(("alike", "is_run"), [(10, False), (11, True)])
+def test_a_run_is_a_tenth_of_all_cycles(alike, is_run, monkeypatch) -> None:
+    periods = np.full(109, 100.0)
+    periods[alike:] = np.where(np.arange(109 - alike) % 2, 50.0, 150.0)
+    marks = np.concatenate([[0.0], np.cumsum(periods)])
+    monkeypatch.setattr(cycles, "crossings", lambda *_: marks)
+    monkeypatch.setattr(cycles, "_extremes", lambda *_: np.ones(109))
+    found = cycles._steady_run(np.zeros(1), np.zeros(1), 0.0, 0.05)
+    assert (found is not None) is is_run
+
+
+# What drives the model
+
+
+def stretch_of(n: int = 4, samples: int = 100):
+    one = made(n).fastest
+    return replace(one, stop=n * samples, cycle_starts=samples * np.arange(n + 1.0))
+
+
+@pytest.mark.parametrize(("lost", "is_wider"), [(0.0029, False), (0.0031, True)])
+def test_a_filter_may_take_three_thousandths_of_the_speed(lost, is_wider, monkeypatch) -> None:
+    velocity = np.tile([1.0, -1.0], 200)
+    motion = np.array([lost**2])
+    seen = drive._Spectrum(np.array([100.0]), motion, np.zeros(1))
+    monkeypatch.setattr(drive, "_seen", lambda *_: seen)
+    corner = drive._corner(velocity, velocity, stretch_of(), OPTIONS, interval=0.001)
+    assert (corner > OPTIONS.filter_corner) is is_wider
+
+
+@pytest.mark.parametrize(("lines", "alone"), [(7, False), (8, True)])
+def test_eight_lines_tell_the_noise_of_an_order(lines, alone) -> None:
+    table = np.zeros((5, lines))
+    table[2] = 1.0
+    assert (drive._between_orders(table).tolist() == [0.0, 0.0, 1.0, 0.0, 0.0]) is alone
+
+
+@pytest.mark.parametrize(("share", "moves"), [(7.7, False), (8.3, True)])
+def test_a_line_of_the_motion_stands_eight_times_above_the_noise(share, moves, monkeypatch) -> None:
+    """Amplitude a has the power a^2/2."""
+    monkeypatch.setattr(drive, "_between_orders", lambda lines: np.full(len(lines), 1.0))
+    rest = math.sqrt(2.0 * share) * np.sin(2.0 * np.pi * np.arange(401) / 100.0)
+    seen = drive._of_cycles(rest, stretch_of())
+    assert bool(seen.motion[4] > 0.0) is moves
+
+
+# Findings of the motion
+
+
+@pytest.mark.parametrize(("share", "n"), [(0.0195, 0), (0.0205, 1)])
+def test_two_per_cent_beyond_half_the_rigs_corner_are_told(share, n, monkeypatch) -> None:
+    monkeypatch.setattr(motion, "content_beyond", lambda *_: share)
+    options = ConditionOptions(rig_filter="causal")
+    assert len(list(motion._drive(made(4), options))) == n
+
+
+@pytest.mark.parametrize(("samples", "n"), [(19.5, 0), (20.5, 1)])
+def test_noise_is_told_from_motion_at_twenty_samples_a_cycle(samples, n) -> None:
+    trace = made(4)
+    trace = replace(trace, interval=1.0 / (trace.frequency * samples))
+    assert len(list(motion._displacement_noise(_log(trace), trace, OPTIONS))) == n
+
+
+@pytest.mark.parametrize(("share", "severity"), [(0.34, "note"), (0.36, "warning")])
+def test_noise_of_a_third_of_a_per_cent_of_the_speed_counts(share, severity, monkeypatch) -> None:
+    trace = made(4)
+    passed = 30.0 / math.sqrt(3.0) * math.sqrt(2.0 * 30.0 * trace.interval)
+    noise = 0.01 * share * trace.frequency * trace.amplitude / passed
+    monkeypatch.setattr(motion, "noise_of", lambda _: noise)
+    (found,) = motion._displacement_noise(_log(trace), trace, OPTIONS)
+    assert found.severity == severity
+    assert f"{share:g} % of the peak velocity" in found.sentence
+
+
+# Motion that does not repeat
+
+
+def moved(x, v=None):
+    v = np.gradient(x, 0.01) if v is None else v
+    return moving.find_moving(x, v, interval=0.01, edges=EDGES)
+
+
+@pytest.mark.parametrize(("turns", "n"), [(7, 0), (8, 1)])
+def test_a_motion_has_eight_turns(turns, n) -> None:
+    x = swings(turns - 0.5)
+    assert len(moved(x)) == n
+
+
+@pytest.mark.parametrize(("half", "run_in"), [(0.95, 1.9), (1.05, 2.0)])
+def test_the_run_in_is_a_cycle_and_no_longer_than_two_seconds(half, run_in) -> None:
+    (found,) = moved(swings(12, round(100.0 * half)))
+    assert 0.01 * (found.stretch.first - 5) == pytest.approx(run_in, abs=0.015)
+
+
+@pytest.mark.parametrize(("share", "n"), [(0.019, 2), (0.021, 1)])
+def test_a_fiftieth_of_the_fastest_speed_is_rest(share, n) -> None:
+    x = swings(20)
+    v = np.where(np.arange(1000) % 2, 1.0, -1.0)
+    v[470:530] = share
+    assert len(moved(x, v)) == n
+
+
+# Passages and runs
+
+
+@pytest.mark.parametrize(("turns", "n"), [(4, 0), (5, 1)])
+def test_a_run_has_three_passages_at_which_a_cycle_begins(turns, n) -> None:
+    x = swings(turns + 1)  # the first and the last turn are the log's ends
+    seen = cycles_of(x)
+    assert len(seen.passages) == turns
+    assert len(list(runs_of(seen, 0.05, near=1.0))) == n
+
+
+@pytest.mark.parametrize(("ripple", "counts"), [(0.019, False), (0.021, True)])
+def test_a_turn_goes_back_by_a_fiftieth_of_the_range(ripple, counts) -> None:
+    x = np.concatenate([np.linspace(0, 1, 50), np.linspace(1, 0, 50), np.linspace(0, 0.5, 50)])
+    back = np.concatenate([x, [0.5 - ripple], np.linspace(0.5, 1, 50), np.linspace(1, 0, 50)])
+    assert (len(cycles_of(back).passages) > 3) is counts
+
+
+RUN = Run(80.0, 900.0, 100.0, 1.0, 0.0)
+
+
+@pytest.mark.parametrize(("ahead", "repeats"), [(79.0, True), (81.0, False)])
+def test_four_fifths_of_a_cycle_may_be_ahead_of_a_run(ahead, repeats) -> None:
+    assert _repeats(np.tile(swings(2), 10), ahead, RUN) is repeats
+
+
+@pytest.mark.parametrize(("off", "repeats"), [(0.096, True), (0.104, False)])
+def test_what_is_ahead_of_a_run_is_alike_within_a_tenth(off, repeats) -> None:
+    x = np.tile(swings(2), 10)
+    x[3] += off
+    assert _repeats(x, 60.0, RUN) is repeats
+
+
+@pytest.mark.parametrize(("gone", "keeps"), [(0.58, True), (0.62, False)])
+def test_a_level_drifts_through_six_tenths_of_its_allowance(gone, keeps) -> None:
+    values = 100.0 + np.linspace(-0.5, 0.5, 21) * gone
+    assert plateaus._keeps_level(values, 0, 21, 0.01) is keeps
+
+
+@pytest.mark.parametrize(("length", "is_whole"), [(49, True), (51, False)])
+def test_levels_are_the_tests_where_they_are_half_of_a_run(length, is_whole, monkeypatch) -> None:
+    monkeypatch.setattr(plateaus, "_parts", lambda *_: [(0, length)])
+    values = np.ones(100)
+    found = plateaus.level_parts(values, values, fewest=3, steadiness=0.05)
+    assert list(found) == [(0, 100) if is_whole else (0, length)]
+
+
+@pytest.mark.parametrize(("off", "n"), [(0.97, 1), (1.03, 2)])
+def test_two_hundred_half_cycles_say_the_level(off, n) -> None:
+    """A creeping period is cut where it leaves the last 200 of them, half of which is 100.5."""
+    creep = np.exp(0.01 * off / 100.5 * np.arange(280))
+    parts = plateaus._parts(creep, np.ones(280), (0.01, 0.02))
+    assert len(parts) == n
+
+
+# Runs to stretches
+
+
+@pytest.mark.parametrize(("passages", "found"), [(19, 0), (21, 1)])
+def test_runs_are_the_test_from_a_third_of_all_cycles_on(passages, found, monkeypatch) -> None:
+    one = SimpleNamespace(stretch=None)
+    monkeypatch.setattr(stretches, "cycles_of", lambda _: SimpleNamespace(passages=np.zeros(60)))
+    monkeypatch.setattr(stretches, "runs_of", lambda *_, **__: [(0, passages - 2)])
+    monkeypatch.setattr(stretches, "run_of", lambda *_: RUN)
+    monkeypatch.setattr(stretches, "_of_run", lambda *_, **__: one)
+    runs, _ = stretches.find_runs(
+        np.zeros(9), np.zeros(9), interval=0.01, steadiness=0.05, edges=EDGES
+    )
+    assert len(runs) == found
+
+
+@pytest.mark.parametrize(("off", "n"), [(4.8, 4), (5.2, 3)])
+def test_one_more_passage_is_half_a_hundredth_of_a_cycle_off_at_most(off, n) -> None:
+    run = Run(2000.0, 4000.0, 1000.0, 1.0, 0.0)
+    x = np.sin(2.0 * np.pi * np.arange(6000) / 1000.0)
+    at = np.array([1000.0 - off, 2000.0, 3000.0, 4000.0])
+    assert len(stretches._belonging(at, run, x, moved=0.1)) == n
+
+
+@pytest.mark.parametrize(("ahead", "n"), [(4.8, 3), (5.2, 2)])
+def test_as_many_whole_cycles_count_as_were_logged(ahead, n) -> None:
+    """The first passage lies ahead of what was logged, by so many of 1000 samples a cycle."""
+    run = Run(0.0, 3000.0, 1000.0, 1.0, 0.0)
+    edges = stretches.Edges(5, first=100.0, stop=2500.0)
+    inner = stretches._inner(run, 9000, edges, begin=-math.inf, end=math.inf)
+    marks = np.array([100.0 - ahead, 1100.0, 2100.0])
+    assert np.count_nonzero((marks >= inner[0]) & (marks <= inner[1])) == n
+
+
+# Scatter
+
+
+@pytest.mark.parametrize(("behind", "known"), [(192, True), (193, False)])
+def test_eight_phases_tell_a_scatter(behind, known) -> None:
+    trace = made(4)
+    one = replace(trace.fastest, smeared=(0, behind))
+    assert math.isfinite(scatter_between_cycles(trace, one)) is known
+
+
+@pytest.mark.parametrize(("n", "bends"), [(7, False), (8, True)])
+def test_a_trend_of_eight_cycles_may_bend(n, bends) -> None:
+    found = repeatability._peaks(1000.0 + 50.0 * np.linspace(0.0, 1.0, n) ** 2)
+    assert (found.scatter < 1e-6) is bends
+
+
+@pytest.mark.parametrize(("f_value", "goes"), [(11.6, False), (12.4, True)])
+def test_peaks_go_with_the_cycles_from_twelve_on(f_value, goes) -> None:
+    """Five peaks on a line, and a bend of it: 2.5 over 14/3 is F where both are of size 1."""
+    bend = np.array([2.0, -1.0, -2.0, -1.0, 2.0]) * math.sqrt(2.5 * 3.0 / 14.0 / f_value)
+    found = repeatability._peaks(1000.0 + np.linspace(-1.0, 1.0, 5) + bend)
+    assert (found.trend is not None) is goes
+
+
+@pytest.mark.parametrize(("warmer", "said"), [(0.95, False), (1.05, True)])
+def test_a_kelvin_is_told_beside_a_trend_of_the_peaks(warmer, said) -> None:
+    one = repeatability._Peaks(1.0, 1.0, (1000.0, 900.0))
+    found = repeatability._trend_of_peaks(one, one, (20.0, 20.0 + warmer))
+    assert ("while the temperature goes" in found.sentence) is said
+
+
+@pytest.mark.parametrize(("beside", "said"), [(0.68, True), (0.72, False)])
+def test_a_motion_explains_noise_below_seven_tenths_of_the_floor(beside, said, monkeypatch) -> None:
+    monkeypatch.setattr(repeatability, "noise_beside_motion", lambda _: beside)
+    found = repeatability._noise_floor(made(4), 1.0)
+    assert ("but the motion differs too" in found.sentence) is said
+
+
+@pytest.mark.parametrize(("errors", "severity"), [(3.85, "note"), (4.15, "warning")])
+def test_a_drift_is_sure_from_four_errors_on(errors, severity, monkeypatch) -> None:
+    monkeypatch.setattr(repeatability, "_trend", lambda _: (100.0, 100.0 / errors))
+    assert repeatability._force_drift(made(4)).severity == severity
+    monkeypatch.setattr(repeatability, "_trend", lambda _: (0.01, 0.01 / errors))
+    assert repeatability._stroke_drift(made(4)).severity == severity
+
+
+def test_the_ends_of_five_passages_are_in_motion() -> None:
+    x = np.tile(swings(2), 4)
+    assert ends_in_motion(x, 0.05) == (pytest.approx(100.0), pytest.approx(100.0))
