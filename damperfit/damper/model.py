@@ -16,8 +16,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, make_dataclass, replace
 from functools import lru_cache
+from threading import Lock
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, cast
+from weakref import WeakValueDictionary
 
 from damperfit.errors import ConfigurationError, did_you_mean
 
@@ -151,13 +153,7 @@ class Values:
         def __getattr__(self, name: str) -> float: ...
 
     def quantity(self, name: str) -> Quantity:
-        """Return one of its quantities.
-
-        Raises
-        ------
-        ConfigurationError
-            There is none of that name.
-        """
+        """Return one of its quantities; a `ConfigurationError` where there is none of the name."""
         return _quantity(self.quantities, name)
 
     @property
@@ -184,11 +180,10 @@ class Values:
                 raise ConfigurationError(_no_quantity(name, self.names))
         return replace(self, **changes)
 
-    def __reduce__(self) -> tuple[object, ...]:
-        """Types that are made for a model cannot be found by name when they are sent elsewhere."""
-        if type(self) is values_type(self.quantities):
-            return _rebuilt, (self.quantities, self.numbers)
-        return type(self), self.numbers
+
+# One type for the same quantities, whoever asks: values of two types differ by their types alone.
+_MADE: WeakValueDictionary[tuple[Quantity, ...], type[Values]] = WeakValueDictionary()
+_MAKING = Lock()
 
 
 @lru_cache(maxsize=256)
@@ -201,15 +196,23 @@ def values_type(quantities: tuple[Quantity, ...]) -> type[Values]:
     >>> values_type((c,))(1.5e3)
     Values(c=1500.0)
     """
-    made: type[Values] = make_dataclass(
-        "Values",
-        [(one.name, float) for one in quantities],
-        bases=(Values,),
-        frozen=True,
-        slots=True,
-        namespace={"__reduce__": Values.__reduce__, "quantities": quantities},
-    )
+    with _MAKING:
+        made = _MADE.get(quantities)
+        if made is None:
+            made = _MADE[quantities] = make_dataclass(
+                "Values",
+                [(one.name, float) for one in quantities],
+                bases=(Values,),
+                frozen=True,
+                slots=True,
+                # It cannot be found by name where it is sent.
+                namespace={"__reduce__": _sent, "quantities": quantities},
+            )
     return made
+
+
+def _sent(values: Values) -> tuple[object, ...]:
+    return _rebuilt, (values.quantities, values.numbers)
 
 
 def _rebuilt(quantities: tuple[Quantity, ...], numbers: tuple[float, ...]) -> Values:

@@ -5,6 +5,10 @@ from __future__ import annotations
 import copy
 import dataclasses
 import pickle
+import time
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
+from typing import Any
 
 import pytest
 
@@ -32,6 +36,39 @@ def test_values_are_frozen_ordered_and_survive_the_way_to_another_process(values
     assert (changed.f_f, values.f_f != 3.0) == (3.0, True)
     assert changed.replace(f_f=values.f_f) == values
     assert dataclasses.asdict(values) == dict(zip(values.names, values.numbers, strict=True))
+
+
+def _quantities(name: str) -> tuple[Quantity, ...]:
+    return (Quantity(name, name, "damping", "viscous damping", "N s/m", (1.0, 1e6)),)
+
+
+def test_values_are_sent_however_many_models_came_after_theirs() -> None:
+    first = values_type(_quantities("c_first"))(1.0)
+    for k in range(300):  # more than are kept
+        values_type(_quantities(f"c_{k}"))
+    sent = pickle.loads(pickle.dumps(first))  # noqa: S301 - our own bytes
+    assert sent == first == values_type(_quantities("c_first"))(1.0)
+
+
+def test_values_have_one_type_whichever_thread_asks_for_it_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def slowly(*args: Any, **options: Any) -> type:
+        time.sleep(0.02)
+        return dataclasses.make_dataclass(*args, **options)
+
+    monkeypatch.setattr("damperfit.damper.model.make_dataclass", slowly)
+    gate = Barrier(4)
+
+    def made(_: int) -> Values:
+        gate.wait()
+        return values_type(_quantities("c_of_threads"))(1.0)
+
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(made, range(4)))
+    assert len({type(one) for one in found}) == 1
+    for one in found:
+        assert pickle.loads(pickle.dumps(one)) == found[0]  # noqa: S301 - our own bytes
 
 
 def test_a_name_that_is_none_of_the_models_is_refused_with_the_nearest() -> None:
