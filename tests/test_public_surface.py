@@ -437,7 +437,6 @@ SURFACE = {
         "LogBatch",
         "LogFacts",
         "available_cores",
-        "expand",
         "failure_of",
         "read_batch",
     ],
@@ -484,7 +483,7 @@ SURFACE = {
     ],
     "damperfit.run.own_tables": ["is_own_table"],
     "damperfit.run.log_paths": [
-        "is_there",
+        "expand",
         "matches",
     ],
     "damperfit.run.work": [

@@ -9,6 +9,7 @@ instead of writing through it.
 
 from __future__ import annotations
 
+import logging
 import os
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 __all__ = ["FileSet", "check_writable", "file_set", "write_text"]
+
+_LOGGER = logging.getLogger(__name__)
 
 
 @dataclass
@@ -141,6 +144,7 @@ def file_set(folder: Path) -> Iterator[FileSet]:
         folder.mkdir(parents=True, exist_ok=True)
         yield files
         files.commit()
+        _LOGGER.debug("written to %s: %s", folder, ", ".join(sorted(files.names)))
     except OSError as error:
         if files.is_open:
             raise OutputError(

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import shutil
 import sys
+from io import StringIO
 from typing import TYPE_CHECKING, Any
+
+from damperfit.cli.log_file import record
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -44,8 +48,17 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in joined)
 
 
-def say(text: str) -> None:
-    """Write one line for people to stderr."""
+def say(text: str, level: int = logging.INFO) -> None:
+    """Write one line for people to stderr, and into the log file if there is one.
+
+    Parameters
+    ----------
+    text : str
+        The line.
+    level : int
+        Of the log file's record; a line that begins with "warning:" is a warning.
+    """
+    record(logging.WARNING if text.startswith("warning: ") else level, one_line(text))
     try:
         sys.stderr.write(one_line(text) + "\n")
         sys.stderr.flush()
@@ -58,25 +71,32 @@ def say_failures(failures: Sequence[Failure], *, is_debug: bool) -> None:
     from damperfit.report import failure_lines
 
     for line in failure_lines(failures):
-        say(f"damperfit: {line}")
-    for failure in failures if is_debug else ():
-        say_lines(failure.trace)
+        say(f"damperfit: {line}", logging.ERROR)
+    for failure in failures:
+        if is_debug:
+            say_lines(failure.trace)
+        else:
+            record(logging.DEBUG, failure.trace)
 
 
 def say_lines(text: str) -> None:
     """Write several lines for people to stderr."""
     for line in text.splitlines():
-        say(line)
+        say(line, logging.DEBUG)
 
 
 def print_json(document: Any) -> None:
     """Write one JSON document to stdout."""
-    _print(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+    record(logging.DEBUG, f"a JSON document of {len(text)} characters on stdout")
+    _print(text)
 
 
 def print_lines(lines: Iterable[str]) -> None:
     """Write plain lines to stdout."""
-    _print("\n".join(lines))
+    text = "\n".join(lines)
+    record(logging.INFO, text)
+    _print(text)
 
 
 def print_renderable(renderable: RenderableType) -> None:
@@ -88,10 +108,22 @@ def print_renderable(renderable: RenderableType) -> None:
     console = Console(file=sys.stdout, width=width, highlight=False, markup=False, emoji=False)
     if is_screen:
         console.print(renderable)
+        _record_plain(renderable)
         return
     with console.capture() as held:
         console.print(renderable)
     print_lines(line.rstrip() for line in held.get().splitlines())
+
+
+def _record_plain(renderable: RenderableType) -> None:
+    """Keep in the log file what a terminal shows in colour."""
+    from rich.console import Console
+
+    text = StringIO()
+    Console(file=text, width=_PIPE_WIDTH, highlight=False, markup=False, emoji=False).print(
+        renderable
+    )
+    record(logging.INFO, "\n".join(line.rstrip() for line in text.getvalue().splitlines()))
 
 
 def screen_columns() -> int:

@@ -61,7 +61,7 @@ def init(
         first_configuration,
         guess_from_logs,
     )
-    from damperfit.run.logs import expand
+    from damperfit.run.log_paths import expand
 
     is_printed = str(out) == _STDOUT
     if not is_printed and out.exists() and not overwrite:

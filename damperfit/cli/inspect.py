@@ -58,7 +58,8 @@ def inspect(
 
     Example: damperfit inspect runs/*.csv
     """
-    from damperfit.run.logs import available_cores, expand, read_batch
+    from damperfit.run.log_paths import expand
+    from damperfit.run.logs import available_cores, read_batch
     from damperfit.run.remarks import skipped_files
     from damperfit.run.run_json import log_documents, reading_ending
 

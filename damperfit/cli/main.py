@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import errno
 import gc
+import logging
 import sys
 import traceback
 from functools import wraps
+from inspect import Parameter, signature
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -21,15 +23,16 @@ from damperfit.cli.help import show_help
 from damperfit.cli.identify import identify
 from damperfit.cli.init import init
 from damperfit.cli.inspect import inspect
+from damperfit.cli.log_file import LogFile, log_file_of, record
 from damperfit.cli.models import models
-from damperfit.cli.options import DebugOption, VersionOption
+from damperfit.cli.options import DebugOption, LogFileOption, VersionOption
 from damperfit.cli.panels import PanelledCommand
 from damperfit.cli.report import report
 from damperfit.cli.samples import samples
 from damperfit.cli.settings import settings
 from damperfit.cli.simulate import simulate
 from damperfit.cli.sweep import sweep
-from damperfit.errors import DamperfitError
+from damperfit.errors import ConfigurationError, DamperfitError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -42,16 +45,26 @@ _NEW_OBJECTS = 50_000
 _BUG = 70  # "internal software error" of sysexits.h; none of the documented codes
 
 
-def _heard(command: Callable[..., int]) -> Callable[..., int]:
-    """Return a command whose interruption reaches `main`: typer ends without a word."""
+def _as_registered(command: Callable[..., int]) -> Callable[..., int]:
+    """Return a command with the option of all, whose interruption reaches `main`.
+
+    Typer ends without a word. The log file is opened by `main`, so that wrong usage stands in it.
+    """
 
     @wraps(command)
-    def call(*arguments: Any, **options: Any) -> int:
+    def call(*arguments: Any, log_file: Any = None, **options: Any) -> int:
         try:
             return command(*arguments, **options)
         except KeyboardInterrupt:
             raise typer.Abort from None
 
+    own = signature(command, eval_str=True)
+    one = Parameter("log_file", Parameter.KEYWORD_ONLY, default=None, annotation=LogFileOption)
+    call.__signature__ = own.replace(parameters=[*own.parameters.values(), one])  # type: ignore[attr-defined]
+    call.__annotations__ = {
+        **{known.name: known.annotation for known in own.parameters.values()},
+        "log_file": LogFileOption,
+    }
     return call
 
 
@@ -78,12 +91,14 @@ for _command in (
     init,
     doctor,
 ):
-    app.command(cls=PanelledCommand)(_heard(_command))
-app.command("help", cls=PanelledCommand)(show_help)
+    app.command(cls=PanelledCommand)(_as_registered(_command))
+app.command("help", cls=PanelledCommand)(_as_registered(show_help))
 
 
 @app.callback()
-def _root(version: VersionOption = False, debug: DebugOption = False) -> None:
+def _root(
+    version: VersionOption = False, debug: DebugOption = False, log_file: LogFileOption = None
+) -> None:
     """Find the parameters of a damper model from rig logs, at every adjuster setting."""
 
 
@@ -103,6 +118,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     argv = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     shield_streams()
+    try:
+        kept = LogFile(log_file_of(argv), argv)
+    except ConfigurationError as error:
+        say(f"damperfit: {error}")
+        return error.exit_code
+    code = _ended_with(argv)
+    kept.close(code)
+    return code
+
+
+def _ended_with(argv: list[str]) -> int:
+    """Run the command; whatever goes wrong is one line on stderr and an exit code."""
     usual = gc.get_threshold()
     gc.set_threshold(_NEW_OBJECTS, *usual[1:])
     try:
@@ -112,13 +139,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         silence_broken_pipe()
         return 0
     except KeyboardInterrupt:
-        say("damperfit: interrupted")
+        say("damperfit: interrupted", logging.ERROR)
         return _INTERRUPTED
     except Exception as error:  # noqa: BLE001 - the one place that catches everything
         if "--debug" in argv:
             traceback.print_exc()
         message, exit_code = _explain(error)
-        say(f"damperfit: {message}")
+        if not hasattr(error, "format_message"):  # where an option was mistyped tells nobody
+            record(logging.DEBUG, traceback.format_exc())
+        say(f"damperfit: {message}", logging.ERROR)
         return exit_code
     finally:
         gc.set_threshold(*usual)

@@ -23,6 +23,7 @@ __all__ = [
     "DebugOption",
     "JobsOption",
     "JsonOption",
+    "LogFileOption",
     "LogsArgument",
     "QuietOption",
     "RigOption",
@@ -68,6 +69,14 @@ QuietOption = Annotated[
     bool, typer.Option("--quiet", "-q", help="No progress bar, no remarks; errors are still told.")
 ]
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+LogFileOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--log-file",
+        metavar="FILE",
+        help="Append all that is said, and what is done, to FILE, a line each with its time.",
+    ),
+]
 VersionOption = Annotated[
     bool,
     typer.Option(

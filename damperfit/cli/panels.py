@@ -31,7 +31,7 @@ PANELS = {
     "Work": ("--jobs", "--scheduler", "--part"),
     "Output": (
         *("--out", "--report", "--plots", "--plot", "--to", "--list"),
-        *("--github-summary", "--save", "--collect", "--json", "--quiet"),
+        *("--github-summary", "--save", "--collect", "--json", "--quiet", "--log-file"),
     ),
 }
 _OTHERS = "Options"

@@ -71,7 +71,8 @@ def inspect(
         config, rig: as of `identify`.
     """
     from damperfit.door.tables import Inspection
-    from damperfit.run.logs import available_cores, expand, read_batch
+    from damperfit.run.log_paths import expand
+    from damperfit.run.logs import available_cores, read_batch
 
     configuration = configured("damperfit.inspect", units=units, **asked)
     with as_files(logs, call="damperfit.inspect") as paths:

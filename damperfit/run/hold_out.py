@@ -13,7 +13,8 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, Mishap, mishap_of
-from damperfit.run.logs import LogBatch, expand, failure_of
+from damperfit.run.log_paths import expand
+from damperfit.run.logs import LogBatch, failure_of
 from damperfit.uncertainty import split_cycles, transients
 
 if TYPE_CHECKING:

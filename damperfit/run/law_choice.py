@@ -21,7 +21,8 @@ from damperfit.parallel import executor
 from damperfit.report import chosen_records, ladder_records, rival_records
 from damperfit.run.dampers import of_one_damper
 from damperfit.run.hold_out import named_files, part
-from damperfit.run.logs import available_cores, expand, read_batch
+from damperfit.run.log_paths import expand
+from damperfit.run.logs import available_cores, read_batch
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
 from damperfit.setting import nearest_setting
 

@@ -3,14 +3,45 @@
 from __future__ import annotations
 
 import glob
+import os
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError
 from damperfit.readers.formats import LOG_SUFFIXES
+from damperfit.recording import natural_order
 from damperfit.run.own_tables import is_own_table
 
-__all__ = ["is_there", "matches"]
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+__all__ = ["expand", "matches"]
+
+
+def expand(patterns: Iterable[str]) -> tuple[Path, ...]:
+    """Return the files that paths and patterns name, each once, in natural order.
+
+    A named file that does not exist is kept where others do: reading it fails, and costs it alone.
+
+    Raises
+    ------
+    ConfigurationError
+        None of the files exists, or a pattern or a folder names none.
+    """
+    patterns = list(patterns)
+    found: dict[str, Path] = {}
+    for pattern in patterns:
+        for path in matches(pattern, keeps_missing=True):
+            found.setdefault(os.path.realpath(path), path)
+    if not any(map(_is_there, found.values())):
+        for pattern in patterns:
+            matches(pattern)  # raises with what is missing, and where it was named
+    return tuple(sorted(found.values(), key=_by_number))
+
+
+def _by_number(path: Path) -> tuple[object, ...]:
+    return natural_order(path.name), natural_order(str(path))
 
 
 def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
@@ -35,7 +66,7 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
     path = Path(pattern)
     if _is_folder(path):
         return _logs_in(path)
-    if is_there(path):
+    if _is_there(path):
         return [path]
     if pattern.startswith("@"):
         return _listed(pattern, keeps_missing=keeps_missing)
@@ -100,7 +131,7 @@ def _is_folder(path: Path) -> bool:
     return False
 
 
-def is_there(path: Path) -> bool:
+def _is_there(path: Path) -> bool:
     """Whether there is a file, or nobody may look: then reading it says so."""
     try:
         path.lstat()

@@ -6,11 +6,13 @@ A log that cannot be read or evaluated becomes a `Failure`; the others are not t
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 from collections import Counter
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from damperfit.conditioning import examine_raw
@@ -27,25 +29,25 @@ from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identity import Identity
 from damperfit.parallel import executor
 from damperfit.readers import is_tests_table, read_curves, read_logs
-from damperfit.recording import Finding, natural_order
+from damperfit.recording import Finding
 from damperfit.report import Failure
 from damperfit.run.labelling import FROM_NAME, GUESSED, labels_for
-from damperfit.run.log_paths import is_there, matches
 from damperfit.run.own_tables import is_own_table
 from damperfit.run.tested_at import conditioned_as_tested
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from damperfit.configuration.options import Configuration
     from damperfit.recording import Recording, Trace
     from damperfit.run.labelling import Labels
     from damperfit.setting import Setting
 
+_LOGGER = logging.getLogger(__name__)
 _LARGE = 1_000_000  # bytes
 _READ_APART = {".mat", ".mdf", ".mf4", ".h5", ".hdf5"}
 
-__all__ = ["LogBatch", "LogFacts", "available_cores", "expand", "failure_of", "read_batch"]
+__all__ = ["LogBatch", "LogFacts", "available_cores", "failure_of", "read_batch"]
 
 # First line of this project's own parameter tables (truth.csv, parameters.csv), which a pattern
 # such as sample_runs/*.csv catches beside the logs.
@@ -104,31 +106,6 @@ class LogBatch:
     identities: Mapping[str, Identity] = field(default_factory=dict)
 
 
-def expand(patterns: Iterable[str]) -> tuple[Path, ...]:
-    """Return the files that paths and patterns name, each once, in natural order.
-
-    A named file that does not exist is kept where others do: reading it fails, and costs it alone.
-
-    Raises
-    ------
-    ConfigurationError
-        None of the files exists, or a pattern or a folder names none.
-    """
-    patterns = list(patterns)
-    found: dict[str, Path] = {}
-    for pattern in patterns:
-        for path in matches(pattern, keeps_missing=True):
-            found.setdefault(os.path.realpath(path), path)
-    if not any(map(is_there, found.values())):
-        for pattern in patterns:
-            matches(pattern)  # raises with what is missing, and where it was named
-    return tuple(sorted(found.values(), key=_by_number))
-
-
-def _by_number(path: Path) -> tuple[object, ...]:
-    return natural_order(path.name), natural_order(str(path))
-
-
 def available_cores() -> int:
     """Return the number of cores this process may use."""
     with suppress(AttributeError):  # macOS and Windows have no affinity
@@ -169,7 +146,10 @@ def read_batch(
     labelled = _Labelled(labels, is_needed=keeps_traces)
 
     def one(path: Path, name: str) -> list[_Taken]:
+        begin = perf_counter()
         taken = [] if cancelled() else _take_file(path, name, configuration, labelled)
+        for part in taken:
+            _note(part, perf_counter() - begin)
         if not keeps_traces and [part.kind for part in taken] == [TimelessError.__name__]:
             taken = [_take_curves(path, taken[0].facts, configuration)]
         return taken if keeps_traces else [replace(part, trace=None) for part in taken]
@@ -187,6 +167,19 @@ def read_batch(
         remarks=tuple(_label_remarks(labels, taken)),
         notes=labels.tables_used,
         identities={part.facts.log: part.identity for part in taken},
+    )
+
+
+def _note(part: _Taken, spent: float) -> None:
+    told = part.facts.facts
+    _LOGGER.debug(
+        "%s: %s, setting %s, %s samples, %.3f s, sha256 %s",
+        part.facts.path,
+        told.get("verdict"),
+        told.get("setting"),
+        told.get("n_samples_read", "no"),
+        spent,
+        part.facts.sha256 or "unknown",
     )
 
 

@@ -23,7 +23,8 @@ from damperfit.run.given_starts import with_given_start
 from damperfit.run.hold_out import Parted, fitting, named_files, note_unpredicted, part
 from damperfit.run.judging import assessed, judge, with_profiles
 from damperfit.run.like_speeds import without_contradictory_motions
-from damperfit.run.logs import available_cores, expand, read_batch
+from damperfit.run.log_paths import expand
+from damperfit.run.logs import available_cores, read_batch
 from damperfit.run.mishaps import Mishaps
 from damperfit.run.readings import Readings
 from damperfit.run.result import Found, RunResult, UnwrittenError

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 __all__ = ["Clock", "comparisons", "fitted", "profile_points", "sha256_of"]
 
 
+_LOGGER = logging.getLogger(__name__)
+
+
 @dataclass(slots=True)
 class Clock:
     """Seconds spent in each part of a run."""
@@ -43,6 +47,7 @@ class Clock:
             yield
         finally:
             spent = time.perf_counter() - begin
+            _LOGGER.debug("%s took %.3f s", name.removesuffix("_s"), spent)
             self.laps[name] = round(self.laps.get(name, 0.0) + spent, 4)
 
     def read(self) -> dict[str, float]:
@@ -65,12 +70,26 @@ def fitted(
             fits=(),
             named=configuration.damper.quantities,
         )
+
+    def note(fit: Fit) -> None:
+        _LOGGER.debug(
+            "setting %s: MSE %.4g %%, %s, %d evaluations, %d samples of %d cycles; %s",
+            fit.setting,
+            fit.mse_percent,
+            fit.outcome.value,
+            fit.evaluations,
+            fit.n_samples,
+            fit.n_cycles,
+            fit.parameters,
+        )
+        on_fit(fit)
+
     return identify(
         traces,
         configuration.damper,
         configuration.identification,
         jobs=jobs,
-        on_fit=on_fit,
+        on_fit=note,
         cancelled=cancelled,
     )
 

@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = ROOT / "damperfit" / "manual" / "pages"
 COMMANDS = typer.main.get_command(app).commands
 PLACE = re.compile(r"<!-- table: ([\w -]+) -->\n(.*?)<!-- end -->", flags=re.DOTALL)
-_COMMON = ("config", "json", "quiet", "debug", "version", "help")
+_COMMON = ("config", "json", "quiet", "log_file", "debug", "version", "help")
 
 
 def filled(text: str) -> str:

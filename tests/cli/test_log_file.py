@@ -1,0 +1,107 @@
+"""--log-file: everything that is said, and more, a line each with its time, appended."""
+
+from __future__ import annotations
+
+import logging
+import re
+from pathlib import Path
+
+import pytest
+
+from damperfit.cli.panels import PANELS
+
+LINE = re.compile(
+    r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}[+-]\d\d:\d\d (DEBUG|INFO|WARNING|ERROR) +"
+    r"damperfit\[\d+\] (.+)"
+)
+
+
+def records(path):
+    """Level and text of each record; a line of another form fails."""
+    found = [LINE.fullmatch(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    assert all(found)
+    return [(one[1], one[2]) for one in found]
+
+
+def test_it_holds_what_was_said_and_what_was_done(run, logs, tmp_path) -> None:
+    log, kept = logs / "setting_01.csv", tmp_path / "run.log"
+    ended = run("identify", log, "nope_02.csv", "--procedure", "plain", "--log-file", kept)
+    assert ended.code == 1
+    told = records(kept)
+    texts = [text for _, text in told]
+    assert texts[0] == f"$ damperfit identify {log} nope_02.csv --procedure plain --log-file {kept}"
+    for line in (ended.err + ended.out).splitlines():
+        assert not line.strip() or line in texts
+    assert ("ERROR", "damperfit: nope_02.csv: no such file") in told
+    debug = "\n".join(text for level, text in told if level == "DEBUG")
+    assert re.search(rf"{log}: \w+, setting 1, \d+ samples, \S+ s, sha256 \w{{64}}", debug)
+    assert re.search(r"setting 1: MSE \S+ %, converged, \d+ evaluations", debug)
+    assert re.search(r"fit took \S+ s", debug)
+    assert re.search(r"written to \S*results: .*run.json", debug)
+    assert re.fullmatch(r"ended with code 1 after \S+ s", texts[-1])
+
+
+def test_it_is_appended_to_and_holds_usage_errors(run, logs, tmp_path) -> None:
+    kept = tmp_path / "run.log"
+    assert run("config", "--quiet", "--log-file", kept).code == 0
+    before = kept.read_bytes()
+    assert run("inspect", "nope.csv", f"--log-file={kept}").code == 2
+    assert run("identify", "--log-file", kept, "--frree", "k_e").code == 2
+    assert kept.read_bytes().startswith(before)
+    told = records(kept)
+    assert ("ERROR", "damperfit: nope.csv: no such file") in told
+    assert any(level == "ERROR" and "No such option: --frree" in text for level, text in told)
+    assert [text.split(" after")[0] for _, text in told if text.startswith("ended")] == [
+        "ended with code 0",
+        "ended with code 2",
+        "ended with code 2",
+    ]
+
+
+def test_a_bug_leaves_its_traceback_there_and_a_line_on_the_terminal(
+    run, tmp_path, monkeypatch
+) -> None:
+    def broken(*_, **__):
+        raise ZeroDivisionError("by\x1b nothing")
+
+    monkeypatch.setattr("damperfit.configuration.loading.load_configuration", broken)
+    kept = tmp_path / "run.log"
+    ended = run("config", "--log-file", kept)
+    assert ended.code == 70
+    assert "Traceback" not in ended.err
+    told = records(kept)
+    assert ("DEBUG", "Traceback (most recent call last):") in told
+    assert any(level == "DEBUG" and "test_log_file.py" in text for level, text in told)
+
+
+@pytest.mark.parametrize("name", ["", ".", "nowhere/run.log", "a\0b"])
+def test_one_that_cannot_be_written_is_wrong_usage(run, logs, tmp_path, name) -> None:
+    ended = run("inspect", logs / "setting_01.csv", "--log-file", name)
+    assert ended.code == 2
+    assert ended.err.count("\n") == 1
+    assert "--log-file" in ended.err
+    assert "cannot be written" in ended.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_it_nothing_is_kept_and_the_logger_is_as_before(run, logs, tmp_path) -> None:
+    logger = logging.getLogger("damperfit")
+    before = (list(logger.handlers), logger.level, logger.propagate)
+    run("config", "--log-file", tmp_path / "run.log")
+    assert (list(logger.handlers), logger.level, logger.propagate) == before
+    size = (tmp_path / "run.log").stat().st_size
+    assert run("inspect", logs / "setting_01.csv", "--json").err == ""
+    assert (tmp_path / "run.log").stat().st_size == size
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+def test_a_full_disk_ends_no_command(run, logs) -> None:
+    ended = run("inspect", logs / "setting_01.csv", "--log-file", "/dev/full")
+    assert (ended.code, ended.err) == (0, "")
+
+
+def test_every_command_has_it(run) -> None:
+    assert "--log-file" in PANELS["Output"]
+    for command in ("identify", "doctor", "help", "fleet", "export", "samples", "init"):
+        assert "--log-file FILE" in run(command, "--help").out
+    assert "--log-file FILE" in run("--help").out
