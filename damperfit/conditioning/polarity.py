@@ -1,7 +1,8 @@
 """Which way a log counts displacement and force: put right where it is certain, else asked.
 
 1. A damper takes energy, so mean(f v) > 0: that fixes the product of both signs.
-2. What was declared is taken as it is. With one sign declared, the energy fixes the other.
+2. What was declared is taken as it is, and doubted only where the opposite were certain. With one
+   sign declared, the energy fixes the other.
 3. The gas pushes the rod out: the force level (`gas_force`) is -a_r P_0 in the project's signs,
    and of the other sign when the force is counted positive in bump. That is certain when
 
@@ -104,11 +105,10 @@ def _both_or_none(level: ForceLevel | None, free: list[str]) -> Signs:
     if level is None or level.ratio > TARED:
         return Signs(())
     if len(free) < len(_CHANNELS):
-        return (
-            _doubt(level, "the declared signs are kept; look at them again")
-            if (level.ratio < -TARED)
-            else Signs(())
-        )
+        # A cell zeroed before mounting shows any level; a declaration is doubted for more.
+        is_doubted = _is_certain(level, _CHANNELS)
+        kept = "the declared signs are kept; look at them again"
+        return _doubt(level, kept) if is_doubted else Signs(())
     if _is_certain(level, _CHANNELS):
         return _reversed(_CHANNELS, f"{_told(level)}, and the loop takes energy")
     return _doubt(level, f"taken as logged; {_ASK}")

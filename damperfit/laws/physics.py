@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 __all__ = ["opening_force", "physics_seen"]
 
+_NAMED = 3  # settings; of more the number is told
+
 
 def opening_force(damper: ValveDamper, stroke: str, opening: float) -> float:
     """Return the oil's force at which the blow-off of a stroke opens, N.
@@ -47,18 +49,23 @@ def physics_seen(fits: Sequence[LawFit]) -> tuple[str, ...]:
     for stroke, people in (("rebound", "rebound"), ("compression", "bump")):
         valve = getattr(model, stroke)
         if valve.blow_off != "none":
-            openings = _told(fits, f"{stroke}_opening")
+            name = f"{stroke}_opening"
+            openings = _told(fits, name)
             forces = [opening_force(model, stroke, one) for one in openings]
             said.append(
                 f"in {people} a blow-off opens at {_range(forces)} N "
-                f"({_range([1e-5 * one for one in openings])} bar)"
+                f"({_range([1e-5 * one for one in openings])} bar){_where(fits, name)}"
                 if openings
                 else f"in {people} these logs do not determine where a blow-off opens"
             )
         if valve.bleed == "orifice":
-            areas = [_orifice(model, one) for one in _told(fits, f"{stroke}_bleed")]
+            name = f"{stroke}_bleed"
+            areas = [_orifice(model, one) for one in _told(fits, name)]
             if areas:
-                said.append(f"in {people} a bleed as an orifice of {_range(areas)} mm2 (C_d A)")
+                said.append(
+                    f"in {people} a bleed as an orifice of {_range(areas)} mm2 (C_d A)"
+                    f"{_where(fits, name)}"
+                )
     names = fits[0].values.names
     beside = (
         ("k_s", 1e-3, "{} N/mm of elasticity in series with the damper"),
@@ -69,7 +76,7 @@ def physics_seen(fits: Sequence[LawFit]) -> tuple[str, ...]:
     for name, factor, words in beside:
         told = _told(fits, name) if name in names else []
         if told:
-            said.append(words.format(_range([factor * one for one in told])))
+            said.append(words.format(_range([factor * one for one in told])) + _where(fits, name))
     return tuple(f"{one[0].upper()}{one[1:]}." for one in said)
 
 
@@ -79,7 +86,21 @@ def _orifice(damper: ValveDamper, resistance: float) -> float:
 
 def _told(fits: Sequence[LawFit], name: str) -> list[float]:
     """Return the values at the settings whose logs determine it."""
-    return [float(getattr(one.values, name)) for one in fits if name not in one.untold]
+    return [float(getattr(one.values, name)) for one in fits if _is_told(one, name)]
+
+
+def _is_told(fit: LawFit, name: str) -> bool:
+    return name not in fit.untold and name not in fit.at_bound
+
+
+def _where(fits: Sequence[LawFit], name: str) -> str:
+    """Return at which settings that is, where those of the others do not determine it."""
+    told = [one.setting for one in fits if _is_told(one, name)]
+    if len(told) == len(fits):
+        return ""
+    few = f"setting{'s' if len(told) > 1 else ''} {', '.join(map(str, told))}"
+    many = f"{len(told)} of {len(fits)} settings"
+    return f" at {few if len(told) <= _NAMED else many}; the logs of the others do not determine it"
 
 
 def _range(values: Sequence[float]) -> str:

@@ -92,6 +92,8 @@ class Diagnosis:
     held_share : float
         Share of the force's range left at a tenth of the speed while slowing down; NaN where
         no log tells it. A damper that yields before it slides holds `YIELDS` or more.
+    modelled_share : float
+        The same of the model's force.
     """
 
     setting: Setting
@@ -103,6 +105,7 @@ class Diagnosis:
     hints: tuple[Hint, ...]
     sentence: str
     held_share: float = math.nan
+    modelled_share: float = math.nan
 
     @property
     def repeating_percent(self) -> float:
@@ -129,9 +132,13 @@ def diagnose(linearised: Linearisation, *, doubted: tuple[str, ...] = ()) -> Dia
     repeats, noise, ratio, bar = _split(linearised)
     variance = np.var(np.concatenate([log.trace.force[log.trace.compared] for log in fit.logs]))
     is_structured = bool(ratio > bar and repeats > _NEGLIGIBLE * variance)
-    held = [held_share(log.trace) for log in fit.logs]
-    known = [share for share in held if math.isfinite(share)]
-    share = float(np.median(known)) if known else math.nan
+    share = _middle([held_share(log.trace) for log in fit.logs])
+    modelled = _middle(
+        [
+            held_share(log.trace, seen.force)
+            for log, seen in zip(fit.logs, linearised.logs, strict=True)
+        ]
+    )
     hints = (
         seek_flaws(linearised, repeats, doubted=doubted, has_yielded=share >= YIELDS)
         if is_structured
@@ -149,8 +156,14 @@ def diagnose(linearised: Linearisation, *, doubted: tuple[str, ...] = ()) -> Dia
         hints=hints,
         sentence="",
         held_share=share,
+        modelled_share=modelled,
     )
     return replace(found, sentence=_sentence(found) + _warned(linearised, found))
+
+
+def _middle(shares: Sequence[float]) -> float:
+    known = [share for share in shares if math.isfinite(share)]
+    return float(np.median(known)) if known else math.nan
 
 
 def _fits_skew(linearised: Linearisation, delay: float) -> bool:
@@ -220,9 +233,17 @@ def _sentence(told: Diagnosis) -> str:
     if not told.is_structured:
         return f"{said}: nothing repeats that the model lacks"
     if told.has_yielded and not hints:
-        return (
+        holds = (
             f"{said}: the damper holds {100.0 * told.held_share:.0f} % of its force down to a "
-            "tenth of its speed: it yields before it slides, as a preloaded valve, dry friction or "
+            "tenth of its speed"
+        )
+        if told.modelled_share >= YIELDS:
+            return (
+                f"{holds}, as what yields before it slides does (a preloaded valve, dry friction, "
+                "a magneto-rheological fluid); so does the model, which misses something else"
+            )
+        return (
+            f"{holds}: it yields before it slides, as a preloaded valve, dry friction or "
             "a magneto-rheological fluid does, and the model misses that"
         )
     if not hints:

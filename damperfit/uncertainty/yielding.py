@@ -16,7 +16,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from damperfit.recording import Stretch, Trace
+    from damperfit.recording import Trace
 
     FloatArray = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ YIELDS = 0.4
 _SLOW = 0.1  # of the stretch's peak speed
 
 
-def held_share(trace: Trace) -> float:
+def held_share(trace: Trace, modelled: FloatArray | None = None) -> float:
     """Return the share of the force's range that is left at a tenth of the speed.
 
     The median over the stretches of a log; NaN where none passes that speed both ways.
@@ -38,14 +38,21 @@ def held_share(trace: Trace) -> float:
     ----------
     trace : Trace
         Conditioned.
+    modelled : numpy.ndarray, optional
+        A model's force at the compared samples, to be asked in place of the measured one, N.
     """
-    shares = [_share(trace, one) for one in trace.stretches]
+    shares = [
+        _share(
+            trace.velocity[one.window],
+            trace.force[one.window] if modelled is None else modelled[place],
+        )
+        for one, place in zip(trace.stretches, trace.places if trace.stretches else (), strict=True)
+    ]
     known = [share for share in shares if math.isfinite(share)]
     return float(np.median(known)) if known else math.nan
 
 
-def _share(trace: Trace, stretch: Stretch) -> float:
-    v, f = trace.velocity[stretch.window], trace.force[stretch.window]
+def _share(v: FloatArray, f: FloatArray) -> float:
     slow = _SLOW * float(np.abs(v).max())
     out, into = _while_slowing(v, f, slow), _while_slowing(-v, f, slow)
     return (out - into) / max(float(np.ptp(f)), 1e-300)

@@ -159,6 +159,17 @@ def test_signs_declared_for_a_tared_log_leave_no_doubt_about_the_direction() -> 
     assert not found(condition(log, PURDY), "direction")
 
 
+@pytest.mark.parametrize("tare", [175.0, 200.0, 260.0])  # the level is 0.3 to 1 times the gas's
+def test_a_cell_zeroed_before_mounting_is_no_doubt_about_declared_signs(tare) -> None:
+    log = log_of(10, tare=tare)
+    assert found(condition(log, PURDY), "direction")
+    for signs in (
+        {"reverse_force": False},
+        {"reverse_force": False, "reverse_displacement": False},
+    ):
+        assert not found(condition(replace(log, **signs), PURDY), "direction")
+
+
 @pytest.mark.parametrize(("tare", "words"), [(65.0, "part of the gas"), (-200.0, "not the gas")])
 def test_another_offset_is_told_in_newtons(tare, words) -> None:
     (finding,) = found(condition(log_of(5, tare=tare), PURDY), "tare")

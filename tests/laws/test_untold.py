@@ -58,10 +58,21 @@ def found(setting: int, opening: float, untold: tuple[str, ...] = ()) -> LawFit:
 def test_sentences_and_table_leave_out_or_mark_what_is_not_told() -> None:
     name = "rebound_opening"
     fits = [found(1, 5e5), found(2, 2e4, (name,))]
-    assert physics_seen(fits)[0].endswith("N (5 bar).")
+    others = "the logs of the others do not determine it."
+    assert physics_seen(fits)[0].endswith(f"N (5 bar) at setting 1; {others}")
+    assert physics_seen([fits[0], found(3, 4e5), fits[1]])[0].endswith(
+        f"N (4 to 5 bar) at settings 1, 3; {others}"
+    )
+    assert physics_seen(fits[:1])[0].endswith("N (5 bar).")
+    # What ran to an edge of its range is told by no log either.
+    assert physics_seen([fits[0], replace(found(3, 1e3), at_bound=(name,))]) == physics_seen(fits)
     assert physics_seen(fits[1:])[0] == (
         "In rebound these logs do not determine where a blow-off opens."
     )
+    several = [found(one, 5e5) for one in (1, 2, 3)]
+    assert f"at settings 1, 2, 3; {others}" in physics_seen([*several, fits[1]])[0]
+    four = [*several, found(4, 5e5), replace(fits[1], setting=Setting.of(5))]
+    assert f"at 4 of 5 settings; {others}" in physics_seen(four)[0]
     sheet = chosen_sheet(fits)
     row = next(row for row in sheet.rows if row[0] == "rebound opening")
     assert row[2:] == ("5.000", "0.2000?")

@@ -15,8 +15,9 @@ from damperfit.identification import FitOptions, identify
 from damperfit.recording import Finding, Recording
 from damperfit.uncertainty import Assessment, assess
 from damperfit.uncertainty.flaws import Hint, _is_reasonable
-from damperfit.uncertainty.residuals import Diagnosis, _fits_skew, _warned, reconciled
+from damperfit.uncertainty.residuals import Diagnosis, _fits_skew, _sentence, _warned, reconciled
 from damperfit.uncertainty.yielding import YIELDS, held_share
+from tests.identification import adjusted
 from tests.identification.rig import recording
 
 PLAIN = FitOptions("plain", ("r_m1", "r_m2", "k_e", "f_f"), {"r_m3": 2.597e6})
@@ -71,7 +72,23 @@ def test_a_damper_that_yields_is_said_to_and_no_valve_is_blamed() -> None:
     assert one.is_structured
     assert one.has_yielded
     assert not {"delay", "compressibility", "gas_pressure"} & {h.name for h in one.hints}
-    assert "it yields before it slides" in one.sentence
+    assert "yields before it slides" in one.sentence
+
+
+@pytest.mark.parametrize(("share", "is_new"), [(0.39, True), (0.41, False), (math.nan, True)])
+def test_that_a_damper_yields_is_news_only_where_its_model_does_not(share, *, is_new) -> None:
+    told = diagnosis(1, held_share=0.6, modelled_share=share)
+    said = _sentence(told)
+    assert ("the model misses that" in said) is is_new
+    assert ("so does the model, which" in said) is not is_new
+    assert "holds 60 % of its force" in said
+
+
+def test_a_law_with_blow_offs_holds_its_force_as_its_damper_does() -> None:
+    seen = adjusted.log(adjusted.at(14, 3))
+    fit = identify([seen], adjusted.DAMPER, FitOptions("plain"))
+    (one,) = assess(fit, adjusted.DAMPER).diagnoses
+    assert one.modelled_share == pytest.approx(one.held_share, abs=0.02)
 
 
 def test_from_which_share_on_it_yields() -> None:
