@@ -116,11 +116,15 @@ def _check_blocks(data: bytes, *, name: str, limit: int) -> None:
             unpacked += struct.unpack_from("<Q", data, at + _UNPACKED_SIZE)[0]
         successors[at] = links[0] if links and kind in _CHAINED else 0
         waiting += [link for link in links if link]
-        if len(successors) > _MAX_BLOCKS:
-            raise LogError(f"{name}: more than {_MAX_BLOCKS} blocks in the MDF file")
+        _refuse_many(len(successors), name)
     check_size(unpacked, limit=limit, what="the MDF file", name=name)
     for start in _ring(successors):
         raise LogError(f"{name}: damaged MDF file: the block at byte {start} leads to itself")
+
+
+def _refuse_many(n_blocks: int, name: str) -> None:
+    if n_blocks > _MAX_BLOCKS:
+        raise LogError(f"{name}: more than {_MAX_BLOCKS} blocks in the MDF file")
 
 
 _CHAINED = (b"##DG", b"##CG", b"##CN", b"##DL", b"##HL", b"##FH", b"##AT", b"##EV", b"##CH")

@@ -40,8 +40,6 @@ __all__ = ["LAYOUTS", "LawChoice", "choose_law", "with_chosen_law"]
 LAYOUTS: dict[str, type[ValveDamper]] = {
     kind.name: kind for kind in (TwinTube, Monotube, ThroughFlow)
 }
-# Laws are told apart by the stiffest and the softest setting as well as by all.
-_COMPARED = 2
 # What a law has of its own, and the lengths that make the paper's gas volume.
 _VALVES = {"rebound", "compression"}
 _GAS_LENGTHS = {"gas_length", "gas_piston_diameter"}
@@ -250,14 +248,13 @@ def _evidence(parted: Parted, start: GivenStart) -> tuple[SettingLogs, ...]:
 
 
 def _told_most(evidence: Sequence[SettingLogs]) -> tuple[SettingLogs, ...]:
-    """The settings with the strongest and the weakest force."""
+    """The settings with the strongest and the weakest force tell laws apart as well as all do."""
 
     def strength(one: SettingLogs) -> float:
         return float(np.std(np.concatenate([t.force[t.compared] for t in one.fitted])))
 
     ranked = sorted(evidence, key=strength)
-    kept = ranked if len(ranked) <= _COMPARED else [ranked[0], ranked[-1]]
-    return tuple(one for one in evidence if one in kept)
+    return tuple(one for one in evidence if one in (ranked[0], ranked[-1]))
 
 
 def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamper]:

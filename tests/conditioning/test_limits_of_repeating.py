@@ -349,3 +349,17 @@ def test_a_drift_is_sure_from_four_errors_on(errors, severity, monkeypatch) -> N
 def test_the_ends_of_five_passages_are_in_motion() -> None:
     x = np.tile(swings(2), 4)
     assert ends_in_motion(x, 0.05) == (pytest.approx(100.0), pytest.approx(100.0))
+
+
+@pytest.mark.parametrize(("later", "n"), [(1.45, 6), (1.55, 5)])
+def test_a_filter_moves_a_passage_by_a_millisecond_and_a_half(later, n) -> None:
+    """The last stroke is longer by twice as much, and its passage by so much, ms, behind."""
+    halves = np.array([50.0] * 14 + [50.0 + 2.0 * later, 50.0])
+    edges = np.concatenate([[0.0], np.cumsum(halves)])
+    t = np.arange(math.floor(edges[-1]))
+    which = np.searchsorted(edges, t, side="right") - 1
+    x = -np.cos(np.pi * (t - edges[which]) / halves[which]) * (-1.0) ** which
+    (found,), _ = stretches.find_runs(
+        x, np.gradient(x, 0.001), interval=0.001, steadiness=0.05, edges=stretches.Edges(0)
+    )
+    assert found.stretch.n_cycles == n

@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     folder = options.folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
     if options.seek:
-        names = chosen.keys() - table.held.keys() - table.exempt.keys()  # open, or new
+        names = chosen.keys() - table.held.keys() - table.exempt.keys()
         return _seek({name: chosen[name] for name in sorted(names)}, folder, options)
     hold = _hold_in_memory if options.quick else _hold
     return hold({name: chosen[name] for name in chosen if name in table.held}, table.held, options)

@@ -29,21 +29,17 @@ class Held:
 class Table:
     held: dict[str, Held]
     exempt: dict[str, str]
-    open: set[str]
 
 
 def read_table(path: Path) -> Table:
     rows = tomllib.loads(path.read_text(encoding="utf-8"))
     held: dict[str, Held] = {}
     exempt: dict[str, str] = {}
-    still_open: set[str] = set()
     for file, limits in rows.items():
         for name, said in limits.items():
             key = f"{file}:{name}"
             if "exempt" in said:
                 exempt[key] = said["exempt"]
-            elif "open" in said:
-                still_open.add(key)
             else:
                 held[key] = Held(
                     **{
@@ -51,4 +47,4 @@ def read_table(path: Path) -> Table:
                         for k, v in said.items()
                     }
                 )
-    return Table(held, exempt, still_open)
+    return Table(held, exempt)

@@ -1,0 +1,349 @@
+"""Limits by which fits are judged, begun again and shared: a case just inside, one just outside."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.identification import (
+    Outcome,
+    Status,
+    following,
+    joint_fit,
+    joint_procedure,
+    law_misfit,
+    multistart,
+    restarts,
+    setting,
+    settled,
+    weights,
+)
+from damperfit.identification.descent import Misfit
+from damperfit.identification.paper.first_pass import (
+    _friction_range,
+    _is_right_all_the_same,
+    _tells_r_m3,
+)
+from damperfit.identification.sharing import listed_runs, listed_settings
+from damperfit.setting import Setting
+from damperfit.simulation import SolverOptions
+
+TRUTH = reference_parameters(10)
+FREE = ("r_m1", "r_m2", "k_e")
+
+
+def misfit(free=FREE, max_evaluations=100):
+    return Misfit((), PURDY_DAMPER, free, SolverOptions(), max_evaluations, lambda: False)
+
+
+def judged(mse=1.0, *, outcome=Outcome.CONVERGED, cavitating=False, evaluations=10, **values):
+    solution = SimpleNamespace(
+        parameters=TRUTH.replace(values), mse_percent=mse, is_cavitating=cavitating,
+        evaluations=evaluations, n_independent=1000.0,
+    )  # fmt: skip
+    status = dict.fromkeys(TRUTH.names, Status.FITTED)
+    return SimpleNamespace(solution=solution, outcome=outcome, status=status, errors={})
+
+
+# What is sought out of all ways of sharing
+
+
+@pytest.mark.parametrize(("n", "combinations"), [(4, 16), (5, 7)])
+def test_all_combinations_of_four_adjusters_are_looked_at(n, combinations) -> None:
+    """Of five none, each one, and all of them."""
+    assert len(following._combinations(tuple("abcde"[:n]))) == combinations
+
+
+@pytest.mark.parametrize(("gained", "rounds"), [(0.79, 6), (0.81, 1)])
+def test_a_joint_fit_by_a_fifth_better_begins_the_search_anew(gained, rounds, monkeypatch) -> None:
+    settings = [Setting.of(1), Setting.of(2)]
+    asked = []
+
+    class Search:
+        weights, mean_squares, cost = None, dict.fromkeys(settings, 1.0), 0.0
+
+        def __init__(self, *_):
+            pass
+
+        def improved(self, *_):
+            return dict.fromkeys(FREE, ())
+
+        def starts(self, _):
+            return {}
+
+        def worth(self, _):
+            return 0.0
+
+        price = worth
+
+    def solved(*_):
+        asked.append(1)
+        squares = dict.fromkeys(settings, gained)
+        return SimpleNamespace(parameters={}, evaluations=1, mean_squares=squares)
+
+    monkeypatch.setattr(following, "_Search", Search)
+    monkeypatch.setattr(following, "_known", lambda *_: {})
+    monkeypatch.setattr(following, "JointProblem", lambda *_, **__: None)
+    monkeypatch.setattr(following, "fit_jointly", solved)
+    following.detected_way(dict.fromkeys(settings, misfit()), {})
+    assert len(asked) == rounds
+
+
+@pytest.mark.parametrize(("promise", "is_there"), [(0.0097, True), (0.0103, False)])
+def test_a_joint_fit_that_promises_a_hundredth_is_at_its_minimum(
+    promise, is_there, monkeypatch
+) -> None:
+    ended = SimpleNamespace(
+        status=3, evaluations=1, system=SimpleNamespace(cost=0.0),
+        extra=SimpleNamespace(seen={}, parameters={}, gas=None),
+    )  # fmt: skip
+    monkeypatch.setattr(joint_fit, "iterate", lambda *_: ended)
+    monkeypatch.setattr(
+        joint_fit, "_Model", lambda *_: SimpleNamespace(point_at=None, start=None, weights={})
+    )
+    monkeypatch.setattr(joint_fit, "_promise", lambda _: promise)
+    monkeypatch.setattr(joint_fit, "_errors", lambda *_: {})
+    problem = SimpleNamespace(misfits={}, jobs=1)
+    assert joint_fit.fit_jointly(problem, {}).is_converged is is_there
+
+
+@dataclass(frozen=True)
+class _Gas:
+    pressures: dict
+
+
+@pytest.mark.parametrize(("moved", "rounds"), [(0.96e-4, 2), (1.04e-4, 6)])
+def test_a_gas_law_is_fitted_until_the_pressures_stay(moved, rounds, monkeypatch) -> None:
+    asked = []
+
+    def solved(*_):
+        asked.append(1)
+        return SimpleNamespace(gas=_Gas({1: 1.0}), parameters={}, evaluations=1)
+
+    monkeypatch.setattr(joint_procedure, "fit_jointly", solved)
+    monkeypatch.setattr(joint_procedure, "first_law", lambda *_: None)
+    monkeypatch.setattr(joint_procedure, "_pressures", lambda *_: {1: 1.0 + moved})
+    monkeypatch.setattr(joint_procedure, "replace", lambda one, **_: one)
+    given = SimpleNamespace(damper=SimpleNamespace(gas_exponent=1.2))
+    joint_procedure._with_gas(given, None, {})
+    assert len(asked) == rounds
+
+
+@dataclass(frozen=True)
+class _End:
+    point: SimpleNamespace
+    evaluations: int = 1
+
+
+@pytest.mark.parametrize(("cost", "descents"), [(1.95, 1), (2.05, 2)])
+def test_a_law_within_twice_the_scatter_needs_no_other_start(cost, descents, monkeypatch) -> None:
+    starts = []
+
+    def descend(start, how):
+        starts.append(how)
+        return _End(SimpleNamespace(cost=cost, extra=start))
+
+    monkeypatch.setattr(law_misfit, "best_fitting", lambda _, ranked: list(ranked))
+    given = SimpleNamespace(descend=descend, scatter=1.0, model=None)
+    law_misfit.followed(given, ["a", "b", "c"], known=0)
+    assert starts.count(law_misfit._SHORT) == descents
+
+
+# Minima
+
+
+@pytest.mark.parametrize(
+    ("apart", "error", "is_same"),
+    [(0.0096, 1e-6, True), (0.0104, 1e-6, False), (0.048, 0.05, True), (0.052, 0.05, False)],
+)
+def test_minima_are_one_within_a_hundredth_or_an_error(apart, error, is_same, monkeypatch) -> None:
+    monkeypatch.setattr(multistart, "relative_errors", lambda _: np.array([error]))
+    one, other = judged(r_m1=1e4), judged(r_m1=1e4 * (1.0 - apart))
+    assert multistart._is_same(one, other, misfit(("r_m1",))) is is_same
+
+
+@pytest.mark.parametrize(("chi", "is_level"), [(3.7, True), (3.98, False)])
+def test_noise_makes_a_rise_of_384_once_in_twenty(chi, is_level) -> None:
+    assert multistart._is_level(judged(1.0), judged(1.0 + chi / 1000.0)) is is_level
+
+
+# The paper's first pass
+
+
+@pytest.mark.parametrize(("chi", "differ"), [(10.75, False), (10.9, True)])
+def test_frictions_differ_where_chance_has_it_once_in_a_thousand(chi, differ) -> None:
+    """Two of them, each off their mean by so many errors of 1 N."""
+    off = math.sqrt(0.5 * chi)
+    fits = [judged(f_f=100.0 - off), judged(f_f=100.0 + off)]
+    for one in fits:
+        one.errors["f_f"] = 1.0 / one.solution.parameters.f_f
+    assert _friction_range(fits)[1] is differ
+
+
+@pytest.mark.parametrize(("ratio", "is_right"), [(1.24, True), (1.26, False)])
+def test_a_cavitating_fit_has_the_others_r_m3_within_a_quarter(ratio, is_right) -> None:
+    one = judged(0.01, r_m3=ratio * 2e6)
+    assert _is_right_all_the_same(one, 2e6) is is_right
+
+
+@pytest.mark.parametrize(("error", "is_told"), [(0.32, True), (0.345, False)])
+def test_what_all_settings_share_is_three_errors_from_nothing(error, is_told) -> None:
+    one = judged()
+    one.errors["r_m3"] = error
+    assert _tells_r_m3(one) is is_told
+
+
+# Starting again
+
+
+@pytest.mark.parametrize(
+    ("mse", "noise", "cavitating", "is_suspicious"),
+    [
+        (0.97e-3, 1e-9, True, False),
+        (1.03e-3, 1e-9, True, True),
+        (1.46, 1.0, True, False),
+        (1.54, 1.0, True, True),
+        (3.9, 1.0, False, False),
+        (4.1, 1.0, False, True),
+    ],
+)
+def test_a_misfit_is_suspicious_beyond_the_noise(
+    mse, noise, cavitating, is_suspicious, monkeypatch
+) -> None:
+    monkeypatch.setattr(restarts, "noise_percent", lambda _: noise)
+    monkeypatch.setattr(restarts, "_is_explained", lambda *_: False)
+    one = judged(mse, cavitating=cavitating)
+    assert restarts.is_suspicious(misfit(), one) is is_suspicious
+
+
+@pytest.mark.parametrize(("share", "explains"), [(0.48, False), (0.52, True)])
+def test_a_flaw_explains_half_of_the_misfit(share, explains, monkeypatch) -> None:
+    residuals = np.array([1.0, -1.0])
+    monkeypatch.setattr(restarts, "linearise", lambda *_: (residuals, np.array([[1.0], [0.0]])))
+    monkeypatch.setattr(restarts, "weights", lambda _: (None,))
+    monkeypatch.setattr(restarts, "signatures", lambda *_: {"a flaw": np.ones((1, 2))})
+    monkeypatch.setattr(restarts, "gain", lambda *_: (2.0 * share, None))
+    log = SimpleNamespace(force=np.zeros(2), compared=slice(None))
+    given = SimpleNamespace(traces=(log,))
+    assert restarts._is_explained(given, judged(), 0.0) is explains
+
+
+@pytest.mark.parametrize(("mse", "n"), [(1.04, 1), (1.06, 0)])
+def test_a_full_chamber_is_followed_to_its_end_within_a_twentieth(mse, n, monkeypatch) -> None:
+    followed = []
+
+    def attempt(*_):
+        followed.append(1)
+        return judged(2.0)
+
+    short = SimpleNamespace(mse_percent=mse, is_cavitating=False, evaluations=1, parameters=TRUTH)
+    monkeypatch.setattr(restarts, "descend", lambda *_: short)
+    monkeypatch.setattr(restarts, "attempt", attempt)
+    restarts._from(misfit(), TRUTH, judged(1.0, cavitating=True))
+    assert len(followed) == n
+
+
+@pytest.mark.parametrize(("cost", "places"), [(47, 2), (48, 1)])
+def test_short_descents_of_twelve_cost_sixty_in_all(cost, places, monkeypatch) -> None:
+    """One evaluation was for the suspicion: after 47 more there is room for another twelve."""
+    asked = []
+
+    def tried(_, __, best):
+        asked.append(1)
+        return best, cost
+
+    monkeypatch.setattr(restarts, "_places", lambda *_: [TRUTH] * 9)
+    monkeypatch.setattr(restarts, "_from", tried)
+    monkeypatch.setattr(restarts, "replace", lambda one, **_: one)
+    first = judged()
+    first.said = ()
+    restarts._started_again(misfit(), first, TRUTH)
+    assert len(asked) == places
+
+
+# One setting
+
+
+@pytest.mark.parametrize(
+    ("error", "status"), [(0.48, Status.FITTED), (0.52, Status.NOT_IDENTIFIABLE)]
+)
+def test_a_number_is_found_with_an_error_of_half_of_it(error, status, monkeypatch) -> None:
+    monkeypatch.setattr(setting, "relative_errors", lambda _: [error])
+    found = setting._statuses(misfit(("r_m1",)), judged().solution)
+    assert found["r_m1"] is status
+
+
+@pytest.mark.parametrize(
+    ("friction", "status"), [(9.7, Status.AT_BOUND), (10.3, Status.NOT_IDENTIFIABLE)]
+)
+def test_a_friction_not_found_has_run_to_zero_below_a_hundredth(
+    friction, status, monkeypatch
+) -> None:
+    monkeypatch.setattr(setting, "relative_errors", lambda _: [0.9])
+    given = SimpleNamespace(free=("f_f",), damper=PURDY_DAMPER, deviation=1000.0)
+    assert setting._statuses(given, judged(f_f=friction).solution)["f_f"] is status
+
+
+@pytest.mark.parametrize(("mse", "is_kept"), [(1.46, True), (1.54, False)])
+def test_a_sound_minimum_is_kept_within_half_as_much_again(mse, is_kept) -> None:
+    cavitating = judged(1.0, outcome=Outcome.CAVITATING)
+    assert setting._is_preferred(judged(mse), cavitating) is is_kept
+
+
+@pytest.mark.parametrize(("length", "pays"), [(195, False), (205, True)])
+def test_settled_cycles_pay_from_half_of_a_log_on(length, pays, monkeypatch) -> None:
+    cycle = SimpleNamespace(motion=SimpleNamespace(displacement=np.zeros(100)))
+    monkeypatch.setattr(settled, "_settled", lambda *_: (cycle, 0.0))
+    monkeypatch.setattr(settled, "weights", lambda traces: (None,) * len(traces))
+    one = SimpleNamespace(n_cycles=3)
+    log = SimpleNamespace(
+        stretches=(one,), places=(slice(0, 5),), n_samples=5, force=np.zeros(length)
+    )
+    assert (settled.settled([log]) is not None) is pays
+
+
+@pytest.mark.parametrize(("n", "more"), [(20, ""), (21, " and 1 more")])
+def test_twenty_settings_are_named(n, more) -> None:
+    assert listed_runs([(3 * k, 3 * k) for k in range(n)]).endswith(f"57{more}")
+    assert listed_settings(f"w{k:02d}" for k in range(n)).endswith(f"w19{more}")
+
+
+# What samples count
+
+
+@pytest.mark.parametrize(("ratio", "is_weighed"), [(1.23, False), (1.27, True)])
+def test_noises_are_told_apart_from_a_quarter_on(ratio, is_weighed) -> None:
+    stretches = [SimpleNamespace(noise=one, n_samples=2) for one in (100.0, 100.0 * ratio)]
+    log = SimpleNamespace(stretches=stretches, force=np.array([1.0, -1.0] * 2), compared=slice(4))
+    assert (weights._by_noise([log])[0] is not None) is is_weighed
+
+
+def cornered(n, jump, monkeypatch):
+    """A jump of the speed in a stretch of so many samples; 19 of them are beside it."""
+    monkeypatch.setattr(weights, "_width", lambda *_: 10.0)
+    stretch = SimpleNamespace(window=slice(0, n), n_samples=n, peak_speed=1.0)
+    velocity = np.zeros(n)
+    drive = velocity.copy()
+    drive[20] = jump
+    return SimpleNamespace(
+        stretches=(stretch,), velocity=velocity, drive=SimpleNamespace(velocity=drive),
+        model_filter=SimpleNamespace(sections=np.zeros(6), is_zero_phase=True), compared=slice(n),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("jump", "left_out"), [(0.48, 0), (0.52, 19)])
+def test_the_speed_jumps_by_half_of_its_peak(jump, left_out, monkeypatch) -> None:
+    found = weights._counted(cornered(100, jump, monkeypatch))
+    assert (0 if found is None else np.count_nonzero(~found)) == left_out
+
+
+@pytest.mark.parametrize(("n", "left_out"), [(58, 19), (56, 0)])
+def test_corners_of_a_third_of_a_stretch_are_what_it_tells(n, left_out, monkeypatch) -> None:
+    found = weights._counted(cornered(n, 1.0, monkeypatch))
+    assert (0 if found is None else np.count_nonzero(~found)) == left_out
