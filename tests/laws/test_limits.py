@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.laws import ladder, law_fit
+from damperfit.laws.physics import _where
 
 
 def tried(mse: float, *, score: float = 0.0, name: str = "twin_tube") -> SimpleNamespace:
@@ -46,3 +47,11 @@ def test_a_quarter_of_a_second_between_stretches_tells_something(monkeypatch, n,
     monkeypatch.setattr(law_fit, "compare", lambda *_, **__: seen)
     found = law_fit._missed_between(None, None, [trace], None)
     assert math.isfinite(found) is is_told
+
+
+@pytest.mark.parametrize(("n", "said"), [(3, "at settings 0, 1, 2"), (4, "at 4 of 5 settings")])
+def test_three_settings_that_determine_a_number_are_named(n, said) -> None:
+    fits = [
+        SimpleNamespace(setting=k, untold=() if k < n else ("lag",), at_bound=()) for k in range(5)
+    ]
+    assert _where(fits, "lag").startswith(f" {said}; the logs of the others")
