@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
 from damperfit import __version__
 from damperfit.errors import DamperfitError, mishap_of
-from damperfit.fleet.parts import part_path, read_facts_of, touch, write_part
-from damperfit.fleet.sources import UnreachableError, brought_here
-from damperfit.fleet.tasks import UNREADABLE, content_key
+from damperfit.fleet.parts import part_path, read_facts_of, renew_facts, touch, write_part
+from damperfit.fleet.sources import Source, brought_here, head_of
+from damperfit.fleet.stores import UnreachableError
+from damperfit.fleet.tasks import UNREADABLE, content_key, hash_of, told_by
 from damperfit.queries.baseline import compared_record
+from damperfit.run.labelling import labels_for
 from damperfit.setting import ADJUSTER
 from damperfit.simulation.characteristics import NAMED_SPEEDS
 
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from damperfit.configuration.options import Configuration
-    from damperfit.fleet.sources import Source
+    from damperfit.fleet.sources import Brought
     from damperfit.fleet.tasks import Task
     from damperfit.run.result import RunResult
 
@@ -89,8 +91,8 @@ class Job:
         What is done with them.
     folder : pathlib.Path
         Of the fleet.
-    dead : mapping of str to str
-        Logs, by place, that have ended a worker, and the sentence that says so; they are left out.
+    dead : tuple of (str, str)
+        Place of each log that has ended a worker, and the sentence that says so; it is left out.
     """
 
     task: Task
@@ -118,13 +120,17 @@ def do(job: Job) -> Done:
 
 
 def known(job: Job) -> Done | None:
-    """Return what the part of a task says, where it is there; logs in a store are not looked at."""
+    """Return what the part of a task says, where it is there; nothing is fetched for that."""
     task = job.task
-    files = (*task.logs, *task.tables)
-    if any(one.is_remote for one in files):
-        return None
-    key, _ = content_key([Path(one.place) for one in files], job.configuration)
-    return _known(task, part_path(job.folder, task.owner, key))
+    entries: list[tuple[PurePath, str]] = []
+    for one in (*task.logs, *task.tables):
+        if not one.is_remote:
+            entries.append((Path(one.place), hash_of(Path(one.place))))
+        elif one.seen is not None:
+            entries.append((one.fetched_to, one.seen.sha256))
+        else:
+            return None
+    return _known(task, part_path(job.folder, task.owner, content_key(entries, job.configuration)))
 
 
 def _known(task: Task, path: Path) -> Done | None:
@@ -141,26 +147,28 @@ def _known(task: Task, path: Path) -> Done | None:
     )
 
 
-def _done(job: Job, here: Mapping[Source, Path]) -> Done:
-    task, configuration = job.task, job.configuration
-    key, hashes = content_key([here[one] for one in here], configuration)
-    logs = {hashes[here[one]] for one in task.logs} - {UNREADABLE}
+def _done(job: Job, brought: Brought) -> Done:
+    task, configuration, here = job.task, job.configuration, brought.paths
+    hashes = {one: hash_of(path) for one, path in here.items()}
+    key = content_key(((here[one], digest) for one, digest in hashes.items()), configuration)
     path = part_path(job.folder, task.owner, key)
+    seen = _seen(brought, hashes)
     if before := _known(task, path):
+        if seen:  # another time of change, the same bytes: not to be fetched each time from now on
+            renew_facts(path, seen=seen)
         return before
     facts: dict[str, Any] = {
         "key": key,
         "version": __version__,
-        "logs": sorted(logs),
+        "logs": sorted({hashes[one] for one in task.logs} - {UNREADABLE}),
         "places": sorted(one.place for one in task.logs),
+        **({"seen": seen} if seen else {}),
     }
-    dead = dict(job.dead)
+    dead = {place for place, _ in job.dead}
     rows: list[dict[str, Any]] = []
     gates: list[str] = []
     records: list[dict[str, Any]] = []
-    failed = [
-        _failure(one.file, "WorkerDied", dead[one.place]) for one in task.logs if one.place in dead
-    ]
+    failed = list(_dead_rows(job, here))
     living = [str(here[one]) for one in task.logs if one.place not in dead]
     try:
         for owner, result in _results(configuration, living):
@@ -199,6 +207,28 @@ def _done(job: Job, here: Mapping[Source, Path]) -> Done:
     )
 
 
+def _seen(brought: Brought, hashes: Mapping[Source, str]) -> dict[str, tuple[str, str, str]]:
+    """Return what the next run needs to know of objects that it then need not fetch."""
+    found = {}
+    for one, stamp in brought.stamps.items():
+        if stamp:
+            told = told_by(head_of(Source(str(brought.paths[one]), one.name)))
+            found[one.place] = (stamp, hashes[one], told)
+    return found
+
+
+def _dead_rows(job: Job, here: Mapping[Source, Path]) -> Iterator[dict[str, Any]]:
+    """Yield the rows of logs that have ended a worker, with the setting as far as it is known."""
+    if not job.dead:
+        return
+    said = dict(job.dead)
+    labels = labels_for([here[one] for one in job.task.logs], job.configuration, setting=None)
+    for one in job.task.logs:
+        if one.place in said:
+            setting = labels.unread(here[one], job.configuration.reading)
+            yield _failure(one.file, "WorkerDied", said[one.place], setting=setting)
+
+
 def _named(message: str, task: Task, here: Mapping[Source, Path]) -> str:
     """Return a message with logs by their names, wherever they were when they were read."""
     for log in task.logs:
@@ -217,7 +247,7 @@ def try_log(job: Job) -> Done:
     task = job.task
     with brought_here((*task.logs, *task.tables)) as here:
         try:
-            for _ in _results(job.configuration, [str(here[one]) for one in task.logs]):
+            for _ in _results(job.configuration, [str(here.paths[one]) for one in task.logs]):
                 pass
         except Exception:  # noqa: BLE001, S110 - what is wrong with it is told by the whole task
             pass

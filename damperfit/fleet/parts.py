@@ -38,6 +38,7 @@ __all__ = [
     "part_path",
     "parts_in",
     "read_facts_of",
+    "renew_facts",
     "tidy",
     "touch",
     "write_part",
@@ -91,7 +92,7 @@ def write_part(
         Its rows.
     facts : dict
         For the schema's ``damperfit`` entry; "logs" are the hashes of its logs, "places" where
-        they stand.
+        they stand, "seen" by place what `damperfit.fleet.sources.Seen` holds.
     record : dict, optional
         What of run.json is compared.
 
@@ -167,6 +168,22 @@ def read_facts_of(path: Path) -> dict[str, Any]:
     except (OSError, pa.ArrowInvalid, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
+
+
+def renew_facts(path: Path, **changed: Any) -> None:
+    """Write a part anew with other facts; its rows stay.
+
+    Raises
+    ------
+    OutputError
+        It cannot be written.
+    """
+    try:
+        table = pq.ParquetFile(path, page_checksum_verification=True).read()
+        record = json.loads((table.schema.metadata or {}).get(RECORD, b"{}"))
+    except (OSError, pa.ArrowInvalid, ValueError):
+        return  # whoever collects it says that it is damaged
+    write_part(path, table, read_facts_of(path) | changed, record)
 
 
 def tidy(folder: Path) -> None:

@@ -46,6 +46,7 @@ class Processes:
     ) -> Iterator[tuple[Any, Any]]:
         """As `damperfit.parallel.Executor.each`."""
         waiting = iter(items)
+        _hush_tracker()
         guard = threading.Lock()
         done: queue.Queue[tuple[Any, Any] | None] = queue.Queue(maxsize=2 * self.number)
         closed = threading.Event()
@@ -143,6 +144,27 @@ def _pool() -> ProcessPoolExecutor:
     return ProcessPoolExecutor(
         1, mp_context=multiprocessing.get_context("spawn"), initializer=_begin
     )
+
+
+def _hush_tracker() -> None:
+    """Start Python's tracker of semaphores so that it clears up after a killed run without a word.
+
+    What it warns of, to whoever looks at a terminal long given back, is already put right.
+    """
+    if os.name != "posix":
+        return
+    from multiprocessing import resource_tracker
+
+    before = os.environ.get("PYTHONWARNINGS")
+    quiet = "ignore:resource_tracker:UserWarning"  # of several the last one counts
+    os.environ["PYTHONWARNINGS"] = quiet if before is None else f"{before},{quiet}"
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        if before is None:
+            del os.environ["PYTHONWARNINGS"]
+        else:
+            os.environ["PYTHONWARNINGS"] = before
 
 
 def _begin() -> None:

@@ -7,23 +7,36 @@ import json
 import re
 from collections import defaultdict
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from damperfit import __version__
 from damperfit.errors import ConfigurationError
 from damperfit.fleet.sources import brought_here, head_of
+from damperfit.fleet.unchanged import AT_ONCE
 from damperfit.identity import identity_in
+from damperfit.parallel import executor
 from damperfit.readers import TestsTable, is_tests_table, read_tests
 from damperfit.recording import natural_order
+from damperfit.run.work import sha256_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path, PurePath
 
     from damperfit.configuration.options import Configuration
     from damperfit.fleet.sources import Source
 
-__all__ = ["UNREADABLE", "Share", "Task", "content_key", "parted", "share_of", "tasks_of"]
+__all__ = [
+    "UNREADABLE",
+    "Share",
+    "Task",
+    "content_key",
+    "hash_of",
+    "parted",
+    "share_of",
+    "tasks_of",
+    "told_by",
+]
 
 TABLE_OF_TESTS = "tests.csv"
 UNREADABLE = "unreadable"
@@ -107,14 +120,18 @@ def tasks_of(sources: Sequence[Source], configuration: Configuration) -> tuple[T
     ConfigurationError
         A table of tests is wrong, or there is no log.
     """
-    tables = [one for one in sources if one.file.lower() == TABLE_OF_TESTS and _is_table(one)]
-    logs = [one for one in sources if one not in set(tables)]
-    if not logs:
-        raise ConfigurationError("no logs among the files given: they are all tables of tests")
-    rows = _rows(tables, configuration)
+    named = [one for one in sources if one.file.lower() == TABLE_OF_TESTS]
+    with brought_here(named) as here:
+        tables = [one for one in named if is_tests_table(here.paths[one])]
+        logs = [one for one in sources if one not in set(tables)]
+        if not logs:
+            raise ConfigurationError("no logs among the files given: they are all tables of tests")
+        rows = _rows({one: here.paths[one] for one in tables}, configuration)
     owners: dict[str, list[Source]] = defaultdict(list)
-    for log in logs:
-        owners[_owner(log, rows) or configuration.test.identity.owner or log.folder].append(log)
+    # In a store each log that is not known costs the time of an answer.
+    with executor(AT_ONCE if any(one.is_remote for one in logs) else 1) as pool:
+        for log, owner in zip(logs, pool.map(lambda one: _owner(one, rows), logs), strict=True):
+            owners[owner or configuration.test.identity.owner or log.folder].append(log)
     beside = {(_where(one), one.folder): one for one in tables}
     return tuple(
         Task(owner, tuple(mine), tuple(dict.fromkeys(_beside(mine, beside))))
@@ -133,24 +150,18 @@ def _beside(logs: Iterable[Source], tables: Mapping[tuple[str, str], Source]) ->
             yield table
 
 
-def _is_table(source: Source) -> bool:
-    if source.is_remote:
-        with brought_here([source]) as here:
-            return is_tests_table(here[source])
-    return is_tests_table(Path(source.place))
-
-
-def _rows(tables: Sequence[Source], configuration: Configuration) -> dict[tuple[str, str], str]:
+def _rows(
+    tables: Mapping[Source, Path], configuration: Configuration
+) -> dict[tuple[str, str], str]:
     """Return whose a log is, by its folder and name, as far as tables of tests say it."""
     adjusters = configuration.reading.adjusters
     found: dict[tuple[str, str], str] = {}
     given = configuration.test.table
     if given is not None:  # then it alone speaks, as in `identify`
         return {("", name): owner for name, owner in _told(read_tests(given, adjusters))}
-    with brought_here(tables) as here:
-        for source, path in here.items():
-            for name, owner in _told(read_tests(path, adjusters)):
-                found.setdefault((_where(source), name), owner)
+    for source, path in tables.items():
+        for name, owner in _told(read_tests(path, adjusters)):
+            found.setdefault((_where(source), name), owner)
     return found
 
 
@@ -161,12 +172,20 @@ def _told(table: TestsTable) -> Iterable[tuple[str, str]]:
 def _owner(log: Source, rows: Mapping[tuple[str, str], str]) -> str:
     folder = _where(log)
     owner = rows.get((folder, log.file)) or rows.get(("", log.file)) or rows.get(("", log.name))
-    return owner or _in_preamble(log)
+    if not owner:
+        owner = told_by(head_of(log)) if log.seen is None else log.seen.told
+    return owner
 
 
-def _in_preamble(log: Source) -> str:
-    """Return whose a log of text says it is, in the lines before its numbers."""
-    text = head_of(log).decode("utf-8", "replace")
+def told_by(head: bytes) -> str:
+    """Return whose a log of text says it is, in the lines before its numbers.
+
+    Parameters
+    ----------
+    head : bytes
+        Its first bytes, from `head_of`.
+    """
+    text = head.decode("utf-8", "replace")
     if "\0" in text:
         return ""
     entries = (_ENTRY.match(line) for line in text.splitlines()[:60])
@@ -178,27 +197,21 @@ def parted(tasks: Iterable[Task], share: Share | None) -> tuple[Task, ...]:
     return tuple(task for task in tasks if share is None or share.takes(task))
 
 
-def content_key(files: Sequence[Path], configuration: Configuration) -> tuple[str, dict[Path, str]]:
-    """Return the key of what a task's result depends on, and the hash of each file.
+def content_key(entries: Iterable[tuple[PurePath, str]], configuration: Configuration) -> str:
+    """Return the key of what a task's result depends on.
+
+    It depends on the files' bytes and names, on which stand in one folder (a table of tests speaks
+    for those), the configuration and the version of damperfit; not on the folders' names.
 
     Parameters
     ----------
-    files : sequence of pathlib.Path
-        Logs and tables of tests.
+    entries : iterable of (pathlib.PurePath, str)
+        Logs and tables of tests, each with its hash from `hash_of`.
     configuration : Configuration
         What is done with them.
-
-    Returns
-    -------
-    str
-        Of the files' bytes and names, of which stand in one folder (a table of tests speaks for
-        those), the configuration and the version of damperfit; not of the folders' names.
-    dict of pathlib.Path to str
-        SHA-256 of each file, hexadecimal; `UNREADABLE` where it cannot be opened.
     """
-    hashes = {path: _hash(path) for path in files}
-    folders: dict[Path, list[tuple[str, str]]] = defaultdict(list)
-    for path, digest in hashes.items():
+    folders: dict[PurePath, list[tuple[str, str]]] = defaultdict(list)
+    for path, digest in entries:
         folders[path.parent].append((path.name, digest))
     document = {k: v for k, v in configuration.document.items() if k not in _NOT_OF_RESULTS}
     table = configuration.test.table
@@ -207,16 +220,16 @@ def content_key(files: Sequence[Path], configuration: Configuration) -> tuple[st
         "configuration": document,
         "checks": list(configuration.output.checks),
         "max_mse_percent": configuration.output.max_mse_percent,
-        "table": None if table is None else _hash(table),
+        "table": None if table is None else hash_of(table),
         "folders": sorted(sorted(entries) for entries in folders.values()),
     }
     text = json.dumps(told, sort_keys=True, default=str)
-    return hashlib.sha256(text.encode()).hexdigest()[:24], hashes
+    return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
-def _hash(path: Path) -> str:
+def hash_of(path: Path) -> str:
+    """Return the SHA-256 of a file, hexadecimal; `UNREADABLE` where it cannot be opened."""
     try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        return sha256_of(path)
     except OSError:
         return UNREADABLE

@@ -10,6 +10,7 @@ from damperfit.fleet.one_damper import Done, Job, do, known, try_log
 from damperfit.fleet.parts import forget_earlier, tidy
 from damperfit.fleet.sources import find_sources
 from damperfit.fleet.tasks import Task, parted, tasks_of
+from damperfit.fleet.unchanged import recognised
 from damperfit.parallel import Died
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def planned(
     sources = tuple(one for one in find_sources(logs) if not _is_inside(one, own))
     if not sources:
         raise ConfigurationError(f"{', '.join(logs)}: no log there but in {folder} itself")
-    return parted(tasks_of(sources, configuration), share)
+    return parted(tasks_of(recognised(sources, folder), configuration), share)
 
 
 def _is_inside(source: Source, folder: Path) -> bool:

@@ -7,6 +7,7 @@ name; what no source says is guessed from what differs between the names, and th
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from damperfit.configuration.options import Configuration
+    from damperfit.readers.options import ReadOptions
     from damperfit.recording import Recording
     from damperfit.setting import Place
 
@@ -114,6 +116,27 @@ class Labels:
                 )
         labelled = replace(recording, setting=setting, notes=(*recording.notes, *notes))
         return labelled, identity
+
+    def unread(self, path: Path, reading: ReadOptions) -> Setting | None:
+        """Return the setting of a log that cannot be read, as it is told from outside.
+
+        Parameters
+        ----------
+        path : pathlib.Path
+            The log.
+        reading : ReadOptions
+            How settings stand in names.
+        """
+        if self.declared is not None:
+            return self.declared
+        options, _ = reading.for_file(path.name)
+        places: dict[str, Place] = {}
+        with suppress(LogError):
+            named = file_setting(path.name, options.setting_pattern, self.adjusters)
+            places = dict(named.places)
+        row = self.row(path)
+        told = _complete({**places, **(row.places if row else {})}, self.adjusters)
+        return told or self.guess.settings.get(path.name)
 
     def one_of_several(self, name: str) -> str:
         """Say which of several numbers in a file's name is taken for the setting; empty: no choice.

@@ -273,7 +273,7 @@ def _take_file(
             name,
             _shown(str(path)),
             _hash(path),
-            {"name": name, "setting": labelled.labels.declared},
+            {"name": name, "setting": labelled.labels.unread(path, configuration.reading)},
         )
         return [_failed(known, error, task="reading the log")]
     parts = [replace(part, name=part.name.replace(path.name, name, 1)) for part in recordings]

@@ -95,7 +95,7 @@ def test_a_bad_log_is_a_row_with_its_reason_and_not_tried_again(three, tmp_path,
     assert "D2: setting_05.csv" in said.err
     found = table_of(out)
     (bad,) = found[found["error"].notna()].to_dict("records")
-    assert (bad["serial"], bad["log"]) == ("D2", "setting_05.csv")
+    assert (bad["serial"], bad["log"], bad["setting"]) == ("D2", "setting_05.csv", "5")
     assert bad["error_kind"] == "LogError"
     assert found["r_m1"].notna().sum() == 6
     # It counts in the code, and is done all the same.
@@ -188,6 +188,7 @@ def test_a_log_that_ends_its_worker_costs_itself_alone(tmp_path, texts, kind):
     found = collect(out).to_pandas()
     (bad,) = found[found["error"].notna()].to_dict("records")
     assert (bad["serial"], bad["log"]) == ("D2", "poison_setting_20.csv")
+    assert bad["setting"] == "20"
     assert "ended its worker twice; it is left out" in bad["error"]
     # It is not given to a worker again.
     n_begun = engine.n_begun
@@ -271,6 +272,24 @@ def test_results_that_lie_among_the_logs_are_no_logs(three, tmp_path, here, caps
     document = json.loads(capsys.readouterr().out)
     assert document["logs"] == 3
     assert [one["message"].split(":")[0] for one in document["failures"]] == ["setting_20.txt"]
+
+
+def test_a_log_that_cannot_be_read_has_the_setting_that_is_told_from_outside(tmp_path, texts, here):
+    logs, out = tmp_path / "logs", tmp_path / "out"
+    put(logs / "D1", texts)
+    (logs / "D1" / "clicks_7.csv").write_text("")
+    (logs / "D1" / "bad.csv").write_text("")
+    run(logs, "--out", out, "--collect")
+    table = table_of(out)
+    bad = dict(table[table["error"].notna()][["log", "setting"]].fillna("").to_numpy())
+    assert bad == {"clicks_7.csv": "7", "bad.csv": ""}
+    names = ("setting_01.csv", "setting_10.csv", "clicks_7.csv", "bad.csv")
+    rows = "".join(f"{name},{k}\n" for name, k in zip(names, (1, 10, 8, 9), strict=True))
+    (logs / "D1" / "tests.csv").write_text("file,setting\n" + rows)
+    run(logs, "--out", out, "--collect")
+    table = table_of(out)
+    bad = dict(table[table["error"].notna()][["log", "setting"]].fillna("").to_numpy())
+    assert bad == {"clicks_7.csv": "8", "bad.csv": "9"}
 
 
 def test_failures_of_an_earlier_run_are_counted_aloud(three, tmp_path, here, capsys):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from damperfit.fleet import sources
+from damperfit.fleet import stores
 
 
 @pytest.mark.parametrize(("refusals", "is_fetched"), [(3, True), (4, False)])
 def test_the_fourth_try_is_the_last(monkeypatch, refusals, is_fetched) -> None:
-    monkeypatch.setattr(sources.time, "sleep", lambda _: None)
+    monkeypatch.setattr(stores.time, "sleep", lambda _: None)
     left = [OSError("no route")] * refusals
 
     def act() -> str:
@@ -18,7 +18,7 @@ def test_the_fourth_try_is_the_last(monkeypatch, refusals, is_fetched) -> None:
         return "log"
 
     if is_fetched:
-        assert sources._patiently(act, "s3://logs/a.csv") == "log"
+        assert stores._patiently(act, "s3://logs/a.csv") == "log"
     else:
-        with pytest.raises(sources.UnreachableError, match="tried 4 times: no route"):
-            sources._patiently(act, "s3://logs/a.csv")
+        with pytest.raises(stores.UnreachableError, match="tried 4 times: no route"):
+            stores._patiently(act, "s3://logs/a.csv")

@@ -1,15 +1,22 @@
-"""Logs in an object store: found, fetched, and what a network refuses is tried again."""
+"""Logs in an object store: found, fetched once, and asked for again where a network refuses."""
 
 from __future__ import annotations
 
+import logging
+import os
+import threading
+import time
+from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
+from damperfit.atomic.owner import ABANDONED, new_owner
 from damperfit.configuration.loading import load_configuration
-from damperfit.fleet import sources
+from damperfit.fleet import sources, stores
 from damperfit.fleet.one_damper import State
-from damperfit.fleet.parts import collect
+from damperfit.fleet.parts import collect, parts_in, read_facts_of, renew_facts
 from damperfit.fleet.sources import find_sources
 from damperfit.fleet.whole_fleet import planned, run_fleet
 from tests.fleet.test_fleet_command import Here
@@ -18,39 +25,93 @@ CONFIGURATION = load_configuration(None)
 BUCKET = "bench"
 
 
+@dataclass
+class Watched:
+    """A store that counts what is asked of it, and leaves requests unanswered while it is told to.
+
+    `hanging` is a part of the paths whose bodies are not given, `hangs` how many times.
+    """
+
+    app: object
+    asked: Counter = field(default_factory=Counter)
+    hanging: str = "nothing"
+    hangs: int = 0
+    go_on: threading.Event = field(default_factory=threading.Event)
+    guard: threading.Lock = field(default_factory=threading.Lock)
+
+    def __call__(self, environ, start):
+        method, path = environ["REQUEST_METHOD"], environ["PATH_INFO"]
+        with self.guard:
+            self.asked[method, path.rsplit("/", 1)[-1]] += 1
+            does_hang = method == "GET" and self.hanging in path and self.hangs > 0
+            self.hangs -= does_hang
+        if does_hang:
+            self.go_on.wait(30.0)
+        return self.app(environ, start)
+
+    def n(self, method: str, suffix: str = ".csv") -> int:
+        """Return how many requests of one kind there were for files of one suffix."""
+        return sum(
+            k for (one, name), k in self.asked.items() if (one, name[-4:]) == (method, suffix)
+        )
+
+
+@dataclass(frozen=True)
+class Store:
+    """A store on this machine: what puts an object, what makes an address, and who watches."""
+
+    put: object
+    address: object
+    watched: Watched
+
+
 @pytest.fixture(scope="module")
 def store():
-    """A store on this machine with two dampers in it; yields what makes an address of a path."""
-    server = pytest.importorskip("moto.server")
+    """A store on this machine."""
+    werkzeug_app = pytest.importorskip("moto.moto_server.werkzeug_app")
+    serving = pytest.importorskip("werkzeug.serving")
     boto3 = pytest.importorskip("boto3")
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)
     with pytest.MonkeyPatch.context() as patch:
         for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
             patch.setenv(name, "testing")
         patch.setenv("AWS_EC2_METADATA_DISABLED", "true")
         patch.setenv("AWS_DEFAULT_REGION", "us-east-1")
-        running = server.ThreadedMotoServer(port=0, verbose=False)
-        running.start()
-        host, port = running.get_host_and_port()
-        client = boto3.client("s3", endpoint_url=f"http://{host}:{port}")
+        app = werkzeug_app.DomainDispatcherApplication(werkzeug_app.create_backend_app)
+        watched = Watched(app)
+        running = serving.make_server("127.0.0.1", 0, watched, threaded=True)
+        thread = threading.Thread(target=running.serve_forever, daemon=True)
+        thread.start()
+        where = f"127.0.0.1:{running.port}"
+        client = boto3.client("s3", endpoint_url=f"http://{where}")
         client.create_bucket(Bucket=BUCKET)
-        query = f"?scheme=http&endpoint_override={host}:{port}&region=us-east-1"
+        query = f"?scheme=http&endpoint_override={where}&region=us-east-1"
 
         def put(key: str, text: str) -> None:
             client.put_object(Bucket=BUCKET, Key=key, Body=text.encode())
 
-        yield put, lambda path: f"s3://{BUCKET}/{path}{query}"
-        running.stop()
+        yield Store(put, lambda path: f"s3://{BUCKET}/{path}{query}", watched)
+        running.shutdown()
+        thread.join()
+
+
+def fleet(wanted: list[str], folder: Path) -> list:
+    """Return what became of each damper."""
+    return list(run_fleet(CONFIGURATION, planned(CONFIGURATION, wanted, folder), folder, Here()))
+
+
+def states(done: list) -> dict[str, str]:
+    return {one.owner: one.state.value for one in done}
 
 
 @pytest.fixture(scope="module")
 def runs(store, texts):
     """The address of the logs of two dampers, and texts beside them that are none."""
-    put, address = store
     for serial in ("D1", "D2"):
         for name, (head, rows) in texts.items():
-            put(f"runs/{serial}/{name}", head + rows)
-    put("runs/README.md", "no log")
-    return address("runs")
+            store.put(f"runs/{serial}/{name}", head + rows)
+    store.put("runs/README.md", "no log")
+    return store.address("runs")
 
 
 def test_a_folder_of_a_store_is_searched_like_one_of_the_disk(runs):
@@ -62,7 +123,7 @@ def test_a_folder_of_a_store_is_searched_like_one_of_the_disk(runs):
 
 
 def test_a_pattern_and_a_single_log_are_found_in_a_store(runs, store):
-    _, address = store
+    address = store.address
     (one,) = find_sources([address("runs/D2/setting_1*.csv")])
     assert one.file == "setting_10.csv"
     (one,) = find_sources([address("runs/D1/setting_01.csv")])
@@ -71,59 +132,217 @@ def test_a_pattern_and_a_single_log_are_found_in_a_store(runs, store):
 
 def test_logs_of_a_store_give_what_the_same_logs_give_from_the_disk(runs, three, tmp_path):
     remote, local = tmp_path / "remote", tmp_path / "local"
-    done = list(run_fleet(CONFIGURATION, planned(CONFIGURATION, [runs], remote), remote, Here()))
-    assert [one.state for one in done] == [State.FITTED, State.FITTED]
-    logs = [str(three / name) for name in ("D1", "D2")]
+    assert states(fleet([runs], remote)) == {"D1": "fitted", "D2": "fitted"}
     tasks = planned(CONFIGURATION, [str(three)], local)
-    assert len(logs) == 2
     list(run_fleet(CONFIGURATION, tasks[:2], local, Here()))
     assert collect(remote).equals(collect(local))
-    again = list(run_fleet(CONFIGURATION, planned(CONFIGURATION, [runs], remote), remote, Here()))
-    assert {one.state for one in again} == {State.KNOWN}
+
+
+class TestASecondRun:
+    """What has not changed is not fetched again; what has changed is done again, always."""
+
+    @pytest.fixture
+    def done(self, store, texts, tmp_path):
+        """A fleet of two dampers that say in their preamble whose they are."""
+        for serial in ("SN1", "SN2"):
+            for name, (head, rows) in texts.items():
+                store.put(
+                    f"{tmp_path.name}/{serial[-1]}/{name}", f"# serial: {serial}\n{head}{rows}"
+                )
+        wanted = [store.address(tmp_path.name)]
+        assert states(fleet(wanted, tmp_path)) == {"SN1": "fitted", "SN2": "fitted"}
+        store.watched.asked.clear()
+        return wanted
+
+    def test_fetches_nothing(self, store, done, tmp_path):
+        assert states(fleet(done, tmp_path)) == {"SN1": "known", "SN2": "known"}
+        assert store.watched.n("GET") == 0
+        assert store.watched.n("HEAD") == 4
+
+    def test_fetches_the_damper_with_a_changed_log_alone(self, store, done, texts, tmp_path):
+        head, rows = texts["setting_10.csv"]
+        changed = rows.replace("1", "2", 1)  # as long as before, and within the same second
+        store.put(f"{tmp_path.name}/2/setting_10.csv", f"# serial: SN2\n{head}{changed}")
+        assert states(fleet(done, tmp_path)) == {"SN1": "known", "SN2": "fitted"}
+        # Its beginning, which says whose it is, and the two logs of its damper.
+        assert store.watched.n("GET") == 3
+        store.watched.asked.clear()
+        assert states(fleet(done, tmp_path)) == {"SN1": "known", "SN2": "known"}
+        assert store.watched.n("GET") == 0
+
+    def test_fetches_the_same_bytes_put_there_again_once(self, store, done, tmp_path):
+        part = next(path for path in parts_in(tmp_path) if "SN1" in str(path))
+        seen = read_facts_of(part)["seen"]
+        place = next(place for place in seen if "/1/setting_01.csv" in place)
+        older = {**seen, place: [f"{seen[place][0]} before", *seen[place][1:]]}
+        renew_facts(part, seen=older)
+        assert states(fleet(done, tmp_path)) == {"SN1": "known", "SN2": "known"}
+        assert store.watched.n("GET") == 3
+        store.watched.asked.clear()
+        assert states(fleet(done, tmp_path)) == {"SN1": "known", "SN2": "known"}
+        assert store.watched.n("GET") == 0
+        assert read_facts_of(part)["seen"] == seen
+
+    def test_does_a_new_log_of_a_damper_together_with_the_old_ones(
+        self, store, done, texts, tmp_path
+    ):
+        head, rows = texts["setting_10.csv"]
+        store.put(f"{tmp_path.name}/1/setting_11.csv", f"# serial: SN1\n{head}{rows}")
+        found = {one.owner: one for one in fleet(done, tmp_path)}
+        assert (found["SN1"].state, found["SN1"].n_logs) == (State.FITTED, 3)
+        assert found["SN2"].state is State.KNOWN
+
+    def test_trusts_nothing_of_a_store_that_tells_no_etag(self, store, done, tmp_path, monkeypatch):
+        monkeypatch.setattr(stores, "_stamp", lambda _file: "")
+        assert states(fleet(done, tmp_path)) == {"SN1": "known", "SN2": "known"}
+        assert store.watched.n("GET") == 8
+
+    def test_trusts_nothing_that_changed_while_it_was_fetched(
+        self, store, texts, tmp_path, monkeypatch
+    ):
+        (tmp_path / "log.csv").touch()
+        head, rows = texts["setting_10.csv"]
+        store.put("race/log.csv", head + rows)
+        honest = stores._written
+
+        def overtaken(address, path):
+            stamp = honest(address, path)
+            store.put("race/log.csv", head)
+            return stamp
+
+        monkeypatch.setattr(stores, "_written", overtaken)
+        assert stores.fetched(store.address("race/log.csv"), tmp_path / "log.csv") == ""
 
 
 def test_a_request_that_fails_is_made_again(runs, monkeypatch):
     (first, *_) = find_sources([runs])
-    honest, tries = sources._bytes, []
+    honest, tries = stores._written, []
 
-    def failing(source):
-        tries.append(source)
+    def failing(address, path):
+        tries.append(address)
         if len(tries) < 4:
             raise OSError("connection reset")
-        return honest(source)
+        return honest(address, path)
 
-    monkeypatch.setattr(sources, "_bytes", failing)
-    monkeypatch.setattr(sources, "_PAUSE", 0.0)
+    monkeypatch.setattr(stores, "_written", failing)
+    monkeypatch.setattr(stores, "_PAUSE", 0.0)
     with sources.brought_here([first]) as here:
-        assert here[first].read_bytes() == honest(first)
-        folder = here[first]
+        path = here.paths[first]
+        assert path.read_bytes().startswith(b"#")
+        assert here.stamps[first]
     assert len(tries) == 4
-    assert not folder.exists()
+    assert not path.exists()
 
 
 def test_what_cannot_be_fetched_is_left_for_the_next_run(runs, tmp_path, monkeypatch):
-    tasks = planned(CONFIGURATION, [runs], tmp_path)
-
-    def down(_source):
+    def down(*_arguments):
         raise OSError("host unreachable")
 
     with monkeypatch.context() as patch:
-        patch.setattr(sources, "_bytes", down)
-        patch.setattr(sources, "_PAUSE", 0.0)
-        done = list(run_fleet(CONFIGURATION, tasks, tmp_path, Here()))
+        patch.setattr(stores, "_written", down)
+        patch.setattr(stores, "_PAUSE", 0.0)
+        done = fleet([runs], tmp_path)
     assert {one.state for one in done} == {State.LATER}
     assert "cannot be fetched, tried 4 times: host unreachable" in done[0].failures[0]
     assert not list(Path(tmp_path).rglob("*.parquet"))
-    done = list(run_fleet(CONFIGURATION, tasks, tmp_path, Here()))
-    assert {one.state for one in done} == {State.FITTED}
+    assert {one.state for one in fleet([runs], tmp_path)} == {State.FITTED}
+
+
+def test_a_store_of_s3_waits_for_slow_answers_and_keeps_who_the_environment_says_we_are():
+    pytest.importorskip("pyarrow._s3fs")
+    root = "s3://bench?region=eu-north-1&scheme=http&endpoint_override=127.0.0.1:9"
+    (options,) = stores._file_system(root).__reduce__()[1]
+    assert (options["connect_timeout"], options["request_timeout"]) == (10.0, 30.0)
+    known = {key: options[key] for key in ("region", "scheme", "endpoint_override", "access_key")}
+    assert known == {
+        "region": "eu-north-1",
+        "scheme": "http",
+        "endpoint_override": "127.0.0.1:9",
+        "access_key": None,
+    }
+
+
+class TestASlowStore:
+    """A request without an answer is given up after the deadline, and made again."""
+
+    @pytest.fixture
+    def slow(self, store, texts, monkeypatch, tmp_path):
+        """Two dampers, one of which the store is slow with; yields their address and the store."""
+        monkeypatch.setattr(stores, "_DEADLINE", 0.6)
+        monkeypatch.setattr(stores, "_PAUSE", 0.0)
+        for serial in ("D1", "D2"):
+            for name, (head, rows) in texts.items():
+                store.put(f"{tmp_path.name}/{serial}/{name}", head + rows)
+        watched = store.watched
+        watched.go_on.clear()
+        wanted = [store.address(tmp_path.name)]
+        tasks = planned(CONFIGURATION, wanted, tmp_path)
+        watched.hanging = f"{tmp_path.name}/D2/setting_10.csv"
+        watched.asked.clear()
+        yield watched, tasks
+        watched.hangs = 0
+        watched.go_on.set()
+
+    def test_a_request_that_hangs_once_is_made_again(self, slow, tmp_path):
+        watched, tasks = slow
+        watched.hangs = 1
+        done = list(run_fleet(CONFIGURATION, tasks, tmp_path, Here()))
+        assert states(done) == {"D1": "fitted", "D2": "fitted"}
+        assert watched.asked["GET", "setting_10.csv"] >= 3
+
+    def test_a_request_that_always_hangs_costs_its_damper_a_sentence_and_the_run_nothing(
+        self, slow, tmp_path
+    ):
+        watched, tasks = slow
+        watched.hangs = 1000
+        done = list(run_fleet(CONFIGURATION, tasks, tmp_path, Here()))
+        assert states(done) == {"D1": "fitted", "D2": "later"}
+        (said,) = next(one.failures for one in done if one.owner == "D2")
+        assert "D2/setting_10.csv" in said
+        assert "cannot be fetched, tried 4 times: no answer within 0.6 s" in said
+        watched.hangs = 0
+        done = list(run_fleet(CONFIGURATION, tasks, tmp_path, Here()))
+        assert states(done)["D2"] == "fitted"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="processes are looked for")
+def test_what_a_killed_worker_had_fetched_goes_with_the_next_run_and_no_other_s(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(stores.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(stores.tempfile, "tempdir", str(tmp_path))
+    stores._remove_abandoned.cache_clear()
+    host, pid, start, serial = new_owner().text.split("-")
+    left = {
+        "killed": f"{host}-999999999-{start}-{serial}",
+        "at work": f"{host}-{pid}-{start}-{serial}",
+        "of another host": f"{'0' * 12}-1-1-1",
+        "of another host, days ago": f"{'1' * 12}-1-1-1",
+    }
+    folders = {}
+    for who, text in left.items():
+        folders[who] = tmp_path / f"damperfit-logs.{text}.damperfit-new.abc"
+        (folders[who] / "D1").mkdir(parents=True)
+        (folders[who] / "D1" / "log.csv").write_text("a log")
+    days_ago = time.time() - 1.1 * ABANDONED
+    os.utime(folders["of another host, days ago"], (days_ago, days_ago))
+    strange = tmp_path / "damperfit-logs.mine.damperfit-new.abc"
+    strange.mkdir()
+    with stores.temporary_folder() as folder:
+        assert folder.parent == tmp_path
+        kept = {who for who, one in folders.items() if one.exists()}
+        assert kept == {"at work", "of another host"}
+        assert strange.exists()
+    assert not folder.exists()
+    stores._remove_abandoned.cache_clear()
 
 
 def test_logs_of_one_name_in_two_folders_stay_apart(store, texts):
-    put, address = store
+    put, address = store.put, store.address
     for folder, name in (("mon", "setting_01.csv"), ("tue", "setting_10.csv")):
         put(f"{folder}/runs/log.csv", "".join(texts[name]))
     found = find_sources([address("mon/runs"), address("tue/runs")])
     assert [one.name for one in found] == ["log.csv", "log.csv"]
     with sources.brought_here(found) as here:
-        contents = {path.read_bytes() for path in here.values()}
+        contents = {path.read_bytes() for path in here.paths.values()}
     assert contents == {"".join(texts[name]).encode() for name in texts}

@@ -102,12 +102,15 @@ def test_workers_end_with_their_parent(tmp_path):
     script.write_text(code)
     root = Path(__file__).parents[2]
     parent = subprocess.Popen(
-        [sys.executable, str(script)], env={**os.environ, "PYTHONPATH": str(root)}
+        [sys.executable, str(script)],
+        env={**os.environ, "PYTHONPATH": str(root)},
+        stderr=subprocess.PIPE,
     )
     try:
         assert waited_for(lambda: has_text(where))
     finally:
         parent.send_signal(signal.SIGKILL)
-        parent.wait()
+        _, said = parent.communicate()  # until the last process that may say something has ended
+    assert said == b""
     pid = int(where.read_text())
     assert waited_for(lambda: not alive(pid))

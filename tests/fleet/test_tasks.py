@@ -11,7 +11,7 @@ import pytest
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
 from damperfit.fleet.sources import Source, find_sources
-from damperfit.fleet.tasks import Share, Task, content_key, parted, share_of, tasks_of
+from damperfit.fleet.tasks import Share, Task, content_key, hash_of, parted, share_of, tasks_of
 from tests.fleet.conftest import put
 
 CONFIGURATION = load_configuration(None)
@@ -79,6 +79,36 @@ def test_only_logs_are_taken_from_a_folder_and_none_from_hidden_ones(tmp_path, t
     assert owners(tmp_path / "D7") == {"D7": ["setting_01.csv", "setting_10.csv"]}
 
 
+OWN = "setting,r_m1,r_m2\n1,2,3\n"
+
+
+def test_what_damperfit_wrote_is_no_log_whatever_it_is_called_and_however_it_is_named(
+    tmp_path, texts
+):
+    folder = tmp_path / "D7"
+    put(folder, texts)
+    (folder / "kept.csv").write_text(OWN)  # no run.json beside it
+    for wanted in (folder, folder / "*.csv"):
+        names = [one.name for one in find_sources([str(wanted)])]
+        assert names == ["setting_01.csv", "setting_10.csv"]
+    names = [one.name for one in find_sources(sorted(map(str, folder.glob("*.csv"))))]
+    assert names == ["setting_01.csv", "setting_10.csv"]
+
+
+def test_a_log_called_like_a_result_is_a_log(tmp_path, texts):
+    (tmp_path / "run.json").write_text("{}")
+    (tmp_path / "mse.csv").write_text("".join(texts["setting_01.csv"]))
+    assert "mse.csv" in {one.name for one in find_sources([str(tmp_path)])}
+
+
+def test_results_alone_are_refused(tmp_path):
+    (tmp_path / "kept.csv").write_text(OWN)
+    with pytest.raises(ConfigurationError, match="no log there, but results of damperfit"):
+        find_sources([str(tmp_path / "kept.csv")])
+    with pytest.raises(ConfigurationError, match="no log in it"):
+        find_sources([str(tmp_path)])
+
+
 def test_a_folder_without_logs_is_refused(tmp_path):
     with pytest.raises(ConfigurationError, match="no log in it; expected files such as"):
         find_sources([str(tmp_path)])
@@ -125,7 +155,7 @@ class TestKey:
         return sorted((tmp_path / "a").iterdir())
 
     def key(self, logs, configuration=CONFIGURATION):
-        return content_key(logs, configuration)[0]
+        return content_key([(path, hash_of(path)) for path in logs], configuration)
 
     def test_it_is_the_same_in_another_folder_and_order(self, logs, tmp_path, texts):
         put(tmp_path / "b", texts)

@@ -1,0 +1,269 @@
+"""Logs in object stores: listed, fetched, and told unchanged without being fetched.
+
+A store that does not answer is asked again a few times and then given up for this run, so that it
+costs a damper a sentence and the run nothing.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import queue
+import re
+import shutil
+import tempfile
+import threading
+import time
+from contextlib import contextmanager, suppress
+from functools import lru_cache
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
+
+from damperfit.atomic.owner import new_owner, owner_of
+from damperfit.errors import ConfigurationError, DamperfitError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+__all__ = [
+    "UnreachableError",
+    "beginning_of",
+    "fetched",
+    "is_address",
+    "listed",
+    "stamp_of",
+    "temporary_folder",
+]
+
+_ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+://")
+_TRIES = 4
+_PAUSE = 0.5  # s before the second try; doubled before each further one
+_CONNECTED = 10.0  # s for a connection to S3
+_ANSWERED = 30.0  # s in which an answer of S3 may stand still
+_DEADLINE = 60.0  # s for one answer of any store
+_PIECE = 1 << 22  # bytes asked for at once; in the deadline that is 70 kB/s
+_PREFIX = "damperfit-logs"
+
+
+class UnreachableError(DamperfitError):
+    """A log could not be fetched; that says nothing of the log, and is tried again another time."""
+
+    exit_code = 1
+
+
+def is_address(text: str) -> bool:
+    """Whether a text is an address, as in ``s3://bucket/runs``."""
+    return _ADDRESS.match(text) is not None
+
+
+@lru_cache(maxsize=16)
+def _file_system(root: str) -> Any:
+    """The store that an address is in; made once a process."""
+    from pyarrow import fs
+
+    try:
+        store = fs.FileSystem.from_uri(root)[0]
+    except Exception as error:
+        raise ConfigurationError(f"{root}: no such store: {error}") from error
+    return _with_patience(store)
+
+
+def _with_patience(store: Any) -> Any:
+    """Return an S3 store that waits for slow answers, and does not ask a silent host for minutes.
+
+    By itself it gives an answer 3 s, asks thirty times, and no process ends meanwhile. An address
+    cannot say otherwise, so that the store is made anew from what it would be pickled as.
+    """
+    from pyarrow import fs
+
+    if not isinstance(store, getattr(fs, "S3FileSystem", ())):
+        return store
+    pickled: Any = store.__reduce__()
+    make, (options,) = pickled
+    once = fs.AwsStandardS3RetryStrategy(max_attempts=1)
+    own = {"connect_timeout": _CONNECTED, "request_timeout": _ANSWERED, "retry_strategy": once}
+    return make(options | own)
+
+
+def _opened(address: str) -> tuple[Any, str, str]:
+    """Return the store, the path inside, and what stands before and behind it in the address."""
+    scheme, rest = address.split("://", 1)
+    path, mark, query = rest.partition("?")
+    bucket = path.split("/", 1)[0]
+    store = _file_system(f"{scheme}://{bucket}{mark}{query}")
+    return store, path.rstrip("/"), f"{scheme}://{{}}{mark}{query}"
+
+
+def listed(address: str, is_wanted: Callable[[str], bool]) -> list[tuple[str, str]]:
+    """Return address and name of each file that an address names: one, a folder's, a pattern's.
+
+    Parameters
+    ----------
+    address : str
+        A question mark begins its query, so that patterns know ``*`` and ``[]`` only.
+    is_wanted : callable
+        Whether a file of a folder is one, by its name.
+
+    Raises
+    ------
+    UnreachableError
+        The store does not answer.
+    """
+    from pyarrow import fs
+
+    store, path, form = _opened(address)
+    parts = path.split("/")
+    first = next((k for k, part in enumerate(parts) if re.search(r"[*\[]", part)), None)
+    root = "/".join(parts if first is None else parts[:first])
+
+    def look() -> list[tuple[str, str]]:
+        info = store.get_file_info(root)
+        if info.type == fs.FileType.File:
+            return [(form.format(root), PurePosixPath(root).name)]
+        found = store.get_file_info(fs.FileSelector(root, recursive=True, allow_not_found=True))
+        return [
+            (form.format(one.path), one.path[len(root) :].lstrip("/"))
+            for one in found
+            if one.type == fs.FileType.File
+            and (is_wanted(one.base_name) if first is None else _fits(one.path, path))
+        ]
+
+    found: list[tuple[str, str]] = _patiently(look, address)
+    return found
+
+
+def _fits(path: str, pattern: str) -> bool:
+    own, wanted = path.split("/"), pattern.split("/")
+    return len(own) == len(wanted) and all(map(fnmatch.fnmatchcase, own, wanted))
+
+
+def stamp_of(address: str) -> str:
+    """Return what changes with the bytes of an object; empty where its store tells no ETag.
+
+    One request, which carries nothing of the object itself.
+
+    Raises
+    ------
+    UnreachableError
+        The store does not answer.
+    """
+    store, path, _ = _opened(address)
+
+    def ask() -> str:
+        with store.open_input_file(path) as file:
+            return _stamp(file)
+
+    said: str = _patiently(ask, address)
+    return said
+
+
+def _stamp(file: Any) -> str:
+    told = {
+        key.lower(): value.decode("latin-1") if isinstance(value, bytes) else str(value)
+        for key, value in (file.metadata() or {}).items()
+    }
+    known = [told.get(key, "") for key in ("etag", "content-length", "last-modified")]
+    return " ".join(known) if known[0] else ""
+
+
+def beginning_of(address: str, size: int) -> bytes:
+    """Return the first bytes of an object.
+
+    Raises
+    ------
+    UnreachableError
+        The store does not give them.
+    """
+    store, path, _ = _opened(address)
+
+    def read() -> bytes:
+        with store.open_input_file(path) as file:
+            return bytes(file.read(size))
+
+    found: bytes = _patiently(read, address)
+    return found
+
+
+def fetched(address: str, path: Path) -> str:
+    """Write an object to a file, and return its stamp; empty where it changed meanwhile.
+
+    Raises
+    ------
+    UnreachableError
+        The store does not give it.
+    """
+    stamp: str = _patiently(lambda: _written(address, path), address, is_long=True)
+    return stamp if stamp and stamp == stamp_of(address) else ""
+
+
+def _written(address: str, path: Path) -> str:
+    store, inside, _ = _opened(address)
+    source = _in_time(lambda: store.open_input_stream(inside))
+    stamp: str = _in_time(lambda: _stamp(source))
+    with path.open("wb") as file:
+        while piece := _in_time(lambda: source.read(_PIECE)):
+            file.write(piece)
+    source.close()  # not where a read still hangs in it
+    return stamp
+
+
+def _patiently(act: Callable[[], Any], address: str, *, is_long: bool = False) -> Any:
+    """Try again what a network refused or left unanswered, a few times; then tell it."""
+    for k in range(_TRIES):
+        try:
+            return act() if is_long else _in_time(act)
+        except OSError as error:
+            if k + 1 == _TRIES:
+                raise UnreachableError(
+                    f"{address}: cannot be fetched, tried {_TRIES} times: {error}"
+                ) from error
+            time.sleep(_PAUSE * 2**k)
+    raise AssertionError
+
+
+def _in_time(act: Callable[[], Any]) -> Any:
+    """Return what an act gives; after the deadline it is left to itself.
+
+    Raises
+    ------
+    TimeoutError
+        It gives nothing in time.
+    """
+    given: queue.SimpleQueue[tuple[Any, BaseException | None]] = queue.SimpleQueue()
+
+    def work() -> None:
+        try:
+            given.put((act(), None))
+        except BaseException as error:  # noqa: BLE001 - it is raised by whoever waits
+            given.put((None, error))
+
+    threading.Thread(target=work, daemon=True).start()
+    try:
+        found, error = given.get(timeout=_DEADLINE)
+    except queue.Empty:
+        raise TimeoutError(f"no answer within {_DEADLINE:g} s") from None
+    if error is not None:
+        raise error
+    return found
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """Yield a folder that goes when the work is done; one that a killed worker left goes now."""
+    _remove_abandoned(tempfile.gettempdir())
+    owner = new_owner().text
+    folder = tempfile.mkdtemp(prefix=f"{_PREFIX}.{owner}.damperfit-new.")
+    try:
+        yield Path(folder)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@lru_cache(maxsize=1)
+def _remove_abandoned(place: str) -> None:
+    """Remove folders of workers that are dead; those of others that may be at work stay."""
+    for folder in Path(place).glob(f"{_PREFIX}.*.damperfit-new.*"):
+        owner = owner_of(folder.name.removeprefix(_PREFIX).rpartition(".")[0])
+        with suppress(OSError):
+            age = time.time() - folder.lstat().st_mtime
+            if owner is not None and not owner.may_live(age):
+                shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,62 @@
+"""Objects of a store that have not changed since an earlier run, told without fetching them.
+
+A part says of each object what its store told when it was fetched (ETag, size, time of change) and
+what was found in it. Where the store tells the same today, the object is taken for the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from damperfit.fleet.parts import parts_in, read_facts_of
+from damperfit.fleet.sources import Seen
+from damperfit.fleet.stores import UnreachableError, stamp_of
+from damperfit.parallel import executor
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from damperfit.fleet.sources import Source
+
+__all__ = ["AT_ONCE", "recognised"]
+
+AT_ONCE = 16  # requests; nearly all of the time is waiting
+
+
+def recognised(sources: Sequence[Source], folder: Path) -> tuple[Source, ...]:
+    """Return sources with what is known of those that have not changed since an earlier run.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        Logs and tables of tests, in stores or not.
+    folder : pathlib.Path
+        Of the fleet.
+    """
+    if not any(one.is_remote for one in sources):
+        return tuple(sources)
+    known = _seen_in(folder)
+
+    def one(source: Source) -> Source:
+        seen = known.get(source.place) if source.is_remote else None
+        if seen is None:
+            return source
+        try:
+            is_same = stamp_of(source.place) == seen.stamp
+        except UnreachableError:  # whoever fetches it says so
+            return source
+        return replace(source, seen=seen) if is_same else source
+
+    with executor(AT_ONCE) as pool:
+        return tuple(pool.map(one, sources))
+
+
+def _seen_in(folder: Path) -> dict[str, Seen]:
+    found: dict[str, Seen] = {}
+    for path in parts_in(folder):
+        told: Any = read_facts_of(path).get("seen")
+        for place, facts in told.items() if isinstance(told, dict) else ():
+            found[place] = Seen(*map(str, facts))
+    return found
