@@ -1,10 +1,11 @@
 """A fit that may lie in a wrong valley starts again from elsewhere.
 
 Suspicious is a misfit well above the noise that no known flaw explains, and a chamber that
-cavitates beside a misfit that is more than noise. Short descents then begin far from the start:
-K_e by a factor of 10 either way, friction and valves likewise. The first that gets lower than the
-fit is followed to its end, and is used when it fits better by more than noise, or as well and
-sound.
+cavitates beside a misfit that is more than noise. Short descents then begin where the model itself
+would have started (of valves what the loops show: a fit may have begun elsewhere, from numbers that
+were given, a neighbour's, or by chance) and far from the start: K_e by a factor of 10 either way,
+friction and valves likewise. The first that gets lower than the fit is followed to its end, and is
+used when it fits better by more than noise, or as well and sound.
 
 A fit that is not suspicious costs nothing more, or one evaluation where its misfit is large. The
 short descents cost no more than the fit has cost, or than three ordinary ones where that is more.
@@ -19,6 +20,7 @@ import numpy as np
 
 from damperfit.errors import DamperfitError
 from damperfit.identification.descent import FitCancelledError, Misfit, descend, linearise
+from damperfit.identification.law_misfit import LawMisfit, best_fitting
 from damperfit.identification.one_speed import untold
 from damperfit.identification.plausible import kept_within
 from damperfit.identification.setting import Judged, attempt, is_sound
@@ -53,6 +55,7 @@ _ELSEWHERE = (
     (0.3, 1.0, 5.0, 1.0),
     (3.0, 1.0, 0.2, 1.0),
 )
+_OWN = 2  # of the model's own starts
 _SHORT = 12  # evaluations of a short descent
 _LEAST_ALLOWED = 60
 # As good as the best, for a short descent that cavitates nowhere while the best does.
@@ -188,7 +191,8 @@ def _is_better(other: Judged, best: Judged) -> bool:
 
 
 def _places(misfit: Misfit, start: Values) -> Iterator[Values]:
-    """Yield starts far from where the fit began, as far as what is free allows."""
+    """Yield the model's own starts, then such as are far from where the fit began."""
+    yield from _own_starts(misfit, start)
     free = [misfit.damper.quantity(name) for name in misfit.free]
     free = [one for one in free if one.is_logarithmic]
     stiff = [one.name for one in free if one.is_open]
@@ -207,6 +211,19 @@ def _places(misfit: Misfit, start: Values) -> Iterator[Values]:
         if moved not in seen:
             seen.append(moved)
             yield kept_within(start.replace(moved), misfit.free)
+
+
+def _own_starts(misfit: Misfit, start: Values) -> list[Values]:
+    """Where the model would start on these logs, the best fitting first; not where the fit did."""
+    held = {name: getattr(start, name) for name in start.names if name not in misfit.free}
+    try:
+        found = misfit.damper.start(misfit.traces, held)
+    except DamperfitError:
+        return []
+    others = [kept_within(one, misfit.free) for one in found]
+    others = [one for one in others if one != kept_within(start, misfit.free)]
+    own = LawMisfit(misfit.damper, misfit.traces, misfit.free, misfit.solver)
+    return best_fitting(replace(own, cancelled=misfit.cancelled), others)[:_OWN]
 
 
 def _sentence(first: Judged, best: Judged, n_places: int, spent: int) -> str:

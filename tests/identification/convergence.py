@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,9 +24,13 @@ from damperfit.errors import DamperfitError
 from damperfit.identification import FitOptions, identify
 from damperfit.identification.descent import Misfit
 from damperfit.identification.plausible import kept_within
-from damperfit.identification.setting import attempt
+from damperfit.identification.restarts import reconsidered
+from damperfit.identification.setting import attempt, fit_setting
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
+
+if TYPE_CHECKING:
+    from damperfit.damper.model import Values
 
 __all__ = ["Outcome", "log_of", "made_up", "run_damper"]
 
@@ -114,10 +119,7 @@ def run_damper(kind: str, seed: int, n_starts: int, *, has_play: bool = False) -
             if model.quantity(name).is_logarithmic
         }
         start = kept_within(truth.replace(away, f_0=0.0), free)
-        try:
-            ends.append(attempt(misfit, start, 0).solution.mse_percent)
-        except DamperfitError:
-            ends.append(math.inf)
+        ends.append(_ended(misfit, start))
     errors, told = {}, {}
     for name in free:
         bar = next((part for part in NAMED if name.endswith(part)), "")
@@ -127,6 +129,14 @@ def run_damper(kind: str, seed: int, n_starts: int, *, has_play: bool = False) -
             told[name] = fit.status[name].value == "fitted"
     best = min(fit.mse_percent, *ends)
     return Outcome(best, fit.mse_percent, tuple(ends[1:]), errors, told)
+
+
+def _ended(misfit: Misfit, start: Values) -> float:
+    """MSE where a fit from a start ends that starts again where it is in doubt."""
+    try:
+        return reconsidered(misfit, fit_setting(misfit, start), start).solution.mse_percent
+    except DamperfitError:
+        return math.inf
 
 
 def _line(kind: str, outcomes: list[Outcome]) -> str:

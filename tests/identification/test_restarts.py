@@ -10,12 +10,13 @@ import pytest
 from damperfit.conditioning import apply_filter
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.identification import FitOptions, identify, multistart
+from damperfit.identification import FitOptions, identify, multistart, restarts
 from damperfit.identification.descent import Misfit
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.restarts import is_suspicious, noise_percent, reconsidered
 from damperfit.identification.setting import attempt, describe_fit
 from damperfit.simulation import SolverOptions
+from tests.identification import adjusted
 from tests.identification.rig import trace
 
 FREE = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
@@ -138,3 +139,39 @@ def test_a_damper_that_is_empty_for_most_of_the_time_is_found(setting):
     for name, share in zip(FREE, (0.002, 0.005, 0.005, 0.02, 0.02), strict=True):
         assert getattr(fit.parameters, name) == pytest.approx(getattr(truth, name), rel=share), name
     assert any("wrong valley" in said for said in fit.warnings)
+
+
+LOST = ({"rebound_opening": 0.1, "rebound_bleed": 20.0}, {"rebound_opening": 20.0})
+
+
+@pytest.mark.parametrize("factors", LOST, ids=["always open", "never open"])
+def test_a_fit_of_valves_lost_by_its_start_begins_again_from_the_loop(factors, monkeypatch) -> None:
+    setting = adjusted.at(14, 3)
+    truth = adjusted.DAMPER.values(adjusted.numbers(setting))
+    free = tuple(one.name for one in truth.quantities if one.default is None)
+    misfit = Misfit(
+        (adjusted.log(setting),), adjusted.DAMPER, free, SolverOptions(tolerance=1e-2), 100,
+        lambda: False,
+    )  # fmt: skip
+    start = truth.replace({name: by * getattr(truth, name) for name, by in factors.items()})
+    best = attempt(misfit, truth, 0).solution.mse_percent
+    first = attempt(misfit, start, 0)
+    assert first.solution.mse_percent > 1000.0 * best
+    found = reconsidered(misfit, first, start)
+    assert found.solution.mse_percent < 1.001 * best
+    assert "the first fit was in a wrong valley" in found.said[0]
+    # From the places far from its start alone it is not found as soon.
+    monkeypatch.setattr(restarts, "_OWN", 0)
+    far = reconsidered(misfit, first, start)
+    assert far.solution.evaluations > found.solution.evaluations
+
+
+def test_where_a_fit_began_is_no_other_place_to_start_from() -> None:
+    seen = adjusted.log(adjusted.at(14, 3))
+    own, *others = adjusted.DAMPER.start([seen], {})
+    free = tuple(one.name for one in own.quantities if one.default is None)
+    misfit = Misfit((seen,), adjusted.DAMPER, free, SolverOptions(), 100, lambda: False)
+    found = restarts._own_starts(misfit, own)
+    assert len(found) == 2
+    assert own not in found
+    assert set(found) <= set(others)
