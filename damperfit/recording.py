@@ -39,13 +39,7 @@ SEVERITIES = ("note", "warning", "refusal")
 
 
 def natural_order(name: str) -> tuple[tuple[int, int, str], ...]:
-    """Return the sort key of a log's name that puts run_2 before run_10.
-
-    Examples
-    --------
-    >>> sorted(["run_10", "run_2", "2_run"], key=natural_order)
-    ['2_run', 'run_2', 'run_10']
-    """
+    """Return the sort key of a log's name that puts run_2 before run_10."""
     parts = re.split(r"([0-9]+)", name)  # every second part is digits
     return tuple((1, int(p), "") if i % 2 else (0, 0, p) for i, p in enumerate(parts))
 
@@ -319,6 +313,8 @@ class Trace:
         What the data show of the log's quality, and what was put right.
     gas_pressure : float or None
         What the damper was filled to for this test, Pa absolute; None: as it is declared.
+    whole : Trace or None
+        The same with all that was logged, where a run-up or coast-down is cut off.
     """
 
     name: str
@@ -337,6 +333,7 @@ class Trace:
     notes: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     gas_pressure: float | None = None
+    whole: Trace | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -182,6 +182,7 @@ SURFACE = {
         "ConditionOptions",
         "GasFacts",
         "NominalTest",
+        "TRANSIENTS",
         "apply_filter",
         "branch_forces",
         "clean_cycles",
@@ -191,6 +192,7 @@ SURFACE = {
         "examine_raw",
         "figures_of",
         "noise_floor",
+        "transients",
     ],
     "damperfit.run.trust": [
         "confidence_record",
@@ -441,7 +443,6 @@ SURFACE = {
     ],
     "damperfit.run.hold_out": [
         "Parted",
-        "TRANSIENTS",
         "fitting",
         "named_files",
         "note_unpredicted",
@@ -831,7 +832,6 @@ SURFACE = {
         "profile_campaign",
         "reconsider",
         "split_cycles",
-        "transients",
         "uncertainties",
     ],
 }

@@ -97,7 +97,8 @@ def identify(
         list[str] | None,
         typer.Option(
             metavar="PATTERN",
-            help="Do not fit these logs, predict them; may be given several times.",
+            help="Do not fit these logs, predict them; may be given several times. The default, "
+            "transients: run-up, coast-down and changes of speed of the logs, where they have any.",
         ),
     ] = None,
     hold_out_cycles: Annotated[

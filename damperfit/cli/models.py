@@ -46,7 +46,8 @@ def models(
         list[str] | None,
         typer.Option(
             metavar="PATTERN",
-            help="Do not fit these logs, predict them: another speed or stroke tells most.",
+            help="Do not fit these logs, predict them: another speed or stroke tells most. The "
+            "default, transients: run-up, coast-down and changes of speed, where there are any.",
         ),
     ] = None,
     layout: Annotated[

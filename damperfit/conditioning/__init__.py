@@ -6,6 +6,7 @@ become uniform samples, `cycles` which cycles count, `scatter` how much they dif
 
 from __future__ import annotations
 
+from damperfit.conditioning.beside_cycles import TRANSIENTS, transients
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.derivatives import differentiate
 from damperfit.conditioning.filters import apply_filter, design_filter
@@ -16,6 +17,7 @@ from damperfit.conditioning.quality import examine_raw
 from damperfit.conditioning.scatter import noise_floor
 
 __all__ = [
+    "TRANSIENTS",
     "ConditionOptions",
     "GasFacts",
     "NominalTest",
@@ -28,4 +30,5 @@ __all__ = [
     "examine_raw",
     "figures_of",
     "noise_floor",
+    "transients",
 ]

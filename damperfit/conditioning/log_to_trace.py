@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from damperfit.conditioning.beside_cycles import transients
 from damperfit.conditioning.compared_part import Compared, choose_compared
 from damperfit.conditioning.corner import with_corner
 from damperfit.conditioning.corrections import (
@@ -19,6 +20,7 @@ from damperfit.conditioning.corrections import (
     put_right,
 )
 from damperfit.conditioning.drive import make_drive
+from damperfit.conditioning.filters import fading_samples
 from damperfit.conditioning.measured_characteristics import with_figures
 from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.quality import bridge_spikes, examine
@@ -31,6 +33,7 @@ from damperfit.conditioning.refusals import (
 )
 from damperfit.conditioning.scatter import with_noise
 from damperfit.conditioning.skew import take_back
+from damperfit.conditioning.stretches import Found
 from damperfit.conditioning.timebase import UniformLog, make_uniform
 from damperfit.conditioning.velocity import check_velocity
 from damperfit.errors import ConditioningError, ConfigurationError
@@ -50,7 +53,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     """Return the steady whole cycles of a log, filtered, with velocity.
 
     The trace holds one cycle of run-in and the filter's edges beside the window and no more of
-    the log, so that nothing is simulated in vain.
+    the log, so that nothing is simulated in vain; a run-up and a coast-down stay in its `whole`.
 
     Parameters
     ----------
@@ -154,7 +157,43 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     )
     is_ours = options.rig_filter == "none" and options.filter != "none"
     rest = (seen.log.force - seen.force)[keep] if is_ours else np.empty(0)
-    return _Traced(with_noise(trace, rest), log, logged, part)
+    trace = _with_whole(with_noise(trace, rest), part, options, centre)
+    return _Traced(trace, log, logged, part)
+
+
+def _with_whole(trace: Trace, part: Compared, options: ConditionOptions, centre: float) -> Trace:
+    """Keep what was logged beside, where there is more motion in it: one array, two views.
+
+    A jump of the velocity in a run-up must not be smeared: it drives the model as any motion does.
+    """
+    seen, keep = part.seen, part.keep
+    x, v = seen.displacement - centre, seen.velocity
+    whole = replace(
+        trace,
+        start_time=seen.log.start_time,
+        displacement=x,
+        velocity=v,
+        force=seen.force,
+        stretches=tuple(_moved(stretch, keep.start) for stretch in trace.stretches),
+    )
+    beside = transients(whole)
+    kept = range(*keep.indices(len(x)))
+    if beside is None or all(
+        one.first in kept and one.stop - 1 in kept for one in beside.stretches
+    ):
+        return trace
+    # Each part has the corner that errs least there, so far out as the filter reaches.
+    reach = fading_samples(trace.model_filter)
+    parts = (*(one.stretch for one in part.found), *beside.stretches)
+    found = [Found(one, one.first - reach - 1.0, one.stop + reach + 1.0) for one in parts]
+    own = make_drive(seen.log, seen.displacement, v, found, options)
+    return replace(
+        trace,
+        displacement=x[keep],
+        velocity=v[keep],
+        force=seen.force[keep],
+        whole=replace(whole, drive=Drive(own.displacement - centre, own.velocity, own.corner)),
+    )
 
 
 def _moved(stretch: Stretch, by: int) -> Stretch:

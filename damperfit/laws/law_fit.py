@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
 from damperfit.identification import compare, normalised_mse
 from damperfit.identification.law_misfit import COMPARING, LawMisfit, followed
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 
 __all__ = ["UNTOLD", "LawFit", "SettingLogs", "fit_law"]
 
-_SHORTEST = 0.25  # s; less that is not compared tells nothing
 # A standard error of this factor to both sides, and a quantity is not told.
 UNTOLD = 1.65
 
@@ -47,7 +47,8 @@ class SettingLogs:
     setting : Setting
         Adjuster setting.
     fitted, held_out : tuple of Trace
-        Logs that are fitted, and those that are only predicted.
+        Logs that are fitted, and those that are only predicted; without any, what moves beside the
+        steady cycles of the fitted ones, if anything does.
     told : mapping of str to float
         A place more to start from, as far as a law has these quantities.
     """
@@ -56,6 +57,18 @@ class SettingLogs:
     fitted: tuple[Trace, ...]
     held_out: tuple[Trace, ...] = ()
     told: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Hold out run-up, coast-down and changes of speed where nothing else is."""
+        if not self.held_out:
+            beside = tuple(one for one in map(transients, self.fitted) if one is not None)
+            object.__setattr__(self, "held_out", beside)
+
+    @property
+    def is_part(self) -> bool:
+        """Whether what is predicted is the rest of the logs that are fitted."""
+        names = {one.name for one in self.fitted}
+        return all(one.name in names and not one.n_cycles for one in self.held_out)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,8 +92,7 @@ class LawFit:
     stretches : tuple of float
         Eq. (22) of each of their stretches alone.
     held_out_percent : float
-        Eq. (22) over what is compared in the logs that were held out. Without any over what lies
-        between the stretches of those that were fitted, the changes of speed; NaN without any.
+        Eq. (22) over what is compared in what was held out; NaN without any.
     held_out : str
         What that was: "logs", "transients", or nothing.
     residuals : tuple of numpy.ndarray
@@ -150,13 +162,11 @@ def fit_law(
         ended = misfit.descend(ended.point.extra, COMPARING)
         spent += ended.evaluations
     values = ended.point.extra
-    residuals, alone, mse = _misses(model, values, evidence.fitted, solver)
-    held_out, kind = math.nan, "logs" if evidence.held_out else "transients"
+    missed = _misses(model, values, evidence.fitted, solver)
+    held_out, kind = math.nan, TRANSIENTS if evidence.is_part else "logs"
     try:
         if evidence.held_out:
-            held_out = _misses(model, values, evidence.held_out, solver)[2]
-        else:
-            held_out = _missed_between(model, values, evidence.fitted, solver)
+            held_out = _misses(model, values, evidence.held_out, solver).mse_percent
     except SimulationError:
         held_out = math.inf
     return LawFit(
@@ -165,13 +175,13 @@ def fit_law(
         values=values,
         free=free,
         at_bound=tuple(name for name in free if misfit.is_at_edge(values, name)),
-        mse_percent=mse,
-        stretches=alone,
+        mse_percent=missed.mse_percent,
+        stretches=missed.stretches,
         held_out_percent=held_out,
         held_out="" if math.isnan(held_out) else kind,
-        residuals=residuals,
+        residuals=missed.residuals,
         evaluations=spent,
-        untold=_untold(ended.point, model, free, len(alone)),
+        untold=_untold(ended.point, model, free, len(missed.stretches)),
     )
 
 
@@ -222,10 +232,17 @@ def _untold(
     )
 
 
+class _Missed(NamedTuple):
+    """Residuals of each stretch, N; the MSE of each, and that of all, per cent."""
+
+    residuals: tuple[FloatArray, ...]
+    stretches: tuple[float, ...]
+    mse_percent: float
+
+
 def _misses(
     model: Model, values: Values, traces: Sequence[Trace], solver: SolverOptions
-) -> tuple[tuple[FloatArray, ...], tuple[float, ...], float]:
-    """Residuals of each stretch, the MSE of each, and that of all."""
+) -> _Missed:
     residuals, alone, measured = [], [], []
     for trace in traces:
         force = compare(values, trace, model, solver=solver).force
@@ -236,27 +253,4 @@ def _misses(
             measured.append(trace.force[part])
     together = np.concatenate(measured)
     mse = normalised_mse(together, together + np.concatenate(residuals))
-    return tuple(residuals), tuple(alone), mse
-
-
-def _missed_between(
-    model: Model, values: Values, traces: Sequence[Trace], solver: SolverOptions
-) -> float:
-    """The MSE over what lies between the stretches of a log, by what is compared's variance.
-
-    Before its first stretch the model's state is not yet that of the damper.
-    """
-    misses, measured = [], []
-    for trace in traces:
-        between = np.zeros(len(trace.force), dtype=bool)
-        between[trace.stretches[0].stop : trace.stretches[-1].first] = True
-        between[trace.compared] = False
-        if np.count_nonzero(between) * trace.interval < _SHORTEST:
-            continue
-        force = compare(values, trace, model, solver=solver).force
-        misses.append((force - trace.force)[between])
-        measured.append(trace.force[trace.compared])
-    if not misses:
-        return math.nan
-    rest = np.concatenate(misses)
-    return float(100.0 * np.mean(rest * rest) / np.var(np.concatenate(measured)))
+    return _Missed(tuple(residuals), tuple(alone), mse)

@@ -154,7 +154,7 @@ def _of_prediction(fits: Sequence[LawFit], tests: _Tests) -> Iterator[str]:
     if any(fit.held_out == "logs" for fit in fits):
         return
     which = (
-        "only the changes of speed of these logs were predicted"
+        "only run-up, coast-down and changes of speed of these logs were predicted"
         if any(fit.held_out for fit in fits)
         else "nothing was held out"
     )

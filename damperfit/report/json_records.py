@@ -164,12 +164,18 @@ def held_out_in(record: Mapping[str, Any]) -> list[str]:
     """Return one sentence for each log that was predicted and not fitted."""
     return [
         f"setting {entry.get('setting')}, {_text(entry.get('log'))}, "
-        f"{_text(entry.get('cycles'))} cycles: MSE {_number(entry.get('mse_percent')):.3g} % "
+        f"{_cycles(_text(entry.get('cycles')))}: MSE {_number(entry.get('mse_percent')):.3g} % "
         f"({_number(entry.get('expected_mse_percent')):.3g} % to expect), "
         f"{_text(entry.get('verdict'))}"
         for entry in listed_in(record, "held_out")
         if isinstance(entry, dict)
     ]
+
+
+def _cycles(told: str) -> str:
+    if told == "transients":
+        return "run-up, coast-down and changes of speed"
+    return f"{told} cycles"
 
 
 def law_in(record: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -1,8 +1,9 @@
 """Which logs and cycles are kept from the fit: patterns to traces.
 
 A pattern picks among the logs by name or path. One that picks none names further files, which are
-read for prediction only. The word `transients` stands for what lies between the steady cycles of
-the logs that are fitted: the changes of speed.
+read for prediction only. The word `transients` stands for what moves beside the steady cycles of
+the logs that are fitted: run-up, coast-down, changes of speed. Where nothing else is held out, they
+are, in the logs that have them.
 """
 
 from __future__ import annotations
@@ -12,10 +13,11 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
+from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import ConfigurationError, Mishap, mishap_of
 from damperfit.run.log_paths import expand
 from damperfit.run.logs import LogBatch, failure_of
-from damperfit.uncertainty import split_cycles, transients
+from damperfit.uncertainty import split_cycles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -26,9 +28,7 @@ if TYPE_CHECKING:
     from damperfit.report import Failure
     from damperfit.uncertainty import HoldOutOptions, Prediction
 
-TRANSIENTS = "transients"
-
-__all__ = ["TRANSIENTS", "Parted", "fitting", "named_files", "note_unpredicted", "part"]
+__all__ = ["Parted", "fitting", "named_files", "note_unpredicted", "part"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,12 +131,14 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
             continue
         fitted.append(rest)
         held_out.extend([last] if last is not None else [])
-    if TRANSIENTS in options.patterns:
+    is_asked = TRANSIENTS in options.patterns
+    if is_asked or not (options.patterns or options.cycles):
         beside = [one for one in map(transients, fitted) if one is not None]
-        if fitted and not beside:
+        if is_asked and fitted and not beside:
             raise ConfigurationError(
-                "hold-out transients: no log changes its speed between steady cycles; give one of "
-                "several speeds, or hold out another log"
+                "hold-out transients: no log has a run-up or coast-down from or to rest, or "
+                "changes its speed between steady cycles; give one that does, or hold out another "
+                "log"
             )
         held_out += beside
     left = replace(batch, traces=tuple(fitted), failures=(*batch.failures, *failures))

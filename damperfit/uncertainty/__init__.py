@@ -7,7 +7,6 @@ from damperfit.uncertainty.assessment import (
     profile_campaign,
     reconsider,
 )
-from damperfit.uncertainty.beside_cycles import transients
 from damperfit.uncertainty.flaws import Hint
 from damperfit.uncertainty.gas import GasContent
 from damperfit.uncertainty.intervals import (
@@ -64,6 +63,5 @@ __all__ = [
     "profile_campaign",
     "reconsider",
     "split_cycles",
-    "transients",
     "uncertainties",
 ]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.conditioning import noise_floor
+from damperfit.conditioning import TRANSIENTS, noise_floor
 from damperfit.errors import LogError, SimulationError
 from damperfit.identification import compare, normalised_mse, put_together
 from damperfit.parallel import executor
@@ -32,12 +32,22 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["HoldOutOptions", "Prediction", "predict", "prediction_warnings", "split_cycles"]
+__all__ = [
+    "HoldOutOptions",
+    "Prediction",
+    "predict",
+    "prediction_warnings",
+    "split_cycles",
+]
+
 
 # Twice the expected square is beyond the scatter of an MSE over a cycle or more; ten times is a
 # misfit three times as large as where the model was fitted.
 _WORSE = 2.0
 _NOT_PREDICTED = 10.0
+# Where a run-up begins at once, noise of the displacement costs up to 0.01 % (8 um, 1 kHz); below
+# this no law is asked to explain more.
+_ENOUGH_PERCENT = 0.02
 # Stroke and peak speed that differ by less are one motion: rigs repeat both to a per cent or two.
 _SAME_MOTION = 0.05
 
@@ -108,8 +118,10 @@ class Prediction:
 
     @property
     def cycles(self) -> str:
-        """Which of the log's steady cycles, in words."""
-        return f"last {self.trace.n_cycles}" if self.is_part else "all"
+        """Which of the log's steady cycles, in words; "transients": what moves beside them."""
+        if not self.is_part:
+            return "all"
+        return f"last {self.trace.n_cycles}" if self.trace.n_cycles else TRANSIENTS
 
     @property
     def verdict(self) -> str:
@@ -287,15 +299,19 @@ def _unseen(
         mse_percent=normalised_mse(measured, simulated),
         noise_floor_percent=noise_floor(trace),
         fitted_mse_percent=float(np.mean([fit.mse_percent for fit in fits])),
-        expected_mse_percent=float(np.mean(lacks)) + _noise(trace, measured - simulated),
+        expected_mse_percent=float(np.mean(lacks)) + _noise(trace, measured - simulated, 0.0),
         is_unseen=True,
     )
 
 
-def _noise(trace: Trace, rest: FloatArray) -> float:
-    """What scatter between the cycles of a residual costs, in per cent of the force's variance."""
+def _noise(trace: Trace, rest: FloatArray, elsewhere: float) -> float:
+    """What scatter between the cycles of a residual costs, in per cent of the force's variance.
+
+    Where nothing repeats it is what it is `elsewhere`, N^2: sensors are as noisy there.
+    """
     scatter = sum(
-        stretch.n_samples * scatter_between_cycles(rest[place], stretch)
+        stretch.n_samples
+        * (scatter_between_cycles(rest[place], stretch) if stretch.n_cycles else elsewhere)
         for stretch, place in zip(trace.stretches, trace.places, strict=True)
     )
     variance = float(np.var(trace.force[trace.compared]))
@@ -304,11 +320,16 @@ def _noise(trace: Trace, rest: FloatArray) -> float:
 
 def _prediction(fit: Fit, trace: Trace, seen: Comparison, fitted_noise: float) -> Prediction:
     measured, simulated = trace.force[trace.compared], seen.force[trace.compared]
-    noise = _noise(trace, measured - simulated)
+    fitted = np.concatenate([log.trace.force[log.trace.compared] for log in fit.logs])
+    elsewhere = 0.01 * fitted_noise * float(np.var(fitted))
+    noise = _noise(trace, measured - simulated, elsewhere)
+    is_part = any(log.trace.name == trace.name for log in fit.logs)
+    if is_part and not trace.n_cycles:
+        noise = max(noise, _ENOUGH_PERCENT)
     return Prediction(
         setting=fit.setting,
         trace=trace,
-        is_part=any(log.trace.name == trace.name for log in fit.logs),
+        is_part=is_part,
         mse_percent=normalised_mse(measured, simulated),
         noise_floor_percent=noise_floor(trace),
         fitted_mse_percent=fit.mse_percent,

@@ -93,7 +93,7 @@ def test_a_part_that_costs_more_than_the_logs_pay_is_left_open(
 
 
 @pytest.mark.parametrize(("kind", "words"), [
-    ("transients", "only the changes of speed"), ("", "nothing was held out"),
+    ("transients", "only run-up, coast-down and changes of speed"), ("", "nothing was held out"),
 ])  # fmt: skip
 def test_without_a_held_out_log_one_more_is_asked_for(kind: str, words: str) -> None:
     held = 0.01 if kind else math.nan

@@ -1,0 +1,129 @@
+"""The part of a log that nobody fits: run-up, coast-down, changes of speed.
+
+Other speeds and part of a stroke: what a law makes of them it was not bent to. Nearly every log has
+them, so that no further test is needed. Only what moves counts, and no passage from turn to turn
+that has the stroke and the speed of a steady one: more of the same cycles says nothing of a law.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.conditioning.passages import TURN, turning_points
+from damperfit.recording import Stretch
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from damperfit.recording import Trace
+
+__all__ = ["TRANSIENTS", "transients"]
+
+TRANSIENTS = "transients"  # their name among what is held out
+
+# s; less tells nothing.
+_SHORTEST = 0.25
+# Of the highest speed: slower is rest, as the model begins.
+_AT_REST = 0.02
+_LEAD = 0.05  # s, over which a log's beginning is looked at
+_PAUSE = 0.5  # s; shorter ones are part of a motion
+# Of the longest stroke: what moves less is rest.
+_MOVES = 0.02
+# Stroke and speed that differ by less are the steady motion's: rigs repeat both to 1 or 2 %.
+_ALIKE = 0.05
+
+
+def transients(trace: Trace) -> Trace | None:
+    """Return a log with what moves beside its stretches as stretches; None where nothing does.
+
+    Parameters
+    ----------
+    trace : Trace
+        A log. What it holds before its first stretch counts only where it begins at rest: else
+        the model's state is not yet that of the damper.
+    """
+    seen = trace if trace.whole is None else trace.whole
+    counts = _is_moving(seen) & ~_is_steady(seen)
+    if not _begins_at_rest(seen):
+        counts[: seen.stretches[0].first] = False
+    for one in seen.stretches:
+        counts[one.window] = False
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], counts, [False]])))
+    parts = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    found = tuple(one for one in (_moving(seen, *part) for part in parts) if one is not None)
+    if not found:
+        return None
+    return replace(
+        seen,
+        name=trace.name,
+        setting=trace.setting,
+        gas_pressure=trace.gas_pressure,
+        findings=trace.findings,
+        stretches=found,
+        whole=None,
+    )
+
+
+def _begins_at_rest(trace: Trace) -> bool:
+    lead = max(1, round(_LEAD / trace.interval))
+    return float(np.max(np.abs(trace.velocity[:lead]))) < _AT_REST * _fastest(trace)
+
+
+def _fastest(trace: Trace) -> float:
+    return max(one.peak_speed for one in trace.stretches)
+
+
+def _is_moving(trace: Trace) -> NDArray[np.bool_]:
+    """Where it moves, turns and short pauses included."""
+    moves = np.abs(trace.velocity) > _AT_REST * _fastest(trace)
+    at = np.flatnonzero(moves)
+    gaps = np.flatnonzero(np.diff(at) > 1)
+    for gap in gaps.tolist():
+        if (at[gap + 1] - at[gap]) * trace.interval <= _PAUSE:
+            moves[at[gap] : at[gap + 1]] = True
+    return np.asarray(moves)
+
+
+def _is_steady(trace: Trace) -> NDArray[np.bool_]:
+    """Where a passage from turn to turn is one of the steady motion's.
+
+    The first and the last, from rest or to it, may be a part of one.
+    """
+    last = len(trace.force) - 1
+    found = np.zeros(last + 1, dtype=bool)
+    turns = turning_points(trace.displacement, TURN * float(np.ptp(trace.displacement)))
+    for first, stop in pairwise([0, *turns.tolist(), last]):
+        is_part = first == 0 or stop == last
+        stroke = abs(float(trace.displacement[stop] - trace.displacement[first]))
+        speed = float(np.max(np.abs(trace.velocity[first : stop + 1])))
+        found[first:stop] = any(
+            (is_part or abs(0.5 * stroke / one.amplitude - 1.0) < _ALIKE)
+            and abs(speed / one.peak_speed - 1.0) < _ALIKE
+            for one in trace.stretches
+            if one.n_cycles
+        )
+    return found
+
+
+def _moving(trace: Trace, first: int, stop: int) -> Stretch | None:
+    """What lies between two samples, where it lasts and moves."""
+    if (stop - first) * trace.interval < _SHORTEST:
+        return None
+    x, v = trace.displacement[first:stop], trace.velocity[first:stop]
+    amplitude = 0.5 * float(np.ptp(x))
+    if amplitude < _MOVES * max(one.amplitude for one in trace.stretches):
+        return None
+    turns = int(np.count_nonzero(np.diff(np.signbit(v))))
+    return Stretch(
+        kind="moving",
+        first=first,
+        stop=stop,
+        cycle_starts=np.empty(0),
+        frequency=0.5 * turns / ((stop - first) * trace.interval),
+        amplitude=amplitude,
+        peak_speed=float(np.max(np.abs(v))),
+    )
