@@ -119,7 +119,7 @@ def test_steady_cycles_that_begin_and_end_at_once_are_no_test(rest: float) -> No
     assert cut.whole is None
 
 
-@pytest.mark.parametrize(("share", "is_there"), [(0.94, True), (0.96, False)])
+@pytest.mark.parametrize(("share", "is_there"), [(0.947, True), (0.953, False)])
 def test_cycles_of_the_same_stroke_and_speed_are_no_test(share: float, *, is_there: bool) -> None:
     whole = conditioned(run_up(1.5, cycles=9.0)).whole
     assert whole is not None
@@ -133,7 +133,7 @@ def test_cycles_of_the_same_stroke_and_speed_are_no_test(share: float, *, is_the
     assert has is is_there
 
 
-@pytest.mark.parametrize(("pause", "parts"), [(0.45, 2), (0.55, 3)])
+@pytest.mark.parametrize(("pause", "parts"), [(0.44, 2), (0.50, 3)])
 def test_a_rest_in_the_coast_down_is_left_out(pause: float, parts: int) -> None:
     x = run_up(1.5, start=-np.pi / 2.0)
     at = 6800 + int(np.argmin(np.abs(np.gradient(x)[6800:7200])))  # at a turn

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
-from damperfit.laws import ladder, law_fit
+from damperfit.laws import ladder
 from damperfit.laws.physics import _where
 
 
@@ -36,17 +35,6 @@ def test_layouts_within_half_as_much_again_are_not_told_apart(monkeypatch, facto
     best, other = tried(0.1), tried(0.1, score=math.log(factor), name="monotube")
     assert ladder._Course.best_layout(course, [best, other]) is best
     assert course.alike == alike
-
-
-@pytest.mark.parametrize(("n", "is_told"), [(24, False), (26, True)])
-def test_a_quarter_of_a_second_between_stretches_tells_something(monkeypatch, n, is_told) -> None:
-    force = np.sin(np.arange(200.0))
-    stretches = (SimpleNamespace(stop=50), SimpleNamespace(first=50 + n))
-    trace = SimpleNamespace(force=force, stretches=stretches, compared=slice(0, 50), interval=0.01)
-    seen = SimpleNamespace(force=force + 1.0)
-    monkeypatch.setattr(law_fit, "compare", lambda *_, **__: seen)
-    found = law_fit._missed_between(None, None, [trace], None)
-    assert math.isfinite(found) is is_told
 
 
 @pytest.mark.parametrize(("n", "said"), [(3, "at settings 0, 1, 2"), (4, "at 4 of 5 settings")])
