@@ -13,8 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.conditioning import apply_filter
 from damperfit.errors import DamperfitError, SimulationError
+from damperfit.identification.evaluation import (
+    evaluate,
+    n_independent,
+    transformation,
+    values_of,
+    with_values,
+)
+from damperfit.identification.last_step import last_step
 from damperfit.identification.minimiser import Minimum, Transformation, minimise
 from damperfit.identification.plausible import (
     first_edge,
@@ -23,9 +30,8 @@ from damperfit.identification.plausible import (
     kept_within,
     points_inside,
 )
+from damperfit.identification.solution import Solution
 from damperfit.identification.trust_region import Stopping
-from damperfit.identification.weights import weights
-from damperfit.simulation import SolverOptions, motion_of, simulate
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,8 +39,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model, Values
+    from damperfit.identification.settled import SettledLogs
     from damperfit.recording import Trace
-    from damperfit.simulation import Response
+    from damperfit.simulation import SolverOptions
 
     FloatArray = NDArray[np.float64]
 
@@ -42,7 +49,6 @@ __all__ = [
     "RIGHT_ANGLE",
     "FitCancelledError",
     "Misfit",
-    "Solution",
     "approach",
     "common_variables",
     "descend",
@@ -53,6 +59,7 @@ __all__ = [
 # start for another descent needs no more than a per cent.
 _FINE = Stopping(cost_tolerance=1e-8)
 _ROUGH = Stopping(cost_tolerance=1e-2, rest=math.inf)
+_LIMIT = 0  # the status of a descent that ended at its limit of evaluations
 # A fit that meets none of MINPACK's tests has still descended when the residual is this close to
 # a right angle with every direction of the Jacobian.
 RIGHT_ANGLE = 1e-3
@@ -62,8 +69,6 @@ _AMONG_KINKS = 1.5
 # Below this misfit (times the solver's tolerance, N) the solver's own error is what is left.
 _POLISH_BELOW = 100.0
 _POLISH_FACTOR = 0.003
-# A force or a sensitivity, SI; a cylinder of the size of a car stays far below.
-_WILD = 1e100
 
 
 class FitCancelledError(DamperfitError):
@@ -90,6 +95,8 @@ class Misfit:
         Limit of simulations.
     cancelled : callable
         Asked before each evaluation.
+    cycles : SettledLogs, optional
+        What a descent goes down on before it ends on the logs; None: on the logs alone.
     """
 
     traces: tuple[Trace, ...]
@@ -98,11 +105,22 @@ class Misfit:
     solver: SolverOptions
     max_evaluations: int
     cancelled: Callable[[], bool]
+    cycles: SettledLogs | None = None
+
+    @property
+    def whole(self) -> Misfit:
+        """The same of the logs as they are."""
+        return self if self.cycles is None else replace(self, cycles=None)
 
     @property
     def deviation(self) -> float:
         """Standard deviation of all measured forces that are compared, N."""
         return float(np.std(np.concatenate([t.force[t.compared] for t in self.traces])))
+
+    @property
+    def scale(self) -> float:
+        """What makes the sum of squares of a useless model 1."""
+        return 1.0 / (self.deviation * math.sqrt(self.n_samples))
 
     @property
     def right_angle(self) -> float:
@@ -115,47 +133,11 @@ class Misfit:
         return sum(trace.n_samples for trace in self.traces)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Solution:
-    """Where a descent ended.
-
-    Attributes
-    ----------
-    parameters : Values
-        Best point found.
-    mse_percent : float
-        Eq. (22) there, each stretch with its weight.
-    jacobian : numpy.ndarray
-        Shape (n, k): derivative of the residuals by u, in the order of the free parameters.
-    evaluations, failed_trials : int
-        Simulations of the whole setting, and those that could not be integrated.
-    status : int
-        MINPACK's ending as `scipy.optimize.least_squares` gives it: 0 is the limit, 1-4 tests met.
-    gradient_cosine : float
-        Largest cosine between the residuals and a column of the Jacobian.
-    n_independent : float
-        Independent samples among the residuals: twice their sign changes. White residuals change
-        sign at every other sample; those behind a low-pass of B Hz 1.15 B times a second, where
-        2 B samples a second are independent.
-    is_cavitating : bool
-        Whether a chamber is at zero pressure somewhere in what is compared.
-    """
-
-    parameters: Values
-    mse_percent: float
-    jacobian: FloatArray
-    evaluations: int
-    failed_trials: int
-    status: int
-    gradient_cosine: float
-    n_independent: float
-    is_cavitating: bool
-
-
 def approach(misfit: Misfit, start: Values) -> Solution:
     """Minimise the misfit of one log roughly, for the start of a descent with all of them.
 
-    Of several logs the one with the strongest force is taken: it tells the valves best.
+    Of several logs the one with the strongest force is taken: it tells the valves best. Mean cycles
+    are few samples: all are.
 
     Raises
     ------
@@ -164,14 +146,19 @@ def approach(misfit: Misfit, start: Values) -> Solution:
     FitCancelledError
         When the caller asked to stop.
     """
-    strongest = max(misfit.traces, key=lambda trace: float(np.std(trace.force[trace.compared])))
-    rough = replace(misfit, traces=(strongest,))
+    rough = misfit
+    if misfit.cycles is None:
+        strongest = max(misfit.traces, key=lambda one: float(np.std(one.force[one.compared])))
+        rough = replace(misfit, traces=(strongest,))
     return _descended(rough, misfit.free, start, _ROUGH).solution
 
 
 def descend(misfit: Misfit, start: Values) -> Solution:
     """Minimise the misfit from a start; refine with a tighter integrator if that is what is left.
 
+    Where the logs repeat the way goes over their mean cycles, and the logs themselves have the last
+    word: a step on them that is no more than an error is taken without another look.
+
     Raises
     ------
     SimulationError
@@ -179,9 +166,30 @@ def descend(misfit: Misfit, start: Values) -> Solution:
     FitCancelledError
         When the caller asked to stop.
     """
+    if misfit.cycles is None:
+        return _to_the_end(misfit, start)
+    try:
+        there = _minimise(misfit, start)
+    except SimulationError:
+        return _to_the_end(misfit.whole, start)
+    left = replace(misfit.whole, max_evaluations=max(misfit.max_evaluations - there.evaluations, 1))
+    if misfit.cancelled():
+        raise FitCancelledError("stopped while a fit was running.")
+    ended = None
+    if there.status != _LIMIT:
+        ended = last_step(left, there.parameters, least_percent=_solvers_percent(misfit))
+    ended = ended or _to_the_end(left, there.parameters)
+    return replace(
+        ended,
+        evaluations=ended.evaluations + there.evaluations,
+        failed_trials=ended.failed_trials + there.failed_trials,
+    )
+
+
+def _to_the_end(misfit: Misfit, start: Values) -> Solution:
+    """Where a descent on the logs ends."""
     solution = _minimise(misfit, start)
-    rms = math.sqrt(solution.mse_percent / 100.0) * misfit.deviation
-    if rms > _POLISH_BELOW * misfit.solver.tolerance:
+    if solution.mse_percent > _solvers_percent(misfit):
         return solution
     tighter = replace(misfit.solver, tolerance=_POLISH_FACTOR * misfit.solver.tolerance)
     try:
@@ -200,11 +208,9 @@ def descend(misfit: Misfit, start: Values) -> Solution:
     )
 
 
-def _refuse_wild(response: Response) -> None:
-    """A force whose square is no number is a failed trial: far starts get there."""
-    rows = (response.force, *response.sensitivities.values())
-    if not all(float(np.max(np.abs(row))) < _WILD for row in rows):  # "not <" catches NaN too
-        raise SimulationError("simulation failed: the force is beyond any that could be fitted.")
+def _solvers_percent(misfit: Misfit) -> float:
+    """The misfit, as an MSE, below which the integrator's error may be what is left."""
+    return 100.0 * (_POLISH_BELOW * misfit.solver.tolerance / misfit.deviation) ** 2
 
 
 def linearise(misfit: Misfit, parameters: Values) -> tuple[FloatArray, FloatArray]:
@@ -222,14 +228,14 @@ def linearise(misfit: Misfit, parameters: Values) -> tuple[FloatArray, FloatArra
     """
     if misfit.cancelled():
         raise FitCancelledError("stopped while a fit was running.")
-    residuals, slopes, _ = _evaluate(misfit, parameters, 1.0)
-    return residuals, slopes * common_variables(misfit).slopes(_values(misfit.free, parameters))
+    residuals, slopes, _ = evaluate(misfit, parameters, 1.0)
+    return residuals, slopes * common_variables(misfit).slopes(values_of(misfit.free, parameters))
 
 
 def common_variables(misfit: Misfit) -> Transformation:
     """Return the variables of `linearise`, which do not depend on a setting's forces."""
     sizes = np.array([misfit.damper.quantity(name).size for name in misfit.free])
-    return replace(_transformation(misfit, misfit.free), scales=sizes)
+    return replace(transformation(misfit, misfit.free), scales=sizes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +268,7 @@ def _minimise(misfit: Misfit, start: Values) -> Solution:
     moving = tuple(name for name in misfit.free if not is_at_edge(start, name))
     best = _descended(misfit, moving, start, _FINE)
     let_go: set[str] = set()
-    while best.solution.status != 0:
+    while best.solution.status != _LIMIT:
         at, moving = best.solution.parameters, best.moving
         edge = _stopped_at(best)
         if edge is not None:
@@ -316,7 +322,7 @@ def _falls_inside(misfit: Misfit, end: _End) -> set[str]:
 
 def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping: Stopping) -> _End:
     """Minimise over what moves; a trial point out of the plausible range is a failed trial."""
-    scale = 1.0 / (misfit.deviation * math.sqrt(misfit.n_samples))
+    scale = misfit.scale
     start = kept_within(start, misfit.free)
     places = [misfit.free.index(name) for name in moving]
     beyond = 0
@@ -325,12 +331,12 @@ def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping:
         nonlocal beyond
         if misfit.cancelled():
             raise FitCancelledError("stopped while a fit was running.")
-        parameters = _with(start, moving, values)
+        parameters = with_values(start, moving, values)
         if not is_within(parameters, moving):
             beyond += 1
             raise SimulationError("a parameter is out of its plausible range.")
         parameters = kept_within(parameters, moving)
-        residuals, slopes, is_cavitating = _evaluate(misfit, parameters, scale)
+        residuals, slopes, is_cavitating = evaluate(misfit, parameters, scale)
         seen = _Seen(parameters, is_cavitating, slopes)
         return residuals, slopes if moving == misfit.free else slopes[:, places], seen
 
@@ -339,13 +345,13 @@ def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping:
         max_evaluations=misfit.max_evaluations,
         least_share=misfit.damper.kinks,
     )
-    transformation = _transformation(misfit, moving)
-    ended = minimise(model, _values(moving, start), transformation, stopping)
+    variables = transformation(misfit, moving)
+    ended = minimise(model, values_of(moving, start), variables, stopping)
     point = ended.point
     jacobian = point.jacobian
     if moving != misfit.free:
-        values = _values(misfit.free, point.extra.parameters)
-        jacobian = point.extra.slopes * _transformation(misfit, misfit.free).slopes(values)
+        values = values_of(misfit.free, point.extra.parameters)
+        jacobian = point.extra.slopes * transformation(misfit, misfit.free).slopes(values)
     solution = Solution(
         parameters=point.extra.parameters,
         mse_percent=100.0 * point.cost,
@@ -354,49 +360,7 @@ def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping:
         failed_trials=ended.failed_trials - beyond,
         status=ended.status,
         gradient_cosine=ended.gradient_cosine,
-        n_independent=max(2.0 * np.count_nonzero(np.diff(np.signbit(point.residuals))), 1.0),
+        n_independent=n_independent(point.residuals),
         is_cavitating=point.extra.is_cavitating,
     )
-    return _End(solution, moving, transformation.scales, ended, beyond > 0)
-
-
-def _evaluate(
-    misfit: Misfit, parameters: Values, scale: float
-) -> tuple[FloatArray, FloatArray, bool]:
-    """Return residuals (n,), their derivative by what is free (n, k), both scaled; cavitation."""
-    parts = []
-    is_cavitating = False
-    for trace, weight in zip(misfit.traces, weights(misfit.traces), strict=True):
-        response = simulate(
-            parameters,
-            misfit.damper,
-            motion_of(trace),
-            sensitivities=misfit.free,
-            options=misfit.solver,
-        )
-        _refuse_wild(response)
-        rows = np.stack([response.force, *response.sensitivities.values()])
-        rows = apply_filter(trace.model_filter, rows)[:, trace.compared]
-        rows[0] -= trace.force[trace.compared]
-        parts.append(rows * (scale if weight is None else scale * weight))
-        is_empty = (response.pressures[:2, trace.compared] <= 0.0).any(axis=0)
-        is_cavitating |= bool((is_empty if weight is None else is_empty & (weight > 0.0)).any())
-    whole = parts[0] if len(parts) == 1 else np.hstack(parts)
-    return whole[0], whole[1:].T, is_cavitating
-
-
-def _transformation(misfit: Misfit, names: tuple[str, ...]) -> Transformation:
-    """Logarithms; an offset in units of the force's deviation, what else is linear in its size."""
-    quantities = [misfit.damper.quantity(name) for name in names]
-    return Transformation(
-        np.array([one.is_logarithmic for one in quantities], dtype=bool),
-        np.array([misfit.deviation if one.is_offset else one.size for one in quantities]),
-    )
-
-
-def _values(names: tuple[str, ...], parameters: Values) -> FloatArray:
-    return np.array([getattr(parameters, name) for name in names])
-
-
-def _with(parameters: Values, names: tuple[str, ...], values: FloatArray) -> Values:
-    return parameters.replace(dict(zip(names, values.tolist(), strict=True)))
+    return _End(solution, moving, variables.scales, ended, beyond > 0)

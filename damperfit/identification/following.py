@@ -238,7 +238,7 @@ class _Search:
         self._curvatures, self._slopes, self._costs, self._u = [], [], [], []
         for setting in self.settings:
             misfit = misfits[setting]
-            residuals, jacobian = linearise(misfit, at[setting])
+            residuals, jacobian = linearise(misfit.whole, at[setting])
             self._weigh(setting, misfit, residuals)
             if before is not None:
                 self.weights[setting] = before.weights[setting]

@@ -183,6 +183,8 @@ class _At:
 def fit_jointly(problem: JointProblem, starts: Mapping[Setting, Values]) -> JointSolution:
     """Minimise the misfit of all settings together.
 
+    Where the logs of all settings repeat, first on their mean cycles and from there on the logs.
+
     Parameters
     ----------
     problem : JointProblem
@@ -197,9 +199,33 @@ def fit_jointly(problem: JointProblem, starts: Mapping[Setting, Values]) -> Join
     FitCancelledError
         When the caller asked to stop.
     """
+    if any(one.cycles is None for one in problem.misfits.values()):
+        return _minimised(problem, starts)
+    whole = {setting: one.whole for setting, one in problem.misfits.items()}
+    ends = replace(problem, misfits=whole)
+    spent = 0
+    if problem.weights is None:
+        # Weights are of the logs at the start, whichever way the descent takes.
+        weights = _minimised(ends, starts, max_evaluations=1).weights
+        problem, ends, spent = replace(problem, weights=weights), replace(ends, weights=weights), 1
+    try:
+        there = _minimised(problem, starts)
+    except SettingError:
+        return _minimised(ends, starts)
+    ended = _minimised(replace(ends, gas=there.gas), there.parameters)
+    return replace(ended, evaluations=ended.evaluations + there.evaluations + spent)
+
+
+def _minimised(
+    problem: JointProblem,
+    starts: Mapping[Setting, Values],
+    *,
+    max_evaluations: int = _MAX_EVALUATIONS,
+) -> JointSolution:
+    """Where a descent on what the misfits have ends, their mean cycles or their logs."""
     stopping = Stopping(
         step_tolerance=_STEP_TOLERANCE,
-        max_evaluations=_MAX_EVALUATIONS,
+        max_evaluations=max_evaluations,
         # Weighted squares are about 1 each.
         least_gain=_COST_TOLERANCE * sum(one.n_samples for one in problem.misfits.values()),
         longest_step=_LONGEST_STEP,
@@ -299,10 +325,11 @@ class _Model:
             jacobian = np.zeros((len(residuals), len(self.own) + len(self.border)))
             jacobian[:, : len(self.own)] = slopes[:, self.own]
             jacobian[:, len(self.own) + self.places[setting]] = slopes[:, self.moving[setting]]
-            mean_square = float(residuals @ residuals) / len(residuals)
+            n = problem.misfits[setting].n_samples
+            mean_square = float(residuals @ residuals) / n
             weight = self.weights.get(setting, 1.0 / max(mean_square, 1e-300))
             changes = np.count_nonzero(np.diff(np.signbit(residuals)))
-            seen = _Seen(mean_square, len(residuals), max(2.0 * changes, 1.0))
+            seen = _Seen(mean_square, n, max(2.0 * changes, 1.0))
             return math.sqrt(weight) * reduced(residuals, jacobian), seen
 
         blocks, seen = zip(*self.pool.map(one, problem.settings), strict=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from damperfit.errors import SimulationError
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
     from damperfit.identification.options import FitOptions
     from damperfit.identification.setting import Fit
+    from damperfit.identification.settled import SettledLogs
     from damperfit.recording import Trace
     from damperfit.setting import Setting
 
@@ -24,7 +25,7 @@ __all__ = ["ProcedureInput"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProcedureInput:
-    """Everything a procedure needs."""
+    """Everything a procedure needs; `cycles` are those of the settings whose logs repeat."""
 
     settings: Mapping[Setting, tuple[Trace, ...]]
     damper: Model
@@ -32,6 +33,7 @@ class ProcedureInput:
     jobs: int
     on_fit: Callable[[Fit], None]
     cancelled: Callable[[], bool]
+    cycles: Mapping[Setting, SettledLogs | None] = field(default_factory=dict)
 
     @property
     def softest_first(self) -> list[Setting]:
@@ -52,6 +54,7 @@ class ProcedureInput:
             self.options.solver,
             self.options.max_evaluations,
             self.cancelled,
+            self.cycles.get(setting),
         )
 
     def start(self, setting: Setting, misfit: Misfit, fixed: Mapping[str, float]) -> Values:

@@ -101,7 +101,7 @@ def is_suspicious(misfit: Misfit, judged: Judged) -> bool:
 
 def _is_explained(misfit: Misfit, judged: Judged, noise: float) -> bool:
     """Whether one known flaw explains most of what is missed beyond the noise."""
-    residuals, slopes = linearise(misfit, judged.solution.parameters)
+    residuals, slopes = linearise(misfit.whole, judged.solution.parameters)
     lengths = np.sqrt(np.sum(slopes * slopes, axis=0))
     basis, _ = np.linalg.qr(slopes[:, lengths > 0.0] / lengths[lengths > 0.0])
     factors = weights(misfit.traces)

@@ -11,7 +11,6 @@ from damperfit.conditioning import noise_floor
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import (
     Misfit,
-    Solution,
     approach,
     descend,
 )
@@ -19,6 +18,7 @@ from damperfit.identification.minimiser import inverse_information
 from damperfit.identification.model_versus_log import compare, normalised_mse
 from damperfit.identification.one_speed import ONE_SPEED, untold
 from damperfit.identification.outcome import Outcome, Status
+from damperfit.identification.solution import Solution
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -1,11 +1,16 @@
 """The settled mean cycle of each steady stretch, in place of a whole log.
 
 What repeats tells a model the same in every cycle. Half a cycle, from one turn of the motion to
-the next, lets the model settle, one more is compared with the mean of the measured ones, thinned to
-what the filter lets through: a tenth of the work of a log of three speeds. The cycle being
-periodic, the filter is a factor of each harmonic. What differs from cycle to cycle stays as one
-more residual that nothing moves, so that sums of squares are those of the whole log, and a descent
-ends as there.
+the next, lets the model settle, one more is compared with the mean of the measured ones. The cycle
+being periodic, the filter is a factor of each harmonic. What differs from cycle to cycle stays as
+one more residual that nothing moves, so that sums of squares are those of the whole log, and a
+descent ends as there. Thinned to what the filter lets through it is a tenth of the work of a log of
+three speeds, and with as many samples as the log has it is that of one and a half cycles.
+
+Friction jumps at a reversal, between two samples. Over a log whose samples fall elsewhere in every
+cycle that averages out, and the mean cycle's friction is that of a sample's whole length: a dead
+band that the speed crosses in one sample. Where the samples fall on the same places in every cycle,
+so do those of the mean cycle.
 
 Not for a last word: a drift, or a state that needs more than half a cycle, is for the whole log.
 """
@@ -38,6 +43,12 @@ _FEWEST = 256
 _PER_HARMONIC = 10
 # A log that is not this much longer than its cycles is as well simulated whole.
 _WORTH = 2.0
+# s; the slowest of a damper's pressures, at 80 1/s, has settled by then to 1e-8.
+_SETTLING = 0.25
+# Samples by which cycles may be out of step and still be those of one period; by which the last
+# cycle's samples may fall beside the first's and still be on the same places.
+_IN_STEP = 0.5
+_TAPS = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,12 +65,18 @@ class SettledCycle:
         What the compared filter makes of each harmonic, one for each line of the real transform.
     factor : numpy.ndarray
         Shape (n,): what residuals are multiplied by, so that their sum of squares is the stretch's.
+    dead_band : float
+        Half width of the friction's dead band that a sample's length is, m/s; 0: the solver's own.
+    n_cycles : int
+        Cycles that it is the mean of.
     """
 
     motion: Motion
     force: FloatArray
     gain: NDArray[np.complex128]
     factor: FloatArray
+    dead_band: float = 0.0
+    n_cycles: int = 1
 
     def rows(self, response: Response) -> FloatArray:
         """Return residuals and derivatives, behind the filter, weighed: (1 + k, n)."""
@@ -86,13 +103,15 @@ class SettledLogs:
     scatter: float
 
 
-def settled(traces: Sequence[Trace]) -> SettledLogs | None:
+def settled(traces: Sequence[Trace], *, is_thinned: bool = True) -> SettledLogs | None:
     """Return the settled cycles of logs; None where motions do not repeat, or little is saved.
 
     Parameters
     ----------
     traces : sequence of Trace
         Logs of one setting.
+    is_thinned : bool
+        Whether cycles have no more samples than the filter lets through; else the log's own.
     """
     if any(not one.n_cycles for trace in traces for one in trace.stretches):
         return None
@@ -100,7 +119,7 @@ def settled(traces: Sequence[Trace]) -> SettledLogs | None:
     for trace, weight in zip(traces, weights(traces), strict=True):
         whole = np.ones(trace.n_samples) if weight is None else weight
         for stretch, place in zip(trace.stretches, trace.places, strict=True):
-            cycle, rest = _settled(trace, stretch, whole[place])
+            cycle, rest = _settled(trace, stretch, whole[place], is_thinned=is_thinned)
             cycles.append(cycle)
             scatter += rest
     simulated = sum(len(one.motion.displacement) for one in cycles)
@@ -109,33 +128,80 @@ def settled(traces: Sequence[Trace]) -> SettledLogs | None:
     return SettledLogs(tuple(cycles), scatter)
 
 
-def _settled(trace: Trace, stretch: Stretch, weight: FloatArray) -> tuple[SettledCycle, float]:
+def _settled(
+    trace: Trace, stretch: Stretch, weight: FloatArray, *, is_thinned: bool
+) -> tuple[SettledCycle, float]:
     """A stretch's settled cycle, and its scatter as a sum of weighed squares."""
-    from scipy.interpolate import CubicSpline
-
-    starts = stretch.cycle_starts
-    period = float(starts[-1] - starts[0]) / stretch.n_cycles  # in samples
-    n = _samples(trace, period)
-    positions = starts[:-1, None] + np.diff(starts)[:, None] * (np.arange(n) / n)
-    first = max(math.floor(starts[0]) - 2, 0)
-    stop = min(math.ceil(starts[-1]) + 3, len(trace.force))
+    positions, period, is_aligned = _positions(trace, stretch, is_thinned=is_thinned)
+    n = positions.shape[1]
     channels = np.stack([trace.drive.displacement, trace.drive.velocity, trace.force])
-    spline = CubicSpline(np.arange(first, stop), channels[:, first:stop], axis=1)
-    folded = spline(positions)
+    folded = _interpolated(channels, positions)
     x, v, force = folded.mean(axis=1)
     at = np.clip(np.rint(positions).astype(np.int64) - stretch.first, 0, len(weight) - 1)
     power = np.mean(weight[at] ** 2, axis=0) * (stretch.n_samples / n)
     scatter = float(power @ np.mean((folded[2] - force) ** 2, axis=0))
     turn = -int(np.argmax(np.abs(x - x.mean())))
     x, v, force, power = (np.roll(one, turn) for one in (x, v, force, power))
-    lead = n // 2
-    motion = Motion(
-        trace.interval * period / n,
-        np.concatenate([x[n - lead :], x]),
-        np.concatenate([v[n - lead :], v]),
-        gas_pressure=trace.gas_pressure,
+    interval = trace.interval * period / n
+    lead = (n // 2) * math.ceil(_SETTLING / (0.5 * n * interval))
+    before = np.arange(-lead, n) % n
+    cycle = SettledCycle(
+        Motion(interval, x[before], v[before], gas_pressure=trace.gas_pressure),
+        force,
+        _gain(trace, period, n),
+        np.sqrt(power),
+        0.0 if is_aligned or is_thinned else _crossed(v),
+        stretch.n_cycles,
     )
-    return SettledCycle(motion, force, _gain(trace, period, n), np.sqrt(power)), scatter
+    return cycle, scatter
+
+
+def _positions(
+    trace: Trace, stretch: Stretch, *, is_thinned: bool
+) -> tuple[FloatArray, float, bool]:
+    """Where the mean cycle's samples lie in the trace, shape (cycles, n); the period in samples.
+
+    The last value tells whether they lie on the log's own samples.
+    """
+    starts = stretch.cycle_starts
+    counts = np.arange(len(starts)) - 0.5 * stretch.n_cycles
+    period = float(counts @ starts) / float(counts @ counts)
+    line = float(starts.mean()) + period * counts
+    own = round(period)
+    is_aligned = abs(period - own) * stretch.n_cycles < _IN_STEP
+    n = _samples(trace, period) if is_thinned else own if is_aligned else 2 * math.ceil(period / 2)
+    steps = np.arange(n) / n
+    if np.max(np.abs(starts - line)) > _IN_STEP:
+        return starts[:-1, None] + np.diff(starts)[:, None] * steps, period, False
+    if is_aligned and not is_thinned:
+        line += stretch.first - line[0]
+    return line[:-1, None] + period * steps, period, is_aligned
+
+
+def _interpolated(channels: FloatArray, positions: FloatArray) -> FloatArray:
+    """Return channels (c, n) at fractional samples, through the eight samples around each.
+
+    At a tenth of the sample rate a polynomial through so many errs by 1e-5.
+    """
+    first = np.floor(positions).astype(np.int64) - (_TAPS // 2 - 1)
+    first = np.clip(first, 0, channels.shape[1] - _TAPS)
+    away = positions - first
+    distances = [away - tap for tap in range(_TAPS)]
+    found = np.zeros((len(channels), *positions.shape))
+    for tap in range(_TAPS):
+        share = np.ones(positions.shape)
+        for other in range(_TAPS):
+            if other != tap:
+                share *= distances[other] / (tap - other)
+        found += share * channels[:, first + tap]
+    return found
+
+
+def _crossed(velocity: FloatArray) -> float:
+    """Half of what the velocity changes by in a sample at its reversals, on average, m/s."""
+    after = np.roll(velocity, -1)
+    reverses = np.signbit(velocity) != np.signbit(after)
+    return 0.5 * float(np.mean(np.abs((after - velocity)[reverses])))
 
 
 def _samples(trace: Trace, period: float) -> int:

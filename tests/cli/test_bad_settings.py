@@ -15,7 +15,7 @@ from damperfit.damper.purdy.closed_forms import incompressible_force
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
-from damperfit.identification import descent
+from damperfit.identification import evaluation
 from damperfit.simulation import Motion, simulate, sine_motion
 
 
@@ -61,7 +61,7 @@ def break_short_strokes(monkeypatch: pytest.MonkeyPatch) -> Callable[[Exception]
                 raise error
             return simulate(parameters, damper, motion, **kwargs)  # type: ignore[arg-type]
 
-        monkeypatch.setattr(descent, "simulate", broken)
+        monkeypatch.setattr(evaluation, "simulate", broken)
 
     return arrange
 

@@ -11,10 +11,11 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import InstallationError, SimulationError
-from damperfit.identification import Campaign, FitOptions, Outcome, descent, identify
+from damperfit.identification import Campaign, FitOptions, Outcome, evaluation, identify
 from damperfit.identification import setting as one_setting
-from damperfit.identification.descent import Misfit, descend
+from damperfit.identification.descent import Misfit, descend, linearise
 from damperfit.identification.setting import fit_setting
+from damperfit.identification.settled import settled
 from damperfit.recording import Trace
 from damperfit.simulation import Motion, SolverOptions, simulate
 from tests.identification.rig import trace, traces
@@ -34,18 +35,21 @@ def break_at(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Callable[[], int]
 
     def arrange(log: Trace, error: Exception, *, after: int = 0) -> Callable[[], int]:
         seen = 0
+        mine = [log.displacement]
+        if cycles := settled([log], is_thinned=False):
+            mine += [one.motion.displacement for one in cycles.cycles]
 
         def broken(
             parameters: Parameters, damper: object, motion: Motion, **kwargs: object
         ) -> object:
             nonlocal seen
-            if motion.displacement is log.displacement:
+            if any(np.array_equal(motion.displacement, one) for one in mine):
                 seen += 1
                 if seen > after:
                     raise error
             return simulate(parameters, damper, motion, **kwargs)  # type: ignore[arg-type]
 
-        monkeypatch.setattr(descent, "simulate", broken)
+        monkeypatch.setattr(evaluation, "simulate", broken)
         return lambda: seen
 
     return arrange
@@ -99,7 +103,7 @@ def test_a_bug_that_one_setting_meets_is_told_and_leaves_the_others(
     assert failure.is_internal
     assert failure.kind == "InternalError"
     said = failure.message
-    where = "(damperfit/identification/descent.py, line "
+    where = "(damperfit/identification/evaluation.py, line "
     assert said.startswith(f"internal error while fitting, LinAlgError: Singular matrix {where}")
     assert "please report this line, with the log if it may be shown" in said
     assert "Traceback" in failure.trace
@@ -123,7 +127,7 @@ def test_where_none_can_be_fitted_each_says_why(logs, monkeypatch, procedure: st
     def broken(*_: object, **__: object) -> None:
         raise SimulationError("simulation failed: no reason.")
 
-    monkeypatch.setattr(descent, "simulate", broken)
+    monkeypatch.setattr(evaluation, "simulate", broken)
     campaign = identify(logs[:2], PURDY_DAMPER, FitOptions(procedure))
     assert campaign.fits == ()
     assert [one.setting for one in campaign.failures] == [2, 6]
@@ -222,7 +226,7 @@ def test_a_refining_descent_that_fails_leaves_what_was_found(
     misfit = Misfit((log,), PURDY_DAMPER, free, SolverOptions(tolerance=1e-2), 100, lambda: False)
     start = replace(truth, r_m1=0.9 * truth.r_m1)
     refined = descend(misfit, start)
-    monkeypatch.setattr(descent, "simulate", broken)
+    monkeypatch.setattr(evaluation, "simulate", broken)
     solution = descend(misfit, start)
     assert tight == 1
     assert solution.failed_trials == refined.failed_trials + 1
@@ -257,8 +261,8 @@ def test_a_derivative_that_is_no_number_is_a_failed_trial(
         last[len(last) // 2] = np.nan
         return response
 
-    monkeypatch.setattr(descent, "simulate", spoilt)
+    monkeypatch.setattr(evaluation, "simulate", spoilt)
     log, solver = trace(9, duration=4.0), SolverOptions(tolerance=1e-2)
     misfit = Misfit((log,), PURDY_DAMPER, ("r_m1", "k_e"), solver, 100, lambda: False)
     with pytest.raises(SimulationError, match="beyond any"):
-        descent.linearise(misfit, reference_parameters(9))
+        linearise(misfit, reference_parameters(9))

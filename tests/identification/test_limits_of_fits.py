@@ -109,7 +109,7 @@ def test_a_joint_fit_that_promises_a_hundredth_is_at_its_minimum(
     )
     monkeypatch.setattr(joint_fit, "_promise", lambda _: promise)
     monkeypatch.setattr(joint_fit, "_errors", lambda *_: {})
-    problem = SimpleNamespace(misfits={}, jobs=1)
+    problem = SimpleNamespace(misfits={1: SimpleNamespace(cycles=None, n_samples=1)}, jobs=1)
     assert joint_fit.fit_jointly(problem, {}).is_converged is is_there
 
 
@@ -230,7 +230,7 @@ def test_a_flaw_explains_half_of_the_misfit(share, explains, monkeypatch) -> Non
     monkeypatch.setattr(restarts, "signatures", lambda *_: {"a flaw": np.ones((1, 2))})
     monkeypatch.setattr(restarts, "gain", lambda *_: (2.0 * share, None))
     log = SimpleNamespace(force=np.zeros(2), compared=slice(None))
-    given = SimpleNamespace(traces=(log,))
+    given = SimpleNamespace(traces=(log,), whole=None)
     assert restarts._is_explained(given, judged(), 0.0) is explains
 
 
@@ -299,7 +299,7 @@ def test_a_sound_minimum_is_kept_within_half_as_much_again(mse, is_kept) -> None
 @pytest.mark.parametrize(("length", "pays"), [(195, False), (205, True)])
 def test_settled_cycles_pay_from_half_of_a_log_on(length, pays, monkeypatch) -> None:
     cycle = SimpleNamespace(motion=SimpleNamespace(displacement=np.zeros(100)))
-    monkeypatch.setattr(settled, "_settled", lambda *_: (cycle, 0.0))
+    monkeypatch.setattr(settled, "_settled", lambda *_, **__: (cycle, 0.0))
     monkeypatch.setattr(settled, "weights", lambda traces: (None,) * len(traces))
     one = SimpleNamespace(n_cycles=3)
     log = SimpleNamespace(

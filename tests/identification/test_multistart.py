@@ -11,9 +11,10 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
 from damperfit.identification import FitOptions, Outcome, Status, identify, multistart
-from damperfit.identification.descent import Misfit, Solution
+from damperfit.identification.descent import Misfit
 from damperfit.identification.multistart import SPREAD, describe_searches, search, spread_starts
 from damperfit.identification.setting import Judged
+from damperfit.identification.solution import Solution
 from damperfit.simulation import SolverOptions
 from tests.identification.rig import errors, trace, traces
 

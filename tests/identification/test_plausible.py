@@ -8,7 +8,7 @@ import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.identification import Fit, FitOptions, Outcome, descent, identify
+from damperfit.identification import Fit, FitOptions, Outcome, evaluation, identify
 from damperfit.identification.descent import Misfit, descend
 from damperfit.identification.plausible import first_edge, is_within, kept_within
 from damperfit.identification.setting import fit_setting
@@ -102,7 +102,7 @@ def test_no_trial_leaves_the_ranges(monkeypatch: pytest.MonkeyPatch) -> None:
         seen.append(parameters)
         return simulate(parameters, *args, **kwargs)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(descent, "simulate", watched)
+    monkeypatch.setattr(evaluation, "simulate", watched)
     free = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
     log = trace(10, amplitude=0.001, noise=4.0, duration=4.0)
     misfit = Misfit((log,), PURDY_DAMPER, free, SOLVER, 100, lambda: False)

@@ -17,7 +17,7 @@ from damperfit.identification import (
     Outcome,
     Status,
     compare,
-    descent,
+    evaluation,
     identify,
     normalised_mse,
 )
@@ -95,7 +95,7 @@ def test_a_fit_that_stops_at_a_wall_of_failed_trials_has_not_converged(
             raise SimulationError("simulation failed: behind the wall.")
         return simulate(parameters, *args, **kwargs)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(descent, "simulate", walled)
+    monkeypatch.setattr(evaluation, "simulate", walled)
     log = trace(9, noise=4.0, duration=4.0)
     misfit = Misfit((log,), PURDY_DAMPER, FREE, SolverOptions(tolerance=1e-2), 100, lambda: False)
     start = replace(truth, r_m1=0.6 * truth.r_m1)

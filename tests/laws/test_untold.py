@@ -10,9 +10,10 @@ import pytest
 
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification import Status
-from damperfit.identification.descent import Misfit, Solution
+from damperfit.identification.descent import Misfit
 from damperfit.identification.minimiser import Point
 from damperfit.identification.setting import _statuses
+from damperfit.identification.solution import Solution
 from damperfit.laws import LawFit, physics_seen
 from damperfit.laws.choosing import FEWEST_SAMPLES
 from damperfit.laws.law_fit import _untold

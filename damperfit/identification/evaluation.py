@@ -1,0 +1,111 @@
+"""Residuals of a misfit and their derivatives, of the logs or of their mean cycles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.conditioning import apply_filter
+from damperfit.errors import SimulationError
+from damperfit.identification.minimiser import Transformation
+from damperfit.identification.weights import weights
+from damperfit.simulation import motion_of, simulate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from damperfit.damper.model import Values
+    from damperfit.identification.descent import Misfit
+    from damperfit.identification.settled import SettledLogs
+    from damperfit.simulation import Response
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["evaluate", "n_independent", "transformation", "values_of", "with_values"]
+
+# A force or a sensitivity, SI; a cylinder of the size of a car stays far below.
+_WILD = 1e100
+
+
+def evaluate(
+    misfit: Misfit, parameters: Values, scale: float
+) -> tuple[FloatArray, FloatArray, bool]:
+    """Return residuals (n,), their derivative by what is free (n, k), both scaled; cavitation."""
+    if misfit.cycles is not None:
+        return _on_cycles(misfit, misfit.cycles, parameters, scale)
+    parts = []
+    is_cavitating = False
+    for trace, weight in zip(misfit.traces, weights(misfit.traces), strict=True):
+        response = simulate(
+            parameters,
+            misfit.damper,
+            motion_of(trace),
+            sensitivities=misfit.free,
+            options=misfit.solver,
+        )
+        _refuse_wild(response)
+        rows = np.stack([response.force, *response.sensitivities.values()])
+        rows = apply_filter(trace.model_filter, rows)[:, trace.compared]
+        rows[0] -= trace.force[trace.compared]
+        parts.append(rows * (scale if weight is None else scale * weight))
+        is_empty = (response.pressures[:2, trace.compared] <= 0.0).any(axis=0)
+        is_cavitating |= bool((is_empty if weight is None else is_empty & (weight > 0.0)).any())
+    whole = parts[0] if len(parts) == 1 else np.hstack(parts)
+    return whole[0], whole[1:].T, is_cavitating
+
+
+def _on_cycles(
+    misfit: Misfit, cycles: SettledLogs, parameters: Values, scale: float
+) -> tuple[FloatArray, FloatArray, bool]:
+    """The same on the mean cycles; what differs between cycles is the last residual."""
+    parts = []
+    is_cavitating = False
+    for one in cycles.cycles:
+        solver = misfit.solver
+        if one.dead_band > solver.dead_band:
+            solver = replace(solver, dead_band=one.dead_band)
+        response = simulate(
+            parameters, misfit.damper, one.motion, sensitivities=misfit.free, options=solver
+        )
+        _refuse_wild(response)
+        parts.append(scale * one.rows(response))
+        is_empty = (response.pressures[:2, -len(one.force) :] <= 0.0).any(axis=0)
+        is_cavitating |= bool((is_empty & (one.factor > 0.0)).any())
+    rest = np.zeros((1 + len(misfit.free), 1))
+    rest[0] = scale * math.sqrt(cycles.scatter)
+    whole = np.hstack([*parts, rest])
+    return whole[0], whole[1:].T, is_cavitating
+
+
+def transformation(misfit: Misfit, names: tuple[str, ...]) -> Transformation:
+    """Logarithms; an offset in units of the force's deviation, what else is linear in its size."""
+    quantities = [misfit.damper.quantity(name) for name in names]
+    return Transformation(
+        np.array([one.is_logarithmic for one in quantities], dtype=bool),
+        np.array([misfit.deviation if one.is_offset else one.size for one in quantities]),
+    )
+
+
+def values_of(names: tuple[str, ...], parameters: Values) -> FloatArray:
+    """Return the values of some names, shape (k,)."""
+    return np.array([getattr(parameters, name) for name in names])
+
+
+def with_values(parameters: Values, names: tuple[str, ...], values: FloatArray) -> Values:
+    """Return parameters with other values of some names."""
+    return parameters.replace(dict(zip(names, values.tolist(), strict=True)))
+
+
+def n_independent(residuals: FloatArray) -> float:
+    """Return how many independent samples residuals are worth: twice their sign changes."""
+    return max(2.0 * float(np.count_nonzero(np.diff(np.signbit(residuals)))), 1.0)
+
+
+def _refuse_wild(response: Response) -> None:
+    """A force whose square is no number is a failed trial: far starts get there."""
+    rows = (response.force, *response.sensitivities.values())
+    if not all(float(np.max(np.abs(row))) < _WILD for row in rows):  # "not <" catches NaN too
+        raise SimulationError("simulation failed: the force is beyond any that could be fitted.")

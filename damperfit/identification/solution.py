@@ -1,0 +1,53 @@
+"""Where a descent ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from damperfit.damper.model import Values
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["Solution"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """Where a descent ended.
+
+    Attributes
+    ----------
+    parameters : Values
+        Best point found.
+    mse_percent : float
+        Eq. (22) there, each stretch with its weight.
+    jacobian : numpy.ndarray
+        Shape (n, k): derivative of the residuals by u, in the order of the free parameters.
+    evaluations, failed_trials : int
+        Simulations of the whole setting, and those that could not be integrated.
+    status : int
+        MINPACK's ending as `scipy.optimize.least_squares` gives it: 0 is the limit, 1-4 tests met.
+    gradient_cosine : float
+        Largest cosine between the residuals and a column of the Jacobian.
+    n_independent : float
+        Independent samples among the residuals: twice their sign changes. White residuals change
+        sign at every other sample; those behind a low-pass of B Hz 1.15 B times a second, where
+        2 B samples a second are independent.
+    is_cavitating : bool
+        Whether a chamber is at zero pressure somewhere in what is compared.
+    """
+
+    parameters: Values
+    mse_percent: float
+    jacobian: FloatArray
+    evaluations: int
+    failed_trials: int
+    status: int
+    gradient_cosine: float
+    n_independent: float
+    is_cavitating: bool
