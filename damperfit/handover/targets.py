@@ -211,7 +211,7 @@ TARGETS: Mapping[str, Target] = {
         ),
         Target(
             "fmu2",
-            "FMU of FMI 2.0, co-simulation and (paper's damper) model exchange, all settings",
+            "FMU of FMI 2.0, co-simulation and model exchange, all settings",
             "{stem}.fmu",
             "SI",
             "rebound (rod out) is positive, and so is the force that resists it",
@@ -222,7 +222,7 @@ TARGETS: Mapping[str, Target] = {
         ),
         Target(
             "fmu3",
-            "FMU of FMI 3.0, co-simulation and (paper's damper) model exchange, all settings",
+            "FMU of FMI 3.0, co-simulation and model exchange, all settings",
             "{stem}.fmu",
             "SI",
             "rebound (rod out) is positive, and so is the force that resists it",

@@ -12,6 +12,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 OK, WARNING, DISCARD, ERROR = range(4)
+INTEGERS = {"setting", "input_extrapolation", "carry_derivatives"}
 LOGGER = ct.CFUNCTYPE(
     None, ct.c_void_p, ct.c_char_p, ct.c_int, ct.c_char_p, ct.c_char_p, ct.c_char_p
 )
@@ -68,14 +69,14 @@ class Unit:
 
     def set(self, name: str, value: float) -> int:
         reference = (ct.c_uint * 1)(self.references[name])
-        if name in {"setting", "input_extrapolation"}:
+        if name in INTEGERS:
             return self.call("SetInteger", reference, ct.c_size_t(1), (ct.c_int * 1)(int(value)))
         return self.call("SetReal", reference, ct.c_size_t(1), (ct.c_double * 1)(value))
 
     def get(self, name: str) -> float:
         value, number = (ct.c_double * 1)(), (ct.c_int * 1)()
         reference = (ct.c_uint * 1)(self.references[name])
-        if name in {"setting", "input_extrapolation"}:
+        if name in INTEGERS:
             assert self.call("GetInteger", reference, ct.c_size_t(1), number) == OK
             return number[0]
         assert self.call("GetReal", reference, ct.c_size_t(1), value) == OK
@@ -119,8 +120,8 @@ class Unit:
         self.call("SetTime", ct.c_double(time))
         self.set("displacement", x)
         self.set("velocity", v)
-        y = (ct.c_double * 3)(*states)
-        assert self.call("SetContinuousStates", y, ct.c_size_t(3)) == OK
+        y = (ct.c_double * len(states))(*states)
+        assert self.call("SetContinuousStates", y, ct.c_size_t(len(states))) == OK
 
     def numbers(self, name: str, n: int) -> np.ndarray:
         found = (ct.c_double * n)()

@@ -137,6 +137,23 @@ def test_adjoint_and_directional_derivatives_are_of_one_matrix(folder) -> None:
     assert np.count_nonzero(forward) >= 6
 
 
+def test_the_rod_is_a_terminal_with_position_speed_and_force(folder) -> None:
+    told = ET.parse(folder / "terminalsAndIcons" / "terminalsAndIcons.xml").getroot()  # noqa: S314
+    assert told.get("fmiVersion") == "3.0"
+    (rod,) = told.iter("Terminal")
+    assert (rod.get("name"), rod.get("matchingRule")) == ("rod", "plug")
+    members = {
+        one.get("variableName"): (one.get("memberName"), one.get("variableKind")) for one in rod
+    }
+    assert members == {
+        "displacement": ("s", "signal"),
+        "velocity": ("v", "signal"),
+        "force": ("f", "inflow"),
+    }
+    known = {one.get("name") for one in root_of(folder).find("ModelVariables")}
+    assert set(members) <= known
+
+
 def test_every_unknown_and_every_indicator_tells_what_it_follows(folder) -> None:
     root = root_of(folder)
     structure = root.find("ModelStructure")

@@ -37,7 +37,7 @@ def test_fmpy_finds_no_fault(files, version) -> None:
     assert validate_fmu(str(files[version])) == []
 
 
-def _signal(motion, duration: float, interval: float):
+def signal(motion, duration: float, interval: float):
     x, v = motion(duration, interval)
     kinds = [("time", float), ("displacement", float), ("velocity", float)]
     rows = np.zeros(len(x), dtype=kinds)
@@ -53,7 +53,7 @@ def test_fmpy_steps_it(files, handed, version, setting, motion, limit) -> None:
 
     result = simulate_fmu(
         str(files[version]), fmi_type="CoSimulation", start_values={"setting": setting},
-        input=_signal(motion, 2.0, 1e-3), output=["force"], output_interval=1e-3, stop_time=2.0,
+        input=signal(motion, 2.0, 1e-3), output=["force"], output_interval=1e-3, stop_time=2.0,
     )  # fmt: skip
     expected = core(handed, setting, *motion(2.0, 1e-4))[::10]
     assert rms(result["force"] - expected[: len(result)]) < limit
@@ -66,7 +66,7 @@ def test_fmpy_integrates_it_though_it_holds_inputs(files, handed, version, setti
 
     result = simulate_fmu(
         str(files[version]), fmi_type="ModelExchange", start_values={"setting": setting},
-        input=_signal(sine, 1.0, 1e-4), output=["force"], output_interval=1e-3, stop_time=1.0,
+        input=signal(sine, 1.0, 1e-4), output=["force"], output_interval=1e-3, stop_time=1.0,
         relative_tolerance=1e-6,
     )  # fmt: skip
     expected = core(handed, setting, *sine(1.0, 1e-4))

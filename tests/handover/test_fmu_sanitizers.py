@@ -8,7 +8,8 @@ from pathlib import Path
 from damperfit.handover.fmu.exported_damper import exported_damper
 from damperfit.handover.fmu.libraries import source_files
 from tests.core_sanitizers.test_core_sanitizers import build, compiler  # noqa: F401
-from tests.handover.test_fmu_valves import LAYOUTS, of_valves
+from tests.handover.test_fmu_valve_equations import SEALED, known_of
+from tests.handover.test_fmu_valves import LAYOUTS, SOFT, STIFF, of_valves
 
 DRIVER = Path(__file__).parent / "fmu_driver.c"
 
@@ -20,9 +21,10 @@ def test_the_exported_damper_is_clean_under_sanitizers(compiler, handed, tmp_pat
     program = tmp_path / "driver"
     built = build(f"{compiler} -I{tmp_path}", sources, program)
     assert built.returncode == 0, built.stderr
-    for one, more in ((handed, ()), (of_valves(handed, LAYOUTS[1]), ("co-simulation only",))):
+    sealed = [known_of("seals", one) for one in (SOFT, STIFF)]
+    for one in (handed, of_valves(handed, LAYOUTS[1]), of_valves(handed, SEALED, sealed)):
         damper = exported_damper(one)
         (tmp_path / "damper.txt").write_text(damper.text, encoding="ascii")
-        command = [program, tmp_path, damper.token, *more]
+        command = [program, tmp_path, damper.token]
         driven = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
         assert driven.returncode == 0, driven.stdout + driven.stderr

@@ -3,7 +3,7 @@
  * stepper.c is the paper's network with everything that this one leaves open written out; a test
  * holds both to the same numbers.
  */
-#include "network.h"
+#include "network_balance.h"
 #include "tableau.h"
 
 #include <math.h>
@@ -15,220 +15,6 @@
 #define PA_DONE 1e-3
 #define ROUNDING_SHARE 4e-16 /* of K: what doubles make of a pressure that is K (m/(rho V) - 1) */
 #define PULL_DONE 1e-4 /* what the last correction may leave of the forces at the mounting, N */
-
-/* What one position of the piston gives. */
-typedef struct {
-    double full[2];    /* rho_0 V: kg at P_0 */
-    double inverse[2];
-    double swept;      /* oil that the piston's motion itself takes from the gas chamber, kg */
-} chambers;
-
-static double number(const df_network *q, int place)
-{
-    return place < 0 ? 0.0 : q->numbers[place];
-}
-
-static df_passage_law law_of(const df_network *q, const df_passage *p)
-{
-    const df_passage_law law = {number(q, p->p_open), number(q, p->R), number(q, p->S),
-                                number(q, p->width), p->two_way};
-    return law;
-}
-
-static df_geometry gas_geometry(const df_network *q)
-{
-    const df_geometry g = {q->a_1, q->a_2, q->a_2 - q->a_1, q->V_1, q->V_2,
-                           q->numbers[DF_NUMBER_V_GAS], q->rho_0};
-    return g;
-}
-
-static df_parameters gas_parameters(const df_network *q)
-{
-    const df_parameters p = {0.0, 0.0, 0.0, q->numbers[DF_NUMBER_K], 0.0, 0.0,
-                             q->numbers[DF_NUMBER_P_0], q->numbers[DF_NUMBER_GAMMA]};
-    return p;
-}
-
-/* Chambers whose oil is a state. */
-static int n_oil(const df_network *q)
-{
-    return q->has_floating_piston ? 1 : 2;
-}
-
-static int is_elastic(const df_network *q)
-{
-    return q->numbers[DF_NUMBER_STIFFNESS] > 0.0;
-}
-
-static int fill_chambers(const df_network *q, double x, chambers *c)
-{
-    const double V1 = q->V_1 - x * q->a_1, V2 = q->V_2 + x * q->a_2;
-    if (!(V1 > 0.0 && V2 > 0.0))
-        return isfinite(x) ? DF_CHAMBER_EMPTY : DF_NOT_FINITE;
-    c->full[0] = q->rho_0 * V1;
-    c->full[1] = q->rho_0 * V2;
-    c->inverse[0] = 1.0 / c->full[0];
-    c->inverse[1] = 1.0 / c->full[1];
-    c->swept = q->has_floating_piston ? q->rho_0 * q->a_2 * x : 0.0;
-    return DF_OK;
-}
-
-/* Oil that has left the gas chamber, kg. */
-static double taken(const df_network *q, const chambers *c, const double m[2])
-{
-    const double first = m[0] - q->rho_0 * q->V_1;
-    return q->has_floating_piston ? first + c->swept : first + (m[1] - q->rho_0 * q->V_2);
-}
-
-/* Pressure of oil with free gas by its fill e = m/(rho_0 V) - 1, and the slope by e. Without gas
- * eqs (4), (7), (11), (12) with the clamp; with gas it never reaches zero:
- * 1/(1 + e) = 1 - (P - P_0)/K + phi (P_0/P - 1). */
-static df_law oil_pressure(const df_network *q, double e)
-{
-    const double K = q->numbers[DF_NUMBER_K], P_0 = q->numbers[DF_NUMBER_P_0];
-    const double phi = q->numbers[DF_NUMBER_PHI];
-    df_law law = {0.0, 0.0};
-    if (phi == 0.0) {
-        const double P = K * e + P_0;
-        if (P > 0.0) {
-            law.value = P;
-            law.slope = K;
-        }
-        return law;
-    }
-    /* b = P_0/K - phi + e/(1 + e), without the cancellation of 1 - 1/(1 + e) */
-    const double volume = 1.0 / (1.0 + e), b = P_0 / K - phi + e * volume;
-    const double gas = 4.0 * phi * P_0 / K, root = sqrt(b * b + gas);
-    law.value = 0.5 * K * (b >= 0.0 ? b + root : gas / (root - b));
-    law.slope = law.value * volume * volume / root;
-    return law;
-}
-
-/* Derivative of an oil pressure by a number at constant mass. */
-static double oil_pressure_by(const df_network *q, double P, int place)
-{
-    const double K = q->numbers[DF_NUMBER_K], P_0 = q->numbers[DF_NUMBER_P_0];
-    const double phi = q->numbers[DF_NUMBER_PHI];
-    double slope;
-    if (!(P > 0.0))
-        return 0.0; /* clamped */
-    if (place == DF_NUMBER_K)
-        slope = (P - P_0) / (K * K);
-    else if (place == DF_NUMBER_PHI)
-        slope = P_0 / P - 1.0;
-    else if (place == DF_NUMBER_P_0)
-        slope = 1.0 / K + phi / P;
-    else
-        return 0.0;
-    return slope / (1.0 / K + phi * P_0 / (P * P));
-}
-
-static double gas_pressure_by(const df_network *q, double P3, double s, int place)
-{
-    const df_geometry g = gas_geometry(q);
-    const df_parameters p = gas_parameters(q);
-    double by_P_0, by_gamma;
-    if (place == DF_NUMBER_P_0 || place == DF_NUMBER_GAMMA) {
-        df_gas_slopes(&g, &p, P3, s, &by_P_0, &by_gamma);
-        return place == DF_NUMBER_P_0 ? by_P_0 : by_gamma;
-    }
-    if (place == DF_NUMBER_V_GAS) {
-        const double V = q->numbers[DF_NUMBER_V_GAS];
-        return P3 * q->numbers[DF_NUMBER_GAMMA] * (1.0 / V - 1.0 / (V + s / q->rho_0));
-    }
-    return 0.0;
-}
-
-/* Whether a number enters the laws of oil and gas; what does not is left out of the sums. */
-static int moves_pressures(int place)
-{
-    return place == DF_NUMBER_K || place == DF_NUMBER_PHI || place == DF_NUMBER_P_0 ||
-           place == DF_NUMBER_GAMMA || place == DF_NUMBER_V_GAS;
-}
-
-/* Derivatives of the three pressures by a number at constant masses. */
-static void pressures_by(const df_network *q, const df_network_balance *b, double s, int place, double P[3])
-{
-    P[0] = oil_pressure_by(q, b->P[0], place);
-    P[2] = gas_pressure_by(q, b->P[2], s, place);
-    P[1] = q->has_floating_piston ? P[2] : oil_pressure_by(q, b->P[1], place);
-}
-
-/* Pressures, flows, and the Jacobian of the mass balances. */
-static void evaluate(const df_network *q, const chambers *c, const df_gas_point *gas,
-                     const double y[DF_STATES], df_network_balance *b)
-{
-    const df_law P3 = df_gas_pressure(gas, taken(q, c, y));
-    const double grow[2] = {q->rho_0 * q->a_1 * c->inverse[0], -q->rho_0 * q->a_2 * c->inverse[1]};
-    const int n = n_oil(q);
-    for (int i = 0; i < 2; i++) {
-        b->F[i] = b->J[i][0] = b->J[i][1] = b->J[i][2] = 0.0;
-        b->slope[2][i] = i < n ? P3.slope : 0.0;
-    }
-    b->slope[2][DF_PISTON] = q->has_floating_piston ? P3.slope * q->rho_0 * q->a_2 : 0.0;
-    b->P[2] = P3.value;
-    for (int i = 0; i < n; i++) {
-        b->fill[i] = (y[i] - c->full[i]) * c->inverse[i];
-        const df_law P = oil_pressure(q, b->fill[i]);
-        b->P[i] = P.value;
-        b->slope[i][i] = P.slope * c->inverse[i];
-        b->slope[i][1 - i] = 0.0;
-        b->slope[i][DF_PISTON] = P.slope * (1.0 + b->fill[i]) * grow[i];
-    }
-    if (q->has_floating_piston) {
-        b->fill[1] = 0.0;
-        b->P[1] = b->P[2];
-        for (int j = 0; j < DF_STATES; j++)
-            b->slope[1][j] = b->slope[2][j];
-    }
-    for (int k = 0; k < q->n_passages; k++) {
-        const df_passage *p = &q->passages[k];
-        const df_passage_law law = law_of(q, p);
-        const int from = p->from - 1, to = p->to - 1;
-        b->drop[k] = b->P[from] - b->P[to];
-        b->flow[k] = df_passage_flow(&law, b->drop[k], q->rounding);
-        for (int j = 0; j < DF_STATES; j++) {
-            const double by_state = b->flow[k].by_D * (b->slope[from][j] - b->slope[to][j]);
-            if (from < n)
-                b->J[from][j] -= by_state;
-            if (to < n)
-                b->J[to][j] += by_state;
-        }
-        if (from < n)
-            b->F[from] -= b->flow[k].w;
-        if (to < n)
-            b->F[to] += b->flow[k].w;
-    }
-}
-
-static double oil_force(const df_network *q, const double P[3])
-{
-    return P[0] * q->a_1 - P[1] * q->a_2;
-}
-
-/* Friction while it slides. What it has more at rest goes with the speed that the rig drives, not with
- * the piston's own: a friction that falls with that would let a piston without mass jump. */
-static double rubbing(const df_network *q, double v, double P1)
-{
-    const double v_s = q->numbers[DF_NUMBER_STRIBECK], r = v_s > 0.0 ? v / v_s : INFINITY;
-    return q->numbers[DF_NUMBER_FRICTION] + q->numbers[DF_NUMBER_BREAKAWAY] * exp(-r * r) +
-           q->numbers[DF_NUMBER_PRESSED] * P1;
-}
-
-/* Derivative of that by a number, with the pressure held. */
-static double rubbing_by(const df_network *q, double v, double P1, int place)
-{
-    const double v_s = q->numbers[DF_NUMBER_STRIBECK], r = v_s > 0.0 ? v / v_s : INFINITY;
-    if (place == DF_NUMBER_FRICTION)
-        return 1.0;
-    if (place == DF_NUMBER_PRESSED)
-        return P1;
-    if (place == DF_NUMBER_BREAKAWAY)
-        return exp(-r * r);
-    if (place == DF_NUMBER_STRIBECK && v_s > 0.0)
-        return q->numbers[DF_NUMBER_BREAKAWAY] * exp(-r * r) * 2.0 * r * r / v_s;
-    return 0.0;
-}
 
 /* Dahl's friction, dz/dy = (1 - z sgn dy)/sigma, over a way without a turn; `turn` is the sign of a
  * way of no length. */
@@ -487,39 +273,6 @@ static int solve_stage(const df_network *q, const df_options *o, double x, const
         }
     }
     return 1;
-}
-
-/* dF/d(number) at constant masses, and that of the mounting's balance of forces. */
-static void balance_by(const df_network *q, const df_network_balance *b, double s, double v, int place,
-                       double F[DF_STATES])
-{
-    double P[3] = {0.0, 0.0, 0.0};
-    const int by_pressure = moves_pressures(place);
-    F[0] = F[1] = F[DF_PISTON] = 0.0;
-    if (by_pressure) {
-        pressures_by(q, b, s, place, P);
-        F[DF_PISTON] = -oil_force(q, P) - q->numbers[DF_NUMBER_PRESSED] * b->grip * P[0];
-    }
-    F[DF_PISTON] -= b->grip * rubbing_by(q, v, b->P[0], place);
-    if (place == DF_NUMBER_DRAG)
-        F[DF_PISTON] -= b->speed;
-    else if (place == DF_NUMBER_STIFFNESS)
-        F[DF_PISTON] += b->pull / q->numbers[DF_NUMBER_STIFFNESS];
-    else if (place == DF_NUMBER_PLAY && b->pull != 0.0)
-        F[DF_PISTON] -= 0.5 * copysign(b->pull_slope, b->pull);
-    for (int k = 0; k < q->n_passages; k++) {
-        const df_passage *p = &q->passages[k];
-        const df_flow *f = &b->flow[k];
-        double w = by_pressure ? f->by_D * (P[p->from - 1] - P[p->to - 1]) : 0.0;
-        w += p->p_open == place ? f->by_open : 0.0;
-        w += p->R == place ? f->by_R : 0.0;
-        w += p->S == place ? f->by_S : 0.0;
-        w += p->width == place ? f->by_width : 0.0;
-        if (p->from <= n_oil(q))
-            F[p->from - 1] -= w;
-        if (p->to <= n_oil(q))
-            F[p->to - 1] += w;
-    }
 }
 
 static int moves_the_state(const df_network *q, int place)
@@ -883,30 +636,99 @@ static double filled_to(const df_network *q, double P, double fill)
     return 1.0 / (1.0 - (P - P_0) / K + phi * (P_0 / fmax(P, 1e-3) - 1.0)) - 1.0;
 }
 
+/* No past to predict from; the rates of the sensitivities are those of here. */
+static void restart(const df_network *q, const chambers *c, df_network_state *now)
+{
+    const double s = taken(q, c, now->y);
+    evaluate(q, c, &now->gas, now->y, &now->b);
+    guide_of(q, &now->b, now->x, now->y, now->guide_mid);
+    for (int i = 0; i < DF_STATES; i++) {
+        now->F[i] = i < 2 ? now->b.F[i] : 0.0;
+        now->guide_old[i] = now->guide_mid[i];
+    }
+    for (int j = 0; j < now->n_which; j++) {
+        double slope[DF_STATES];
+        balance_by(q, &now->b, s, now->v, now->which[j], slope);
+        for (int i = 0; i < 2; i++)
+            now->G[j][i] = now->b.J[i][0] * now->S[j][0] + now->b.J[i][1] * now->S[j][1] + slope[i];
+    }
+    now->t_old = -2.0;
+    now->t_mid = -1.0;
+}
+
+/* The slopes of the oil's pressures, which stay as they are while the numbers change: 1 before, with
+ * their sensitivities into `kept`, -1 after, and out of it. */
+static void keep_slopes(const df_network *q, const df_network *changed, const chambers *c, int way,
+                        double kept[][2], df_network_state *now)
+{
+    const double s = taken(q, c, now->y);
+    for (int j = 0; j < now->n_which; j++) {
+        const int place = now->which[j], is_new = q->numbers[place] != changed->numbers[place];
+        double direct[3] = {0.0, 0.0, 0.0};
+        if (moves_pressures(place))
+            pressures_by(q, &now->b, s, place, direct);
+        for (int i = 0; i < n_oil(q); i++) {
+            const double slope = now->b.slope[i][i];
+            if (way > 0)
+                kept[j][i] = is_new ? 0.0 : direct[i] + slope * now->S[j][i];
+            else if (slope > 0.0) /* of an empty chamber the oil stays */
+                now->S[j][i] = (kept[j][i] - direct[i]) / slope;
+        }
+        if (way > 0 && is_new)
+            now->grip_by[j] = 0.0;
+    }
+}
+
 int df_retune_network(df_network *q, const df_network *changed, const df_options *o, df_network_state *now)
 {
     const df_geometry g = gas_geometry(changed);
     const df_parameters p = gas_parameters(changed);
+    double kept[DF_MOST_NUMBERS][2] = {{0.0}};
     chambers c;
     if (!network_is_sound(changed) || is_elastic(q) || is_elastic(changed) || !(o->dead_band > 0.0))
         return DF_BAD_ARGUMENT;
     const int code = fill_chambers(changed, now->x, &c);
     if (code != DF_OK)
         return code;
+    const double fills[2] = {filled_to(changed, now->b.P[0], now->b.fill[0]),
+                             filled_to(changed, now->b.P[1], now->b.fill[1])};
+    double y[DF_STATES] = {now->y[0], now->y[1], now->y[DF_PISTON]};
+    for (int i = 0; i < n_oil(changed); i++)
+        y[i] = c.full[i] * (1.0 + fills[i]);
+    df_gas_point gas;
+    if (df_gas_expand(&g, &p, taken(changed, &c, y), &gas))
+        return DF_CHAMBER_EMPTY;
+    keep_slopes(q, changed, &c, 1, kept, now);
     *q = *changed;
-    now->n_which = 0;
-    for (int i = 0; i < n_oil(q); i++)
-        now->y[i] = c.full[i] * (1.0 + filled_to(q, now->b.P[i], now->b.fill[i]));
+    now->gas = gas;
+    for (int i = 0; i < 2; i++)
+        now->y[i] = y[i];
+    evaluate(q, &c, &now->gas, now->y, &now->b);
+    keep_slopes(q, q, &c, -1, kept, now);
+    restart(q, &c, now);
+    return DF_OK;
+}
+
+int df_place_network(const df_network *q, const double oil[2], double grip, double x, double v, df_network_state *now)
+{
+    const df_geometry g = gas_geometry(q);
+    const df_parameters p = gas_parameters(q);
+    chambers c;
+    if (is_elastic(q))
+        return DF_BAD_ARGUMENT;
+    if (!isfinite(oil[0]) || !isfinite(oil[1]) || !isfinite(grip) || !isfinite(v))
+        return DF_NOT_FINITE;
+    const int code = fill_chambers(q, x, &c);
+    if (code != DF_OK)
+        return code;
+    now->y[0] = q->rho_0 * q->V_1 + oil[0];
+    now->y[1] = q->rho_0 * q->V_2 + oil[1];
+    now->y[DF_PISTON] = now->x = x;
+    now->v = v;
+    now->grip = grip;
     if (df_gas_expand(&g, &p, taken(q, &c, now->y), &now->gas))
         return DF_CHAMBER_EMPTY;
-    evaluate(q, &c, &now->gas, now->y, &now->b);
-    guide_of(q, &now->b, now->x, now->y, now->guide_mid);
-    for (int i = 0; i < DF_STATES; i++) {
-        now->F[i] = i < 2 ? now->b.F[i] : 0.0;
-        now->guide_old[i] = now->guide_mid[i];
-    }
-    now->t_old = -2.0;
-    now->t_mid = -1.0;
+    restart(q, &c, now);
     return DF_OK;
 }
 

@@ -99,10 +99,43 @@ int df_advance_network(const df_network *network, const df_options *options, dou
 double df_force_network(const df_network *network, const df_options *options, const df_network_state *state,
                 double *slopes);
 
-/* Go on with other numbers, at the pressures of the oil chambers as they are: the masses follow. The
- * sensitivities are not carried on. */
+/* Go on with other numbers, at the pressures of the oil chambers as they are: the masses follow. A
+ * number that changes has had no influence on the past. */
 int df_retune_network(df_network *network, const df_network *changed, const df_options *options,
                       df_network_state *state);
+
+/* Put the state where another integrator has it: oil beyond that at x = 0, friction, and the piston. */
+int df_place_network(const df_network *network, const double oil[2], double grip, double x, double v,
+                     df_network_state *state);
+
+/* The balances as they stand, on a rigid mounting. The third rate is that of a friction that
+ * pre-slides: dz/dt = (v - |v| z)/sigma. */
+typedef struct {
+    df_network_balance b;
+    double v, band, taken;
+    double rates[3]; /* of the oil in chambers 1 and 2, kg/s, and of the grip, 1/s */
+    double free[2];  /* pressures of the chambers without the clamp at zero */
+    double force;
+} df_network_rates;
+
+int df_evaluate_network(const df_network *network, double dead_band, const double oil[2], double grip, double x,
+                        double v, df_network_rates *rates);
+
+/* What a known does to them, all other knowns held. */
+enum {
+    DF_BY_OIL_1,
+    DF_BY_OIL_2,
+    DF_BY_GRIP,
+    DF_BY_PLACE, /* of the piston */
+    DF_BY_SPEED,
+    DF_BY_BAND,
+    DF_BY_NUMBER /* and the place of the number */
+};
+typedef struct {
+    double rates[3], pressures[3], force;
+} df_network_slopes;
+
+void df_network_by(const df_network *network, const df_network_rates *rates, int known, df_network_slopes *slopes);
 
 /* The whole motion; `result->which` names places among the numbers. */
 int df_simulate_network(const df_network *network, const df_options *options,

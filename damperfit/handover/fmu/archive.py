@@ -16,6 +16,7 @@ from damperfit.handover.fmu.model_description import (
     build_description,
     fmi2_description,
     fmi3_description,
+    terminals,
 )
 
 if TYPE_CHECKING:
@@ -62,7 +63,10 @@ def _members(handed: HandedOver, *, version: int) -> dict[str, bytes]:
         libraries = {f"{one.fmi2}/{one.library}": code for one, code in built().items() if one.fmi2}
     else:
         description = fmi3_description(handed, damper, date=date)
-        more = {"sources/buildDescription.xml": build_description(files)}
+        more = {
+            "sources/buildDescription.xml": build_description(files),
+            "terminalsAndIcons/terminalsAndIcons.xml": terminals(),
+        }
         libraries = {f"{one.name}/{one.library}": code for one, code in built().items()}
     return {
         "modelDescription.xml": description,

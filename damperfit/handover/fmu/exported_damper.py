@@ -20,12 +20,16 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Quantity, Values
     from damperfit.handover.handed_over import HandedOver
 
-__all__ = ["FRICTION_BAND", "NUMBERS", "ExportedDamper", "Number", "exported_damper"]
+__all__ = ["FRICTION_BAND", "NUMBERS", "STATES", "ExportedDamper", "Number", "exported_damper"]
 
 NUMBERS = 100  # value reference of the first number of the damper
+STATES = ("oil_1", "oil_2", "outside", "grip")  # all that any damper may have
 # With the fit's dead band of 0.1 mm/s a car at rest shakes at steps of 1 ms.
 FRICTION_BAND = 0.005
 _MAX_STEPS = 10_000
+# N a step, of valves: inputs that go on by their slope jump by some 0.05 N at communication points
+# of 1 ms, and to resolve these jumps takes two to five times as long.
+_TOLERANCE_OF_VALVES = 0.03
 # What is the rig's: rod ends, frame and load cell in series, their play, the tare.
 _OF_THE_RIG = ("series_stiffness", "play", "f_0")
 
@@ -70,8 +74,10 @@ class ExportedDamper:
         By the number that an importer sets: what people call the setting.
     start : int
         The setting that is set at the beginning.
-    has_equations : bool
-        Its rates can be asked for: model exchange and derivatives are offered.
+    states : tuple of str
+        Of `STATES` those that it has, in their order.
+    is_of_valves : bool
+        Its passages are any; otherwise it is the paper's.
     """
 
     token: str
@@ -79,7 +85,8 @@ class ExportedDamper:
     numbers: tuple[Number, ...]
     settings: dict[int, str]
     start: int
-    has_equations: bool = True
+    states: tuple[str, ...]
+    is_of_valves: bool = False
 
 
 def exported_damper(handed: HandedOver) -> ExportedDamper:
@@ -112,7 +119,23 @@ def exported_damper(handed: HandedOver) -> ExportedDamper:
     token = "{" + hashlib.sha256(body.encode()).hexdigest()[:32] + "}"
     text = f"damperfit-damper 1\ntoken {token}\n{body}\n"
     numbers = tuple(_numbers(damper, columns, rows[start]))
-    return ExportedDamper(token, text, numbers, named, start, isinstance(damper, Damper))
+    is_of_valves = isinstance(damper, ValveDamper)
+    return ExportedDamper(
+        token, text, numbers, named, start, _states(damper, columns, rows), is_of_valves
+    )
+
+
+def _states(
+    damper: Damper | ValveDamper, columns: Sequence[str], rows: dict[int, tuple[float, ...]]
+) -> tuple[str, ...]:
+    """With a floating piston chamber 2 is at the gas pressure; friction may be a state."""
+    left_out = set()
+    if isinstance(damper, ValveDamper) and damper.network.has_floating_piston:
+        left_out.add("oil_2")
+    place = columns.index("presliding") if "presliding" in columns else None
+    if place is None or not any(row[place] > 0.0 for row in rows.values()):
+        left_out.add("grip")
+    return tuple(one for one in STATES if one not in left_out)
 
 
 def _tables() -> str:
@@ -172,9 +195,11 @@ def _head(handed: HandedOver, damper: Damper | ValveDamper, columns: Sequence[st
 
 
 def _settings(handed: HandedOver, rows: dict[int, tuple[float, ...]], start: int) -> list[str]:
-    tested = handed.tested
+    tested, tolerance = handed.tested, handed.solver.tolerance
+    if isinstance(handed.damper, ValveDamper):
+        tolerance = max(tolerance, _TOLERANCE_OF_VALVES)
     return [
-        f"solver {handed.solver.tolerance!r} {_MAX_STEPS}",
+        f"solver {tolerance!r} {_MAX_STEPS}",
         f"tested {tested.stroke or 0.0!r} {tested.speed or 0.0!r}",
         f"friction_band {FRICTION_BAND!r}",
         f"start {start}",

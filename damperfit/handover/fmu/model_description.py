@@ -15,7 +15,13 @@ if TYPE_CHECKING:
     from damperfit.handover.fmu.variables import Variable
     from damperfit.handover.handed_over import HandedOver
 
-__all__ = ["IDENTIFIER", "build_description", "fmi2_description", "fmi3_description"]
+__all__ = [
+    "IDENTIFIER",
+    "build_description",
+    "fmi2_description",
+    "fmi3_description",
+    "terminals",
+]
 
 IDENTIFIER = "damperfit"
 # At 1e-4 an adaptive integrator errs by 37 N.
@@ -33,7 +39,7 @@ def fmi2_description(
         {
             "fmiVersion": "2.0",
             "guid": damper.token,
-            **({"numberOfEventIndicators": str(_N_INDICATORS)} if damper.has_equations else {}),
+            "numberOfEventIndicators": str(_N_INDICATORS),
             **_about(handed, date),
         },
     )
@@ -42,12 +48,11 @@ def fmi2_description(
         "canNotUseMemoryManagementFunctions": "true",
         "canGetAndSetFMUstate": "true",
         "canSerializeFMUstate": "true",
-        "providesDirectionalDerivative": str(damper.has_equations).lower(),
+        "providesDirectionalDerivative": "true",
     }
     exchange = {"completedIntegratorStepNotNeeded": "true"}
     steps = {"canHandleVariableCommunicationStepSize": "true"}
-    offered = {"ModelExchange": exchange} if damper.has_equations else {}
-    for kind, more in (offered | {"CoSimulation": steps}).items():
+    for kind, more in {"ModelExchange": exchange, "CoSimulation": steps}.items():
         sources = ET.SubElement(ET.SubElement(root, kind, can | more), "SourceFiles")
         for name in files:
             ET.SubElement(sources, "File", name=name)
@@ -66,8 +71,6 @@ def fmi2_description(
         ("Derivatives", "rates"),
         ("InitialUnknowns", "initial"),
     ):
-        if not found[key]:
-            continue
         part = ET.SubElement(structure, name)
         for unknown in sorted(found[key], key=lambda each: place[each.reference]):
             # The standard counts no parameter among what an output follows after the beginning.
@@ -88,11 +91,10 @@ def fmi3_description(handed: HandedOver, damper: ExportedDamper, *, date: str) -
         "modelIdentifier": IDENTIFIER,
         "canGetAndSetFMUState": "true",
         "canSerializeFMUState": "true",
-        "providesDirectionalDerivatives": str(damper.has_equations).lower(),
-        "providesAdjointDerivatives": str(damper.has_equations).lower(),
+        "providesDirectionalDerivatives": "true",
+        "providesAdjointDerivatives": "true",
     }
-    if damper.has_equations:
-        ET.SubElement(root, "ModelExchange", can)
+    ET.SubElement(root, "ModelExchange", can)
     steps = {"canHandleVariableCommunicationStepSize": "true"}
     ET.SubElement(root, "CoSimulation", can | steps)
     _units(root)
@@ -141,6 +143,34 @@ def build_description(files: Sequence[str]) -> bytes:
     sources = ET.SubElement(configuration, "SourceFileSet", language="C99")
     for name in files:
         ET.SubElement(sources, "SourceFile", name=name)
+    return _bytes(root)
+
+
+def terminals() -> bytes:
+    """Return ``terminalsAndIcons.xml`` of FMI 3.0: the rod, as a flange with position and force.
+
+    The force that resists rebound is the one that must flow into the damper to pull its rod out.
+    """
+    root = ET.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
+    rod = ET.SubElement(
+        ET.SubElement(root, "Terminals"),
+        "Terminal",
+        name="rod",
+        matchingRule="plug",
+        description="end of the rod against the body, positive in rebound",
+    )
+    for variable, member, kind in (
+        ("displacement", "s", "signal"),
+        ("velocity", "v", "signal"),
+        ("force", "f", "inflow"),
+    ):
+        ET.SubElement(
+            rod,
+            "TerminalMemberVariable",
+            variableName=variable,
+            memberName=member,
+            variableKind=kind,
+        )
     return _bytes(root)
 
 

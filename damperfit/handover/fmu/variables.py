@@ -21,6 +21,7 @@ UNITS: dict[str, dict[str, int] | None] = {
     "s": {"s": 1},
     "kg": {"kg": 1},
     "kg/s": {"kg": 1, "s": -1},
+    "1/s": {"s": -1},
     "m2": {"m": 2},
     "m3": {"m": 3},
     "N s/m": {"kg": 1, "s": -1},
@@ -79,7 +80,7 @@ class Unknown:
 
 def variables(damper: ExportedDamper) -> tuple[Variable, ...]:
     """Return all variables but time, in the order of the files."""
-    return (*_fixed(), *_parameters(damper), *(_states() if damper.has_equations else ()))
+    return (*_fixed(), *_parameters(damper), *_states(damper))
 
 
 def _fixed() -> tuple[Variable, ...]:
@@ -144,63 +145,72 @@ def _parameters(damper: ExportedDamper) -> tuple[Variable, ...]:
             "velocity where an importer holds its inputs",
             "parameter", "tunable", start=2, low=0, high=2,
         ),
+        *((_CARRIES,) if damper.is_of_valves else ()),
     )  # fmt: skip
 
 
-def _states() -> tuple[Variable, ...]:
-    oil = tuple(
-        Variable(
-            10 + i,
-            f"oil_{i}",
-            f"oil in chamber {i} beyond that at rest and x = 0",
-            "local",
-            unit="kg",
-            nominal=1e-3,
+_CARRIES = Variable(
+    23, "carry_derivatives", "1: in co-simulation derivatives by parameters are carried along from "
+    "the beginning, which takes two to three times as long; model exchange has them always",
+    "parameter", "fixed", start=0, low=0, high=1,
+)  # fmt: skip
+
+
+def _states(damper: ExportedDamper) -> tuple[Variable, ...]:
+    """States in their order, then their rates."""
+    states, rates = [], []
+    for name in damper.states:
+        state, rate, unit, nominal = _OF_STATES[name]
+        of_it, is_of = _TOLD[name]
+        states.append(Variable(state, name, of_it, "local", unit=unit, nominal=nominal))
+        rates.append(
+            Variable(rate, is_of[0], is_of[1], "local", unit=_RATE_UNITS[unit], derivative_of=state)
         )
-        for i in (1, 2)
-    )
-    rates = tuple(
-        Variable(
-            13 + i,
-            f"flow_{i}",
-            f"oil into chamber {i}",
-            "local",
-            unit="kg/s",
-            derivative_of=10 + i,
-        )
-        for i in (1, 2)
-    )
-    return (
-        *oil,
-        Variable(13, "outside", "seconds outside the tested range", "local", unit="s", nominal=1.0),
-        *rates,
-        Variable(
-            16, "is_outside", "1 outside the tested range", "local", unit="1", derivative_of=13
-        ),
-    )
+    return (*states, *rates)
+
+
+# By state: its reference and that of its rate, unit, size.
+_OF_STATES = {
+    "oil_1": (11, 14, "kg", 1e-4),
+    "oil_2": (12, 15, "kg", 1e-4),
+    "outside": (13, 16, "s", 1.0),
+    "grip": (21, 22, "1", 1.0),
+}
+_RATE_UNITS = {"kg": "kg/s", "s": "1", "1": "1/s"}
+_TOLD = {
+    "oil_1": ("oil in chamber 1 beyond what fills it at rest", ("flow_1", "of that oil")),
+    "oil_2": ("oil in chamber 2 beyond what fills it at rest", ("flow_2", "of that oil")),
+    "outside": (
+        "seconds outside the tested range", ("is_outside", "1 outside the tested range"),
+    ),
+    "grip": (
+        "friction that is built up, as a share of what slides", ("grip_rate", "of that share"),
+    ),
+}  # fmt: skip
 
 
 def unknowns(damper: ExportedDamper) -> dict[str, tuple[Unknown, ...]]:
     """Return outputs, derivatives, event indicators and initial unknowns with what they follow."""
     numbers = tuple(NUMBERS + one.place for one in damper.numbers)
-    if not damper.has_equations:
-        outputs = (
-            Unknown(3, (1, 2), (*numbers, 9)),
-            *(Unknown(r, (1,), numbers) for r in (4, 5, 6)),
-        )
-        outputs = (*outputs, Unknown(7, (1, 2)))
-        return {"outputs": outputs, "rates": (), "indicators": (), "initial": outputs}
-    point = (1, 11, 12)
+    oil = tuple(_OF_STATES[name][0] for name in damper.states if name.startswith("oil"))
+    grip = tuple(_OF_STATES[name][0] for name in damper.states if name == "grip")
+    flows = tuple(_OF_STATES[name][1] for name in damper.states if name.startswith("oil"))
+    grip_rate = tuple(_OF_STATES[name][1] for name in damper.states if name == "grip")
+    point = (1, *oil)
     outputs = (
-        Unknown(3, (1, 2, 11, 12), (*numbers, 9)),
+        Unknown(3, (1, 2, *oil, *grip), (*numbers, 9)),
         *(Unknown(r, point, numbers) for r in (4, 5, 6)),
         Unknown(7, (13,)),
     )
-    rates = (Unknown(14, point, numbers), Unknown(15, point, numbers), Unknown(16, (1, 2)))
+    rates = (
+        *(Unknown(r, (1, 2, *oil), numbers) for r in flows),
+        Unknown(16, (1, 2)),
+        *(Unknown(r, (2, *grip), numbers) for r in grip_rate),
+    )
     indicators = (
         Unknown(17, (2,), (9,)),
-        Unknown(18, (1, 11), numbers),
-        Unknown(19, (1, 12), numbers),
+        Unknown(18, (1, oil[0]), numbers),
+        Unknown(19, (1, oil[-1]), numbers),
         Unknown(20, (1, 2)),
     )
     at_first = (1,), (8, *numbers)
@@ -208,9 +218,10 @@ def unknowns(damper: ExportedDamper) -> dict[str, tuple[Unknown, ...]]:
         Unknown(3, (1, 2), (8, *numbers, 9)),
         *(Unknown(r, *at_first) for r in (4, 5, 6)),
         Unknown(7, ()),
-        *(Unknown(r, *at_first) for r in (11, 12)),
-        Unknown(13, ()),
-        *(Unknown(r, *at_first) for r in (14, 15)),
+        *(Unknown(r, *at_first) for r in oil),
+        *(Unknown(r, ()) for r in (13, *grip)),
+        *(Unknown(r, (1, 2), (8, *numbers)) for r in flows),
         Unknown(16, (1, 2)),
+        *(Unknown(r, (2,), (8, *numbers)) for r in grip_rate),
     )
     return {"outputs": outputs, "rates": rates, "indicators": indicators, "initial": initial}

@@ -7,9 +7,6 @@
 #include <string.h>
 
 #define RANGE_MARGIN 1.01 /* a test's own peaks scatter by less */
-#define BAR 1e5
-
-const double EX_NOMINALS[EX_N_STATES] = {1e-3, 1e-3, 1.0};
 
 static const int ALL[DF_N_PARAMETERS] = {DF_R_M1, DF_R_M2, DF_R_M3, DF_K_E, DF_F_F, DF_F_0, DF_P_0, DF_GAMMA};
 
@@ -27,10 +24,6 @@ int ex_open(ex_instance *e, ex_kind kind, const char *folder, const char *token,
     if (is_good && (!token || strcmp(token, e->damper.token) != 0)) {
         snprintf(why, EX_WHY, "the token %.80s is not that of the parameters, %.80s", token ? token : "(none)",
                  e->damper.token);
-        return 0;
-    }
-    if (is_good && e->damper.is_network && kind == EX_MODEL_EXCHANGE) {
-        snprintf(why, EX_WHY, "a damper of valves is offered for co-simulation only");
         return 0;
     }
     if (is_good && !ex_reset(e)) {
@@ -69,22 +62,48 @@ static df_parameters parameters_of(const ex_instance *e)
     return p;
 }
 
+df_options ex_options(const ex_instance *e)
+{
+    df_options o = e->damper.options;
+    o.dead_band = e->s.friction_band;
+    return o;
+}
+
+void ex_swept(const ex_instance *e, double x, double oil[2])
+{
+    const df_network *q = &e->damper.network;
+    const df_geometry *g = &e->damper.geometry;
+    oil[0] = e->damper.is_network ? q->rho_0 * q->a_1 * x : g->rho_0 * g->a_p1 * x;
+    oil[1] = e->damper.is_network ? -q->rho_0 * q->a_2 * x : -g->rho_0 * g->a_p2 * x;
+    if (e->damper.is_network && q->has_floating_piston)
+        oil[1] = 0.0; /* its oil is none of the states */
+}
+
 static void take_states(ex_instance *e)
 {
-    e->s.y[0] = e->s.run.m.m1 - e->s.run.q.m_10;
-    e->s.y[1] = e->s.run.m.m2 - e->s.run.q.m_20;
+    ex_state *s = &e->s;
+    double swept[2];
+    ex_swept(e, e->damper.is_network ? s->valves.x : s->run.x, swept);
+    if (e->damper.is_network) {
+        s->y[EX_OIL_1] = s->valves.y[DF_M1] - s->network.rho_0 * s->network.V_1 + swept[0];
+        s->y[EX_OIL_2] = s->valves.y[DF_M2] - s->network.rho_0 * s->network.V_2 + swept[1];
+        s->y[EX_GRIPS] = s->valves.grip;
+    } else {
+        s->y[EX_OIL_1] = s->run.m.m1 - s->run.q.m_10 + swept[0];
+        s->y[EX_OIL_2] = s->run.m.m2 - s->run.q.m_20 + swept[1];
+    }
+}
+
+static int begin_paper(ex_instance *e)
+{
+    const df_parameters p = parameters_of(e);
+    const df_options o = ex_options(e);
+    return df_begin(&e->damper.geometry, &p, &o, ALL, DF_N_PARAMETERS, e->s.x, e->s.v, &e->s.run);
 }
 
 int ex_begin(ex_instance *e)
 {
-    if (e->damper.is_network) {
-        e->s.is_stale = 0;
-        return ex_begin_valves(e);
-    }
-    const df_parameters p = parameters_of(e);
-    df_options o = e->damper.options;
-    o.dead_band = e->s.friction_band;
-    const int code = df_begin(&e->damper.geometry, &p, &o, ALL, DF_N_PARAMETERS, e->s.x, e->s.v, &e->s.run);
+    const int code = e->damper.is_network ? ex_begin_valves(e) : begin_paper(e);
     if (code == DF_OK)
         take_states(e);
     e->s.is_stale = 0;
@@ -93,8 +112,14 @@ int ex_begin(ex_instance *e)
     return code;
 }
 
-/* Model exchange: where the piston is now, if the inputs were set some time ago. */
-static double place_now(ex_instance *e)
+int ex_start(ex_instance *e)
+{
+    const int code = ex_begin(e);
+    e->s.has_begun = code == DF_OK;
+    return code;
+}
+
+double ex_place_now(ex_instance *e)
 {
     ex_state *s = &e->s;
     if (s->inputs_are_new) {
@@ -104,25 +129,27 @@ static double place_now(ex_instance *e)
     return s->extrapolation > 0 ? s->x + s->v * (s->time - s->t_inputs) : s->x;
 }
 
+static int refresh_paper(ex_instance *e)
+{
+    const df_parameters p = parameters_of(e);
+    const double x = ex_place_now(e), *y = e->s.y;
+    double swept[2];
+    int code = DF_OK;
+    ex_swept(e, x, swept);
+    if (e->kind == EX_MODEL_EXCHANGE)
+        code = df_place(&e->s.run, y[EX_OIL_1] - swept[0], y[EX_OIL_2] - swept[1], x, e->s.v);
+    return code == DF_OK ? df_retune(&e->s.run, &p, e->s.friction_band) : code;
+}
+
 int ex_refresh(ex_instance *e, int *states_moved)
 {
-    int code = DF_OK;
     if (states_moved)
         *states_moved = 0;
     if (!e->s.has_begun)
         return ex_begin(e);
     if (!e->s.is_stale)
         return DF_OK;
-    if (e->damper.is_network) {
-        code = ex_retune_valves(e);
-        e->s.is_stale = code != DF_OK;
-        return code;
-    }
-    const df_parameters p = parameters_of(e);
-    if (e->kind == EX_MODEL_EXCHANGE)
-        code = df_place(&e->s.run, e->s.y[0], e->s.y[1], place_now(e), e->s.v);
-    if (code == DF_OK)
-        code = df_retune(&e->s.run, &p, e->s.friction_band);
+    const int code = e->damper.is_network ? ex_refresh_valves(e, ex_place_now(e)) : refresh_paper(e);
     if (code == DF_OK) {
         take_states(e);
         e->s.is_stale = 0;
@@ -130,6 +157,14 @@ int ex_refresh(ex_instance *e, int *states_moved)
             *states_moved = 1;
     }
     return code;
+}
+
+int ex_has_grip(const ex_damper *d)
+{
+    for (int i = 0; d->is_network && i < d->n_settings; i++)
+        if (d->table[i * d->n_numbers + DF_NUMBER_PRESLIDING] > 0.0)
+            return 1;
+    return 0;
 }
 
 int ex_number_of(const ex_instance *e, unsigned reference)
@@ -140,35 +175,11 @@ int ex_number_of(const ex_instance *e, unsigned reference)
 
 int ex_is_integer(unsigned reference)
 {
-    return reference == EX_SETTING || reference == EX_EXTRAPOLATION;
-}
-
-/* The balances where the instance stands. */
-static int evaluate_here(ex_instance *e, df_rates *r)
-{
-    if (e->damper.is_network)
-        return EX_NO_VARIABLE;
-    const int code = ex_refresh(e, NULL);
-    if (code != DF_OK)
-        return code;
-    const double x = e->kind == EX_MODEL_EXCHANGE ? place_now(e) : e->s.run.x;
-    return df_evaluate(&e->s.run, e->s.y[0], e->s.y[1], x, r);
-}
-
-static double speed_here(const ex_instance *e)
-{
-    return e->kind == EX_MODEL_EXCHANGE ? e->s.v : e->s.run.v;
-}
-
-static double force_of(const ex_instance *e, const df_rates *r)
-{
-    const df_problem *q = &e->s.run.q;
-    const double friction = df_friction_share(speed_here(e), q->o.dead_band);
-    return r->pressures[0] * q->g.a_p1 - r->pressures[1] * q->g.a_p2 + q->p.f_f * friction + q->p.f_0;
+    return reference == EX_SETTING || reference == EX_EXTRAPOLATION || reference == EX_CARRIES;
 }
 
 /* How far beyond the tested range, as a share of it; negative within, -1 where it is not known. */
-static double beyond(const ex_instance *e, double x, double v)
+double ex_beyond(const ex_instance *e, double x, double v)
 {
     const double stroke = e->damper.stroke, speed = e->damper.speed;
     const double by_x = stroke > 0.0 ? fabs(x) / (RANGE_MARGIN * stroke) : 0.0;
@@ -191,10 +202,40 @@ static int output_of_run(ex_instance *e, unsigned reference, double *value)
     return code;
 }
 
+/* What the equations say where the instance stands. */
+static int get_calculated(ex_instance *e, unsigned reference, double *value)
+{
+    double z[EX_N_INDICATORS];
+    ex_point p;
+    if (e->kind == EX_CO_SIMULATION && reference >= EX_FORCE && reference <= EX_PRESSURE_3)
+        return output_of_run(e, reference, value);
+    if (reference >= EX_INDICATOR_1 && reference <= EX_INDICATOR_4) {
+        const int code = ex_get_indicators(e, z, EX_N_INDICATORS);
+        *value = z[reference - EX_INDICATOR_1];
+        return code;
+    }
+    const int code = ex_evaluate(e, &p);
+    if (code != DF_OK)
+        return code;
+    if (reference == EX_FORCE)
+        *value = p.force;
+    else if (reference >= EX_PRESSURE_1 && reference <= EX_PRESSURE_3)
+        *value = p.pressures[reference - EX_PRESSURE_1];
+    else if (reference == EX_STATE_1 || reference == EX_STATE_2)
+        *value = e->s.y[reference - EX_STATE_1];
+    else if (reference == EX_GRIP)
+        *value = e->s.y[EX_GRIPS];
+    else if (reference == EX_GRIP_RATE)
+        *value = p.rates[EX_GRIPS];
+    else
+        *value = p.rates[reference - EX_RATE_1];
+    return DF_OK;
+}
+
 int ex_get(ex_instance *e, unsigned reference, double *value)
 {
     const int k = ex_number_of(e, reference);
-    df_rates r;
+    *value = 0.0;
     if (k >= 0) {
         *value = ex_number(e, k);
         return DF_OK;
@@ -205,36 +246,12 @@ int ex_get(ex_instance *e, unsigned reference, double *value)
     case EX_VELOCITY: *value = e->s.v; return DF_OK;
     case EX_FRICTION_BAND: *value = e->s.friction_band; return DF_OK;
     case EX_STATE_3:
-    case EX_SECONDS_OUTSIDE: *value = e->s.y[2]; return DF_OK;
+    case EX_SECONDS_OUTSIDE: *value = e->s.y[EX_OUTSIDE]; return DF_OK;
     default: break;
     }
-    if (reference > EX_INDICATOR_4)
+    if (reference > EX_GRIP_RATE || ex_is_integer(reference))
         return EX_NO_VARIABLE;
-    if (e->kind == EX_CO_SIMULATION && reference >= EX_FORCE && reference <= EX_PRESSURE_3)
-        return output_of_run(e, reference, value);
-    const int code = evaluate_here(e, &r);
-    if (code != DF_OK)
-        return code;
-    if (reference == EX_FORCE) {
-        *value = force_of(e, &r);
-    } else if (reference >= EX_PRESSURE_1 && reference <= EX_PRESSURE_3) {
-        *value = r.pressures[reference - EX_PRESSURE_1];
-    } else if (reference == EX_STATE_1 || reference == EX_STATE_2) {
-        *value = e->s.y[reference - EX_STATE_1];
-    } else if (reference >= EX_RATE_1 && reference <= EX_RATE_3) {
-        double rates[EX_N_STATES];
-        const int ended = ex_get_rates(e, rates);
-        *value = rates[reference - EX_RATE_1];
-        return ended;
-    } else if (reference >= EX_INDICATOR_1) {
-        double z[EX_N_INDICATORS];
-        const int ended = ex_get_indicators(e, z);
-        *value = z[reference - EX_INDICATOR_1];
-        return ended;
-    } else {
-        return EX_NO_VARIABLE;
-    }
-    return DF_OK;
+    return get_calculated(e, reference, value);
 }
 
 int ex_set(ex_instance *e, unsigned reference, double value)
@@ -249,6 +266,8 @@ int ex_set(ex_instance *e, unsigned reference, double value)
             return EX_OUT_OF_RANGE;
         if (value == 0.0 && !is_offset && k != DF_F_F && !e->damper.is_network)
             return EX_OUT_OF_RANGE;
+        if (value > 0.0 && e->damper.is_network && k == DF_NUMBER_PRESLIDING && !ex_has_grip(&e->damper))
+            return EX_NOT_SETTABLE; /* it would need a state */
         /* Importers set every parameter to its start value: that is no wish of its own. */
         s->is_own[k] = value != e->damper.table[e->damper.start * e->damper.n_numbers + k];
         s->own[k] = value;
@@ -268,7 +287,8 @@ int ex_set(ex_instance *e, unsigned reference, double value)
     case EX_STATE_1:
     case EX_STATE_2:
     case EX_STATE_3: s->y[reference - EX_STATE_1] = value; return DF_OK;
-    default: return reference <= EX_INDICATOR_4 ? EX_NOT_SETTABLE : EX_NO_VARIABLE;
+    case EX_GRIP: s->y[EX_GRIPS] = value; return DF_OK;
+    default: return reference <= EX_GRIP_RATE ? EX_NOT_SETTABLE : EX_NO_VARIABLE;
     }
     s->inputs_are_new = 1;
     return DF_OK;
@@ -278,7 +298,10 @@ int ex_get_integer(const ex_instance *e, unsigned reference, int *value)
 {
     if (!ex_is_integer(reference))
         return EX_NO_VARIABLE;
-    *value = reference == EX_SETTING ? e->damper.settings[e->s.setting] : e->s.extrapolation;
+    if (reference == EX_CARRIES)
+        *value = e->s.carries;
+    else
+        *value = reference == EX_SETTING ? e->damper.settings[e->s.setting] : e->s.extrapolation;
     return DF_OK;
 }
 
@@ -288,6 +311,14 @@ int ex_set_integer(ex_instance *e, unsigned reference, int value)
         if (value < 0 || value > 2)
             return EX_OUT_OF_RANGE;
         e->s.extrapolation = value;
+        return DF_OK;
+    }
+    if (reference == EX_CARRIES) {
+        if (value < 0 || value > 1)
+            return EX_OUT_OF_RANGE;
+        if (e->s.has_begun && value != e->s.carries)
+            return EX_NOT_SETTABLE;
+        e->s.carries = value;
         return DF_OK;
     }
     if (reference != EX_SETTING)
@@ -311,8 +342,6 @@ static int step_paper(ex_instance *e, double interval, double x, double v, int i
     const int code = df_advance(&e->s.run, interval, x, v, &work);
     if (code != DF_OK)
         e->s.run = before;
-    else
-        take_states(e);
     return code;
 }
 
@@ -337,7 +366,8 @@ int ex_step(ex_instance *e, double time, double interval)
                                            : step_paper(e, interval, x, v, is_of_beginning);
     if (ended != DF_OK)
         return ended;
-    s->y[2] += beyond(e, x, v) > 0.0 ? interval : 0.0;
+    take_states(e);
+    s->y[EX_OUTSIDE] += ex_beyond(e, x, v) > 0.0 ? interval : 0.0;
     s->v_before = s->v;
     s->t_before = time;
     s->has_before = 1;
@@ -348,127 +378,4 @@ int ex_step(ex_instance *e, double time, double interval)
 void ex_set_time(ex_instance *e, double time)
 {
     e->s.time = time;
-}
-
-int ex_get_states(ex_instance *e, double *y)
-{
-    const int code = ex_refresh(e, NULL);
-    for (int i = 0; i < EX_N_STATES; i++)
-        y[i] = e->s.y[i];
-    return code;
-}
-
-int ex_set_states(ex_instance *e, const double *y)
-{
-    for (int i = 0; i < EX_N_STATES; i++) {
-        if (!isfinite(y[i]))
-            return DF_NOT_FINITE;
-        e->s.y[i] = y[i];
-    }
-    return DF_OK;
-}
-
-int ex_get_rates(ex_instance *e, double *rates)
-{
-    df_rates r;
-    const int code = evaluate_here(e, &r);
-    if (code != DF_OK)
-        return code;
-    rates[0] = r.rates[0];
-    rates[1] = r.rates[1];
-    rates[2] = beyond(e, e->kind == EX_MODEL_EXCHANGE ? place_now(e) : e->s.run.x, speed_here(e)) > 0.0;
-    return DF_OK;
-}
-
-/* Where friction leaves its band, where a chamber empties, where the tested range ends. */
-int ex_get_indicators(ex_instance *e, double *z)
-{
-    df_rates r;
-    const int code = evaluate_here(e, &r);
-    if (code != DF_OK)
-        return code;
-    z[0] = fabs(speed_here(e)) / e->s.friction_band - 1.0;
-    z[1] = r.free[0] / BAR;
-    z[2] = r.free[1] / BAR;
-    z[3] = beyond(e, e->kind == EX_MODEL_EXCHANGE ? place_now(e) : e->s.run.x, speed_here(e));
-    return DF_OK;
-}
-
-/* What a known moves: both rates and the three pressures. */
-typedef struct {
-    double rates[2], pressures[3];
-} moved;
-
-static void move_masses(const df_rates *r, double m1, double m2, moved *d)
-{
-    for (int i = 0; i < 2; i++)
-        d->rates[i] += r->by_mass[i][0] * m1 + r->by_mass[i][1] * m2;
-    for (int i = 0; i < 3; i++)
-        d->pressures[i] += r->pressures_by_mass[i][0] * m1 + r->pressures_by_mass[i][1] * m2;
-}
-
-static void move_piston(const df_rates *r, double x, moved *d)
-{
-    for (int i = 0; i < 2; i++)
-        d->rates[i] += r->by_x[i] * x;
-    for (int i = 0; i < 3; i++)
-        d->pressures[i] += r->pressures_by_x[i] * x;
-}
-
-/* In co-simulation the masses have followed the parameter since the beginning. */
-static void move_parameter(const ex_instance *e, const df_rates *r, int k, moved *d)
-{
-    for (int i = 0; i < 2; i++)
-        d->rates[i] = r->by_parameter[k][i];
-    for (int i = 0; i < 3; i++)
-        d->pressures[i] = r->pressures_by_parameter[k][i];
-    if (e->kind == EX_MODEL_EXCHANGE)
-        return;
-    const df_problem *q = &e->s.run.q;
-    for (int j = 0; j < q->n_active; j++)
-        if (q->active[j] == k)
-            move_masses(r, e->s.run.S[j].m1, e->s.run.S[j].m2, d);
-}
-
-static double friction_slope(const ex_instance *e, unsigned known)
-{
-    const df_problem *q = &e->s.run.q;
-    const double v = speed_here(e), band = q->o.dead_band;
-    const int slides = fabs(v) >= band;
-    if (known == EX_VELOCITY)
-        return slides ? 0.0 : q->p.f_f / band;
-    if (known == EX_FRICTION_BAND)
-        return slides ? 0.0 : -q->p.f_f * v / (band * band);
-    if (known == EX_NUMBERS + DF_F_F)
-        return df_friction_share(v, band);
-    return known == EX_NUMBERS + DF_F_0 ? 1.0 : 0.0;
-}
-
-int ex_slope(ex_instance *e, unsigned unknown, unsigned known, double *slope)
-{
-    moved d = {{0.0, 0.0}, {0.0, 0.0, 0.0}};
-    df_rates r;
-    *slope = 0.0;
-    const int code = evaluate_here(e, &r);
-    if (code != DF_OK)
-        return code;
-    const int k = ex_number_of(e, known);
-    if (k >= 0)
-        move_parameter(e, &r, k, &d);
-    else if (known == EX_STATE_1 || known == EX_STATE_2)
-        move_masses(&r, known == EX_STATE_1, known == EX_STATE_2, &d);
-    else if (known == EX_DISPLACEMENT)
-        move_piston(&r, 1.0, &d);
-    else if (known == EX_VELOCITY && e->kind == EX_MODEL_EXCHANGE && e->s.extrapolation > 0)
-        move_piston(&r, e->s.time - e->s.t_inputs, &d);
-    if (unknown == EX_FORCE)
-        *slope = d.pressures[0] * e->s.run.q.g.a_p1 - d.pressures[1] * e->s.run.q.g.a_p2 +
-                 friction_slope(e, known);
-    else if (unknown >= EX_PRESSURE_1 && unknown <= EX_PRESSURE_3)
-        *slope = d.pressures[unknown - EX_PRESSURE_1];
-    else if (unknown == EX_RATE_1 || unknown == EX_RATE_2)
-        *slope = d.rates[unknown - EX_RATE_1];
-    else if (unknown == EX_SECONDS_OUTSIDE)
-        *slope = known == EX_STATE_3;
-    return DF_OK;
 }

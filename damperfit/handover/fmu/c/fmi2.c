@@ -94,10 +94,7 @@ FMI2_DOOR fmi2Status FMI2(EnterInitializationMode)(fmi2Component c)
 
 FMI2_DOOR fmi2Status FMI2(ExitInitializationMode)(fmi2Component c)
 {
-    ex_instance *e = &((component *)c)->e;
-    const int code = ex_begin(e);
-    e->s.has_begun = code == DF_OK;
-    return ended(c, code);
+    return ended(c, ex_start(&((component *)c)->e));
 }
 
 FMI2_DOOR fmi2Status FMI2(Terminate)(fmi2Component c)
@@ -113,43 +110,23 @@ FMI2_DOOR fmi2Status FMI2(Reset)(fmi2Component c)
 
 FMI2_DOOR fmi2Status FMI2(GetReal)(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Real value[])
 {
-    for (size_t i = 0; i < n; i++) {
-        const int code = ex_get(&((component *)c)->e, r[i], &value[i]);
-        if (code != DF_OK)
-            return ended(c, code);
-    }
-    return fmi2OK;
+    return ended(c, ex_get_all(&((component *)c)->e, r, n, value));
 }
 
 FMI2_DOOR fmi2Status FMI2(SetReal)(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Real value[])
 {
-    for (size_t i = 0; i < n; i++) {
-        const int code = ex_set(&((component *)c)->e, r[i], value[i]);
-        if (code != DF_OK)
-            return ended(c, code);
-    }
-    return fmi2OK;
+    return ended(c, ex_set_all(&((component *)c)->e, r, n, value));
 }
 
 FMI2_DOOR fmi2Status FMI2(GetInteger)(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Integer value[])
 {
-    for (size_t i = 0; i < n; i++) {
-        const int code = ex_get_integer(&((component *)c)->e, r[i], &value[i]);
-        if (code != DF_OK)
-            return ended(c, code);
-    }
-    return fmi2OK;
+    return ended(c, ex_get_integers(&((component *)c)->e, r, n, value));
 }
 
 FMI2_DOOR fmi2Status FMI2(SetInteger)(fmi2Component c, const fmi2ValueReference r[], size_t n,
                                       const fmi2Integer value[])
 {
-    for (size_t i = 0; i < n; i++) {
-        const int code = ex_set_integer(&((component *)c)->e, r[i], value[i]);
-        if (code != DF_OK)
-            return ended(c, code);
-    }
-    return fmi2OK;
+    return ended(c, ex_set_integers(&((component *)c)->e, r, n, value));
 }
 
 static fmi2Status none_of_them(fmi2Component c, size_t n)
@@ -189,30 +166,21 @@ FMI2_DOOR fmi2Status FMI2(SetString)(fmi2Component c, const fmi2ValueReference r
 
 FMI2_DOOR fmi2Status FMI2(GetFMUstate)(fmi2Component c, fmi2FMUstate *state)
 {
-    if (!*state)
-        *state = malloc(sizeof(ex_state));
-    if (!*state)
-        return report(c, fmi2Error, "out of memory");
-    memcpy(*state, &((component *)c)->e.s, sizeof(ex_state));
-    return fmi2OK;
+    return ended(c, ex_keep(&((component *)c)->e, state));
 }
 
 FMI2_DOOR fmi2Status FMI2(SetFMUstate)(fmi2Component c, fmi2FMUstate state)
 {
-    if (!state)
-        return report(c, fmi2Error, "no state was given");
-    memcpy(&((component *)c)->e.s, state, sizeof(ex_state));
-    ((component *)c)->last_time = ((component *)c)->e.s.time;
-    return fmi2OK;
+    component *own = c;
+    const int code = ex_return_to(&own->e, state);
+    own->last_time = own->e.s.time;
+    return ended(c, code);
 }
 
 FMI2_DOOR fmi2Status FMI2(FreeFMUstate)(fmi2Component c, fmi2FMUstate *state)
 {
     (void)c;
-    if (state) {
-        free(*state);
-        *state = NULL;
-    }
+    ex_forget(state);
     return fmi2OK;
 }
 
@@ -231,28 +199,14 @@ FMI2_DOOR fmi2Status FMI2(SerializeFMUstate)(fmi2Component c, fmi2FMUstate state
 FMI2_DOOR fmi2Status FMI2(DeSerializeFMUstate)(fmi2Component c, const fmi2Byte bytes[], size_t size,
                                                fmi2FMUstate *state)
 {
-    if (!*state)
-        *state = malloc(sizeof(ex_state));
-    if (!*state)
-        return report(c, fmi2Error, "out of memory");
-    return ended(c, ex_deserialise(&((component *)c)->e, bytes, size, *state));
+    return ended(c, ex_deserialise(&((component *)c)->e, bytes, size, state));
 }
 
 FMI2_DOOR fmi2Status FMI2(GetDirectionalDerivative)(fmi2Component c, const fmi2ValueReference unknowns[],
                                                     size_t n_unknowns, const fmi2ValueReference knowns[],
                                                     size_t n_knowns, const fmi2Real seed[], fmi2Real slopes[])
 {
-    for (size_t i = 0; i < n_unknowns; i++) {
-        slopes[i] = 0.0;
-        for (size_t k = 0; k < n_knowns; k++) {
-            double slope;
-            const int code = ex_slope(&((component *)c)->e, unknowns[i], knowns[k], &slope);
-            if (code != DF_OK)
-                return ended(c, code);
-            slopes[i] += slope * seed[k];
-        }
-    }
-    return fmi2OK;
+    return ended(c, ex_directional(&((component *)c)->e, unknowns, n_unknowns, knowns, n_knowns, seed, slopes));
 }
 
 FMI2_DOOR fmi2Status FMI2(EnterEventMode)(fmi2Component c)
@@ -294,30 +248,27 @@ FMI2_DOOR fmi2Status FMI2(SetTime)(fmi2Component c, fmi2Real time)
 
 FMI2_DOOR fmi2Status FMI2(SetContinuousStates)(fmi2Component c, const fmi2Real y[], size_t n)
 {
-    return ended(c, n == EX_N_STATES ? ex_set_states(&((component *)c)->e, y) : EX_NO_VARIABLE);
+    return ended(c, ex_set_states(&((component *)c)->e, y, n));
 }
 
 FMI2_DOOR fmi2Status FMI2(GetDerivatives)(fmi2Component c, fmi2Real rates[], size_t n)
 {
-    return ended(c, n == EX_N_STATES ? ex_get_rates(&((component *)c)->e, rates) : EX_NO_VARIABLE);
+    return ended(c, ex_get_rates(&((component *)c)->e, rates, n));
 }
 
 FMI2_DOOR fmi2Status FMI2(GetEventIndicators)(fmi2Component c, fmi2Real z[], size_t n)
 {
-    return ended(c, n == EX_N_INDICATORS ? ex_get_indicators(&((component *)c)->e, z) : EX_NO_VARIABLE);
+    return ended(c, ex_get_indicators(&((component *)c)->e, z, n));
 }
 
 FMI2_DOOR fmi2Status FMI2(GetContinuousStates)(fmi2Component c, fmi2Real y[], size_t n)
 {
-    return ended(c, n == EX_N_STATES ? ex_get_states(&((component *)c)->e, y) : EX_NO_VARIABLE);
+    return ended(c, ex_get_states(&((component *)c)->e, y, n));
 }
 
 FMI2_DOOR fmi2Status FMI2(GetNominalsOfContinuousStates)(fmi2Component c, fmi2Real nominals[], size_t n)
 {
-    if (n != EX_N_STATES)
-        return ended(c, EX_NO_VARIABLE);
-    memcpy(nominals, EX_NOMINALS, sizeof EX_NOMINALS);
-    return fmi2OK;
+    return ended(c, ex_get_nominals(&((component *)c)->e, nominals, n));
 }
 
 FMI2_DOOR fmi2Status FMI2(SetRealInputDerivatives)(fmi2Component c, const fmi2ValueReference r[], size_t n,

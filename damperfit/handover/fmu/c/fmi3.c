@@ -2,9 +2,7 @@
 #include "exported.h"
 #include "fmi3_declarations.h"
 
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 typedef struct {
     ex_instance e;
@@ -102,10 +100,7 @@ FMI3_DOOR fmi3Status FMI3(EnterInitializationMode)(fmi3Instance c, fmi3Boolean h
 
 FMI3_DOOR fmi3Status FMI3(ExitInitializationMode)(fmi3Instance c)
 {
-    ex_instance *e = &((component *)c)->e;
-    const int code = ex_begin(e);
-    e->s.has_begun = code == DF_OK;
-    return ended(c, code);
+    return ended(c, ex_start(&((component *)c)->e));
 }
 
 /* What changes between modes is of no consequence here. */
@@ -133,50 +128,28 @@ FMI3_DOOR fmi3Status FMI3(GetFloat64)(fmi3Instance c, const fmi3ValueReference r
                                       size_t n_values)
 {
     (void)n_values;
-    for (size_t i = 0; i < n; i++) {
-        const int code = ex_get(&((component *)c)->e, r[i], &value[i]);
-        if (code != DF_OK)
-            return ended(c, code);
-    }
-    return fmi3OK;
+    return ended(c, ex_get_all(&((component *)c)->e, r, n, value));
 }
 
 FMI3_DOOR fmi3Status FMI3(SetFloat64)(fmi3Instance c, const fmi3ValueReference r[], size_t n,
                                       const fmi3Float64 value[], size_t n_values)
 {
     (void)n_values;
-    for (size_t i = 0; i < n; i++) {
-        const int code = ex_set(&((component *)c)->e, r[i], value[i]);
-        if (code != DF_OK)
-            return ended(c, code);
-    }
-    return fmi3OK;
+    return ended(c, ex_set_all(&((component *)c)->e, r, n, value));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetInt32)(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Int32 value[],
                                     size_t n_values)
 {
     (void)n_values;
-    for (size_t i = 0; i < n; i++) {
-        int found = 0;
-        const int code = ex_get_integer(&((component *)c)->e, r[i], &found);
-        value[i] = found;
-        if (code != DF_OK)
-            return ended(c, code);
-    }
-    return fmi3OK;
+    return ended(c, ex_get_integers(&((component *)c)->e, r, n, value));
 }
 
 FMI3_DOOR fmi3Status FMI3(SetInt32)(fmi3Instance c, const fmi3ValueReference r[], size_t n, const fmi3Int32 value[],
                                     size_t n_values)
 {
     (void)n_values;
-    for (size_t i = 0; i < n; i++) {
-        const int code = ex_set_integer(&((component *)c)->e, r[i], value[i]);
-        if (code != DF_OK)
-            return ended(c, code);
-    }
-    return fmi3OK;
+    return ended(c, ex_set_integers(&((component *)c)->e, r, n, value));
 }
 
 /* Types of which there is no variable. */
@@ -311,29 +284,18 @@ FMI3_DOOR fmi3Status FMI3(GetVariableDependencies)(fmi3Instance c, fmi3ValueRefe
 
 FMI3_DOOR fmi3Status FMI3(GetFMUState)(fmi3Instance c, fmi3FMUState *state)
 {
-    if (!*state)
-        *state = malloc(sizeof(ex_state));
-    if (!*state)
-        return report(c, fmi3Error, "out of memory");
-    memcpy(*state, &((component *)c)->e.s, sizeof(ex_state));
-    return fmi3OK;
+    return ended(c, ex_keep(&((component *)c)->e, state));
 }
 
 FMI3_DOOR fmi3Status FMI3(SetFMUState)(fmi3Instance c, fmi3FMUState state)
 {
-    if (!state)
-        return report(c, fmi3Error, "no state was given");
-    memcpy(&((component *)c)->e.s, state, sizeof(ex_state));
-    return fmi3OK;
+    return ended(c, ex_return_to(&((component *)c)->e, state));
 }
 
 FMI3_DOOR fmi3Status FMI3(FreeFMUState)(fmi3Instance c, fmi3FMUState *state)
 {
     (void)c;
-    if (state) {
-        free(*state);
-        *state = NULL;
-    }
+    ex_forget(state);
     return fmi3OK;
 }
 
@@ -352,11 +314,7 @@ FMI3_DOOR fmi3Status FMI3(SerializeFMUState)(fmi3Instance c, fmi3FMUState state,
 FMI3_DOOR fmi3Status FMI3(DeserializeFMUState)(fmi3Instance c, const fmi3Byte bytes[], size_t size,
                                                fmi3FMUState *state)
 {
-    if (!*state)
-        *state = malloc(sizeof(ex_state));
-    if (!*state)
-        return report(c, fmi3Error, "out of memory");
-    return ended(c, ex_deserialise(&((component *)c)->e, (const char *)bytes, size, *state));
+    return ended(c, ex_deserialise(&((component *)c)->e, (const char *)bytes, size, state));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetDirectionalDerivative)(fmi3Instance c, const fmi3ValueReference unknowns[],
@@ -365,17 +323,7 @@ FMI3_DOOR fmi3Status FMI3(GetDirectionalDerivative)(fmi3Instance c, const fmi3Va
                                                     fmi3Float64 slopes[], size_t n_slopes)
 {
     (void)n_seed, (void)n_slopes;
-    for (size_t i = 0; i < n_unknowns; i++) {
-        slopes[i] = 0.0;
-        for (size_t k = 0; k < n_knowns; k++) {
-            double slope;
-            const int code = ex_slope(&((component *)c)->e, unknowns[i], knowns[k], &slope);
-            if (code != DF_OK)
-                return ended(c, code);
-            slopes[i] += slope * seed[k];
-        }
-    }
-    return fmi3OK;
+    return ended(c, ex_directional(&((component *)c)->e, unknowns, n_unknowns, knowns, n_knowns, seed, slopes));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetAdjointDerivative)(fmi3Instance c, const fmi3ValueReference unknowns[],
@@ -425,30 +373,27 @@ FMI3_DOOR fmi3Status FMI3(SetTime)(fmi3Instance c, fmi3Float64 time)
 
 FMI3_DOOR fmi3Status FMI3(SetContinuousStates)(fmi3Instance c, const fmi3Float64 y[], size_t n)
 {
-    return ended(c, n == EX_N_STATES ? ex_set_states(&((component *)c)->e, y) : EX_NO_VARIABLE);
+    return ended(c, ex_set_states(&((component *)c)->e, y, n));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetContinuousStateDerivatives)(fmi3Instance c, fmi3Float64 rates[], size_t n)
 {
-    return ended(c, n == EX_N_STATES ? ex_get_rates(&((component *)c)->e, rates) : EX_NO_VARIABLE);
+    return ended(c, ex_get_rates(&((component *)c)->e, rates, n));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetEventIndicators)(fmi3Instance c, fmi3Float64 z[], size_t n)
 {
-    return ended(c, n == EX_N_INDICATORS ? ex_get_indicators(&((component *)c)->e, z) : EX_NO_VARIABLE);
+    return ended(c, ex_get_indicators(&((component *)c)->e, z, n));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetContinuousStates)(fmi3Instance c, fmi3Float64 y[], size_t n)
 {
-    return ended(c, n == EX_N_STATES ? ex_get_states(&((component *)c)->e, y) : EX_NO_VARIABLE);
+    return ended(c, ex_get_states(&((component *)c)->e, y, n));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetNominalsOfContinuousStates)(fmi3Instance c, fmi3Float64 nominals[], size_t n)
 {
-    if (n != EX_N_STATES)
-        return ended(c, EX_NO_VARIABLE);
-    memcpy(nominals, EX_NOMINALS, sizeof EX_NOMINALS);
-    return fmi3OK;
+    return ended(c, ex_get_nominals(&((component *)c)->e, nominals, n));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetNumberOfEventIndicators)(fmi3Instance c, size_t *n)
@@ -460,8 +405,7 @@ FMI3_DOOR fmi3Status FMI3(GetNumberOfEventIndicators)(fmi3Instance c, size_t *n)
 
 FMI3_DOOR fmi3Status FMI3(GetNumberOfContinuousStates)(fmi3Instance c, size_t *n)
 {
-    (void)c;
-    *n = EX_N_STATES;
+    *n = (size_t)((component *)c)->e.damper.n_states;
     return fmi3OK;
 }
 

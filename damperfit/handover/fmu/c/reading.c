@@ -161,6 +161,17 @@ static void read_body(cursor *c, ex_damper *d)
     d->options.dead_band = d->friction_band;
 }
 
+/* With a floating piston chamber 2 is at the gas pressure; friction is a state where it pre-slides. */
+static void number_states(ex_damper *d)
+{
+    d->slots[d->n_states++] = EX_OIL_1;
+    if (!d->is_network || !d->network.has_floating_piston)
+        d->slots[d->n_states++] = EX_OIL_2;
+    d->slots[d->n_states++] = EX_OUTSIDE;
+    if (ex_has_grip(d))
+        d->slots[d->n_states++] = EX_GRIPS;
+}
+
 int ex_parse(const char *text, ex_damper *d, char *why)
 {
     cursor c = {text, 1};
@@ -191,6 +202,7 @@ int ex_parse(const char *text, ex_damper *d, char *why)
         snprintf(why, EX_WHY, FILE_NAME " is damaged in its table of settings");
         return 0;
     }
+    number_states(d);
     return 1;
 }
 

@@ -9,31 +9,37 @@ static df_network network_now(const ex_instance *e)
     return q;
 }
 
-static df_options options_now(const ex_instance *e)
-{
-    df_options o = e->damper.options;
-    o.dead_band = e->s.friction_band;
-    return o;
-}
-
+/* Slopes by the numbers are carried along where they are asked for: it takes two to three times as
+ * long. Model exchange has them of the equations alone. */
 int ex_begin_valves(ex_instance *e)
 {
-    const df_options o = options_now(e);
+    const df_options o = ex_options(e);
+    int all[EX_MOST_NUMBERS];
+    for (int k = 0; k < e->damper.n_numbers; k++)
+        all[k] = k;
     e->s.network = network_now(e);
-    return df_begin_network(&e->s.network, &o, e->s.x, e->s.v, NULL, 0, &e->s.valves);
+    const int n = e->s.carries && e->kind == EX_CO_SIMULATION ? e->damper.n_numbers : 0;
+    return df_begin_network(&e->s.network, &o, e->s.x, e->s.v, all, n, &e->s.valves);
 }
 
-int ex_retune_valves(ex_instance *e)
+int ex_refresh_valves(ex_instance *e, double x)
 {
     const df_network changed = network_now(e);
-    const df_options o = options_now(e);
-    return df_retune_network(&e->s.network, &changed, &o, &e->s.valves);
+    const df_options o = ex_options(e);
+    double oil[2];
+    int code = DF_OK;
+    ex_swept(e, x, oil);
+    for (int i = 0; i < 2; i++)
+        oil[i] = e->s.y[i] - oil[i];
+    if (e->kind == EX_MODEL_EXCHANGE)
+        code = df_place_network(&e->s.network, oil, e->s.y[EX_GRIPS], x, e->s.v, &e->s.valves);
+    return code == DF_OK ? df_retune_network(&e->s.network, &changed, &o, &e->s.valves) : code;
 }
 
 int ex_step_valves(ex_instance *e, double interval, double x, double v, int is_of_beginning)
 {
     const df_network_state before = e->s.valves;
-    const df_options o = options_now(e);
+    const df_options o = ex_options(e);
     df_work work = {0, 0, 0, 0};
     if (is_of_beginning)
         e->s.valves.v = e->s.v;
@@ -45,9 +51,9 @@ int ex_step_valves(ex_instance *e, double interval, double x, double v, int is_o
 
 double ex_output_of_valves(const ex_instance *e, unsigned reference)
 {
-    const df_options o = options_now(e);
-    double none[1];
+    const df_options o = ex_options(e);
+    double slopes[EX_MOST_NUMBERS];
     if (reference == EX_FORCE)
-        return df_force_network(&e->s.network, &o, &e->s.valves, none);
+        return df_force_network(&e->s.network, &o, &e->s.valves, slopes);
     return e->s.valves.b.P[reference - EX_PRESSURE_1];
 }
