@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from damperfit.adjustment.level import Level
 from damperfit.atomic import recovery
 from damperfit.atomic.owner import Owner
 from damperfit.cli.github import append_summary
@@ -23,13 +24,16 @@ from damperfit.configuration.what_is_tested import check_adjusters
 from damperfit.damper import valve_curves
 from damperfit.damper.network import BODY_NUMBERS, Network, Passage
 from damperfit.damper.purdy.cavitation import _root
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError, OutputError
 from damperfit.handover.account import _mse
 from damperfit.handover.fmu.archive import _data
 from damperfit.handover.force_table import _speeds_beyond
+from damperfit.identification import Status
 from damperfit.identity import _listed
 from damperfit.quantities import _hint
 from damperfit.queries.one_simulation import SimulatedTest
+from damperfit.readers import write_buffers
 from damperfit.report.evaluated_log import _stretch
 from damperfit.report.plots.description import Line, Panel, Plot, setting_axis
 from damperfit.report.plots.figure_files import compose, fixed_style
@@ -38,12 +42,14 @@ from damperfit.report.sheets.comparison_sheet import tolerance_sheet
 from damperfit.report.sheets.cycle_sheet import cycle_sparklines
 from damperfit.report.sheets.parameter_sheet import Scale
 from damperfit.report.sheets.sheet import Sheet
+from damperfit.report.sheets.sparkline import setting_sparklines
 from damperfit.report.terminal_table import terminal_table
+from damperfit.run import like_speeds, rod_area
 from damperfit.run.law_choice import _told_most
 from damperfit.samples.logs import _is_sample
 from damperfit.setting import parse_place
 from damperfit.tables import reading
-from damperfit.uncertainty import linearisation
+from damperfit.uncertainty import linearisation, profile_walk, withheld
 
 
 def is_refused(call, *arguments, error: type[Exception] = ConfigurationError) -> bool:
@@ -347,3 +353,103 @@ def test_a_string_of_c_has_four_hundred_letters(length, strings) -> None:
 @pytest.mark.parametrize(("times", "refused"), [(4.9, False), (5.1, True)])
 def test_a_table_goes_to_five_times_the_tested_speed(times, refused) -> None:
     assert is_refused(_speeds_beyond, 0.3, 0.3 * times) is refused
+
+
+# Forces, grades and areas beside what was measured
+
+
+@pytest.mark.parametrize(
+    ("measured", "half_range", "error", "difference", "disagrees"),
+    [
+        (1000.0, 0.0, 0.0, 19.5, False),
+        (1000.0, 0.0, 0.0, 20.5, True),
+        (0.0, 1000.0, 0.0, 4.9, False),
+        (0.0, 1000.0, 0.0, 5.1, True),
+        (0.0, 0.0, 1.0, 2.9, False),
+        (0.0, 0.0, 1.0, 3.1, True),
+    ],
+)
+def test_a_model_may_miss_a_force_by_share_range_and_noise(
+    measured, half_range, error, difference, disagrees
+) -> None:
+    level = Level(
+        1, 0.1, "rebound", 0.0, 0.0, 0.0, np.zeros(1), measured=measured, measured_error=error,
+        difference=difference, half_range=half_range,
+    )  # fmt: skip
+    assert level.disagrees is disagrees
+
+
+@pytest.mark.parametrize(
+    ("uncertainty", "gas", "off", "is_apart"),
+    [(0.0, 100.0, 24.0, 0), (0.0, 100.0, 26.0, 1), (100.0, 0.0, 146.0, 0), (100.0, 0.0, 154.0, 1)],
+)
+def test_an_offset_is_apart_beyond_a_quarter_of_the_gas_force(
+    uncertainty, gas, off, is_apart, monkeypatch
+) -> None:
+    seen = SimpleNamespace(force=0.0, expected=0.0, uncertainty=uncertainty)
+    monkeypatch.setattr(withheld, "force_level", lambda *_: seen)
+    log = SimpleNamespace(trace=SimpleNamespace(n_cycles=3))
+    fit = SimpleNamespace(parameters=SimpleNamespace(f_0=off), logs=(log,))
+    ratio, _ = withheld.offset_apart(fit, "f_0", SimpleNamespace(force=gas))
+    assert (ratio > withheld.LIMITS.offset) == is_apart
+
+
+@pytest.mark.parametrize(("apart", "is_told"), [(9.6, False), (10.4, True)])
+def test_pressures_a_tenth_apart_tell_the_rod(apart, is_told, monkeypatch) -> None:
+    monkeypatch.setattr(rod_area, "moves_alike", lambda *_: True)
+    monkeypatch.setattr(rod_area, "_level", lambda trace, _: (trace.gas, trace.gas))
+    logs = [SimpleNamespace(gas_pressure=1e5, setting=1, gas=one) for one in (100.0, 100.0 - apart)]
+    assert (rod_area.rod_told(logs, None) is not None) is is_told
+
+
+@pytest.mark.parametrize(("told", "is_said"), [(1.048, False), (1.052, True), (0.948, True)])
+def test_another_rod_is_a_twentieth_off(told, is_said, monkeypatch) -> None:
+    monkeypatch.setattr(rod_area, "rod_told", lambda *_: told)
+    monkeypatch.setattr(rod_area, "replace", lambda _, remarks: remarks)
+    batch = SimpleNamespace(traces=(), remarks=())
+    assert (rod_area.with_rod_remark(batch, None) is not batch) is is_said
+
+
+@pytest.mark.parametrize(
+    ("share", "is_read"), [(0.74, False), (0.76, True), (0.94, True), (0.96, False)]
+)
+def test_speeds_meet_from_three_quarters_of_the_peak_on(share, is_read) -> None:
+    v = np.repeat([share, -share], 20)
+    trace = SimpleNamespace(velocity=v, compared=slice(None))
+    assert (like_speeds._damping(trace, v, 1.0) is not None) is is_read
+
+
+@pytest.mark.parametrize(("evaluations", "budget"), [(11, 8), (20, 14)])
+def test_quick_profiles_cost_seven_tenths_of_the_fit(evaluations, budget, monkeypatch) -> None:
+    budgets = []
+
+    def traced(_, stride):
+        budgets.append(stride.budget)
+        return SimpleNamespace(evaluations=stride.budget)
+
+    monkeypatch.setattr(profile_walk, "is_doubtful", lambda *_: True)
+    monkeypatch.setattr(profile_walk, "lines_of", lambda *_: ["a line"])
+    monkeypatch.setattr(profile_walk, "trace_profile", traced)
+    monkeypatch.setattr(profile_walk, "replace", lambda one, **_: one)
+    fit = SimpleNamespace(
+        parameters=reference_parameters(1), evaluations=evaluations, setting=1,
+        status=dict.fromkeys(reference_parameters(1).names, Status.FITTED),
+    )  # fmt: skip
+    sharing = SimpleNamespace(is_mean=lambda _: False, found=())
+    profile_walk.doubtful_profiles(SimpleNamespace(fit=fit), None, sharing, None)
+    assert budgets == [budget]
+
+
+@pytest.mark.parametrize(("n", "lines"), [(2, 0), (3, 1), (60, 1), (61, 0)])
+def test_a_sparkline_is_drawn_of_three_to_sixty_settings(n, lines) -> None:
+    rows = [{"mse_percent": 0.1 + 0.01 * k} for k in range(n)]
+    assert len(list(setting_sparklines(rows, (), levels="ab"))) == lines
+
+
+@pytest.mark.parametrize(
+    ("step", "runs_on"), [(0.48, False), (0.52, True), (1.48, True), (1.52, False)]
+)
+def test_a_block_begins_a_step_behind_the_one_before(step, runs_on) -> None:
+    before = SimpleNamespace(setting=1, time=np.arange(10.0))
+    after = SimpleNamespace(setting=1, time=9.0 + step + np.arange(10.0))
+    assert write_buffers._runs_on(before, after) is runs_on

@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.conditioning import channels
 from damperfit.conditioning.channels import Channel, _clipped, _is_clip, _repeats, _runs, _steps
-from damperfit.conditioning.stands import Beside, catches_up, is_cut_displacement
+from damperfit.conditioning.stands import Beside, beside, catches_up, is_cut_displacement
 
 
 def channel(values, *, other=None, period=0.0):
@@ -95,3 +95,58 @@ def test_at_rest_the_force_leaves_its_value_at_once(early, is_cut) -> None:
 def test_a_sensor_catches_up_by_three_usual_steps(leap, catches) -> None:
     values = np.concatenate([np.zeros(20), leap + np.arange(20.0)])
     assert catches_up(values, 20) is catches
+
+
+@pytest.mark.parametrize(
+    ("others", "rings"),
+    [
+        ([105], False),
+        ([105, 95], True),  # with itself three
+        ([106, 94], False),  # too far off
+    ],
+)
+def test_three_samples_of_eleven_that_stand_out_are_a_blow(others, rings) -> None:
+    size = np.zeros(200)
+    size[[100, *others]] = 1.0
+    assert channels._rings(size, 100) is rings
+
+
+@pytest.mark.parametrize(("height", "n"), [(5.8, 0), (6.2, 1)])
+def test_where_nothing_repeats_a_spike_is_six_times_the_usual(height, n, monkeypatch) -> None:
+    size = np.ones(400)
+    size[200] = height
+    monkeypatch.setattr(channels, "_beside", lambda _: size)
+    assert len(channels.find_spikes(channel(np.zeros(400)), 100.0, noise=0.0)) == n
+
+
+@pytest.mark.parametrize(("many", "n"), [(18, 1), (22, 0)])
+def test_the_usual_is_what_one_sample_in_fifty_exceeds(many, n, monkeypatch) -> None:
+    size = np.zeros(1000)
+    size[:many] = 1.0
+    size[500] = 5.0
+    monkeypatch.setattr(channels, "_beside", lambda _: size)
+    assert len(channels.find_spikes(channel(np.zeros(1000)), 100.0, noise=0.0)) == n
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "severity"),
+    [
+        ("displacement", 490.0, "warning"),
+        ("displacement", 510.0, "note"),
+        ("force", 122.0, "warning"),
+        ("force", 128.0, "note"),
+    ],
+)
+def test_a_range_has_five_hundred_steps_or_a_quarter_of_that(name, count, severity) -> None:
+    values = np.rint(50.0 * np.sin(np.arange(400.0) / 20.0))
+    one = Channel(name, "N", 1.0, values, values, values)
+    assert _steps(one, 1.0, count, noise=0.0).severity == severity
+
+
+@pytest.mark.parametrize(
+    ("length", "start", "is_seen"), [(3, 4, True), (3, 3, False), (80, 60, True), (80, 59, False)]
+)
+def test_four_to_sixty_samples_beside_a_stand_are_looked_at(length, start, is_seen) -> None:
+    values = np.abs(np.arange(300.0) - start)
+    values[start : start + length] = 0.0
+    assert (beside(values, start, start + length) is not None) is is_seen

@@ -290,3 +290,24 @@ def test_a_twentieth_of_the_samples_may_be_missing(missing, refused) -> None:
             timebase._missing(log, counts)
     else:
         assert timebase._missing(log, counts) == missing
+
+
+@pytest.mark.parametrize(
+    ("ratio", "is_certain"), [(0.49, False), (0.51, True), (1.67, True), (1.73, False)]
+)
+def test_a_level_from_half_to_17_times_the_gas_force_is_certain(ratio, is_certain) -> None:
+    assert polarity._is_certain(level(-100.0 * ratio), ()) is is_certain
+
+
+@pytest.mark.parametrize(
+    ("edge", "band", "is_high"),
+    [(19.6, "near", True), (20.4, "near", False), (366.0, "far", True), (384.0, "far", False)],
+)
+def test_levels_are_those_of_15_to_25_hz_and_far_above(edge, band, is_high) -> None:
+    """A spectrum that goes up within a band, so that half of it is high, or less."""
+    frequency = np.arange(10_001) * 0.05
+    is_band = frequency < 100.0 if band == "near" else frequency > 100.0
+    lines = np.where(is_band & (frequency < edge), 1e-3, 1.0)
+    phases = np.exp(2j * np.pi * np.random.default_rng(1).uniform(size=len(lines)))
+    fall = rig_filter._fall(np.fft.irfft(lines * phases), 1e-3, 50.0)
+    assert (abs(math.log10(fall)) < 2.0) is is_high

@@ -363,3 +363,38 @@ def test_a_filter_moves_a_passage_by_a_millisecond_and_a_half(later, n) -> None:
         x, np.gradient(x, 0.001), interval=0.001, steadiness=0.05, edges=stretches.Edges(0)
     )
     assert found.stretch.n_cycles == n
+
+
+@pytest.mark.parametrize(("edge", "is_noisy"), [(0.366, True), (0.384, False)])
+def test_noise_is_read_between_three_tenths_and_45_hundredths_of_the_rate(edge, is_noisy) -> None:
+    """White from an edge on: that is more than half of this band, or less."""
+    lines = np.where(np.arange(2001) > 4000.0 * edge, 1.0, 0.0)
+    phases = np.exp(2j * np.pi * np.random.default_rng(1).uniform(size=2001))
+    seen = drive._of_motion(np.fft.irfft(lines * phases), 1.0)
+    level = float(seen.noise[1000] / (2.0 * np.pi * seen.frequency[1000]) ** 2)
+    usual = 2.0 / 4000.0**2
+    assert (level > 0.01 * usual) is is_noisy
+
+
+@pytest.mark.parametrize(
+    ("gap", "amplitude", "n"), [(2.9, 1.0, 1), (3.1, 1.0, 0), (1.0, 1.0096, 1), (1.0, 1.0104, 0)]
+)
+def test_a_run_goes_on_that_is_the_same_after_three_cycles(gap, amplitude, n) -> None:
+    one = stretch_of()
+    more = round(100 * gap)
+    other = replace(
+        one, first=one.stop + more, stop=2 * one.stop + more, amplitude=amplitude * one.amplitude
+    )
+    interval = 0.01 / one.frequency
+    trace = SimpleNamespace(stretches=(one, other), interval=interval, start_time=0.0)
+    assert len(list(motion._broken(trace))) == n
+
+
+@pytest.mark.parametrize(
+    ("kind", "off", "is_off"),
+    [("period", 0.96, 0), ("period", 1.04, 1), ("amplitude", 1.92, 0), ("amplitude", 2.08, 1)],
+)
+def test_a_cycle_is_off_its_level_by_a_hundredth_or_two(kind, off, is_off) -> None:
+    values = np.full(40, 100.0)
+    values[20] += off
+    assert np.count_nonzero(plateaus.off_level(values, kind, 0.05)) == is_off

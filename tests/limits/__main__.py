@@ -2,12 +2,11 @@
 
 `python -m tests.limits` moves each limit up and down by a little (a tenth; whole numbers up to a
 hundred by one) and runs the tests that held.toml names for it: with the limit raised, and with it
-lowered, one must fail. What no test notices is told, and the exit code is 1.
+lowered, one must fail. It is moved in memory, in one process for all; where no test notices that,
+and with --copies for all, in a copy of the tree. What none notices is told, and the exit code is 1.
 
 `python -m tests.limits --seek` looks for tests of limits that held.toml does not have, among those
 that run the lines which read the limit (see tests/README.md, Mutations), the fastest first.
-
-`--quick` moves them in memory, in one process: seconds in place of minutes while tests are written.
 """
 
 from __future__ import annotations
@@ -15,14 +14,16 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 from tests.limits.finding import Limit, find_limits
-from tests.limits.quick import Move, noticed_in_memory
+from tests.limits.in_memory import Move, noticed_in_memory
 from tests.limits.table import HELD, Held, read_table
 from tests.mutations.__main__ import traced
 from tests.mutations.mutants import Mutant
-from tests.mutations.running import Workspace, preload, run_mutants, run_tests
+from tests.mutations.running import Result, Workspace, preload, run_mutants, run_tests
 from tests.mutations.selection import Plan
 
 ROOT = Path(__file__).parents[2]
@@ -43,10 +44,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     folder = options.folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
     if options.seek:
-        names = chosen.keys() - table.held.keys() - table.exempt.keys()
+        known = table.held.keys() | table.exempt.keys()
+        names = [name for name in chosen if not {name, name.partition("[")[0]} & known]
         return _seek({name: chosen[name] for name in sorted(names)}, folder, options)
-    hold = _hold_in_memory if options.quick else _hold
-    return hold({name: chosen[name] for name in chosen if name in table.held}, table.held, options)
+    return _hold({name: chosen[name] for name in chosen if name in table.held}, table.held, options)
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -58,9 +59,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     add = parser.add_argument
     add("names", nargs="*", help="only limits whose name contains one of these")
     add("--seek", action="store_true", help="look for tests of limits that have none in the table")
-    add(
-        "--quick", action="store_true", help="move them in memory; what passes there may be noticed"
-    )
+    add("--copies", action="store_true", help="move all of them in copies of the tree")
     add("--jobs", type=int, default=2, help="limits at a time")
     add("--budget", type=float, default=20.0, help="with --seek: seconds of tests a limit")
     add("--folder", type=Path, default=ROOT / "build" / "mutations", help="for copies of the tree")
@@ -103,19 +102,15 @@ def _spaces(folder: Path, jobs: int) -> list[Workspace]:
 
 
 def _hold(limits: Mapping[str, Limit], held: Mapping[str, Held], options) -> int:
-    spaces = _spaces(options.folder.resolve(), options.jobs)
-    tests = sorted({test for name in limits for test in held[name].tests})
-    told = run_tests(spaces[0].folder, tests, _SECONDS * 10)
-    if told:
-        print(f"without any change: {told}")
-        return 1
+    mutants = {name: list(_both(limit, held[name].by or _STEP)) for name, limit in limits.items()}
     work = [
         (mutant, Plan(((getattr(held[name], mutant.kind), _SECONDS),)))
-        for name, limit in limits.items()
-        for mutant in _both(limit, held[name].by or _STEP)
+        for name, both in mutants.items()
+        for mutant in both
     ]
+    left = work if options.copies else _unnoticed(limits, held, work)
     unheld = 0
-    for mutant, result in run_mutants(spaces, work, budget=2.0 * _SECONDS):
+    for mutant, result in _in_copies(left, options):
         if result.status != "killed":
             unheld += 1
             name = mutant.key.rpartition(" ")[0]
@@ -125,20 +120,30 @@ def _hold(limits: Mapping[str, Limit], held: Mapping[str, Held], options) -> int
     return int(unheld > 0)
 
 
-def _hold_in_memory(limits: Mapping[str, Limit], held: Mapping[str, Held], options) -> int:
+def _unnoticed(
+    limits: Mapping[str, Limit], held: Mapping[str, Held], work: Sequence[tuple[Mutant, Plan]]
+) -> list[tuple[Mutant, Plan]]:
+    """Return what no test notices when it is moved in memory; a process of its own looks."""
     moves: list[Move] = []
     for name, limit in limits.items():
         values = moved(limit, held[name].by or _STEP)
         moves += zip((limit, limit), values, (held[name].raised, held[name].lowered), strict=True)
-    noticed, failing = noticed_in_memory(ROOT, moves)
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        noticed, failing = pool.submit(noticed_in_memory, ROOT, moves).result()
     for test in sorted(failing):
-        print(f"without any change: {test}")
-    for move in moves:
-        if move not in noticed:
-            limit, value, test = move
-            print(f"{limit.name}: {limit.value} moved to {value}: {test} passes")
-    print(f"{len(noticed)} of {len(moves)} noticed in memory")
-    return int(len(noticed) < len(moves))
+        print(f"without any change: {test} fails")
+    return [one for one, is_noticed in zip(work, noticed, strict=True) if not is_noticed]
+
+
+def _in_copies(work: Sequence[tuple[Mutant, Plan]], options) -> Iterator[tuple[Mutant, Result]]:
+    if not work:
+        return
+    spaces = _spaces(options.folder.resolve(), options.jobs)
+    tests = sorted({name for _, plan in work for name, _ in plan.tests})
+    told = run_tests(spaces[0].folder, tests, _SECONDS * 10)
+    if told:
+        raise SystemExit(f"without any change: {told}")
+    yield from run_mutants(spaces, work, budget=2.0 * _SECONDS)
 
 
 def _seek(limits: Mapping[str, Limit], folder: Path, options) -> int:

@@ -1,8 +1,8 @@
 """The named limits of the package: constants at the top of a module that a comparison reads.
 
-A constant counts as compared where its name stands in a comparison or in `isclose`, in its own
-module or in one that imports it, or where a variable does to which the same function has given a
-value made with it.
+Of a tuple or a dict of numbers each is one: NAME[0], NAME[key]. It counts as compared where its
+name stands in a comparison or in `isclose`, in its own module or in one that imports it, or where a
+variable does to which the same function has given a value made with it.
 """
 
 from __future__ import annotations
@@ -70,14 +70,7 @@ def _trees(root: Path) -> dict[str, ast.Module]:
 
 def _constants(path: str, tree: ast.Module) -> dict[str, Limit]:
     found: dict[str, Limit] = {}
-    for statement in tree.body:
-        match statement:
-            case ast.Assign(targets=[ast.Name(id=name)], value=value):
-                pass
-            case ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value):
-                pass
-            case _:
-                continue
+    for name, value in _named(tree):
         number = _number(value)
         if number is not None:
             assert value.end_lineno is not None
@@ -87,6 +80,32 @@ def _constants(path: str, tree: ast.Module) -> dict[str, Limit]:
                 value.lineno, value.col_offset, value.end_lineno, value.end_col_offset,
             )  # fmt: skip
     return found
+
+
+def _named(tree: ast.Module) -> Iterator[tuple[str, ast.expr]]:
+    """Yield what a module names at its top; of a tuple or a dict of numbers each, as NAME[key]."""
+    for statement in tree.body:
+        match statement:
+            case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                yield from _of_name(name, value)
+            case ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value):
+                yield from _of_name(name, value)
+            case ast.Assign(targets=[ast.Tuple(elts=names)], value=ast.Tuple(elts=values)):
+                for one, value in zip(names, values, strict=True):
+                    yield ast.unparse(one), value
+
+
+def _of_name(name: str, value: ast.expr) -> Iterator[tuple[str, ast.expr]]:
+    match value:
+        case ast.Tuple(elts=[_, *_] as values):
+            keys = [str(k) for k in range(len(values))]
+        case ast.Dict(keys=[_, *_] as words, values=values) if all(words):
+            keys = [str(ast.literal_eval(one)) for one in words if isinstance(one, ast.Constant)]
+        case _:
+            yield name, value
+            return
+    if len(keys) == len(values) and all(_number(one) is not None for one in values):
+        yield from ((f"{name}[{key}]", one) for key, one in zip(keys, values, strict=True))
 
 
 def _number(value: ast.expr) -> float | None:
@@ -111,8 +130,10 @@ def names_in(tree: ast.Module, constants: dict[str, dict[str, Limit]]) -> dict[s
         for alias in node.names:
             called = alias.asname or alias.name
             for path in (f"{place}.py", f"{place}/__init__.py"):
-                if alias.name in constants.get(path, {}):
-                    found[called] = constants[path][alias.name]
+                for name, limit in constants.get(path, {}).items():
+                    base, bracket, key = name.partition("[")
+                    if base == alias.name:
+                        found[f"{called}{bracket}{key}"] = limit
             for name, limit in constants.get(f"{place}/{alias.name}.py", {}).items():
                 found[f"{called}.{name}"] = limit
     return found
@@ -176,6 +197,5 @@ def _sides(node: ast.AST) -> list[ast.expr]:
 
 
 def _read(part: ast.AST, names: dict[str, Limit]) -> set[str]:
-    return {
-        ast.unparse(n) for n in ast.walk(part) if isinstance(n, ast.Name | ast.Attribute)
-    } & set(names)
+    seen = {ast.unparse(n) for n in ast.walk(part) if isinstance(n, ast.Name | ast.Attribute)}
+    return {name for name in names if name.partition("[")[0] in seen}

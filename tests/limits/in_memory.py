@@ -8,9 +8,10 @@ unnoticed, and only a changed copy of the tree tells.
 from __future__ import annotations
 
 import ast
+import io
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 
 import pytest
@@ -31,7 +32,7 @@ class _Moves:
         self.constants = constants_of(root)
         self.imported: dict[Path, dict[str, Limit]] = {}
         self.failing: set[str] = set()  # without any change
-        self.noticed: list[Move] = []
+        self.noticed = [False] * len(moves)
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session):
@@ -42,23 +43,25 @@ class _Moves:
         for test in dict.fromkeys(test for _, _, test in self.moves):
             if not by_test.get(test) or _fails(by_test[test]):
                 self.failing.add(test)
-        for move in self.moves:
-            limit, value, test = move
+        for k, (limit, value, test) in enumerate(self.moves):
             with self._moved(limit, value):
-                if test not in self.failing and _fails(by_test[test]):
-                    self.noticed.append(move)
+                self.noticed[k] = test not in self.failing and _fails(by_test[test])
         return True
 
     @contextmanager
     def _moved(self, limit: Limit, value: float) -> Iterator[None]:
-        places = list(self._places(limit))
-        for module, name in places:
-            setattr(module, name, value)
+        places = [
+            (module, name.partition("[")[0], name.partition("[")[2].rstrip("]"))
+            for module, name in self._places(limit)
+        ]
+        before = [getattr(module, name) for module, name, _ in places]
+        for (module, name, key), old in zip(places, before, strict=True):
+            setattr(module, name, _with(old, key, value) if key else value)
         try:
             yield
         finally:
-            for module, name in places:
-                setattr(module, name, limit.value)
+            for (module, name, _), old in zip(places, before, strict=True):
+                setattr(module, name, old)
 
     def _places(self, limit: Limit) -> Iterator[tuple[object, str]]:
         for name, module in list(sys.modules.items()):
@@ -70,7 +73,7 @@ class _Moves:
                 yield module, limit.name.partition(":")[2]
             elif path.suffix == ".py":
                 for called, one in self._names(path).items():
-                    if one.name == limit.name and hasattr(module, called):
+                    if one.name == limit.name and hasattr(module, called.partition("[")[0]):
                         yield module, called
 
     def _names(self, path: Path) -> dict[str, Limit]:
@@ -78,6 +81,12 @@ class _Moves:
             tree = ast.parse(path.read_text(encoding="utf-8"))
             self.imported[path] = names_in(tree, self.constants)
         return self.imported[path]
+
+
+def _with(old: tuple[float, ...] | dict[object, float], key: str, value: float) -> object:
+    if isinstance(old, tuple):
+        return tuple(value if str(k) == key else one for k, one in enumerate(old))
+    return {k: value if str(k) == key else one for k, one in old.items()}
 
 
 def _fails(items: Sequence[pytest.Item]) -> bool:
@@ -88,8 +97,8 @@ def _fails(items: Sequence[pytest.Item]) -> bool:
     )
 
 
-def noticed_in_memory(root: Path, moves: Sequence[Move]) -> tuple[list[Move], set[str]]:
-    """Return the moves that their tests notice, and the tests that fail without any."""
+def noticed_in_memory(root: Path, moves: Sequence[Move]) -> tuple[list[bool], set[str]]:
+    """Return of each move whether its test notices it, and the tests that fail without any."""
     plugin = _Moves(root, moves)
     tests = sorted({test for _, _, test in moves})
     options = [
@@ -102,5 +111,6 @@ def noticed_in_memory(root: Path, moves: Sequence[Move]) -> tuple[list[Move], se
         "-m",
         "",
     ]
-    pytest.main([*options, *tests], plugins=[plugin])
+    with redirect_stdout(io.StringIO()):
+        pytest.main([*options, *tests], plugins=[plugin])
     return plugin.noticed, plugin.failing
