@@ -1,11 +1,12 @@
 """A fit that may lie in a wrong valley starts again from elsewhere.
 
-Suspicious is a misfit well above the noise that no known flaw explains, and a chamber that
-cavitates beside a misfit that is more than noise. Short descents then begin where the model itself
-would have started (of valves what the loops show: a fit may have begun elsewhere, from numbers that
-were given, a neighbour's, or by chance) and far from the start: K_e by a factor of 10 either way,
-friction and valves likewise. The first that gets lower than the fit is followed to its end, and is
-used when it fits better by more than noise, or as well and sound.
+Suspicious is a misfit well above the noise that no known flaw explains or that drove a number to
+the edge of its range, and a chamber that cavitates beside a misfit that is more than noise. Short
+descents then begin where the model itself would have started (of valves what the loops show: a fit
+may have begun elsewhere, from numbers that were given, a neighbour's, or by chance) and far from
+the start: K_e by a factor of 10 either way, friction and valves likewise. The first that gets lower
+than the fit is followed to its end, and is used when it fits better by more than noise, or as well
+and sound.
 
 A fit that is not suspicious costs nothing more, or one evaluation where its misfit is large. The
 short descents cost no more than the fit has cost, or than three ordinary ones where that is more.
@@ -22,6 +23,7 @@ from damperfit.errors import DamperfitError
 from damperfit.identification.descent import FitCancelledError, Misfit, descend, linearise
 from damperfit.identification.law_misfit import LawMisfit, best_fitting
 from damperfit.identification.one_speed import untold
+from damperfit.identification.outcome import Outcome
 from damperfit.identification.plausible import kept_within
 from damperfit.identification.setting import Judged, attempt, is_sound
 from damperfit.identification.signatures import gain, signatures
@@ -96,7 +98,10 @@ def is_suspicious(misfit: Misfit, judged: Judged) -> bool:
         return False
     if judged.solution.is_cavitating and mse > CAVITATING_ABOVE * noise:
         return True
-    return mse > WELL_ABOVE * noise and not _is_explained(misfit, judged, noise)
+    if not mse > WELL_ABOVE * noise:
+        return False
+    # A flaw may explain a wrong valley too, but does not drive a fit to the edge of what there is.
+    return judged.outcome is Outcome.AT_BOUND or not _is_explained(misfit, judged, noise)
 
 
 def _is_explained(misfit: Misfit, judged: Judged, noise: float) -> bool:

@@ -12,6 +12,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify, multistart, restarts
 from damperfit.identification.descent import Misfit
+from damperfit.identification.outcome import Outcome
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.restarts import is_suspicious, noise_percent, reconsidered
 from damperfit.identification.setting import attempt, describe_fit
@@ -175,3 +176,21 @@ def test_where_a_fit_began_is_no_other_place_to_start_from() -> None:
     assert len(found) == 2
     assert own not in found
     assert set(found) <= set(others)
+
+
+def test_a_flaw_that_explains_a_misfit_does_not_excuse_an_end_at_an_edge(monkeypatch) -> None:
+    setting = adjusted.at(14, 3)
+    truth = adjusted.DAMPER.values(adjusted.numbers(setting))
+    free = tuple(one.name for one in truth.quantities if one.default is None)
+    misfit = Misfit(
+        (adjusted.log(setting),), adjusted.DAMPER, free, SolverOptions(tolerance=1e-2), 100,
+        lambda: False,
+    )  # fmt: skip
+    start = {name: by * getattr(truth, name) for name, by in LOST[0].items()}
+    first = attempt(misfit, truth.replace(start), 0)
+    assert first.outcome is Outcome.AT_BOUND
+    monkeypatch.setattr(restarts, "_is_explained", lambda *_: True)
+    assert is_suspicious(misfit, first)
+    assert not is_suspicious(misfit, replace(first, outcome=Outcome.CONVERGED))
+    met = replace(first.solution, mse_percent=3.9 * noise_percent(misfit))
+    assert not is_suspicious(misfit, replace(first, solution=met))
