@@ -91,7 +91,17 @@ SURFACE = {
     ],
     "damperfit.fleet.whole_fleet": ["planned", "run_fleet"],
     "damperfit.configuration.drawings": ["DRAWINGS", "MEASURED"],
-    "damperfit.queries.fleet_part": ["RECORD", "is_part", "parts_of", "read_part"],
+    "damperfit.queries.fleet_part": [
+        "RECORD",
+        "is_part",
+        "part_in",
+        "parts_of",
+        "read_part",
+        "record_of",
+        "results_in",
+        "title_of",
+        "written_of",
+    ],
     "damperfit.queries.first_configuration": [
         "Guessed",
         "check_damper",

@@ -27,7 +27,8 @@ __all__ = ["export"]
 
 def export(
     results: Annotated[
-        Path, typer.Argument(metavar="RESULTS", help="Folder that identify wrote.")
+        Path,
+        typer.Argument(metavar="RESULTS", help="Folder that identify wrote, or fleet/serial=D003."),
     ] = Path("results"),
     to: Annotated[
         str | None, typer.Option(metavar="TARGET", help="What to write; --list shows them.")
@@ -134,7 +135,10 @@ def _destination(results: Path, out: Path | None, target: Target) -> tuple[Path,
         The suffix of ``out`` is not the target's.
     """
     if out is None:
-        return results / "export", "damper"
+        from damperfit.queries.fleet_part import is_part, written_of
+
+        place = written_of(results, "export")
+        return place if is_part(results) else place / "export", "damper"
     if not out.suffix or out.is_dir():
         return out, "damper"
     if out.suffix.lower() not in target.suffixes:

@@ -27,7 +27,12 @@ FIGURE_KINDS = ("png", "svg", "pdf")
 
 
 def report(
-    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder that identify wrote.")],
+    results: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RESULTS", help="Folder that identify wrote, or one damper: fleet/serial=D003."
+        ),
+    ],
     figures: Annotated[
         str | None,
         typer.Option(metavar="KIND", help="Also write each figure as a file: png, svg or pdf."),
@@ -53,7 +58,9 @@ def report(
         from damperfit.configuration.loading import load_configuration
 
         load_configuration(config)
-    folder = out or results
+    from damperfit.queries.fleet_part import written_of
+
+    folder = out or written_of(results, "reports")
     remarks, files = write_report(results, folder, figures=figures, units=units)
     for remark in remarks:
         say(f"damperfit: {results}: {remark}")
@@ -95,15 +102,15 @@ def write_report(
         What was written.
     """
     from damperfit.atomic import file_set
+    from damperfit.queries.fleet_part import results_in, title_of
     from damperfit.report import html_report, report_plots
     from damperfit.shown_units import SI, parse_units
-    from damperfit.tables import read_results
 
-    found = read_results(results)
+    found = results_in(results)
     shown = report_plots(found, SI if units is None else parse_units(units))
     written: list[Path] = []
     if page:
-        text = html_report(shown, title=results.resolve().name or str(results))
+        text = html_report(shown, title=title_of(results))
         with file_set(folder) as files:
             files.path("report.html").write_bytes(text.encode("utf-8", "backslashreplace"))
         written.append(folder / "report.html")

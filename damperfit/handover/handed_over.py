@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 from damperfit import __version__
 from damperfit.adjustment import Sine
 from damperfit.errors import ConfigurationError
+from damperfit.queries.fleet_part import is_part, part_in, results_in, title_of
 from damperfit.queries.origin import configuration_of_run, motion_of_tests
 from damperfit.setting import Setting
-from damperfit.tables import read_results, values_from
+from damperfit.tables import values_from
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -129,7 +130,7 @@ def hand_over(folder: Path, *, config: Path | None = None) -> HandedOver:
         There is no such folder, no setting in it has parameters, or ``config`` declares another
         damper.
     """
-    results = read_results(folder, parts=("parameters",))
+    results = results_in(folder, parts=("parameters",))
     record, remarks = results.record, list(results.remarks)
     configuration = configuration_of_run(folder, config, record, remarks)
     settings = tuple(_settings(results))
@@ -148,7 +149,7 @@ def hand_over(folder: Path, *, config: Path | None = None) -> HandedOver:
         if isinstance(value, str) and value
     }
     return HandedOver(
-        folder.resolve().name,
+        title_of(folder),
         configuration.damper,
         settings,
         motion,
@@ -218,8 +219,7 @@ def _numbers(rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:
 
 
 def _digest(folder: Path) -> str:
-    for name in _TABLES:
-        path = folder / name
+    for path in [part_in(folder)] if is_part(folder) else [folder / name for name in _TABLES]:
         if path.is_file():
             with path.open("rb") as file:
                 return hashlib.file_digest(file, "sha256").hexdigest()

@@ -12,11 +12,12 @@ from damperfit.adjustment import Sine, Stage
 from damperfit.errors import ConfigurationError
 from damperfit.identification.sharing import listed_settings
 from damperfit.quantities import parse_quantity
+from damperfit.queries.fleet_part import results_in
 from damperfit.queries.origin import configuration_of_run, motion_of_tests
 from damperfit.report.json_records import listed_in, read_back
 from damperfit.setting import Setting
 from damperfit.simulation import refuse_amplitude
-from damperfit.tables import read_results, values_from
+from damperfit.tables import values_from
 from damperfit.uncertainty import SpeedForces
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def read_adjuster(
         damper, or the motion is none.
     """
     return adjuster_in(
-        read_results(folder, parts=("parameters",)),
+        results_in(folder, parts=("parameters",)),
         folder,
         config=config,
         amplitude=amplitude,

@@ -22,6 +22,7 @@ from damperfit.errors import (
     mishap_of,
 )
 from damperfit.identification import put_together
+from damperfit.queries.fleet_part import is_part, part_in
 from damperfit.queries.origin import configured_as, origin_of
 from damperfit.readers import read_log
 from damperfit.setting import ADJUSTER, Setting, parse_setting
@@ -222,8 +223,10 @@ def _meant(setting: Setting | int | str, known: Collection[Setting] = ()) -> Set
 
 
 def _table(given: Path | None, folder: Path) -> Path | None:
-    """Return the parameters table that is meant; a folder means the one in it."""
+    """Return the parameters table that is meant; a folder means the one in it, or the part."""
     names = ("parameters.parquet", "parameters.csv")
+    if given is not None and is_part(given):
+        return part_in(given)
     if given is None or given.is_dir():
         settle(given or folder)  # what an interrupted run put there may be none of the results
         there = (given or folder) / names[0], (given or folder) / names[1]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from damperfit.adjustment import Sine, fastest_sine
 from damperfit.configuration.loading import load_configuration, redeclared
 from damperfit.errors import ConfigurationError
+from damperfit.queries.fleet_part import is_part, record_of
 from damperfit.tables import read_facts
 
 if TYPE_CHECKING:
@@ -47,6 +48,8 @@ def origin_of(table: Path) -> Origin:
     """Return what a parameters table, or run.json beside it, tells of damper and motion."""
     facts = read_facts(table)
     beside = _record(table.parent / "run.json")
+    if is_part(table):
+        facts = beside = record_of(table)
     for place, known in ((table, facts), (table.parent / "run.json", beside)):
         document = known.get("configuration")
         damper = document.get("damper") if isinstance(document, dict) else None

@@ -1,15 +1,21 @@
-"""A serial of a fleet beside another: a part is a run to compare."""
+"""A serial of a fleet taken as results: compared, reported, exported, asked and simulated."""
 
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from damperfit.cli.main import main
+from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
 from damperfit.fleet.parts import parts_in
+from damperfit.fleet.whole_fleet import planned, run_fleet
+from damperfit.parallel import InTurn
 from damperfit.queries.fleet_part import read_part
+from tests.fleet.conftest import put
 from tests.fleet.test_fleet_command import here, run  # noqa: F401
 
 
@@ -39,3 +45,78 @@ def test_several_tests_of_one_damper_are_told_apart(three, tmp_path, here):  # n
     with pytest.raises(ConfigurationError, match=r"several tests of one damper; name one of"):
         read_part(part.parent)
     assert len(read_part(part).parameters) == 2
+
+
+@pytest.fixture(scope="module")
+def taken(tmp_path_factory, texts):
+    """A fleet of one damper, and the results folder of the same logs."""
+    folder = tmp_path_factory.mktemp("taken")
+    put(folder / "logs" / "SN 1", texts)
+    configuration = load_configuration(None)
+    tasks = planned(configuration, [str(folder / "logs")], folder / "fleet")
+    list(run_fleet(configuration, tasks, folder / "fleet", InTurn()))
+    logs = str(folder / "logs" / "SN 1")
+    assert main(["identify", logs, "--out", str(folder / "results"), "--quiet"]) == 0
+    return folder / "results", folder / "fleet" / "serial=SN%201"
+
+
+def test_a_page_of_one_damper_stands_beside_the_parts_and_they_are_read_as_before(taken, capsys):
+    _, part = taken
+    assert main(["report", str(part), "--json"]) == 0
+    (page,) = map(Path, json.loads(capsys.readouterr().out)["files"])
+    assert page == part.parent / "_reports" / part.name / "report.html"
+    text = page.read_text()
+    assert "Damper identification: SN 1" in text
+    assert "2 settings fitted" in text
+    assert "a part of a fleet keeps none" in text
+    assert len(pd.read_parquet(part.parent)) == 2
+
+
+def test_figures_and_another_place_are_as_of_a_results_folder(taken, tmp_path):
+    _, part = taken
+    (file,) = part.glob("part-*.parquet")
+    assert main(["report", str(file), "--figures", "png", "--out", str(tmp_path), "--quiet"]) == 0
+    drawn = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert {"parameter_r_m1.png", "parameter_k_e.png"} <= drawn
+
+
+@pytest.mark.parametrize("command", [("settings", "--velocity", "0.2m/s"), ("settings",)])
+def test_forces_by_setting_are_those_of_the_results_folder(taken, capsys, command):
+    documents = []
+    for place in taken:
+        assert main([command[0], str(place), *command[1:], "--json"]) == 0
+        document = json.loads(capsys.readouterr().out)
+        documents.append(document)
+    assert documents[0]["forces"] == documents[1]["forces"]
+
+
+def test_a_table_handed_over_is_that_of_the_results_folder(taken, tmp_path, capsys):
+    tables = []
+    for place in taken:
+        out = tmp_path / place.name
+        assert main(["export", str(place), "--to", "csv", "--out", str(out), "--quiet"]) == 0
+        tables.append((out / "damper.csv").read_text())
+    assert tables[0] == tables[1]
+    assert main(["export", str(taken[1]), "--to", "csv", "--quiet"]) == 0
+    assert (taken[1].parent / "_export" / taken[1].name / "damper.csv").exists()
+    assert not list(taken[1].glob("*.csv"))
+
+
+def test_one_test_is_simulated_with_the_damper_of_the_part(taken, capsys):
+    peaks = []
+    for place in taken:
+        assert main(["simulate", "--setting", "10", "--parameters", str(place), "--json"]) == 0
+        said = capsys.readouterr()
+        assert "does not say whose" not in said.err
+        peaks.append(json.loads(said.out)["characteristics"])
+    assert peaks[0] == peaks[1]
+
+
+def test_a_damaged_part_is_called_so(taken, tmp_path, capsys):
+    (file,) = taken[1].glob("part-*.parquet")
+    damaged = tmp_path / "serial=X" / file.name
+    damaged.parent.mkdir()
+    damaged.write_bytes(file.read_bytes()[:-9])
+    for command in (["report"], ["settings"], ["export", "--to", "csv"]):
+        assert main([command[0], str(damaged.parent), *command[1:]]) == 2
+        assert "damaged" in capsys.readouterr().err
