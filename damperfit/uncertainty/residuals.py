@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.identification.setting import EXCELLENT
 from damperfit.identification.sharing import listed_settings
 from damperfit.uncertainty.correlated_noise import autocorrelation
 from damperfit.uncertainty.flaws import Hint, seek_flaws
@@ -116,6 +117,11 @@ class Diagnosis:
     def has_yielded(self) -> bool:
         """Whether the damper yields before it slides."""
         return self.held_share >= YIELDS
+
+    @property
+    def is_met(self) -> bool:
+        """Whether the model meets the logs as well as the paper calls excellent."""
+        return self.mse_percent < EXCELLENT
 
 
 def diagnose(linearised: Linearisation, *, doubted: tuple[str, ...] = ()) -> Diagnosis:
@@ -232,20 +238,9 @@ def _sentence(told: Diagnosis) -> str:
     said = f"MSE {mse:.2g} %, of which {noise:.2g} % is noise"
     if not told.is_structured:
         return f"{said}: nothing repeats that the model lacks"
-    if told.has_yielded and not hints:
-        holds = (
-            f"{said}: the damper holds {100.0 * told.held_share:.0f} % of its force down to a "
-            "tenth of its speed"
-        )
-        if told.modelled_share >= YIELDS:
-            return (
-                f"{holds}, as what yields before it slides does (a preloaded valve, dry friction, "
-                "a magneto-rheological fluid); so does the model, which misses something else"
-            )
-        return (
-            f"{holds}: it yields before it slides, as a preloaded valve, dry friction or "
-            "a magneto-rheological fluid does, and the model misses that"
-        )
+    yields = _yields(told) if told.has_yielded else ""
+    if yields and not hints:
+        return f"{said}: {yields}"
     if not hints:
         return f"{said}: the model is missing something that no known flaw explains"
     named = " or ".join(hint.words for hint in hints)
@@ -253,6 +248,20 @@ def _sentence(told: Diagnosis) -> str:
     return (
         f"{said}: the model is missing something, locked to {best.family}, as from {named} "
         f"(explains {100.0 * best.share:.0f} % of what repeats)"
+    ) + (f"; {yields}" if yields and not told.is_met else "")
+
+
+def _yields(told: Diagnosis) -> str:
+    """What is said of a damper that yields, as the model does where it meets the logs."""
+    holds = f"the damper holds {100.0 * told.held_share:.0f} % of its force down to a tenth of its "
+    if told.is_met and told.modelled_share >= YIELDS:
+        return (
+            f"{holds}speed, as what yields before it slides does (a preloaded valve, dry friction, "
+            "a magneto-rheological fluid); so does the model, which misses something else"
+        )
+    return (
+        f"{holds}speed: it yields before it slides, as a preloaded valve, dry friction or a "
+        "magneto-rheological fluid does, and the model misses that"
     )
 
 

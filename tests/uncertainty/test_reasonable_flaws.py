@@ -72,16 +72,32 @@ def test_a_damper_that_yields_is_said_to_and_no_valve_is_blamed() -> None:
     assert one.is_structured
     assert one.has_yielded
     assert not {"delay", "compressibility", "gas_pressure"} & {h.name for h in one.hints}
-    assert "yields before it slides" in one.sentence
+    assert "it yields before it slides" in one.sentence
 
 
-@pytest.mark.parametrize(("share", "is_new"), [(0.39, True), (0.41, False), (math.nan, True)])
-def test_that_a_damper_yields_is_news_only_where_its_model_does_not(share, *, is_new) -> None:
-    told = diagnosis(1, held_share=0.6, modelled_share=share)
+@pytest.mark.parametrize(
+    ("share", "mse", "is_new"),
+    [(0.39, 0.5, True), (0.41, 0.5, False), (math.nan, 0.5, True), (0.41, 0.99, False),
+     (0.41, 1.01, True)],
+)  # fmt: skip
+def test_that_a_damper_yields_is_news_where_its_model_does_not_or_misses_it(
+    share, mse, *, is_new
+) -> None:
+    told = diagnosis(1, held_share=0.6, modelled_share=share, mse_percent=mse)
     said = _sentence(told)
     assert ("the model misses that" in said) is is_new
     assert ("so does the model, which" in said) is not is_new
     assert "holds 60 % of its force" in said
+
+
+@pytest.mark.parametrize(("mse", "is_said"), [(0.99, False), (1.01, True)])
+def test_that_a_damper_yields_is_said_beside_a_flaw_where_the_logs_are_not_met(
+    mse, *, is_said
+) -> None:
+    told = diagnosis(1, hint("offset", 70.0), held_share=0.6, mse_percent=mse)
+    said = _sentence(told)
+    assert "offset 70" in said
+    assert ("it yields before it slides" in said) is is_said
 
 
 def test_a_law_with_blow_offs_holds_its_force_as_its_damper_does() -> None:
