@@ -151,6 +151,7 @@ def test_what_comes_before_counts_where_the_log_begins_at_rest(
     fastest = max(one.peak_speed for one in trace.stretches)
     velocity = trace.velocity.copy()
     velocity[:24], velocity[24] = 0.0, share * fastest  # 50 ms
+    velocity[25] = fastest
     found = transients(replace(trace, velocity=velocity))
     assert found is not None
     assert (found.stretches[0].stop <= trace.stretches[0].first) is has_run_up

@@ -188,7 +188,7 @@ def test_cycles_that_cannot_be_simulated_leave_the_logs(monkeypatch: pytest.Monk
     assert found.parameters == descend(one.whole, reference_parameters(10)).parameters
 
 
-@pytest.mark.parametrize(("away", "is_near"), [(0.01, True), (0.03, False)])
+@pytest.mark.parametrize(("away", "is_near"), [(0.0195, True), (0.0222, False)])
 def test_a_step_of_two_per_cent_is_the_last(*, away: float, is_near: bool) -> None:
     """K_e is told to 30 % by a log of 200 N of noise: an error is no measure of what is linear."""
     whole = misfit([trace(1, noise=200.0)], ("k_e",))
@@ -198,7 +198,7 @@ def test_a_step_of_two_per_cent_is_the_last(*, away: float, is_near: bool) -> No
     assert (last_step(whole, near, least_percent=0.0) is not None) is is_near
 
 
-@pytest.mark.parametrize(("errors", "is_near"), [(0.9, True), (1.1, False)])
+@pytest.mark.parametrize(("errors", "is_near"), [(0.97, True), (1.03, False)])
 def test_a_step_of_one_error_is_the_last(*, errors: float, is_near: bool) -> None:
     whole = misfit([trace(10, noise=4.0)], ("r_m1",))
     slow = descend(whole, reference_parameters(10))
