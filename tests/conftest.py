@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+import marshal
 import os
 import shlex
 import shutil
@@ -11,10 +13,15 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+import typer.main
+from _pytest.assertion import rewrite
 from hypothesis import HealthCheck, settings
 
-# How long an example takes says something of the machine, nothing of the code.
-settings.register_profile("damperfit", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+# How long an example takes says something of the machine, nothing of the code. The slow suite takes
+# `--hypothesis-profile thorough`.
+_QUIET = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("damperfit", max_examples=30, **_QUIET)
+settings.register_profile("thorough", max_examples=300, **_QUIET)
 settings.load_profile("damperfit")
 
 BENCHMARKS = Path(__file__).parent / "benchmarks"
@@ -26,6 +33,29 @@ def pytest_ignore_collect(collection_path, config):
         return None
     asked = [Path(config.invocation_params.dir, arg.split("::")[0]) for arg in config.args]
     return None if any(BENCHMARKS in (path, *path.parents) for path in asked) else True
+
+
+def pytest_configure(config):
+    """Keep rewritten assertions also where Python is told to write no bytecode: 7 s of each run."""
+    if not sys.dont_write_bytecode:
+        return  # pytest does it itself
+    kept = config.cache.mkdir("asserts")
+
+    def rewritten(path, config, rewrite_test=rewrite._rewrite_test):
+        mine = f"{importlib.util.source_hash(str(path).encode()).hex()}-"
+        text = importlib.util.source_hash(path.read_bytes()).hex()
+        file = kept / f"{mine}{text}-{sys.implementation.cache_tag}-pytest-{pytest.__version__}"
+        if file.exists():
+            return marshal.loads(file.read_bytes())  # noqa: S302 - our own
+        found = rewrite_test(path, config)
+        for old in kept.glob(f"{mine}*"):
+            old.unlink(missing_ok=True)
+        draft = file.with_name(f"draft-{os.getpid()}")
+        draft.write_bytes(marshal.dumps(found))
+        draft.replace(file)
+        return found
+
+    rewrite._rewrite_test = rewritten
 
 
 @pytest.fixture(scope="session")
@@ -60,10 +90,27 @@ def sample_results(first_command) -> Path:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _each_steady_cycle_is_integrated_once():
-    """Let make-believe logs of one damper share its steady cycle, a second of SciPy each."""
+def _the_core_makes_the_samples():
+    """Let make-believe logs share steady cycles, which take SciPy a second each."""
     from damperfit.samples import logs
+    from tests.quick_cycles import quick_cycle
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(logs, "steady_cycle", cache(logs.steady_cycle))
+        patch.setattr(logs, "steady_cycle", cache(quick_cycle))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _the_command_line_is_built_once():
+    """Let commands run in this process share what a process builds once: 40 ms of each call."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(typer.main, "get_command", cache(typer.main.get_command))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _nothing_waits_for_the_disk():
+    """No test can see whether files have reached the disk, and each run waits fifteen times."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda _: None)
         yield

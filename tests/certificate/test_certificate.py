@@ -72,6 +72,7 @@ def solved(fit: Callable[[Problem, Array], Result]) -> list[tuple[str, int]]:
     ]
 
 
+@pytest.mark.slow
 def test_the_table_on_equal_terms() -> None:
     # SciPy's rows as bounds: its versions may differ, but not so that the table says another thing.
     counts = {name: len(solved(fit)) for name, fit in EQUAL_ROWS.items()}
@@ -90,6 +91,7 @@ def test_a_dampers_own_stopping_rules_leave_six_cases() -> None:
     assert FitOptions().max_evaluations == Stopping().max_evaluations
 
 
+@pytest.mark.slow
 def test_scipys_defaults_ask_for_less() -> None:
     defaults = [fit for name, fit in OWN_ROWS.items() if name.endswith("defaults")]
     assert len(defaults) == 2

@@ -67,6 +67,12 @@ def run(capsys, monkeypatch, tmp_path):
 
 
 @pytest.fixture
+def undrawn(monkeypatch):
+    """Figures by name alone: a second each, and how they look is held by test_figures.py."""
+    monkeypatch.setattr("damperfit.report.draw_plot", lambda path, *_, **__: path.touch())
+
+
+@pytest.fixture
 def spawn(tmp_path):
     """Run a command as a process of its own, as a user does."""
 

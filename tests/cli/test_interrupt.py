@@ -59,10 +59,12 @@ def test_a_signal_asks_to_stop_and_a_second_one_ends_at_once(number, capsys) -> 
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+)
 def test_the_command_ends_with_130_and_no_temporary_file(logs, repeated, tmp_path, number) -> None:
     text = (logs / "setting_01.csv").read_text()
-    for i in range(40):  # enough work for a signal to arrive in the middle of it
+    for i in range(20):  # enough work for a signal to arrive in the middle of it
         content = repeated(text, i).replace("setting: 1\n", f"setting: {i}\n")
         (tmp_path / f"setting_{i}.csv").write_text(content)
     process = subprocess.Popen(

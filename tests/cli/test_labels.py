@@ -123,9 +123,7 @@ def test_an_unknown_label_is_told(results, run):
     assert "no parameters of setting R9 C9; there are R4 C8, R6 C8" in ended.err
 
 
-def test_the_report_is_drawn_again(results, run, tmp_path, monkeypatch):
-    # Drawing itself is held by test_figures.py; here it is which figures there are.
-    monkeypatch.setattr("damperfit.report.draw_plot", lambda path, *_, **__: path.touch())
+def test_the_report_is_drawn_again(undrawn, results, run, tmp_path):
     ended = run("report", results, "--out", tmp_path / "drawn", "--figures", "svg")
     assert ended.code == 0, ended.err
     names = {path.name for path in (tmp_path / "drawn" / "figures").iterdir()}

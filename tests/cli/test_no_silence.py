@@ -130,7 +130,7 @@ def test_a_parameter_held_far_off_is_refused(run, logs, value, code) -> None:
 
 
 @pytest.fixture
-def drawn(run, logs, tmp_path) -> Path:
+def drawn(undrawn, run, logs, tmp_path) -> Path:
     """Results with a page and figures, and two files of somebody else's."""
     done = run("identify", logs / "setting_0[12].csv", "--report", "--plots", "svg", "--quiet")
     assert done.code == 0
@@ -154,7 +154,7 @@ def test_a_folder_holds_one_run_only(run, logs, drawn) -> None:
     assert not (drawn / "figures").exists()
 
 
-def test_every_figure_that_is_drawn_would_go(run, logs, tmp_path) -> None:
+def test_every_figure_that_is_drawn_would_go(undrawn, run, logs, tmp_path) -> None:
     """A figure with a new name must be known to `damperfit.run.earlier`."""
     assert run("identify", logs / "setting_*.csv", "--plots", "svg", "--quiet").code == 0
     figures = tmp_path / "results" / "figures"
@@ -192,7 +192,7 @@ def test_samples_leave_no_log_that_truth_does_not_know(run, tmp_path) -> None:
     assert names == ["README.md", "setting_02.csv", "setting_09.csv", "truth.csv"]
 
 
-def test_logs_stand_in_the_order_of_their_numbers(run, logs, repeated, tmp_path) -> None:
+def test_logs_stand_in_the_order_of_their_numbers(undrawn, run, logs, repeated, tmp_path) -> None:
     one, two = ((logs / f"setting_0{n}.csv").read_text() for n in (1, 2))
     for number in (10, 2):
         (tmp_path / f"run_{number}").mkdir()

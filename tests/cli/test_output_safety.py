@@ -7,15 +7,14 @@ import json
 import os
 import shutil
 import signal
-import subprocess
-import sys
+import warnings
 from pathlib import Path
 
 import pytest
 
+from damperfit.cli import main
 from damperfit.run import judging, pipeline
 
-ROOT = Path(__file__).parents[2]
 QUICK = (
     *("--procedure", "plain", "--free", "r_m1,r_m2,k_e"),
     *("--fix", "r_m3=2.6e6", "--fix", "f_f=50N"),
@@ -26,33 +25,29 @@ def _contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-# Ends the process as a power cut would, at the n-th rename; with n = 0 before the first.
-_KILLED = """
-import os, signal, sys
-from pathlib import Path
-from damperfit.cli import main
-left, replace = [int(sys.argv[1])], os.replace
-def replace_or_die(source, target):
-    if left[0] == 0:
-        os.kill(os.getpid(), signal.SIGKILL)
-    left[0] -= 1
-    replace(source, target)
-os.replace = replace_or_die
-main(sys.argv[2:])
-"""
+def _killed_at(rename: int, log: Path) -> None:
+    """Let a copy of this process end as a power cut would, at a rename; with 0 before the first."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of threads: none of ours is at work
+        child = os.fork()
+    if child == 0:
+        left, replace = [rename], os.replace
 
+        def replace_or_die(source, target):
+            if left[0] == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+            left[0] -= 1
+            replace(source, target)
 
-def _killed_at(rename: int, log: Path, folder: Path) -> None:
-    command = [sys.executable, "-c", _KILLED, str(rename), "identify", str(log), *QUICK, "--quiet"]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, check=False)
-    assert done.returncode == -signal.SIGKILL
+        os.replace = replace_or_die
+        main(["identify", str(log), *QUICK, "--quiet"])
+        os._exit(1)
+    _, status = os.waitpid(child, 0)
+    assert os.waitstatus_to_exitcode(status) == -signal.SIGKILL
 
 
 @pytest.fixture(scope="module")
 def results(logs, tmp_path_factory) -> Path:
-    from damperfit.cli import main
-
     folder = tmp_path_factory.mktemp("first") / "results"
     code = main(["identify", str(logs / "setting_01.csv"), *QUICK, "--quiet", "--out", str(folder)])
     assert code == 0
@@ -67,7 +62,7 @@ def test_what_a_killed_run_half_wrote_is_put_back_by_whoever_comes_next(
     folder = tmp_path / "results"
     shutil.copytree(results, folder)
     before = _contents(folder)
-    _killed_at(3, logs / "setting_02.csv", tmp_path)
+    _killed_at(3, logs / "setting_02.csv")
     between = _contents(folder)
     assert sum(between[name] != before[name] for name in before) == 3
     assert between["run.json"] == before["run.json"]  # comes last
@@ -95,7 +90,7 @@ def test_a_run_killed_before_its_first_rename_leaves_no_file_behind(
     folder = tmp_path / "results"
     shutil.copytree(results, folder)
     before = _contents(folder)
-    _killed_at(0, logs / "setting_02.csv", tmp_path)
+    _killed_at(0, logs / "setting_02.csv")
     left = _contents(folder)
     assert {name: left.pop(name) for name in before} == before
     assert left  # temporary files of the dead run

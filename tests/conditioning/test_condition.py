@@ -100,7 +100,7 @@ def test_data_that_the_rig_filtered_without_delay_are_left_alone():
     phase=st.floats(0.0, 2 * np.pi),
     cycles=st.floats(12.0, 20.0),
 )
-@settings(max_examples=40, deadline=None)
+@settings(deadline=None)
 def test_sines_of_any_phase_frequency_and_rate(frequency, rate, phase, cycles):
     log = sine_log(frequency=frequency, rate=rate, phase=phase, cycles=cycles)
     log = replace(log, force=np.gradient(log.displacement, log.time) * 1500.0)

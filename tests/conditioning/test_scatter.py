@@ -22,11 +22,12 @@ def smooth_log(cycles, rate):
 @pytest.mark.parametrize(
     ("kind", "cycles", "rate"),
     [
-        ("zero_phase", 5.0, 1000.0),
+        ("zero_phase", 5.0, 301.0),
         ("none", 15.0, 301.0),
         *(
             pytest.param(*more, marks=pytest.mark.slow)
             for more in (
+                ("zero_phase", 5.0, 1000.0),
                 ("none", 5.0, 1000.0),
                 ("zero_phase", 15.0, 1000.0),
                 ("none", 15.0, 1000.0),

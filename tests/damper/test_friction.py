@@ -73,7 +73,13 @@ def test_sensitivities_are_those_of_central_differences(more, mounting):
 
 
 @pytest.mark.parametrize("name", ["b", pytest.param("e", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("mounting", [RIGID, {**PLAY, "drag": 60.0}], ids=["rigid", "play"])
+@pytest.mark.parametrize(
+    "mounting",
+    [
+        pytest.param(RIGID, id="rigid"),
+        pytest.param({**PLAY, "drag": 60.0}, id="play", marks=pytest.mark.slow),
+    ],
+)
 def test_the_slow_twin_agrees_on_a_rough_motion(name, mounting):
     network, values, damper, (amplitude, frequency) = CASES[name]
     values = {**rest(name), **values, **mounting, **ALL}

@@ -168,7 +168,7 @@ waves = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(deadline=None)
 @given(parameters=parameter_sets, harmonics=waves, duration=st.floats(0.2, 3.0))
 def test_any_closed_path_dissipates(parameters, harmonics, duration):
     """N05: from rest round any smooth closed path, the damper takes work and never gives any.

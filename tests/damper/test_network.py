@@ -152,13 +152,23 @@ def test_golden_values(name):
         assert response.pressures[:, index] / 1e5 == pytest.approx(bars, abs=2.1e-4)
 
 
+MOUNTINGS = {"rigid": (0.0, 0.0, 0.0), "elastic": (2e6, 0.0, 60.0), "play": (3e5, 7e-4, 60.0)}
+# The golden values hold every case; these hold the motion and the mounting.
+BY_THE_TWIN = {("e", "rigid"), ("b", "elastic"), ("b", "play")}
+
+
 @pytest.mark.parametrize(
-    "name", [name if name in "be" else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
-)
-@pytest.mark.parametrize(
-    "mounting",
-    [(0.0, 0.0, 0.0), (2e6, 0.0, 60.0), (3e5, 7e-4, 60.0)],
-    ids=["rigid", "elastic", "play"],
+    ("name", "mounting"),
+    [
+        pytest.param(
+            name,
+            way,
+            id=f"{kind}-{name}",
+            marks=[] if (name, kind) in BY_THE_TWIN else pytest.mark.slow,
+        )
+        for kind, way in MOUNTINGS.items()
+        for name in CASES
+    ],
 )
 def test_the_slow_twin_agrees_on_a_rough_motion(name, mounting):
     network, values, damper, (amplitude, frequency) = CASES[name]
@@ -249,7 +259,7 @@ def check_slopes(name, base, held=None, *, passed=0):
         size = base[number] or {"drag": 1.0}.get(number, 100.0)
         best = math.inf
         scale = np.max(np.abs(exact.sensitivities[number]))
-        for step in (1e-2, 1e-3, 1e-4):
+        for step in (1e-3, 1e-4, 1e-2):
             ends = [
                 run(
                     name,
@@ -263,6 +273,8 @@ def check_slopes(name, base, held=None, *, passed=0):
             slope = (ends[0] - ends[1]) / (2 * step * size)
             gaps = np.sort(np.abs(slope - exact.sensitivities[number])) / scale
             best = min(best, gaps[-1 - passed])
+            if best < bar:
+                break
         assert scale > 0.0, number
         assert best < bar, (number, best)
         assert gaps[-1] < 0.05, (number, gaps[-1])

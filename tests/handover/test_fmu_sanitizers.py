@@ -7,19 +7,24 @@ from pathlib import Path
 
 from damperfit.handover.fmu.exported_damper import exported_damper
 from damperfit.handover.fmu.libraries import source_files
-from tests.core_sanitizers.test_core_sanitizers import build, compiler  # noqa: F401
+from tests.core_sanitizers.test_core_sanitizers import build, compiler, kept  # noqa: F401
 from tests.handover.test_fmu_valve_equations import SEALED, known_of
 from tests.handover.test_fmu_valves import LAYOUTS, SOFT, STIFF, of_valves
 
 DRIVER = Path(__file__).parent / "fmu_driver.c"
 
 
-def test_the_exported_damper_is_clean_under_sanitizers(compiler, handed, tmp_path) -> None:  # noqa: F811
+def test_the_exported_damper_is_clean_under_sanitizers(
+    compiler,  # noqa: F811
+    kept,  # noqa: F811
+    handed,
+    tmp_path,
+) -> None:
     for name, content in source_files().items():
         (tmp_path / name).write_bytes(content)
     sources = [DRIVER, *sorted(tmp_path.glob("*.c"))]
     program = tmp_path / "driver"
-    built = build(f"{compiler} -I{tmp_path}", sources, program)
+    built = build(compiler, sources, program, kept)
     assert built.returncode == 0, built.stderr
     sealed = [known_of("seals", one) for one in (SOFT, STIFF)]
     for one in (handed, of_valves(handed, LAYOUTS[1]), of_valves(handed, SEALED, sealed)):

@@ -23,7 +23,7 @@ def recording(
     damper: Damper = PURDY_DAMPER,
     noise: float = 0.0,
     rate: float = 1000.0,
-    duration: float = 10.0,
+    duration: float = 6.0,
     seed: int = 1,
     amplitude: float = AMPLITUDE,
 ) -> Recording:

@@ -26,7 +26,7 @@ def fitted(name, *, seed=1, setting=10):
     return trace, campaign
 
 
-@pytest.mark.parametrize("name", ["steps", "sweep", "road"])
+@pytest.mark.parametrize("name", ["steps", "road", pytest.param("sweep", marks=pytest.mark.slow)])
 def test_the_parameters_are_found(name):
     trace, campaign = fitted(name)
     (fit,) = campaign.fits
@@ -43,15 +43,15 @@ def test_the_parameters_are_found(name):
     assert diagnosis.noise_percent == pytest.approx(fit.mse_percent, rel=0.3)
 
 
-def test_intervals_hold_for_each_motion():
+@pytest.mark.parametrize("name", ["steps", "road", pytest.param("sweep", marks=pytest.mark.slow)])
+def test_intervals_hold_for_each_motion(name):
     """One log in twenty may be out; three errors none is."""
     truth = reference_parameters(10)
-    for name in ("steps", "sweep", "road"):
-        _, campaign = fitted(name, seed=2)
-        (known,) = assess(campaign, PURDY_DAMPER).uncertainties
-        for parameter, interval in known.intervals.items():
-            off = getattr(campaign.fits[0].parameters, parameter) - getattr(truth, parameter)
-            assert abs(off) < 3.5 * interval.error, (name, parameter)
+    _, campaign = fitted(name, seed=2)
+    (known,) = assess(campaign, PURDY_DAMPER).uncertainties
+    for parameter, interval in known.intervals.items():
+        off = getattr(campaign.fits[0].parameters, parameter) - getattr(truth, parameter)
+        assert abs(off) < 3.5 * interval.error, parameter
 
 
 def test_a_triangle_alone_does_not_tell_and_says_so():

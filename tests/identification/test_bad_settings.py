@@ -85,9 +85,19 @@ def test_one_that_cannot_be_simulated_is_a_failure_of_its_own(
         assert any(text.startswith(said) for text in campaign.warnings)
 
 
+# In the first pass of the lowest setting, in the middle, in the last simulation of the highest.
+STRIKES = {(2, 0.0), (2, 0.5), (12, 0.999)}
+
+
 @pytest.mark.parametrize("procedure", PROCEDURES)
-@pytest.mark.parametrize("bad", [2, 12])
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.5, 0.7, 0.999])
+@pytest.mark.parametrize(
+    ("bad", "share"),
+    [
+        pytest.param(bad, share, marks=[] if (bad, share) in STRIKES else pytest.mark.slow)
+        for bad in (2, 12)
+        for share in (0.0, 0.3, 0.5, 0.7, 0.999)
+    ],
+)
 def test_a_bug_that_one_setting_meets_is_told_and_leaves_the_others(
     logs, break_at, procedure: str, bad: int, share: float
 ) -> None:

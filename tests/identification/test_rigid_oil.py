@@ -79,7 +79,7 @@ def _check(setting: int, amplitude: float, noise: float) -> None:
 
 @pytest.mark.parametrize(
     ("setting", "amplitude", "noise"),
-    [(1, 0.032, 0.0), (1, 0.003, 4.0), (10, 0.01, 2.0), (20, 0.032, 4.0), (20, 0.003, 2.0)],
+    [(1, 0.032, 0.0), (20, 0.003, 2.0)],
 )
 def test_rigid_oil_is_fitted_and_has_no_upper_limit(setting, amplitude, noise) -> None:
     # 13 of the 36 ended in a SimulationError, 10 at a K_e of 1e13.
@@ -92,10 +92,22 @@ def test_rigid_oil_over_the_grid(setting, amplitude, noise) -> None:
     _check(setting, amplitude, noise)
 
 
-@pytest.mark.parametrize("procedure", ["paper", "plain", "joint"])
 @pytest.mark.parametrize(
-    ("setting", "noise"),
-    [(1, 0.0), (20, 1.0)] + [pytest.param(s, 4.0, marks=pytest.mark.slow) for s in (1, 10, 20)],
+    ("procedure", "setting", "noise"),
+    [
+        ("paper", 1, 0.0),
+        ("plain", 1, 0.0),
+        ("joint", 1, 0.0),
+        ("plain", 20, 1.0),
+        *(
+            pytest.param(*more, marks=pytest.mark.slow)
+            for more in (
+                ("paper", 20, 1.0),
+                ("joint", 20, 1.0),
+                *itertools.product(("paper", "plain", "joint"), (1, 10, 20), (4.0,)),
+            )
+        ),
+    ],
 )
 def test_a_stroke_of_a_third_of_a_millimetre_is_fitted(procedure, setting, noise) -> None:
     log = trace(setting, amplitude=3e-4, noise=noise, duration=4.0)

@@ -81,8 +81,18 @@ def test_columns_too_short_for_their_squares_make_no_noise() -> None:
     assert found.change == pytest.approx([-1.0, 0.0])
 
 
-@pytest.mark.parametrize("k", [0, 1])
-@pytest.mark.parametrize("name", MODELS)
+# Some hundred steps along a valley, which a start nearby tells as well.
+LONG = {("Bennett5", 0), ("MGH09", 0), ("MGH17", 0)}
+
+
+@pytest.mark.parametrize(
+    ("name", "k"),
+    [
+        pytest.param(name, k, marks=pytest.mark.slow if (name, k) in LONG else [])
+        for name in MODELS
+        for k in (0, 1)
+    ],
+)
 def test_blocks_with_a_border_solve_the_problems_of_nist(name: str, k: int) -> None:
     # All parameters but the last are a block's own. From the near start each problem twice, side by
     # side; from the far one, where the way there is what is hard, once.

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 __all__ = ["Limit", "constants_of", "find_constants", "find_limits", "names_in"]
@@ -61,6 +62,7 @@ def find_limits(root: Path) -> dict[str, Limit]:
     return {name: found[name] for name in sorted(found)}
 
 
+@cache
 def _trees(root: Path) -> dict[str, ast.Module]:
     return {
         path.relative_to(root).as_posix(): ast.parse(path.read_text(encoding="utf-8"))

@@ -25,7 +25,7 @@ def fourth_cycle(parameters, phases, *, run_in=3, **how):
 @pytest.mark.parametrize(("parameters", "rows"), GOLDEN)
 def test_golden_table(parameters, rows):
     """N12, to the digits printed."""
-    solved = fourth_cycle(parameters, PHASES)
+    solved = fourth_cycle(parameters, PHASES, run_in=1)  # steady by then
     expected = np.array(rows)
     assert np.max(np.abs(solved.force[1:] - expected[:, 0])) <= 0.006
     assert np.max(np.abs(solved.pressures[:, 1:].T / 1e5 - expected[:, 1:])) <= 0.00011
@@ -45,7 +45,7 @@ def test_rest():
 def test_energy_balance():
     """N03: 79.211376 J over a steady cycle of set M, both sides."""
     phases = np.arange(2001) / 2000
-    solved = fourth_cycle(SMOOTH, phases, rtol=1e-12)
+    solved = fourth_cycle(SMOOTH, phases, run_in=1, rtol=1e-12)
     velocity = 2 * np.pi * 1.5 * 0.032 * np.cos(2 * np.pi * phases)
     work = model.cycle_energy(solved.time[1:], solved.force[1:], velocity)
     lost = model.dissipation(SMOOTH, PURDY_DAMPER, solved.pressures[:, 1:])

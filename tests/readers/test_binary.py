@@ -342,7 +342,7 @@ def test_damaged_bytes_give_a_log_or_one_line(tmp_path, writer) -> None:
     data = write(SCENARIO)
     path = tmp_path / file_name
     # MDF and HDF5 are read in a process of their own, 0.2 s each.
-    n_examples = 10 if writer in {"MDF", "MATLAB 7.3"} else 60
+    n_examples = 4 if writer in {"MDF", "MATLAB 7.3"} else 25
 
     @settings(
         max_examples=n_examples,

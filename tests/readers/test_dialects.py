@@ -304,7 +304,9 @@ def test_restarts_are_refused_split_or_cut(put) -> None:
     assert [part.time.tolist() for part in last] == [[0.0, 1.0, 2.0]]
 
 
-@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize(
+    "end", [*(pytest.param(end, marks=pytest.mark.slow) for end in ("\n", "\r")), "\r\n"]
+)
 def test_one_bad_row_in_a_large_log(put, end) -> None:
     # Large enough for several pieces; only the one with the fault is read field by field.
     n = 100_000
