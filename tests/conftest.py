@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import marshal
 import os
 import shlex
 import shutil
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -67,18 +70,45 @@ def first_command(tmp_path_factory) -> tuple[Path, subprocess.CompletedProcess[s
         for line in (root / "README.md").read_text(encoding="utf-8").splitlines()
         if line.startswith("    pip install . && ")
     ]
-    folder = tmp_path_factory.mktemp("clone")
-    shutil.copytree(root / "sample_runs", folder / "sample_runs")
-    done = subprocess.run(
-        [sys.executable, "-m", *shlex.split(command)],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(root)},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
-    return folder, done
+
+    def run(folder: Path) -> None:
+        shutil.copytree(root / "sample_runs", folder / "sample_runs")
+        done = subprocess.run(
+            [sys.executable, "-m", *shlex.split(command)],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": str(root)},
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=120,
+        )
+        said = [done.args, done.returncode, done.stdout, done.stderr]
+        (folder.parent / "said.json").write_text(json.dumps(said), encoding="utf-8")
+
+    folder = _made_once(tmp_path_factory, "first_command", run)
+    said = json.loads((folder.parent / "said.json").read_text(encoding="utf-8"))
+    return folder, subprocess.CompletedProcess(*said)
+
+
+def _made_once(tmp_path_factory, name: str, make: Callable[[Path], None]) -> Path:
+    """Return a folder that one worker of this session fills, while others wait for it."""
+    place = tmp_path_factory.getbasetemp()
+    place = (place.parent if "PYTEST_XDIST_WORKER" in os.environ else place) / name
+    folder, ended = place / "clone", place / "ended"
+    try:
+        place.mkdir()
+    except FileExistsError:
+        for _ in range(3000):
+            if ended.exists():
+                return folder
+            time.sleep(0.1)
+        pytest.fail(f"{name}: another worker has not come to its end")
+    folder.mkdir()
+    try:
+        make(folder)
+    finally:
+        ended.touch()
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -170,21 +170,25 @@ from damperfit.report import draw_plot, report_plots
 from damperfit.tables import read_results
 plots = {p.name: p for p in report_plots(read_results(Path(sys.argv[1]))).plots}
 for kind in ("png", "svg", "pdf"):
-    for name in ("fan", "parameter_k_e", "setting_03_pressures"):
+    for name in ("parameter_k_e", "setting_03_pressures"):
         draw_plot(Path(sys.argv[2]) / f"{name}.{kind}", plots[name], kind=kind)
 """
 
 
-def test_another_process_draws_the_same_bytes(tmp_path):
+def test_another_process_draws_the_same_bytes(tmp_path, monkeypatch):
     folder = make_results(tmp_path / "results")
-    drawn = []
-    for seed, zone in (("1", "UTC"), ("2", "Asia/Tokyo")):
-        place = tmp_path / seed
-        place.mkdir()
-        how = {**os.environ, "PYTHONHASHSEED": seed, "TZ": zone}
-        root = str(Path(__file__).parents[1])
-        command = [sys.executable, "-c", _DRAW, str(folder), str(place)]
-        subprocess.run(command, check=True, cwd=root, env=how | {"PYTHONPATH": root}, timeout=120)
-        drawn.append({path.name: path.read_bytes() for path in sorted(place.iterdir())})
+    here, there = tmp_path / "here", tmp_path / "there"
+    here.mkdir()
+    there.mkdir()
+    monkeypatch.setattr(sys, "argv", ["draw", str(folder), str(here)])
+    exec(_DRAW, {})  # noqa: S102 - it is our own
+    how = {**os.environ, "PYTHONHASHSEED": "2", "TZ": "Asia/Tokyo"}
+    root = str(Path(__file__).parents[1])
+    command = [sys.executable, "-c", _DRAW, str(folder), str(there)]
+    subprocess.run(command, check=True, cwd=root, env=how | {"PYTHONPATH": root}, timeout=120)
+    drawn = [
+        {path.name: path.read_bytes() for path in sorted(place.iterdir())}
+        for place in (here, there)
+    ]
     assert drawn[0] == drawn[1]
-    assert len(drawn[0]) == 9
+    assert len(drawn[0]) == 6

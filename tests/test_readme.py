@@ -13,7 +13,6 @@ import re
 import shlex
 import shutil
 import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from matplotlib.ft2font import __freetype_version__
 from matplotlib.testing.compare import calculate_rms
 from PIL import Image
 
+from damperfit.cli import main
 from damperfit.report import draw_plot, report_plots
 from damperfit.tables import read_results
 
@@ -53,12 +53,6 @@ def _run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
         check=False,
         timeout=120,
     )
-
-
-def _damperfit(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    program, *arguments = shlex.split(command)
-    assert program == "damperfit"
-    return _run([sys.executable, "-m", "damperfit", *arguments], folder)
 
 
 def test_the_readme_is_a_first_screen() -> None:
@@ -119,7 +113,7 @@ def _same(word: str, wanted: str) -> bool:
         return word == wanted
 
 
-def test_pictures_are_those_that_the_tool_makes(first_command) -> None:
+def test_pictures_are_those_that_the_tool_makes(first_command, monkeypatch) -> None:
     """Each picture shown is there, and current: made anew it has the same curves."""
     places = {path.stem: path for path in (ROOT / "sample_runs" / "pictures").iterdir()}
     places |= {path.stem: path for path in (PAGES / "pictures").iterdir()}
@@ -128,7 +122,8 @@ def test_pictures_are_those_that_the_tool_makes(first_command) -> None:
     assert sorted(names) == sorted(places)
     clone, done = first_command
     assert done.returncode == 0
-    assert _damperfit("damperfit sweep --paper", clone).returncode == 0
+    monkeypatch.chdir(clone)
+    assert main(["sweep", "--paper"]) == 0
     plots = {plot.name: plot for plot in report_plots(read_results(clone / "results")).plots}
     for name in names:
         made = clone / "sweep" / f"{name}.png"

@@ -29,7 +29,7 @@ STARTS = (0.6, 1.5, 2.0)
 
 @pytest.fixture(scope="module")
 def log() -> Trace:
-    return trace(SETTING, noise=4.0)
+    return trace(SETTING, noise=4.0, duration=10.0)
 
 
 def _ours(log: Trace, start: dict[str, float]) -> dict[str, float]:

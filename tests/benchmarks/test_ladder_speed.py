@@ -80,7 +80,7 @@ def evidence() -> SettingLogs:
 
 @pytest.mark.slow
 def test_twelve_quantities_cost_at_most_six_fits_of_the_paper() -> None:
-    papers = trace(10, noise=4.0)  # 10 s at 1 kHz
+    papers = trace(10, noise=4.0, duration=10.0)  # at 1 kHz
     valves = logged(sine_motion(0.02, 1.5, cycles=15, sample_rate=1000.0), seed=3)
     model = damper()
     free = tuple(one.name for one in model.quantities if one.default is None)

@@ -23,7 +23,7 @@ def recording(
     damper: Damper = PURDY_DAMPER,
     noise: float = 0.0,
     rate: float = 1000.0,
-    duration: float = 6.0,
+    duration: float = 10.0,
     seed: int = 1,
     amplitude: float = AMPLITUDE,
 ) -> Recording:
@@ -48,8 +48,8 @@ def recording(
 
 
 def trace(setting: int, parameters: Parameters | None = None, **kwargs: object) -> Trace:
-    """Return the conditioned log."""
-    log = recording(setting, parameters, **kwargs)  # type: ignore[arg-type]
+    """Return the conditioned log, of 6 s unless it is said: nine cycles tell what fifteen do."""
+    log = recording(setting, parameters, **{"duration": 6.0, **kwargs})  # type: ignore[arg-type]
     return condition(log, ConditionOptions())
 
 

@@ -46,7 +46,7 @@ def truths() -> dict[int, Parameters]:
 
 @pytest.fixture(scope="module")
 def campaign(truths) -> Campaign:
-    logs = [trace(s, truth, noise=4.0) for s, truth in truths.items()]
+    logs = [trace(s, truth, noise=4.0, duration=10.0) for s, truth in truths.items()]
     return identify(logs, PURDY_DAMPER, OPTIONS, jobs=2)
 
 

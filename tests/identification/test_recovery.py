@@ -57,7 +57,7 @@ def test_noise_free_recovery_at_every_setting(setting: int, factor: float) -> No
 def test_paper_procedure_recovers_all_settings_from_noisy_logs(settings) -> None:
     # 4 N and 8 um rms at 1 kHz. The scatter of K_e is 0.55 % at setting 1 (measured over seeds),
     # so that its bar of 1 % is below two standard errors there; this seed is an ordinary one.
-    campaign = identify(traces(settings, noise=4.0), PURDY_DAMPER, jobs=2)
+    campaign = identify(traces(settings, noise=4.0, duration=10.0), PURDY_DAMPER, jobs=2)
     assert [fit.setting for fit in campaign.fits] == list(settings)
     assert campaign.warnings == ()
     assert campaign.is_complete

@@ -223,7 +223,13 @@ def test_friction_that_varies_neither_bends_r_m3_nor_stays_unnamed(procedure) ->
 
 def test_small_frictions_that_noise_moves_are_not_called_different() -> None:
     logs = [
-        trace(setting, replace(reference_parameters(setting), f_f=2.0), noise=20.0, seed=setting)
+        trace(
+            setting,
+            replace(reference_parameters(setting), f_f=2.0),
+            noise=20.0,
+            seed=setting,
+            duration=10.0,
+        )
         for setting in (1, 5, 10)
     ]
     sharing = identify(logs, PURDY_DAMPER).sharing

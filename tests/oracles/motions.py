@@ -157,7 +157,7 @@ MOTIONS: dict[str, Callable[[], Drive]] = {
     "road": road,
     # 0.48 m/s: chamber 2 empties now and then.
     "rough road": lambda: road(high=6.0),
-    "triangle": lambda: triangles(0.2, cycles=8),
+    "triangle": lambda: triangles(0.2, cycles=15),
     "two triangles": lambda: triangles(0.1, 0.25),
     "sine": lambda: steps((2.0 * math.pi * 1.5 * AMPLITUDE,), cycles=15, rest=0.0),
 }
