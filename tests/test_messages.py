@@ -6,6 +6,7 @@ import ast
 import re
 import tomllib
 from dataclasses import fields
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,7 @@ IN_SECTION = re.compile(rf"\[({'|'.join(DEFAULTS)})\] ([a-z]+_[a-z_]+)")
 COMMAND = re.compile(r"(?:run|as|of|see|by|Example:|\() ?damperfit ([a-z]+)\b")
 
 
+@cache
 def _texts(path: Path) -> list[tuple[int, str]]:
     """Every string of a module that is no docstring, with the parts of an f-string put together."""
     tree = ast.parse(path.read_text(encoding="utf-8"))

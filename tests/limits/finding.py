@@ -146,10 +146,11 @@ def _compared(tree: ast.Module, names: dict[str, Limit]) -> set[str]:
     found: set[str] = set()
     for scope in (tree, *functions):
         made: dict[str, set[str]] = {}
-        for node in _inside(scope):
+        nodes = _inside(scope)
+        for node in nodes:
             for target, value in _assigned(node):
                 made.setdefault(target, set()).update(_read(value, names))
-        for node in _inside(scope):
+        for node in nodes:
             for part in _sides(node):
                 found |= _read(part, names)
                 for inner in ast.walk(part):
@@ -158,12 +159,14 @@ def _compared(tree: ast.Module, names: dict[str, Limit]) -> set[str]:
     return found
 
 
-def _inside(scope: ast.AST) -> Iterator[ast.AST]:
-    """Yield what stands in a function, or at the top of a module, but not in functions inside."""
-    for child in ast.iter_child_nodes(scope):
-        yield child
-        if not isinstance(child, ast.FunctionDef):
-            yield from _inside(child)
+def _inside(scope: ast.AST) -> list[ast.AST]:
+    """Return what stands in a function, or at the top of a module, but not in functions inside."""
+    found, left = [], [scope]
+    while left:
+        inner = list(ast.iter_child_nodes(left.pop()))
+        found += inner
+        left += [one for one in inner if not isinstance(one, ast.FunctionDef)]
+    return found
 
 
 def _assigned(node: ast.AST) -> Iterator[tuple[str, ast.expr]]:

@@ -50,6 +50,7 @@ def run(toy, *more):
     return done
 
 
+@pytest.mark.slow
 def test_what_is_held_is_killed_and_what_is_only_run_survives(toy) -> None:
     done = run(toy, "--count", "50")
     assert done.returncode == 1

@@ -61,16 +61,20 @@ def test_what_a_library_prints_is_no_answer() -> None:
 
 
 @pytest.mark.parametrize(
-    ("log", "says"),
+    ("log", "says", "n_before"),
     [
-        (b"crash", "damaged Fault file: its reader ended by SIGSEGV; copy the log again"),
-        (b"exit", "damaged Fault file: its reader ended by code 7"),
-        (b"raise", "damaged Fault file: its reader ended by code 1"),
-        (b"refuse", "log.x: this one is refused"),
-        (b"allocate 2000000000", r"needs more memory than the limit \(rig.max_log_bytes\) allows"),
+        (b"crash", "damaged Fault file: its reader ended by SIGSEGV; copy the log again", 0),
+        (b"crash", "damaged Fault file: its reader ended by SIGSEGV; copy the log again", 1),
+        (b"exit", "damaged Fault file: its reader ended by code 7", 1),
+        (b"raise", "damaged Fault file: its reader ended by code 1", 0),
+        (b"refuse", "log.x: this one is refused", 1),
+        (
+            b"allocate 2000000000",
+            r"needs more memory than the limit \(rig.max_log_bytes\) allows",
+            1,
+        ),
     ],
 )
-@pytest.mark.parametrize("n_before", [0, 1])
 def test_a_log_that_breaks_its_child_costs_itself_alone(log, says, n_before) -> None:
     pids = [ask(b"before").said["pid"] for _ in range(n_before)]
     with pytest.raises(LogError, match=says):

@@ -250,7 +250,7 @@ def test_a_tie_is_a_correlation_that_triples_an_error(correlation: float, *, is_
 @pytest.mark.parametrize(
     ("trial", "n"),
     [
-        (Trial(), 50),
+        (Trial(), 30),
         pytest.param(Trial(), 100, marks=pytest.mark.slow),
         pytest.param(Trial(is_white=True), 100, marks=pytest.mark.slow),
     ],

@@ -78,7 +78,7 @@ def test_a_channel_two_milliseconds_late_is_named(late: int) -> None:
     assert ("late" if late > 0 else "early") in found.warnings[0]
 
 
-@pytest.mark.parametrize("factor", [1.2, 0.8])
+@pytest.mark.parametrize("factor", [1.2, pytest.param(0.8, marks=pytest.mark.slow)])
 def test_gas_wrong_by_a_fifth_is_named(factor: float) -> None:
     gas = replace(PURDY_DAMPER, gas_pressure=factor * PURDY_DAMPER.gas_pressure)
     found = judged(traces(SETTINGS, noise=4.0, damper=gas))
@@ -91,7 +91,7 @@ def test_gas_wrong_by_a_fifth_is_named(factor: float) -> None:
     assert any("offset" in {hint.name for hint in one.hints} for one in found.diagnoses)
 
 
-@pytest.mark.parametrize("fall", [0.02, 0.05])
+@pytest.mark.parametrize("fall", [0.02, pytest.param(0.05, marks=pytest.mark.slow)])
 def test_friction_that_depends_on_velocity_is_named(fall: float) -> None:
     logs = []
     for setting in SETTINGS:
@@ -150,10 +150,13 @@ def test_the_split_of_the_mse_adds_up() -> None:
     assert f"of which {one.noise_percent:.2g} % is noise: the model is missing" in one.sentence
 
 
+@pytest.mark.parametrize(
+    "settings", [(12,), pytest.param((4, 12, 18), marks=pytest.mark.slow)], ids=["one", "three"]
+)
 @pytest.mark.parametrize("flaw", FLAWS, ids=lambda flaw: flaw.name)
-def test_flaws_are_named_at_other_settings_too(flaw: Flaw) -> None:
+def test_flaws_are_named_at_other_settings_too(flaw: Flaw, settings: tuple[int, ...]) -> None:
     # Many seeds by hand: python -m tests.uncertainty.flaws.
-    for names in outcomes(flaw, (4, 12, 18), seed=7):
+    for names in outcomes(flaw, settings, seed=7):
         assert flaw.expected in names if flaw.expected else names == ()
 
 
