@@ -138,7 +138,7 @@ def test_the_jackknife_over_cycles_is_that_of_the_cycle_sums() -> None:
 
 
 def test_errors_of_white_residuals_are_those_of_the_textbook() -> None:
-    log = trace(8, noise=4.0)
+    log = trace(8, noise=4.0, duration=10.0)
     options = FitOptions("plain", FREE, KNOWN)
     campaign = identify([log], PURDY_DAMPER, options)
     linearised = linearise_settings(campaign, PURDY_DAMPER)
@@ -176,7 +176,8 @@ def test_intervals_are_positive_and_named_for_what_the_logs_gave() -> None:
 
 
 def test_the_jackknife_over_cycles_is_told_beside_the_errors_printed() -> None:
-    sound = assess(identify(traces([1, 10], noise=4.0), PURDY_DAMPER), PURDY_DAMPER)
+    whole = {"noise": 4.0, "duration": 10.0}
+    sound = assess(identify(traces([1, 10], **whole), PURDY_DAMPER), PURDY_DAMPER)
     ratios = [i.cycle_ratio for u in sound.uncertainties for i in u.intervals.values()]
     known = [ratio for ratio in ratios if math.isfinite(ratio)]
     assert len(known) == 6  # shared parameters have no cycles of their own
@@ -185,7 +186,7 @@ def test_the_jackknife_over_cycles_is_told_beside_the_errors_printed() -> None:
     low, high = np.quantile(known, (0.05, 0.95))
     assert sound.cycle_check.endswith(f"from {low:.2g} to {high:.2g}).")
     gas = replace(PURDY_DAMPER, gas_pressure=1.3 * PURDY_DAMPER.gas_pressure)
-    bent = assess(identify(traces([1, 10], noise=4.0, damper=gas), PURDY_DAMPER), PURDY_DAMPER)
+    bent = assess(identify(traces([1, 10], damper=gas, **whole), PURDY_DAMPER), PURDY_DAMPER)
     assert "sees no misfit that repeats" in bent.cycle_check
     assert Assessment().cycle_check == ""
 

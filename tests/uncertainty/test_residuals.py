@@ -27,7 +27,7 @@ KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_sound_set_is_left_in_peace(seed: int) -> None:
-    found = judged(traces(SETTINGS, noise=4.0, seed=seed))
+    found = judged(traces(SETTINGS, noise=4.0, seed=seed, duration=10.0))
     assert found.warnings == ()
     for one in found.diagnoses:
         assert not one.is_structured
