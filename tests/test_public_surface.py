@@ -247,6 +247,7 @@ SURFACE = {
     "damperfit.damper.purdy.cavitation": ["examine_cavitation"],
     "damperfit.damper.purdy.integration": ["SENSITIVITY_NAMES", "integrate"],
     "damperfit.damper.purdy.quantities": ["OF_OIL", "OIL", "QUANTITIES"],
+    "damperfit.damper.purdy.roots": ["nonnegative_least_squares", "root_between"],
     "damperfit.damper.purdy.starting": [
         "REBOUND",
         "cavitation_limit",
@@ -746,6 +747,7 @@ SURFACE = {
         "write_responses",
         "write_table",
     ],
+    "damperfit.compiled_core": ["compiled_core"],
     "damperfit.comparison": [
         "Band",
         "Circumstance",

@@ -163,10 +163,10 @@ def _judged(points: Points, curve: Curve, left_out: tuple[int, ...]) -> _Candida
 
 
 def _is_off(points: Points, one: _Candidate, place: int) -> bool:
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     choices = math.comb(len(points), len(one.left_out))
-    bound = float(student.ppf(1.0 - 0.5 * _FALSE_ALARM / len(points) / choices, one.curve.freedom))
+    bound = float(stdtrit(one.curve.freedom, 1.0 - 0.5 * _FALSE_ALARM / len(points) / choices))
     return _distance(points, one.curve, place) > bound
 
 

@@ -302,9 +302,9 @@ def _reversals(
 
 def _quantile(curve: Curve, n: int) -> float:
     """Student's t that none of n steps exceeds by chance in 95 of 100 cases."""
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
-    return float(student.ppf(1.0 - 0.5 * _95_PERCENT / n, max(curve.freedom, 1)))
+    return float(stdtrit(max(curve.freedom, 1), 1.0 - 0.5 * _95_PERCENT / n))
 
 
 def _curve_points(points: Points, curve: Curve) -> tuple[TrendPoint, ...]:

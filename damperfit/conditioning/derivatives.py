@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.compiled_core import compiled_core
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -47,12 +49,8 @@ def differentiate(displacement: FloatArray, interval: float) -> FloatArray:
     >>> np.allclose(differentiate(t**3, 0.5), 3 * t**2)
     True
     """
-    from scipy.interpolate import CubicSpline
-
-    n = len(displacement)
-    spline = CubicSpline(np.arange(n, dtype=np.float64), displacement)
-    slope = np.empty(n)
-    slope[:-1] = spline.c[2]
-    slope[-1] = spline(n - 1.0, 1)
-    slope /= interval
-    return slope
+    samples = np.ascontiguousarray(displacement, dtype=np.float64)
+    slopes = np.empty(len(samples))
+    compiled_core().spline_slopes(samples, slopes, np.empty(len(samples)))
+    slopes /= interval
+    return slopes

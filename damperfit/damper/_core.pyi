@@ -46,3 +46,16 @@ def follow(
     rounding: float,
     /,
 ) -> tuple[int, int]: ...
+def run_filter(
+    sections: Buffer,
+    steady: Buffer,
+    signal: Buffer,
+    result: Buffer,
+    scratch: Buffer,
+    rows: int,
+    pad: int,
+    way: int,
+    /,
+) -> None: ...
+def spline_slopes(samples: Buffer, slopes: Buffer, scratch: Buffer, /) -> None: ...
+def between(signal: Buffer, positions: Buffer, values: Buffer, rows: int, /) -> None: ...

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.compiled_core import compiled_core
 from damperfit.errors import ConfigurationError, SimulationError, did_you_mean
 from damperfit.simulation import Response, SolverOptions, Work
-from damperfit.simulation.compiled_core import compiled_core, describe_ending
+from damperfit.simulation.endings import describe_ending
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

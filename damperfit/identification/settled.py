@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.compiled_core import compiled_core
 from damperfit.identification.weights import weights
 from damperfit.simulation import Motion
 
@@ -48,7 +49,6 @@ _SETTLING = 0.25
 # Samples by which cycles may be out of step and still be those of one period; by which the last
 # cycle's samples may fall beside the first's and still be on the same places.
 _IN_STEP = 0.5
-_TAPS = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -183,17 +183,9 @@ def _interpolated(channels: FloatArray, positions: FloatArray) -> FloatArray:
 
     At a tenth of the sample rate a polynomial through so many errs by 1e-5.
     """
-    first = np.floor(positions).astype(np.int64) - (_TAPS // 2 - 1)
-    first = np.clip(first, 0, channels.shape[1] - _TAPS)
-    away = positions - first
-    distances = [away - tap for tap in range(_TAPS)]
-    found = np.zeros((len(channels), *positions.shape))
-    for tap in range(_TAPS):
-        share = np.ones(positions.shape)
-        for other in range(_TAPS):
-            if other != tap:
-                share *= distances[other] / (tap - other)
-        found += share * channels[:, first + tap]
+    at = np.ascontiguousarray(positions, dtype=np.float64)
+    found = np.empty((len(channels), *at.shape))
+    compiled_core().between(np.ascontiguousarray(channels), at, found, len(channels))
     return found
 
 

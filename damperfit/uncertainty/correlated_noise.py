@@ -54,14 +54,25 @@ _NOTHING = 1e-14
 
 def autocorrelation(residuals: FloatArray, n_lags: int) -> FloatArray:
     """Return the sample autocorrelation at lags 0 to ``n_lags``; 1, 0, 0, ... for zeros."""
-    from scipy.fft import irfft, next_fast_len, rfft
-
     n = len(residuals)
-    spectrum = rfft(residuals, next_fast_len(n + n_lags + 1, real=True))
-    sums = irfft(np.abs(spectrum) ** 2, next_fast_len(n + n_lags + 1, real=True))[: n_lags + 1]
+    spectrum = np.fft.rfft(residuals, _fast_length(n + n_lags + 1))
+    sums = np.fft.irfft(np.abs(spectrum) ** 2, _fast_length(n + n_lags + 1))[: n_lags + 1]
     if not sums[0] > 0.0:
         return np.asarray(np.eye(1, n_lags + 1)[0])
     return np.asarray(sums / sums[0])
+
+
+def _fast_length(n: int) -> int:
+    """Return the least length from n on with no prime factor but 2, 3 and 5."""
+    best = 1 << max(n - 1, 0).bit_length()
+    fives = 1
+    while fives < best:
+        threes = fives
+        while threes < best:
+            best = min(best, threes << max(-(-n // threes) - 1, 0).bit_length())
+            threes *= 3
+        fives *= 5
+    return best
 
 
 def correlation_length(residuals: FloatArray, *, longest: int) -> int:
@@ -134,15 +145,15 @@ def lost_share(window: FloatArray, n: int) -> float:
 
 def smoothed(columns: FloatArray, kernel: FloatArray) -> FloatArray:
     """Return columns, shape (n, k), convolved with a symmetric kernel that is given from lag 0."""
-    from scipy.fft import irfft, next_fast_len, rfft
-
     n, reach = len(columns), len(kernel)
-    length = next_fast_len(n + reach, real=True)
+    length = _fast_length(n + reach)
     whole = np.zeros(length)
     whole[:reach] = kernel
     whole[length - reach + 1 :] = kernel[:0:-1]
-    gain = rfft(whole).real
-    return np.asarray(irfft(rfft(columns, length, axis=0) * gain[:, None], length, axis=0)[:n])
+    gain = np.fft.rfft(whole).real
+    return np.asarray(
+        np.fft.irfft(np.fft.rfft(columns, length, axis=0) * gain[:, None], length, axis=0)[:n]
+    )
 
 
 def stationary_covariance(jacobian: FloatArray, residuals: FloatArray, lag: int) -> FloatArray:
@@ -162,19 +173,18 @@ def stationary_covariance(jacobian: FloatArray, residuals: FloatArray, lag: int)
     numpy.ndarray
         Shape (k, k), positive semi-definite.
     """
-    from scipy.fft import irfft, next_fast_len, rfft
-
     n = len(residuals)
     reach = min(2 * lag + 1, n)
     window = np.clip(2.0 - np.arange(reach) / max(lag, 1), 0.0, 1.0)
     covariance = autocorrelation(residuals, reach - 1) * float(residuals @ residuals) / n * window
-    length = next_fast_len(2 * n, real=True)
+    length = _fast_length(2 * n)
     kernel = np.zeros(length)
     kernel[:reach] = covariance
     kernel[length - reach + 1 :] = covariance[:0:-1]
     # No frequency has less noise than none; the window alone would let some.
-    gain = np.maximum(rfft(kernel).real, 0.0)
-    smooth = irfft(rfft(jacobian, length, axis=0) * gain[:, None], length, axis=0)[:n]
+    gain = np.maximum(np.fft.rfft(kernel).real, 0.0)
+    seen = np.fft.rfft(jacobian, length, axis=0) * gain[:, None]
+    smooth = np.fft.irfft(seen, length, axis=0)[:n]
     total = jacobian.T @ smooth
     return np.asarray(0.5 * (total + total.T))
 

@@ -20,9 +20,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from damperfit import compiled_core
 from damperfit.cli import main
 from damperfit.readers import ReadOptions, read_log
-from damperfit.simulation import compiled_core
 from tests.cli.faults import FAULTS, LIMIT, NAMES, Good, file_name
 
 TESTS = Path(__file__).parents[1]

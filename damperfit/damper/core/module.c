@@ -5,6 +5,7 @@
 
 #include "hysteresis.h"
 #include "network.h"
+#include "signals_module.h"
 
 enum { GEOMETRY, PARAMETERS, X, V, WHICH, PRESSURES, MASSES, FORCE, SENSITIVITIES, N_BUFFERS };
 
@@ -276,6 +277,13 @@ static PyMethodDef METHODS[] = {
     {"follow", follow, METH_VARARGS,
      "follow(numbers, layout, displacement, velocity, force, slopes, interval, rounding)\n"
      "-> (code, sample). Fills force and its slopes, a row of numbers for each sample."},
+    {"run_filter", df_py_filter, METH_VARARGS,
+     "run_filter(sections, steady, signal, result, scratch, rows, pad, way)\n"
+     "Filters each row; way 1 forward, -1 backward, 0 both with its ends reflected over pad."},
+    {"spline_slopes", df_py_spline_slopes, METH_VARARGS,
+     "spline_slopes(samples, slopes, scratch)\nFills the slopes of the spline, by sample."},
+    {"between", df_py_between, METH_VARARGS,
+     "between(signal, positions, values, rows)\nFills each row's values at fractional samples."},
     {NULL, NULL, 0, NULL}};
 
 /* Two phases, so that every interpreter of a process has a module of its own. From 3.12 on one with

@@ -18,6 +18,7 @@ import numpy as np
 
 from damperfit.damper.cavitation import emptiest, seen_cavitation
 from damperfit.damper.purdy.closed_forms import gas_pressure
+from damperfit.damper.purdy.roots import root_between
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.simulation import Motion, SolverOptions, motion_of, simulate
 
@@ -99,8 +100,6 @@ def _root(lowest: Callable[[float], float], guess: float) -> float:
 
     The bracket opens from the guess until the sign changes; then Brent's method.
     """
-    from scipy.optimize import brentq
-
     if not 1.0 / _WIDEST_FACTOR <= guess <= _WIDEST_FACTOR:
         return math.nan
     known: dict[float, float] = {}
@@ -114,7 +113,7 @@ def _root(lowest: Callable[[float], float], guess: float) -> float:
         for step in (_FIRST_STEP, 0.05, 0.3, 1.0, 3.0, 7.0):
             low, high = guess / (1.0 + step), guess * (1.0 + step)
             if at(low) * at(high) <= 0.0:
-                return float(brentq(at, low, high, xtol=_TOLERANCE * guess))
+                return root_between(at, low, high, tolerance=_TOLERANCE * guess)
     except (SimulationError, ConfigurationError):  # no such motion, or no such damper
         pass
     return math.nan

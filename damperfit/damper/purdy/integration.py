@@ -20,11 +20,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.compiled_core import compiled_core
 from damperfit.damper.cylinder import filling
 from damperfit.damper.purdy.quantities import QUANTITIES
 from damperfit.errors import SimulationError, did_you_mean
 from damperfit.simulation import Response, Work
-from damperfit.simulation.compiled_core import compiled_core, describe_ending
+from damperfit.simulation.endings import describe_ending
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,6 +10,7 @@ import numpy as np
 from damperfit.damper.detour import Detour
 from damperfit.damper.purdy.closed_forms import gas_pressure, incompressible_design
 from damperfit.damper.purdy.parameters import Parameters
+from damperfit.damper.purdy.roots import nonnegative_least_squares
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -64,8 +65,6 @@ def starting_values(
     k_e : float
         Bulk modulus to start from, Pa; the closed form does not know it.
     """
-    from scipy.optimize import nnls
-
     columns, force = _stack(traces, damper)
     if "f_0" in fixed:
         force = force - fixed["f_0"]
@@ -80,7 +79,8 @@ def starting_values(
     free = [j for j in range(columns.shape[1]) if j not in held]
     solution = np.zeros(columns.shape[1])
     if free:
-        solution[free] = nnls(columns[:, free] / scale[free], force)[0] / scale[free]
+        scaled = columns[:, free] / scale[free]
+        solution[free] = nonnegative_least_squares(scaled, force) / scale[free]
     with np.errstate(over="ignore"):  # a parameter held far off: the simulation will say so
         floor = _SMALL_SHARE * float(np.std(force)) / scale
     offset = 0.0

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.compiled_core import compiled_core
 from damperfit.errors import SimulationError
-from damperfit.simulation.compiled_core import compiled_core, describe_ending
+from damperfit.simulation.endings import describe_ending
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

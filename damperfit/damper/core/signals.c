@@ -1,0 +1,87 @@
+/* Filters, spline slopes and interpolation. No allocation, no globals, re-entrant. */
+#include "signals.h"
+
+#include <math.h>
+
+enum { TAPS = 8 };
+
+void df_filter_once(const df_sections *f, size_t n, const double *in, double *out, int backward)
+{
+    double z[DF_MOST_SECTIONS][2];
+    if (!n)
+        return;
+    const double first = in[backward ? n - 1 : 0];
+    for (int k = 0; k < f->n; k++) {
+        z[k][0] = f->steady[DF_STEADY_ROW * k] * first;
+        z[k][1] = f->steady[DF_STEADY_ROW * k + 1] * first;
+    }
+    for (size_t step = 0; step < n; step++) {
+        const size_t at = backward ? n - 1 - step : step;
+        double x = in[at];
+        for (int k = 0; k < f->n; k++) {
+            const double *s = f->rows + DF_SECTION_ROW * k;
+            const double y = s[0] * x + z[k][0];
+            z[k][0] = s[1] * x - s[4] * y + z[k][1];
+            z[k][1] = s[2] * x - s[5] * y;
+            x = y;
+        }
+        out[at] = x;
+    }
+}
+
+void df_filter_both(const df_sections *f, size_t n, size_t pad, const double *in, double *out,
+                    double *scratch)
+{
+    for (size_t k = 0; k < pad; k++) {
+        scratch[k] = 2.0 * in[0] - in[pad - k];
+        scratch[pad + n + k] = 2.0 * in[n - 1] - in[n - 2 - k];
+    }
+    for (size_t k = 0; k < n; k++)
+        scratch[pad + k] = in[k];
+    df_filter_once(f, n + 2 * pad, scratch, scratch, 0);
+    df_filter_once(f, n + 2 * pad, scratch, scratch, 1);
+    for (size_t k = 0; k < n; k++)
+        out[k] = scratch[pad + k];
+}
+
+void df_spline_slopes(size_t n, const double *y, double *slopes, double *scratch)
+{
+    /* s0 + 2 s1 = (5 m0 + m1)/2, s(i-1) + 4 s(i) + s(i+1) = 3 (y(i+1) - y(i-1)), and the first
+       row mirrored; eliminated from the top, where no pivot is needed: after the first row the
+       diagonal is 2, then above 3. */
+    slopes[0] = 0.5 * (5.0 * (y[1] - y[0]) + (y[2] - y[1]));
+    scratch[0] = 2.0;
+    for (size_t k = 1; k + 1 < n; k++) {
+        const double pivot = 4.0 - scratch[k - 1];
+        scratch[k] = 1.0 / pivot;
+        slopes[k] = (3.0 * (y[k + 1] - y[k - 1]) - slopes[k - 1]) / pivot;
+    }
+    const double right = 0.5 * (5.0 * (y[n - 1] - y[n - 2]) + (y[n - 2] - y[n - 3]));
+    slopes[n - 1] = (right - 2.0 * slopes[n - 2]) / (1.0 - 2.0 * scratch[n - 2]);
+    for (size_t k = n - 1; k-- > 0;)
+        slopes[k] -= scratch[k] * slopes[k + 1];
+}
+
+void df_between(size_t n, const double *y, size_t n_at, const double *at, double *values)
+{
+    /* One over the products of the differences of the taps: Lagrange's denominators. */
+    static const double SHARE[TAPS] = {-1.0 / 5040.0, 1.0 / 720.0, -1.0 / 240.0, 1.0 / 144.0,
+                                       -1.0 / 144.0,  1.0 / 240.0, -1.0 / 720.0, 1.0 / 5040.0};
+    const double last = (double)(n - TAPS);
+    for (size_t k = 0; k < n_at; k++) {
+        double first = floor(at[k]) - (TAPS / 2 - 1);
+        /* The comparisons are written so that a position that is no number ends inside too. */
+        first = first > 0.0 ? first : 0.0;
+        first = first < last ? first : last;
+        const double *from = y + (size_t)first;
+        double before[TAPS], after = 1.0, sum = 0.0;
+        before[0] = 1.0;
+        for (int tap = 1; tap < TAPS; tap++)
+            before[tap] = before[tap - 1] * (at[k] - first - (tap - 1));
+        for (int tap = TAPS - 1; tap >= 0; tap--) {
+            sum += SHARE[tap] * before[tap] * after * from[tap];
+            after *= at[k] - first - tap;
+        }
+        values[k] = sum;
+    }
+}

@@ -1,0 +1,38 @@
+/* What is done to sampled signals: recursive filters, slopes of splines, values between samples. */
+#ifndef DAMPERFIT_SIGNALS_H
+#define DAMPERFIT_SIGNALS_H
+
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Sections of second order: b0 b1 b2 1 a1 a2 of each; steady: its state for a constant 1. */
+enum { DF_MOST_SECTIONS = 32, DF_SECTION_ROW = 6, DF_STEADY_ROW = 2 };
+
+typedef struct {
+    int n;
+    const double *rows, *steady;
+} df_sections;
+
+/* Filters n samples once, or back to front where backward is not 0; begins in the steady state of
+   the sample that comes first. In place is allowed. */
+void df_filter_once(const df_sections *f, size_t n, const double *in, double *out, int backward);
+
+/* Filters forward and backward, both ends continued by odd reflection over pad < n samples.
+   scratch: n + 2 pad. */
+void df_filter_both(const df_sections *f, size_t n, size_t pad, const double *in, double *out,
+                    double *scratch);
+
+/* Slopes of the cubic spline through n >= 4 samples, without a knot at the second from either end;
+   by sample. scratch: n. */
+void df_spline_slopes(size_t n, const double *y, double *slopes, double *scratch);
+
+/* Values at fractional samples, through the eight around each; n >= 8. */
+void df_between(size_t n, const double *y, size_t n_at, const double *at, double *values);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
