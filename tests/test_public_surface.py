@@ -84,6 +84,7 @@ SURFACE = {
         "UNREADABLE",
         "content_key",
         "hash_of",
+        "in_unicode",
         "parted",
         "share_of",
         "tasks_of",

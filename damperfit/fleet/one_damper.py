@@ -14,7 +14,7 @@ from damperfit.errors import DamperfitError, mishap_of
 from damperfit.fleet.parts import part_path, read_facts_of, renew_facts, touch, write_part
 from damperfit.fleet.sources import Source, brought_here, head_of
 from damperfit.fleet.stores import UnreachableError
-from damperfit.fleet.tasks import UNREADABLE, content_key, hash_of, told_by
+from damperfit.fleet.tasks import UNREADABLE, content_key, hash_of, in_unicode, told_by
 from damperfit.queries.baseline import compared_record
 from damperfit.run.labelling import labels_for
 from damperfit.setting import ADJUSTER
@@ -122,6 +122,9 @@ def do(job: Job) -> Done:
 def known(job: Job) -> Done | None:
     """Return what the part of a task says, where it is there; nothing is fetched for that."""
     task = job.task
+    # Nothing is hashed, once here and once by the worker, where there can be no part.
+    if not part_path(job.folder, task.owner, "").parent.is_dir():
+        return None
     entries: list[tuple[PurePath, str]] = []
     for one in (*task.logs, *task.tables):
         if not one.is_remote:
@@ -232,8 +235,9 @@ def _dead_rows(job: Job, here: Mapping[Source, Path]) -> Iterator[dict[str, Any]
 def _named(message: str, task: Task, here: Mapping[Source, Path]) -> str:
     """Return a message with logs by their names, wherever they were when they were read."""
     for log in task.logs:
-        message = message.replace(str(here[log]), log.name)
-    return message
+        for spelled in (str, in_unicode):
+            message = message.replace(spelled(str(here[log])), in_unicode(log.name))
+    return in_unicode(message)
 
 
 def _results(configuration: Configuration, logs: Sequence[str]) -> Iterator[tuple[str, RunResult]]:
@@ -257,7 +261,7 @@ def try_log(job: Job) -> Done:
 def _failure(
     log: str, kind: str, message: str, damper: str | None = None, setting: object = None
 ) -> dict[str, Any]:
-    row = {"log": log, "error_kind": kind, "error": message}
+    row = {"log": in_unicode(log), "error_kind": kind, "error": message}
     row |= {} if damper is None else {"damper": damper}
     return row | ({} if setting is None else {"setting": str(setting)})
 

@@ -176,6 +176,8 @@ def head_of(source: Source) -> bytes:
     try:
         if source.is_remote:
             return beginning_of(source.place, _HEAD)
+        if not Path(source.place).is_file():  # whoever opens a pipe waits for somebody to write
+            return b""
         with Path(source.place).open("rb") as file:
             return file.read(_HEAD)
     except (OSError, UnreachableError):

@@ -259,6 +259,8 @@ def _series(
         if not found and f"{column}_se" not in table.column_names:
             continue
         values = _numbers(table, column)[rows]
+        if not found and _is_held(values, _numbers(table, f"{column}_se")[rows]):
+            continue
         bands = tuple(spreads_of(values, names, places))
         if not bands:
             continue
@@ -271,6 +273,12 @@ def _series(
             told = table.schema.field(column).metadata or {}
             unit = told.get(b"unit", b"").decode()
             yield Series(column, column, unit, values, bands)
+
+
+def _is_held(values: FloatArray, errors: FloatArray) -> bool:
+    """Whether a parameter was fitted nowhere and is the same everywhere: nothing to see."""
+    known = values[np.isfinite(values)]
+    return not np.isfinite(errors).any() and len(known) > 1 and bool(np.all(known == known[0]))
 
 
 def _outliers(series: Series, names: NDArray[np.object_]) -> Iterator[FarOff]:

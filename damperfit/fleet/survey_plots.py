@@ -5,7 +5,7 @@ However many dampers there are, a picture has one band and a bounded number of p
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, timedelta
 from itertools import cycle
 from typing import TYPE_CHECKING
@@ -38,10 +38,11 @@ __all__ = ["series_plots", "trend_plots"]
 _NAMED = 6  # dampers of one picture that have a colour and a name of their own
 _MOST_POINTS = 500  # of the others that are far off
 _MOST_GROUPS = 60  # of dates
+_EDGES = (5.0, 25.0, 75.0, 95.0)  # per cent
 
 
 def series_plots(found: Survey) -> tuple[Plot, ...]:
-    """Return one picture a series: median and middle 90 % by setting, and who is far off."""
+    """Return one picture a series: median and distribution by setting, and who is far off."""
     far: dict[str, list[FarOff]] = {}
     for one in found.outliers:
         far.setdefault(one.series, []).append(one)
@@ -70,7 +71,47 @@ def _series_plot(
         x_range=shown,
     )
     title = series.label[0].upper() + series.label[1:] if series.stroke else series.label
-    return Plot(f"fleet_{series.name}", title, (panel,))
+    beside = tuple(_beside(series, far, places, ranks))
+    if not beside:
+        return Plot(f"fleet_{series.name}", title, (panel,))
+    unit = series.unit if series.stroke else "%"
+    below = replace(panel, lines=beside, y_label="beside the median", y_unit=unit)
+    return Plot(f"fleet_{series.name}", title, (panel, below))
+
+
+def _beside(
+    series: Series, far: Sequence[FarOff], places: dict[Setting, float], ranks: dict[str, int]
+) -> Iterator[Line]:
+    """Yield how values are distributed around the median, which hardly shows where that rises.
+
+    Forces stay in their unit, as they go through nothing; parameters are shares of the median.
+    """
+    known = {
+        band.setting: 1.0 if series.stroke else 100.0 / abs(band.median)
+        for band in series.bands
+        if band.n_dampers >= LEAST_DAMPERS and (series.stroke or band.median)
+    }
+    spread = [
+        known[band.setting] * (np.percentile(series.values[band.rows], _EDGES) - band.median)
+        for band in series.bands
+        if band.setting in known
+    ]
+    if not spread:
+        return
+    x = np.array([places[setting] for setting in known])
+    lowest, low, high, highest = np.array(spread).T
+    style = "solid" if len(known) > 1 else "points"
+    zero = np.zeros(len(x))
+    for words, ends in (("middle 90 %", (lowest, highest)), ("middle half", (low, high))):
+        yield Line(
+            *(x, zero, words, "ink"), style=style, low=ends[0], high=ends[1], in_legend=False
+        )
+    moved = [
+        replace(one, value=known[one.setting] * (one.value - one.median))
+        for one in far
+        if one.setting in known
+    ]
+    yield from (replace(line, in_legend=False) for line in _far(moved, places, ranks))
 
 
 def _middle(series: Series, places: dict[Setting, float]) -> Iterator[Line]:

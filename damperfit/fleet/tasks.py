@@ -32,6 +32,7 @@ __all__ = [
     "Task",
     "content_key",
     "hash_of",
+    "in_unicode",
     "parted",
     "share_of",
     "tasks_of",
@@ -131,7 +132,8 @@ def tasks_of(sources: Sequence[Source], configuration: Configuration) -> tuple[T
     # In a store each log that is not known costs the time of an answer.
     with executor(AT_ONCE if any(one.is_remote for one in logs) else 1) as pool:
         for log, owner in zip(logs, pool.map(lambda one: _owner(one, rows), logs), strict=True):
-            owners[owner or configuration.test.identity.owner or log.folder].append(log)
+            known = owner or configuration.test.identity.owner
+            owners[known or in_unicode(log.folder)].append(log)
     beside = {(_where(one), one.folder): one for one in tables}
     return tuple(
         Task(owner, tuple(mine), tuple(dict.fromkeys(_beside(mine, beside))))
@@ -175,6 +177,17 @@ def _owner(log: Source, rows: Mapping[tuple[str, str], str]) -> str:
     if not owner:
         owner = told_by(head_of(log)) if log.seen is None else log.seen.told
     return owner
+
+
+def in_unicode(name: str) -> str:
+    r"""Return a name with bytes that are no UTF-8 as escapes: no table takes them as they are.
+
+    Examples
+    --------
+    >>> print(in_unicode("D\udce4mpfer"))
+    D\xe4mpfer
+    """
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 def told_by(head: bytes) -> str:
@@ -230,6 +243,7 @@ def content_key(entries: Iterable[tuple[PurePath, str]], configuration: Configur
 def hash_of(path: Path) -> str:
     """Return the SHA-256 of a file, hexadecimal; `UNREADABLE` where it cannot be opened."""
     try:
-        return sha256_of(path)
+        # Whoever opens a pipe waits for somebody to write.
+        return sha256_of(path) if path.is_file() else UNREADABLE
     except OSError:
         return UNREADABLE

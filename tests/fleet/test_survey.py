@@ -19,7 +19,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.fleet.bands import held_against
 from damperfit.fleet.page import MOST_LINES, damper_sheet, fleet_page, outlier_sheet
 from damperfit.fleet.parts import part_path, write_part
-from damperfit.fleet.survey import survey
+from damperfit.fleet.survey import LEAST_DAMPERS, survey
 from damperfit.fleet.survey_plots import series_plots, trend_plots
 from tests.fleet.made_up import failed_row, fleet_table
 
@@ -298,3 +298,40 @@ def test_a_fleet_out_of_its_tolerance_ends_with_4(parts, capsys):
 def test_a_page_of_a_share_is_refused(option, capsys):
     assert main(["fleet", "x", "--part", "1/2", *option]) == 2
     assert f"{option[0]} cannot act beside --part" in capsys.readouterr().err
+
+
+def test_the_distribution_around_the_median_has_a_panel_of_its_own():
+    found = survey(fleet_table(40, changed={("D7", "2"): {"r_m1": 40000.0}}))
+    plots = {plot.name: plot for plot in series_plots(found)}
+    shares, forces = (
+        plots["fleet_r_m1"].panels[1],
+        plots["fleet_force_bump_260_mm_per_s_N"].panels[1],
+    )
+    assert (shares.y_unit, forces.y_unit) == ("%", "N")
+    wide, half, far = shares.lines
+    assert list(wide.y) == list(half.y) == [0.0, 0.0, 0.0]
+    # Evenly within 2 %: nine tenths lie within 1.8 %, half within 1 %.
+    assert wide.high == pytest.approx([1.8] * 3, abs=0.1)
+    assert half.high == pytest.approx([1.0] * 3, abs=0.1)
+    assert half.low == pytest.approx([-1.0] * 3, abs=0.1)
+    assert far.label == "D7, far off"
+    assert far.y == pytest.approx([100.0 * (40000.0 / 28000.0 - 1.0)], abs=0.5)
+    assert forces.lines[0].high == pytest.approx([9.0, 18.0, 27.0], abs=0.5)
+
+
+@pytest.mark.parametrize(("n", "n_panels"), [(LEAST_DAMPERS - 1, 1), (LEAST_DAMPERS, 2)])
+def test_few_dampers_have_no_distribution(n, n_panels):
+    assert {len(plot.panels) for plot in series_plots(survey(fleet_table(n)))} == {n_panels}
+
+
+def test_a_parameter_that_was_fitted_nowhere_is_not_drawn():
+    table = fleet_table(9)
+    nothing = pa.array([float("nan")] * table.num_rows)
+    for values, is_drawn in (([0.0] * table.num_rows, False), (range(table.num_rows), True)):
+        held = table.append_column("f_0", pa.array(values, pa.float64()))
+        held = held.append_column("f_0_se", nothing)
+        assert ("f_0" in {one.name for one in survey(held).series}) is is_drawn
+    told = held.set_column(held.column_names.index("f_0"), "f_0", pa.array([1.0] * table.num_rows))
+    errors = pa.array([0.1] * table.num_rows)
+    told = told.set_column(told.column_names.index("f_0_se"), "f_0_se", errors)
+    assert "f_0" in {one.name for one in survey(told).series}
