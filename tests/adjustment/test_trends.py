@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from damperfit.adjustment import find_trends
+from damperfit.adjustment.trends import _points
 from damperfit.identification import Status
+from tests import fakes
 from tests.adjustment import ladders
 from tests.adjustment.ladders import CLICKS, SMOOTH, SUBSETS, reference_trends, trend_of
 
@@ -184,3 +187,14 @@ def test_the_band_covers_the_true_curve() -> None:
     ]
     # 100 draws: two standard deviations of the mean are 4 %, as points of one band go together.
     assert 0.90 < np.mean(inside) < 0.99
+
+
+def test_a_setting_of_another_line_ends_no_trend() -> None:
+    """Line by line: the fits of the others are left out, wherever they stand."""
+    fits = [fakes.fit(1), fakes.fit(2), fakes.fit(3)]
+    interval = SimpleNamespace(error=1.0)
+    known = dict.fromkeys(
+        [one.setting for one in fits], SimpleNamespace(intervals={"r_m1": interval})
+    )
+    line = SimpleNamespace(numbers={fits[1].setting: 2.0, fits[2].setting: 3.0})
+    assert _points("r_m1", fits, known, line).settings.tolist() == [2.0, 3.0]

@@ -398,3 +398,9 @@ def test_a_cycle_is_off_its_level_by_a_hundredth_or_two(kind, off, is_off) -> No
     values = np.full(40, 100.0)
     values[20] += off
     assert np.count_nonzero(plateaus.off_level(values, kind, 0.05)) == is_off
+
+
+def test_a_single_passage_is_no_cycle() -> None:
+    none = np.empty(0)
+    assert stretches._whole(np.array([50.0]), none, 100.0, (10.0, 90.0)) is None
+    assert len(stretches._whole(np.array([10.0, 110.0]), none, 100.0, (10.0, 110.0))) == 2
