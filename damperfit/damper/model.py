@@ -101,6 +101,9 @@ class Quantity:
         What dampers and rigs have: a fit may go beyond it, but is then not believed.
     belief : str
         Why not, in a phrase.
+    ignorance : float
+        Standard error of a default that nobody has measured: of its logarithm, or in `unit` of what
+        may vanish.
     """
 
     name: str
@@ -121,6 +124,7 @@ class Quantity:
     trend_degree: int | None = None
     believable: tuple[float, float] = (float("-inf"), float("inf"))
     belief: str = ""
+    ignorance: float = 0.0
 
     @property
     def is_offset(self) -> bool:

@@ -63,7 +63,8 @@ _BLIND = 0.4
 METHOD = (
     "Errors and 95 % intervals: sandwich covariance on the logarithm of the parameter with the "
     "residuals' own autocorrelation; the errors of shared parameters are included. Where a misfit "
-    "repeats, what blocks of the cycle make of it is added as an error for the wrong model."
+    "repeats, what blocks of the cycle make of it is added as an error for the wrong model; so is "
+    "what was held at a default that nobody has measured."
 )
 
 

@@ -80,7 +80,8 @@ class Interval:
         derivative, leaves hardly more than their ends in the cycles' sums (Monte Carlo: the
         errors given are right there). NaN for a shared parameter and for a single cycle.
     misfit : float
-        Standard error for the wrong model, from what repeats in the residual; 0 where nothing does.
+        Standard error for the wrong model: from what repeats in the residual, and from what is held
+        at a default that nobody has measured; 0 where there is neither.
     """
 
     error: float
@@ -168,11 +169,17 @@ def uncertainties(
         nothing if one.misfit is None else row @ one.misfit @ row.T
         for row, one in zip(rows, linearised, strict=True)
     ]
+    supposed = [
+        row @ one.supposed
+        for row, one in zip(rows, linearised, strict=True)
+        if one.supposed is not None
+    ]
     found = []
     for k, (one, row, rest) in enumerate(zip(linearised, rows, others, strict=True)):
         bent_by_others = np.sum([nothing, *bent[:k], *bent[k + 1 :]], axis=0)
         with sparing(one.fit.setting, on_error):
-            found.append(_of_setting(one, sharing, row, (rest, bent_by_others)))
+            at = (rest, bent_by_others, np.asarray(sum(supposed)))
+            found.append(_of_setting(one, sharing, row, at))
     return tuple(found)
 
 
@@ -216,11 +223,12 @@ def _of_setting(
     linearised: Linearisation,
     sharing: Sharing,
     row: FloatArray,
-    others: tuple[FloatArray, FloatArray],
+    others: tuple[FloatArray, FloatArray, FloatArray],
 ) -> Uncertainty:
     """One setting: its own scores (through own fit and shared rows), then the other settings'.
 
-    Those of noise first, then those of the misfit.
+    Those of noise first, then those of the misfit; last what all settings together do to the shared
+    ones where something is held at a wrong value: of one damper, it is wrong alike everywhere.
     """
     own, shared = own_names(linearised.fit, sharing), sharing.found_at(linearised.fit.setting)
     common = tuple(name for name in shared if name in sharing.common)
@@ -231,10 +239,14 @@ def _of_setting(
     told = slopes[linearised.places(shared)]
     from_own = np.vstack([direct + carried @ row, told @ row])
     from_others = np.vstack([carried, told])
-    noise, misfit = (from_others @ rest @ from_others.T for rest in others)
+    noise, misfit = (from_others @ rest @ from_others.T for rest in others[:2])
     covariance = from_own @ linearised.scores @ from_own.T + noise
     if linearised.misfit is not None:
         misfit = from_own @ linearised.misfit @ from_own.T + misfit
+    if linearised.supposed is not None:
+        shifts = np.vstack([direct, np.zeros((len(shared), direct.shape[1]))]) @ linearised.supposed
+        shifts = shifts + from_others @ others[2]
+        misfit = misfit + shifts @ shifts.T
     names = (*own, *shared)
     residual_part = np.diag(direct @ linearised.scores @ direct.T)
     cycle_part = np.diag(direct @ linearised.cycle_scores @ direct.T)

@@ -101,6 +101,9 @@ class Linearisation:
         Names of the columns of each log's `gas`.
     misfit : numpy.ndarray or None
         In place of `scores` what a misfit that repeats does; None where nothing repeats.
+    supposed : numpy.ndarray or None
+        Summed scores by what is held at a default that nobody has measured, each column for one
+        standard error of that; None where there is none.
     """
 
     fit: Fit
@@ -111,6 +114,7 @@ class Linearisation:
     logs: tuple[LogLinearisation, ...]
     conditions: tuple[str, ...] = ()
     misfit: FloatArray | None = None
+    supposed: FloatArray | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -136,6 +140,8 @@ def linearise_at_fit(
     own = [getattr(values, one.name) if one.is_logarithmic else 1.0 for one in values.quantities]
     slopes = np.array([*own, *(getattr(damper, name) for name in damper.conditions)])
     n = len(own)
+    ignorance = _ignorance(fit)
+    pulls: list[FloatArray] = []
     logs: list[LogLinearisation] = []
     covariances: list[FloatArray] = []
     lags: list[int] = []
@@ -149,7 +155,8 @@ def linearise_at_fit(
             solver=solver,
         )
         part = trace.compared
-        columns = (_sensitivities(trace, seen)[:, part] * slopes[:, None]).T
+        rows = _sensitivities(trace, seen)[:, part]
+        columns = (rows * slopes[:, None]).T
         logs.append(
             LogLinearisation(
                 residuals=trace.force[part] - seen.force[part],
@@ -160,6 +167,8 @@ def linearise_at_fit(
                 pressures=seen.response.pressures[:, part].min(axis=1),
             )
         )
+        weighted = logs[-1].jacobian * (logs[-1].weights ** 2)[:, None]
+        pulls.append(weighted.T @ (rows[:n] * ignorance[:, None]).T)
         for lag, found in _covariances(trace, logs[-1]):
             lags.append(lag)
             covariances.append(found)
@@ -178,7 +187,19 @@ def linearise_at_fit(
         gradient=np.asarray(sum(part.sum(axis=0) for part in scores)),
         logs=tuple(logs),
         conditions=damper.conditions,
+        supposed=np.asarray(sum(pulls)) if np.any(ignorance) else None,
     )
+
+
+def _ignorance(fit: Fit) -> FloatArray:
+    """One standard error of what stands at a default that nobody has measured, in its unit."""
+    values = fit.parameters
+    found = np.zeros(len(values.names))
+    for place, one in enumerate(values.quantities):
+        value = getattr(values, one.name)
+        if fit.status[one.name] is Status.FIXED and value == one.default:
+            found[place] = one.ignorance * (1.0 if one.may_vanish else value)
+    return found
 
 
 def _sensitivities(trace: Trace, seen: Comparison) -> FloatArray:
