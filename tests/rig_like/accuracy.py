@@ -123,8 +123,9 @@ def main() -> None:
             errors = [error for one in found for error in one.of(part)]
             if errors:
                 within = sum(error <= bar for error in errors)
-                print(f"  {part}: {within} of {len(errors)} within {bar:g} %, worst "
-                      f"{max(errors):.2f} %, median {np.median(errors):.2f} %", flush=True)  # fmt: skip
+                worst, middle = max(errors), float(np.median(errors))
+                said = f"{within} of {len(errors)} within {bar:g} %"
+                print(f"  {part}: {said}, worst {worst:.2f} %, median {middle:.2f} %", flush=True)
 
 
 if __name__ == "__main__":
