@@ -14,10 +14,12 @@ import pytest
 from damperfit.adjustment.level import Level
 from damperfit.atomic import recovery
 from damperfit.atomic.owner import Owner
+from damperfit.checks import physical_checks
 from damperfit.cli.github import append_summary
 from damperfit.cli.samples import _numbers
 from damperfit.comparison import cycles, measured
 from damperfit.comparison.tolerance import Point
+from damperfit.conditioning.measured_characteristics import branch_forces
 from damperfit.configuration.damper_section import _gas_pressure
 from damperfit.configuration.schema import _not_in_mm
 from damperfit.configuration.what_is_tested import check_adjusters
@@ -453,3 +455,18 @@ def test_a_block_begins_a_step_behind_the_one_before(step, runs_on) -> None:
     before = SimpleNamespace(setting=1, time=np.arange(10.0))
     after = SimpleNamespace(setting=1, time=9.0 + step + np.arange(10.0))
     assert write_buffers._runs_on(before, after) is runs_on
+
+
+@pytest.mark.parametrize(("settings", "said"), [([4], "setting 4"), ([4, 9], "settings 4, 9")])
+def test_one_setting_is_no_settings(settings, said) -> None:
+    assert physical_checks._listed(settings) == said
+
+
+def test_a_speed_that_is_passed_one_way_has_one_branch() -> None:
+    speed, force = np.array([0.3, 0.1]), np.array([30.0, 10.0])
+    opening, closing = branch_forces(speed, force, 0.2)
+    assert math.isnan(opening)
+    assert closing == pytest.approx(20.0)
+    opening, closing = branch_forces(speed[::-1], force[::-1], 0.2)
+    assert opening == pytest.approx(20.0)
+    assert math.isnan(closing)

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition, noise_floor
+from damperfit.conditioning.scatter import noise_beside_motion
 from tests.conditioning.logs import sine_log
+from tests.conditioning.test_limits_of_findings import cycles
 
 
 def smooth_log(cycles, rate):
@@ -69,3 +71,13 @@ def test_a_single_cycle_cannot_say():
     (run,) = trace.stretches
     one = replace(run, stop=round(float(run.cycle_starts[1])), cycle_starts=run.cycle_starts[:2])
     assert math.isnan(noise_floor(replace(trace, stretches=(one,))))
+
+
+def test_a_motion_that_differs_explains_a_force_that_does() -> None:
+    """Of cycles of other sizes: not where the force alone has them."""
+    size = 1.0 + 0.02 * np.repeat([1.0, -1.0, 0.5, -0.5, 1.0, -1.0], 200)
+    one = cycles(6)
+    alone = replace(one, force=size * one.force)
+    both = replace(alone, displacement=size * one.displacement, velocity=size * one.velocity)
+    assert noise_beside_motion(alone) == pytest.approx(noise_floor(alone), rel=0.05)
+    assert noise_beside_motion(both) < 0.01 * noise_floor(both)

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from damperfit.errors import SimulationError
 from damperfit.run import dampers, labelling, like_speeds
 
 
@@ -47,3 +48,12 @@ def test_three_lost_rows_of_a_table_are_named(tmp_path, n, more) -> None:
     (said,) = labelling._unknown(SimpleNamespace(path=path, rows=rows))
     named = "line 2 '0.csv', line 3 '1.csv', line 4 '2.csv'"
     assert said == f"{path}: no such file: {named}{more}"
+
+
+def test_a_log_that_cannot_be_fitted_contradicts_none(monkeypatch) -> None:
+    def fails(*_):
+        raise SimulationError("no")
+
+    monkeypatch.setattr(like_speeds, "_missed", fails)
+    met = SimpleNamespace(first=None, second=None)
+    assert like_speeds._is_left_by_fits(met, None) is False
