@@ -42,7 +42,10 @@ COMPARING = Stopping(cost_tolerance=3e-4, step_tolerance=1e-4, max_evaluations=6
 _TRIED = 2
 _SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, rest=math.inf)
 # Quantities that do nothing when they are small; stiffnesses and resistances do when large.
-_VANISHING = ("play", "lag", "drag", "f_f", "_width", "_port", "_leak", "free_gas")
+_VANISHING = (
+    "play", "lag", "drag", "f_f", "_width", "_port", "_leak", "free_gas", "presliding", "breakaway",
+    "seal_area",
+)  # fmt: skip
 # Times the scatter between cycles: a descent that is there needs no other start.
 _AS_EXPECTED = 2.0
 
@@ -147,6 +150,16 @@ class LawMisfit:
         )
         at = np.array([getattr(start, name) for name in self.free])
         return minimise(residuals, np.clip(at, low, high), transformation, stopping)
+
+    def glimpse(self, start: Values) -> Minimum[Values]:
+        """Minimise for a few evaluations.
+
+        Raises
+        ------
+        SimulationError
+            The law cannot be simulated at the start.
+        """
+        return self.descend(start, _SHORT)
 
     def rows(self, values: Values, names: Sequence[str]) -> list[FloatArray]:
         """Residuals and their derivatives by some names, weighed, N: blocks of shape (1 + k, n)."""

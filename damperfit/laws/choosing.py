@@ -30,10 +30,24 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["ENOUGH_PERCENT", "FEWEST_SAMPLES", "Tried", "Verdict", "effective_samples", "judged"]
+__all__ = [
+    "ENOUGH_PERCENT",
+    "FEWEST_SAMPLES",
+    "TOLD_APART",
+    "Tried",
+    "Verdict",
+    "are_alike",
+    "effective_samples",
+    "judged",
+    "times_worse",
+]
 
 GAIN = 1.5
 ENOUGH_PERCENT = 0.02
+# Two layouts whose MSE, times that of what was held out, differ by less are not told apart.
+TOLD_APART = 1.5
+# The same where the worse of them leaves and mispredicts nothing that anyone would use: twice each.
+_NOTHING_APART = 4.0
 # Two predictions this near each other differ by noise.
 _NO_WORSE = 1.1
 FEWEST_SAMPLES = 20.0  # effective ones, of a stretch
@@ -144,6 +158,24 @@ def judged(small: Tried, large: Tried, n_eff: float) -> Verdict:
         reason = f"MSE {small.mse_percent:.2g} to {large.mse_percent:.2g} %{told}"
         return Verdict(True, gain, bic, reason)
     return Verdict(False, gain, bic, reason)
+
+
+def times_worse(best: Tried, other: Tried) -> float:
+    """Return how many times worse a law fits and predicts than another."""
+    return math.exp(other.score - best.score)
+
+
+def are_alike(best: Tried, other: Tried) -> bool:
+    """Return whether nobody would choose a layout by what the two fit and predict.
+
+    Parameters
+    ----------
+    best, other : Tried
+        The same parts in two layouts.
+    """
+    held = other.held_out_percent
+    left = max(other.mse_percent, 0.0 if math.isnan(held) else held)
+    return times_worse(best, other) < (TOLD_APART if left > ENOUGH_PERCENT else _NOTHING_APART)
 
 
 def _more(large: Tried, small: Tried) -> list[str]:

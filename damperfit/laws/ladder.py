@@ -4,7 +4,10 @@
     2  bleed and blow-off in each stroke with everything that a mounting may have, in each layout
     3  of the best layout what is not needed is taken out again, the rig's parts and the valves'
        alike, by the rule of `choosing`: so no valve is invented for the rig, nor the reverse
-    4  what is left over is offered to further parts: soft oil, returns, seal drag, rounding, ports
+    4  what is left over is offered to further parts: soft oil, gas in it, returns, rounding, ports,
+       friction that drags, builds up, falls with the speed or grows with the pressure; to play and
+       lag too, if a wrong valley had them taken out
+    5  what is left is tried in the other layouts too: those that do as well are not told apart
 
 Rungs are compared on settled cycles; the law that is taken ends on the whole logs.
 
@@ -20,17 +23,29 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
 from damperfit.errors import SimulationError
-from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
-from damperfit.laws.law_fit import fit_law
+from damperfit.laws.choosing import (
+    ENOUGH_PERCENT,
+    TOLD_APART,
+    Tried,
+    Verdict,
+    are_alike,
+    effective_samples,
+    judged,
+    times_worse,
+)
+from damperfit.laws.law_fit import fit_law, glimpsed
 from damperfit.laws.variants import (
     BOTH,
     KINDS,
     ONE_STROKE,
+    PARTS,
     SMALLER,
     everything,
     in_words,
-    of_kind,
+    laid_out_as,
+    with_part,
     with_parts,
+    words_of,
 )
 from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
@@ -46,9 +61,7 @@ __all__ = ["Ladder", "Rung", "climb"]
 
 # What is offered to what is left over, one after the other: quantities, and kinds of valves' parts.
 _DECLARED = ("gas_volume",)
-_FURTHER = ("k_e", "return_slope", "drag", "rounded", "port", "long")
-# Two layouts whose MSE, times that of what was held out, differ by less are not told apart.
-_TOLD_APART = 1.5
+_FURTHER = ("k_e", "return_slope", "drag", *KINDS, *PARTS, "free_gas")
 # A larger law that fits worse by more than this has ended in a wrong valley.
 _WORSE = 1.02
 
@@ -143,6 +156,7 @@ def climb(
         return course.ended(simplest)
     lean = course.lean(course.best_layout(found))
     rich = course.enriched(lean, _FURTHER)
+    rich = course.laid_out(rich, layouts)
     return course.ended(rich if simplest is None else course.settled(simplest, rich))
 
 
@@ -204,8 +218,8 @@ class _Course:
         found: list[Tried | None] = []
         for row, model in enumerate(models):
             own = [one for one in fits[row * len(places) :][: len(places)] if one is not None]
-            is_whole = len(own) == len(places)
-            found.append(Tried(in_words(model, freed), tuple(own)) if is_whole else None)
+            is_all = len(own) == len(places)
+            found.append(Tried(in_words(model, freed), tuple(own)) if is_all else None)
         return found
 
     def told(
@@ -225,23 +239,16 @@ class _Course:
     def best_layout(self, found: Sequence[Tried]) -> Tried:
         """The layout that fits and predicts best, with the gas as the maker or the logs tell it.
 
-        Before parts of the rig are judged: a gas volume that nobody measured hides them, and which
-        layout is right.
+        Before parts of the rig: a gas volume that nobody measured hides them, and the layout.
         """
         best = min(found, key=lambda one: one.score)
         self.n_eff = effective_samples(best, self.evidence)
-        near = [one for one in found if _factor(best, one) < _TOLD_APART]
+        near = [one for one in found if times_worse(best, one) < TOLD_APART]
         for one in found:
             reason = _against(best, one, is_alone=len(found) == 1, is_near=one in near)
             self.told(one, reason, is_taken=one is best, change="layout")
         near = [self.enriched(one, _DECLARED) for one in near]
-        best = min(near, key=lambda one: one.score)
-        self.alike = tuple(
-            one.fits[0].model.name
-            for one in near
-            if one is not best and _factor(best, one) < _TOLD_APART
-        )
-        return best
+        return min(near, key=lambda one: one.score)
 
     def lean(self, law: Tried) -> Tried:
         """Take out what is not needed, until nothing can be."""
@@ -263,8 +270,7 @@ class _Course:
         law = self.no_worse(law, one)
         verdict = judged(one, law, self.n_eff)
         needed = "what it lacks is needed: " if verdict.takes_larger else ""
-        is_taken = not verdict.takes_larger
-        reason = f"{needed}{verdict.reason}"
+        is_taken, reason = not verdict.takes_larger, f"{needed}{verdict.reason}"
         self.told(one, reason, is_taken=is_taken, change=f"without {change}", verdict=verdict)
         return one if is_taken else law
 
@@ -290,7 +296,7 @@ class _Course:
                 reason = verdict.reason
                 if verdict.takes_larger and best is not None:
                     reason = "another part explains more of what was left"
-                change = f"with {_words_of(law, name)}"
+                change = f"with {words_of(_valve_damper(law), name)}"
                 self.told(one, reason, is_taken=is_taken, change=change, verdict=verdict)
                 if is_taken:
                     best = one
@@ -304,16 +310,40 @@ class _Course:
     def offered(self, law: Tried, name: str) -> Tried | None:
         """A law with a part more; None where it has that already, or cannot have it."""
         model, freed = _valve_damper(law), _freed(law)
-        if name in KINDS:
-            part, old, _ = KINDS[name]
-            model = of_kind(model, part, old, name)
+        if name in KINDS or name in PARTS:
+            model = with_part(model, name)
             if model == _valve_damper(law):
                 return None
         elif name not in model.names or name in law.fits[0].free:
             return None
         else:
             freed = (*freed, name)
+        try:
+            seen = [
+                glimpsed(model, one, fit, freed=freed, solver=self.solver)
+                for one, fit in zip(self.evidence, law.fits, strict=True)
+            ]
+        except SimulationError:
+            return None
+        hardly = tuple(one for one in seen if one is not None)
+        if len(hardly) == len(seen):
+            return Tried(in_words(model, freed), hardly)
         return self.fitted(model, freed=freed, near=law)
+
+    def laid_out(self, law: Tried, layouts: Sequence[ValveDamper]) -> Tried:
+        """The law in the layout that fits and predicts it best; which others do as well is kept."""
+        own = _valve_damper(law)
+        models = [laid_out_as(own, one) for one in layouts if one.name != own.name]
+        fits = self.all_fitted(models, freed=_freed(law), near=law)
+        others = [one for one in fits if one is not None]
+        first = min((law, *others), key=lambda one: one.score)
+        best = law if are_alike(first, law) else first
+        alike = [one for one in (law, *others) if one is not best and are_alike(best, one)]
+        for one in others:
+            reason = _against(best, one, is_alone=False, is_near=one in alike)
+            self.told(one, reason, is_taken=one is best, change="layout")
+        self.alike = tuple(one.fits[0].model.name for one in alike)
+        return best
 
     def settled(self, simplest: Tried, law: Tried) -> Tried:
         """The paper's model where the other is not worth its quantities."""
@@ -353,15 +383,6 @@ def _freed(law: Tried) -> tuple[str, ...]:
     """What a law's fits have free although it has a default."""
     fit = law.fits[0]
     return tuple(name for name in fit.free if fit.model.quantity(name).default is not None)
-
-
-def _words_of(law: Tried, name: str) -> str:
-    return KINDS[name][2] if name in KINDS else _valve_damper(law).quantity(name).label
-
-
-def _factor(best: Tried, other: Tried) -> float:
-    """How many times worse a law fits and predicts."""
-    return math.exp(other.score - best.score)
 
 
 def _against(best: Tried, one: Tried, *, is_alone: bool, is_near: bool) -> str:

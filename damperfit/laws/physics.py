@@ -72,9 +72,13 @@ def physics_seen(fits: Sequence[LawFit]) -> tuple[str, ...]:
         ("play", 1e3, "{} mm of play at the joints"),
         ("lag", 1e3, "the force is read {} ms late"),
         ("f_f", 1.0, "{} N of friction"),
+        ("presliding", 1e6, "friction builds up over {} um"),
+        ("breakaway", 1.0, "friction at rest is {} N above that of sliding"),
+        ("seal_area", 1e6, "friction grows with the pressure, as on {} mm2 of a seal"),
+        ("free_gas", 1e2, "{} % of the oil's volume is gas at rest"),
     )
     for name, factor, words in beside:
-        told = _told(fits, name) if name in names else []
+        told = [one for one in (_told(fits, name) if name in names else []) if one != 0.0]
         if told:
             said.append(words.format(_range([factor * one for one in told])) + _where(fits, name))
     return tuple(f"{one[0].upper()}{one[1:]}." for one in said)

@@ -20,12 +20,16 @@ __all__ = [
     "BOTH",
     "KINDS",
     "ONE_STROKE",
+    "PARTS",
     "SMALLER",
     "everything",
     "in_words",
+    "laid_out_as",
     "of_kind",
+    "with_part",
     "with_parts",
     "without",
+    "words_of",
 ]
 
 BLEED = Valve("orifice", "none")
@@ -36,6 +40,14 @@ KINDS = {
     "rounded": ("blow_off", "linear", "blow-offs that lift gradually"),
     "port": ("blow_off", "linear", "a port behind the blow-offs"),
     "long": ("bleed", "orifice", "bleeds with a laminar part"),
+}
+# what a part of the mounting or of the friction is called, its fields, in words
+PARTS = {
+    "play": ("mounting", ("play",), "play"),
+    "lag": ("mounting", ("lag",), "a lag of the force"),
+    "presliding": ("friction", ("presliding",), "friction that builds up over a distance"),
+    "breakaway": ("friction", ("breakaway", "stribeck_speed"), "friction that is larger at rest"),
+    "seal_area": ("friction", ("seal_area",), "friction by the pressure on the seal"),
 }
 
 
@@ -57,6 +69,35 @@ def of_kind(damper: ValveDamper, part: str, old: str, new: str) -> ValveDamper:
         for stroke, valve in (("rebound", damper.rebound), ("compression", damper.compression))
     }
     return dataclasses.replace(damper, rebound=valves["rebound"], compression=valves["compression"])
+
+
+def with_part(damper: ValveDamper, name: str) -> ValveDamper:
+    """The damper with another kind of a valve's part, or a part more of rig or friction.
+
+    It is the same where it has that already, or cannot have it.
+    """
+    if name in KINDS:
+        part, old, _ = KINDS[name]
+        return of_kind(damper, part, old, name)
+    owner, fields, _ = PARTS[name]
+    own = getattr(damper, owner)
+    more = {one: FIT for one in fields if getattr(own, one) == NONE}
+    is_loose = name == "play" and damper.mounting.series_stiffness == NONE
+    if is_loose or not more:
+        return damper
+    return dataclasses.replace(damper, **{owner: dataclasses.replace(own, **more)})
+
+
+def laid_out_as(law: ValveDamper, layout: ValveDamper) -> ValveDamper:
+    """Another layout with the valves, the mounting and the friction of a law."""
+    names = ("rebound", "compression", "mounting", "friction")
+    return dataclasses.replace(layout, **{name: getattr(law, name) for name in names})
+
+
+def words_of(damper: ValveDamper, name: str) -> str:
+    """Return what is offered to a law, in a few words."""
+    known = {**KINDS, **PARTS}
+    return known[name][2] if name in known else damper.quantity(name).label
 
 
 def without(part: str) -> Callable[[ValveDamper], ValveDamper | None]:
@@ -129,6 +170,7 @@ def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
     rebound, bump = _of_valve(law.rebound), _of_valve(law.compression)
     valves = rebound if rebound == bump else f"{rebound} in rebound, {bump} in bump"
     words = [f"{law.name.replace('_', ' ')}: {valves}", _of_rig(law.mounting)]
+    words += [said for part, said in _FRICTION.items() if getattr(law.friction, part) != NONE]
     if freed:
         words.append("also " + ", ".join(law.quantity(name).label for name in freed))
     return "; ".join(words)
@@ -137,6 +179,9 @@ def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
 def _of_valve(valve: Valve) -> str:
     blow_off = {"none": "", "linear": "blow-off"}.get(valve.blow_off, f"{valve.blow_off} blow-off")
     return " and ".join(word for word in ("bleed" * (valve.bleed != "none"), blow_off) if word)
+
+
+_FRICTION = {part: said for part, (owner, _, said) in PARTS.items() if owner == "friction"}
 
 
 def _of_rig(mounting: Mounting) -> str:

@@ -225,6 +225,7 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     made = redeclared(configuration, sections)
     # Nobody has measured what stood at its default.
     chosen = {"damper.model", "damper.rebound", "damper.compression", "damper.mounting"}
+    chosen |= {"damper.friction"}
     found = {fit.setting: asdict(fit.values) for fit in choice.fits}
     return replace(
         made,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from types import SimpleNamespace
 
 import pytest
@@ -23,18 +22,6 @@ def test_a_larger_law_may_fit_worse_by_two_per_cent(monkeypatch, mse, is_kept) -
     course = SimpleNamespace(fitted=lambda *_, **__: again)
     found = ladder._Course.no_worse(course, large, tried(1.0))
     assert found is (large if is_kept else again)
-
-
-@pytest.mark.parametrize(("factor", "alike"), [(1.48, ("monotube",)), (1.52, ())])
-def test_layouts_within_half_as_much_again_are_not_told_apart(monkeypatch, factor, alike) -> None:
-    monkeypatch.setattr(ladder, "effective_samples", lambda *_: 100.0)
-    monkeypatch.setattr(ladder, "_against", lambda *_, **__: "")
-    course = SimpleNamespace(
-        evidence=(), told=lambda *_, **__: None, enriched=lambda one, _: one, alike=None
-    )
-    best, other = tried(0.1), tried(0.1, score=math.log(factor), name="monotube")
-    assert ladder._Course.best_layout(course, [best, other]) is best
-    assert course.alike == alike
 
 
 @pytest.mark.parametrize(("n", "said"), [(3, "at settings 0, 1, 2"), (4, "at 4 of 5 settings")])
