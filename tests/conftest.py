@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import json
 import marshal
@@ -11,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -26,6 +28,9 @@ _QUIET = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("damperfit", max_examples=30, **_QUIET)
 settings.register_profile("thorough", max_examples=300, **_QUIET)
 settings.load_profile("damperfit")
+
+# The workers share the cores; threads of BLAS in each of them get in one another's way.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 BENCHMARKS = Path(__file__).parent / "benchmarks"
 
@@ -59,6 +64,24 @@ def pytest_configure(config):
         return found
 
     rewrite._rewrite_test = rewritten
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Leave every n-th of the cases of a grid that is marked `one_in` to the default suite."""
+    seen = Counter()
+    for item in items:
+        if mark := item.get_closest_marker("one_in"):
+            grid = item.nodeid.partition("[")[0]
+            if seen[grid] % mark.args[0]:
+                item.add_marker(pytest.mark.slow)
+            seen[grid] += 1
+
+
+def pytest_collection_finish(session):
+    """Let what stands now be: no garbage to look for, and nothing for a fork to copy."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -41,8 +41,13 @@ def test_imports_go_one_way():
             "from damperfit.configuration.loading import load_configuration",
             "Imports go one way BROKEN",
         ),
-        ("damper/purdy/reference.py", "import pandas", "Numerics know no tables"),
-        ("stray.py", "", "stray"),
+        pytest.param(
+            "damper/purdy/reference.py",
+            "import pandas",
+            "Numerics know no tables",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param("stray.py", "", "stray", marks=pytest.mark.slow),
     ],
 )
 def test_a_breach_is_noticed(copy, module, line, complaint):

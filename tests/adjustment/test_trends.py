@@ -82,6 +82,7 @@ def test_a_parameter_is_erratic_from_three_errors_and_two_per_cent_on(error, swi
     assert (times in trend.sentence) is is_erratic
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("shape", SMOOTH)
 def test_smooth_shapes_have_no_outlier(shape) -> None:
     for seed, scatter in enumerate((0.0, 0.01, 0.05)):
@@ -90,6 +91,7 @@ def test_smooth_shapes_have_no_outlier(shape) -> None:
         assert off(up) == off(down) == []
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("places", [(0,), (9,), (19,), (5, 6), (9, 15), (18, 19), (0, 19)])
 @pytest.mark.parametrize("shape", ["quadratic", "exponential", "port", "constant"])
 def test_one_and_two_outliers_are_found_wherever_they_are(shape, places) -> None:

@@ -7,7 +7,10 @@ import json
 import numpy as np
 import pytest
 
-from tests.oracles.motions import solved
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.simulation import Motion, simulate
+from tests.oracles.motions import MOTIONS
 from tests.readers.mts_files import blocks_of, export, record
 
 
@@ -15,7 +18,10 @@ from tests.readers.mts_files import blocks_of, export, record
 def steps(tmp_path_factory):
     """Two settings, each 0.05 to 0.3 m/s in one file; the second is 8 % harder."""
     folder = tmp_path_factory.mktemp("steps")
-    time, x, force = solved("steps")
+    drive = MOTIONS["steps"]()
+    time = np.arange(round(1000.0 * drive.duration)) / 1000.0
+    x, v = (np.array([f(t) for t in time]) for f in (drive.displacement, drive.velocity))
+    force = simulate(reference_parameters(10), PURDY_DAMPER, Motion(1e-3, x, v)).force
     random = np.random.default_rng(1)
     for setting, factor in ((10, 1.0), (11, 1.08)):
         f = factor * (force + 130.0) - 130.0 + 4.0 * random.standard_normal(len(x))

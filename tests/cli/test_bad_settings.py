@@ -71,6 +71,7 @@ def _rows(folder: Path) -> dict[int, dict[str, object]]:
     return {row["setting"]: row for row in table}
 
 
+@pytest.mark.slow
 def test_a_short_stroke_at_the_lowest_setting_leaves_the_others(
     run, logs, tmp_path, short_stroke
 ) -> None:
@@ -83,7 +84,10 @@ def test_a_short_stroke_at_the_lowest_setting_leaves_the_others(
     assert rows[2]["r_m1"] == pytest.approx(reference_parameters(2).r_m1, rel=0.01)
 
 
-@pytest.mark.parametrize("procedure", ["paper", "joint", "plain"])
+@pytest.mark.parametrize(
+    "procedure",
+    ["paper", *(pytest.param(one, marks=pytest.mark.slow) for one in ("joint", "plain"))],
+)
 @pytest.mark.parametrize(
     ("error", "kind", "said"),
     [

@@ -88,6 +88,7 @@ def test_a_profile_may_keep_the_signs_as_logged(run, tmp_path) -> None:
     assert not [one for one in log["findings"] if one["is_correction"]]
 
 
+@pytest.mark.slow
 def test_tared_logs_warn_once_and_not_when_the_offset_is_freed(run, tmp_path) -> None:
     for setting in (1, 2):
         rows = [f"# setting: {setting}", "time_s,displacement_mm,force_N"]

@@ -74,6 +74,7 @@ def found(trace, name):
     return [one for one in trace.findings if one.name == name]
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("mirror", MIRRORS)
 @pytest.mark.parametrize("setting", [1, 5, 10, 15, 18, 19, 20])
 def test_every_sign_convention_gives_the_same_trace(setting, mirror) -> None:
@@ -89,6 +90,7 @@ def test_every_sign_convention_gives_the_same_trace(setting, mirror) -> None:
     assert told == ["displacement_polarity"] * (x < 0) + ["force_polarity"] * (f < 0)
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("mirror", MIRRORS)
 @pytest.mark.parametrize(
     ("damper", "parameters", "amplitude"),

@@ -157,6 +157,7 @@ def road(seed, *, highest, rate):
     return recording(time, x + 2e-6 * random.standard_normal(len(x)), force)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(("highest", "rate"), [(15.0, 1000.0), (15.0, 300.0), (5.0, 100.0)])
 @pytest.mark.parametrize("seed", range(3))
 def test_random_motion_has_no_spikes(seed, highest, rate):

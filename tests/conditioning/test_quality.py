@@ -222,6 +222,7 @@ CLEAN = [
 ]
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize(("rate", "wave", "noise", "bits"), CLEAN)
 def test_a_clean_log_gives_no_warning(rate, wave, noise, bits):
     setting = 1 if bits else 20

@@ -59,6 +59,7 @@ def test_the_estimate_is_within_its_half_millisecond(setting, delay) -> None:
         assert finding.severity == ("warning" if delay else "note")
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("setting", [2, 5, 13, 18])
 @pytest.mark.parametrize("noise", [0.5, 4.0])
 def test_a_rate_that_is_a_multiple_of_the_frequency_tells_less(setting, noise) -> None:

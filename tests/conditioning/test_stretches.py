@@ -93,6 +93,7 @@ def leading_over(share, where, *, size=1.0, seed=1):
 PLACES = ("before the end", "at the beginning", "before another speed", "before one as near")
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("where", PLACES)
 @pytest.mark.parametrize("share", [0.015, -0.015, 0.025, 0.035, -0.045, 0.055])
 def test_no_cycle_that_leads_over_is_in_a_steady_run(share, where):
@@ -159,6 +160,7 @@ def random_motion(seed, *, duration=20.0):
     return t, 0.04 * x / np.abs(x).max(), 0.04 * v / np.abs(x).max()
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("seed", range(10))
 def test_random_motion_is_one_moving_stretch(seed):
     t, x, v = random_motion(seed)
@@ -253,6 +255,7 @@ def patched(seed):
     return recording(np.arange(len(x)) / rate, x, force)
 
 
+@pytest.mark.one_in(7)
 @pytest.mark.parametrize("seed", range(0, 200, 5))
 def test_stretches_never_overlap_and_lie_in_the_trace(seed):
     try:

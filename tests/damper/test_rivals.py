@@ -210,7 +210,15 @@ def dashpot_speed(numbers: dict[str, float], pull: float) -> float:
 
 
 @pytest.mark.parametrize(
-    "kind", [KaradayiMasada, HagedornWallaschek, BesingerCebonCole, SuraceWordenTomlinson]
+    "kind",
+    [
+        KaradayiMasada,
+        HagedornWallaschek,
+        *(
+            pytest.param(one, marks=pytest.mark.slow)
+            for one in (BesingerCebonCole, SuraceWordenTomlinson)
+        ),
+    ],
 )
 def test_elastic_dashpots_agree_with_radau(kind: type[Rival]) -> None:
     model = kind()

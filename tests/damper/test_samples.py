@@ -69,7 +69,7 @@ def test_steady_cycle_has_the_golden_forces(parameters, rows):
     assert np.max(np.abs(cycle.force(np.array(PHASES)) - np.array(rows)[:, 0])) < 0.006
 
 
-@pytest.mark.parametrize("setting", [1, 20])
+@pytest.mark.parametrize("setting", [1, pytest.param(20, marks=pytest.mark.slow)])
 def test_steady_cycle_is_the_oracle_s(setting):
     """Two right-hand sides written apart: 1e-3 N at every phase, reversals included."""
     phases = np.arange(1200) / 1200
@@ -79,6 +79,7 @@ def test_steady_cycle_is_the_oracle_s(setting):
     assert np.max(np.abs(purdy_cycle(parameters).force(phases) - twin.force[1:])) < 1e-3
 
 
+@pytest.mark.slow
 def test_log_without_noise_is_the_oracle_with_all_digits(by_scipy, tmp_path):
     [log] = make_samples(tmp_path, CLEAN)
     _, time, x, force, _ = read(log)
@@ -125,7 +126,7 @@ def test_the_twenty_logs(by_scipy, tmp_path, monkeypatch, cycles):
     }
 
 
-@pytest.mark.parametrize("setting", [1, 20])
+@pytest.mark.parametrize("setting", [pytest.param(1, marks=pytest.mark.slow), 20])
 def test_logs_in_the_repository_are_what_samples_writes(by_scipy, tmp_path, setting):
     """To one step of the log, which is what another machine's rounding may move."""
     stored = Path(__file__).parents[2] / "sample_runs"

@@ -26,7 +26,9 @@ def fitted(name, *, seed=1, setting=10):
     return trace, campaign
 
 
-@pytest.mark.parametrize("name", ["steps", "road", pytest.param("sweep", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["steps", *(pytest.param(one, marks=pytest.mark.slow) for one in ("road", "sweep"))]
+)
 def test_the_parameters_are_found(name):
     trace, campaign = fitted(name)
     (fit,) = campaign.fits
@@ -43,7 +45,9 @@ def test_the_parameters_are_found(name):
     assert diagnosis.noise_percent == pytest.approx(fit.mse_percent, rel=0.3)
 
 
-@pytest.mark.parametrize("name", ["steps", "road", pytest.param("sweep", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["steps", *(pytest.param(one, marks=pytest.mark.slow) for one in ("road", "sweep"))]
+)
 def test_intervals_hold_for_each_motion(name):
     """One log in twenty may be out; three errors none is."""
     truth = reference_parameters(10)

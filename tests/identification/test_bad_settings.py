@@ -68,6 +68,7 @@ def _kept(campaign: Campaign, bad: int, logs: list[Trace]) -> None:
     assert campaign.is_complete
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("procedure", PROCEDURES)
 @pytest.mark.parametrize("bad", [2, 6, 12])
 def test_one_that_cannot_be_simulated_is_a_failure_of_its_own(

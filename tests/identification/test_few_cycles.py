@@ -13,6 +13,7 @@ from tests.uncertainty.few_cycles import NAMES, deviations, logged
 THEORY = dict(zip(NAMES, (0.14, 0.75, 2.0, 0.45, 2.9), strict=True))
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("seed", range(4))
 def test_three_cycles_tell_what_they_can(seed):
     trace, off, errors = deviations(logged(10.0, 3.0, seed=seed))

@@ -217,6 +217,7 @@ def test_the_dead_band_does_not_move_the_result() -> None:
     assert found[1].k_e == pytest.approx(found[0].k_e, rel=1e-3)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("rate", [300.0, 500.0, 2000.0, 5000.0])
 def test_sample_rate_does_not_matter(rate: float) -> None:
     fit = identify([trace(8, rate=rate)], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN)).fits[0]

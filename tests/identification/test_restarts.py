@@ -44,6 +44,7 @@ def misfit_of(log, cancelled=lambda: False):
     return Misfit((log,), PURDY_DAMPER, FREE, SolverOptions(tolerance=1e-2), 100, cancelled)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("far", [{"r_m1": 1e6}, {"r_m1": 3e5, "k_e": 1e10}])
 def test_a_wrong_valley_is_left(log, far):
     """A single descent ends there at 566 and 27 % of the variance."""
@@ -130,6 +131,7 @@ def test_identify_starts_again_by_itself(log, monkeypatch):
     assert any("wrong valley" in said for said in fit.warnings)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("setting", [10, 20])
 def test_a_damper_that_is_empty_for_most_of_the_time_is_found(setting):
     """With R_m3 ten times as large every descent from the closed form ended at 1.2 % of MSE."""

@@ -152,7 +152,11 @@ def _curvature(fit: Fit, free: tuple[str, ...]) -> float:
 
 
 @pytest.mark.parametrize(
-    ("setting", "amplitude", "noise"), [(1, 0.01, 2.0), (10, 0.003, 4.0), (20, 0.003, 4.0)]
+    ("setting", "amplitude", "noise"),
+    [
+        (10, 0.003, 4.0),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((1, 0.01, 2.0), (20, 0.003, 4.0))),
+    ],
 )
 def test_the_lower_limit_is_where_the_misfit_has_risen_by_a_95_percent_limit(
     setting, amplitude, noise

@@ -124,6 +124,7 @@ def test_an_offset_may_be_followed_through_zero() -> None:
     assert profile.high - profile.low == pytest.approx(high - low, rel=0.02)
 
 
+@pytest.mark.slow
 def test_little_rebound_resistance_is_flat_downward_with_an_upper_limit() -> None:
     # With a thousandth of the rebound resistance valve 3 makes a tenth of a newton of 300.
     logs = [

@@ -25,7 +25,9 @@ UNFILTERED = ConditionOptions(filter="none")
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(
+    "seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
+)
 def test_a_sound_set_is_left_in_peace(seed: int) -> None:
     found = judged(traces(SETTINGS, noise=4.0, seed=seed, duration=10.0))
     assert found.warnings == ()
@@ -55,7 +57,7 @@ def test_a_noise_free_set_has_nothing_structured() -> None:
     assert judged(traces(SETTINGS)).warnings == ()
 
 
-@pytest.mark.parametrize("late", [2, -2])
+@pytest.mark.parametrize("late", [2, pytest.param(-2, marks=pytest.mark.slow)])
 def test_a_channel_two_milliseconds_late_is_named(late: int) -> None:
     logs = []
     for setting in SETTINGS:
@@ -106,6 +108,7 @@ def test_friction_that_depends_on_velocity_is_named(fall: float) -> None:
     assert "friction that depends on velocity" in found.warnings[0]
 
 
+@pytest.mark.slow
 def test_r_m3_that_cannot_be_seen_is_named_and_said_to_stand_for_nothing() -> None:
     # With a thousandth of the rebound resistance valve 3 makes a tenth of a newton. The paper's
     # value used to stand in for it, and the residuals said that it should not.
