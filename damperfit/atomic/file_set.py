@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from damperfit.atomic.journal import Journal, draft, flush, keep_copy, temporary
+from damperfit.atomic.own_files import refuse_others
 from damperfit.atomic.owner import Owner, new_owner
 from damperfit.atomic.recovery import explain, settled
 from damperfit.errors import ConfigurationError, OutputError
@@ -37,6 +38,7 @@ class FileSet:
     names: list[str] = field(default_factory=list)
     gone: list[str] = field(default_factory=list)
     owner: Owner = field(default_factory=new_owner)
+    spares_others: bool = False  # files of another origin are not written over
     is_open: bool = False  # an exchange has begun and was neither ended nor undone
 
     def path(self, name: str) -> Path:
@@ -74,8 +76,10 @@ class FileSet:
 
     def commit(self) -> None:
         """Flush all files and exchange them for their targets; `file_set` calls it."""
-        for number in range(len(self.names)):
+        for number, name in enumerate(self.names):
             flush(self._temporary(number, "new"))
+            if self.spares_others:
+                refuse_others(self.folder / name, self._temporary(number, "new"))
         with settled(self.folder):
             journal = self._prepared()
             try:
@@ -128,18 +132,27 @@ class FileSet:
 
 
 @contextmanager
-def file_set(folder: Path) -> Iterator[FileSet]:
+def file_set(folder: Path, *, spares_others: bool = False) -> Iterator[FileSet]:
     """Open a set of files in ``folder``; they replace the old ones when the block ends well.
 
     The folder is made when it does not exist. When the block raises, no target has changed and
     no temporary file is left. Sets of several runs are exchanged one after the other.
 
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Where.
+    spares_others : bool
+        Refuse where a file of another origin would be written over.
+
     Raises
     ------
+    ConfigurationError
+        A file of another origin stands where one is to go, and is spared.
     OutputError
         The folder or a file in it cannot be written.
     """
-    files = FileSet(folder)
+    files = FileSet(folder, spares_others=spares_others)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         yield files

@@ -12,6 +12,7 @@ from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
     JsonOption,
+    OverwriteOption,
     QuietOption,
     UnitsOption,
     VersionOption,
@@ -53,6 +54,7 @@ def export(
     list_: Annotated[
         bool, typer.Option("--list", help="Show the targets with file, units and sign.")
     ] = False,
+    overwrite: OverwriteOption = False,
     config: ConfigOption = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -84,7 +86,7 @@ def export(
     for remark in handed.remarks:
         say(f"damperfit: {results}: {remark}")
     files = target.write(handed, ExportOptions(stem, speed, shown, mark))
-    written = _write(folder, dict(files))
+    written = _write(folder, dict(files), spares_others=not overwrite)
     if json:
         document = {"target": to, "units": target.units, "sign": target.sign}
         names = [str(path) for path in written]
@@ -149,10 +151,10 @@ def _destination(results: Path, out: Path | None, target: Target) -> tuple[Path,
     return out.parent, out.stem
 
 
-def _write(folder: Path, files: dict[str, bytes]) -> list[Path]:
+def _write(folder: Path, files: dict[str, bytes], *, spares_others: bool) -> list[Path]:
     from damperfit.atomic import file_set
 
-    with file_set(folder) as drafts:
+    with file_set(folder, spares_others=spares_others) as drafts:
         for name, content in files.items():
             drafts.path(name).write_bytes(content)
     return [folder / name for name in files]

@@ -25,6 +25,7 @@ __all__ = [
     "JsonOption",
     "LogFileOption",
     "LogsArgument",
+    "OverwriteOption",
     "QuietOption",
     "RigOption",
     "RigProfileOption",
@@ -86,6 +87,10 @@ VersionOption = Annotated[
         callback=_print_version,
         is_eager=True,
     ),
+]
+OverwriteOption = Annotated[
+    bool,
+    typer.Option("--overwrite", help="Replace files of another origin that stand in the way."),
 ]
 UnitsOption = Annotated[
     str | None,

@@ -13,6 +13,7 @@ from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
     JsonOption,
+    OverwriteOption,
     QuietOption,
     VersionOption,
     configured,
@@ -70,6 +71,7 @@ def simulate(
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the loops: .png, .svg or .pdf.")
     ] = None,
+    overwrite: OverwriteOption = False,
     config: ConfigOption = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -116,7 +118,7 @@ def simulate(
             say(f"note: {note}")
         for warning in trial.warnings:
             say(f"warning: {warning}")
-    _write(trial, out=out, plot=plot)
+    _write(trial, out=out, plot=plot, spares_others=not overwrite)
     if json:
         print_json(_document(trial, damper))
     elif not quiet or out is None:
@@ -131,18 +133,20 @@ def _check_suffix(option: str, path: Path | None, known: tuple[str, ...]) -> Non
         )
 
 
-def _write(trial: SimulatedTest, *, out: Path | None, plot: Path | None) -> None:
+def _write(
+    trial: SimulatedTest, *, out: Path | None, plot: Path | None, spares_others: bool
+) -> None:
     if out is not None:
         from damperfit.atomic import file_set
         from damperfit.tables import time_series_table, write_table
 
-        with file_set(out.parent) as files:
+        with file_set(out.parent, spares_others=spares_others) as files:
             write_table(files.path(out.name), time_series_table(trial.response), suffix=out.suffix)
     if plot is not None:
         from damperfit.atomic import file_set
         from damperfit.report import draw_loops
 
-        with file_set(plot.parent) as files:
+        with file_set(plot.parent, spares_others=spares_others) as files:
             kind = plot.suffix[1:].lower()
             path = files.path(plot.name)
             draw_loops(path, trial.response, trial.frequency, kind=kind, title=_title(trial))

@@ -13,6 +13,7 @@ from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
     JsonOption,
+    OverwriteOption,
     QuietOption,
     VersionOption,
     configured,
@@ -66,6 +67,7 @@ def sweep(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for table and figures.")] = Path(
         "sweep"
     ),
+    overwrite: OverwriteOption = False,
     config: ConfigOption = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -100,7 +102,7 @@ def sweep(
     wanted = [(v, False) for v in variations] + [(v, True) for v in PAPER_SWEEPS if paper]
     sweeps = [(v, _members(choice, configuration, v), is_paper) for v, is_paper in wanted]
     records, plots = _lay_out(sweeps)
-    _write(out, records, plots, kind=figures)
+    _write(out, records, plots, kind=figures, spares_others=not overwrite)
     if json:
         sentences = [_sentence(variation, members) for variation, members, _ in sweeps]
         told = {"damper": damper, "source": choice.source}
@@ -161,14 +163,19 @@ def _lay_out(
 
 
 def _write(
-    folder: Path, records: Sequence[dict[str, Any]], plots: Sequence[Plot], *, kind: str
+    folder: Path,
+    records: Sequence[dict[str, Any]],
+    plots: Sequence[Plot],
+    *,
+    kind: str,
+    spares_others: bool,
 ) -> None:
     import csv
 
     from damperfit.atomic import file_set
     from damperfit.report import draw_plot
 
-    with file_set(folder) as files:
+    with file_set(folder, spares_others=spares_others) as files:
         for plot in plots:
             draw_plot(files.path(f"{plot.name}.{kind}"), plot, kind=kind)
         with files.path("sweep.csv").open("w", encoding="utf-8", newline="") as file:

@@ -295,6 +295,7 @@ def export(
     out: str | Path | None = None,
     *,
     extend: float | str | None = None,
+    overwrite: bool = False,
 ) -> tuple[Path, ...]:
     """Hand a damper over to another program.
 
@@ -308,6 +309,8 @@ def export(
         Folder for the files; by default ``export`` in the results' own.
     extend : speed, optional
         Tables beyond the tested speed, from the model.
+    overwrite : bool
+        Replace files that are there already, also those that damperfit did not write.
 
     Returns
     -------
@@ -327,7 +330,7 @@ def export(
     where = folder / "export" if out is None else Path(out)
     speed = None if extend is None else parse_quantity(extend, "velocity")
     files = target.write(hand_over(folder), ExportOptions(stem="damper", extend=speed))
-    with file_set(where) as drafts:
+    with file_set(where, spares_others=not overwrite) as drafts:
         for name, content in dict(files).items():
             drafts.path(name).write_bytes(content)
     return tuple(where / name for name in dict(files))

@@ -95,6 +95,7 @@ def _archive(sheets: Sequence[PlainTable]) -> bytes:
     }
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.comment = b"damperfit"
         for name, text in parts.items():
             archive.writestr(
                 zipfile.ZipInfo(name, _DATE),

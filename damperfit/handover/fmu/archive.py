@@ -110,6 +110,7 @@ def _licence() -> bytes:
 def _zip(members: Mapping[str, bytes]) -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        archive.comment = b"damperfit"
         for name, content in members.items():
             archive.writestr(name, content)
     return buffer.getvalue()

@@ -48,9 +48,10 @@ _FIXED: Any = {
     "text.parse_math": False,  # a log may be called $x_1$
 }
 FIXED_METADATA: dict[str, dict[str, Any]] = {
-    "png": {"Software": None},
-    "svg": {"Date": None, "Creator": None},
-    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+    # Who made it, so that a later run may know and replace it; no date, no version.
+    "png": {"Software": "damperfit"},
+    "svg": {"Date": None, "Creator": "damperfit"},
+    "pdf": {"CreationDate": None, "Creator": "damperfit", "Producer": None},
 }
 _MANY = 60  # points: beyond it they are drawn small
 _BESIDE = 6  # entries of a legend: more stand beside the axes
