@@ -90,13 +90,15 @@ class ShownUnits:
 SI = ShownUnits()
 
 
-def parse_units(text: str) -> ShownUnits:
+def parse_units(text: str, option: str = "--units") -> ShownUnits:
     """Return the units of a list such as "lbf,in/s".
 
     Parameters
     ----------
     text : str
         Units of force, velocity and length in any order; what is not named stays SI.
+    option : str
+        Where the list stands, for messages.
 
     Raises
     ------
@@ -108,11 +110,11 @@ def parse_units(text: str) -> ShownUnits:
         found = [unit for unit in (_unit(name, kind) for kind in _DIMENSIONS) if unit]
         if not found:
             known = "; ".join(f"{kind} {', '.join(units_of(kind))}" for kind in _DIMENSIONS)
-            raise QuantityError(f"--units {text}: no unit {name!r}; there are {known}")
+            raise QuantityError(f"{option} {text}: no unit {name!r}; there are {known}")
         (unit,) = found
         if unit.dimension in chosen:
             raise QuantityError(
-                f"--units {text}: {chosen[unit.dimension].symbol} and {unit.symbol} are both of "
+                f"{option} {text}: {chosen[unit.dimension].symbol} and {unit.symbol} are both of "
                 f"{unit.dimension}; give one"
             )
         chosen[unit.dimension] = unit

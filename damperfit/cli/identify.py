@@ -34,6 +34,7 @@ from damperfit.cli.options import (
     StrictOption,
     TestsOption,
     TruncatedOption,
+    UnitsOption,
     VersionOption,
     configured,
     declared_setting,
@@ -148,6 +149,7 @@ def identify(
         str | None,
         typer.Option(metavar="KIND", help="Also write the figures as files: png, svg or pdf."),
     ] = None,
+    units: UnitsOption = None,
     github_summary: Annotated[
         bool,
         typer.Option("--github-summary", help="Append the report to the job's summary."),
@@ -204,6 +206,7 @@ def identify(
         ("--allow-truncated", "rig.allow_truncated", allow_truncated or None),
         ("--max-mse", "output.max_mse_percent", max_mse),
         ("--check", "output.checks", names_of(check) if check else None),
+        ("--units", "output.units", _known(units)),
         ("--out", "output.folder", str(out) if out is not None else None),
     )
     if model == _AUTO:
@@ -251,6 +254,15 @@ def identify(
     return _worst([result.ending for _, result in found])
 
 
+def _known(units: str | None) -> str | None:
+    """Return the list of units once it is known that each is one."""
+    from damperfit.shown_units import parse_units
+
+    if units is not None:
+        parse_units(units)
+    return units
+
+
 def _document(found: Sequence[tuple[str, RunResult]]) -> dict[str, Any]:
     """Return the results as one document; of several dampers one inside the other, by name."""
     if len(found) == 1:
@@ -269,15 +281,21 @@ def _worst(endings: Sequence[Ending]) -> int:
 
 
 def _show(result: RunResult, configuration: Configuration, *, owner: str) -> None:
-    from damperfit.report import check_lines, held_out_sheet, summary_sheet, terminal_table
+    from damperfit.report import (
+        check_lines,
+        held_out_sheet,
+        parameters_in_units,
+        summary_sheet,
+        terminal_table,
+    )
 
     if owner:
         print_lines([f"damper {owner}", ""])
+    rows, quantities = parameters_in_units(
+        result.tables.parameters.to_pylist(), result.tables.quantities, configuration.output.units
+    )
     sheet = summary_sheet(
-        result.tables.parameters.to_pylist(),
-        columns=screen_columns(),
-        levels=spark_levels(),
-        quantities=result.tables.quantities,
+        rows, columns=screen_columns(), levels=spark_levels(), quantities=quantities
     )
     print_renderable(terminal_table(sheet))
     if result.facts.held_out:

@@ -49,6 +49,7 @@ def report(
 ) -> int:
     """Write report.html, one page that opens anywhere, from a results folder.
 
+    Units are those of the run unless --units says others.
     Damper and rig are those of the run; a --config is only checked.
 
     Example: damperfit report results --figures svg
@@ -104,10 +105,10 @@ def write_report(
     from damperfit.atomic import file_set
     from damperfit.queries.fleet_part import results_in, title_of
     from damperfit.report import html_report, report_plots
-    from damperfit.shown_units import SI, parse_units
+    from damperfit.shown_units import parse_units
 
     found = results_in(results)
-    shown = report_plots(found, SI if units is None else parse_units(units))
+    shown = report_plots(found, None if units is None else parse_units(units))
     written: list[Path] = []
     if page:
         text = html_report(shown, title=title_of(results))

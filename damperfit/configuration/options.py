@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError
 from damperfit.quantities import parse_quantity, says_absolute_or_gauge
+from damperfit.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -111,11 +112,14 @@ class OutputOptions:
         Gate: a setting above it makes the command end with code 4; 0 is no gate.
     checks : tuple of str
         Gates: names of `damperfit.checks.CHECKS` that must be passed.
+    units : ShownUnits
+        In which forces, speeds and lengths are shown.
     """
 
     folder: Path
     max_mse_percent: float
     checks: tuple[str, ...] = ()
+    units: ShownUnits = SI
 
 
 @dataclass(frozen=True, slots=True)

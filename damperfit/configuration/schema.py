@@ -46,6 +46,7 @@ from damperfit.identification import DETECT, FitOptions, GivenStart, check_optio
 from damperfit.quantities import parse_quantity
 from damperfit.readers import Profile, ReadOptions
 from damperfit.readers.options import Declarations
+from damperfit.shown_units import parse_units
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import HoldOutOptions, check_profile_names
 
@@ -316,11 +317,13 @@ class _OutputSection(_Section):
     folder: Annotated[str, Field(min_length=1)]
     max_mse_percent: Annotated[float, _NotNegative]
     checks: list[str]
+    units: str
 
     def build(self, rig: _RigSection) -> OutputOptions:
         pointless = () if math.isfinite(rig.temperature_tolerance) else ("temperature_in_window",)
         checks = expand_checks((name.strip() for name in self.checks), pointless=pointless)
-        return OutputOptions(Path(self.folder), self.max_mse_percent, checks)
+        units = parse_units(self.units, option="output.units")
+        return OutputOptions(Path(self.folder), self.max_mse_percent, checks, units)
 
 
 class _Document(_Section):

@@ -18,7 +18,11 @@ from damperfit.report.sheets.force_by_setting_sheet import (
 )
 from damperfit.report.sheets.held_out_sheet import held_out_sheet
 from damperfit.report.sheets.identify_summary_sheet import summary_sheet
-from damperfit.report.sheets.in_units import rows_in_units, sheet_in_units
+from damperfit.report.sheets.in_units import (
+    parameters_in_units,
+    rows_in_units,
+    sheet_in_units,
+)
 from damperfit.report.sheets.inspection_sheet import (
     VERDICT_COLOURS,
     finding_lines,
@@ -118,6 +122,7 @@ __all__ = [
     "markdown_report",
     "measured_force_sheet",
     "parameter_sheet",
+    "parameters_in_units",
     "read_back",
     "report_plots",
     "rival_records",

@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_h
 
 from damperfit.adjustment import Click, Outlier, Trend, TrendPoint
 from damperfit.checks import Check
+from damperfit.quantities import QuantityError
 from damperfit.recording import Finding
 from damperfit.report.failures_and_warnings import Failure
 from damperfit.setting import Place, Setting, parse_place
+from damperfit.shown_units import SI, ShownUnits, parse_units
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -36,6 +38,7 @@ __all__ = [
     "sentences_in",
     "to_record",
     "trends_in",
+    "units_in",
 ]
 
 _T = TypeVar("_T")
@@ -127,6 +130,17 @@ def trends_in(record: Mapping[str, Any]) -> tuple[Trend, ...]:
 def clicks_in(record: Mapping[str, Any]) -> tuple[Click, ...]:
     """Return the changes of force by click."""
     return _all(Click, record, "clicks")
+
+
+def units_in(record: Mapping[str, Any]) -> ShownUnits:
+    """Return the units in which the run was shown; SI where it does not say."""
+    found: Any = record.get("configuration")
+    for key in ("output", "units"):
+        found = found.get(key) if isinstance(found, dict) else None
+    try:
+        return parse_units(found) if isinstance(found, str) else SI
+    except QuantityError:
+        return SI
 
 
 def findings_in(log: Mapping[str, Any]) -> tuple[Finding, ...]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from damperfit.quantities import units_of
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -14,7 +16,10 @@ __all__ = ["is_own_table"]
 _HEADINGS = (
     b"setting,r_m1,",
     b"setting,log,mse_percent,",
-    b"setting,speed_m_per_s,stroke,",
+    *(  # in whichever units they were asked for
+        f"setting,speed_{unit.replace('/', '_per_')},stroke,".encode()
+        for unit in units_of("velocity")
+    ),
     b"setting,log,stretch,kind,",
     b"serial,damper,date,setting,",
 )

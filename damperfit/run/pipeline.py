@@ -32,7 +32,7 @@ from damperfit.run.rod_area import with_rod_remark
 from damperfit.run.run_json import provenance
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
 from damperfit.run.work import Clock, comparisons, fitted, sha256_of
-from damperfit.tables import write_responses, write_table
+from damperfit.tables import table_in_units, write_responses, write_table
 from damperfit.uncertainty import Bench
 
 if TYPE_CHECKING:
@@ -326,8 +326,9 @@ def _write(
             valves = readings.valves(found.origin)
             result = found.result(mishaps.failures, readings.table(found.origin), valves)
             for name, table in result.written.items():
-                for suffix in (".parquet", ".csv"):
-                    write_table(files.path(name + suffix), table, suffix=suffix)
+                shown = table_in_units(table, configuration.output.units)
+                for suffix, content in ((".parquet", table), (".csv", shown)):
+                    write_table(files.path(name + suffix), content, suffix=suffix)
             for name in _ON_REQUEST - result.written.keys():
                 for suffix in (".parquet", ".csv"):
                     files.without(name + suffix)

@@ -16,6 +16,7 @@ from damperfit.tables.files import (
     write_responses,
     write_table,
 )
+from damperfit.tables.in_units import table_in_units
 from damperfit.tables.quantities import (
     PAPER_QUANTITIES,
     quantities_in,
@@ -59,6 +60,7 @@ __all__ = [
     "read_parameters",
     "read_results",
     "safe_cell",
+    "table_in_units",
     "table_quantities",
     "table_schema",
     "time_series_table",

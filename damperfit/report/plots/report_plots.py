@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from damperfit.report.evaluated_log import evaluate_logs
-from damperfit.report.json_records import trends_in
+from damperfit.report.json_records import trends_in, units_in
 from damperfit.report.plots.all_settings import campaign_plots
 from damperfit.report.plots.colours import setting_colours
 from damperfit.report.plots.in_units import plot_in_units
@@ -55,16 +55,17 @@ class ReportPlots:
         return (*self.overall, *(plot for _, plots in self.by_log for plot in plots))
 
 
-def report_plots(results: Results, units: ShownUnits = SI) -> ReportPlots:
+def report_plots(results: Results, units: ShownUnits | None = None) -> ReportPlots:
     """Lay out the plots of a results folder.
 
     Parameters
     ----------
     results : Results
         The folder.
-    units : ShownUnits
-        Of forces, speeds and displacements.
+    units : ShownUnits or None
+        Of forces, speeds and displacements; None: those of the run.
     """
+    units = units_in(results.record) if units is None else units
     logs = evaluate_logs(results)
     colours = setting_colours(
         [

@@ -6,13 +6,17 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from damperfit.adjustment import Click
+    from damperfit.damper.model import Quantity
     from damperfit.report.sheets.sheet import Sheet
     from damperfit.shown_units import ShownUnits
 
-__all__ = ["clicks_in_units", "rows_in_units", "sheet_in_units"]
+__all__ = ["clicks_in_units", "parameters_in_units", "rows_in_units", "sheet_in_units"]
+
+
+_OF_A_PARAMETER = ("", "_se", "_ci_low", "_ci_high", "_misfit_se")
 
 
 def sheet_in_units(sheet: Sheet, units: ShownUnits) -> Sheet:
@@ -44,6 +48,35 @@ def _scaled(name: str, cell: Any, units: ShownUnits) -> Any:
             if name.endswith(end):
                 return units.show(cell, unit)
     return cell
+
+
+def parameters_in_units(
+    rows: Sequence[Mapping[str, Any]], quantities: Sequence[Quantity], units: ShownUnits
+) -> tuple[list[dict[str, Any]], tuple[Quantity, ...]]:
+    """Return rows of parameters with what is a force scaled, and the quantities as they are shown.
+
+    What has units of its own, as R_m1 does, keeps them.
+    """
+    forces = [one.name for one in quantities if one.unit == "N" and units.of("N") != "N"]
+    names = {f"{name}{end}" for name in forces for end in _OF_A_PARAMETER}
+
+    def cell(name: str, value: Any) -> Any:
+        is_force = name in names and value is not None
+        return units.show(float(value), "N") if is_force else value
+
+    shown = tuple(
+        replace(
+            one,
+            unit=units.of("N"),
+            shown_unit="",
+            plausible=(units.show(one.plausible[0], "N"), units.show(one.plausible[1], "N")),
+            size=units.show(one.size, "N"),
+        )
+        if one.name in forces
+        else one
+        for one in quantities
+    )
+    return [{name: cell(name, value) for name, value in row.items()} for row in rows], shown
 
 
 def clicks_in_units(clicks: Iterable[Click], units: ShownUnits) -> tuple[Click, ...]:
