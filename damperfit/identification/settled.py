@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["SettledCycle", "SettledLogs", "settled"]
+__all__ = ["SettledCycle", "SettledLogs", "fast_length", "settled"]
 
 # Samples of a cycle: at least these, and so many for each harmonic that the filter passes by half.
 _FEWEST = 256
@@ -169,7 +169,13 @@ def _positions(
     line = float(starts.mean()) + period * counts
     own = round(period)
     is_aligned = abs(period - own) * stretch.n_cycles < _IN_STEP
-    n = _samples(trace, period) if is_thinned else own if is_aligned else 2 * math.ceil(period / 2)
+    n = (
+        _samples(trace, period)
+        if is_thinned
+        else own
+        if is_aligned
+        else 2 * fast_length(math.ceil(period / 2))
+    )
     steps = np.arange(n) / n
     if np.max(np.abs(starts - line)) > _IN_STEP:
         return starts[:-1, None] + np.diff(starts)[:, None] * steps, period, False
@@ -214,3 +220,16 @@ def _gain(trace: Trace, period: float, n: int) -> NDArray[np.complex128]:
         (z @ design.sections[:, :3].T) / (z @ design.sections[:, 3:].T), axis=1, initial=1.0
     )
     return np.asarray(np.abs(one_pass) ** 2 + 0j if design.is_zero_phase else one_pass)
+
+
+def fast_length(n: int) -> int:
+    """Return the least length from n on with no prime factor but 2, 3 and 5."""
+    best = 1 << max(n - 1, 0).bit_length()
+    fives = 1
+    while fives < best:
+        threes = fives
+        while threes < best:
+            best = min(best, threes << max(-(-n // threes) - 1, 0).bit_length())
+            threes *= 3
+        fives *= 5
+    return best

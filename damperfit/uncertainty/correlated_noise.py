@@ -27,6 +27,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.identification.settled import fast_length
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -55,24 +57,11 @@ _NOTHING = 1e-14
 def autocorrelation(residuals: FloatArray, n_lags: int) -> FloatArray:
     """Return the sample autocorrelation at lags 0 to ``n_lags``; 1, 0, 0, ... for zeros."""
     n = len(residuals)
-    spectrum = np.fft.rfft(residuals, _fast_length(n + n_lags + 1))
-    sums = np.fft.irfft(np.abs(spectrum) ** 2, _fast_length(n + n_lags + 1))[: n_lags + 1]
+    spectrum = np.fft.rfft(residuals, fast_length(n + n_lags + 1))
+    sums = np.fft.irfft(np.abs(spectrum) ** 2, fast_length(n + n_lags + 1))[: n_lags + 1]
     if not sums[0] > 0.0:
         return np.asarray(np.eye(1, n_lags + 1)[0])
     return np.asarray(sums / sums[0])
-
-
-def _fast_length(n: int) -> int:
-    """Return the least length from n on with no prime factor but 2, 3 and 5."""
-    best = 1 << max(n - 1, 0).bit_length()
-    fives = 1
-    while fives < best:
-        threes = fives
-        while threes < best:
-            best = min(best, threes << max(-(-n // threes) - 1, 0).bit_length())
-            threes *= 3
-        fives *= 5
-    return best
 
 
 def correlation_length(residuals: FloatArray, *, longest: int) -> int:
@@ -146,7 +135,7 @@ def lost_share(window: FloatArray, n: int) -> float:
 def smoothed(columns: FloatArray, kernel: FloatArray) -> FloatArray:
     """Return columns, shape (n, k), convolved with a symmetric kernel that is given from lag 0."""
     n, reach = len(columns), len(kernel)
-    length = _fast_length(n + reach)
+    length = fast_length(n + reach)
     whole = np.zeros(length)
     whole[:reach] = kernel
     whole[length - reach + 1 :] = kernel[:0:-1]
@@ -177,7 +166,7 @@ def stationary_covariance(jacobian: FloatArray, residuals: FloatArray, lag: int)
     reach = min(2 * lag + 1, n)
     window = np.clip(2.0 - np.arange(reach) / max(lag, 1), 0.0, 1.0)
     covariance = autocorrelation(residuals, reach - 1) * float(residuals @ residuals) / n * window
-    length = _fast_length(2 * n)
+    length = fast_length(2 * n)
     kernel = np.zeros(length)
     kernel[:reach] = covariance
     kernel[length - reach + 1 :] = covariance[:0:-1]

@@ -191,7 +191,7 @@ def test_cycles_that_cannot_be_simulated_leave_the_logs(monkeypatch: pytest.Monk
 @pytest.mark.parametrize(("away", "is_near"), [(0.0195, True), (0.0222, False)])
 def test_a_step_of_two_per_cent_is_the_last(*, away: float, is_near: bool) -> None:
     """K_e is told to 30 % by a log of 200 N of noise: an error is no measure of what is linear."""
-    whole = misfit([trace(1, noise=200.0)], ("k_e",))
+    whole = misfit([trace(1, noise=200.0, duration=10.0)], ("k_e",))
     slow = descend(whole, reference_parameters(1))
     near = slow.parameters.replace({"k_e": (1.0 + away) * slow.parameters.k_e})
     assert relative_errors(slow)[0] > 0.05
@@ -200,7 +200,7 @@ def test_a_step_of_two_per_cent_is_the_last(*, away: float, is_near: bool) -> No
 
 @pytest.mark.parametrize(("errors", "is_near"), [(0.97, True), (1.03, False)])
 def test_a_step_of_one_error_is_the_last(*, errors: float, is_near: bool) -> None:
-    whole = misfit([trace(10, noise=4.0)], ("r_m1",))
+    whole = misfit([trace(10, noise=4.0, duration=10.0)], ("r_m1",))
     slow = descend(whole, reference_parameters(10))
     away = errors * relative_errors(slow)[0]
     near = slow.parameters.replace({"r_m1": (1.0 + away) * slow.parameters.r_m1})

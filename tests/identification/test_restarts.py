@@ -123,7 +123,7 @@ def test_what_no_start_can_help_is_bounded_and_told(log):
 
 def test_identify_starts_again_by_itself(log, monkeypatch):
     """Also where the closed form leads astray, and from the first pass on."""
-    far = replace(TRUTH, r_m1=3e6)
+    far = replace(TRUTH, r_m1=2e6)
     monkeypatch.setattr(ProcedureInput, "start", lambda *_: far)
     monkeypatch.setattr(multistart, "fit_setting", lambda m, s, spent=0: attempt(m, s, spent))
     (fit,) = identify([log], PURDY_DAMPER, FitOptions(procedure="plain")).fits
