@@ -114,7 +114,7 @@ def test_peaks_scatter_by_one_per_cent_and_what_chance_adds(share, severity):
     # Nine cycles: a standard deviation is itself uncertain by a quarter; 1 % and two of these.
     sizes = 1.0 + 0.01 * share * (-1.0) ** np.arange(9) * np.sqrt(72.0 / 80.0)
     (found, *_) = repeatability._scatter(cycles(9, size=sizes))
-    assert found.severity == severity
+    assert (found.severity, found.unit) == (severity, "%")
     assert found.value == pytest.approx(share, rel=0.02)
 
 

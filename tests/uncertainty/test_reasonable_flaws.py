@@ -14,7 +14,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Finding, Recording
 from damperfit.uncertainty import Assessment, assess
-from damperfit.uncertainty.flaws import Hint, _is_reasonable
+from damperfit.uncertainty.flaws import _FLAWS, Hint, _is_reasonable
 from damperfit.uncertainty.residuals import Diagnosis, _fits_skew, _sentence, _warned, reconciled
 from damperfit.uncertainty.yielding import YIELDS, held_share
 from tests.identification import adjusted
@@ -167,3 +167,21 @@ def test_noise_of_the_displacement_is_blamed_where_it_makes_a_third() -> None:
 
 def test_an_assessment_without_settings_has_nothing_to_reconcile() -> None:
     assert reconciled(Assessment().diagnoses) == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("delay", "a channel delay (the force is 2 ms late against the displacement)"),
+        ("gas_pressure", "a wrong gas pressure (2 % more than configured)"),
+        ("gas_exponent", "a wrong gas exponent (by 2 %)"),
+        ("gas_volume", "a wrong gas or rod volume (2 N at full stroke)"),
+        ("offset", "a force offset that is not in the model (2 N)"),
+        ("friction_with_speed", "friction that depends on velocity (2 N more at low speed)"),
+        ("compressibility", "a bulk modulus that changes with pressure (by 2 % at the peak force)"),
+        ("valve_law_rebound", "the valve law in rebound (2 N at peak)"),
+        ("valve_law_bump", "the valve law in bump (2 N at peak)"),
+    ],
+)
+def test_a_flaw_of_size_two_is_told_in_its_own_unit(name, words) -> None:
+    assert _FLAWS[name].words(2.0) == words
