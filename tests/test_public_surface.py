@@ -664,8 +664,10 @@ SURFACE = {
     ],
     "damperfit.samples": [
         "SampleOptions",
+        "SimulatedCycle",
         "SteadyCycle",
         "make_samples",
+        "simulated_cycle",
         "steady_cycle",
     ],
     "damperfit.configuration.schema": [
@@ -713,10 +715,10 @@ SURFACE = {
     "damperfit.queries.sweep": [
         "Member",
         "PAPER_SWEEPS",
-        "SWEPT_UNITS",
         "Variation",
         "parse_variation",
         "run_sweep",
+        "swept_units",
     ],
     "damperfit.tables": [
         "LogSignals",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,11 +14,12 @@ from damperfit.cli.options import (
     JsonOption,
     QuietOption,
     VersionOption,
+    configured,
 )
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from damperfit.damper.purdy.parameters import Parameters
+    from damperfit.damper.model import Values
 
 __all__ = ["samples"]
 
@@ -46,6 +47,10 @@ def samples(
         str, typer.Option(metavar="FREQ", help="Corner of a filter in the rig; 0 is none.")
     ] = "0Hz",
     seed: Annotated[int, typer.Option(metavar="N", help="Same seed, same logs.")] = 2000,
+    model: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Model of the damper; default: the paper's."),
+    ] = None,
     config: ConfigOption = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -57,16 +62,10 @@ def samples(
     Example: damperfit samples my_runs --settings 1-5
     """
     from damperfit.cli.progress import progress
-    from damperfit.configuration.loading import load_configuration
-    from damperfit.damper.purdy.parameters import Damper
     from damperfit.quantities import parse_quantity
     from damperfit.samples import SampleOptions, make_samples
 
-    loaded = load_configuration(config)
-    if not isinstance(loaded.damper, Damper):
-        raise ConfigurationError(
-            f"samples are of the paper's model; {config} declares {loaded.damper.name!r}"
-        )
+    loaded = configured(config, ("--model", "damper.model", model))
     options = SampleOptions(
         settings=_numbers(settings),
         cycles=cycles,
@@ -91,15 +90,11 @@ def samples(
     return 0
 
 
-def _truth(path: Path) -> dict[int, Parameters]:
+def _truth(path: Path) -> dict[int, Values]:
     from damperfit.tables import read_parameters
 
     known = {setting.cell: parameters for setting, parameters in read_parameters(path).items()}
-    return {
-        setting: cast("Parameters", values)
-        for setting, values in known.items()
-        if isinstance(setting, int)
-    }
+    return {setting: values for setting, values in known.items() if isinstance(setting, int)}
 
 
 def _numbers(text: str) -> tuple[int, ...]:

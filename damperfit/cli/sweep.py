@@ -84,9 +84,6 @@ def sweep(
     check_kind("--figures", figures)
     if not vary and not paper:
         raise ConfigurationError("nothing to vary: give --vary NAME=F1,F2,... or --paper")
-    variations = [parse_variation(text) for text in vary or []]
-    if len({variation.name for variation in variations}) < len(variations):
-        raise ConfigurationError("--vary: a name is given twice; put its factors into one list")
     given = configured(config, ("--max-steps", "simulation.max_steps", max_steps))
     replaced = quantity_values(set_ or [], option="--set")
     number = "10" if paper and setting is None else setting
@@ -94,6 +91,14 @@ def sweep(
         number, table=parameters, replaced=replaced, folder=given.output.folder, damper=given.damper
     )
     configuration, damper = damper_of(choice, given, config=config)
+    variations = [parse_variation(text, configuration.damper) for text in vary or []]
+    if len({variation.name for variation in variations}) < len(variations):
+        raise ConfigurationError("--vary: a name is given twice; put its factors into one list")
+    if paper and configuration.damper.name != "purdy":
+        raise ConfigurationError(
+            f"--paper: the figures are of the paper's model; these parameters are of "
+            f"{configuration.damper.name!r}: give --vary NAME=F1,F2,..."
+        )
     if not quiet:
         say(f"damperfit: {damper}")
         say(f"damperfit: {choice.source}")
@@ -109,7 +114,7 @@ def sweep(
         print_json(told | {"rows": records, "sentences": sentences})
     else:
         for variation, members, _ in sweeps:
-            _show(variation, members)
+            _show(variation, members, configuration)
     if not quiet:
         figures = f"{len(plots)} figure{'s' * (len(plots) > 1)}"
         say(f"damperfit: sweep.csv and {figures} written to {out}")
@@ -184,10 +189,12 @@ def _write(
             writer.writerows(records)
 
 
-def _show(variation: Variation, members: Sequence[SweepMember]) -> None:
-    from damperfit.queries.sweep import SWEPT_UNITS
+def _show(
+    variation: Variation, members: Sequence[SweepMember], configuration: Configuration
+) -> None:
+    from damperfit.queries.sweep import swept_units
     from damperfit.report import sweep_sheet, terminal_table
 
-    sheet = sweep_sheet(variation.name, SWEPT_UNITS[variation.name], members)
+    sheet = sweep_sheet(variation.name, swept_units(configuration.damper)[variation.name], members)
     print_renderable(terminal_table(sheet))
     print_lines([*wrap(_sentence(variation, members), screen_columns()), ""])

@@ -12,17 +12,10 @@ from damperfit.queries.one_simulation import simulate_test
 
 if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
+    from damperfit.damper.model import Model
     from damperfit.queries.one_simulation import Choice, SimulatedTest
 
-__all__ = ["PAPER_SWEEPS", "SWEPT_UNITS", "Member", "Variation", "parse_variation", "run_sweep"]
-
-SWEPT_UNITS = {one.name: one.unit for one in PURDY_DAMPER.quantities} | {
-    "p_0": "Pa",
-    "gamma": "",
-    "amplitude": "m",
-    "frequency": "Hz",
-}
-_MAY_BE_ZERO = [q.name for q in PURDY_DAMPER.quantities if q.may_vanish or q.is_offset]
+__all__ = ["PAPER_SWEEPS", "Member", "Variation", "parse_variation", "run_sweep", "swept_units"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +25,7 @@ class Variation:
     Attributes
     ----------
     name : str
-        One of `SWEPT_UNITS`.
+        One of `swept_units`.
     factors : tuple of float
         In the order given.
     """
@@ -60,6 +53,8 @@ class Member:
     trial: SimulatedTest
 
 
+_GAS = {"p_0": "gas_pressure", "gamma": "gas_exponent"}
+
 # Figures 4, 5, 6 (and 7: its pressures), 8 and 9 of the paper.
 PAPER_SWEEPS = (
     Variation("r_m1", (0.8, 1.0, 1.2)),
@@ -70,8 +65,29 @@ PAPER_SWEEPS = (
 )
 
 
-def parse_variation(text: str) -> Variation:
+def swept_units(damper: Model) -> dict[str, str]:
+    """Return what of a damper and its test can be varied, with units.
+
+    Parameters
+    ----------
+    damper : Model
+        Of any model: its quantities, stroke and frequency; of the paper's the gas too, which is a
+        quantity of other dampers with gas.
+    """
+    gas = {"p_0": "Pa", "gamma": ""} if isinstance(damper, Damper) else {}
+    own = {one.name: one.unit for one in damper.quantities}
+    return own | gas | {"amplitude": "m", "frequency": "Hz"}
+
+
+def parse_variation(text: str, damper: Model = PURDY_DAMPER) -> Variation:
     """Return what NAME=F1,F2,... asks for.
+
+    Parameters
+    ----------
+    text : str
+        As typed.
+    damper : Model
+        Whose quantities there are.
 
     Raises
     ------
@@ -87,12 +103,14 @@ def parse_variation(text: str) -> Variation:
     name = name.lower()
     if not (name and equals and factors):
         raise ConfigurationError(f"--vary {text}: expected NAME=F1,F2,..., as in r_m1=0.8,1,1.2")
-    if name not in SWEPT_UNITS:
-        known = ", ".join(SWEPT_UNITS)
-        hint = did_you_mean(name, SWEPT_UNITS)
+    units = swept_units(damper)
+    if name not in units:
+        known = ", ".join(units)
+        hint = did_you_mean(name, units)
         raise ConfigurationError(f"--vary {text}: no {name!r}; there are {known}.{hint}")
     values = tuple(_factor(part, text) for part in factors.split(","))
-    if min(values) == 0.0 and name not in _MAY_BE_ZERO:
+    may_be_zero = [one.name for one in damper.quantities if one.may_vanish or one.is_offset]
+    if min(values) == 0.0 and name not in may_be_zero:
         raise ConfigurationError(
             f"--vary {text}: {name} times 0 is not a damper; give factors above 0"
         )
@@ -148,21 +166,11 @@ def run_sweep(
 
 
 def _value(choice: Choice, configuration: Configuration, name: str) -> float:
-    others = {
-        "p_0": _damper(configuration).gas_pressure,
-        "gamma": _damper(configuration).gas_exponent,
-        "amplitude": configuration.rig.amplitude,
-        "frequency": configuration.rig.frequency,
-    }
-    return others[name] if name in others else float(getattr(choice.parameters, name))
-
-
-def _damper(configuration: Configuration) -> Damper:
-    if not isinstance(configuration.damper, Damper):
-        raise ConfigurationError(
-            f"sweep varies the paper's model; these parameters are of {configuration.damper.name!r}"
-        )
-    return configuration.damper
+    if name in choice.parameters.names:
+        return float(getattr(choice.parameters, name))
+    if name in _GAS:
+        return float(getattr(configuration.damper, _GAS[name]))
+    return float(getattr(configuration.rig, name))
 
 
 def _changed(
@@ -170,13 +178,11 @@ def _changed(
 ) -> tuple[Choice, Configuration]:
     if name in choice.parameters.names:
         return replace(choice, parameters=choice.parameters.replace({name: value})), configuration
-    rig, damper = configuration.rig, _damper(configuration)
-    if name == "amplitude":
+    rig, damper = configuration.rig, configuration.damper
+    if isinstance(damper, Damper) and name in _GAS:
+        damper = replace(damper, **{_GAS[name]: value})
+    elif name == "amplitude":
         rig = replace(rig, amplitude=value)
-    elif name == "frequency":
-        rig = replace(rig, frequency=value)
-    elif name == "p_0":
-        damper = replace(damper, gas_pressure=value)
     else:
-        damper = replace(damper, gas_exponent=value)
+        rig = replace(rig, frequency=value)
     return choice, replace(configuration, rig=rig, damper=damper)

@@ -1,12 +1,21 @@
-"""Make-believe rig logs with known parameters, from an integrator that no fit uses.
+"""Make-believe rig logs with known parameters, the paper's from an integrator that no fit uses.
 
 ``steady`` integrates the model, written out once more in plain Python, by SciPy's Radau, so that
-a fit of these logs also tests the compiled core. ``logs`` adds the instruments and writes files.
+a fit of these logs also tests the compiled core. Other models are simulated as they are fitted
+(``any_model``). ``logs`` adds the instruments and writes files.
 """
 
 from __future__ import annotations
 
+from damperfit.samples.any_model import SimulatedCycle, simulated_cycle
 from damperfit.samples.logs import SampleOptions, make_samples
 from damperfit.samples.steady import SteadyCycle, steady_cycle
 
-__all__ = ["SampleOptions", "SteadyCycle", "make_samples", "steady_cycle"]
+__all__ = [
+    "SampleOptions",
+    "SimulatedCycle",
+    "SteadyCycle",
+    "make_samples",
+    "simulated_cycle",
+    "steady_cycle",
+]

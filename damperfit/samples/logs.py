@@ -10,20 +10,26 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from damperfit.atomic import file_set
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.damper.purdy.reference import REFERENCE_SETTINGS, reference_parameters
 from damperfit.errors import ConfigurationError
-from damperfit.samples.steady import RTOL, SteadyCycle, steady_cycle
+from damperfit.samples.any_model import made_up_values, simulated_cycle
+from damperfit.samples.steady import RTOL, steady_cycle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
+
+    from damperfit.damper.model import Model, Values
+    from damperfit.damper.purdy.parameters import Parameters
+    from damperfit.samples.any_model import SimulatedCycle
+    from damperfit.samples.steady import SteadyCycle
 
     FloatArray = NDArray[np.float64]
 
@@ -58,8 +64,8 @@ class SampleOptions:
         Mean, degrees Celsius; it wanders by up to 1 degree about it.
     seed : int
         Same seed, same logs.
-    damper : Damper
-        Geometry, oil and gas.
+    damper : Model
+        The damper, geometry, oil and gas of it.
     """
 
     settings: tuple[int, ...] = REFERENCE_SETTINGS
@@ -74,7 +80,7 @@ class SampleOptions:
     rig_filter: float = 0.0
     temperature: float = 26.0
     seed: int = 2000
-    damper: Damper = PURDY_DAMPER
+    damper: Model = PURDY_DAMPER
 
     def __post_init__(self) -> None:
         """Refuse options that make no log."""
@@ -86,7 +92,7 @@ class SampleOptions:
             _expect(name, getattr(self, name), "0 or more", 0.0 <= getattr(self, name) < math.inf)
         is_list = len(self.settings) == len(set(self.settings)) > 0 and min(self.settings) >= 0
         _expect("settings", self.settings, "at least one, each once, 0 or more", is_list)
-        shortest = min(self.damper.chamber_1_length, self.damper.chamber_2_length)
+        shortest = self.damper.travel
         wanted = f"less than the chamber's length, {shortest:.4g} m"
         _expect("amplitude", self.amplitude, wanted, self.amplitude < shortest)
         wanted = f"less than half the sample rate, {self.sample_rate / 2.0:.4g} Hz"
@@ -159,7 +165,7 @@ def _written(values: FloatArray, resolution: float) -> list[str]:
     return [f"{value:.{decimals}f}" for value in steps.tolist()]
 
 
-def _log_text(cycle: SteadyCycle, setting: int, options: SampleOptions) -> str:
+def _log_text(cycle: SteadyCycle | SimulatedCycle, setting: int, options: SampleOptions) -> str:
     """Return one log in the project's dialect."""
     random = np.random.default_rng([options.seed, setting])
     n = options.n_samples
@@ -187,11 +193,11 @@ def _log_text(cycle: SteadyCycle, setting: int, options: SampleOptions) -> str:
     return "\n".join([*preamble, *(",".join(row) for row in zip(*columns, strict=True)), ""])
 
 
-def _truth_text(truth: Mapping[int, Parameters]) -> str:
+def _truth_text(truth: Mapping[int, Values], names: Sequence[str]) -> str:
     """Return the true values as CSV, every digit, SI."""
-    rows = [",".join(("setting", *PURDY_DAMPER.names))]
+    rows = [",".join(("setting", *names))]
     for setting, parameters in truth.items():
-        values = (getattr(parameters, name) for name in PURDY_DAMPER.names)
+        values = (getattr(parameters, name) for name in names)
         rows.append(",".join((str(setting), *(repr(float(value)) for value in values))))
     return "\n".join([*rows, ""])
 
@@ -205,6 +211,17 @@ def _readme_text(options: SampleOptions, *, is_reference: bool) -> str:
             "paper describes in words; of its numbers only\n  R_m3 = 2.597e6 and f_f = 50 N are "
             "the paper's."
         )
+    damper = options.damper
+    at_rest = damper.rest_force(np.zeros(1))
+    push = 0.0 if at_rest is None else -float(at_rest[0])
+    integrator = f"SciPy's Radau, relative tolerance {RTOL:g}; damperfit fits with another one"
+    if damper.name != PURDY_DAMPER.name:
+        integrator = (
+            "the one that damperfit fits with: these logs prove fits, not the integrator.\n"
+            f"- Model: {damper.name}: {damper.sentence}"
+        )
+        if is_reference:
+            source = "They are made up: plausible, and stiffer from setting to setting."
     corner = f"{options.rig_filter:g} Hz (4th-order Butterworth, causal)"
     return f"""# Synthetic rig logs
 
@@ -215,13 +232,13 @@ trying and testing damperfit, and must not be taken for measurements of any real
 - Drive: sine, {1e3 * options.amplitude:g} mm, {options.frequency:g} Hz; {options.cycles:g} cycles \
 logged at {options.sample_rate:g} Hz. The machine is
   already running when a log starts, at another point of the cycle in each log.
-- Integrator: SciPy's Radau, relative tolerance {RTOL:g}; damperfit fits with another one.
+- Integrator: {integrator}.
 - Noise (white, rms): {options.force_noise:g} N, {1e6 * options.displacement_noise:g} um.
 - Smallest step (0: all digits): {options.force_resolution:g} N, \
 {1e6 * options.displacement_resolution:g} um.
 - Filter in the rig, both channels: {corner if options.rig_filter > 0.0 else "none"}.
 - Signs: positive is rebound (rod out, tension). The force is not tared: at mid-stroke the gas
-  pushes the rod out with {options.damper.rod_area * options.damper.gas_pressure:.1f} N.
+  pushes the rod out with {push:.1f} N.
 - The temperature is decoration; it has no effect on the force.
 - Seed {options.seed}: the same options give the same bytes.
 """
@@ -238,7 +255,7 @@ def _is_sample(path: Path) -> bool:
 
 def _check_own(folder: Path, names: Sequence[str]) -> None:
     """Refuse to put made-up files over others of these names."""
-    heads = {"README.md": b"# Synthetic rig logs", "truth.csv": b"setting,r_m1,"}
+    heads = {"README.md": b"# Synthetic rig logs", "truth.csv": b"setting,"}
     for path in (folder / name for name in (*names, *heads)):
         if not path.is_file():
             continue
@@ -253,11 +270,35 @@ def _check_own(folder: Path, names: Sequence[str]) -> None:
             )
 
 
+def _source(options: SampleOptions) -> Callable[[int], Values]:
+    """What gives the true values of a setting where nobody says them."""
+    if isinstance(options.damper, Damper):
+        return reference_parameters
+    speed = 2.0 * math.pi * options.frequency * options.amplitude
+    return lambda setting: made_up_values(options.damper, setting, speed)
+
+
+def _check_names(truth: Mapping[int, Values], damper: Model) -> None:
+    for values in truth.values():
+        if values.names != damper.names:
+            raise ConfigurationError(
+                f"samples: the parameters are of {', '.join(values.names)}; {damper.name} has "
+                f"{', '.join(damper.names)}: name their own model (--model, damper.model)"
+            )
+
+
+def _cycle(true: Values, options: SampleOptions) -> SteadyCycle | SimulatedCycle:
+    drive = {"amplitude": options.amplitude, "frequency": options.frequency}
+    if isinstance(options.damper, Damper):
+        return steady_cycle(cast("Parameters", true), options.damper, **drive)
+    return simulated_cycle(true, options.damper, **drive)
+
+
 def make_samples(
     folder: str | Path,
     options: SampleOptions | None = None,
     *,
-    parameters: Mapping[int, Parameters] | None = None,
+    parameters: Mapping[int, Values] | None = None,
     on_log: Callable[[Path], None] | None = None,
 ) -> tuple[Path, ...]:
     """Write one synthetic log for each setting, ``truth.csv`` and ``README.md``, as a set.
@@ -269,8 +310,9 @@ def make_samples(
         other settings go.
     options : SampleOptions, optional
         Test, instruments, damper; the default is the paper's test at 500 Hz.
-    parameters : mapping of int to Parameters, optional
-        True values by setting; default: the reference set.
+    parameters : mapping of int to Values, optional
+        True values by setting, of the options' damper; default: the reference set of the paper's
+        model, made-up valves of the others.
     on_log : callable, optional
         Called with the path of each log when it is computed (for progress).
 
@@ -282,7 +324,8 @@ def make_samples(
     Raises
     ------
     ConfigurationError
-        A setting has no parameters, or a file of another origin stands where one is to go.
+        A setting has no parameters, or nobody knows numbers of such a model; a file of another
+        origin stands where one is to go.
     SimulationError
         The model cannot be integrated.
     OutputError
@@ -292,8 +335,9 @@ def make_samples(
     missing = [s for s in options.settings if parameters is not None and s not in parameters]
     if missing:
         raise ConfigurationError(f"samples: no parameters given for settings {missing}")
-    source = reference_parameters if parameters is None else parameters.__getitem__
+    source = _source(options) if parameters is None else parameters.__getitem__
     truth = {setting: source(setting) for setting in options.settings}
+    _check_names(truth, options.damper)
     names = [f"setting_{setting:02d}.csv" for setting in truth]
     _check_own(Path(folder), names)
     with file_set(Path(folder)) as files:
@@ -301,14 +345,12 @@ def make_samples(
             if path.name not in names and _is_sample(path):  # truth.csv will not speak of it
                 files.without(path.name)
         for setting, true in truth.items():
-            cycle = steady_cycle(
-                true, options.damper, amplitude=options.amplitude, frequency=options.frequency
-            )
+            cycle = _cycle(true, options)
             name = f"setting_{setting:02d}.csv"
             files.path(name).write_bytes(_log_text(cycle, setting, options).encode())
             if on_log is not None:
                 on_log(Path(folder) / name)
         readme = _readme_text(options, is_reference=parameters is None)
         files.path("README.md").write_bytes(readme.encode())
-        files.path("truth.csv").write_bytes(_truth_text(truth).encode())
+        files.path("truth.csv").write_bytes(_truth_text(truth, options.damper.names).encode())
     return tuple(Path(folder) / f"setting_{setting:02d}.csv" for setting in truth)

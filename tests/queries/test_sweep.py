@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 from pathlib import Path
 
@@ -10,9 +11,10 @@ import pytest
 from rich.console import Console
 
 from damperfit.configuration.loading import load_configuration
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.errors import ConfigurationError
 from damperfit.queries.one_simulation import choose_parameters
-from damperfit.queries.sweep import PAPER_SWEEPS, SWEPT_UNITS, parse_variation, run_sweep
+from damperfit.queries.sweep import PAPER_SWEEPS, parse_variation, run_sweep, swept_units
 from damperfit.report import (
     SweepMember,
     sweep_plot,
@@ -112,7 +114,7 @@ def test_rig_and_gas_are_varied_too(family, name):
 
 def test_table_and_plot_have_each_member(family):
     kin = family("r_m1=0.8,1,1.2")
-    sheet = sweep_sheet("r_m1", SWEPT_UNITS["r_m1"], kin)
+    sheet = sweep_sheet("r_m1", swept_units(PURDY_DAMPER)["r_m1"], kin)
     assert [row[0] for row in sheet.rows] == ["0.8", "1", "1.2"]
     plot = sweep_plot("r_m1", kin, file_name="a", title="a")
     lines = plot.panels[0].lines
@@ -129,7 +131,7 @@ def test_the_rows_and_sentences_are_as_agreed(family):
     for text in ("r_m1=0.8,1,1.2", "r_m3=0.5,1,1.5", "f_f=0,1,2", "amplitude=0.5,1", "p_0=1"):
         name = text.partition("=")[0]
         members = family(text)
-        console.print(terminal_table(sweep_sheet(name, SWEPT_UNITS[name], members)))
+        console.print(terminal_table(sweep_sheet(name, swept_units(PURDY_DAMPER)[name], members)))
         console.print(sweep_sentence(name, members) + "\n")
     path = Path(__file__).parent / "golden" / "sweep.txt"
     if os.environ.get("DAMPERFIT_WRITE_GOLDEN"):
@@ -166,3 +168,36 @@ def test_zero_cannot_be_scaled(family):
 def test_a_stroke_beyond_the_chamber_is_refused(family):
     with pytest.raises(ConfigurationError, match="beyond the damper's travel"):
         family("amplitude=10")
+
+
+@pytest.mark.parametrize(("model", "vary", "peak"), [
+    ("twin_tube", "rebound_opening=0.5,1,2", "rebound"),
+    ("monotube", "gas_pressure=1,1.5", "bump"),
+    ("bilinear", "amplitude=0.5,1", "rebound"),
+])  # fmt: skip
+def test_every_model_can_be_swept(tmp_path, capsys, model: str, vary: str, peak: str) -> None:
+    from damperfit.cli import main
+    from tests.test_every_model import TRUTH
+
+    (tmp_path / "damper.toml").write_text(f'[damper]\nmodel = "{model}"\n')
+    values = [part for k, v in TRUTH[model].items() for part in ("--set", f"{k}={v}")]
+    code = main(["sweep", *values, "--vary", vary, "--config", str(tmp_path / "damper.toml"),
+                 "--out", str(tmp_path / "out"), "--quiet", "--json"])  # fmt: skip
+    captured = capsys.readouterr()
+    assert code == 0, captured.err
+    rows = json.loads(captured.out)["rows"]
+    forces = [abs(row[f"peak_force_{peak}_N"]) for row in rows]
+    assert forces == sorted(forces)
+    assert forces[-1] > forces[0]
+
+
+def test_the_papers_figures_are_of_its_model_alone(tmp_path, capsys) -> None:
+    from damperfit.cli import main
+    from tests.test_every_model import TRUTH
+
+    (tmp_path / "damper.toml").write_text('[damper]\nmodel = "bilinear"\n')
+    values = [part for k, v in TRUTH["bilinear"].items() for part in ("--set", f"{k}={v}")]
+    command = ["sweep", "--paper", *values, "--config", str(tmp_path / "damper.toml")]
+    assert main([*command, "--out", str(tmp_path / "out"), "--quiet"]) == 2
+    assert "the figures are of the paper's model" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
