@@ -48,14 +48,24 @@ def recording(
 
 
 def trace(setting: int, parameters: Parameters | None = None, **kwargs: object) -> Trace:
-    """Return the conditioned log, of 6 s unless it is said: nine cycles tell what fifteen do."""
-    log = recording(setting, parameters, **{"duration": 6.0, **kwargs})  # type: ignore[arg-type]
+    """Return the conditioned log."""
+    log = recording(setting, parameters, **kwargs)  # type: ignore[arg-type]
     return condition(log, ConditionOptions())
+
+
+def short_trace(setting: int, parameters: Parameters | None = None, **kwargs: object) -> Trace:
+    """Return a log of 6 s unless it is said: where no limit is near, nine cycles tell as much."""
+    return trace(setting, parameters, **{"duration": 6.0, **kwargs})  # type: ignore[arg-type]
 
 
 def traces(settings: Sequence[int], **kwargs: object) -> list[Trace]:
     """Return one trace for each setting of the reference set."""
     return [trace(setting, **kwargs) for setting in settings]
+
+
+def short_traces(settings: Sequence[int], **kwargs: object) -> list[Trace]:
+    """Return one short trace for each setting of the reference set."""
+    return [short_trace(setting, **kwargs) for setting in settings]
 
 
 def errors(found: Parameters, truth: Parameters) -> dict[str, float]:

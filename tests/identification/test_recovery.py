@@ -14,7 +14,9 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, Outcome, identify
 from damperfit.identification.descent import Misfit, approach, descend
 from damperfit.simulation import SolverOptions
-from tests.identification.rig import errors, recording, trace, traces
+from tests.identification.rig import errors, recording
+from tests.identification.rig import short_trace as trace
+from tests.identification.rig import short_traces as traces
 
 FREE = ("r_m1", "r_m2", "k_e")
 EVERYTHING = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")

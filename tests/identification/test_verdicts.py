@@ -25,7 +25,8 @@ from damperfit.identification.descent import Misfit
 from damperfit.identification.setting import describe_fit, fit_setting
 from damperfit.simulation import SolverOptions, simulate
 from damperfit.uncertainty import assess
-from tests.identification.rig import trace, traces
+from tests.identification.rig import short_trace as trace
+from tests.identification.rig import short_traces as traces
 
 FREE = ("r_m1", "r_m2", "k_e")
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}

@@ -30,7 +30,8 @@ from damperfit.uncertainty.correlated_noise import (
 from damperfit.uncertainty.intervals import make_interval
 from damperfit.uncertainty.verdicts import doubts, verdicts
 from tests import fakes
-from tests.identification.rig import trace, traces
+from tests.identification.rig import short_trace as trace
+from tests.identification.rig import short_traces as traces
 from tests.uncertainty.coverage import Trial, run, summary
 
 FREE = ("r_m1", "r_m2", "k_e")

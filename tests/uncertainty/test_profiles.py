@@ -26,7 +26,8 @@ from damperfit.uncertainty import (
     profile_campaign,
     reconsider,
 )
-from tests.identification.rig import trace, traces
+from tests.identification.rig import short_trace as trace
+from tests.identification.rig import short_traces as traces
 
 FREE = ("r_m1", "r_m2", "k_e")
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}

@@ -15,7 +15,9 @@ from damperfit.identification import FitOptions, identify
 from damperfit.recording import Finding
 from damperfit.run.trust import unconfirmed_tares
 from damperfit.uncertainty import assess
-from tests.identification.rig import recording, trace, traces
+from tests.identification.rig import recording
+from tests.identification.rig import short_trace as trace
+from tests.identification.rig import short_traces as traces
 from tests.uncertainty.flaws import FLAWS, Flaw, judged, outcomes, speed
 
 SETTINGS = (1, 10, 20)
