@@ -45,8 +45,8 @@ def pytest_ignore_collect(collection_path, config):
 
 def pytest_configure(config):
     """Keep rewritten assertions also where Python is told to write no bytecode: 7 s of each run."""
-    if not sys.dont_write_bytecode:
-        return  # pytest does it itself
+    if not sys.dont_write_bytecode or not hasattr(config, "cache"):
+        return  # pytest does it itself, or is told to keep nothing
     kept = config.cache.mkdir("asserts")
 
     def rewritten(path, config, rewrite_test=rewrite._rewrite_test):
