@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from damperfit.atomic.own_files import is_own_file
+from damperfit.atomic.own_files import _columns, _says, is_own_file
 from damperfit.handover import TARGETS
 from tests.report_folder import make_results
 
@@ -84,3 +84,25 @@ def test_a_table_is_known_by_its_columns(tmp_path, old, is_own) -> None:
     (tmp_path / "old.csv").write_text(old)
     (tmp_path / "new.csv").write_text("setting,speed_m_per_s,force_N,range\n1,0,0,tested\n")
     assert is_own_file(tmp_path / "old.csv", tmp_path / "new.csv") is is_own
+
+
+@pytest.mark.parametrize(("begins", "is_own"), [(b"ABCDx", True), (b"ABCxE", False)])
+def test_a_kind_of_file_is_told_by_four_bytes(begins, is_own, tmp_path) -> None:
+    old, new = tmp_path / "old", tmp_path / "new"
+    old.write_bytes(begins + b" damperfit")
+    new.write_bytes(b"ABCDE damperfit")
+    assert is_own_file(old, new) is is_own
+
+
+@pytest.mark.parametrize(("before", "says"), [(15_500, True), (17_000, False)])
+def test_a_file_says_whose_it_is_in_its_first_16_kilobytes(before, says, tmp_path) -> None:
+    path = tmp_path / "picture"
+    path.write_bytes(b"x" * before + b"damperfit" + b"x" * 100_000)
+    assert _says(path, b"damperfit") is says
+
+
+@pytest.mark.parametrize(
+    ("line", "columns"), [(b"a,b_mm", ()), (b"a,b_mm,c [N]", (b"a", b"b", b"c"))]
+)
+def test_a_table_has_three_columns(line, columns) -> None:
+    assert _columns(line + b"\n1,2,3\n") == columns
