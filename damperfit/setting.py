@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from functools import total_ordering
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from damperfit.adjuster_words import lettered, words_of
+
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
@@ -213,8 +215,8 @@ def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
     Parameters
     ----------
     text : str
-        As in "10" or "soft" for one adjuster; for several "rebound=12, compression=8",
-        "R12 C08", "12r/8c", or "12/8" in the declared order.
+        As in "10", "10 clicks" or "soft" for one adjuster; for several "rebound=12,
+        compression=8", "R12 C08", "12r/8c", "b12-r8", or "12/8" in the declared order.
     adjusters : sequence of str
         Names of the adjusters.
 
@@ -233,12 +235,16 @@ def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
     'R12 C8'
     """
     if len(adjusters) == 1:
-        name = re.escape(adjusters[0])
-        plain = re.sub(rf"^\s*{name}\s*[=:]\s*", "", text, flags=re.IGNORECASE)
-        return Setting(((adjusters[0], parse_place(plain)),))
+        return Setting(((adjusters[0], parse_place(_alone(text, adjusters[0]))),))
     told = _named_places(text, adjusters)
     if told is None:
         parts = re.split(r"\s*[/;|,]\s*|\s+", text.strip())
+        if letters := lettered(parts):
+            raise ValueError(
+                f"the letters {', '.join(letters)} name none of the adjusters "
+                f"{', '.join(adjusters)}, or several; expected {_example(adjusters)}, or names in "
+                "[adjusters] that begin with these letters"
+            )
         told = dict(zip(adjusters, parts, strict=False)) if len(parts) == len(adjusters) else {}
     missing = [name for name in adjusters if name not in told]
     if missing:
@@ -246,10 +252,19 @@ def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
     return Setting(tuple((name, parse_place(told[name])) for name in adjusters))
 
 
+def _alone(text: str, adjuster: str) -> str:
+    """Return what a text says of the only adjuster, without its name or the word clicks."""
+    words = "|".join(map(re.escape, words_of([adjuster], short_names([adjuster]))))
+    plain = re.sub(rf"^\s*{re.escape(adjuster)}\s*[=:]\s*", "", text, flags=re.IGNORECASE)
+    number = r"[+-]?\d{1,9}(?:\.\d{1,6})?"
+    ahead = rf"(?:(?:{words}|clicks?)[ _]?({number})|({number}) ?(?:{words}|clicks?))"
+    found = re.fullmatch(ahead, plain.strip(), flags=re.IGNORECASE)
+    return (found[1] or found[2]) if found else plain
+
+
 def _named_places(text: str, adjusters: Sequence[str]) -> dict[str, str] | None:
     """Return the text of each adjuster that is named; None where none is."""
-    shorts = short_names(adjusters)
-    names = {word.casefold(): name for name in adjusters for word in (name, shorts[name])}
+    names = words_of(adjusters, short_names(adjusters))
     known = "|".join(sorted(map(re.escape, names), key=len, reverse=True))
     mark = re.compile(
         rf"(?<![^\W\d_])({known})(?:\s*[=:]\s*([^\s,;/|]+)|[\s_]*([+-]?\d+(?:\.\d+)?))",

@@ -124,7 +124,7 @@ FAILING = {
     "no_log_warnings": (subject(with_trace(3, findings=(FINDING, NOTE))), "clipping at setting 3"),
     "damper_declared": (
         subject(undeclared=("gas_length",), n_declarable=9),
-        "but not gas_length: there a default is taken",
+        "but not gas_length: there the default is used",
     ),
 }
 FAILING |= {
@@ -152,7 +152,7 @@ FAILING |= {
 UNSEEN = {
     "bulk_modulus_of_oil": (
         subject(fit(1, status={"k_e": "fixed"})),
-        "not evaluated: no log told k_e",
+        "not evaluated: no log determined k_e",
     ),
     "friction_within_jump": (subject(elastic(1)), "not evaluated: the mounting gives"),
     "series_stiffness_found": (subject(), "not evaluated: the model has no elasticity in series"),
@@ -170,7 +170,7 @@ UNSEEN = {
     ),
     "damper_declared": (
         subject(undeclared=tuple(DAMPER_RANGES), n_declarable=len(DAMPER_RANGES)),
-        "no damper is declared: the paper's is taken",
+        "no damper is declared: the paper's is assumed",
     ),
 }
 
@@ -310,7 +310,7 @@ def test_a_temperature_that_nobody_asks_for_is_not_looked_at() -> None:
     seen = replace(subject(with_trace(1, temperature=None)), temperature_tolerance=math.inf)
     check = result("temperature_in_window", seen)
     assert check.passed is None
-    assert "asks for no temperature" in check.reason
+    assert "requires no temperature" in check.reason
 
 
 def test_without_fits_nothing_is_looked_at() -> None:

@@ -144,6 +144,11 @@ SURFACE = {
         "tabulate_forces",
     ],
     "damperfit.run.readings": ["Readings"],
+    "damperfit.adjuster_words": [
+        "lettered",
+        "letters_of",
+        "words_of",
+    ],
     "damperfit.adjustment": [
         "Adjustment",
         "Answer",

@@ -24,6 +24,7 @@ from PIL import Image
 
 from damperfit.cli import main
 from damperfit.report import draw_plot, report_plots
+from damperfit.samples import SampleOptions, make_samples
 from damperfit.tables import read_results
 
 ROOT = Path(__file__).parents[1]
@@ -81,6 +82,22 @@ def test_ci_runs_the_command_that_the_readme_shows() -> None:
     split = f'command="{SECOND}"; printf %s "${{command%&& pytest}}"'
     assert _run(["bash", "-c", split], ROOT).stdout == COMMANDS[2] + " "
     assert shlex.split(COMMANDS[2]) == ["pip", "install", "-e", ".[test]"]
+
+
+def test_the_five_steps_do_what_they_say(tmp_path, monkeypatch, capsys) -> None:
+    """Each command of the steps, on three short logs."""
+    section = TEXT.partition("## Your own damper in five steps")[2].partition("\n## ")[0]
+    commands = re.findall(r"`damperfit ([^`]+)`", section)
+    assert [one.split()[0] for one in commands[:3]] == ["init", "inspect", "identify"]
+    options = SampleOptions(settings=(1, 2, 3), cycles=7.0, force_noise=1.0)
+    make_samples(tmp_path / "runs", options)
+    monkeypatch.chdir(tmp_path)
+    for command in commands:
+        assert main(shlex.split(command)) == 0, command
+        capsys.readouterr()
+    assert "[damper]" in (tmp_path / "mine.toml").read_text(encoding="utf-8")
+    for name in ("report.html", "parameters.csv", "export/damper.fmu"):
+        assert (tmp_path / "results" / name).is_file(), name
 
 
 def test_the_first_command_gives_the_output_shown(first_command) -> None:

@@ -19,7 +19,7 @@ CAUSES = (
     "empty file (0 bytes)",
     "line {n}: force is 'OVR{n}', expected a number",
     "no column for force; there are 't{n}', 'x'. Name it: rig.columns.force = 'NAME'",
-    "{n} samples; expected at least 3 whole cycles of a steady test; log longer",
+    "{n} samples; expected at least 3 whole cycles of a steady test; record a longer log",
     "time repeats: {n}.5 s after {n}.5 s; time must increase",
     "this is JSON, damaged in line {n}, column 2: Expecting value; copy the log again",
     "the interval between values is {n}e-3 s",
@@ -75,7 +75,7 @@ def test_kinds_beyond_twenty_are_counted(kinds, lines) -> None:
     assert ("other kinds" in told[-1]) is (kinds > 20)
     if kinds > 20:
         n = kinds - 20
-        assert told[-1] == f"and {4 * n} more of {n} other kinds; run.json and --json tell all"
+        assert told[-1] == f"and {4 * n} more of {n} other kinds; run.json and --json list them all"
 
 
 def test_the_parts_of_a_file_that_fail_with_other_numbers_are_one_line() -> None:
@@ -119,7 +119,7 @@ def test_inspect_tells_each_kind_of_refusal() -> None:
 
 def test_kinds_of_refusals_beyond_twenty_are_counted() -> None:
     logs = [refused(k, f"cause {'x' * k}") for k in range(25)]
-    assert list(finding_lines(logs))[-1] == "  and 5 more kinds; --json tells all"
+    assert list(finding_lines(logs))[-1] == "  and 5 more kinds; --json lists them all"
 
 
 @pytest.mark.parametrize(("n", "end"), [(20, "20.csv"), (21, "5.csv and 16 more")])
@@ -155,7 +155,9 @@ def test_the_table_of_many_logs_has_the_first_that_can_be_used(n, n_rows) -> Non
         assert not sheet.notes
         return
     assert {row[-1] for row in sheet.rows} == {"good"}
-    assert sheet.notes == (f"{n - len(sheet.rows)} of {n} logs have no row here; --json tells all",)
+    assert sheet.notes == (
+        f"{n - len(sheet.rows)} of {n} logs have no row here; --json lists them all",
+    )
 
 
 @pytest.mark.parametrize(("n", "n_rows"), [(MANY_ROWS, 60), (MANY_ROWS + 1, 5)])

@@ -398,7 +398,7 @@ def test_what_was_held_out_in_the_report(sections):
         "freq. Hz": "2.25",
         "MSE %": "0.625",
         "fitted %": "0.375",
-        "verdict": "worse than fitted: 2.5 times the MSE to expect",
+        "verdict": "worse than fitted: 2.5 times the expected MSE",
     }
 
 

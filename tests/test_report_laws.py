@@ -1,4 +1,4 @@
-"""Which law the logs tell: in run.json, in report.md, on the page."""
+"""Which law the logs support: in run.json, in report.md, on the page."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_models_of_the_literature_tell_once_what_is_not_original() -> None:
 
 
 def test_sentences_say_what_is_seen_and_what_is_open() -> None:
-    assert law_sentences(TOLD) == ["The logs speak for the paper's model.", "Seen.", "Open."]
+    assert law_sentences(TOLD) == ["The logs support the paper's model.", "Seen.", "Open."]
 
 
 JUNK = (
@@ -80,8 +80,8 @@ def test_a_run_that_let_the_logs_choose_tells_it_everywhere(tmp_path, capsys) ->
     assert [one["is_chosen"] for one in told["laws"]] == [True]
     assert told["undecided"][-1].startswith("How well the law predicts another test: nothing")
     for text in ((out / "report.md").read_text(), (out / "report.html").read_text()):
-        assert "Which law the logs tell" in text
-        assert "The logs speak for the paper" in text
+        assert "Which law the logs support" in text
+        assert "The logs support the paper" in text
         assert "How well the law predicts another test" in text
     capsys.readouterr()
     assert main(["identify", log, "--out", str(out), "--quiet"]) == 0

@@ -59,7 +59,7 @@ def judged(kind: str) -> Assessment:
 
 def test_the_advice_is_to_climb_where_it_was_not_done() -> None:
     (said,) = ladder_advice(judged("misfit"), PURDY_DAMPER)
-    assert "model purdy does not describe setting 3: climb the ladder of models" in said
+    assert "model purdy does not describe setting 3: try the ladder of models" in said
     assert "identify LOGS --model auto" in said
     assert list(ladder_advice(judged("misfit"), TwinTube())) == []
     # A wrong tare is no matter of the law, and without doubt there is no advice.

@@ -117,7 +117,7 @@ def test_plots_are_complete(shown):
 def test_parameters_show_interval_where_there_is_one_and_no_unknown_value(shown):
     (plot,) = (plot for plot in shown.overall if plot.name == "parameter_k_e")
     points = {line.setting: line for line in plot.panels[0].lines if line.setting is not None}
-    assert sorted(points) == [1, 2, 3]  # 4 is missing, 5 cannot be told
+    assert sorted(points) == [1, 2, 3]  # 4 is missing, 5 cannot be determined
     assert points[1].low == pytest.approx([490.0])
     assert points[1].high == pytest.approx([530.0])
     assert points[2].low is None
@@ -238,7 +238,7 @@ def test_what_the_run_told_is_shown(copy):
     assert page.index("setting 3 is off") < page.index("all below 1 %")  # what failed comes first
     assert "K_e rises by 10 MPa a setting." in page
     assert "r_m1 and r_m3 are tied" in page
-    assert "setting 2, b.csv, last 3 cycles: MSE 0.5 % (0.25 % to expect), worse than" in page
+    assert "setting 2, b.csv, last 3 cycles: MSE 0.5 % (0.25 % expected), worse than" in page
     assert "<td>1 to 2</td><td class=n>+41.2 ± 2.0</td><td class=n>-17.5 ± 2.0</td>" in page
     assert "warning: force is clipped &lt;/script&gt;" in page
     assert page.count("channels are 0.1 ms apart") == 1  # a note stands with its log alone
@@ -387,7 +387,7 @@ def test_any_other_schema_is_named_and_this_one_is_not(copy, version):
     (said,) = (one for one in read_results(copy).remarks if "schema version" in one)
     assert said == (
         f"the results are of schema version {version} (damperfit 9.9), this damperfit knows 2: "
-        "what it does not find is left out"
+        "what is not found is left out"
     )
 
 

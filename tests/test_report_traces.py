@@ -164,8 +164,8 @@ def test_a_setting_tells_each_parameter_with_what_became_of_it() -> None:
     status = {"r_m1": "not_identifiable", "k_e": "at_bound"}
     (row,) = rows_of(fit(1, status=status))
     assert parameter_line(row) == (
-        "R_m1 cannot be told, R_m2 = 2.2000e6 N s/(m2 kg), R_m3 = 2.5970e6 N s/(m2 kg) (shared), "
-        "K_e = 510.00 MPa (at bound), f_f = 50.000 N (shared)."
+        "R_m1 cannot be determined, R_m2 = 2.2000e6 N s/(m2 kg), R_m3 = 2.5970e6 N s/(m2 kg) "
+        "(shared), K_e = 510.00 MPa (at bound), f_f = 50.000 N (shared)."
     )
     assert "R_m3" not in parameter_line(row | {"r_m3": None})
 

@@ -86,6 +86,47 @@ def test_half_a_label_is_refused(text):
         parse_setting(text, TWO)
 
 
+@pytest.mark.parametrize(
+    ("adjusters", "text", "places"),
+    [
+        (["low_speed", "high_speed"], "L6 H1", (6, 1)),
+        (["low_speed", "high_speed"], "H1 L6", (6, 1)),
+        (["low_speed", "high_speed"], "LS6/HS1", (6, 1)),
+        (["low_speed", "high_speed"], "6l 1h", (6, 1)),
+        (["rebound", "compression"], "C3R5", (5, 3)),
+        (["low_speed_compression", "high_speed_compression", "rebound"], "LSC 4 HSC 2 R 10",
+         (4, 2, 10)),
+        (["bump", "rebound"], "b12-r8", (12, 8)),
+        (["compression", "rebound"], "b12-r8", (12, 8)),
+        (["rebound", "bump"], "reb 12 comp 8", (12, 8)),
+        (["rebound", "compression"], "12/8", (12, 8)),
+    ],
+)  # fmt: skip
+def test_letters_name_adjusters_by_their_initials_and_strokes(adjusters, text, places):
+    assert parse_setting(text, adjusters).places == tuple(zip(adjusters, places, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("adjusters", "text"),
+    [
+        (["low_speed", "high_speed"], "A6 B1"),
+        (["low_rebound", "low_bump"], "L6 H1"),
+        (["low_speed", "high_speed"], "6a 1b"),
+    ],
+)
+def test_letters_that_name_no_adjuster_are_asked_for_and_never_words(adjusters, text):
+    with pytest.raises(ValueError, match=r"the letters ., . name none of the adjusters") as found:
+        parse_setting(text, adjusters)
+    assert f"{adjusters[0]}=12" in str(found.value)
+
+
+@pytest.mark.parametrize("text", ["10 clicks", "click 10", "R10", "10r", "rebound 10", "reb10"])
+def test_the_only_adjuster_may_be_named_too(text):
+    assert parse_setting(text, ["rebound"]).places == (("rebound", 10),)
+    assert parse_setting("V10").cell == "V10"
+    assert parse_setting("s10").cell == 10
+
+
 def test_words_and_negative_clicks_in_a_label():
     assert parse_setting("rebound=soft, compression=-2", TWO).label == "R:soft C-2"
     assert parse_setting("setting=soft").cell == "soft"

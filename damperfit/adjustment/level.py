@@ -49,7 +49,7 @@ class Level:
     is_cavitating : bool
         A chamber is empty of pressure somewhere on this motion.
     misfit : float
-        Error of the force for the wrong model, N: what repeats in the residual at like speeds.
+        Error of the force from the model's misfit, N: what repeats in the residual at like speeds.
     measured, measured_error : float
         Force as measured at this motion and its standard error, N; NaN where it was not measured.
     difference : float

@@ -372,7 +372,7 @@ def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
         more = f" and {len(pairs) - _MOST_PAIRS} more" if len(pairs) > _MOST_PAIRS else ""
         said += f"; against the trend from {trend.adjuster} {', '.join(pairs[:_MOST_PAIRS])}{more}"
     if n < LEAST_FOR_OUTLIERS:
-        said += f"; too few settings to tell one off the trend ({LEAST_FOR_OUTLIERS} are needed)"
+        said += f"; too few settings to find one off the trend ({LEAST_FOR_OUTLIERS} are needed)"
     elif not trend.outliers_judged:
         said += "; no curve that a setting could be off: are settings mixed up?"
     return said

@@ -55,7 +55,7 @@ class FileSet:
             ``name`` points out of the folder.
         """
         if Path(name).name != name or name in {"", ".", ".."} or "\0" in name:
-            raise OutputError(f"{name!r} is no plain file name; no file is written elsewhere")
+            raise OutputError(f"{name!r} is not a plain file name; no file is written elsewhere")
         if name not in self.names:
             self.names.append(name)
         return self._temporary(self.names.index(name), "new")

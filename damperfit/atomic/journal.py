@@ -122,7 +122,7 @@ def read_journal(folder: Path) -> tuple[Journal, float] | None:
         raise OutputError(
             f"{folder}: writing results was interrupted there, and {JOURNAL}, which says how to "
             f"put the earlier ones back, cannot be read ({error}); run again into another folder, "
-            "or remove that file to keep what stands there, which may be of two runs"
+            "or remove that file to keep the files there, which may come from two runs"
         ) from error
 
 

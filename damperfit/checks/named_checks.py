@@ -239,7 +239,7 @@ def _residuals_white(subject: Subject) -> _Verdict:
         return False, f"the misfit repeats from cycle to cycle at {where}: {worst.sentence}"
     if unknown:
         return None, unknown
-    return True, "nothing repeats from cycle to cycle that the model lacks"
+    return True, "no misfit repeats from cycle to cycle"
 
 
 def _noise_floor_explained(subject: Subject) -> _Verdict:
@@ -270,7 +270,7 @@ def _diagnoses(subject: Subject) -> tuple[list[Diagnosis], str]:
     reasons = []
     if single:
         where = _listed(single)
-        reasons.append(f"a single cycle does not tell noise from lack of fit, at {where}")
+        reasons.append(f"a single cycle cannot separate noise from lack of fit, at {where}")
     if unseen:
         reasons.append(f"the residuals were not evaluated, at {_listed(unseen)}")
     return [one for one in diagnoses if one.setting not in single], "; ".join(reasons)
@@ -279,7 +279,7 @@ def _diagnoses(subject: Subject) -> tuple[list[Diagnosis], str]:
 def _temperature_in_window(subject: Subject) -> _Verdict:
     centre, reach = subject.temperature, subject.temperature_tolerance
     if not math.isfinite(reach):
-        return None, "the configuration asks for no temperature (rig.temperature_tolerance = inf)"
+        return None, "the configuration requires no temperature (rig.temperature_tolerance = inf)"
     window = f"{centre:g} +- {reach:g} degC"
     outside, unknown = [], []
     for trace in subject.traces:
@@ -292,8 +292,8 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
     if unknown:
         count = f"{len(unknown)} of {len(subject.traces)} logs"
         return None, (
-            f"no temperature in {count} ({unknown[0]}); the test asks for {window}; a rig that has "
-            "none says rig.temperature_tolerance = inf"
+            f"no temperature in {count} ({unknown[0]}); the test asks for {window}; without a "
+            "sensor set rig.temperature_tolerance = inf"
         )
     return True, f"all logs within {window}"
 
@@ -301,10 +301,11 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
 def _damper_declared(subject: Subject) -> _Verdict:
     names = subject.undeclared
     if names and len(names) == subject.n_declarable:
-        return None, "no damper is declared: the paper's is taken; give its [damper] by --config"
+        said = "no damper is declared: the paper's is assumed; declare yours in [damper] and give "
+        return None, f"{said}it with --config"
     if names:
         return False, (
-            f"[damper] is declared, but not {', '.join(names)}: there a default is taken"
+            f"[damper] is declared, but not {', '.join(names)}: there the default is used"
         )
     return True, "every key of [damper] is declared"
 

@@ -35,7 +35,7 @@ def _every_grade_stands(fits: Sequence[Fit], said: Objections) -> Verdict:
             f"grades are withheld at {_listed(said)}; setting {first}: "
             f"{'; '.join(one.sentence for one in said[first])}"
         )
-    return True, f"nothing speaks against the grades of {len(fits)} settings"
+    return True, f"no objection to the grades of {len(fits)} settings"
 
 
 def _bulk_modulus_of_oil(fits: Sequence[Fit], said: Objections) -> Verdict:
@@ -97,7 +97,7 @@ def _judged(
         return False, _first(against)
     told = [fit for fit in fits if any(fit.status[name] in _FOUND for name in names)]
     if not told:
-        return None, f"not evaluated: no log told {' or '.join(names)}"
+        return None, f"not evaluated: no log determined {' or '.join(names)}"
     return True, f"{' and '.join(names)} is {what} at {_listed(fit.setting for fit in told)}"
 
 

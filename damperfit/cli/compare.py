@@ -19,11 +19,15 @@ from damperfit.cli.console import (
 )
 from damperfit.cli.github import append_summary, summary_file
 from damperfit.cli.options import (
+    AmplitudeOption,
     ConfigOption,
     DebugOption,
+    FrequencyOption,
+    GithubSummaryOption,
     JobsOption,
     JsonOption,
     QuietOption,
+    ToleranceOption,
     VersionOption,
 )
 from damperfit.errors import ConfigurationError
@@ -45,24 +49,22 @@ def compare(
     ],
     repeats: Annotated[
         list[Path] | None,
-        typer.Option(metavar="RESULTS", help="Another run of A: their scatter is the measure."),
+        typer.Option(
+            metavar="RESULTS", help="Repeat run of A; the scatter of the repeats is the yardstick."
+        ),
     ] = None,
-    tolerance: Annotated[
-        str | None,
-        typer.Option(metavar="5%|20N|FILE", help="Gate: of A's damping, or a table; code 4."),
-    ] = None,
+    tolerance: ToleranceOption = None,
     measured: Annotated[
-        bool, typer.Option("--measured", help="Measured curves alone; also logs and curve files.")
+        bool,
+        typer.Option(
+            "--measured", help="Compare measured curves only; takes logs and curve files too."
+        ),
     ] = False,
     velocity: Annotated[
         list[str] | None, typer.Option(metavar="SPEED", help="Speeds.  [the named test speeds]")
     ] = None,
-    amplitude: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="Of the sine.  [the tests' own]")
-    ] = None,
-    frequency: Annotated[
-        str | None, typer.Option(metavar="FREQ", help="Of the sine.  [the tests' own]")
-    ] = None,
+    amplitude: AmplitudeOption = None,
+    frequency: FrequencyOption = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write page, Markdown, JSON and tables.")
     ] = None,
@@ -70,11 +72,10 @@ def compare(
         Path | None, typer.Option(metavar="FILE.json", help="Keep A as a baseline.")
     ] = None,
     junit: Annotated[
-        Path | None, typer.Option(metavar="FILE.xml", help="Write the points of --tolerance.")
+        Path | None,
+        typer.Option(metavar="FILE.xml", help="Write the points of --tolerance as JUnit XML."),
     ] = None,
-    github_summary: Annotated[
-        bool, typer.Option("--github-summary", help="Add the Markdown to the job's page.")
-    ] = False,
+    github_summary: GithubSummaryOption = False,
     jobs: JobsOption = None,
     config: ConfigOption = None,
     json: JsonOption = False,
@@ -208,7 +209,7 @@ def _show_pair(comparison: RunComparison, *, is_quiet: bool) -> None:
     lines = [f"A: {comparison.first.place}", f"B: {comparison.second.place}"]
     if comparison.repeats:
         names = ", ".join(run.place for run in comparison.repeats)
-        lines.append(f"measure: the scatter of A and its repeats {names}")
+        lines.append(f"yardstick: the scatter of A and its repeats {names}")
     lines += [*(f"differs besides: {one}" for one in comparison.differing), *comparison.sentences]
     lines += [f"note: {one}" for one in comparison.to_know]
     columns = screen_columns()

@@ -33,7 +33,7 @@ _EXTRAS = (
 def doctor(
     json: JsonOption = False, debug: DebugOption = False, version: VersionOption = False
 ) -> int:
-    """Tell what works on this machine: version, core, extras, a fit of a second.
+    """Show what works on this machine: version, core, extras, a fit of a second.
 
     Example: damperfit doctor
     """

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from damperfit.cli.console import print_json, print_lines, say
+from damperfit.cli.console import print_json, print_lines, say, screen_columns
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
     JsonOption,
     OverwriteOption,
     QuietOption,
+    ResultsArgument,
     UnitsOption,
     VersionOption,
 )
@@ -27,10 +29,7 @@ __all__ = ["export"]
 
 
 def export(
-    results: Annotated[
-        Path,
-        typer.Argument(metavar="RESULTS", help="Folder that identify wrote, or fleet/serial=D003."),
-    ] = Path("results"),
+    results: ResultsArgument = Path("results"),
     to: Annotated[
         str | None, typer.Option(metavar="TARGET", help="What to write; --list shows them.")
     ] = None,
@@ -49,7 +48,7 @@ def export(
     ] = None,
     units: UnitsOption = None,
     decimal: Annotated[
-        str, typer.Option(metavar="MARK", help="Of the decimals in CSV: a point or a comma.")
+        str, typer.Option(metavar="MARK", help="Decimal mark in CSV files: a point or a comma.")
     ] = ".",
     list_: Annotated[
         bool, typer.Option("--list", help="Show the targets with file, units and sign.")
@@ -176,12 +175,13 @@ def _show(targets: tuple[Target, ...], *, is_json: bool) -> None:
         print_json({"targets": told})
         return
     for one in told:
-        print_lines(
-            [
-                f"{one['target']}: {one['title']}",
-                f"  file   {one['file']}",
-                f"  units  {one['units']}",
-                f"  sign   {one['sign']}",
-                f"  goes   to {one['place']}",
-            ]
-        )
+        title = wrap(f"{one['target']}: {one['title']}", screen_columns(), subsequent_indent="  ")
+        print_lines(title)
+        for word, text in (
+            ("file", one["file"]),
+            ("units", one["units"]),
+            ("sign", one["sign"]),
+            ("goes", f"to {one['place']}"),
+        ):
+            head = f"  {word:<7}"
+            print_lines(wrap(f"{head}{text}", screen_columns(), subsequent_indent=" " * len(head)))

@@ -8,19 +8,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from damperfit.cli.console import print_json, print_lines, say
+from damperfit.cli.option_values import configured, rig_entries
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
     JobsOption,
     JsonOption,
+    ModelOption,
+    ProcedureOption,
     QuietOption,
     RigOption,
     RigProfileOption,
     StrictOption,
     TestsOption,
+    ToleranceOption,
     VersionOption,
-    configured,
-    rig_entries,
 )
 from damperfit.errors import ConfigurationError
 
@@ -60,23 +62,17 @@ def fleet(
     ] = None,
     collect: Annotated[
         bool,
-        typer.Option("--collect", help="Then make one table of all parts: fleet.parquet, .csv."),
+        typer.Option("--collect", help="Then write one table of all parts: fleet.parquet, .csv."),
     ] = False,
     report: Annotated[
-        bool, typer.Option("--report", help="Likewise, and one page of the fleet: fleet.html.")
-    ] = False,
-    tolerance: Annotated[
-        str | None,
+        bool,
         typer.Option(
-            metavar="5%|20N|FILE", help="Likewise; gate: around the median, or a table; code 4."
+            "--report", help="Also write the tables and one page of the fleet: fleet.html."
         ),
-    ] = None,
-    model: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Model of the dampers.  [purdy]")
-    ] = None,
-    procedure: Annotated[
-        str | None, typer.Option(metavar="NAME", help="How to fit: paper, joint, plain.")
-    ] = None,
+    ] = False,
+    tolerance: ToleranceOption = None,
+    model: ModelOption = None,
+    procedure: ProcedureOption = None,
     tests: TestsOption = None,
     strict: StrictOption = False,
     rig_profile: RigProfileOption = None,
@@ -160,12 +156,13 @@ def _refuse(
         )
     if scheduler is not None and jobs is not None:
         raise ConfigurationError(
-            "--jobs cannot act beside --scheduler: the cluster has its own workers; leave one out"
+            "--jobs cannot be combined with --scheduler: the cluster has its own workers; leave "
+            "one out"
         )
     if part is not None and asked:
         raise ConfigurationError(
-            f"{asked[0]} cannot act beside --part: other parts may not be done yet; collect with "
-            f"damperfit fleet --out {out} {asked[0]} when all are"
+            f"{asked[0]} cannot be combined with --part: other parts may not be done yet; collect "
+            f"with damperfit fleet --out {out} {asked[0]} when all are"
         )
 
 
@@ -249,7 +246,10 @@ def _say(
         say(f"damperfit: {n_before} failures of an earlier run count too; its parts hold them")
     if is_stopped:
         left = n_tasks - len(done)
-        say(f"damperfit: interrupted; {left} of {n_tasks} dampers left, the same command does them")
+        say(
+            f"damperfit: interrupted; {left} of {n_tasks} dampers left, the same command goes on "
+            "with them"
+        )
     elif n_tasks and not is_quiet:
         say(f"damperfit: parts in {out}")
 

@@ -19,15 +19,30 @@ from damperfit.cli.console import (
     spark_levels,
 )
 from damperfit.cli.github import append_summary, summary_file
+from damperfit.cli.option_values import (
+    configured,
+    declared_setting,
+    names_of,
+    quantity_names,
+    quantity_values,
+    rig_entries,
+    starts_of,
+)
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
+    FiguresOption,
+    GithubSummaryOption,
+    HoldOutOption,
     JobsOption,
     JsonOption,
     LogsArgument,
+    ModelOption,
+    ProcedureOption,
     QuietOption,
     RigOption,
     RigProfileOption,
+    RivalsOption,
     SettingOption,
     SkewOption,
     StartOption,
@@ -36,13 +51,6 @@ from damperfit.cli.options import (
     TruncatedOption,
     UnitsOption,
     VersionOption,
-    configured,
-    declared_setting,
-    names_of,
-    quantity_names,
-    quantity_values,
-    rig_entries,
-    starts_of,
 )
 from damperfit.cli.report import check_kind, write_report
 from damperfit.errors import ConfigurationError
@@ -68,44 +76,27 @@ def identify(
         list[str] | None,
         typer.Option(
             metavar="NAME,NAME",
-            help="Fit these; of the paper's model r_m1 r_m2 r_m3 k_e f_f f_0.",
+            help="Parameters to fit; of the paper's model r_m1 r_m2 r_m3 k_e f_f f_0.",
         ),
     ] = None,
     fix: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Hold a parameter; may be given several times."),
-    ] = None,
-    model: Annotated[
-        str | None,
         typer.Option(
-            metavar="NAME", help="Model of the damper; auto: the one that the logs tell.  [purdy]"
+            metavar="NAME=VALUE", help="Hold a parameter at a value; may be given several times."
         ),
     ] = None,
-    rivals: Annotated[
-        bool,
-        typer.Option(
-            "--rivals", help="With --model auto, rank models of the literature on the logs too."
-        ),
-    ] = False,
-    procedure: Annotated[
-        str | None, typer.Option(metavar="NAME", help="How to fit: paper, joint, plain.")
-    ] = None,
+    model: ModelOption = None,
+    rivals: RivalsOption = False,
+    procedure: ProcedureOption = None,
     share: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME,NAME", help="In common to all settings of a joint fit."),
+        typer.Option(metavar="NAME,NAME", help="Shared by all settings in a joint fit."),
     ] = None,
-    hold_out: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="PATTERN",
-            help="Do not fit these logs, predict them; may be given several times. The default, "
-            "transients: run-up, coast-down and changes of speed of the logs, where they have any.",
-        ),
-    ] = None,
+    hold_out: HoldOutOption = None,
     hold_out_cycles: Annotated[
         float | None,
         typer.Option(
-            metavar="N", help="Likewise the last N cycles of each log; below 1: that share of them."
+            metavar="N", help="Hold out the last N cycles of each log; below 1: that share of them."
         ),
     ] = None,
     bulk_modulus: Annotated[
@@ -119,7 +110,7 @@ def identify(
     profile: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME,NAME", help="Follow the misfit of a parameter, into profiles.csv."
+            metavar="NAME,NAME", help="Profile the misfit along a parameter, into profiles.csv."
         ),
     ] = None,
     max_mse: Annotated[
@@ -145,15 +136,9 @@ def identify(
     report: Annotated[
         bool, typer.Option("--report", help="Also write report.html, as damperfit report does.")
     ] = False,
-    plots: Annotated[
-        str | None,
-        typer.Option(metavar="KIND", help="Also write the figures as files: png, svg or pdf."),
-    ] = None,
+    figures: FiguresOption = None,
     units: UnitsOption = None,
-    github_summary: Annotated[
-        bool,
-        typer.Option("--github-summary", help="Append the report to the job's summary."),
-    ] = False,
+    github_summary: GithubSummaryOption = False,
     jobs: JobsOption = None,
     config: ConfigOption = None,
     json: JsonOption = False,
@@ -172,7 +157,7 @@ def identify(
     from damperfit.run.pipeline import Watch, run_each
     from damperfit.run.result import UnwrittenError
 
-    check_kind("--plots", plots)
+    check_kind("--figures", figures)
     if max_mse == 0.0:
         raise ConfigurationError(
             "--max-mse 0: expected more than 0, as every fit leaves some misfit; for no gate leave "
@@ -221,8 +206,8 @@ def identify(
     procedure_used = configuration.identification.procedure
     if share is not None and procedure_used != "joint":
         raise ConfigurationError(
-            f"--share {','.join(share)} cannot act: only procedure joint fits shared parameters, "
-            f"found procedure {procedure_used}; add --procedure joint"
+            f"--share {','.join(share)} has no effect: only procedure joint fits shared "
+            f"parameters, found procedure {procedure_used}; add --procedure joint"
         )
     declared = declared_setting(setting, configuration)
     lost: UnwrittenError | None = None
@@ -241,8 +226,8 @@ def identify(
         folder = folder / folder_name(owner) if owner else folder
         say_failures(result.facts.failures, is_debug=debug)
         _tell_people(result, configuration, folder, is_quiet=quiet, is_written=is_written)
-        if result.campaign.fits and (report or plots) and is_written:
-            write_report(folder, folder, page=report, figures=plots)
+        if result.campaign.fits and (report or figures) and is_written:
+            write_report(folder, folder, page=report, figures=figures)
         if summary is not None:
             append_summary(summary, markdown_report(result.tables, result.facts), instead=_TOO_LONG)
         if not json and result.campaign.fits:
@@ -380,5 +365,5 @@ def _with_law(
     )
     if not is_quiet:
         said = " ".join(physics_seen(choice.fits))
-        say(f"damperfit: the logs speak for {choice.ladder.chosen.title}. {said}".rstrip())
+        say(f"damperfit: the logs support {choice.ladder.chosen.title}. {said}".rstrip())
     return with_chosen_law(configuration, choice)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from damperfit.cli.console import print_lines, say
-from damperfit.cli.options import DebugOption, QuietOption, VersionOption, assignments
+from damperfit.cli.option_values import assignments
+from damperfit.cli.options import DebugOption, QuietOption, VersionOption
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def init(
     debug: DebugOption = False,
     version: VersionOption = False,
 ) -> int:
-    """Write a commented configuration for a damper of one's own, and look at its logs with it.
+    """Write a commented configuration for a damper of one's own, and inspect its logs with it.
 
     On a terminal what is not given is asked.
 
@@ -94,7 +95,7 @@ def _asked(model: str, given: Mapping[str, str]) -> dict[str, str]:
     from damperfit.configuration.drawings import DRAWINGS, MEASURED
     from damperfit.queries.first_configuration import damper_keys
 
-    say("Each length and pressure of the damper; Enter leaves what stands in brackets.")
+    say("Each length and pressure of the damper; Enter keeps the value in brackets.")
     for line in DRAWINGS.get(model, "").splitlines():
         say(line)
     answers = {}

@@ -11,7 +11,9 @@ from damperfit.cli.console import (
     print_renderable,
     say,
     say_failures,
+    screen_columns,
 )
+from damperfit.cli.option_values import configured, declared_setting, rig_entries
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -27,15 +29,14 @@ from damperfit.cli.options import (
     TestsOption,
     TruncatedOption,
     VersionOption,
-    configured,
-    declared_setting,
-    rig_entries,
 )
 
 if TYPE_CHECKING:
     from damperfit.run.logs import LogBatch
 
 __all__ = ["inspect"]
+
+_WIDEST = 80  # columns of sentences: longer lines are hard to read
 
 
 def inspect(
@@ -54,7 +55,7 @@ def inspect(
     debug: DebugOption = False,
     version: VersionOption = False,
 ) -> int:
-    """Tell what is in the logs and what is wrong with them; fit nothing.
+    """Show what is in the logs and what is wrong with them; fit nothing.
 
     Example: damperfit inspect runs/*.csv
     """
@@ -114,5 +115,6 @@ def _show(batch: LogBatch, *, has_notes: bool) -> None:
     if (curves := curve_sheet(facts)).rows:
         print_lines([""])
         print_renderable(terminal_table(curves))
-    lines = (one_line(line) for line in finding_lines(facts, has_notes=has_notes))
+    columns = min(screen_columns(), _WIDEST)
+    lines = (one_line(line) for line in finding_lines(facts, has_notes=has_notes, columns=columns))
     print_lines(["", *lines])

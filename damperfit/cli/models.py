@@ -15,22 +15,21 @@ from damperfit.cli.console import (
     say_failures,
     screen_columns,
 )
+from damperfit.cli.option_values import configured, declared_setting, rig_entries, starts_of
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
+    HoldOutOption,
     JobsOption,
     JsonOption,
     LogsArgument,
     QuietOption,
     RigOption,
     RigProfileOption,
+    RivalsOption,
     SettingOption,
     StartOption,
     VersionOption,
-    configured,
-    declared_setting,
-    rig_entries,
-    starts_of,
 )
 from damperfit.errors import ConfigurationError, did_you_mean
 
@@ -42,27 +41,15 @@ __all__ = ["models"]
 
 def models(
     logs: LogsArgument,
-    hold_out: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="PATTERN",
-            help="Do not fit these logs, predict them: another speed or stroke tells most. The "
-            "default, transients: run-up, coast-down and changes of speed, where there are any.",
-        ),
-    ] = None,
+    hold_out: HoldOutOption = None,
     layout: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Of a damper whose layout is known: twin_tube, monotube, through_flow.",
+            help="Layout of the damper, where it is known: twin_tube, monotube, through_flow.",
         ),
     ] = None,
-    rivals: Annotated[
-        bool,
-        typer.Option(
-            "--rivals", help="Rank fourteen models of the literature on the same logs too."
-        ),
-    ] = False,
+    rivals: RivalsOption = False,
     start: StartOption = None,
     setting: SettingOption = None,
     rig_profile: RigProfileOption = None,
@@ -74,7 +61,7 @@ def models(
     debug: DebugOption = False,
     version: VersionOption = False,
 ) -> int:
-    """Try laws of dampers on the logs and tell which one they speak for.
+    """Fit a ladder of damper laws to the logs and say which one they support.
 
     Example: damperfit models runs/*.csv --config damper.toml --hold-out '*_check.csv'
     """
@@ -128,7 +115,7 @@ def _show(choice: LawChoice) -> None:
     print_renderable(terminal_table(ladder_sheet(told, is_narrow=True)))
     reasons = [f"{rung.tried.title}: {rung.reason}" for rung in choice.ladder.rungs]
     print_lines(["", *(line for one in reasons for line in wrap(one, width))])
-    said = " ".join((f"The logs speak for {choice.ladder.chosen.title}.",
+    said = " ".join((f"The logs support {choice.ladder.chosen.title}.",
                      *physics_seen(choice.fits)))  # fmt: skip
     print_lines(["", *wrap(said, width), ""])
     print_renderable(terminal_table(chosen_sheet(choice.fits)))

@@ -2,50 +2,46 @@
 
 from __future__ import annotations
 
-import re
-from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from damperfit import __version__
-from damperfit.errors import ConfigurationError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from damperfit.configuration.options import Configuration
-    from damperfit.setting import Setting
 
 __all__ = [
+    "AmplitudeOption",
     "ConfigOption",
     "DebugOption",
+    "FiguresOption",
+    "FrequencyOption",
+    "GithubSummaryOption",
+    "HoldOutOption",
     "JobsOption",
     "JsonOption",
     "LogFileOption",
     "LogsArgument",
+    "MaxStepsOption",
+    "ModelOption",
     "OverwriteOption",
+    "ParametersOption",
+    "ProcedureOption",
     "QuietOption",
+    "ResultsArgument",
     "RigOption",
     "RigProfileOption",
+    "RivalsOption",
+    "SetOption",
     "SettingOption",
     "SkewOption",
+    "StageOption",
     "StartOption",
     "StrictOption",
     "TestsOption",
+    "ToleranceOption",
     "TruncatedOption",
     "UnitsOption",
     "VersionOption",
-    "assignments",
-    "configured",
-    "declared_setting",
-    "names_of",
-    "quantity_names",
-    "quantity_values",
-    "refuse_beside",
-    "rig_entries",
-    "starts_of",
 ]
 
 
@@ -67,7 +63,7 @@ JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")
 ]
 QuietOption = Annotated[
-    bool, typer.Option("--quiet", "-q", help="No progress bar, no remarks; errors are still told.")
+    bool, typer.Option("--quiet", "-q", help="No progress bar, no remarks; errors are still shown.")
 ]
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 LogFileOption = Annotated[
@@ -95,7 +91,9 @@ OverwriteOption = Annotated[
 UnitsOption = Annotated[
     str | None,
     typer.Option(
-        "--units", metavar="LIST", help="Of force, speed and length: N,mm/s or lbf,in/s or daN."
+        "--units",
+        metavar="LIST",
+        help="Units of force, speed and length: N,mm/s or lbf,in/s or daN.",
     ),
 ]
 LogsArgument = Annotated[
@@ -110,7 +108,7 @@ JobsOption = Annotated[
 ]
 SettingOption = Annotated[
     str | None,
-    typer.Option("--setting", metavar="N", help="Setting of the logs that do not say theirs."),
+    typer.Option("--setting", metavar="N", help="Setting of logs that do not give one."),
 ]
 TestsOption = Annotated[
     Path | None,
@@ -124,12 +122,12 @@ StrictOption = Annotated[
 SkewOption = Annotated[
     str | None,
     typer.Option(
-        "--skew", metavar="TIME|auto", help="The force is late by this: 2ms, or auto to estimate."
+        "--skew", metavar="TIME|auto", help="Delay of the force: 2ms, or auto to estimate it."
     ),
 ]
 TruncatedOption = Annotated[
     bool,
-    typer.Option("--allow-truncated", help="Of a TDMS log that was cut, keep what is common."),
+    typer.Option("--allow-truncated", help="Keep what all channels of a truncated TDMS log have."),
 ]
 RigProfileOption = Annotated[
     str | None,
@@ -153,176 +151,100 @@ StartOption = Annotated[
         help="Where the fits start: parameters of an earlier run, or values, as in f_f=30,k_e=2e9.",
     ),
 ]
-_ASSIGNMENT = re.compile(r"\s*[A-Za-z_]\w*\s*=")
-_NEXT_ASSIGNMENT = re.compile(r",(?=\s*[A-Za-z_]\w*\s*=)")
-
-
-def starts_of(texts: Sequence[str] | None) -> tuple[str | None, dict[str, str]]:
-    """Return the file and the values that ``--start`` gives, values one by one or in lists.
-
-    Examples
-    --------
-    >>> starts_of(["results", "f_f=30,k_e=2e9"])
-    ('results', {'f_f': '30', 'k_e': '2e9'})
-
-    Raises
-    ------
-    ConfigurationError
-        Two files are given, a value is missing, or a name is given twice.
-    """
-    parts = [part for text in texts or [] for part in _parted(text)]
-    values = [part for part in parts if _ASSIGNMENT.match(part) and not Path(part).exists()]
-    files = [part for part in parts if part not in values]
-    if len(files) > 1:
-        raise ConfigurationError(
-            f"--start {files[1]}: {files[0]} is given already; a fit starts from one earlier run"
-        )
-    if "" in files:
-        raise ConfigurationError("--start '': expected a file or NAME=VALUE, such as k_e=5e8")
-    return (files[0] if files else None), quantity_values(values, option="--start")
-
-
-def _parted(text: str) -> list[str]:
-    return [text] if Path(text).exists() else _NEXT_ASSIGNMENT.split(text)
-
-
-def quantity_values(texts: Iterable[str], *, option: str) -> dict[str, str]:
-    """Return NAME=VALUE texts, or lists of them, by quantity; K_e is k_e.
-
-    Raises
-    ------
-    ConfigurationError
-        As of `assignments`.
-
-    Examples
-    --------
-    >>> quantity_values(["K_e=2e9, f_f=30", "f_0=0"], option="--fix")
-    {'k_e': '2e9', 'f_f': '30', 'f_0': '0'}
-    """
-    lower = (
-        f"{name.lower()}{equals}{value}"
-        for text in texts
-        for name, equals, value in (one.partition("=") for one in _NEXT_ASSIGNMENT.split(text))
-    )
-    return assignments(lower, option=option)
-
-
-def quantity_names(texts: Iterable[str] | None) -> list[str] | None:
-    """Return the quantities that options name, None where none was given.
-
-    Examples
-    --------
-    >>> quantity_names(["R_m1, k_e", "f_f"]), quantity_names(None)
-    (['r_m1', 'k_e', 'f_f'], None)
-    """
-    return None if texts is None else [name.lower() for name in names_of(texts)]
-
-
-def rig_entries(texts: Iterable[str] | None) -> list[tuple[str, str, Any]]:
-    """Return KEY=VALUE texts as entries of [rig] for `configured`; KEY may be dotted.
-
-    A value is what it would be in TOML; what is no TOML (kN) is text.
-
-    Raises
-    ------
-    ConfigurationError
-        A text has no key, no ``=`` or no value, or a key is given twice.
-    """
-    import json
-    import tomllib
-
-    keys: dict[str, Any] = {}
-    for key, value in assignments(texts or [], option="--rig").items():
-        for text in (value, json.dumps(value)):
-            with suppress(tomllib.TOMLDecodeError):
-                found = tomllib.loads(f"{key} = {text}")
-                break
-        else:
-            raise ConfigurationError(f"--rig {key}={value}: {key!r} is not a key")
-        for name, entry in found.items():
-            is_table = isinstance(entry, dict) and isinstance(keys.get(name), dict)
-            keys[name] = keys[name] | entry if is_table else entry
-    return [(f"--rig {name}", f"rig.{name}", entry) for name, entry in keys.items()]
-
-
-def assignments(texts: Iterable[str], *, option: str, example: str = "k_e=5e8") -> dict[str, str]:
-    """Return NAME=VALUE texts as a dictionary.
-
-    Raises
-    ------
-    ConfigurationError
-        A text has no name, no ``=`` or no value, or a name is given twice.
-    """
-    values: dict[str, str] = {}
-    for text in texts:
-        name, equals, value = (part.strip() for part in text.partition("="))
-        if not (name and equals and value):
-            raise ConfigurationError(f"{option} {text}: expected NAME=VALUE, such as {example}")
-        if name in values:
-            raise ConfigurationError(f"{option} {text}: {name} is given twice")
-        values[name] = value
-    return values
-
-
-def names_of(texts: Iterable[str]) -> list[str]:
-    """Return the names in options that may be given several times and may hold lists.
-
-    Examples
-    --------
-    >>> names_of(["a,b", "c"])
-    ['a', 'b', 'c']
-    """
-    return [name.strip() for text in texts for name in text.split(",")]
-
-
-def configured(config: Path | None, *entries: tuple[str, str, Any]) -> Configuration:
-    """Return the configuration of a file and the command line.
-
-    Parameters
-    ----------
-    config : pathlib.Path or None
-        TOML file.
-    entries : tuple of str, str, any
-        Option as typed, key that it sets as in "rig.skew", value; None means not given.
-    """
-    from damperfit.configuration.loading import load_configuration
-
-    sections: dict[str, dict[str, Any]] = {}
-    options: dict[str, str] = {}
-    for option, place, value in entries:
-        if value is not None:
-            section, _, key = place.partition(".")
-            sections.setdefault(section, {})[key] = value
-            options[place] = option
-    return load_configuration(config, overlay=sections, options=options)
-
-
-def declared_setting(text: str | None, configuration: Configuration) -> Setting | None:
-    """Return the setting that ``--setting`` gives.
-
-    Raises
-    ------
-    ConfigurationError
-        The text is none.
-    """
-    from damperfit.setting import parse_setting
-
-    try:
-        return None if text is None else parse_setting(text, configuration.reading.adjusters)
-    except ValueError as error:
-        raise ConfigurationError(f"--setting {text}: {error}") from error
-
-
-def refuse_beside(option: str, others: Mapping[str, Any], *, why: str) -> None:
-    """Refuse options that cannot act beside another one.
-
-    Raises
-    ------
-    ConfigurationError
-        One of the others was given.
-    """
-    given = [name for name, value in others.items() if value is not None]
-    if given:
-        raise ConfigurationError(
-            f"{given[0]} cannot act beside {option}: {why}; leave one of the two out"
-        )
+ModelOption = Annotated[
+    str | None,
+    typer.Option(
+        "--model",
+        metavar="NAME",
+        help="Model of the damper; identify takes auto too: the one that the logs support.  "
+        "[purdy]",
+    ),
+]
+ProcedureOption = Annotated[
+    str | None,
+    typer.Option("--procedure", metavar="NAME", help="How to fit: paper, joint, plain."),
+]
+HoldOutOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--hold-out",
+        metavar="PATTERN",
+        help="Do not fit these logs, predict them; may be given several times. The default, "
+        "transients: run-up, coast-down and changes of speed of the logs, where they have any.",
+    ),
+]
+RivalsOption = Annotated[
+    bool,
+    typer.Option(
+        "--rivals", help="Where the logs choose the model, also rank fourteen of the literature."
+    ),
+]
+FiguresOption = Annotated[
+    str | None,
+    typer.Option(
+        "--figures", "--plots", metavar="KIND", help="Write the figures as files: png, svg or pdf."
+    ),
+]
+GithubSummaryOption = Annotated[
+    bool,
+    typer.Option("--github-summary", help="Append the report to the summary of the job."),
+]
+ToleranceOption = Annotated[
+    str | None,
+    typer.Option(
+        "--tolerance",
+        metavar="5%|20N|FILE",
+        help="Gate: band around the reference (of a fleet: the median), or a table; missed: "
+        "code 4.",
+    ),
+]
+ResultsArgument = Annotated[
+    Path,
+    typer.Argument(metavar="RESULTS", help="Folder that identify wrote, or fleet/serial=D003."),
+]
+ParametersOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--parameters",
+        metavar="FILE",
+        help="Parameters table (.parquet, .csv) or results folder.  [results, if it is there, "
+        "else the shipped reference set]",
+    ),
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Replace a parameter; with all five, --setting is not needed.",
+    ),
+]
+StageOption = Annotated[
+    str | None,
+    typer.Option("--setting", metavar="N", help="Setting whose parameters are used."),
+]
+MaxStepsOption = Annotated[
+    int | None,
+    typer.Option(
+        "--max-steps",
+        min=1,
+        metavar="N",
+        help="Limit on samples and integrator steps.  [5000000]",
+    ),
+]
+AmplitudeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--amplitude",
+        metavar="LENGTH",
+        help="Of the simulated motion, as in 32mm.  [that of the test]",
+    ),
+]
+FrequencyOption = Annotated[
+    str | None,
+    typer.Option(
+        "--frequency",
+        metavar="FREQ",
+        help="Of the simulated motion, as in 1.5Hz.  [that of the test]",
+    ),
+]

@@ -30,7 +30,7 @@ PANELS = {
     "Gates": ("--strict", "--max-mse", "--check", "--tolerance", "--junit"),
     "Work": ("--jobs", "--scheduler", "--part"),
     "Output": (
-        *("--out", "--overwrite", "--report", "--plots", "--plot", "--to", "--list"),
+        *("--out", "--overwrite", "--report", "--figures", "--plot", "--to", "--list"),
         *("--github-summary", "--save", "--collect", "--json", "--quiet", "--log-file"),
     ),
 }

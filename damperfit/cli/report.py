@@ -11,8 +11,10 @@ from damperfit.cli.console import print_json, say
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
+    FiguresOption,
     JsonOption,
     QuietOption,
+    ResultsArgument,
     UnitsOption,
     VersionOption,
 )
@@ -27,16 +29,8 @@ FIGURE_KINDS = ("png", "svg", "pdf")
 
 
 def report(
-    results: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RESULTS", help="Folder that identify wrote, or one damper: fleet/serial=D003."
-        ),
-    ],
-    figures: Annotated[
-        str | None,
-        typer.Option(metavar="KIND", help="Also write each figure as a file: png, svg or pdf."),
-    ] = None,
+    results: ResultsArgument,
+    figures: FiguresOption = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where to write.  [the results folder]")
     ] = None,

@@ -16,9 +16,12 @@ from damperfit.cli.console import (
     say_lines,
     screen_columns,
 )
+from damperfit.cli.option_values import configured, rig_entries
 from damperfit.cli.options import (
+    AmplitudeOption,
     ConfigOption,
     DebugOption,
+    FrequencyOption,
     JobsOption,
     JsonOption,
     QuietOption,
@@ -26,8 +29,6 @@ from damperfit.cli.options import (
     RigProfileOption,
     UnitsOption,
     VersionOption,
-    configured,
-    rig_entries,
 )
 from damperfit.errors import ConfigurationError
 
@@ -65,12 +66,8 @@ def settings(
     stroke: Annotated[
         str | None, typer.Option(metavar="NAME", help="rebound or bump, instead of a sign.")
     ] = None,
-    amplitude: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="Of the sine.  [the test's own]")
-    ] = None,
-    frequency: Annotated[
-        str | None, typer.Option(metavar="FREQ", help="Of the sine.  [the test's own]")
-    ] = None,
+    amplitude: AmplitudeOption = None,
+    frequency: FrequencyOption = None,
     rig: RigOption = None,
     rig_profile: RigProfileOption = None,
     units: UnitsOption = None,
@@ -98,7 +95,7 @@ def settings(
         for option, value in untold.items():
             if value is not None:
                 raise ConfigurationError(
-                    f"{option} {value} cannot act: the forces of {paths[0]} were measured, not "
+                    f"{option} {value} has no effect: the forces of {paths[0]} were measured, not "
                     "simulated; leave it out"
                 )
         profile = ("--rig-profile", "rig.profile", rig_profile)
@@ -108,8 +105,8 @@ def settings(
     for option, given in (("--rig", rig[0] if rig else None), ("--rig-profile", rig_profile)):
         if given is not None:
             raise ConfigurationError(
-                f"{option} {given} cannot act: {folder} holds results, and no log is read; leave "
-                "it out"
+                f"{option} {given} has no effect: {folder} holds results, and no log is read; "
+                "leave it out"
             )
     adjuster = read_adjuster(folder, config=config, amplitude=amplitude, frequency=frequency)
     forces = tabulate_forces(adjuster, question, jobs=jobs or available_cores())

@@ -9,16 +9,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from damperfit.cli.console import print_json, print_lines, print_renderable, say, spark_levels
+from damperfit.cli.option_values import configured, quantity_values, refuse_beside
 from damperfit.cli.options import (
+    AmplitudeOption,
     ConfigOption,
     DebugOption,
+    FrequencyOption,
     JsonOption,
+    MaxStepsOption,
     OverwriteOption,
+    ParametersOption,
     QuietOption,
+    SetOption,
+    StageOption,
     VersionOption,
-    configured,
-    quantity_values,
-    refuse_beside,
 )
 from damperfit.errors import ConfigurationError
 
@@ -29,38 +33,19 @@ __all__ = ["simulate"]
 
 
 def simulate(
-    setting: Annotated[
-        str | None, typer.Option(metavar="N", help="Setting whose parameters are used.")
+    setting: StageOption = None,
+    parameters: ParametersOption = None,
+    set_: SetOption = None,
+    amplitude: AmplitudeOption = None,
+    frequency: FrequencyOption = None,
+    cycles: Annotated[
+        float | None, typer.Option(metavar="N", help="Number of cycles, 1 or more.")
     ] = None,
-    parameters: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Parameters table (.parquet, .csv) or results folder.  [results, if it is there, "
-            "else the shipped reference set]",
-        ),
-    ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="NAME=VALUE", help="Replace a parameter; with all five, no --setting."
-        ),
-    ] = None,
-    amplitude: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="As in 32mm; a bare number is m.")
-    ] = None,
-    frequency: Annotated[
-        str | None, typer.Option(metavar="FREQ", help="As in 1.5Hz; a bare number is Hz.")
-    ] = None,
-    cycles: Annotated[float | None, typer.Option(metavar="N", help="How many, 1 or more.")] = None,
     sample_rate: Annotated[
         str | None, typer.Option(metavar="RATE", help="As in 1000Hz; a bare number is Hz.")
     ] = None,
     wave: Annotated[str | None, typer.Option(metavar="NAME", help="sine or triangle.")] = None,
-    max_steps: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="N", help="Samples or steps that are not too many.  [5000000]"),
-    ] = None,
+    max_steps: MaxStepsOption = None,
     displacement: Annotated[
         Path | None,
         typer.Option(metavar="LOG", help="Drive with the displacement of a log, not a wave."),

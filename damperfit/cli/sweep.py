@@ -9,15 +9,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from damperfit.cli.console import print_json, print_lines, print_renderable, say, screen_columns
+from damperfit.cli.option_values import configured, quantity_values
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
+    FiguresOption,
     JsonOption,
+    MaxStepsOption,
     OverwriteOption,
+    ParametersOption,
     QuietOption,
+    SetOption,
+    StageOption,
     VersionOption,
-    configured,
-    quantity_values,
 )
 from damperfit.cli.report import check_kind
 from damperfit.errors import ConfigurationError
@@ -36,9 +40,7 @@ _PAPER_NUMBERS = {"r_m1": 4, "r_m2": 5, "r_m3": 6, "k_e": 8, "f_f": 9}
 
 
 def sweep(
-    setting: Annotated[
-        str | None, typer.Option(metavar="N", help="Setting whose parameters are varied.")
-    ] = None,
+    setting: StageOption = None,
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -50,20 +52,10 @@ def sweep(
     paper: Annotated[
         bool, typer.Option("--paper", help="Figures 4 to 9 of the paper; setting 10 by default.")
     ] = False,
-    parameters: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Parameters table, as for damperfit simulate."),
-    ] = None,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Replace a parameter.")
-    ] = None,
-    max_steps: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="N", help="Samples or steps that are not too many.  [5000000]"),
-    ] = None,
-    figures: Annotated[
-        str, typer.Option(metavar="KIND", help="Figures as png, svg or pdf.")
-    ] = "png",
+    parameters: ParametersOption = None,
+    set_: SetOption = None,
+    max_steps: MaxStepsOption = None,
+    figures: FiguresOption = "png",
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for table and figures.")] = Path(
         "sweep"
     ),
@@ -107,7 +99,7 @@ def sweep(
     wanted = [(v, False) for v in variations] + [(v, True) for v in PAPER_SWEEPS if paper]
     sweeps = [(v, _members(choice, configuration, v), is_paper) for v, is_paper in wanted]
     records, plots = _lay_out(sweeps)
-    _write(out, records, plots, kind=figures, spares_others=not overwrite)
+    _write(out, records, plots, kind=figures or "png", spares_others=not overwrite)
     if json:
         sentences = [_sentence(variation, members) for variation, members, _ in sweeps]
         told = {"damper": damper, "source": choice.source}

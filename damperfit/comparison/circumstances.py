@@ -101,7 +101,7 @@ def _logs(first: Run, second: Run) -> Iterator[Circumstance]:
             "logs",
             first.name,
             second.name,
-            f"the same logs stand behind both ({', '.join(names[:3])}{more}): what differs there "
+            f"both are based on the same logs ({', '.join(names[:3])}{more}): what differs there "
             "is how they were evaluated, and the errors, which are those of two tests, are too "
             "large",
         )
@@ -252,6 +252,6 @@ def _version(first: Run, second: Run) -> Iterator[Circumstance]:
             found = _differs("version", words, a, b)
             old = min((one for one in (a, b) if isinstance(one, int)), default=SCHEMA_VERSION)
             if key == "schema_version" and old < SCHEMA_VERSION:
-                said = f"{found.sentence}; what the older does not tell is not compared"
+                said = f"{found.sentence}; what the older run does not contain is not compared"
                 found = Circumstance("version", found.first, found.second, said)
             yield found

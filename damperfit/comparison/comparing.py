@@ -281,7 +281,7 @@ def _on_repeats(repeats: Sequence[Run]) -> Iterator[str]:
     if 0 < len(repeats) < _FEW_REPEATS:
         n = len(repeats) + 1
         yield (
-            f"{n} runs of A tell its scatter with {n - 1} degree{'s' * (n > 2)} of freedom: "
+            f"the scatter of A is that of {n} runs, {n - 1} degree{'s' * (n > 2)} of freedom: "
             f"intervals are {'six times' if n == 2 else 'twice'} as wide as those of many would be"
         )
 

@@ -44,9 +44,9 @@ def missed_notes(
             f"{run.name}: its model ({run.fitted.damper.name}) misses the measured force at "
             f"setting {_where(missed)}, most {place_of(topic)}: by {abs(worst.misses):.3g} N{share}"
         )
-    said = "they tell how the tests differ, and nothing of the models"
+    said = "they show how the tests differ and say nothing about the models"
     if have_common_logs(runs[0], runs[-1]):
-        said = "the same logs stand behind both, so this says nothing of the models"
+        said = "both are based on the same logs, so this says nothing about the models"
     yield f"at setting {_where(measured)} the measured forces of both are compared: {said}"
 
 

@@ -92,7 +92,7 @@ class Reading:
     repeat, repeat_freedom : float
         Standard error of what tests of one setting differ by beyond their noise, and its degrees.
     misfit : float
-        Error for the wrong model, in the same unit.
+        Error from the model's misfit, in the same unit.
     misses : float
         Measured less modelled, with its sign, where both are known at the motion of the test.
     misses_error : float
@@ -186,7 +186,7 @@ def compared(
     """
     a, b = first.value, second.value
     if not (math.isfinite(a) and math.isfinite(b)):
-        reason = first.objection or second.objection or "not known of both"
+        reason = first.objection or second.objection or "not known for both"
         return Difference(subject, first, second, math.nan, reason=reason)
     is_log = subject.is_logarithmic and a > 0.0 and b > 0.0
     bend = _bend(first, second, is_same_motion=is_same_motion, is_log=is_log)
@@ -268,7 +268,7 @@ def _parts(one: Reading, factor: float = 1.0) -> list[tuple[float, float]]:
 
 
 def _bend(first: Reading, second: Reading, *, is_same_motion: bool, is_log: bool) -> float:
-    """Standard error of the difference for the wrong model."""
+    """Standard error of the difference from the model's misfit."""
     if first.is_measured and second.is_measured:
         return 0.0
     sizes = (first.misfit, second.misfit)

@@ -25,11 +25,11 @@ def outcome_of(lines: Sequence[Difference], words: str) -> str:
             words += f" ({measured} of {len(lines)} as measured)"
     known = [line for line in lines if line.verdict is not Sameness.UNTOLD]
     if not known:
-        return f"{words}: cannot be told ({lines[0].reason})"
+        return f"{words}: cannot be determined ({lines[0].reason})"
     different = [line for line in known if line.verdict is Sameness.DIFFERENT]
     sure = [line for line in different if line.is_sure]
     untold = len(lines) - len(known)
-    beside = f"; of {untold} it cannot be told" if untold else ""
+    beside = f"; of {untold} it cannot be determined" if untold else ""
     if not different:
         return f"{words}: all {len(known)} the same within errors{beside}"
     if not sure:
@@ -80,7 +80,7 @@ def _verdict(line: Difference) -> str:
     if line.words:
         return line.words
     if line.verdict is Sameness.UNTOLD:
-        return f"cannot be told: {line.reason}"
+        return f"cannot be determined: {line.reason}"
     if line.verdict is Sameness.SAME:
         return "same within errors"
     how = _how_different(line)

@@ -196,9 +196,9 @@ def _clipping(channel: Channel, rails: list[_Runs]) -> Iterator[Finding]:
     first = min(int(runs.start[0]) for runs in hit)
     text = (
         f"the {channel.name} is clipped at {' and '.join(map(channel.shown, levels))}: "
-        f"{share:.2g} % of the evaluated samples stand there, the first of them in "
+        f"{share:.2g} % of the evaluated samples are there, the first of them in "
         f"{channel.place(first)}; "
-        "choose a larger range of sensor or amplifier and log again"
+        "choose a larger range of sensor or amplifier and record again"
     )
     yield Finding(f"{channel.name}_clipping", "warning", text, share, "%")
 
@@ -218,7 +218,7 @@ def _standing(
         usual = int(np.median(leaping.length))
         text = (
             f"the {channel.name} changes only every {usual} rows: its sensor or converter is "
-            "slower than the log; log it at its own rate"
+            "slower than the log; record it at its own rate"
         )
         yield Finding(f"{channel.name}_stuck", "warning", text, 100.0 * held, "%")
         return
@@ -241,8 +241,8 @@ def _standing(
     first = int(stands.start[at[0]])
     share = 100.0 * count / n
     text = (
-        f"the {channel.name} is stuck at {channel.shown(channel.values[first])} while the test "
-        f"goes on: {len(at)} time{'s' * (len(at) > 1)}, {share:.2g} % of the samples, first from "
+        f"the {channel.name} is stuck at {channel.shown(channel.values[first])} while the rig is "
+        f"moving: {len(at)} time{'s' * (len(at) > 1)}, {share:.2g} % of the samples, first from "
         f"{channel.place(first)} for {int(stands.length[at[0]])} rows; check sensor, cable, logger"
     )
     yield Finding(f"{channel.name}_stuck", "warning", text, share, "%")
@@ -301,8 +301,8 @@ def _spikes(channel: Channel, usual: float, *, noise: float) -> Iterator[Finding
         yield Finding(f"{channel.name}_spikes", "note", text, float(len(rows)))
         return
     text += (
-        "; nothing was removed: look for loose contacts and log again, or say conditioning.spikes "
-        "= 'bridge'"
+        "; nothing was removed: look for loose contacts and record again, or set "
+        "conditioning.spikes = 'bridge'"
     )
     yield Finding(f"{channel.name}_spikes", "warning", text, float(len(rows)))
 

@@ -178,8 +178,8 @@ def _continued(
         word for word, at in (("beginning", begin), ("end", end)) if at is not None
     )
     text = (
-        f"few cycles stand at the {where} of the log: it is continued there by its own cycles for "
-        "run-in and filter; only what was logged is compared"
+        f"there are few cycles at the {where} of the log: it is continued there by its own cycles "
+        "for run-in and filter; only what was logged is compared"
     )
     told = Finding("continued", "note", text)
     return _kept(seen, more, n_found, single)._replace(findings=(told,))
@@ -215,7 +215,8 @@ def _window(name: str, log: UniformLog, cycles: Cycles | None, edge: int) -> Flo
         period = "" if cycles is None else f" ({MIN_CYCLES * cycles.period * h:.3g} s)"
         raise ConditioningError(
             f"{name}: found {found} whole steady cycles in the displacement (it spans "
-            f"{stroke:.3g} mm; {length}); expected at least {MIN_CYCLES}{period}; log longer"
+            f"{stroke:.3g} mm; {length}); expected at least {MIN_CYCLES}{period}; record a longer "
+            "log"
         )
     low, high = _untouched(cycles, n, edge)
     rising, falling = (
@@ -234,7 +235,7 @@ def _window(name: str, log: UniformLog, cycles: Cycles | None, edge: int) -> Flo
         f"{name}: no whole steady cycle is left after the run-in of one cycle "
         f"({cycles.period * h:.3g} s) and the filter's edges ({edge * h:.3g} s at each end); "
         f"{length} with {cycles.n_found} cycles, expected at least {needed:.3g} s of steady "
-        "motion; log longer"
+        "motion; record a longer log"
     )
 
 

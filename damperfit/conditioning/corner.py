@@ -55,6 +55,6 @@ def with_corner(
     log = make_uniform(recording)
     frequency = fastest_frequency(log.displacement, options.steadiness) / log.interval
     corner = fitting_corner(frequency, 1.0 / log.interval)
-    text = f"filter corner {corner:g} Hz, as fits the fastest motion of {frequency:.3g} Hz"
+    text = f"filter corner {corner:g} Hz, to fit the fastest motion of {frequency:.3g} Hz"
     found = Finding("filter_corner", "note", text, corner, "Hz")
     return replace(options, filter_corner=corner, auto_corner=False), (found,)

@@ -92,10 +92,10 @@ def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple
 
 def _removed(told: str, level: ForceLevel, options: ConditionOptions) -> str:
     if options.is_offset_known:
-        return f"gas force tared away: {told}; f_0 makes up for it"
+        return f"gas force tared away: {told}; f_0 accounts for it"
     return (
         f"gas force tared away: {told}; free the offset (--free r_m1,r_m2,k_e,f_0) or hold it "
-        f"(--fix f_0={-level.expected:.0f}N), or the parameters make up for it"
+        f"(--fix f_0={-level.expected:.0f}N), or the other parameters absorb it"
     )
 
 
@@ -141,22 +141,22 @@ def describe_middle(trace: Trace, options: ConditionOptions) -> Finding:
         return _of_wandering(trace, off)
     text = f"mid-stroke of the log ({round(centre, 3) + 0.0:.3f} mm) is x = 0 of the model"
     if 0.05 < abs(trace.centre) / trace.amplitude < 0.8:
-        text += "; if the log's 0 is the middle of the damper, say rig.centre = '0mm'"
+        text += "; if the log's 0 is the middle of the damper, set rig.centre = '0mm'"
     return Finding("mid_stroke", "note", text, trace.centre, "m")
 
 
 def _of_wandering(trace: Trace, off: float) -> Finding:
     """A road does not say where the middle of the damper is."""
-    costs = "each mm beside the damper's middle bends R_m3 by some 2 %"
+    costs = "each mm off the damper's middle shifts R_m3 by about 2 %"
     if trace.centre == 0.0:
         text = (
             "the motion has no middle of its own: the log's 0 is taken as x = 0 of the model (the "
-            f"range's middle is {1e3 * off:.1f} mm); {costs}: say rig.centre if it is elsewhere"
+            f"range's middle is {1e3 * off:.1f} mm); {costs}: set rig.centre if it is elsewhere"
         )
         return Finding("mid_stroke", "note", text, 0.0, "m")
     text = (
         "the motion has no middle of its own, and the log's 0 is far off: the middle of the range "
-        f"({1e3 * trace.centre:.1f} mm) is taken as x = 0 of the model; {costs}: say rig.centre"
+        f"({1e3 * trace.centre:.1f} mm) is taken as x = 0 of the model; {costs}: set rig.centre"
     )
     return Finding("mid_stroke", "warning", text, trace.centre, "m")
 
@@ -182,28 +182,26 @@ def find_skew(
         skew = estimate_skew(log, trace)
     declared = () if is_auto or options.skew == 0.0 else (_moved(float(options.skew)),)
     if skew.delay is None:
-        text = f"cannot be told whether the force is late: {skew.reason}"
+        text = f"it cannot be determined whether the force is late: {skew.reason}"
         severity, done = (
-            ("warning", "nothing was taken back")
+            ("warning", "nothing was corrected")
             if is_auto
             else ("note", "a late force looks like a low K_e")
         )
         return 0.0, (*declared, Finding("skew", severity, f"{text}; {done}", None, "s"))
     text = (
-        f"the force is {1e3 * skew.delay:.2f} +- {1e3 * skew.uncertainty:.2f} ms late, by its jump "
-        "at the ends of the stroke taken for Coulomb friction"
+        f"the force is {1e3 * skew.delay:.2f} +- {1e3 * skew.uncertainty:.2f} ms late, taking its "
+        "jump at the ends of the stroke for Coulomb friction"
     )
     if not skew.is_significant:
         text = f"force and displacement are together: {text}"
         return 0.0, (*declared, Finding("skew", "note", text, skew.delay, "s"))
     if is_auto:
-        finding = Finding(
-            "skew", "note", f"{text}; taken back", skew.delay, "s", is_correction=True
-        )
+        finding = Finding("skew", "note", f"{text}; corrected", skew.delay, "s", is_correction=True)
         return skew.delay, (finding,)
     whole = skew.delay + float(options.skew)  # what was declared is no longer in the log looked at
     said = f"rig.skew = '{1e3 * whole:.1f}ms'"
-    text += f"; that bends K_e most: say {said} if the rig is known to do so, or --skew auto"
+    text += f"; that affects K_e most: set {said} if the rig is known to do so, or --skew auto"
     return 0.0, (*declared, Finding("skew", "warning", text, skew.delay, "s"))
 
 

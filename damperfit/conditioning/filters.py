@@ -105,8 +105,8 @@ def design_filter(
     if not corner < sample_rate / 2.0:
         raise ConditioningError(
             f"the filter corner of {corner:g} Hz is not below half the sample rate "
-            f"({sample_rate / 2.0:.4g} Hz at {sample_rate:.4g} samples per second); "
-            f"log faster, say {key} = '{0.4 * sample_rate:.2g}Hz', which fits, or choose the "
+            f"({sample_rate / 2.0:.4g} Hz at {sample_rate:.4g} samples per second); sample faster, "
+            f"set {key} = '{0.4 * sample_rate:.2g}Hz', which fits, or choose the "
             "filter 'none'"
         )
     if kind == "causal":
@@ -157,7 +157,7 @@ def apply_filter(design: FilterDesign, signal: FloatArray, axis: int = -1) -> Fl
 def complete_causal(design: FilterDesign, signal: FloatArray) -> FloatArray:
     """Return a causally filtered signal after the time-reversed pass of the same filter.
 
-    The delay of the first pass is taken back exactly: together both are |H|^2 with zero phase.
+    The delay of the first pass is corrected exactly: together both are |H|^2 with zero phase.
     """
     n = signal.shape[-1]
     pad = min(int(_constants(design.sections.tobytes())[2]), n - 1)

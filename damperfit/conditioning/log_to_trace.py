@@ -114,7 +114,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
 
 
 class _Traced(NamedTuple):
-    """A trace, and what it was made from: the log with and without a skew taken back."""
+    """A trace, and what it was made from: the log with and without a skew corrected."""
 
     trace: Trace
     log: UniformLog

@@ -92,7 +92,7 @@ def _sample_rate(trace: Trace, options: ConditionOptions) -> Finding:
     lost = (2.0 * math.pi / period) ** 4 / 180.0
     if lost <= 1e-3:
         return Finding("sample_rate", "note", text, rate, "Hz")
-    text += f": velocity is {100.0 * lost:.2g} % low; log faster"
+    text += f": velocity is {100.0 * lost:.2g} % low; sample faster"
     return Finding("sample_rate", "warning" if lost > 1e-2 else "note", text, rate, "Hz")
 
 
@@ -155,7 +155,7 @@ def _drive(trace: Trace, options: ConditionOptions) -> Iterator[Finding]:
         ):
             text = (
                 f"the motion has content beyond {options.filter_corner:g} Hz: the model is driven "
-                f"by the displacement with noise above {trace.drive.corner:.3g} Hz taken off"
+                f"by the displacement with the noise above {trace.drive.corner:.3g} Hz taken off"
             )
             yield Finding("drive", "note", text, trace.drive.corner, "Hz")
         return
@@ -195,8 +195,8 @@ def _broken(trace: Trace) -> Iterator[Finding]:
         if before.n_cycles and behind.n_cycles and gap < _SOON and is_same:
             time = trace.start_time + 0.5 * (before.stop + behind.first) * trace.interval
             text = (
-                f"the steady run is broken: {behind.n_cycles} more steady cycles stand beyond a "
-                f"break at time {time:.4g} s; look there for a spike, a pause or another test"
+                f"the steady run is broken: {behind.n_cycles} more steady cycles lie beyond a "
+                f"break at time {time:.4g} s; check there for a spike, a pause or another test"
             )
             yield Finding("unsteady_cycles", "warning", text, float(behind.n_cycles))
 
@@ -208,7 +208,7 @@ def _cycles(trace: Trace) -> Finding:
     )
     if trace.n_cycles > 1:
         return Finding("cycles", "note", text, float(trace.n_cycles))
-    text += "; one cycle cannot tell how well the test repeats; log longer"
+    text += "; one cycle cannot show how well the test repeats; record a longer log"
     return Finding("cycles", "warning", text, float(trace.n_cycles))
 
 
@@ -218,8 +218,8 @@ def _unsteady(log: UniformLog, trace: Trace, cycles: Cycles) -> Iterator[Finding
         if cycles.n_elsewhere >= _MANY_ELSEWHERE:
             time = log.start_time + cycles.break_at * log.interval
             text = (
-                f"{cycles.n_elsewhere} more steady cycles stand beyond a break at time "
-                f"{time:.4g} s and are not evaluated; look there for a spike, a pause or "
+                f"{cycles.n_elsewhere} more steady cycles lie beyond a break at time "
+                f"{time:.4g} s and are not evaluated; check there for a spike, a pause or "
                 "another test"
             )
             yield Finding("unsteady_cycles", "warning", text, float(cycles.n_elsewhere))
@@ -281,7 +281,7 @@ def _beside_nominal(found: float, nominal: float | None, unit: str) -> str:
         return ""
     off = 100.0 * (found / nominal - 1.0)
     if abs(off) > 100.0 * _NEAR:
-        return f", another test than the {nominal:.5g} {unit} of the configuration"
+        return f", a different test from the {nominal:.5g} {unit} of the configuration"
     side = "above" if off > 0.0 else "below"
     return f", {abs(off):.2g} % {side} the {nominal:.5g} {unit} of the configuration"
 

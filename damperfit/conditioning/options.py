@@ -84,7 +84,7 @@ class ConditionOptions:
         Displacement that is x = 0 of the model, as the log counts it, m. None: mid-stroke.
     skew : float or str
         What the force is late against the displacement, s, beyond what a declared rig filter
-        does to both; taken back. "auto": as estimated, where the log can tell.
+        does to both; corrected. "auto": as estimated, where the log can tell.
     gas : GasFacts or None
         With it the gas force tells the signs of the channels, and whether the force was tared.
     is_offset_known : bool

@@ -85,7 +85,7 @@ def find_signs(trace: Trace, recording: Recording, level: ForceLevel | None) -> 
         return Signs((), (_no_energy(share),))
     if share > 0.0:
         return _both_or_none(level, free)
-    gives = f"the loop gives {-joules:.3g} J a cycle as it stands"
+    gives = f"the loop gives {-joules:.3g} J a cycle as logged"
     if len(free) == 1:
         return _reversed(free, f"{gives}, and the sign of the other channel is declared")
     if not free:
@@ -107,10 +107,10 @@ def _both_or_none(level: ForceLevel | None, free: list[str]) -> Signs:
     if len(free) < len(_CHANNELS):
         # A cell zeroed before mounting shows any level; a declaration is doubted for more.
         is_doubted = _is_certain(level, _CHANNELS)
-        kept = "the declared signs are kept; look at them again"
+        kept = "the declared signs are kept; check them again"
         return _doubt(level, kept) if is_doubted else Signs(())
     if _is_certain(level, _CHANNELS):
-        return _reversed(_CHANNELS, f"{_told(level)}, and the loop takes energy")
+        return _reversed(_CHANNELS, f"{_told(level)}, and the loop absorbs energy")
     return _doubt(level, f"taken as logged; {_ASK}")
 
 
@@ -121,7 +121,7 @@ def _one(trace: Trace, level: ForceLevel | None, joules: float, gives: str) -> S
     for channel in _CHANNELS:
         if _is_certain(level, (channel,)):
             return _reversed((channel,), f"{gives}, and {_told(level)}")
-    raise _question(trace, joules, f"{_told(level)}: that does not tell which of the two")
+    raise _question(trace, joules, f"{_told(level)}: that does not show which of the two")
 
 
 def _seen(level: ForceLevel, reversed_channels: tuple[str, ...]) -> ForceLevel:
@@ -165,7 +165,7 @@ def _reversed(channels: tuple[str, ...] | list[str], reason: str) -> Signs:
             f"{channel}_polarity",
             "note",
             f"{channel}: found positive in bump and reversed: {reason}; "
-            f"rig.reverse_{channel} = true says so, false keeps it as logged",
+            f"rig.reverse_{channel} = true confirms this, false keeps it as logged",
             -1.0,
             is_correction=True,
         )
@@ -175,7 +175,7 @@ def _reversed(channels: tuple[str, ...] | list[str], reason: str) -> Signs:
 
 
 def _doubt(level: ForceLevel, advice: str) -> Signs:
-    sees = "so no gas force tells rebound from bump"
+    sees = "so no gas force distinguishes rebound from bump"
     if level.ratio <= -TARED and abs(level.force) > level.uncertainty:
         sees = "as if both channels were positive in bump, but that is not certain"
     return Signs(
@@ -185,14 +185,15 @@ def _doubt(level: ForceLevel, advice: str) -> Signs:
 
 def _no_energy(share: float) -> Finding:
     text = (
-        f"the loop takes hardly any energy ({100.0 * share:.0f} % of its throughput): the signs "
-        "of the channels cannot be told, and this is hardly a damper; check columns and skew"
+        f"the loop absorbs hardly any energy ({100.0 * share:.0f} % of its throughput): the signs "
+        "of the channels cannot be determined, and this can hardly be a damper; check columns and "
+        "skew"
     )
     return Finding("force_polarity", "warning", text, share)
 
 
 def _question(trace: Trace, joules: float, doubt: str) -> ConditioningError:
     return ConditioningError(
-        f"{trace.name}: the damper gives {-joules:.3g} J per cycle instead of taking energy: force "
-        f"or displacement is reversed{f'; {doubt}' if doubt else ''}; {_ASK}"
+        f"{trace.name}: the damper delivers {-joules:.3g} J per cycle instead of absorbing energy: "
+        f"force or displacement is reversed{f'; {doubt}' if doubt else ''}; {_ASK}"
     )

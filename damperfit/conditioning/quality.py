@@ -175,7 +175,7 @@ def _temperature(recording: Recording, window: slice, test: NominalTest) -> Iter
     text = f"the temperature moves by {drift:.1f} degC within the run"
     is_wide = is_asked and drift > 2.0 * test.temperature_tolerance
     if is_wide:
-        text += f", more than the window of {wanted}; let the damper settle, or log shorter"
+        text += f", more than the window of {wanted}; let the damper settle, or record shorter logs"
     severity = "warning" if is_wide else "note"
     yield Finding("temperature_drift", severity, text, drift, "degC")
 
@@ -193,7 +193,7 @@ def _rig_filter(log: UniformLog, trace: Trace, options: ConditionOptions) -> Ite
     if looks_filtered(*channels, log.interval, longest.frequency):
         # Undeclared, a causal filter in the rig costs 0.3 to 2 % in every parameter.
         text = (
-            "both channels look as if the rig had filtered them: if so, say rig.filter = "
+            "both channels look as if the rig had filtered them: if so, set rig.filter = "
             "'causal' or 'zero_phase' in the configuration, or every parameter is off by up to 2 %"
         )
         yield Finding("rig_filter", "warning", text)

@@ -43,7 +43,7 @@ def refuse_dead(recording: Recording) -> None:
     if n < _MIN_SAMPLES:
         raise ConditioningError(
             f"{recording.name}: {n} samples; expected at least {MIN_CYCLES} whole cycles of a "
-            "steady test; log longer"
+            "steady test; record a longer log"
         )
     for channel, values in (
         ("displacement", recording.displacement),
@@ -59,8 +59,8 @@ def refuse_dead(recording: Recording) -> None:
         if (largest := float(np.abs(values).max())) > _ABSURD:
             unit = "m" if channel == "displacement" else "N"
             raise ConditioningError(
-                f"{recording.name}: the {channel} reaches {largest:.3g} {unit}, which no rig logs; "
-                "declare its unit, or check sensor and column"
+                f"{recording.name}: the {channel} reaches {largest:.3g} {unit}, which no rig "
+                "reaches; declare its unit, or check sensor and column"
             )
 
 
@@ -149,7 +149,7 @@ def _raised(is_rig: bool, frequency: float, log: UniformLog) -> str:  # noqa: FB
     if is_rig:
         return "the displacement is noise, or rig.filter_corner is another one"
     corner = fitting_corner(frequency, 1.0 / log.interval)
-    fits = f"say conditioning.filter_corner = '{corner:g}Hz' or 'auto'"
+    fits = f"set conditioning.filter_corner = '{corner:g}Hz' or 'auto'"
     return f"the displacement is noise, or the corner must be raised: {fits}"
 
 

@@ -153,10 +153,10 @@ def _noise_floor(trace: Trace, floor: float) -> Finding:
     if beside < _OF_MOTION * floor:
         text += (
             f", but the motion differs too: beside that it is {beside:.2g} %, and a right model, "
-            "driven by the motion as it was, reaches about that MSE"
+            "driven by the motion as it was, would reach about that MSE"
         )
     else:
-        text += ": a right model reaches about this MSE"
+        text += ": a right model would reach about this MSE"
     return Finding("noise_floor", "note", text, floor, "%")
 
 

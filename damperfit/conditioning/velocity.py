@@ -63,5 +63,5 @@ def check_velocity(trace: Trace, recording: Recording) -> tuple[Finding, ...]:
     )
     if abs(abs(ratio) - 1.0) <= _SCALE:
         return (Finding("velocity_channel", "note", text, lag, "s"),)
-    text += "; a unit or the clock of the log is wrong: look at displacement, velocity and time"
+    text += "; a unit or the clock of the log is wrong: check displacement, velocity and time"
     return (Finding("velocity_channel", "warning", text, abs(ratio)),)

@@ -188,14 +188,14 @@ def _read(path: Path) -> str:
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise ConfigurationError(f"{path}: no UTF-8 text at byte {error.start}") from error
+        raise ConfigurationError(f"{path}: not UTF-8 text, at byte {error.start}") from error
 
 
 def _parse(layer: _Layer) -> dict[str, Any]:
     try:
         return tomllib.loads(layer.text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ConfigurationError(f"{layer.name}: no valid TOML: {error}") from error
+        raise ConfigurationError(f"{layer.name}: not valid TOML: {error}") from error
 
 
 def _check_keys(layer: _Layer, *, known: Mapping[str, Any]) -> None:

@@ -109,7 +109,7 @@ class OutputOptions:
     folder : pathlib.Path
         Folder of the results of `identify`.
     max_mse_percent : float
-        Gate: a setting above it makes the command end with code 4; 0 is no gate.
+        Gate: a setting above it makes the command end with code 4; 0: no gate.
     checks : tuple of str
         Gates: names of `damperfit.checks.CHECKS` that must be passed.
     units : ShownUnits

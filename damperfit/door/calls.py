@@ -61,7 +61,7 @@ def inspect(
     jobs: int | None = None,
     **asked: Any,
 ) -> Inspection:
-    """Tell what is in logs and what is wrong with them; fit nothing.
+    """Show what is in logs and what is wrong with them; fit nothing.
 
     Parameters
     ----------
@@ -267,7 +267,7 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
 
 
 def compare(*runs: Result | str | Path, tolerance: str | None = None, **options: Any) -> Comparison:
-    """Tell what differs between results, and whether it is more than chance.
+    """Show what differs between results, and whether it is more than chance.
 
     Parameters
     ----------

@@ -53,11 +53,13 @@ class HeldFleet:
     def sentence(self) -> str:
         """The result in a sentence."""
         if not self.missed:
-            return f"All {self.n_dampers} dampers keep the tolerance, at {self.n_points} points."
+            return (
+                f"All {self.n_dampers} dampers are within the tolerance, at {self.n_points} points."
+            )
         unseen = sum(math.isnan(point.margin) for point in self.missed)
-        beside = f", {unseen} of them not looked at" if unseen else ""
+        beside = f", {unseen} of them not evaluated" if unseen else ""
         return (
-            f"{len(self.worst)} of {self.n_dampers} dampers do not keep the tolerance, at "
+            f"{len(self.worst)} of {self.n_dampers} dampers are outside the tolerance, at "
             f"{len(self.missed)} of {self.n_points} points{beside}."
         )
 

@@ -77,7 +77,7 @@ def fleet_page(found: Survey, held: HeldFleet | None = None, *, title: str) -> s
     tolerance = None
     if held is not None:
         worst = tolerance_sheet(held.worst[:MOST_LINES])
-        note = "Shown is the worst point of each damper; all stand in fleet_tolerance.csv."
+        note = "Shown is the worst point of each damper; all are in fleet_tolerance.csv."
         tolerance = (held.source, held.sentence, replace(worst, notes=(note,)))
     return draw(
         "fleet.html",
@@ -167,7 +167,7 @@ def outlier_sheet(found: Survey, *, most: int | None = None) -> Sheet:
     note = (
         f"Far off: more than {FAR_OFF:g} median absolute deviations from the median of its setting "
         f"(distance), which at least {LEAST_DAMPERS} dampers have. Shown is the farthest value of "
-        f"each damper; all {len(found.outliers)} stand in fleet_outliers.csv."
+        f"each damper; all {len(found.outliers)} are in fleet_outliers.csv."
     )
     return Sheet(
         headings=(
@@ -209,7 +209,7 @@ def damper_sheet(dampers: Sequence[DamperLine], *, most: int | None = None) -> S
     if most is not None and len(shown) > most:
         shown = sorted(shown, key=_badness)[:most]
         note = (
-            f"The worst {most} of {len(dampers)}: failures, values far off, largest MSE. All stand "
+            f"The worst {most} of {len(dampers)}: failures, values far off, largest MSE. All are "
             "in fleet_dampers.csv."
         )
         notes = (note,)

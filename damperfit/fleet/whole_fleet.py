@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["planned", "run_fleet"]
 
 _DIED = (
-    "{}: reading or fitting this log ended its worker twice; it is left out: look at the log, and "
-    "at the memory of the machine"
+    "{}: reading or fitting this log killed its worker process twice; it is left out: check the "
+    "log and the machine's memory"
 )
 
 
@@ -90,7 +90,9 @@ class _Fleet:
         """Yield a job whose worker dies, done without the logs that end it."""
         died = yield from self.tried([self.without_what_kills(job)])
         for one in died:
-            yield Done.later(one.task, "its workers die, with no log alone; nothing was written")
+            yield Done.later(
+                one.task, "its workers die, though no single log is the cause; nothing was written"
+            )
 
     def without_what_kills(self, job: Job) -> Job:
         """Return a job that leaves out the logs that end a worker by themselves."""

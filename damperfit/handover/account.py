@@ -119,11 +119,11 @@ def _extrapolation(table: ForceTable) -> str:
     if table.is_extended:
         return (
             f"beyond {table.tested_speed:.4g} m/s UNTESTED: up to {table.speeds[-1]:.4g} m/s the "
-            "table is the model's, which nobody has measured there"
+            "table is the model's, unmeasured there"
         )
     return (
-        f"beyond {table.tested_speed:.4g} m/s there is nothing: let no program hold the last value "
-        "(at twice the speed it is 70 % too low); --extend SPEED adds rows of the model"
+        f"beyond {table.tested_speed:.4g} m/s there is nothing: do not let a program hold the last "
+        "value (at twice the speed it is 70 % too low); --extend SPEED adds rows of the model"
     )
 
 

@@ -141,7 +141,7 @@ def hand_over(folder: Path, *, config: Path | None = None) -> HandedOver:
     motion = motion_of_tests(record, {one.setting.cell for one in settings})
     if motion is None:
         motion = Sine(configuration.rig.amplitude, configuration.rig.frequency)
-        remarks.append("the motion of the test is not known: the nominal one is taken")
+        remarks.append("the motion of the test is not known: the nominal one is used")
     test = record.get("test")
     identity = {
         str(key): value

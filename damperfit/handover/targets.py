@@ -132,7 +132,7 @@ TARGETS: Mapping[str, Target] = {
             "{stem}.xlsx",
             "m/s, N",
             "rebound is positive, and so is its force",
-            "Excel, LibreOffice, a customer",
+            "Excel, LibreOffice",
             write_xlsx,
             takes=("units",),
         ),

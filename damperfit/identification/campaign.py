@@ -95,7 +95,7 @@ def identify(
             )
     check_options(options, damper)
     if not traces:
-        raise LogError("identify: there is no log to fit; give one trace or more")
+        raise LogError("identify: found no log to fit; give one trace or more")
     settings = _by_setting(traces)
     given = ProcedureInput(
         settings,

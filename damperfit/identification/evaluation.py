@@ -108,4 +108,6 @@ def _refuse_wild(response: Response) -> None:
     """A force whose square is no number is a failed trial: far starts get there."""
     rows = (response.force, *response.sensitivities.values())
     if not all(float(np.max(np.abs(row))) < _WILD for row in rows):  # "not <" catches NaN too
-        raise SimulationError("simulation failed: the force is beyond any that could be fitted.")
+        raise SimulationError(
+            "simulation failed: the force is beyond anything that could be fitted."
+        )

@@ -84,7 +84,7 @@ class Campaign:
 
 
 def with_status(judged: Judged, status: Mapping[str, Status]) -> Judged:
-    """Values that were found once for all settings are not fixed but shared, or cannot be told."""
+    """Values that were found once for all settings are not fixed but shared, or not told."""
     return replace(judged, status={**judged.status, **status})
 
 

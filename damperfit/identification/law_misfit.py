@@ -167,7 +167,7 @@ class LawMisfit:
             raise FitCancelledError("stopped while a fit was running.")
         found = self._whole(values, names) if self.cycles is None else self._settled(values, names)
         if not all(np.all(np.isfinite(rows)) for rows in found):
-            raise SimulationError("simulation failed: the force is no number.")
+            raise SimulationError("simulation failed: the force is not a number.")
         return found
 
     def _settled(self, values: Values, names: Sequence[str]) -> list[FloatArray]:

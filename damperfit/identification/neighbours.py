@@ -84,7 +84,7 @@ def _from(neighbour: Fit, fit: Fit, misfit: Misfit) -> Fit:
     if gain * solution.n_independent <= CHI_SQUARED_95:
         return replace(fit, evaluations=solution.evaluations)
     said = (
-        f"the first fit was in a wrong valley (MSE {fit.mse_percent:.2g} %): from the values of "
+        f"the first fit ended in a local minimum (MSE {fit.mse_percent:.2g} %): from the values of "
         f"setting {neighbour.setting} it found a better one ({solution.mse_percent:.2g} %), which "
         "is used."
     )

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["ONE_SPEED", "untold"]
 
 ONE_SPEED = (
-    "the logs hold one speed, so that the valves and friction cannot be told apart: "
+    "the logs hold one speed, so that the valves and friction cannot be separated: "
     "add a log or a stretch at another speed, or hold R_m3 and f_f (--fix)."
 )
 

@@ -102,7 +102,7 @@ def check_options(options: FitOptions, damper: Model) -> None:
         raise ConfigurationError(f"no procedure {options.procedure!r}; there are {known}.{hint}")
     if options.procedure not in damper.procedures:
         raise ConfigurationError(
-            f"procedure {options.procedure} does not know the model {damper.name!r}; expected one "
+            f"procedure {options.procedure} cannot fit the model {damper.name!r}; expected one "
             f"of {', '.join(damper.procedures)}."
         )
     share = shared_names(options, damper)
@@ -161,7 +161,7 @@ def _check_bulk_modulus(options: FitOptions, damper: Model) -> None:
         return
     if options.bulk_modulus not in damper.bulk_moduli:
         raise ConfigurationError(
-            f"bulk modulus {options.bulk_modulus}: the model {damper.name!r} knows no gas content "
+            f"bulk modulus {options.bulk_modulus}: the model {damper.name!r} has no gas content "
             "that K_e could follow; expected free."
         )
     if options.procedure != "joint":

@@ -237,9 +237,9 @@ def _sentence(first: Judged, best: Judged, n_places: int, spent: int) -> str:
     if best.solution.parameters == first.solution.parameters:
         return (
             f"a misfit that noise does not explain (MSE {before:.2g} %): the fit started again "
-            f"from {many} and found no better minimum; it is model or log that lack something."
+            f"from {many} and found no better minimum; either the model or the log is at fault."
         )
     return (
-        f"the first fit was in a wrong valley (MSE {before:.2g} %): started again from {many}, it "
-        f"found a better one ({after:.2g} %), which is used."
+        f"the first fit ended in a local minimum (MSE {before:.2g} %): started again from {many}, "
+        f"it found a better one ({after:.2g} %), which is used."
     )

@@ -127,7 +127,7 @@ class Sharing:
         --------
         >>> at = (Setting((("low", 6),)), Setting((("low", 14),)))
         >>> Sharing(("s", "k"), ("s", "k"), {"s": ("low",)}, True, at).sentence
-        'The logs tell that s follows low; everything else is shared by all 2 settings'
+        'The logs show that s follows low; everything else is shared by all 2 settings'
         """
         if not self.follows and not self.is_detected:
             return ""
@@ -144,7 +144,7 @@ class Sharing:
             said.append(f"{_listed(own)} {'is' if len(own) == 1 else 'are'} each setting's own")
         if rest:
             said.append(f"everything else is shared by all {len(self.settings)} settings")
-        return ("The logs tell that " if self.is_detected else "As declared ") + "; ".join(said)
+        return ("The logs show that " if self.is_detected else "As declared ") + "; ".join(said)
 
     def whose(self, name: str, setting: Setting) -> str:
         """Return by whom a shared parameter is shared, for people.

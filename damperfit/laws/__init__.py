@@ -1,4 +1,4 @@
-"""Which law the logs tell: laws fitted alike, compared by evidence, and told in words."""
+"""Which law the logs support: laws fitted alike, compared by evidence, and told in words."""
 
 from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
 from damperfit.laws.ladder import Ladder, Rung, climb

@@ -142,15 +142,15 @@ def judged(small: Tried, large: Tried, n_eff: float) -> Verdict:
     held = small.held_out_percent, large.held_out_percent
     if small.mse_percent <= ENOUGH_PERCENT:
         reason = (
-            f"the smaller law's {small.mse_percent:.2g} % leave nothing that anyone would use "
-            f"(below {ENOUGH_PERCENT:g} %)"
+            f"the smaller law's {small.mse_percent:.2g} % leave too little to matter (below "
+            f"{ENOUGH_PERCENT:g} %)"
         )
     elif gain < GAIN:
-        reason = f"the MSE falls by a factor of {gain:.2f} only; {GAIN:g} is asked for"
+        reason = f"the MSE falls by a factor of {gain:.2f} only; {GAIN:g} is required"
     elif bic <= 0.0:
-        reason = f"its quantities cost more than the fall is worth (BIC {bic:+.0f})"
+        reason = f"its parameters cost more than the lower MSE is worth (BIC {bic:+.0f})"
     elif new and _parts(new) == _parts(_more(large, small)):
-        reason = f"{', '.join(new)} runs to the end of its range: it is not there"
+        reason = f"{', '.join(new)} runs to the end of its range: it is absent"
     elif held[1] > _NO_WORSE * held[0]:
         reason = f"what was held out is predicted worse, {held[1]:.2g} % after {held[0]:.2g} %"
     else:

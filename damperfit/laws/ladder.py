@@ -145,7 +145,7 @@ def climb(
     course = _Course(evidence, solver, on_rung, jobs)
     simplest = course.fitted(plain, freed=("f_0",))
     if simplest is not None and simplest.mse_percent <= ENOUGH_PERCENT:
-        course.told(simplest, "it leaves nothing that anyone would use", is_taken=True)
+        course.told(simplest, "what it leaves is too small to matter", is_taken=True)
         return course.ended(simplest)
     richest = [with_parts(layout, BOTH, everything(layout.mounting)) for layout in layouts]
     found = [one for one in course.all_fitted(richest) if one is not None]
@@ -269,7 +269,7 @@ class _Course:
             return law
         law = self.no_worse(law, one)
         verdict = judged(one, law, self.n_eff)
-        needed = "what it lacks is needed: " if verdict.takes_larger else ""
+        needed = "it lacks a part that is needed: " if verdict.takes_larger else ""
         is_taken, reason = not verdict.takes_larger, f"{needed}{verdict.reason}"
         self.told(one, reason, is_taken=is_taken, change=f"without {change}", verdict=verdict)
         return one if is_taken else law

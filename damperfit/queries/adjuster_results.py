@@ -125,7 +125,7 @@ def adjuster_in(
     own = motion_of_tests(results.record, {stage.setting.cell for stage in stages})
     if own is None and not (amplitude and frequency):
         own = Sine(configuration.rig.amplitude, configuration.rig.frequency)
-        remarks.append("the motion of the test is not known: the nominal one is taken")
+        remarks.append("the motion of the test is not known: the nominal one is used")
     sine, source = _motion(own, amplitude, frequency)
     refuse_amplitude(sine.amplitude, configuration.damper.travel)
     return AdjusterResults(

@@ -143,7 +143,7 @@ def read_baseline(path: Path) -> Baseline:
         if document[_KEY] != _VERSION:
             raise ConfigurationError(
                 f"{path}: a baseline of form {document[_KEY]} (damperfit "
-                f"{document.get('version')}), and this damperfit knows {_VERSION}; save it anew"
+                f"{document.get('version')}), and this damperfit knows {_VERSION}; save it again"
             )
         record, rows = document["record"], document["parameters"]
         quantities = quantities_in(record, list(rows[0]) if rows else ())
@@ -152,7 +152,7 @@ def read_baseline(path: Path) -> Baseline:
         tests = tuple(_test(one) for one in document["tests"])
     except (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
         raise ConfigurationError(
-            f"{path}: a damaged baseline ({type(error).__name__}: {error}); save it anew with "
+            f"{path}: a damaged baseline ({type(error).__name__}: {error}); save it again with "
             "damperfit compare RESULTS --save FILE"
         ) from error
     return Baseline(Results(parameters, (), (), record, (), quantities), tests)

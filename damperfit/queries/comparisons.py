@@ -76,8 +76,8 @@ def comparison_options(
     if amplitude is not None and frequency is not None:
         if is_measured:
             raise ConfigurationError(
-                f"--amplitude {amplitude} cannot act beside --measured: measured forces are of "
-                "the motions that were run; leave one of the two out"
+                f"--amplitude {amplitude} cannot be combined with --measured: measured forces are "
+                "of the motions that were run; leave one of the two out"
             )
         sine = Sine(parse_quantity(amplitude, "length"), parse_quantity(frequency, "frequency"))
         for option, value in (("--amplitude", sine.amplitude), ("--frequency", sine.frequency)):

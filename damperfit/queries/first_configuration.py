@@ -120,7 +120,7 @@ def _read(path: Path, options: ReadOptions) -> tuple[tuple[Recording, ...], dict
         if all(map(_is_likely, found)):
             return found, units
     raise LogError(
-        f"{path.name}: columns without units, and no common units make a damper's test of them: "
+        f"{path.name}: columns without units, and no common units give plausible values: "
         f"declare rig.units ({', '.join(lacking)})"
     )
 
@@ -139,7 +139,7 @@ def _unit_sentence(channel: str, unit: str, recording: Recording) -> str:
         "displacement": f"its amplitude is then {500.0 * np.ptp(recording.displacement):.3g} mm",
         "force": f"its largest is then {np.max(np.abs(recording.force)):.4g} N",
     }
-    return f"{channel} is taken in {unit}: {seen[channel]}"
+    return f"{channel} is read in {unit}: {seen[channel]}"
 
 
 def _signs(recording: Recording) -> dict[str, bool]:

@@ -95,8 +95,9 @@ def read_part(path: Path) -> Results:
         ) from error
     if not record:
         raise ConfigurationError(
-            f"{path}: does not tell its damper and motion: of an earlier version, of several "
-            "dampers, or without a fit; remove it, and the next damperfit fleet makes it again"
+            f"{path}: does not say which damper and motion it is of: from an earlier version, of "
+            "several dampers, or without a fit; remove it, and the next damperfit fleet makes it "
+            "again"
         )
     rows = [row for row in table.to_pylist() if not row["error_kind"]]
     quantities = quantities_in(record, table.column_names)

@@ -163,7 +163,9 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question, *, jobs: int 
     wanted: tuple[Wanted, ...] = ()
     if question.force is not None:
         if len(done) < 2:
-            raise ConfigurationError("one setting does not tell which gives a force; fit more logs")
+            raise ConfigurationError(
+                "one setting is not enough to find which gives a force; fit more logs"
+            )
         mine = [level for level in told if level.stroke == question.stroke]
         lines = [line for line in lines_of(done) if len(line.settings) > 1]
         if not lines:
@@ -198,5 +200,5 @@ def _measured_notes(found: Sequence[Level]) -> Iterator[str]:
         yield (
             f"the model misses measured forces at setting {where}, most by {share:.2g} % at "
             f"{worst.speed:g} m/s in {worst.stroke} (setting {worst.setting}): measured forces, "
-            "the mean of all compared cycles, are told at those speeds"
+            "the mean of all compared cycles, are given at those speeds"
         )

@@ -86,7 +86,7 @@ def configuration_of_run(
     if isinstance(damper, dict):
         return configured_as(given, Origin(str(folder / "run.json"), damper), config=config)
     if config is None:
-        remarks.append("the damper of the run is not known: the paper's is taken; give --config")
+        remarks.append("the damper of the run is not known: the paper's is assumed; give --config")
     return given
 
 
@@ -122,7 +122,8 @@ def configured_as(
     if "damper.model" in configuration.declared and configuration.damper.name != own.name:
         raise ConfigurationError(
             f"--config {config}: damper.model is {configuration.damper.name}, but the parameters "
-            f"of {origin.place} are of {own.name}; leave --config out, or identify anew with it"
+            f"of {origin.place} are of {own.name}; leave --config out, or run identify again with "
+            "it"
         )
     if configuration.damper.name != own.name:
         return _redeclared(configuration, origin)
@@ -133,7 +134,7 @@ def configured_as(
             raise ConfigurationError(
                 f"--config {config}: damper.{name} is {_said(found, unit)}, but the parameters of "
                 f"{origin.place} were fitted with {_said(fitted, unit)} and hold for that damper "
-                "alone; leave --config out, or identify anew with it"
+                "alone; leave --config out, or run identify again with it"
             )
     return _redeclared(configuration, origin)
 

@@ -179,8 +179,8 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
         )
     if not is_measured:
         raise ConfigurationError(
-            f"{path}: no results folder and no baseline; logs and files of curves are compared "
-            "by --measured"
+            f"{path}: neither a results folder nor a baseline; to compare logs and files of "
+            "curves, give --measured"
         )
     return _of_log(path, config)
 
@@ -188,7 +188,7 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
 def _of_folder(folder: Path, config: Path | None, *, is_measured: bool) -> Run:
     if not _is_results(folder):
         raise ConfigurationError(
-            f"{folder}: no results of damperfit identify in it; expected run.json and "
+            f"{folder}: holds no results of damperfit identify; expected run.json and "
             "parameters.parquet"
         )
     results = read_results(folder, parts=("parameters", "responses"))

@@ -85,7 +85,7 @@ def read_curves(
     Raises
     ------
     LogError
-        The file holds no speed with a force, or a unit, a value or the stroke cannot be told.
+        The file holds no speed with a force, or a unit, a value or the stroke cannot be determined.
     """
     from damperfit.readers.force_curves import make_curves
 

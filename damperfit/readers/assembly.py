@@ -252,7 +252,7 @@ def _cuts(
     edges = [int(i) for i in np.flatnonzero(is_cut) if i >= first]
     if len(edges) - 1 > _MAX_PARTS:
         raise LogError(
-            f"{name}: time jumps {len(edges) - 2} times; that are no tests but a broken clock: "
+            f"{name}: time jumps {len(edges) - 2} times; these are not tests but a faulty clock: "
             "declare rig.sample_rate"
         )
     return list(pairwise(edges))
@@ -328,7 +328,7 @@ def _says_setting(table: Table, source: Source, options: ReadOptions) -> bool:
 def _other_name(told: Told, named: Told) -> tuple[str, ...]:
     """Say that the file's name names another setting than its preamble."""
     return tuple(
-        f"{one}: {told.places[one]} of the preamble; the file name says {place}: look which is "
+        f"{one}: {told.places[one]} of the preamble; the file name says {place}: check which is "
         "right"
         for one, place in named.places.items()
         if one in told.places and told.places[one] != place

@@ -147,7 +147,9 @@ def _head(data: bytes, n_lines: int, name: str, first_line: int) -> list[Line]:
     for number, found in enumerate(_LINE.finditer(data, 0, end), start=first_line):
         is_cut = found.end() == end < len(data)
         if is_cut and not lines:
-            raise LogError(f"{name}, line {number}: longer than {_HEAD_BYTES} bytes; no log")
+            raise LogError(
+                f"{name}, line {number}: longer than {_HEAD_BYTES} bytes; this is not a log"
+            )
         if is_cut or len(lines) == n_lines:
             break
         text = found[1].decode("utf-8", "replace")

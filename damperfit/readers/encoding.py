@@ -52,7 +52,7 @@ def to_utf8(
         data = data.replace(b"\0", b"?")  # no number, so its row is dropped
     _refuse_nul(data, name)
     if _CONTROL.search(data, 0, _HEAD):
-        raise LogError(f"{name}: binary data, no text and no format that is known")
+        raise LogError(f"{name}: binary data in no known format")
     if not data.isascii():
         try:
             data.decode("utf-8")
@@ -72,7 +72,7 @@ def _decoded(data: bytes, encoding: str, name: str) -> bytes:
 def _refuse_pages(data: bytes, name: str) -> None:
     start = data[:200].lstrip().lower()
     if start.startswith((b"<!doctype html", b"<html", b"<head", b"<body")):
-        raise LogError(f"{name}: this is HTML, a web page and no log; download the log again")
+        raise LogError(f"{name}: this is HTML, a web page, not a log; download the log again")
     if start.startswith(b"<?xml"):
         raise LogError(f"{name}: this is XML; export the log as delimited text")
 

@@ -163,8 +163,8 @@ def make_curves(
     """
     if any(has_channel("time", table.columns, options) for table in tables):
         raise LogError(
-            f"{source.name}: holds time, so it is a log and no curve; fit it by damperfit identify "
-            f"{source.name}"
+            f"{source.name}: has a time column, so it is a log, not a curve; fit it by damperfit "
+            f"identify {source.name}"
         )
     curves = [curve for table in tables for curve in _table_curves(table, source, options)]
     if len(curves) > _MAX_CURVES:
@@ -343,6 +343,6 @@ def _signed(
     if force.min(initial=0.0) < 0.0 < force.max(initial=0.0):
         return np.copysign(speed, force), force, "rebound: where forces are positive, as logged"
     raise LogError(
-        f"{name}: all speeds and forces are of one sign, which does not tell the stroke; name the "
-        "column of the force rebound or bump"
+        f"{name}: all speeds and forces are of one sign, which leaves open which is rebound; name "
+        "the column of the force rebound or bump"
     )

@@ -97,7 +97,7 @@ def group_tables(
     left_out = [group.name for group in filled if group not in tests] if len(filled) > 1 else []
     if left_out and len(tests[0].channels) < sum(len(group.channels) for group in filled):
         names = ", ".join(visible(group) for group in left_out[:10])
-        notes = (*notes, f"groups left out, as they are no tests: {names}")
+        notes = (*notes, f"groups left out, as they are not tests: {names}")
     return tuple(_table(group, options, name, notes) for group in tests)
 
 
@@ -173,7 +173,7 @@ def _values(channel: str, column: GroupChannel, name: str) -> FloatArray:
     values = np.asarray(column.load(), dtype=np.float64)
     if values.shape != (column.length,):
         raise LogError(
-            f"{name}: {channel}: {column.length} values are announced and {values.size} found; "
+            f"{name}: {channel}: {column.length} values are declared but {values.size} found; "
             "copy the log again"
         )
     return values

@@ -121,7 +121,7 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     length = max(counts, key=lambda n: (counts[n], n))
     used = [vector for vector in vectors if vector.length == length]
     n_others = len(variables) - len({vector.variable.name for vector in used})
-    note = f"{n_others} variables left out; they are no vectors of {length} numbers"
+    note = f"{n_others} variables left out; they are not vectors of {length} numbers"
     return (
         Table(
             columns=tuple(Column(vector.label) for vector in used),

@@ -115,8 +115,8 @@ def guess_settings(names: Iterable[str]) -> Guess:
     where = f"the number after '{chosen.before}'" if chosen.before else "the first number"
     return Guess(
         settings,
-        f"the setting is guessed from the file names: {why}, {where}; "
-        f"to say so: {_option(pattern)}",
+        f"the setting is guessed from the file names: {why}, {where}; to confirm it: "
+        f"{_option(pattern)}",
         _option(pattern),
     )
 

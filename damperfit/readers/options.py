@@ -90,7 +90,7 @@ class Declarations:
     skip_lines : int
         Lines of text above the log that are not looked at.
     sample_rate : float
-        Hz; time is the number of the sample divided by it. 0: the log tells the time.
+        Hz; time is the number of the sample divided by it. 0: the log has the time.
     pause : float
         A step in time longer than this begins another test, s. 0: 2 s and 50 times the usual.
     restarts : str

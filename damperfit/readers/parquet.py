@@ -142,7 +142,7 @@ def _check_counts(metadata: Any, n_read: int, name: str) -> None:
     n_held = sum(metadata.row_group(i).num_rows for i in groups)
     if not metadata.num_rows == n_held == n_read:
         raise LogError(
-            f"{name}: damaged Parquet: {metadata.num_rows} rows are announced, {n_held} held and "
+            f"{name}: damaged Parquet: {metadata.num_rows} rows are declared, {n_held} held and "
             f"{n_read} read; copy the log again"
         )
 

@@ -59,7 +59,7 @@ def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         check_size(n_values, limit=options.max_bytes, what="the file", name=name)
         if n_values > 8 * extent.n_stored:
             raise LogError(
-                f"{name}: damaged TDMS file: {n_values} values are announced, and only "
+                f"{name}: damaged TDMS file: {n_values} values are declared, but only "
                 f"{extent.n_stored} bytes are there; copy the log again"
             )
         lost = _lost(nptdms, source.data, extent, lengths, limit=options.max_bytes)
@@ -74,7 +74,7 @@ def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     if n_read > extent.n_stored or (n_read < extent.n_stored and not lost):
         raise LogError(
             f"{name}: truncated or damaged TDMS file: {extent.n_stored} bytes of values are "
-            f"announced and {n_read} can be read; copy the log again"
+            f"declared but {n_read} can be read; copy the log again"
         )
     tables = group_tables(groups, options, name=name, notes=(_NO_CHECKSUMS,))
     if not lost:
@@ -110,7 +110,7 @@ def _lost(
     where = f"the segment at byte {extent.cut_at} is not whole"
     if extent.n_missing < 0:
         found = ", ".join(f"{visible(name)} has {n}" for (_, name), n in [*held.items()][:10])
-        return f"{where} and nothing tells how much is missing; values left: {found or 'none'}"
+        return f"{where} and how much is missing is not known; values left: {found or 'none'}"
     if len(data) + extent.n_missing > limit:
         return f"{where}; {extent.n_missing} bytes are missing"
     whole = _lengths(nptdms, data + bytes(extent.n_missing))
@@ -157,8 +157,8 @@ def _floats(values: NDArray[Any], where: str) -> FloatArray:
     is_whole = values.dtype.kind in "iu" and values.dtype.itemsize == 8
     if is_whole and len(values) and max(-int(values.min()), int(values.max())) > _MAX_WHOLE:
         raise LogError(
-            f"{where} holds whole numbers beyond {_MAX_WHOLE}, which no measurement has; its kind "
-            "may be damaged: copy the log again"
+            f"{where} holds whole numbers beyond {_MAX_WHOLE}, which no measurement has; its data "
+            "type may be damaged: copy the log again"
         )
     if values.dtype.kind == "M":
         return np.asarray((values - values[0]) / np.timedelta64(1, "ns") * 1e-9, dtype=np.float64)

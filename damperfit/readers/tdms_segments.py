@@ -56,7 +56,7 @@ def find_extent(data: bytes, *, name: str) -> Extent:
     Raises
     ------
     LogError
-        There is no segment where one should be, or one contradicts itself.
+        There is no segment where one should be, or one is inconsistent.
     """
     at = total = 0
     while at < len(data):
@@ -75,9 +75,7 @@ def find_extent(data: bytes, *, name: str) -> Extent:
             said_to = _end_of_metadata(data[:values_at], at + _LEAD_IN, order, contents)
             is_sound = 0 <= said_to <= values_at and not any(data[said_to:values_at])
         if n_bytes != _OPEN and not is_sound:
-            raise LogError(
-                f"{name}: damaged TDMS file: the segment at byte {at} contradicts itself"
-            )
+            raise LogError(f"{name}: damaged TDMS file: the segment at byte {at} is inconsistent")
         if n_bytes == _OPEN or end > len(data):
             has_values = contents & _HAS_VALUES and values_at <= len(data)
             held = len(data) - values_at if has_values else 0

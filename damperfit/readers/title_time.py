@@ -50,7 +50,7 @@ def with_time_of_titles(tables: Sequence[Table], options: ReadOptions) -> tuple[
     rate = _rate(tables, times)
     if rate is None:
         hint = (
-            "only the titles of its blocks tell a time, and no steady rate; if the rate is known: "
+            "only the titles of its blocks give a time, and no steady rate; if the rate is known: "
             "--rig sample_rate=HZ"
         )
         return tuple(replace(table, hint=table.hint or hint) for table in tables)

@@ -72,7 +72,7 @@ def summarised(told: Iterable[tuple[str, str]]) -> Iterator[str]:
     if len(kinds) > MANY_KINDS:
         rest = sum(len(group) for group in list(kinds.values())[MANY_KINDS:])
         n = len(kinds) - MANY_KINDS
-        yield f"and {rest} more of {n} other kinds; run.json and --json tell all"
+        yield f"and {rest} more of {n} other kinds; run.json and --json list them all"
 
 
 def short_listing(sentences: Iterable[str]) -> list[str]:

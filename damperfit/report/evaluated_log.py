@@ -77,13 +77,13 @@ class EvaluatedLog:
     signals : LogSignals
         All evaluated cycles.
     frequency : float
-        Hz; NaN when it cannot be told.
+        Hz; NaN when it cannot be determined.
     cycle : slice
-        The last whole cycle, all samples when the frequency cannot be told.
+        The last whole cycle, all samples when the frequency cannot be determined.
     measured, simulated : Characteristics or None
         Means over its cycles (pressures: of the last one); None when there is no whole cycle.
     amplitude : float
-        Half the stroke, m; NaN when it cannot be told.
+        Half the stroke, m; NaN when it cannot be determined.
     temperature : float or None
         degC.
     notes : tuple of str

@@ -179,7 +179,7 @@ def held_out_in(record: Mapping[str, Any]) -> list[str]:
     return [
         f"setting {entry.get('setting')}, {_text(entry.get('log'))}, "
         f"{_cycles(_text(entry.get('cycles')))}: MSE {_number(entry.get('mse_percent')):.3g} % "
-        f"({_number(entry.get('expected_mse_percent')):.3g} % to expect), "
+        f"({_number(entry.get('expected_mse_percent')):.3g} % expected), "
         f"{_text(entry.get('verdict'))}"
         for entry in listed_in(record, "held_out")
         if isinstance(entry, dict)

@@ -65,7 +65,7 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
         ["# MSE report", "", *_summary(parameters, facts)],
         _section("Parameters", markdown_table(parameter_sheet(parameters, tables.quantities))),
         _section("MSE by setting and log", markdown_table(errors)),
-        _section("Which law the logs tell", _law(facts)),
+        _section("Which law the logs support", _law(facts)),
         _section("Models of the literature", markdown_table(rival_sheet(facts.law_choice))),
         _section(
             "Characteristics as measured", markdown_table(measured_stretch_sheet(facts.stretches))

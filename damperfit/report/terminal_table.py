@@ -6,36 +6,107 @@ passes escape sequences and reversed writing on, so they are shown as escapes.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from damperfit.report.sheets.sheet import Sheet, sheet_width
 from damperfit.report.text import printable
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
-    from rich.console import RenderableType
+    from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+    from rich.table import Table
 
-__all__ = ["terminal_table"]
+__all__ = ["fitting_columns", "terminal_table"]
 
 _COLUMNS = 80
 _COLOURS = {"excellent": "green", "good": "yellow", "poor": "red"}
 
 
 def terminal_table(sheet: Sheet, *, colours: Mapping[str, str] = _COLOURS) -> RenderableType:
-    """Return a rich table: headings, units, rows, notes below; cells coloured by their word."""
+    """Return a rich table: headings, units, rows, notes below; cells coloured by their word.
+
+    Where the screen is too narrow, text wraps between words and the columns that are left go into
+    a table below with the first column again: no word and no number is cut.
+    """
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
-    gap = 2 if sheet_width(sheet, gap=2) <= _COLUMNS else 1
-    table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), header_style="bold")
-    for heading, unit, is_number in zip(sheet.headings, sheet.units, sheet.is_number, strict=True):
-        table.add_column(
-            Text(f"{heading}\n{unit}" if any(sheet.units) else heading),
-            justify="right" if is_number else "left",
-            overflow="fold",
-        )
-    for row in sheet.rows:
-        table.add_row(*(Text(printable(cell), style=colours.get(cell, "")) for cell in row))
-    return Group(table, *(Text(printable(note), style="dim") for note in sheet.notes))
+    notes = (Text(printable(note), style="dim") for note in sheet.notes)
+    return Group(_Fitted(sheet, colours), *notes)
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """A table that looks at the width of the screen when it is printed."""
+
+    sheet: Sheet
+    colours: Mapping[str, str]
+
+    def __rich_console__(self, _: Console, options: ConsoleOptions) -> RenderResult:
+        """Yield the table, or its parts one below the other."""
+        gap = 2 if sheet_width(self.sheet, gap=2) <= min(_COLUMNS, options.max_width) else 1
+        widths = _least_widths(self.sheet, options.max_width, gap)
+        for number, columns in enumerate(fitting_columns(self.sheet, options.max_width, gap=gap)):
+            if number:
+                yield ""
+            yield self._table(columns, widths, gap)
+
+    def _table(self, columns: Sequence[int], widths: Sequence[int], gap: int) -> Table:
+        from rich.table import Table
+        from rich.text import Text
+
+        sheet = self.sheet
+        table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), header_style="bold")
+        for k in columns:
+            heading, unit = sheet.headings[k], sheet.units[k]
+            table.add_column(
+                Text(f"{heading}\n{unit}" if any(sheet.units) else heading),
+                justify="right" if sheet.is_number[k] else "left",
+                overflow="fold",
+                min_width=widths[k],
+            )
+        for row in sheet.rows:
+            cells = (printable(row[k]) for k in columns)
+            table.add_row(*(Text(cell, style=self.colours.get(cell, "")) for cell in cells))
+        return table
+
+
+def _least_width(sheet: Sheet, column: int) -> int:
+    """Return the width in which nothing of a column is cut: its longest word, or number."""
+    cells = [printable(row[column]) for row in sheet.rows]
+    words = [*sheet.headings[column].split(), *sheet.units[column].split()]
+    words += cells if sheet.is_number[column] else [word for cell in cells for word in cell.split()]
+    return max(map(len, words), default=0)
+
+
+def _least_widths(sheet: Sheet, width: int, gap: int) -> list[int]:
+    """Return the least widths as far as the screen has room for the first column and another."""
+    first, *others = (_least_width(sheet, k) for k in range(len(sheet.headings)))
+    room = width - gap - max(others, default=0)
+    first = min(first, max(width // 3, room))
+    return [first, *(min(one, width - gap - first) for one in others)]
+
+
+def fitting_columns(sheet: Sheet, width: int, *, gap: int) -> list[list[int]]:
+    """Return which columns stand side by side; the first one leads each part.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        The table.
+    width : int
+        Characters of the screen.
+    gap : int
+        Blanks between columns.
+    """
+    first, *others = _least_widths(sheet, width, gap)
+    parts, used = [[0]], first
+    for k, least in enumerate(others, start=1):
+        if used + gap + least > width and len(parts[-1]) > 1:
+            parts.append([0])
+            used = first
+        parts[-1].append(k)
+        used += gap + least
+    return parts

@@ -39,7 +39,7 @@ def by_damper(batch: LogBatch) -> dict[str, LogBatch]:
         if named and nameless:
             remarks = (
                 *remarks,
-                f"{_listed(nameless)}: taken as of damper {named[0]}, as the others",
+                f"{_listed(nameless)}: assumed to be of damper {named[0]}, as the others",
             )
         return {named[0] if named else "": replace(batch, remarks=remarks)}
     lost = tuple(
@@ -75,7 +75,7 @@ def of_one_damper(batch: LogBatch) -> LogBatch:
     groups = by_damper(batch)
     if len(groups) > 1:
         raise ConfigurationError(
-            f"logs of {len(groups)} dampers: {_listed(list(groups))}; give those of one"
+            f"logs of {len(groups)} dampers: {_listed(list(groups))}; give the logs of one"
         )
     return next(iter(groups.values()))
 

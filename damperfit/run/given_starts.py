@@ -103,5 +103,5 @@ def _read(path: Path) -> dict[Setting, dict[str, float]]:
             f"--start {error}; expected parameters that identify wrote, or NAME=VALUE"
         ) from error
     if not known:
-        raise ConfigurationError(f"--start {table}: its rows tell no parameter; nothing to start")
+        raise ConfigurationError(f"--start {table}: its rows contain no parameter to start from")
     return known

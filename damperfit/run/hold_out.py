@@ -113,12 +113,12 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
         hits = _hits(pattern, batch, named)
         if not hits:
             raise ConfigurationError(
-                f"hold-out {pattern}: fits no log and names no other; quote a pattern, as in "
-                "--hold-out '*_16mm.csv', and leave the held-out logs among LOGS or out of them"
+                f"hold-out {pattern}: matches no log and names no other file; quote a pattern, as "
+                "in --hold-out '*_16mm.csv', and leave the held-out logs among LOGS or out of them"
             )
         names |= hits
     if names and names == {log.log for log in batch.logs}:
-        raise ConfigurationError("hold-out: every log is held out; there is none to fit")
+        raise ConfigurationError("hold-out: every log is held out; none is left to fit")
     held_out = [trace for trace in batch.traces if trace.name in names]
     fitted: list[Trace] = []
     failures: list[Failure] = []

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from damperfit.adjuster_words import letters_of
 from damperfit.errors import ConfigurationError, LogError
 from damperfit.identity import Identity, identity_in
 from damperfit.readers import (
@@ -40,6 +41,7 @@ __all__ = ["FROM_NAME", "GUESSED", "Labels", "labels_for"]
 FROM_NAME = "setting: from the file name"
 GUESSED = "setting: guessed from the file name"
 _FEW = 3  # rows of a table that are named
+_FEWEST_WORDS = 2  # settings that show what differs between their labels
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +90,7 @@ class Labels:
         own = _places(recording, self.adjusters)
         places = {**own, **(row.places if row else {})}
         notes = [
-            f"{name}: {place} of the table of tests; the log says {own[name]}: look which is right"
+            f"{name}: {place} of the table of tests; the log says {own[name]}: check which is right"
             for name, place in (row.places.items() if row else ())
             if name in own and own[name] != place
         ]
@@ -154,6 +156,27 @@ class Labels:
             "--rig 'setting_pattern=s(?P<setting>\\d+)'"
         )
 
+    def taken_as_words(self, settings: Iterable[Setting | None]) -> str:
+        """Say that labels such as "L6 H1" were taken as words; empty where none was.
+
+        Parameters
+        ----------
+        settings : iterable of Setting or None
+            Of the logs of a run.
+        """
+        labels = [one.label for one in dict.fromkeys(settings) if one is not None]
+        found = [letters_of(label) for label in labels]
+        if len(self.adjusters) > 1 or len(labels) < _FEWEST_WORDS or not all(found):
+            return ""
+        if any(sorted(one) != sorted(found[0]) for one in found):
+            return ""
+        declared = ", ".join(f'{letter} = ""' for letter in found[0])
+        return (
+            f"settings such as '{labels[0]}' and '{labels[1]}' are taken as words, so there are no "
+            f"trends and no clicks: if the numbers are clicks, declare [adjusters] {declared}, or "
+            "longer names that begin with these letters"
+        )
+
     @property
     def tables_used(self) -> tuple[str, ...]:
         """Which tables of tests were used, a sentence each."""
@@ -178,7 +201,7 @@ class Labels:
             lacks = ", ".join(one for one in self.adjusters if one not in own)
             example = ", ".join(f"{one}=8" for one in self.adjusters)
             return LogError(
-                f"{name}: the log does not say where {lacks} stands; expected lines such as "
+                f"{name}: the log does not give {lacks}; expected lines such as "
                 f"'# {self.adjusters[0]}: 8', columns, named groups of rig.setting_pattern, or a "
                 f"table tests.csv; or give --setting '{example}'"
             )

@@ -119,7 +119,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     jobs : int, optional
         Workers; the cores available by default.
     setting : Setting, optional
-        Setting of the logs that do not say theirs.
+        Setting of logs that do not give one.
     start : GivenStart
         A place more where every law may start, as far as it has these quantities.
     on_rung : callable
@@ -147,8 +147,8 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     if not evidence:
         said = "; ".join(one.message for one in parted.batch.failures[:3])
         raise ConfigurationError(
-            f"no log can be used to compare laws by{f': {said}' if said else ''}; "
-            "damperfit inspect tells what is wrong with logs"
+            f"no log can be used to compare laws{f': {said}' if said else ''}; "
+            "damperfit inspect shows what is wrong with them"
         )
     solver = configuration.identification.solver
     compared = _told_most(evidence)

@@ -133,7 +133,7 @@ def read_batch(
     jobs : int
         Workers.
     setting : Setting, optional
-        Setting of the logs that do not say theirs.
+        Setting of logs that do not give one.
     keeps_traces : bool
         False: only the facts are wanted; no samples are kept, and curves without time are facts
         too, not failures.
@@ -188,6 +188,8 @@ def _label_remarks(labels: Labels, taken: Sequence[_Taken]) -> Iterator[str]:
     yield from labels.notes
     if any(GUESSED in part.facts.facts.get("notes", ()) for part in taken):
         yield labels.guess.sentence
+    if said := labels.taken_as_words(part.facts.facts.get("setting") for part in taken):
+        yield said
     for part in taken:
         notes = part.facts.facts.get("notes", ())
         if FROM_NAME in notes and (said := labels.one_of_several(Path(part.facts.path).name)):

@@ -86,7 +86,7 @@ def run(
     jobs : int, optional
         Workers; the cores available by default. The results do not depend on it.
     setting : Setting, optional
-        Setting of the logs that do not say theirs.
+        Setting of logs that do not give one.
     watch : Watch
         Progress and cancellation.
 

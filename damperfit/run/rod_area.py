@@ -58,9 +58,9 @@ def with_rod_remark(batch: LogBatch, damper: Model) -> LogBatch:
     if told is None or abs(told - 1.0) <= _OFF:
         return batch
     said = (
-        f"the level of the force over the gas pressures of the tests tells a rod of {told:.3g} "
-        "times the declared area: look at rod_diameter, at the pressures, and whether the force "
-        "was tared between the tests"
+        "the level of the force over the gas pressures of the tests corresponds to a rod of "
+        f"{told:.3g} times the declared area: check rod_diameter, the pressures, and whether the "
+        "force was tared between the tests"
     )
     return replace(batch, remarks=(*batch.remarks, said))
 

@@ -150,7 +150,7 @@ def _apart(a: np.ndarray, b: np.ndarray) -> float:
 def _two_settings(first: Trace, others: Sequence[Trace]) -> str:
     told = ", ".join(f"{one.name} setting {one.setting}" for one in (first, *others))
     return (
-        f"the same test under several settings: {told}; look which is right and leave out the rest"
+        f"the same test under several settings: {told}; check which is right and leave out the rest"
     )
 
 
@@ -206,8 +206,8 @@ def contradicting(
     failures = [
         Failure(
             *("", "", setting, ContradictionError.__name__),
-            f"setting {setting}: {sentence}, more than they scatter; look whether the "
-            "setting or the damper is another, leave one out, or fit them together by "
+            f"setting {setting}: {sentence}, more than they scatter; check whether the setting or "
+            "the damper differs, leave one out, or fit them together by "
             "--rig contradictions=average",
         )
         for setting, sentence in sentences.items()

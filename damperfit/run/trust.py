@@ -43,7 +43,7 @@ def ladder_advice(assessment: Assessment, damper: Model) -> Iterator[str]:
     if withheld and not isinstance(damper, ValveDamper):
         yield (
             f"model {damper.name} does not describe setting {listed_settings(withheld)}: "
-            "climb the ladder of models, damperfit identify LOGS --model auto"
+            "try the ladder of models: damperfit identify LOGS --model auto"
         )
 
 
@@ -118,8 +118,8 @@ def unconfirmed_tares(campaign: Campaign, assessment: Assessment) -> Iterator[st
     if doubted:
         where = f"setting{'s' if len(doubted) > 1 else ''} {listed_settings(doubted)}"
         yield (
-            f"{where}: the warning tare is not confirmed: the fit meets the force to its noise "
-            "without an offset"
+            f"{where}: the warning tare is not confirmed: the fit matches the force to within its "
+            "noise without an offset"
         )
 
 

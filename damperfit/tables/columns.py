@@ -167,7 +167,7 @@ _ADJUSTMENT: tuple[_Column, ...] = (
     _Column("change_percent", _FLOAT, "%", "the same of the damping, which is without gas force"),
     _Column("change_percent_ci_low", _FLOAT, "%", "95 % interval of change_percent"),
     _Column("change_percent_ci_high", _FLOAT, "%", "95 % interval of change_percent"),
-    _Column("force_misfit_se_N", _FLOAT, "N", "error of force_N for the wrong model"),
+    _Column("force_misfit_se_N", _FLOAT, "N", "error of force_N from the model's misfit"),
     _Column("measured_N", _FLOAT, "N", "measured force there, mean of all compared cycles"),
     _Column("measured_se_N", _FLOAT, "N", "standard error of measured_N"),
     _Column("difference_N", _FLOAT, "N", "measured less modelled force on the same cycles"),

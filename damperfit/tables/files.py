@@ -243,10 +243,10 @@ def _by_setting(
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror or error}") from error
     except KeyError as error:
         raise ConfigurationError(
-            f"{path}: no parameters table, it lacks a column {error}"
+            f"{path}: not a parameters table: it has no column {error}"
         ) from error
     except (ValueError, TypeError, csv.Error, pa.ArrowException) as error:
-        raise ConfigurationError(f"{path}: no parameters table: {error}") from error
+        raise ConfigurationError(f"{path}: not a parameters table: {error}") from error
 
 
 def _without_default(quantities: Sequence[Quantity]) -> tuple[str, ...]:

@@ -196,7 +196,7 @@ def _record(path: Path, remarks: list[str]) -> dict[str, Any]:
     else:
         if isinstance(document, dict):
             return document
-        remarks.append("run.json is no JSON object: rig, inputs and warnings are not known")
+        remarks.append("run.json is not a JSON object: rig, inputs and warnings are not known")
     return {}
 
 
@@ -205,7 +205,7 @@ def _check_version(record: dict[str, Any], remarks: list[str]) -> None:
     if version not in _READ_VERSIONS:
         remarks.append(
             f"the results are of schema version {version} (damperfit {record.get('version')}), "
-            f"this damperfit knows {SCHEMA_VERSION}: what it does not find is left out"
+            f"this damperfit knows {SCHEMA_VERSION}: what is not found is left out"
         )
 
 
@@ -231,7 +231,9 @@ def _once(rows: tuple[dict[str, Any], ...], remarks: list[str]) -> tuple[dict[st
     for row in rows:
         first.setdefault(row["setting"], row)
     if len(first) < len(rows):
-        remarks.append("parameters tell a setting more than once: its first row is shown")
+        remarks.append(
+            "the parameters table lists a setting more than once: its first row is shown"
+        )
     return tuple(first.values())
 
 

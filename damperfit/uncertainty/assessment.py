@@ -63,8 +63,8 @@ _BLIND = 0.4
 METHOD = (
     "Errors and 95 % intervals: sandwich covariance on the logarithm of the parameter with the "
     "residuals' own autocorrelation; the errors of shared parameters are included. Where a misfit "
-    "repeats, what blocks of the cycle make of it is added as an error for the wrong model; so is "
-    "what was held at a default that nobody has measured."
+    "repeats, an error from the model's misfit, estimated from blocks of the cycle, is added; so "
+    "is what was held at a default that nobody has measured."
 )
 
 
@@ -176,7 +176,7 @@ class Assessment:
             f"{middle:.2g} times as much (median; 9 of 10 from {low:.2g} to {high:.2g})"
         )
         return said + (
-            "; it sees no misfit that repeats with every cycle, and the larger errors are given."
+            "; it cannot see a misfit that repeats in every cycle, and the larger errors are given."
             if low < _BLIND
             else "."
         )
@@ -191,8 +191,8 @@ class Assessment:
             least = min(100.0 * d.noise_percent / max(d.mse_percent, 1e-300) for d in quiet)
             listed = listed_settings(d.setting for d in quiet)
             said.append(
-                f"setting{'s' if len(quiet) > 1 else ''} {listed}: nothing repeats from cycle to "
-                f"cycle that the model lacks; noise makes {least:.0f} % of the MSE or more"
+                f"setting{'s' if len(quiet) > 1 else ''} {listed}: no misfit repeats from cycle to "
+                f"cycle; noise makes up {least:.0f} % of the MSE or more"
             )
         said.extend(f"setting {d.setting}: {d.sentence}" for d in single)
         return tuple(said)

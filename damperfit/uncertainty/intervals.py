@@ -80,8 +80,8 @@ class Interval:
         derivative, leaves hardly more than their ends in the cycles' sums (Monte Carlo: the
         errors given are right there). NaN for a shared parameter and for a single cycle.
     misfit : float
-        Standard error for the wrong model: from what repeats in the residual, and from what is held
-        at a default that nobody has measured; 0 where there is neither.
+        Standard error from the model's misfit: from what repeats in the residual, and from what is
+        held at a default that nobody has measured; 0 where there is neither.
     """
 
     error: float
@@ -106,7 +106,7 @@ class Uncertainty:
     covariance : numpy.ndarray
         Of ln y (an offset: of itself, N), shape (k, k).
     shared : tuple of str
-        The last of `names`: one value for all settings, also where the logs do not tell it.
+        The last of `names`: one value for all settings, also where the logs do not determine it.
     """
 
     setting: Setting

@@ -131,16 +131,16 @@ class Prediction:
             return f"{told}; put together from the clicks of other settings"
         if not self.is_same_motion:
             return told
-        return f"{told}; of the stroke and speed that were fitted: no test of the model"
+        return f"{told}; same stroke and speed as the fitted logs, so no test of the model"
 
     @property
     def _ratio_in_words(self) -> str:
         if not self.is_failed:
             return "predicted as well as fitted"
         if self.ratio >= _NOT_PREDICTED:
-            return f"not predicted: {self.ratio:.2g} times the MSE to expect"
+            return f"not predicted: {self.ratio:.2g} times the expected MSE"
         # 9.96 rounded up would say that the log is not predicted.
-        return f"worse than fitted: {min(self.ratio, 9.9):.2g} times the MSE to expect"
+        return f"worse than fitted: {min(self.ratio, 9.9):.2g} times the expected MSE"
 
     def describe(self) -> dict[str, Any]:
         """Return the prediction for run.json."""
@@ -167,8 +167,8 @@ def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[str, ...]:
         return ()
     worst = max(failed, key=lambda one: one.ratio)
     said = (
-        f"{len(failed)} of {len(predictions)} held-out logs are not met as the fitted ones are, "
-        f"most {worst.trace.name}: {worst.verdict}; "
+        f"{len(failed)} of {len(predictions)} held-out logs are predicted worse than the fitted "
+        f"ones, most {worst.trace.name}: {worst.verdict}; "
     )
     if worst.is_same_motion:
         return (f"{said}what repeats a fitted test differs from it: the rig or the damper drifts",)

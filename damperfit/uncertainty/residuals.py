@@ -228,16 +228,16 @@ def _warned(linearised: Linearisation, told: Diagnosis) -> str:
         if is_noisy or fault != "displacement_noise"
     ]
     more = f" and {len(found) - 1} more" if len(found) > 1 else ""
-    return f"; first look at the warning {found[0]}{more}" if found else ""
+    return f"; see the warning {found[0]}{more}" if found else ""
 
 
 def _sentence(told: Diagnosis) -> str:
     mse, noise, hints = told.mse_percent, told.noise_percent, told.hints
     if math.isnan(noise):
-        return f"MSE {mse:.2g} %; a single cycle does not tell noise from lack of fit"
+        return f"MSE {mse:.2g} %; a single cycle cannot separate noise from lack of fit"
     said = f"MSE {mse:.2g} %, of which {noise:.2g} % is noise"
     if not told.is_structured:
-        return f"{said}: nothing repeats that the model lacks"
+        return f"{said}: no misfit repeats"
     yields = _yields(told) if told.has_yielded else ""
     if yields and not hints:
         return f"{said}: {yields}"

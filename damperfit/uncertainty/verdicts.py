@@ -113,7 +113,7 @@ def doubts(
         )
         sentences.append(
             f"{one} and {other} are tied at setting {listed_settings(s for s, _ in where)} "
-            f"(correlation {spread}): an error of the one is an error of the other"
+            f"(correlation {spread}): an error in one is an error in the other"
         )
     return tuple(sentences)
 
@@ -159,8 +159,8 @@ def _verdict(
         value = f"{getattr(fit.parameters, name):.4g} {unit}"
         used = f"; {value} is used for {whose}" if whose else ""
         if used and profile is not None and profile.shape == "flat downward":
-            used += ", in place of nothing: any value below the limit fits as well"
-        return f"these logs do not tell it ({where}{tied}){used}; fix it, or fit more logs"
+            used += ", instead of 0: any value below the limit fits as well"
+        return f"these logs do not determine it ({where}{tied}){used}; fix it, or fit more logs"
     if interval.misfit > 0.0:
         where += (
             f" (standard errors: {interval.error:.2g} {unit} of noise, "

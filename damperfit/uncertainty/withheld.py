@@ -192,7 +192,7 @@ def _cavitation(fit: Fit) -> Iterator[Objection]:
             "cavitation",
             "",
             f"chamber {seen.chamber} cavitates for {100.0 * seen.fraction:.0f} % of the cycle in a "
-            "model that misses the log: nothing speaks for it",
+            "model that misses the log: nothing supports it",
         )
 
 
@@ -235,7 +235,7 @@ def _friction(fit: Fit) -> Iterator[Objection]:
                 yield Objection(
                     "friction",
                     one.name,
-                    f"{one.symbol} = {value:.3g} N asks for a jump of the force at each reversal "
+                    f"{one.symbol} = {value:.3g} N would need a jump of the force at each reversal "
                     f"{ratio:.2g} times that of the log",
                 )
 

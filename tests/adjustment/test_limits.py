@@ -47,7 +47,7 @@ def test_an_outlier_takes_five_settings(n, is_judged) -> None:
     settings = tuple(range(1, n + 1))
     trend = ladders.trend_of(np.full(n, 1e4), settings, error=1e-3)
     assert trend.outliers_judged is is_judged
-    assert ("too few settings to tell one off the trend (5 are needed)" in trend.sentence) is (
+    assert ("too few settings to find one off the trend (5 are needed)" in trend.sentence) is (
         not is_judged
     )
 

@@ -148,7 +148,7 @@ def test_four_settings_have_a_trend_and_no_outliers() -> None:
     assert trend.degree == 1
     assert trend.outliers == ()
     assert not trend.outliers_judged
-    assert "too few settings to tell one off the trend" in trend.sentence
+    assert "too few settings to find one off the trend" in trend.sentence
 
 
 def test_a_parameter_without_a_sound_value_is_left_out() -> None:

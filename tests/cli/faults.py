@@ -349,7 +349,7 @@ FAULTS: dict[str, Fault] = {
     ),
     "F29 TDMS cut": Fault(_tdms_cut, "'temperature_degC' lost 100 of ", ".tdms", needs=("nptdms",)),
     "F30 TDMS that claims 1e12 values": Fault(
-        _tdms_claim, "TDMS file: 74656 bytes of values are announced", ".tdms", needs=("nptdms",)
+        _tdms_claim, "TDMS file: 74656 bytes of values are declared", ".tdms", needs=("nptdms",)
     ),
     "F32 TDMS channels of different length": Fault(
         _tdms_lengths, "channels of different length: time", ".tdms", needs=("nptdms",)

@@ -92,7 +92,7 @@ def test_settings_of_one_run_alone_are_named(run, campaigns) -> None:
 def test_the_same_logs_behind_both_are_named(run, campaigns) -> None:
     shutil.copytree(campaigns / "before", "copy")
     found = _document(run, campaigns / "before", "copy")
-    assert "the same logs stand behind both" in found["circumstances"][0]["sentence"]
+    assert "both are based on the same logs" in found["circumstances"][0]["sentence"]
     assert all(line["difference"] == 0.0 for line in found["lines"] if line["difference"])
 
 
@@ -106,7 +106,7 @@ def test_another_gas_and_an_older_version_are_named_first(run, campaigns) -> Non
     head = ended.out[: ended.out.index("forces: ")]
     for part in ("damper.gas_pressure: 460000 Pa, then 600000 Pa", "declared gas", "0.0.9"):
         assert part in " ".join(head.split())
-    assert "what the older does not tell is not compared" in " ".join(head.split())
+    assert "what the older run does not contain is not compared" in " ".join(head.split())
 
 
 def test_results_without_errors_are_compared_without_verdicts(run, campaigns) -> None:
@@ -120,7 +120,7 @@ def test_results_without_errors_are_compared_without_verdicts(run, campaigns) ->
     (found,) = json.loads(ended.out)["comparisons"]
     forces = [line for line in found["lines"] if line["kind"] == "force"]
     assert {line["verdict"] for line in forces} == {"untold"}
-    assert forces[0]["words"] == "cannot be told: no errors are known"
+    assert forces[0]["words"] == "cannot be determined: no errors are known"
 
 
 def test_measured_curves_are_compared_without_a_model(run, campaigns) -> None:
@@ -160,7 +160,7 @@ def test_repeats_of_the_reference_are_the_measure(run, campaigns) -> None:
     before = campaigns / "before"
     found = _document(run, before, campaigns / "after", "--repeats", campaigns / "again")
     assert [one["name"] for one in found["repeats"]] == ["again"]
-    assert found["notes"][0].startswith("2 runs of A tell its scatter with 1 degree of freedom")
+    assert found["notes"][0].startswith("the scatter of A is that of 2 runs, 1 degree of freedom")
     single = _document(run, before, campaigns / "after")
     line, other = (
         next(one for one in document["lines"] if one["name"] == "r_m1")
@@ -196,7 +196,7 @@ def test_before_and_after_of_several_dampers_are_paired_by_name(run, campaigns) 
         (("LOGS", "LOGS", "--measured"), "setting_01.csv OTHER --measured"),
         (("LOGS", "LOGS"), "but setting_01.csv and 1 more; if these are logs, run damperfit"),
         (("BEFORE",), "one run alone has nothing to be compared with"),
-        (("BEFORE", "LOG"), "compared by --measured"),
+        (("BEFORE", "LOG"), "to compare logs and files of curves"),
         (("BEFORE", "FEW2"), "no setting is common to all"),
         (("BEFORE", "AGAIN", "--velocity", "2m/s"), "not reached by a sine of 32 mm"),
         (("BEFORE", "AGAIN", "--velocity", "0"), "expected a speed other than zero"),
@@ -206,7 +206,7 @@ def test_before_and_after_of_several_dampers_are_paired_by_name(run, campaigns) 
         (("DAMAGED", "AGAIN"), "no setting has all parameters (parameters.parquet is not the"),
         (
             ("BEFORE", "AGAIN", "--measured", "--amplitude", "20mm", "--frequency", "1"),
-            "cannot act beside --measured",
+            "cannot be combined with --measured",
         ),
     ],
 )
@@ -360,9 +360,9 @@ def test_what_two_models_of_the_same_logs_measured_says_nothing_of_the_models(
     for part in (
         "forces as measured: all 20 the same within errors",
         "note: linear: its model (linear) misses the measured force at setting 1, 2, most setting",
-        "at setting 1, 2 the measured forces of both are compared: the same logs stand behind both",
-        "both, so this says nothing of the models",
-        "note: the same logs stand behind both (setting_01.csv, setting_02.csv): what differs",
+        "at setting 1, 2 the measured forces of both are compared: both are based on the same logs",
+        "same logs, so this says nothing about the models",
+        "note: both are based on the same logs (setting_01.csv, setting_02.csv): what differs",
         "forces as measured at the tests' sine of 32 mm at 1.5 Hz",
         "20 of 20 points within the tolerance, 20 of them as measured, whatever a model says",
     ):
@@ -376,7 +376,7 @@ def test_what_two_models_of_the_same_logs_measured_says_nothing_of_the_models(
     assert all(point["words"].endswith("(measured)") for point in document["points"])
     for name in ("comparison.html", "comparison.md"):
         text = Path("out", name).read_text()
-        for part in ("same within errors (measured)", "says nothing of the models"):
+        for part in ("same within errors (measured)", "says nothing about the models"):
             assert part in text
         assert "Forces as measured at the tests" in text
     by_model = run("compare", campaigns / "before", campaigns / "again", "--tolerance", "9%")

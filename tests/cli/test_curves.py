@@ -107,7 +107,7 @@ def test_settings_takes_several_files_and_what_the_rig_declares(run, tmp_path) -
     assert "expected one results folder, or files of measured curves alone" in mixed.err
     useless = run("settings", "results", "--rig", "units.force=N")
     assert useless.code == 2
-    assert "--rig units.force=N cannot act: results holds results" in useless.err
+    assert "--rig units.force=N has no effect: results holds results" in useless.err
 
 
 def test_settings_shows_the_forces(run, curves) -> None:
@@ -130,8 +130,8 @@ def test_settings_shows_the_forces(run, curves) -> None:
     ("arguments", "code", "says"),
     [
         (("--velocity", "0.5m/s"), 2, "0.5 m/s: no curve of curves.csv has points on both sides"),
-        (("--amplitude", "20mm"), 2, "--amplitude 20mm cannot act: the forces of "),
-        (("--frequency", "2Hz"), 2, "--frequency 2Hz cannot act"),
+        (("--amplitude", "20mm"), 2, "--amplitude 20mm has no effect: the forces of "),
+        (("--frequency", "2Hz"), 2, "--frequency 2Hz has no effect"),
     ],
 )
 def test_what_settings_cannot_do_with_them(run, curves, arguments, code, says) -> None:
@@ -144,7 +144,9 @@ def test_what_settings_cannot_do_with_them(run, curves, arguments, code, says) -
 def test_settings_of_a_log_says_what_to_do(run, logs) -> None:
     told = run("settings", logs / "setting_01.csv")
     assert told.code == 1
-    assert "holds time, so it is a log and no curve; fit it by damperfit identify" in told.err
+    assert (
+        "has a time column, so it is a log, not a curve; fit it by damperfit identify" in told.err
+    )
 
 
 def test_a_bug_that_curves_meet_costs_their_file(run, curves, logs, tmp_path, monkeypatch) -> None:

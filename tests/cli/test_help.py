@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
+import typer
 
 from damperfit.cli.main import app, main
 from damperfit.cli.panels import PANELS
@@ -64,3 +65,27 @@ def test_no_option_stands_in_two_panels():
 def test_completion_is_offered(capsys):
     assert main(["--help"]) == 0
     assert "--install-completion" in capsys.readouterr().out
+
+
+# Options that mean another thing in another command, or have another default there.
+OF_THEIR_OWN = {
+    "--out": "each command writes something else",
+    "--report": "of a run, or of a fleet",
+    "--setting": "of logs that are read, or whose parameters are used",
+    "--parameters": "samples takes them for the truth",
+    "--set": "init sets keys of [damper]",
+    "--model": "init cannot take auto",
+    "--velocity": "compare takes several",
+    "--cycles": "simulated, or in each log that samples writes",
+    "--sample-rate": "likewise",
+}
+
+
+def test_an_option_has_one_spelling_and_one_help_in_all_commands():
+    seen = {}
+    for name, command in typer.main.get_command(app).commands.items():
+        for one in command.params:
+            for word in one.opts if one.param_type_name == "option" else ():
+                seen.setdefault(word, {})[name] = (one.metavar, one.help, tuple(one.opts))
+    differing = {word for word, uses in seen.items() if len(set(uses.values())) > 1}
+    assert differing == set(OF_THEIR_OWN)

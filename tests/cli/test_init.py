@@ -98,7 +98,7 @@ def test_units_are_those_that_make_a_damper_s_test(factor, length, units, folder
 def test_units_that_make_no_test_of_a_damper_are_asked_for(folder, text, capsys):
     (folder / "setting_10.csv").write_text(bare(text, 1e9, 1e9))
     assert main(["init", "setting_10.csv"]) != 0
-    assert "no common units make a damper's test" in capsys.readouterr().err
+    assert "no common units give plausible values" in capsys.readouterr().err
     assert (
         "# open: setting_10.csv: columns without units" in (folder / "my_damper.toml").read_text()
     )

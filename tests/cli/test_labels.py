@@ -203,7 +203,7 @@ def test_several_dampers_get_a_result_each(bodies, run, tmp_path):
     assert not (tmp_path / "out" / "run.json").exists()
     ended = run("models", tmp_path / "*_6.csv")
     assert ended.code == 2
-    assert "logs of 2 dampers: A1, B 2; give those of one" in ended.err
+    assert "logs of 2 dampers: A1, B 2; give the logs of one" in ended.err
     # The folder holds one run only.
     ended = run("identify", tmp_path / "B_6.csv", "--out", tmp_path / "out")
     assert ended.code == 0, ended.err
@@ -277,3 +277,39 @@ def test_a_copy_of_a_folder_still_draws(results, run, tmp_path):
     ended = run("report", tmp_path / "copy")
     assert ended.code == 1
     assert "parameters.parquet is missing" in ended.err
+
+
+@pytest.fixture
+def two_speeds(logs, tmp_path):
+    """Three logs whose preambles say settings as tuners write them."""
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for number, label in enumerate(("L6 H1", "L4 H1", "L2 H1"), start=1):
+        text = (logs / f"setting_{number:02d}.csv").read_text()
+        (folder / f"run_{number}.csv").write_text(
+            text.replace(f"# setting: {number}", f"# setting: {label}")
+        )
+    return folder
+
+
+def test_letters_are_the_initials_of_the_declared_adjusters(run, two_speeds, tmp_path) -> None:
+    (tmp_path / "mine.toml").write_text('[adjusters]\nlow_speed = ""\nhigh_speed = ""\n')
+    ended = run("inspect", two_speeds, "--config", tmp_path / "mine.toml", "--json")
+    assert ended.code == 0
+    document = json.loads(ended.out)
+    assert [one["setting"] for one in document["logs"]] == ["LS6 HS1", "LS4 HS1", "LS2 HS1"]
+    assert "words" not in ended.err
+
+
+def test_letters_that_nobody_declared_are_words_with_a_warning(run, two_speeds) -> None:
+    ended = run("inspect", two_speeds)
+    assert ended.code == 0
+    assert "'L6 H1' and 'L4 H1' are taken as words" in ended.err
+    assert '[adjusters] l = "", h = ""' in ended.err
+
+
+def test_letters_of_no_declared_adjuster_are_asked_for(run, two_speeds, tmp_path) -> None:
+    (tmp_path / "mine.toml").write_text('[adjusters]\nrebound = ""\nbump = ""\n')
+    ended = run("inspect", two_speeds, "--config", tmp_path / "mine.toml")
+    assert ended.code == 3
+    assert "the letters L, H name none of the adjusters rebound, bump" in ended.err

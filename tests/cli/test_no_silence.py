@@ -24,7 +24,10 @@ GIVEN = [
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["identify", "LOG", "--share", "r_m3"], "--share r_m3 cannot act: only procedure joint"),
+        (
+            ["identify", "LOG", "--share", "r_m3"],
+            "--share r_m3 has no effect: only procedure joint",
+        ),
         (["identify", "LOG", "--max-mse", "0"], "--max-mse 0: expected more than 0"),
         (["identify", "LOG", "--setting=?"], "--setting ?: expected clicks"),
         (["identify", "LOG", "--setting", "0"], "--setting 0: setting_01.csv says setting 1"),
@@ -44,7 +47,7 @@ GIVEN = [
         *(
             (
                 ["simulate", *GIVEN, "--displacement", "LOG", option, value],
-                f"{option} cannot act beside --displacement",
+                f"{option} cannot be combined with --displacement",
             )
             for option, value in (
                 ("--amplitude", "3mm"),

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from damperfit.cli import main
-from damperfit.cli.options import starts_of
+from damperfit.cli.option_values import starts_of
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
 from damperfit.identification import campaign
@@ -109,7 +109,7 @@ def test_models_refuses_in_one_sentence(run, logs) -> None:
 def test_a_log_or_another_models_table_is_no_start(run, logs, earlier, tmp_path) -> None:
     done = run("identify", logs / "setting_01.csv", "--start", logs / "setting_01.csv", "--quiet")
     assert done.code == 2
-    assert "no parameters table, it lacks a column 'setting'" in done.err
+    assert "not a parameters table: it has no column 'setting'" in done.err
     told = "model twin_tube"
     start = with_given_start
     configuration = load_configuration(

@@ -37,7 +37,7 @@ def test_tables_and_run_json_carry_errors_and_correlations(logs, tmp_path, proce
         assert one["residuals"]["is_structured"] is False
     report = (tmp_path / "report.md").read_text(encoding="utf-8")
     assert "## Noise and lack of fit" in report
-    assert "nothing repeats from cycle to cycle" in report
+    assert "no misfit repeats from cycle to cycle" in report
     assert " ± " in report
     assert "sandwich covariance" in report
 

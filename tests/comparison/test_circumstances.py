@@ -17,7 +17,7 @@ from tests.comparison.runs import measured
 
 ONE = Setting.of(1)
 _SAME_LOGS = (
-    "the same logs stand behind both (x.csv): what differs there is how they were evaluated, and "
+    "both are based on the same logs (x.csv): what differs there is how they were evaluated, and "
     "the errors, which are those of two tests, are too large"
 )
 

@@ -87,7 +87,10 @@ def test_parameters_of_a_wrong_model_are_off_alike() -> None:
     ("second", "reason"),
     [
         (Reading(100.0), "no errors are known"),
-        (Reading(math.nan, objection="the logs do not tell it"), "the logs do not tell it"),
+        (
+            Reading(math.nan, objection="the logs do not determine it"),
+            "the logs do not determine it",
+        ),
         (Reading(200.0, 0.1, objection="it ended at the edge"), "it ended at the edge"),
     ],
 )

@@ -267,7 +267,7 @@ BAD = {
         {"chamber_lengths": (0.133, 0.133), "centre": 0.12},
         r"x reaches -0\.139\d m, expected above -l_2",
     ),
-    "reversed force": (replace(LOG, force=-LOG.force), {}, "gives 7.* J per cycle .* reversed"),
+    "reversed force": (replace(LOG, force=-LOG.force), {}, "delivers 7.* J per cycle .* reversed"),
 }
 
 

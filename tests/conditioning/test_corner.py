@@ -47,7 +47,7 @@ def test_the_corner_follows_the_fastest_speed_and_is_said():
     trace = condition(log, AUTO)
     assert "-3 dB at 100 Hz" in trace.model_filter.description
     assert found(trace)["filter_corner"].sentence == (
-        "filter corner 100 Hz, as fits the fastest motion of 5 Hz"
+        "filter corner 100 Hz, to fit the fastest motion of 5 Hz"
     )
     sweep = (
         np.sin(
@@ -86,7 +86,7 @@ def test_fewer_than_eight_harmonics_are_told(frequency, is_told):
 def offered(log, options):
     with pytest.raises(ConditioningError) as refusal:
         condition(log, options)
-    key, corner = re.search(r"say ([a-z_.]+) = '([0-9.]+)Hz'", str(refusal.value)).groups()
+    key, corner = re.search(r"set ([a-z_.]+) = '([0-9.]+)Hz'", str(refusal.value)).groups()
     return key, float(corner)
 
 

@@ -140,7 +140,7 @@ def test_one_declared_sign_and_the_energy_tell_the_other_even_without_gas() -> N
 @pytest.mark.parametrize("mirror", ["force", "displacement"])
 def test_a_tared_log_of_negative_energy_is_refused_with_the_question(mirror) -> None:
     log = mirrored(log_of(10, tare=130.4), MIRRORS[mirror])
-    with pytest.raises(ConditioningError, match=r"gives 7?.* J per cycle .*rig\.reverse_force"):
+    with pytest.raises(ConditioningError, match=r"delivers 7?.* J per cycle .*rig\.reverse_force"):
         condition(log, PURDY)
 
 
@@ -199,7 +199,7 @@ def test_a_damper_without_such_valves_is_never_reversed(level) -> None:
     trace = condition(log, PURDY)
     assert not any(one.is_correction for one in trace.findings)
     assert bool(found(trace, "direction")) == (level > 0.0)
-    with pytest.raises(ConditioningError, match="does not tell which of the two"):
+    with pytest.raises(ConditioningError, match="does not show which of the two"):
         condition(replace(log, force=-log.force), PURDY)
 
 
@@ -278,7 +278,7 @@ def test_a_road_counts_from_the_logs_own_zero_unless_that_is_far_off(offset, sev
     (finding,) = found(trace, "mid_stroke")
     assert finding.severity == severity
     assert "rig.centre" in finding.sentence
-    assert "bends R_m3" in finding.sentence
+    assert "shifts R_m3" in finding.sentence
     right = 0.0 if severity == "note" else offset
     assert trace.centre == pytest.approx(right, abs=1e-3)
     said = condition(wandering(offset), ConditionOptions(centre=0.002))

@@ -124,7 +124,7 @@ def test_peaks_scatter_by_one_per_cent_and_what_chance_adds(share, severity):
         (5, 12, 0, ""),  # one more than five may be cut at the log's ends: half of 12
         (5, 13, 0, "only 5 of 13 cycles in a row are steady"),
         (9, 10, 1, ""),
-        (9, 11, 2, "2 more steady cycles stand beyond a break"),
+        (9, 11, 2, "2 more steady cycles lie beyond a break"),
     ],
 )
 def test_half_of_the_cycles_must_be_steady(steady, found, elsewhere, said):
@@ -171,7 +171,7 @@ def test_an_amplitude_may_be_a_twentieth_off_what_the_log_declares(told, severit
         (1.49, ", 0.67 % above the 1.49 Hz of the configuration"),
         (1.51, ", 0.66 % below the 1.51 Hz of the configuration"),
         (1.26, ", 19 % above the 1.26 Hz of the configuration"),
-        (1.24, ", another test than the 1.24 Hz of the configuration"),
+        (1.24, ", a different test from the 1.24 Hz of the configuration"),
     ],
 )
 def test_a_test_is_another_one_from_a_fifth_off(nominal, said):

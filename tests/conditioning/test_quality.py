@@ -262,7 +262,7 @@ def test_a_triangle_is_known_by_its_harmonics():
 def test_another_test_than_the_nominal_one_is_a_note():
     found = {one.name: one for one in condition(made(frequency=0.5), OPTIONS).findings}
     assert (found["frequency"].severity, found["amplitude"].severity) == ("note", "note")
-    assert "another test than the 1.5 Hz" in found["frequency"].sentence
+    assert "a different test from the 1.5 Hz" in found["frequency"].sentence
     near = {one.name: one for one in condition(made(frequency=1.53), OPTIONS).findings}
     assert "2 % above the 1.5 Hz" in near["frequency"].sentence
 

@@ -1,4 +1,4 @@
-"""A force late against the displacement: estimated from friction, taken back when asked."""
+"""A force late against the displacement: estimated from friction, corrected when asked."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def test_where_it_cannot_be_told_it_says_so_and_changes_nothing(case) -> None:
     assert words in finding.sentence
     asked = skew_of(log, skew="auto", **options)
     assert asked.severity == "warning"
-    assert "nothing was taken back" in asked.sentence
+    assert "nothing was corrected" in asked.sentence
     plain = condition(log, ConditionOptions(**options))
     auto = condition(log, ConditionOptions(skew="auto", **options))
     assert np.array_equal(plain.force, auto.force)

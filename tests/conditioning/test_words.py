@@ -194,9 +194,9 @@ def test_a_reversed_displacement_turns_the_velocity_too() -> None:
     ("samples", "severity", "said"),
     [
         (10, "note", ""),  # (2 pi/n)^4/180: 0.1 % at 9.6, 1 % at 5.4 samples
-        (9, "note", ": velocity is 0.13 % low; log faster"),
-        (6, "note", ": velocity is 0.67 % low; log faster"),
-        (5, "warning", ": velocity is 1.4 % low; log faster"),
+        (9, "note", ": velocity is 0.13 % low; sample faster"),
+        (6, "note", ": velocity is 0.67 % low; sample faster"),
+        (5, "warning", ": velocity is 1.4 % low; sample faster"),
     ],
 )
 def test_a_rate_is_low_where_the_velocity_is(samples, severity, said) -> None:

@@ -142,8 +142,11 @@ def test_the_fleet_s_own_folder_holds_no_logs(three, here, capsys):
     ("arguments", "said"),
     [
         ([], "expected LOGS, or --collect"),
-        (["x", "--jobs", "2", "--scheduler", "tcp://a:1"], "--jobs cannot act beside --scheduler"),
-        (["x", "--part", "1/2", "--collect"], "--collect cannot act beside --part"),
+        (
+            ["x", "--jobs", "2", "--scheduler", "tcp://a:1"],
+            "--jobs cannot be combined with --scheduler",
+        ),
+        (["x", "--part", "1/2", "--collect"], "--collect cannot be combined with --part"),
         (["x", "--part", "3/2"], "expected I/N"),
         (["nowhere"], "no such file"),
         (["--collect", "--out", "nowhere"], "no parts of a fleet there"),
@@ -191,7 +194,7 @@ def test_a_log_that_ends_its_worker_costs_itself_alone(tmp_path, texts, kind):
     (bad,) = found[found["error"].notna()].to_dict("records")
     assert (bad["serial"], bad["log"]) == ("D2", "poison_setting_20.csv")
     assert bad["setting"] == "20"
-    assert "ended its worker twice; it is left out" in bad["error"]
+    assert "killed its worker process twice; it is left out" in bad["error"]
     # It is not given to a worker again.
     n_begun = engine.n_begun
     list(run_fleet(configuration, tasks, out, engine))

@@ -112,7 +112,7 @@ def test_an_interrupt_ends_cleanly(logs, tmp_path):
     os.killpg(running.pid, signal.SIGINT)
     _, said = running.communicate(timeout=60.0)
     assert running.returncode == 130
-    assert b"the same command does them" in said
+    assert b"the same command goes on with them" in said
     assert b"Traceback" not in said
     assert finished(logs, out) == undisturbed
 

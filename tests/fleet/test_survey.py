@@ -223,7 +223,7 @@ def test_a_share_is_of_the_median_of_the_setting(text, n_missed):
     held = held_against(survey(fleet_table(41)), parse_tolerance(text))
     assert (held.n_points, held.n_dampers, len(held.missed)) == (246, 41, n_missed)
     assert len(held.worst) == (2 if n_missed else 0)
-    assert held.sentence.startswith("2 of 41" if n_missed else "All 41 dampers keep")
+    assert held.sentence.startswith("2 of 41" if n_missed else "All 41 dampers are within")
 
 
 def nominal(*bands: Band) -> Tolerance:
@@ -281,7 +281,7 @@ def test_the_page_of_parts_that_are_there(parts, capsys):
 def test_a_fleet_out_of_its_tolerance_ends_with_4(parts, capsys):
     assert main(["fleet", "--tolerance", "5%", "--out", str(parts)]) == 4
     out = capsys.readouterr().out
-    assert out.startswith("tolerance 5%: 1 of 10 dampers do not keep the tolerance, at 1 of 60")
+    assert out.startswith("tolerance 5%: 1 of 10 dampers are outside the tolerance, at 1 of 60")
     assert "D3, setting 2, 0.26 m/s rebound: FAILS" in out
     assert not (parts / "fleet.html").exists()
     arguments = ["fleet", "--tolerance", "5%", "--report", "--json", "--out", str(parts)]
@@ -290,14 +290,14 @@ def test_a_fleet_out_of_its_tolerance_ends_with_4(parts, capsys):
     assert document["dampers_out_of_tolerance"] == ["D3"]
     assert [point["run"] for point in document["points"]] == ["D3"]
     assert len(pd.read_csv(parts / "fleet_tolerance.csv")) == 1
-    assert "1 of 10 dampers do not keep" in (parts / "fleet.html").read_text()
+    assert "1 of 10 dampers are outside" in (parts / "fleet.html").read_text()
     assert main(["fleet", "--tolerance", "400%", "--out", str(parts)]) == 0
 
 
 @pytest.mark.parametrize("option", [["--report"], ["--tolerance", "5%"]])
 def test_a_page_of_a_share_is_refused(option, capsys):
     assert main(["fleet", "x", "--part", "1/2", *option]) == 2
-    assert f"{option[0]} cannot act beside --part" in capsys.readouterr().err
+    assert f"{option[0]} cannot be combined with --part" in capsys.readouterr().err
 
 
 def test_the_distribution_around_the_median_has_a_panel_of_its_own():

@@ -35,7 +35,7 @@ def test_the_logs_tell_what_follows_which_adjuster(found: Campaign) -> None:
     assert sharing.follows == FOLLOWS
     assert set(sharing.free) - set(sharing.jointly) == {"f_0"}
     assert sharing.sentence == (
-        "The logs tell that rebound_bleed and compression_bleed follow low_speed; rebound_opening "
+        "The logs show that rebound_bleed and compression_bleed follow low_speed; rebound_opening "
         "follows high_speed; f_0 is each setting's own; everything else is shared by all 4 settings"
     )
     for fit in found.fits:

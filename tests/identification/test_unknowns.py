@@ -35,7 +35,7 @@ def test_a_click_that_the_fit_has_not_seen_is_shared_with_none() -> None:
     assert sharing.whose("a", at(6, 1)) == "all settings at low_speed 6"
     assert sharing.whose("b", at(6, 1)) == "all settings"
     assert sharing.sentence == (
-        "The logs tell that a follows low_speed; f is each setting's own; everything else is "
+        "The logs show that a follows low_speed; f is each setting's own; everything else is "
         "shared by all 4 settings"
     )
 

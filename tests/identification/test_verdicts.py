@@ -240,7 +240,7 @@ def test_small_frictions_that_noise_moves_are_not_called_different() -> None:
 
 
 def test_no_log_at_all_is_an_error_of_the_project() -> None:
-    with pytest.raises(LogError, match="there is no log to fit"):
+    with pytest.raises(LogError, match="found no log to fit"):
         identify([], PURDY_DAMPER)
 
 

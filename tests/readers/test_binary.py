@@ -118,7 +118,7 @@ def test_scalars_left_over_by_scripts_are_no_channels(tmp_path) -> None:
     data = saved({"time_s": column, "position_mm": column, "load_N": column, "f": 1.5, "t": 0.2})
     recording = read_log(put(tmp_path, data, "a.mat"))
     np.testing.assert_array_equal(recording.force, np.arange(20.0))
-    assert "2 variables left out; they are no vectors of 20 numbers" in recording.notes
+    assert "2 variables left out; they are not vectors of 20 numbers" in recording.notes
 
 
 @pytest.mark.parametrize("is_packed", [True, False])

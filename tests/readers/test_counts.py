@@ -170,7 +170,7 @@ def test_groups_that_are_no_tests_are_named(groups, n_tests, left_out) -> None:
     tables = group_tables(groups, ReadOptions(), name="a")
     assert len(tables) == n_tests
     said = [note for table in tables for note in table.notes if "left out" in note]
-    assert said == ([f"groups left out, as they are no tests: {left_out!r}"] if left_out else [])
+    assert said == ([f"groups left out, as they are not tests: {left_out!r}"] if left_out else [])
 
 
 @pytest.mark.parametrize(("is_cut", "last"), [(True, 8), (True, 9), (False, 9), (False, 8)])

@@ -139,7 +139,7 @@ REFUSED = {
     ),
     "one sign": (
         "speed_m/s,force_N\n0.05,100\n0.1,200\n0.2,500\n",
-        "all speeds and forces are of one sign, which does not tell the stroke",
+        "all speeds and forces are of one sign, which leaves open which is rebound",
     ),
     "a force without a speed": (
         "speed_m/s,Rebound (N)\n0.1,200\n,300\n0.2,500\n",
@@ -153,7 +153,7 @@ REFUSED = {
     "blank": ("speed_m/s,Rebound (N),Bump (N)\n,,1\n,,2\n,,3\n", "a force without a speed"),
     "time": (
         "time_s,speed_m/s,force_N\n0,-0.1,200\n1,0.1,-300\n2,0.2,-500\n",
-        "holds time, so it is a log and no curve",
+        "has a time column, so it is a log, not a curve",
     ),
     "no speed": ("displacement_mm,force_N\n1,2\n2,3\n3,4\n", "no speed with a force beside it"),
 }

@@ -53,7 +53,7 @@ def test_the_setting_is_taken_from_the_first_that_says_it(put, ways) -> None:
 
 def test_a_log_says_what_was_declared_before_the_log_itself(put) -> None:
     data, name = said_by(("preamble", "name"))
-    assert "setting: 11 of the preamble; the file name says 13: look which is right" in (
+    assert "setting: 11 of the preamble; the file name says 13: check which is right" in (
         read_log(put(data, name)).notes
     )
 

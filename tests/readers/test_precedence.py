@@ -8,7 +8,7 @@ from dataclasses import fields
 
 import pytest
 
-from damperfit.cli import options as cli_options
+from damperfit.cli import option_values
 from damperfit.configuration.loading import configuration_toml, load_configuration
 from damperfit.errors import ConfigurationError
 from damperfit.readers import ReadOptions, read_log
@@ -43,7 +43,7 @@ def in_force(folder, rig: dict, profile: dict, command_line: dict) -> ReadOption
     path = folder / "rig.toml"
     path.write_text("\n".join([*lines, *_entries(profile)]), encoding="utf-8")
     texts = [f"{key}={json.dumps(value)}" for key, value in command_line.items()]
-    configuration = cli_options.configured(path, *cli_options.rig_entries(texts))
+    configuration = option_values.configured(path, *option_values.rig_entries(texts))
     return configuration.reading.for_file("bench_1.csv")[0]
 
 

@@ -68,7 +68,7 @@ def test_three_titles_tell_a_rate(put, n, is_read) -> None:
     if is_read:
         assert len(read_logs(path)) == 1
         return
-    with pytest.raises(LogError, match=r"only the titles of its blocks tell a time, and no steady"):
+    with pytest.raises(LogError, match=r"only the titles of its blocks give a time, and no steady"):
         read_logs(path)
     # As the sentence says.
     assert len(read_logs(path, ReadOptions(sample_rate=RATE))) == n

@@ -194,8 +194,8 @@ def test_a_tare_is_unconfirmed_where_the_fit_meets_the_force_to_its_noise(
     found = SimpleNamespace(setting=1, is_structured=is_structured, noise_percent=noise)
     said = list(unconfirmed_tares(campaign(one), SimpleNamespace(diagnoses=(found,))))
     expected = (
-        "setting 1: the warning tare is not confirmed: the fit meets the force to its noise "
-        "without an offset"
+        "setting 1: the warning tare is not confirmed: the fit matches the force to within its "
+        "noise without an offset"
     )
     assert said == [expected] * is_said
 

@@ -159,7 +159,7 @@ def test_a_misfit_points_to_the_first_fault_of_its_log_and_counts_the_others() -
     trace = replace(log.trace, findings=faults)
     seen = replace(seen, fit=replace(seen.fit, logs=(replace(log, trace=trace),)))
     said = diagnose(seen).sentence
-    assert said.endswith("; first look at the warning direction of setting_01.csv and 2 more")
+    assert said.endswith("; see the warning direction of setting_01.csv and 2 more")
 
 
 def prediction(ratio: float, **more) -> Prediction:
@@ -171,9 +171,9 @@ def prediction(ratio: float, **more) -> Prediction:
     ("ratio", "verdict"),
     [
         (1.96, "predicted as well as fitted"),
-        (2.04, "worse than fitted: 2 times the MSE to expect"),
-        (9.8, "worse than fitted: 9.8 times the MSE to expect"),
-        (10.4, "not predicted: 10 times the MSE to expect"),
+        (2.04, "worse than fitted: 2 times the expected MSE"),
+        (9.8, "worse than fitted: 9.8 times the expected MSE"),
+        (10.4, "not predicted: 10 times the expected MSE"),
     ],
 )
 def test_a_prediction_is_worse_from_twice_and_none_from_ten_times(ratio, verdict) -> None:
@@ -188,7 +188,7 @@ def test_the_worst_of_the_predictions_that_fail_is_named() -> None:
     worse = replace(worse, trace=fakes.trace(4))
     assert prediction_warnings([good]) == ()
     (said,) = prediction_warnings([good, bad, worse])
-    assert said.startswith("2 of 3 held-out logs are not met as the fitted ones are")
+    assert said.startswith("2 of 3 held-out logs are predicted worse than the fitted ones")
     assert "most setting_04.csv: worse than fitted: 5 times" in said
 
 
@@ -202,7 +202,7 @@ def test_noise_is_told_from_a_misfit_from_two_cycles_on(cycles: int) -> None:
     is_told = cycles == 2
     assert math.isfinite(found.noise_percent) is is_told
     assert math.isfinite(found.runs_ratio) is is_told
-    single = f"MSE {found.mse_percent:.2g} %; a single cycle does not tell noise from lack of fit"
+    single = f"MSE {found.mse_percent:.2g} %; a single cycle cannot separate noise from lack of fit"
     assert (found.sentence == single) is not is_told
     assert ("% is noise" in found.sentence) is is_told
 

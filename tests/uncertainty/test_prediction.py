@@ -133,9 +133,9 @@ def test_nearly_ten_times_is_not_said_to_be_ten() -> None:
     fitted = log(10, seed=1)
     (one,) = predicted([fitted], [log(10, seed=2)])
     nearly = replace(one, mse_percent=9.96 * one.expected_mse_percent)
-    assert nearly.verdict.startswith("worse than fitted: 9.9 times the MSE to expect")
+    assert nearly.verdict.startswith("worse than fitted: 9.9 times the expected MSE")
     beyond = replace(one, mse_percent=12.0 * one.expected_mse_percent)
-    assert beyond.verdict.startswith("not predicted: 12 times the MSE to expect")
+    assert beyond.verdict.startswith("not predicted: 12 times the expected MSE")
 
 
 def test_the_stroke_and_speed_that_were_fitted_are_no_test_of_the_model() -> None:
@@ -152,7 +152,7 @@ def test_the_stroke_and_speed_that_were_fitted_are_no_test_of_the_model() -> Non
     for same in (told(1.049, 1.0), told(1.0, 0.951)):
         assert same.is_same_motion
         assert same.verdict == (
-            "predicted as well as fitted; of the stroke and speed that were fitted: no test of "
+            "predicted as well as fitted; same stroke and speed as the fitted logs, so no test of "
             "the model"
         )
     for other in (told(1.051, 1.0), told(1.0, 0.949), told(1.0, 1.0, cycle_starts=np.empty(0))):

@@ -152,13 +152,13 @@ def test_a_delay_does_not_contradict_the_skew_found_in_the_log() -> None:
     assert not _fits_skew(late, 8.1)
     taken_back = linearised(Finding("skew", "note", "", 4e-3, "s", is_correction=True))
     assert not _fits_skew(taken_back, 4.0)
-    assert _fits_skew(linearised(Finding("skew", "note", "cannot be told", None, "s")), 20.0)
+    assert _fits_skew(linearised(Finding("skew", "note", "cannot be determined", None, "s")), 20.0)
 
 
 def test_noise_of_the_displacement_is_blamed_where_it_makes_a_third() -> None:
     noisy = linearised(Finding("displacement_noise", "warning", "noise"))
     third = diagnosis(1, noise_percent=0.334)
-    assert "first look at the warning displacement_noise" in _warned(noisy, third)
+    assert "see the warning displacement_noise" in _warned(noisy, third)
     assert _warned(noisy, diagnosis(1, noise_percent=0.332)) == ""
     other = linearised(Finding("force_clipping", "warning", "clipped"))
     assert "force_clipping" in _warned(other, diagnosis(1, noise_percent=0.01))

@@ -39,7 +39,7 @@ def test_a_sound_set_is_left_in_peace(seed: int) -> None:
         assert abs(one.correlation) < 0.3
         assert 0.8 < one.runs_ratio < 1.2
     assert len(found.sentences) == 1
-    assert found.sentences[0].startswith("settings 1, 10, 20: nothing repeats")
+    assert found.sentences[0].startswith("settings 1, 10, 20: no misfit repeats")
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -122,7 +122,7 @@ def test_r_m3_that_cannot_be_seen_is_named_and_said_to_stand_for_nothing() -> No
     judged = assess(campaign, PURDY_DAMPER)
     assert any("do not fix R_m3" in text for text in campaign.warnings)
     assert judged.doubts(campaign)[0].startswith("r_m3 at setting 1, 10, 20: these logs do not")
-    assert "is used for all settings, in place of nothing: any value below" in " ".join(
+    assert "is used for all settings, instead of 0: any value below" in " ".join(
         judged.doubts(campaign)
     )
     assert not any(one.is_structured for one in judged.diagnoses)
@@ -170,7 +170,7 @@ def test_a_misfit_points_to_the_warning_on_its_log() -> None:
     clipped = replace(log, force=np.clip(log.force, None, 0.85 * log.force.max()))
     found = judged([condition(clipped)], FitOptions(fixed=KNOWN)).diagnoses[0]
     assert found.is_structured
-    assert f"; first look at the warning force_clipping of {log.name}" in found.sentence
+    assert f"; see the warning force_clipping of {log.name}" in found.sentence
 
 
 def test_a_weak_misfit_that_repeats_for_long_is_seen_below_white_noise() -> None:

@@ -61,14 +61,14 @@ def test_settings_without_a_misfit_share_one_sentence() -> None:
     assert told == (
         "setting 5: sentence of 5",
         (
-            "settings 1-3: nothing repeats from cycle to cycle that the model lacks; noise makes "
+            "settings 1-3: no misfit repeats from cycle to cycle; noise makes up "
             "75 % of the MSE or more"
         ),
         "setting 6: sentence of 6",
     )
     (one,) = Assessment(diagnoses=(quiet[0],)).sentences
-    assert one.startswith("setting 1: nothing repeats from cycle to cycle")
-    assert one.endswith("noise makes 90 % of the MSE or more")
+    assert one.startswith("setting 1: no misfit repeats from cycle to cycle")
+    assert one.endswith("noise makes up 90 % of the MSE or more")
 
 
 def test_a_misfit_of_several_settings_is_one_warning_led_by_the_worst() -> None:
@@ -189,7 +189,7 @@ def test_a_limit_from_below_says_that_any_higher_value_fits() -> None:
         (None, "95 % from 2.547e+06 to 2.648e+06 N s/(m2 kg)); 2.597e+06 N s/(m2 kg) is used for"),
         (
             profile(None, 5e4),
-            "; 2.597e+06 N s/(m2 kg) is used for all settings, in place of nothing: any",
+            "; 2.597e+06 N s/(m2 kg) is used for all settings, instead of 0: any",
         ),
     ],
 )
@@ -197,7 +197,7 @@ def test_a_limit_from_above_says_that_the_fallback_stands_for_nothing(seen, end)
     fit = fakes.fit(1, status={"r_m3": "not_identifiable"})
     sharing = Sharing(r_m3_from=1)
     said = verdicts(fit, known(), sharing, {} if seen is None else {"r_m3": seen})["r_m3"]
-    assert said.startswith("these logs do not tell it (")
+    assert said.startswith("these logs do not determine it (")
     assert end in said
     alone = verdicts(fit, known(), Sharing(), {})["r_m3"]
     assert "used for all settings" not in alone
@@ -232,8 +232,8 @@ def test_ties_at_several_settings_are_one_sentence_with_their_range() -> None:
     by = {n: known(n, tie=tie) for n, tie in ((1, 0.961), (2, 0.98), (3, 0.94))}
     (said,) = doubts(fits, by, Sharing(), {})
     assert said == (
-        "r_m1 and r_m2 are tied at setting 1, 2 (correlation +0.96 to +0.98): an error of the one "
-        "is an error of the other"
+        "r_m1 and r_m2 are tied at setting 1, 2 (correlation +0.96 to +0.98): an error in one is "
+        "an error in the other"
     )
     by[2] = known(2, tie=0.963)
     (said,) = doubts(fits, by, Sharing(), {})
@@ -282,8 +282,8 @@ def test_a_tare_that_the_fit_does_not_need_is_told_of_its_settings() -> None:
     assert said(note, tare, is_structured=True) == said(tare, noise=math.nan) == []
     (one,) = said(note, tare)
     assert one == (
-        "setting 1: the warning tare is not confirmed: the fit meets the force to its noise "
-        "without an offset"
+        "setting 1: the warning tare is not confirmed: the fit matches the force to within its "
+        "noise without an offset"
     )
     (three,) = said(note, tare, settings=(1, 2, 4))
     assert three.startswith("settings 1, 2, 4: the warning tare is not confirmed")

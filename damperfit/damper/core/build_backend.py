@@ -200,7 +200,7 @@ def _run_zig(options: list[str], target: Path, cache: str) -> None:
     # Not in somebody's home.
     environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": cache, "ZIG_LOCAL_CACHE_DIR": cache}
     if subprocess.run(command, env=environment, check=False).returncode:
-        raise CompileError("Zig could not compile the core; its messages stand above")
+        raise CompileError("Zig could not compile the core; see its messages above")
 
 
 # Zig tunes for the CPU at hand and traps undefined behaviour unless told otherwise.

@@ -97,7 +97,7 @@ def summary(results: Results, logs: Sequence[EvaluatedLog]) -> Summary:
         lead=" ".join(_headline(results)),
         facts=_facts(results, logs),
         alarms=(
-            Listing("These results are not whole", results.remarks),
+            Listing("These results are incomplete", results.remarks),
             Listing("Not done", list(_not_done(record))),
             Listing("Gates not met", listed_in(record, "gates_missed")),
         ),
@@ -105,7 +105,7 @@ def summary(results: Results, logs: Sequence[EvaluatedLog]) -> Summary:
         checks=checks,
         listings=(
             Listing("Verdicts", short_listing(_verdicts(results))),
-            Listing("Which law the logs tell", law_sentences(law_in(record))),
+            Listing("Which law the logs support", law_sentences(law_in(record))),
             Listing("Held out: predicted, not fitted", held_out_in(record)),
             Listing("Across the settings", trends),
             Listing("Noise and lack of fit", sentences_in(record, "noise_and_lack_of_fit")),

@@ -258,6 +258,6 @@ def _caption(
         yield "Filled triangles at the edge: at a bound, off the scale."
     unknown = [str(row["setting"]) for row in rows if row[f"{name}_status"] == "not_identifiable"]
     if unknown:
-        yield f"Not shown, these logs cannot tell it: setting {', '.join(unknown)}."
+        yield f"Not shown, not determined by these logs: setting {', '.join(unknown)}."
     if trend is not None and trend.sentence:
         yield trend.sentence

@@ -79,7 +79,7 @@ def curve_forces_sheet(curves: Sequence[ForceCurve], speeds: Sequence[float]) ->
     n = 5 + len(speeds) + has_loops
     notes = ["forces are read between measured points, of loops the mean of both branches"]
     if len(kept) > MANY_ROWS:
-        notes.append(f"{len(kept) - MANY_ROWS} more rows are not shown; --json tells all")
+        notes.append(f"{len(kept) - MANY_ROWS} more rows are not shown; --json lists them all")
     return Sheet(
         headings=("curve", "stroke", "points", "to", "peak", *map("{:g}".format, speeds), "hyst.")[
             :n

@@ -63,7 +63,7 @@ def _shown(logs: Sequence[Mapping[str, Any]]) -> tuple[list[Mapping[str, Any]], 
     usable = [log for log in logs if log.get("verdict") != "refused"]
     shown = usable[:MANY_ROWS] or logs[:_ROWS_OF_REFUSED]
     left_out = len(logs) - len(shown)
-    return list(shown), (f"{left_out} of {len(logs)} logs have no row here; --json tells all",)
+    return list(shown), (f"{left_out} of {len(logs)} logs have no row here; --json lists them all",)
 
 
 def stretch_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
@@ -77,7 +77,9 @@ def stretch_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
         rows += [_stretch_row(name, one) for name, one in zip(names, stretches, strict=False)]
     notes = [_NOISE_NOTE] if any("*" in row[-1] for row in rows) else []
     if len(rows) > MANY_ROWS:
-        notes.append(f"{len(rows) - MANY_ROWS} more stretches have no row here; --json tells all")
+        notes.append(
+            f"{len(rows) - MANY_ROWS} more stretches have no row here; --json lists them all"
+        )
     return Sheet(
         headings=(
             "stretches",
@@ -114,19 +116,26 @@ def _stretch_row(name: str, one: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
-def finding_lines(logs: Sequence[Mapping[str, Any]], *, has_notes: bool = True) -> Iterator[str]:
-    """Yield the findings of all logs as lines of at most 80 columns, the worst first.
+def finding_lines(
+    logs: Sequence[Mapping[str, Any]], *, has_notes: bool = True, columns: int = _WIDTH
+) -> Iterator[str]:
+    """Yield the findings of all logs as lines of at most so many columns, the worst first.
 
     A sentence that is true of several logs is told once. Notes of several logs are told as the
     range of their numbers, as each sentence differs; ``has_notes`` False leaves notes out.
     """
+    for line in _finding_lines(logs, has_notes=has_notes):
+        yield from _wrapped(line, columns)
+
+
+def _finding_lines(logs: Sequence[Mapping[str, Any]], *, has_notes: bool) -> Iterator[str]:
     yield _verdicts(logs)
     for severity, heading in _HEADINGS.items():
         told = _told(logs, severity)
         if told:
             yield from ("", heading)
         for text in _grouped(told):
-            yield from _wrapped(text)
+            yield _indented(text)
     if has_notes:
         yield from _note_lines(logs)
         yield from _reading_lines(logs)
@@ -179,7 +188,7 @@ def _grouped(told: Mapping[tuple[str, str], list[str]]) -> Iterator[str]:
         listed = listed_names(list(others), few=FEW)
         yield f"{first}: {name}: {sentence}. With other numbers in {listed}"
     if len(kinds) > MANY_KINDS:
-        yield f"and {len(kinds) - MANY_KINDS} more kinds; --json tells all"
+        yield f"and {len(kinds) - MANY_KINDS} more kinds; --json lists them all"
 
 
 def _note_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -200,7 +209,7 @@ def _note_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         else:
             text = _range(values, found[0]["unit"])
         count = f" ({len(found)} of {len(logs)} logs)" if len(logs) > 1 else ""
-        yield from _wrapped(f"{name}: {text}{count}")
+        yield _indented(f"{name}: {text}{count}")
 
 
 def _range(values: Sequence[float], unit: str) -> str:
@@ -227,11 +236,11 @@ def _reading_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     for alike in told.values():
         if len(alike) > _EACH:
             n, first = sum(map(len, alike.values())), next(iter(alike))
-            yield from _wrapped(f"{first} ({n} of {len(logs)} logs, with other names or numbers)")
+            yield _indented(f"{first} ({n} of {len(logs)} logs, with other names or numbers)")
             continue
         for note, names in alike.items():
             who = f" ({len(names)} of {len(logs)} logs)" if len(logs) > 1 else ""
-            yield from _wrapped(f"{note}{who}")
+            yield _indented(f"{note}{who}")
 
 
 def _named(names: Sequence[str]) -> str:
@@ -239,10 +248,17 @@ def _named(names: Sequence[str]) -> str:
     return f"{names[0]} and {others} other log{'s' * (others > 1)}" if others else names[0]
 
 
-def _wrapped(text: str) -> list[str]:
+def _indented(text: str) -> str:
+    return "  " + " ".join(text.split())
+
+
+def _wrapped(line: str, columns: int) -> list[str]:
+    """Wrap what is indented; headings are short."""
+    if not line.startswith("  "):
+        return [line]
     return wrap(
-        " ".join(text.split()),
-        _WIDTH,
+        line.strip(),
+        columns,
         initial_indent="  ",
         subsequent_indent="    ",
         break_long_words=False,

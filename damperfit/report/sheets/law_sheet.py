@@ -1,4 +1,4 @@
-"""Which law the logs tell: a row for each law that was tried, the chosen one at each setting."""
+"""Which law the logs support: a row for each law that was tried, the chosen one at each setting."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def ladder_sheet(told: Mapping[str, Any], *, is_narrow: bool = False) -> Sheet:
     if is_narrow:
         headings = ("", "law", "free", "BIC", "MSE", "held out")
     samples = _number(told.get("effective_samples"))
-    notes = ["* the law that was taken; MSE and what was held out in per cent of the variance"]
+    notes = ["* the chosen law; MSE and what was held out in per cent of the variance"]
     if not math.isnan(samples):
         notes.append(
             f"BIC with {samples:.0f} effective samples, against the law that the row was compared "
@@ -145,7 +145,7 @@ def law_sentences(told: Mapping[str, Any]) -> list[str]:
     chosen = told.get("chosen")
     if not isinstance(chosen, str):
         return []
-    said = [f"The logs speak for {chosen}."]
+    said = [f"The logs support {chosen}."]
     for key in ("sentences", "undecided"):
         found = told.get(key)
         said += [str(one) for one in found] if isinstance(found, list) else []

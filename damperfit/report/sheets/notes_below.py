@@ -45,7 +45,7 @@ _MARKS = {
     "fixed": "f fixed",
     "shared": "s shared by all settings",
     "at_bound": "! ran into a bound",
-    "not_identifiable": "? these logs cannot tell it",
+    "not_identifiable": "? not determined by these logs",
 }
 _BY_CLICK = "s shared by all settings, or by those with one click of the adjuster that it follows"
 
@@ -100,7 +100,7 @@ def errors_and_flags(
         if example:
             yield f"{example} means {_spelt_out(example)}, one standard error"
     elif has_errors:
-        yield "rounded by their standard errors, which stand in parameters.csv"
+        yield "rounded by their standard errors, which are in parameters.csv"
     if any(row.get("cavitation_fraction") for row in rows):
         yield "cav.: share of the cycle with a chamber at zero pressure"
 

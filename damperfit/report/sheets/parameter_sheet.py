@@ -148,7 +148,7 @@ def parameter_line(row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES) 
         if row[name] is None or _is_idle(row, one):
             continue
         if status == "not_identifiable":
-            parts.append(f"{scale.symbol} cannot be told")
+            parts.append(f"{scale.symbol} cannot be determined")
             continue
         error = total_error(row, name)
         at_edge = status == "at_bound" and limit_text(one, row[name], scale.factor)

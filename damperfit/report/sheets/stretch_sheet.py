@@ -52,11 +52,7 @@ def measured_stretch_sheet(entries: Sequence[Mapping[str, Any]]) -> Sheet:
         is_number=(True, False, *(True,) * 9),
         notes=(
             _NOTE,
-            *(
-                (f"{more} more stretch{'es' * (more > 1)} stand{'s' * (more == 1)} in run.json",)
-                if more
-                else ()
-            ),
+            *((f"{more} more stretch{'es' * (more > 1)} in run.json",) if more else ()),
         ),
     )
 

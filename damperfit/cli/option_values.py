@@ -1,0 +1,202 @@
+"""What options say, from text to values: assignments, names, settings, the configuration."""
+
+from __future__ import annotations
+
+import re
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from damperfit.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.setting import Setting
+
+__all__ = [
+    "assignments",
+    "configured",
+    "declared_setting",
+    "names_of",
+    "quantity_names",
+    "quantity_values",
+    "refuse_beside",
+    "rig_entries",
+    "starts_of",
+]
+
+_ASSIGNMENT = re.compile(r"\s*[A-Za-z_]\w*\s*=")
+_NEXT_ASSIGNMENT = re.compile(r",(?=\s*[A-Za-z_]\w*\s*=)")
+
+
+def starts_of(texts: Sequence[str] | None) -> tuple[str | None, dict[str, str]]:
+    """Return the file and the values that ``--start`` gives, values one by one or in lists.
+
+    Examples
+    --------
+    >>> starts_of(["results", "f_f=30,k_e=2e9"])
+    ('results', {'f_f': '30', 'k_e': '2e9'})
+
+    Raises
+    ------
+    ConfigurationError
+        Two files are given, a value is missing, or a name is given twice.
+    """
+    parts = [part for text in texts or [] for part in _parted(text)]
+    values = [part for part in parts if _ASSIGNMENT.match(part) and not Path(part).exists()]
+    files = [part for part in parts if part not in values]
+    if len(files) > 1:
+        raise ConfigurationError(
+            f"--start {files[1]}: {files[0]} is given already; a fit starts from one earlier run"
+        )
+    if "" in files:
+        raise ConfigurationError("--start '': expected a file or NAME=VALUE, such as k_e=5e8")
+    return (files[0] if files else None), quantity_values(values, option="--start")
+
+
+def _parted(text: str) -> list[str]:
+    return [text] if Path(text).exists() else _NEXT_ASSIGNMENT.split(text)
+
+
+def quantity_values(texts: Iterable[str], *, option: str) -> dict[str, str]:
+    """Return NAME=VALUE texts, or lists of them, by quantity; K_e is k_e.
+
+    Raises
+    ------
+    ConfigurationError
+        As of `assignments`.
+
+    Examples
+    --------
+    >>> quantity_values(["K_e=2e9, f_f=30", "f_0=0"], option="--fix")
+    {'k_e': '2e9', 'f_f': '30', 'f_0': '0'}
+    """
+    lower = (
+        f"{name.lower()}{equals}{value}"
+        for text in texts
+        for name, equals, value in (one.partition("=") for one in _NEXT_ASSIGNMENT.split(text))
+    )
+    return assignments(lower, option=option)
+
+
+def quantity_names(texts: Iterable[str] | None) -> list[str] | None:
+    """Return the quantities that options name, None where none was given.
+
+    Examples
+    --------
+    >>> quantity_names(["R_m1, k_e", "f_f"]), quantity_names(None)
+    (['r_m1', 'k_e', 'f_f'], None)
+    """
+    return None if texts is None else [name.lower() for name in names_of(texts)]
+
+
+def rig_entries(texts: Iterable[str] | None) -> list[tuple[str, str, Any]]:
+    """Return KEY=VALUE texts as entries of [rig] for `configured`; KEY may be dotted.
+
+    A value is what it would be in TOML; what is no TOML (kN) is text.
+
+    Raises
+    ------
+    ConfigurationError
+        A text has no key, no ``=`` or no value, or a key is given twice.
+    """
+    import json
+    import tomllib
+
+    keys: dict[str, Any] = {}
+    for key, value in assignments(texts or [], option="--rig").items():
+        for text in (value, json.dumps(value)):
+            with suppress(tomllib.TOMLDecodeError):
+                found = tomllib.loads(f"{key} = {text}")
+                break
+        else:
+            raise ConfigurationError(f"--rig {key}={value}: {key!r} is not a key")
+        for name, entry in found.items():
+            is_table = isinstance(entry, dict) and isinstance(keys.get(name), dict)
+            keys[name] = keys[name] | entry if is_table else entry
+    return [(f"--rig {name}", f"rig.{name}", entry) for name, entry in keys.items()]
+
+
+def assignments(texts: Iterable[str], *, option: str, example: str = "k_e=5e8") -> dict[str, str]:
+    """Return NAME=VALUE texts as a dictionary.
+
+    Raises
+    ------
+    ConfigurationError
+        A text has no name, no ``=`` or no value, or a name is given twice.
+    """
+    values: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            raise ConfigurationError(f"{option} {text}: expected NAME=VALUE, such as {example}")
+        if name in values:
+            raise ConfigurationError(f"{option} {text}: {name} is given twice")
+        values[name] = value
+    return values
+
+
+def names_of(texts: Iterable[str]) -> list[str]:
+    """Return the names in options that may be given several times and may hold lists.
+
+    Examples
+    --------
+    >>> names_of(["a,b", "c"])
+    ['a', 'b', 'c']
+    """
+    return [name.strip() for text in texts for name in text.split(",")]
+
+
+def configured(config: Path | None, *entries: tuple[str, str, Any]) -> Configuration:
+    """Return the configuration of a file and the command line.
+
+    Parameters
+    ----------
+    config : pathlib.Path or None
+        TOML file.
+    entries : tuple of str, str, any
+        Option as typed, key that it sets as in "rig.skew", value; None means not given.
+    """
+    from damperfit.configuration.loading import load_configuration
+
+    sections: dict[str, dict[str, Any]] = {}
+    options: dict[str, str] = {}
+    for option, place, value in entries:
+        if value is not None:
+            section, _, key = place.partition(".")
+            sections.setdefault(section, {})[key] = value
+            options[place] = option
+    return load_configuration(config, overlay=sections, options=options)
+
+
+def declared_setting(text: str | None, configuration: Configuration) -> Setting | None:
+    """Return the setting that ``--setting`` gives.
+
+    Raises
+    ------
+    ConfigurationError
+        The text is none.
+    """
+    from damperfit.setting import parse_setting
+
+    try:
+        return None if text is None else parse_setting(text, configuration.reading.adjusters)
+    except ValueError as error:
+        raise ConfigurationError(f"--setting {text}: {error}") from error
+
+
+def refuse_beside(option: str, others: Mapping[str, Any], *, why: str) -> None:
+    """Refuse options that cannot be combined with another one.
+
+    Raises
+    ------
+    ConfigurationError
+        One of the others was given.
+    """
+    given = [name for name, value in others.items() if value is not None]
+    if given:
+        raise ConfigurationError(
+            f"{given[0]} cannot be combined with {option}: {why}; leave one of the two out"
+        )
