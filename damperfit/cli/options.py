@@ -86,7 +86,7 @@ VersionOption = Annotated[
 ]
 OverwriteOption = Annotated[
     bool,
-    typer.Option("--overwrite", help="Replace files of another origin that stand in the way."),
+    typer.Option("--overwrite", help="Replace files of another origin that are in the way."),
 ]
 UnitsOption = Annotated[
     str | None,

@@ -78,6 +78,7 @@ OF_THEIR_OWN = {
     "--velocity": "compare takes several",
     "--cycles": "simulated, or in each log that samples writes",
     "--sample-rate": "likewise",
+    "--overwrite": "init has one file to replace",
 }
 
 
