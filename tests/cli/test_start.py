@@ -120,7 +120,7 @@ def test_a_log_or_another_models_table_is_no_start(run, logs, earlier, tmp_path)
     assert told not in str(found.value)
     empty = tmp_path / "empty.csv"
     empty.write_text("setting,r_m1,r_m2\n")
-    with pytest.raises(ConfigurationError, match="tell no parameter"):
+    with pytest.raises(ConfigurationError, match="contain no parameter"):
         start(load_configuration(overlay={"identification": {"start": str(empty)}}))
 
 
