@@ -281,7 +281,7 @@ def compare(*runs: Result | str | Path, tolerance: str | None = None, **options:
     from damperfit.door.tables import Comparison
     from damperfit.queries.comparisons import compare_all, comparison_options, parse_bands
 
-    places = [one.folder if isinstance(one, Result) else Path(one) for one in runs]
+    places = [_folder_of(one, "damperfit.compare") for one in runs]
     if not places:
         raise ConfigurationError("damperfit.compare: expected two results or more, found none")
     return Comparison(
@@ -322,7 +322,7 @@ def export(
     from damperfit.quantities import parse_quantity
 
     target = find_target(to)
-    folder = results.folder if isinstance(results, Result) else Path(results)
+    folder = _folder_of(results, "damperfit.export")
     if out is None and isinstance(results, Result) and results.is_temporary:
         raise ConfigurationError(
             "damperfit.export: these results are in no folder of yours; give out=FOLDER"
@@ -334,3 +334,14 @@ def export(
         for name, content in dict(files).items():
             drafts.path(name).write_bytes(content)
     return tuple(where / name for name in dict(files))
+
+
+def _folder_of(given: object, call: str) -> Path:
+    """Return the folder of results, or of the path to them."""
+    if isinstance(given, Result):
+        return given.folder
+    if isinstance(given, str | Path):
+        return Path(given)
+    raise ConfigurationError(
+        f"{call}: found {type(given).__name__}; expected a result, or the path of a results folder"
+    )

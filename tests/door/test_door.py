@@ -203,6 +203,8 @@ class TestFrames:
         (lambda *_: damperfit.identify({}), "found no log"),
         (lambda *_: damperfit.identify({"10": 3}), "'10' is of type int"),
         (lambda *_: damperfit.identify("nowhere.csv"), "nowhere.csv: no such file"),
+        (lambda *_: damperfit.compare(3, 4), "damperfit.compare: found int; expected a result"),
+        (lambda *_: damperfit.export(7, "csv"), "damperfit.export: found int; expected a result"),
         (lambda *_: damperfit.identify(LOGS, free=["r_m9"]), r"(free=...): no parameter 'r_m9'"),
         (lambda *_: damperfit.identify(LOGS, fix={"f_f": "x"}), "(fix=...): f_f = x: expected"),
         (lambda *_: damperfit.identify(LOGS, damper=3), "(damper=...): found int"),
