@@ -8,14 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from damperfit.cli.console import print_json, print_lines
-from damperfit.cli.options import (
-    ConfigOption,
-    DebugOption,
-    JsonOption,
-    QuietOption,
-    VersionOption,
-    configured,
-)
+from damperfit.cli.option_values import configured
+from damperfit.cli.options import ConfigOption, DebugOption, JsonOption, QuietOption, VersionOption
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
