@@ -287,10 +287,10 @@ def test_a_truth_table_without_an_offset_is_read(tmp_path: Path) -> None:
     ("name", "content", "says"),
     [
         ("none.csv", None, "No such file"),
-        ("x.csv", b"setting,r_m1\n1,2\n", "lacks a column 'r_m2'"),
+        ("x.csv", b"setting,r_m1\n1,2\n", "has no column 'r_m2'"),
         ("x.csv", b"setting,r_m1,r_m2,r_m3,k_e,f_f\n1,a,2,3,4,5\n", "could not convert"),
-        ("x.csv", b"\xff\xfe\x00", "no parameters table"),
-        ("x.parquet", b"PAR1 not really", "no parameters table"),
+        ("x.csv", b"\xff\xfe\x00", "not a parameters table"),
+        ("x.parquet", b"PAR1 not really", "not a parameters table"),
         ("x.csv", b"setting,r_m1,r_m2,r_m3,k_e,f_f\n1,2\n", "{}"),
     ],
 )
