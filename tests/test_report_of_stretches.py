@@ -150,7 +150,7 @@ def test_the_report_lists_what_was_measured():
     sheet = measured_stretch_sheet([entry] * 61)
     told = ("3", "steps.csv", "4", "1.00", "0.190", "218.5", "-300.0", "21.36", "-43.5")
     assert sheet.rows[0][:9] == told
-    assert (len(sheet.rows), sheet.notes[-1]) == (60, "1 more stretch stands in run.json")
+    assert (len(sheet.rows), sheet.notes[-1]) == (60, "1 more stretch in run.json")
 
 
 # A road: what does not repeat is drawn by its means, for its strands are a tangle.

@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.valve_dampers import Monotube, ValveDamper
 from damperfit.errors import ConfigurationError, SimulationError
-from damperfit.simulation import SolverOptions, simulate, sine_motion
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -85,6 +83,8 @@ def simulated_cycle(
     SimulationError
         The model cannot be integrated, or does not come to a steady cycle.
     """
+    from damperfit.simulation import SolverOptions, simulate, sine_motion
+
     motion = sine_motion(amplitude, frequency, cycles=_CYCLES, sample_rate=_SAMPLES * frequency)
     force = simulate(values, damper, motion, options=SolverOptions(tolerance=_TOLERANCE)).force
     before, last = force[-2 * _SAMPLES - 1 : -_SAMPLES - 1], force[-_SAMPLES - 1 : -1]
@@ -114,6 +114,8 @@ def made_up_values(damper: Model, setting: int, speed: float) -> Values:
     ConfigurationError
         The model is none of real valves: its numbers must be given.
     """
+    from damperfit.damper.valve_dampers import Monotube, ValveDamper
+
     if not isinstance(damper, ValveDamper):
         raise ConfigurationError(
             f"samples: no numbers of {damper.name} are known; give a table of its quantities by "

@@ -107,7 +107,7 @@ def test_the_configuration_holds_out_too(run, two_amplitudes):
 @pytest.mark.parametrize(
     ("pattern", "said"),
     [
-        ("*_99mm.csv", "fits no log and names no other"),
+        ("*_99mm.csv", "matches no log and names no other"),
         ("*", "every log is held out"),
     ],
 )

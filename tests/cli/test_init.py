@@ -74,7 +74,7 @@ def test_settings_units_and_serials_are_seen_in_logs(folder, text, capsys):
     assert found["rig"]["units"] == {"time": "s", "displacement": "mm", "force": "N"}
     assert found["rig"]["setting_pattern"] == r"C(?P<setting>\d+)"
     assert found["test"] == {"serial": "SN7", "operator": "Kim"}
-    assert "note: displacement is taken in mm: its amplitude is then 32 mm" in said.err
+    assert "note: displacement is read in mm: its amplitude is then 32 mm" in said.err
     # The logs are looked at with it.
     assert "$ damperfit inspect D7_C02.csv D7_C10.csv --config my_damper.toml" in said.out
     assert "D7_C10.csv   10" in said.out

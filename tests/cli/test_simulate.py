@@ -180,7 +180,11 @@ def test_a_model_that_cannot_be_simulated_is_code_1(run) -> None:
 def test_an_existing_link_is_replaced(run, tmp_path) -> None:
     (tmp_path / "kept.csv").write_text("kept")
     (tmp_path / "o.csv").symlink_to(tmp_path / "kept.csv")
-    assert run("simulate", "--setting", "1", "--out", "o.csv", "--quiet").code == 0
+    asked = ("simulate", "--setting", "1", "--out", "o.csv", "--quiet")
+    assert run(*asked).code == 2
+    assert (tmp_path / "o.csv").is_symlink()
+    assert run(*asked, "--overwrite").code == 0
+    assert not (tmp_path / "o.csv").is_symlink()
     assert (tmp_path / "kept.csv").read_text() == "kept"
     assert shutil.which("true")
 

@@ -46,8 +46,8 @@ def test_a_folder_without_run_json_is_handed_over_with_remarks(folder) -> None:
     handed = hand_over(folder)
     assert len(handed.settings) == 3
     assert handed.tested.speed is None
-    assert any("the paper's is taken" in remark for remark in handed.remarks)
-    assert any("nominal one is taken" in remark for remark in handed.remarks)
+    assert any("the paper's is assumed" in remark for remark in handed.remarks)
+    assert any("nominal one is used" in remark for remark in handed.remarks)
 
 
 def test_no_folder_is_refused(tmp_path) -> None:

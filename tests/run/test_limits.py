@@ -9,6 +9,7 @@ import pytest
 
 from damperfit.errors import SimulationError
 from damperfit.run import dampers, labelling, like_speeds
+from damperfit.setting import Setting
 
 
 @pytest.mark.parametrize(("n", "is_read"), [(11, False), (12, True)])
@@ -34,6 +35,13 @@ def test_fits_of_each_log_leave_a_quarter_of_what_both_miss(monkeypatch, left, i
     monkeypatch.setattr(like_speeds, "_missed", missed)
     monkeypatch.setattr(like_speeds, "_meeting", lambda *_: met)
     assert like_speeds._is_left_by_fits(met, None) is is_told
+
+
+@pytest.mark.parametrize(("n", "is_said"), [(1, False), (2, True)])
+def test_two_settings_show_what_differs_between_labels(n, is_said) -> None:
+    settings = [Setting.of(f"L{6 - k} H1") for k in range(n)]
+    said = labelling.Labels.taken_as_words(SimpleNamespace(adjusters=("adjuster",)), settings)
+    assert ("taken as words" in said) is is_said
 
 
 @pytest.mark.parametrize(("n", "more"), [(5, ""), (6, " and 1 more")])
