@@ -19,16 +19,19 @@ SURFACE = {
     "damperfit": [
         "__version__",
     ],
-    "damperfit.run.run_json": [
+    "damperfit.run.reading_account": [
         "Ending",
+        "json_values",
+        "log_documents",
+        "log_input",
+        "reading_ending",
+    ],
+    "damperfit.run.run_json": [
         "Judgement",
         "ending_of",
         "failures_of",
         "identity_of",
-        "json_values",
-        "log_documents",
         "provenance",
-        "reading_ending",
         "record",
         "report_facts",
     ],
@@ -275,9 +278,9 @@ SURFACE = {
         "model_named",
     ],
     "damperfit.configuration.damper_section": [
-        "DAMPER_SECTIONS",
         "DamperSection",
         "damper_defaults",
+        "damper_section",
     ],
     "damperfit.damper.model": [
         "DAMPER",

@@ -49,6 +49,28 @@ def test_identify_loads_no_slow_part_of_scipy(tmp_path):
     assert loaded.isdisjoint({*slow, "pandas", "matplotlib", "plotly"})
 
 
+def test_inspect_loads_nothing_that_fits_judges_or_writes_tables():
+    """It took 1.2 s of processor, two thirds of it for what reads no log."""
+    log = Path(__file__).parents[1] / "sample_runs" / "setting_01.csv"
+    done = run([sys.executable, "-X", "importtime", *CLI[1:], "inspect", str(log)])
+    assert done.returncode == 0, done.stderr
+    loaded = {line.split("|")[-1].strip() for line in done.stderr.splitlines()}
+    assert {"damperfit.conditioning.log_to_trace", "pydantic", "rich.table"} <= loaded
+    assert loaded.isdisjoint({"scipy", "pandas", "matplotlib", "plotly", "jinja2"})
+    assert loaded.isdisjoint({"pyarrow.parquet", "pyarrow.compute"})  # pyarrow itself reads rows
+    judging = ("identification.descent", "uncertainty.residuals", "laws.ladder")
+    assert loaded.isdisjoint(f"damperfit.{one}" for one in (*judging, "tables.results"))
+
+
+def test_the_schema_of_one_model_is_made_and_of_no_other():
+    script = (
+        "from damperfit.configuration import schema; from damperfit.configuration.loading import "
+        "load_configuration; load_configuration(); print(schema._document.cache_info().currsize)"
+    )
+    done = run([sys.executable, "-c", script])
+    assert done.stdout.split() == ["1"], done.stderr
+
+
 def test_asking_for_help_loads_no_heavy_library():
     done = run([sys.executable, "-X", "importtime", "-m", "damperfit", "--help"])
     assert done.returncode == 0, done.stderr

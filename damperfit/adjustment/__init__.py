@@ -1,21 +1,29 @@
-"""What shows only across settings: trends, settings off them, clicks, the setting for a force."""
+"""What shows only across settings: trends, settings off them, clicks, the setting for a force.
 
-from damperfit.adjustment.across_settings import Adjustment, compare_settings
-from damperfit.adjustment.forces import (
-    Click,
-    Sine,
-    Stage,
-    clicks,
-    fastest_sine,
-    levels,
-    named_speeds,
-    sine_of,
-    stage_of,
-)
-from damperfit.adjustment.level import STROKES, Level
-from damperfit.adjustment.measured import beside_measured, credible_forces
-from damperfit.adjustment.trends import Outlier, Trend, TrendPoint, find_trends
-from damperfit.adjustment.wanted import Answer, Wanted, which_setting
+A name is looked up when it is first used.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from damperfit.adjustment.across_settings import Adjustment, compare_settings
+    from damperfit.adjustment.forces import (
+        Click,
+        Sine,
+        Stage,
+        clicks,
+        fastest_sine,
+        levels,
+        named_speeds,
+        sine_of,
+        stage_of,
+    )
+    from damperfit.adjustment.level import STROKES, Level
+    from damperfit.adjustment.measured import beside_measured, credible_forces
+    from damperfit.adjustment.trends import Outlier, Trend, TrendPoint, find_trends
+    from damperfit.adjustment.wanted import Answer, Wanted, which_setting
 
 __all__ = [
     "STROKES",
@@ -41,3 +49,36 @@ __all__ = [
     "stage_of",
     "which_setting",
 ]
+
+_LATE = {
+    "Adjustment": "across_settings",
+    "Answer": "wanted",
+    "Click": "forces",
+    "Level": "level",
+    "Outlier": "trends",
+    "STROKES": "level",
+    "Sine": "forces",
+    "Stage": "forces",
+    "Trend": "trends",
+    "TrendPoint": "trends",
+    "Wanted": "wanted",
+    "beside_measured": "measured",
+    "clicks": "forces",
+    "compare_settings": "across_settings",
+    "credible_forces": "measured",
+    "fastest_sine": "forces",
+    "find_trends": "trends",
+    "levels": "forces",
+    "named_speeds": "forces",
+    "sine_of": "forces",
+    "stage_of": "forces",
+    "which_setting": "wanted",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_LATE[name]}"), name)

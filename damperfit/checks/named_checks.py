@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 from damperfit.checks.physical_checks import PHYSICAL_CHECKS
 from damperfit.identification import Status
-from damperfit.identification.setting import EXCELLENT
 from damperfit.identification.sharing import listed_runs, listed_settings
 from damperfit.setting import ADJUSTER, clicks_between
 
@@ -116,6 +115,8 @@ def unchecked() -> tuple[Check, ...]:
 
 
 def _mse_below_1_percent(subject: Subject) -> _Verdict:
+    from damperfit.identification.setting import EXCELLENT
+
     above = [fit for fit in subject.fits if not fit.mse_percent < EXCELLENT]
     worst = max(above or subject.fits, key=lambda fit: _or_infinite(fit.mse_percent))
     where = f"{worst.mse_percent:.3g} % at setting {worst.setting}"

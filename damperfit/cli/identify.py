@@ -60,8 +60,8 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
     from damperfit.laws import Tried
+    from damperfit.run.reading_account import Ending
     from damperfit.run.result import RunResult
-    from damperfit.run.run_json import Ending
 
 __all__ = ["identify"]
 

@@ -61,8 +61,8 @@ def inspect(
     """
     from damperfit.run.log_paths import expand
     from damperfit.run.logs import available_cores, read_batch
+    from damperfit.run.reading_account import log_documents, reading_ending
     from damperfit.run.remarks import skipped_files
-    from damperfit.run.run_json import log_documents, reading_ending
 
     configuration = configured(
         config,

@@ -145,7 +145,7 @@ def _curves(
     """Answer from curves that were measured without time."""
     from damperfit.queries.measured_forces import measured_forces
     from damperfit.report import curve_forces_sheet, terminal_table, to_record
-    from damperfit.run.run_json import json_values
+    from damperfit.run.reading_account import json_values
 
     found = measured_forces(paths, question, reading=reading)
     if is_json:
@@ -226,7 +226,7 @@ def _document(
     adjuster: AdjusterResults, question: Question, forces: ForceTable, remarks: tuple[str, ...]
 ) -> dict[str, Any]:
     from damperfit.report import to_record
-    from damperfit.run.run_json import json_values
+    from damperfit.run.reading_account import json_values
     from damperfit.tables import adjustment_rows
 
     wanted = forces.wanted

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, fields, is_dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, create_model, model_validator
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model
 
-__all__ = ["DAMPER_SECTIONS", "DamperSection", "damper_defaults"]
+__all__ = ["DamperSection", "damper_defaults", "damper_section"]
 
 _ASKED_BELOW = 2e5  # Pa: a gauge reading taken as absolute is here a third too low, or more
 _DIMENSIONS = {"m": "length", "m3": "volume", "kg/m3": "density", "Pa": "absolute pressure"}
@@ -168,4 +169,7 @@ def _gas_pressure(value: object) -> object:
     return pressure
 
 
-DAMPER_SECTIONS = {name: _section(kind) for name, kind in MODELS.items()}
+@cache
+def damper_section(name: str) -> type[DamperSection]:
+    """Return the schema of [damper] for a model; each takes time to make, and a run needs one."""
+    return _section(MODELS[name])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields, replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
@@ -24,7 +25,7 @@ from pydantic import (
 
 from damperfit.checks import expand_checks
 from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
-from damperfit.configuration.damper_section import DAMPER_SECTIONS, DamperSection
+from damperfit.configuration.damper_section import DamperSection, damper_section
 from damperfit.configuration.options import (
     Configuration,
     OutputOptions,
@@ -343,10 +344,9 @@ def _with_own(document: dict[str, Any], declared: frozenset[str], **own: object)
     return {**document, "identification": document["identification"] | left}
 
 
-_DOCUMENTS = {
-    name: create_model("_Document", __base__=_Document, damper=(section, ...))
-    for name, section in DAMPER_SECTIONS.items()
-}
+@cache
+def _document(model: str) -> type[_Document]:
+    return create_model("_Document", __base__=_Document, damper=(damper_section(model), ...))
 
 
 def build_configuration(
@@ -372,7 +372,7 @@ def build_configuration(
     if model != "purdy":
         procedure = MODELS[model].procedures[0]
         document = _with_own(document, declared, procedure=procedure, share=[DETECT])
-    checked: Any = _DOCUMENTS[model].model_validate(document)
+    checked: Any = _document(model).model_validate(document)
     damper = checked.damper.build()
     adjusters = check_adjusters(checked.adjusters)
     return Configuration(

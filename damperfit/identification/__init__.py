@@ -1,15 +1,23 @@
-"""From traces to parameters: residuals, starting values, one setting's fit, the campaign."""
+"""From traces to parameters: residuals, starting values, one setting's fit, the campaign.
 
-from damperfit.identification.campaign import PROCEDURES, Campaign, identify
-from damperfit.identification.failures import SettingFailure
-from damperfit.identification.given_start import GivenStart, check_start
-from damperfit.identification.model_versus_log import Comparison, compare, normalised_mse
-from damperfit.identification.multistart import Search, Valley, describe_searches
-from damperfit.identification.options import DETECT, FitOptions, check_options, shared_names
-from damperfit.identification.outcome import Outcome, Status
-from damperfit.identification.setting import Fit, LogFit
-from damperfit.identification.sharing import Sharing
-from damperfit.identification.unseen import put_together
+A name is looked up when it is first used.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from damperfit.identification.campaign import PROCEDURES, Campaign, identify
+    from damperfit.identification.failures import SettingFailure
+    from damperfit.identification.given_start import GivenStart, check_start
+    from damperfit.identification.model_versus_log import Comparison, compare, normalised_mse
+    from damperfit.identification.multistart import Search, Valley, describe_searches
+    from damperfit.identification.options import DETECT, FitOptions, check_options, shared_names
+    from damperfit.identification.outcome import Outcome, Status
+    from damperfit.identification.setting import Fit, LogFit
+    from damperfit.identification.sharing import Sharing
+    from damperfit.identification.unseen import put_together
 
 __all__ = [
     "DETECT",
@@ -35,3 +43,36 @@ __all__ = [
     "put_together",
     "shared_names",
 ]
+
+_LATE = {
+    "Campaign": "campaign",
+    "Comparison": "model_versus_log",
+    "DETECT": "options",
+    "Fit": "setting",
+    "FitOptions": "options",
+    "GivenStart": "given_start",
+    "LogFit": "setting",
+    "Outcome": "outcome",
+    "PROCEDURES": "campaign",
+    "Search": "multistart",
+    "SettingFailure": "failures",
+    "Sharing": "sharing",
+    "Status": "outcome",
+    "Valley": "multistart",
+    "check_options": "options",
+    "check_start": "given_start",
+    "compare": "model_versus_log",
+    "describe_searches": "multistart",
+    "identify": "campaign",
+    "normalised_mse": "model_versus_log",
+    "put_together": "unseen",
+    "shared_names": "options",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_LATE[name]}"), name)

@@ -1,12 +1,20 @@
-"""Which law the logs support: laws fitted alike, compared by evidence, and told in words."""
+"""Which law the logs support: laws fitted alike, compared by evidence, and told in words.
 
-from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
-from damperfit.laws.ladder import Ladder, Rung, climb
-from damperfit.laws.law_fit import UNTOLD, LawFit, SettingLogs, fit_law
-from damperfit.laws.open_questions import undecided
-from damperfit.laws.physics import opening_force, physics_seen
-from damperfit.laws.rivalry import rank_rivals
-from damperfit.laws.variants import in_words
+A name is looked up when it is first used.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
+    from damperfit.laws.ladder import Ladder, Rung, climb
+    from damperfit.laws.law_fit import UNTOLD, LawFit, SettingLogs, fit_law
+    from damperfit.laws.open_questions import undecided
+    from damperfit.laws.physics import opening_force, physics_seen
+    from damperfit.laws.rivalry import rank_rivals
+    from damperfit.laws.variants import in_words
 
 __all__ = [
     "ENOUGH_PERCENT",
@@ -27,3 +35,31 @@ __all__ = [
     "rank_rivals",
     "undecided",
 ]
+
+_LATE = {
+    "ENOUGH_PERCENT": "choosing",
+    "Ladder": "ladder",
+    "LawFit": "law_fit",
+    "Rung": "ladder",
+    "SettingLogs": "law_fit",
+    "Tried": "choosing",
+    "UNTOLD": "law_fit",
+    "Verdict": "choosing",
+    "climb": "ladder",
+    "effective_samples": "choosing",
+    "fit_law": "law_fit",
+    "in_words": "variants",
+    "judged": "choosing",
+    "opening_force": "physics",
+    "physics_seen": "physics",
+    "rank_rivals": "rivalry",
+    "undecided": "open_questions",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_LATE[name]}"), name)

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from damperfit.identification import Campaign
     from damperfit.report import Failure, ReportFacts
     from damperfit.run.logs import LogBatch
-    from damperfit.run.run_json import Ending, Judgement
+    from damperfit.run.reading_account import Ending
+    from damperfit.run.run_json import Judgement
     from damperfit.tables import Tables
 
 __all__ = ["Found", "RunResult", "UnwrittenError"]

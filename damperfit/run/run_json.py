@@ -6,9 +6,7 @@ that a bad log beside them changes no byte. `record` is run.json and tells every
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
@@ -20,6 +18,7 @@ from damperfit.identification.sharing import MEAN
 from damperfit.identity import common_identity
 from damperfit.quantities import engineering
 from damperfit.report import Failure, ReportFacts, to_record
+from damperfit.run.reading_account import Ending, json_values, log_input
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
 from damperfit.run.trust import confidence_record, ladder_advice, unconfirmed_tares
 from damperfit.setting import ADJUSTER, Setting
@@ -32,32 +31,18 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Campaign, Fit
     from damperfit.identity import Identity
-    from damperfit.run.logs import LogBatch, LogFacts
+    from damperfit.run.logs import LogBatch
     from damperfit.uncertainty import Prediction
 
 __all__ = [
-    "Ending",
     "Judgement",
     "ending_of",
     "failures_of",
     "identity_of",
-    "json_values",
-    "log_documents",
     "provenance",
-    "reading_ending",
     "record",
     "report_facts",
 ]
-
-
-class Ending(Enum):
-    """How a run ended; the value is the exit code of the command."""
-
-    COMPLETE = 0
-    SOME_FAILED = 1
-    ALL_FAILED = 3
-    GATE_MISSED = 4
-    INTERRUPTED = 130
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +206,7 @@ def record(
         "exit_code": ending.value,
         "test": identity_of(batch, _used(campaign)).describe(),
         "configuration": configuration.document,
-        "inputs": [_input(log) for log in batch.logs],
+        "inputs": [log_input(log) for log in batch.logs],
         "skipped": list(batch.skipped),
         "failures": [failure.describe() for failure in facts.failures],
         "warnings": list(facts.warnings),
@@ -283,43 +268,6 @@ def _across(adjustment: Adjustment, campaign: Campaign) -> dict[str, Any]:
         "clicks": [to_record(click) for click in adjustment.clicks],
         "clicks_motion": motion,
     }
-
-
-def log_documents(batch: LogBatch) -> dict[str, Any]:
-    """Return what `inspect` tells, as JSON values."""
-    document: dict[str, Any] = json_values(
-        {
-            "logs": [_input(log) for log in batch.logs],
-            "skipped": list(batch.skipped),
-            "failures": [failure.describe() for failure in batch.failures],
-        }
-    )
-    return document
-
-
-def reading_ending(batch: LogBatch) -> Ending:
-    """Return how reading alone ended."""
-    if any(not failure.is_left_out for failure in batch.failures):
-        return Ending.SOME_FAILED if batch.n_good else Ending.ALL_FAILED
-    return Ending.GATE_MISSED if batch.failures else Ending.COMPLETE
-
-
-def _input(log: LogFacts) -> dict[str, Any]:
-    facts = {key: value for key, value in log.facts.items() if key != "name"}
-    return {"log": log.log, "path": log.path, "sha256": log.sha256, **facts}
-
-
-def json_values(value: Any) -> Any:
-    """Return the value with every number that JSON does not know (NaN, infinity) as None."""
-    if isinstance(value, Setting):
-        return value.cell
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {str(key): json_values(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [json_values(item) for item in value]
-    return value
 
 
 def _setting_failures(campaign: Campaign) -> Iterator[Failure]:

@@ -3,39 +3,46 @@
 `columns` declares every column once; the Arrow field metadata (``unit``, ``description``), the
 order of columns and the schema in run.json all come from there. `results` lays campaigns and
 responses out, `files` writes and reads. Tables are Arrow tables; ``Tables.frame`` gives pandas.
+
+A name is looked up when it is first used.
 """
 
-from damperfit.tables.characteristics import characteristic_rows
-from damperfit.tables.columns import SCHEMA_VERSION, column_names, describe_tables, table_schema
-from damperfit.tables.files import (
-    read_facts,
-    read_known_numbers,
-    read_parameters,
-    safe_cell,
-    table_quantities,
-    write_responses,
-    write_table,
-)
-from damperfit.tables.in_units import table_in_units
-from damperfit.tables.quantities import (
-    PAPER_QUANTITIES,
-    quantities_in,
-    quantity_records,
-    values_from,
-)
-from damperfit.tables.reading import LogSignals, Results, read_results
-from damperfit.tables.results import (
-    MISSING,
-    WITHHELD,
-    Tables,
-    adjustment_rows,
-    grade,
-    lay_out,
-    make_tables,
-    profiles_table,
-    time_series_table,
-)
-from damperfit.tables.valves import valve_rows
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from damperfit.tables.characteristics import characteristic_rows
+    from damperfit.tables.columns import SCHEMA_VERSION, column_names, describe_tables, table_schema
+    from damperfit.tables.files import (
+        read_facts,
+        read_known_numbers,
+        read_parameters,
+        safe_cell,
+        table_quantities,
+        write_responses,
+        write_table,
+    )
+    from damperfit.tables.in_units import table_in_units
+    from damperfit.tables.quantities import (
+        PAPER_QUANTITIES,
+        quantities_in,
+        quantity_records,
+        values_from,
+    )
+    from damperfit.tables.reading import LogSignals, Results, read_results
+    from damperfit.tables.results import (
+        MISSING,
+        WITHHELD,
+        Tables,
+        adjustment_rows,
+        grade,
+        lay_out,
+        make_tables,
+        profiles_table,
+        time_series_table,
+    )
+    from damperfit.tables.valves import valve_rows
 
 __all__ = [
     "MISSING",
@@ -69,3 +76,44 @@ __all__ = [
     "write_responses",
     "write_table",
 ]
+
+_LATE = {
+    "LogSignals": "reading",
+    "MISSING": "results",
+    "PAPER_QUANTITIES": "quantities",
+    "Results": "reading",
+    "SCHEMA_VERSION": "columns",
+    "Tables": "results",
+    "WITHHELD": "results",
+    "adjustment_rows": "results",
+    "characteristic_rows": "characteristics",
+    "column_names": "columns",
+    "describe_tables": "columns",
+    "grade": "results",
+    "lay_out": "results",
+    "make_tables": "results",
+    "profiles_table": "results",
+    "quantities_in": "quantities",
+    "quantity_records": "quantities",
+    "read_facts": "files",
+    "read_known_numbers": "files",
+    "read_parameters": "files",
+    "read_results": "reading",
+    "safe_cell": "files",
+    "table_in_units": "in_units",
+    "table_quantities": "files",
+    "table_schema": "columns",
+    "time_series_table": "results",
+    "values_from": "quantities",
+    "valve_rows": "valves",
+    "write_responses": "files",
+    "write_table": "files",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_LATE[name]}"), name)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import pyarrow as pa
-
 __all__ = ["CHARACTERISTIC_COLUMNS"]
 
-_INT, _FLOAT, _TEXT = pa.int64(), pa.float64(), pa.string()
-CHARACTERISTIC_COLUMNS: tuple[tuple[str, pa.DataType, str, str], ...] = (
+_INT, _FLOAT, _TEXT = "int64", "double", "string"
+CHARACTERISTIC_COLUMNS: tuple[tuple[str, str, str, str], ...] = (
     ("stretch", _INT, "1", "which stretch of the log, counted from 1"),
     ("kind", _TEXT, "", "steady: cycles that repeat; moving: motion that does not"),
     ("start_s", _FLOAT, "s", "time stamp of the first sample of the stretch"),

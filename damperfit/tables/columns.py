@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
-import pyarrow as pa
-
 from damperfit.setting import ADJUSTER, LONGEST_WORD, Place, Setting, parse_place
 from damperfit.tables.characteristic_columns import CHARACTERISTIC_COLUMNS
 from damperfit.tables.quantities import PAPER_QUANTITIES, quantity_records
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+
+    import pyarrow as pa
 
     from damperfit.damper.model import Quantity
 
@@ -47,12 +47,12 @@ _LATE = frozenset(
 @dataclass(frozen=True, slots=True)
 class _Column:
     name: str
-    kind: pa.DataType
+    kind: str  # as Arrow names it
     unit: str
     description: str
 
 
-_INT, _FLOAT, _TEXT = pa.int64(), pa.float64(), pa.string()
+_INT, _FLOAT, _TEXT = "int64", "double", "string"
 _SETTING = _Column("setting", _INT, "1", "adjuster setting")
 _CHANGED = _Column("changed", _TEXT, "", "adjuster that change_N is a click of")
 _LOG = _Column("log", _TEXT, "", "file name of the log; empty for the row of the whole setting")
@@ -305,10 +305,16 @@ def table_schema(
     quantities : sequence of Quantity
         Of the model.
     """
+    import pyarrow as pa
+
     told = {"quantities": quantity_records(quantities)}
     entry = {"schema_version": SCHEMA_VERSION, "table": name, **told, **facts}
     fields = [
-        pa.field(c.name, c.kind, metadata={"unit": c.unit, "description": c.description})
+        pa.field(
+            c.name,
+            pa.type_for_alias(c.kind),
+            metadata={"unit": c.unit, "description": c.description},
+        )
         for c in _columns(name, settings, quantities)
     ]
     return pa.schema(fields, metadata={"damperfit": json.dumps(entry, sort_keys=True)})
@@ -351,7 +357,7 @@ def describe_tables(
         table: [
             {
                 "name": c.name,
-                "type": str(c.kind),
+                "type": c.kind,
                 "unit": c.unit,
                 "description": c.description,
             }

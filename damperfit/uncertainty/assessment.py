@@ -21,6 +21,7 @@ from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.gas import GasContent, gas_content
 from damperfit.uncertainty.intervals import Uncertainty, linearise_settings, uncertainties
 from damperfit.uncertainty.misfit_scores import misfit_scores
+from damperfit.uncertainty.options import check_profile_names
 from damperfit.uncertainty.profile_walk import (
     doubtful_profiles,
     profile_jointly,
@@ -31,7 +32,6 @@ from damperfit.uncertainty.profiles import (
     Line,
     MisfitProfile,
     Stride,
-    check_profile_names,
     is_doubtful,
     lines_of,
 )

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = [
-    "HoldOutOptions",
     "Prediction",
     "predict",
     "prediction_warnings",
@@ -50,22 +49,6 @@ _NOT_PREDICTED = 10.0
 _ENOUGH_PERCENT = 0.02
 # Stroke and peak speed that differ by less are one motion: rigs repeat both to a per cent or two.
 _SAME_MOTION = 0.05
-
-
-@dataclass(frozen=True, slots=True)
-class HoldOutOptions:
-    """What is kept from the fit and predicted instead.
-
-    Attributes
-    ----------
-    patterns : tuple of str
-        Which logs, by name or path.
-    cycles : float
-        How many of the last steady cycles of every fitted log; below 1 a share of them.
-    """
-
-    patterns: tuple[str, ...] = ()
-    cycles: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

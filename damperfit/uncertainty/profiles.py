@@ -21,7 +21,6 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification.descent import Misfit
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import MEAN, TAKEN
@@ -30,7 +29,7 @@ from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.intervals import own_names, solved
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from damperfit.damper.model import Model, Quantity, Values
     from damperfit.identification import Fit, Sharing
@@ -44,7 +43,6 @@ __all__ = [
     "MisfitProfile",
     "ProfilePoint",
     "Stride",
-    "check_profile_names",
     "interpolated_limit",
     "is_doubtful",
     "lines_of",
@@ -220,25 +218,6 @@ class Line:
     start: Values
     scale: float
     error: float
-
-
-def check_profile_names(
-    names: Iterable[str], known: Sequence[str], *, fixed: Container[str] = ()
-) -> None:
-    """Refuse names that are none of the known parameters, or that are held.
-
-    Raises
-    ------
-    ConfigurationError
-        A name is not known, or is among the fixed.
-    """
-    for name in names:
-        if name not in known:
-            hint = did_you_mean(name, known)
-            there = ", ".join(known)
-            raise ConfigurationError(f"no parameter {name!r} to profile; there are {there}.{hint}")
-        if name in fixed:
-            raise ConfigurationError(f"{name} is both fixed and to be profiled; choose one.")
 
 
 def is_doubtful(name: str, fit: Fit, known: Uncertainty) -> bool:

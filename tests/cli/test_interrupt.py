@@ -17,7 +17,7 @@ import pytest
 from damperfit.cli.interrupt import stop_on_signal
 from damperfit.configuration.loading import load_configuration
 from damperfit.run.pipeline import Watch, run
-from damperfit.run.run_json import Ending
+from damperfit.run.reading_account import Ending
 
 ROOT = Path(__file__).parents[2]
 

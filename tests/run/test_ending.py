@@ -10,8 +10,9 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.identification import Outcome
 from damperfit.report.failures_and_warnings import Failure, ReportFacts
 from damperfit.run.logs import LogBatch
+from damperfit.run.reading_account import Ending, reading_ending
 from damperfit.run.remarks import gates_not_met
-from damperfit.run.run_json import Ending, ending_of, reading_ending
+from damperfit.run.run_json import ending_of
 from tests.fakes import campaign, fit
 
 FAILED = Failure("a.csv", "a.csv", 1, "LogError", "a.csv: broken")

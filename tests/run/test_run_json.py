@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from damperfit.run.run_json import json_values
+from damperfit.run.reading_account import json_values
 from damperfit.setting import Setting, parse_setting
 
 

@@ -18,8 +18,9 @@ from damperfit.report.failures_and_warnings import Failure
 from damperfit.run import hold_out
 from damperfit.run.logs import LogBatch, LogFacts, _distinct_names
 from damperfit.run.mishaps import Mishaps
+from damperfit.run.reading_account import json_values
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
-from damperfit.run.run_json import Judgement, _procedure, json_values, report_facts
+from damperfit.run.run_json import Judgement, _procedure, report_facts
 from damperfit.run.trust import _profile, unconfirmed_tares
 from damperfit.run.work import Clock, sha256_of
 from tests.fakes import campaign, fit, trace

@@ -1,0 +1,65 @@
+"""What a run that only reads tells, and how a run ends.
+
+Apart from `run_json`, whose account of a fit loads what fitted it.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+from damperfit.setting import Setting
+
+if TYPE_CHECKING:
+    from damperfit.run.logs import LogBatch, LogFacts
+
+__all__ = ["Ending", "json_values", "log_documents", "log_input", "reading_ending"]
+
+
+class Ending(Enum):
+    """How a run ended; the value is the exit code of the command."""
+
+    COMPLETE = 0
+    SOME_FAILED = 1
+    ALL_FAILED = 3
+    GATE_MISSED = 4
+    INTERRUPTED = 130
+
+
+def log_documents(batch: LogBatch) -> dict[str, Any]:
+    """Return what `inspect` tells, as JSON values."""
+    document: dict[str, Any] = json_values(
+        {
+            "logs": [log_input(log) for log in batch.logs],
+            "skipped": list(batch.skipped),
+            "failures": [failure.describe() for failure in batch.failures],
+        }
+    )
+    return document
+
+
+def reading_ending(batch: LogBatch) -> Ending:
+    """Return how reading alone ended."""
+    if any(not failure.is_left_out for failure in batch.failures):
+        return Ending.SOME_FAILED if batch.n_good else Ending.ALL_FAILED
+    return Ending.GATE_MISSED if batch.failures else Ending.COMPLETE
+
+
+def log_input(log: LogFacts) -> dict[str, Any]:
+    """Return a log as the file of the run lists it."""
+    facts = {key: value for key, value in log.facts.items() if key != "name"}
+    return {"log": log.log, "path": log.path, "sha256": log.sha256, **facts}
+
+
+def json_values(value: Any) -> Any:
+    """Return the value with every number that JSON does not know (NaN, infinity) as None."""
+    if isinstance(value, Setting):
+        return value.cell
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): json_values(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_values(item) for item in value]
+    return value
