@@ -113,7 +113,7 @@ SURFACE = {
         "first_configuration",
         "guess_from_logs",
     ],
-    "damperfit.door.asked": ["configured", "declared_setting", "texts"],
+    "damperfit.door.asked": ["configured", "declared_setting", "texts", "workers"],
     "damperfit.door.calls": [
         "compare",
         "export",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from numbers import Real
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError
@@ -44,6 +45,10 @@ class Cylinder:
         """Refuse what is no damper."""
         for name, (low, high, unit) in self.ranges.items():
             value = getattr(self, name)
+            if not isinstance(value, Real):
+                raise ConfigurationError(
+                    f"{name}: expected a number{' in ' + unit if unit else ''}, found {value!r}"
+                )
             if not low <= value <= high:
                 in_unit = f" {unit}" if unit else ""
                 raise ConfigurationError(

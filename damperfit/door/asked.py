@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
 
-__all__ = ["configured", "declared_setting", "texts"]
+__all__ = ["configured", "declared_setting", "texts", "workers"]
 
 
 def configured(
@@ -97,7 +97,7 @@ def _mapping(call: str, keyword: str, value: object) -> None:
         )
 
 
-def texts(values: Mapping[str, Any] | None) -> dict[str, str] | None:
+def texts(values: Mapping[str, Any] | None, call: str, keyword: str) -> dict[str, str] | None:
     """Return values as the command line has them: 32mm, or a number in SI.
 
     Raises
@@ -105,8 +105,23 @@ def texts(values: Mapping[str, Any] | None) -> dict[str, str] | None:
     ConfigurationError
         They are no mapping.
     """
-    _mapping("damperfit", "fix or set", values)
+    _mapping(call, keyword, values)
     return None if values is None else {name: str(value) for name, value in values.items()}
+
+
+def workers(jobs: int | None, call: str) -> int | None:
+    """Return how many workers are asked for; None: as many as there are cores.
+
+    Raises
+    ------
+    ConfigurationError
+        It is no whole number above 0.
+    """
+    if jobs is not None and (not isinstance(jobs, int) or jobs < 1):
+        raise ConfigurationError(
+            f"{call}(jobs=...): found {jobs!r}; expected a whole number above 0"
+        )
+    return jobs
 
 
 def declared_setting(

@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any
 
-from damperfit.door.asked import configured, declared_setting, texts
+from damperfit.door.asked import configured, declared_setting, texts, workers
 from damperfit.door.given_logs import as_files
 from damperfit.door.results import Result
 from damperfit.door.simulations import Simulation, simulated
@@ -79,7 +79,7 @@ def inspect(
         batch = read_batch(
             expand(paths),
             configuration,
-            jobs=jobs or available_cores(),
+            jobs=workers(jobs, "damperfit.inspect") or available_cores(),
             setting=declared_setting(setting, configuration),
             keeps_traces=False,
         )
@@ -105,6 +105,7 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
     config: str | Path | None = None,
     out: str | Path | None = None,
     jobs: int | None = None,
+    **unknown: Any,
 ) -> Result:
     """Fit every setting in the logs of one damper.
 
@@ -151,20 +152,22 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
         units=units,
         model=("damper.model", model),
         free=("identification.free", _listed(free)),
-        fix=("identification.fix", texts(fix)),
+        fix=("identification.fix", texts(fix, "damperfit.identify", "fix")),
         procedure=("identification.procedure", procedure),
         share=("identification.share", _listed(share)),
         hold_out=("identification.hold_out", _listed(hold_out)),
         starts=("identification.starts", starts),
         profile=("identification.profile", _listed(profile)),
         tests=("test.table", None if tests is None else str(tests)),
+        **unknown,
     )
+    cores = workers(jobs, "damperfit.identify")
     folder = Path(mkdtemp(prefix="damperfit-result-")) if out is None else Path(out)
     configuration = replace(configuration, output=replace(configuration.output, folder=folder))
     result = Result(folder, is_temporary=out is None)
     declared = declared_setting(setting, configuration)
     with as_files(logs, call="damperfit.identify") as paths:
-        found = run(configuration, paths, jobs=jobs, setting=declared)
+        found = run(configuration, paths, jobs=cores, setting=declared)
     if not found.campaign.fits:
         said = [_in_words_of_a_call(failure.message) for failure in found.facts.failures]
         more = f" (and {len(said) - _FEW} more)" if len(said) > _FEW else ""
@@ -259,7 +262,7 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
             setting,
             configuration,
             table=None if table is None else Path(table),
-            replaced=texts(set) or {},
+            replaced=texts(set, "damperfit.simulate", "set") or {},
             log=None if displacement is None else Path(displacement),
         )
     except ConfigurationError as error:
@@ -291,7 +294,7 @@ def compare(*runs: Result | str | Path, tolerance: str | None = None, **options:
 
 def export(
     results: Result | str | Path,
-    to: str,
+    to: str | None = None,
     out: str | Path | None = None,
     *,
     extend: float | str | None = None,
@@ -321,6 +324,11 @@ def export(
     from damperfit.handover import ExportOptions, find_target, hand_over
     from damperfit.quantities import parse_quantity
 
+    if to is None:
+        raise ConfigurationError(
+            "damperfit.export: no target given; give one, as in damperfit.export(results, 'fmu2'); "
+            "damperfit export --list names them all"
+        )
     target = find_target(to)
     folder = _folder_of(results, "damperfit.export")
     if out is None and isinstance(results, Result) and results.is_temporary:

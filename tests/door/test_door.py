@@ -229,6 +229,15 @@ class TestFrames:
         (lambda *_: damperfit.identify(LOGS, fix="f_f=50N"), "expected a mapping of names"),
         (lambda *_: damperfit.identify(LOGS, rig="strict"), "(rig=...): found 'strict'"),
         (lambda *_: damperfit.identify(LOGS, units="kN"), "(units=...): found 'kN'"),
+        (lambda *_: damperfit.identify(LOGS, fix=["k_e"]), "damperfit.identify(fix=...): found"),
+        (lambda *_: damperfit.identify(LOGS, fixed={"k_e": 1e9}), "no keyword 'fixed'"),
+        (lambda *_: damperfit.identify(LOGS, jobs=0), "(jobs=...): found 0; expected a whole"),
+        (lambda *_: damperfit.inspect(LOGS, jobs=1.5), "(jobs=...): found 1.5"),
+        (lambda _, r: damperfit.export(r), "damperfit.export: no target given"),
+        (
+            lambda *_: damperfit.Damper(rod_diameter="19mm"),
+            "rod_diameter: expected a number in m, found '19mm'",
+        ),
     ],
 )
 def test_a_wrong_call_gets_a_sentence(call, said, frame, result):
