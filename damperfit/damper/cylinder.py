@@ -45,7 +45,8 @@ class Cylinder:
         """Refuse what is no damper."""
         for name, (low, high, unit) in self.ranges.items():
             value = getattr(self, name)
-            if not isinstance(value, Real):
+            is_number = isinstance(value, Real)
+            if not is_number:
                 raise ConfigurationError(
                     f"{name}: expected a number{' in ' + unit if unit else ''}, found {value!r}"
                 )

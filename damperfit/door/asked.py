@@ -109,7 +109,7 @@ def texts(values: Mapping[str, Any] | None, call: str, keyword: str) -> dict[str
     return None if values is None else {name: str(value) for name, value in values.items()}
 
 
-def workers(jobs: int | None, call: str) -> int | None:
+def workers(jobs: object, call: str) -> int | None:
     """Return how many workers are asked for; None: as many as there are cores.
 
     Raises
@@ -117,7 +117,9 @@ def workers(jobs: int | None, call: str) -> int | None:
     ConfigurationError
         It is no whole number above 0.
     """
-    if jobs is not None and (not isinstance(jobs, int) or jobs < 1):
+    if jobs is None:
+        return None
+    if not isinstance(jobs, int) or jobs < 1:
         raise ConfigurationError(
             f"{call}(jobs=...): found {jobs!r}; expected a whole number above 0"
         )
