@@ -1,8 +1,196 @@
-"""Quantiles that several layers judge by."""
+"""Quantiles that several layers judge by.
 
-__all__ = ["CHI_SQUARED_95", "NORMAL_95"]
+SciPy has them too, and takes longer to load than a fit takes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = [
+    "CHI_SQUARED_95",
+    "NORMAL_95",
+    "chi_squared_quantile",
+    "fisher_quantile",
+    "student_quantile",
+]
 
 # Within so many standard errors lie 95 of 100 normal values.
 NORMAL_95 = 1.959964
 # Below lies a chi-square of one freedom in 95 of 100 cases: NORMAL_95 squared.
 CHI_SQUARED_95 = 3.84
+
+_EXACT = 1e-15  # of a double, for series that end
+_NEAR = 1e-9  # what a step of Newton leaves over is its square
+_TINY = 1e-300
+_STEPS = 1000  # a unit of a logarithm each; ten are enough but for chances near none
+_STIRLING_FROM = 50.0  # its next term is below 1e-15
+_FOREVER = 100_000  # terms; a fraction of a million freedoms needs some thousand
+
+
+def student_quantile(freedom: float, share: float) -> float:
+    """Return what Student's t stays below in a share of all cases.
+
+    Parameters
+    ----------
+    freedom : float
+        Above 0, whole or not.
+    share : float
+        Between 0 and 1.
+
+    Examples
+    --------
+    >>> round(student_quantile(10.0, 0.975), 6)
+    2.228139
+    """
+    if not (freedom > 0.0 and 0.0 < share < 1.0):
+        return math.nan
+    if share < 0.5:
+        return -student_quantile(freedom, 1.0 - share)
+    beyond = 2.0 * (1.0 - share)
+    if beyond == 1.0:
+        return 0.0
+    # t^2 is Fisher's F of one freedom; from the tail, for a share near 1 keeps no digits of it.
+    return math.sqrt(_fisher_beyond(1.0, freedom, beyond))
+
+
+def fisher_quantile(above: float, below: float, share: float) -> float:
+    """Return what the ratio of two mean squares stays below in a share of all cases.
+
+    Parameters
+    ----------
+    above, below : float
+        Freedoms of the mean square above the line and of that below it.
+    share : float
+        Between 0 and 1.
+
+    Examples
+    --------
+    >>> round(fisher_quantile(5.0, 20.0, 0.95), 6)
+    2.71089
+    """
+    if not (above > 0.0 and below > 0.0 and 0.0 < share < 1.0):
+        return math.nan
+    return _fisher_beyond(above, below, 1.0 - share)
+
+
+def chi_squared_quantile(freedom: float, share: float) -> float:
+    """Return what a chi-square stays below in a share of all cases.
+
+    Parameters
+    ----------
+    freedom : float
+        Above 0, whole or not.
+    share : float
+        Between 0 and 1.
+
+    Examples
+    --------
+    >>> round(chi_squared_quantile(1.0, 0.95), 6)
+    3.841459
+    """
+    if not (freedom > 0.0 and 0.0 < share < 1.0):
+        return math.nan
+    half = 0.5 * freedom
+
+    def beyond(log_x: float) -> tuple[float, float]:
+        x = 0.5 * math.exp(log_x)
+        power = math.exp(half * math.log(x) - x - math.lgamma(half))
+        return _gamma_beyond(half, x, power), power
+
+    return math.exp(_where(beyond, 1.0 - share, math.log(freedom)))
+
+
+def _fisher_beyond(above: float, below: float, chance: float) -> float:
+    """What F exceeds by a chance."""
+    a, b = 0.5 * above, 0.5 * below
+    whole = _gamma_ratio(b, a) - math.lgamma(a)
+
+    def beyond(log_f: float) -> tuple[float, float]:
+        ratio = math.exp(log_f) * above / below
+        x, rest = ratio / (1.0 + ratio), 1.0 / (1.0 + ratio)
+        power = math.exp(whole + a * math.log(x) - b * math.log1p(ratio))
+        if x > (a + 1.0) / (a + b + 2.0):
+            return power * _beta_fraction(b, a, rest) / b, power
+        return 1.0 - power * _beta_fraction(a, b, x) / a, power
+
+    return math.exp(_where(beyond, chance, 0.0))
+
+
+def _where(beyond: Callable[[float], tuple[float, float]], chance: float, start: float) -> float:
+    """Return where a falling share, known with its slope, is the chance: Newton, kept bracketed."""
+    low, high = -700.0, 700.0
+    at = start
+    for _ in range(_STEPS):
+        share, slope = beyond(at)
+        if share > chance:
+            low = at
+        else:
+            high = at
+        step = (share - chance) / slope if slope > _TINY else math.inf
+        # From afar the logarithm of the tail is straighter than the tail.
+        if share > _TINY and slope > _TINY and share < 0.5:
+            step = share * math.log(share / chance) / slope
+        if abs(step) < _NEAR:
+            return at + step
+        following = at + max(-1.0, min(step, 1.0))
+        at = following if low < following < high else 0.5 * (low + high)
+    return at
+
+
+def _gamma_ratio(x: float, more: float) -> float:
+    """Logarithm of gamma(x + more) over gamma(x), which large x would leave few digits of."""
+    if x < _STIRLING_FROM:
+        return math.lgamma(x + more) - math.lgamma(x)
+    far = x + more
+    rest = [(1.0 / 12.0 - (1.0 / 360.0 - 1.0 / (1260.0 * y * y)) / (y * y)) / y for y in (far, x)]
+    return (x - 0.5) * math.log1p(more / x) + more * (math.log(far) - 1.0) + rest[0] - rest[1]
+
+
+def _beta_fraction(a: float, b: float, x: float) -> float:
+    """The continued fraction of the incomplete beta function, by Lentz."""
+    c, d = 1.0, 1.0 / _off_zero(1.0 - (a + b) * x / (a + 1.0))
+    found = d
+    for m in range(1, _FOREVER):
+        even = m * (b - m) * x / ((a + 2 * m - 1.0) * (a + 2 * m))
+        odd = -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1.0))
+        change = 1.0
+        for term in (even, odd):
+            d = 1.0 / _off_zero(1.0 + term * d)
+            c = _off_zero(1.0 + term / c)
+            change *= c * d
+        found *= change
+        if abs(change - 1.0) < _EXACT:
+            break
+    return found
+
+
+def _gamma_beyond(a: float, x: float, power: float) -> float:
+    """The share of the gamma function above x: a series below a + 1, else a fraction."""
+    if x < a + 1.0:
+        term = total = 1.0 / a
+        for n in range(1, _FOREVER):
+            term *= x / (a + n)
+            total += term
+            if term < _EXACT * total:
+                break
+        return 1.0 - power * total
+    b = x + 1.0 - a
+    c, d = 1.0 / _TINY, 1.0 / b
+    found = d
+    for n in range(1, _FOREVER):
+        term, b = -n * (n - a), b + 2.0
+        d = 1.0 / _off_zero(term * d + b)
+        c = _off_zero(b + term / c)
+        found *= c * d
+        if abs(c * d - 1.0) < _EXACT:
+            break
+    return power * found
+
+
+def _off_zero(value: float) -> float:
+    return value if abs(value) > _TINY else _TINY

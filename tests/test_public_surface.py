@@ -567,6 +567,9 @@ SURFACE = {
     "damperfit.statistics": [
         "CHI_SQUARED_95",
         "NORMAL_95",
+        "chi_squared_quantile",
+        "fisher_quantile",
+        "student_quantile",
     ],
     "damperfit.shown_units": ["SI", "ShownUnits", "parse_units"],
     "damperfit.quantities": [

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.adjustment.curves import LEAST_SCATTER, SCALES, Curve, Points, fit_curve, powers
+from damperfit.statistics import student_quantile
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -163,10 +164,9 @@ def _judged(points: Points, curve: Curve, left_out: tuple[int, ...]) -> _Candida
 
 
 def _is_off(points: Points, one: _Candidate, place: int) -> bool:
-    from scipy.special import stdtrit
-
     choices = math.comb(len(points), len(one.left_out))
-    bound = float(stdtrit(one.curve.freedom, 1.0 - 0.5 * _FALSE_ALARM / len(points) / choices))
+    share = 1.0 - 0.5 * _FALSE_ALARM / len(points) / choices
+    bound = student_quantile(one.curve.freedom, share)
     return _distance(points, one.curve, place) > bound
 
 

@@ -13,6 +13,7 @@ from damperfit.adjustment.selection import LEAST_FOR_OUTLIERS, LEAST_FOR_TREND, 
 from damperfit.identification import Status
 from damperfit.quantities import engineering
 from damperfit.setting import ADJUSTER, Line, Setting, lines_of
+from damperfit.statistics import student_quantile
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -302,9 +303,7 @@ def _reversals(
 
 def _quantile(curve: Curve, n: int) -> float:
     """Student's t that none of n steps exceeds by chance in 95 of 100 cases."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(max(curve.freedom, 1), 1.0 - 0.5 * _95_PERCENT / n))
+    return student_quantile(max(curve.freedom, 1), 1.0 - 0.5 * _95_PERCENT / n)
 
 
 def _curve_points(points: Points, curve: Curve) -> tuple[TrendPoint, ...]:

@@ -20,6 +20,7 @@ from damperfit.identification.setting import NOT_FIT_TO_SHARE
 from damperfit.identification.sharing import TAKEN, Sharing
 from damperfit.identification.unknowns import Unknown, unknown_at, unknowns_of
 from damperfit.parallel import executor
+from damperfit.statistics import chi_squared_quantile
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -296,16 +297,15 @@ def _rises(alone: JointSolution, law: JointSolution) -> dict[Setting, float]:
 
 def _judged_law(rises: Mapping[Setting, float]) -> list[str]:
     """Say so when a K_e of each setting fits better than noise explains."""
-    from scipy.special import chdtri
-
     spare = len(rises) - _LAW_UNKNOWNS
     if spare < 1:
         return [
             "the gas content is drawn through two settings: only a third can tell whether it holds."
         ]
-    if sum(rises.values()) <= chdtri(spare, _CHANCE):
+    if sum(rises.values()) <= chi_squared_quantile(spare, 1.0 - _CHANCE):
         return []
-    worse = {setting: rise for setting, rise in rises.items() if rise > chdtri(1, _CHANCE)}
+    of_one = chi_squared_quantile(1, 1.0 - _CHANCE)
+    worse = {setting: rise for setting, rise in rises.items() if rise > of_one}
     worst = max(rises, key=lambda setting: rises[setting])
     said = (
         "K_e does not follow Appendix 1 with one gas content: a K_e for each setting fits better "

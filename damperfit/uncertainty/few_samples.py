@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning import apply_filter
+from damperfit.statistics import student_quantile
 from damperfit.uncertainty.correlated_noise import (
     autocorrelation,
     flat_topped,
@@ -46,6 +47,7 @@ __all__ = ["ENOUGH", "ShortStretch", "filter_correlation", "widening"]
 
 # Independent samples a parameter; with more, errors are less than 2 % short.
 ENOUGH = 50.0
+_NORMAL = 1.959963984540054  # what Student's t comes to with many freedoms, at 97.5 %
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,8 +90,6 @@ def widening(stretches: Sequence[ShortStretch]) -> float:
     stretches : sequence of ShortStretch
         All that were fitted together.
     """
-    from scipy.special import ndtri, stdtrit
-
     n_fitted = stretches[0].slopes.shape[1] if stretches else 0
     if not n_fitted or sum(one.independent for one in stretches) > ENOUGH * n_fitted:
         return 1.0
@@ -104,7 +104,7 @@ def widening(stretches: Sequence[ShortStretch]) -> float:
         float(np.mean(variances[0][is_known] / variances[1][is_known])) if is_known.any() else 1.0
     )
     freedom = _freedom(stretches)
-    student = float(stdtrit(freedom, 0.975) / ndtri(0.975))
+    student = student_quantile(freedom, 0.975) / _NORMAL
     return max(ratio, 1.0) * student**2
 
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from damperfit.identification.setting import EXCELLENT
 from damperfit.identification.sharing import listed_settings
+from damperfit.statistics import fisher_quantile
 from damperfit.uncertainty.correlated_noise import autocorrelation
 from damperfit.uncertainty.flaws import Hint, seek_flaws
 from damperfit.uncertainty.yielding import YIELDS, held_share
@@ -267,8 +268,6 @@ def _yields(told: Diagnosis) -> str:
 
 def _split(linearised: Linearisation) -> tuple[float, float, float, float]:
     """Return repeating and scattered mean squares, N^2, their test ratio and its bar."""
-    from scipy.special import fdtri
-
     repeats, noise, expected, n_samples, phases, others = 0.0, 0.0, 0.0, 0, 0.0, 0.0
     for stretch, _, residuals in _parts(linearised):
         n, n_cycles = len(residuals), stretch.n_cycles
@@ -286,7 +285,7 @@ def _split(linearised: Linearisation) -> tuple[float, float, float, float]:
         others += independent * (n_cycles - 1)
     if not n_samples:
         return _unrepeated(linearised)
-    bar = float(fdtri(phases, others, 1.0 - _CHANCE))
+    bar = fisher_quantile(phases, others, 1.0 - _CHANCE)
     ratio = 1.0 + repeats / max(expected, 1e-300)
     return repeats / n_samples, noise / n_samples, ratio, bar
 

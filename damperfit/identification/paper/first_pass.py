@@ -25,7 +25,7 @@ from damperfit.identification.setting import (
 )
 from damperfit.identification.sharing import Sharing
 from damperfit.parallel import executor
-from damperfit.statistics import CHI_SQUARED_95
+from damperfit.statistics import CHI_SQUARED_95, chi_squared_quantile
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -216,15 +216,13 @@ def _tells_r_m3(judged: Judged) -> bool:
 
 def _friction_range(judged: Sequence[Judged]) -> tuple[tuple[float, float] | None, bool]:
     """Smallest and largest friction, and whether they differ by more than their errors."""
-    from scipy.special import chdtri
-
     if len(judged) < 2:
         return None, True
     own = np.array([one.solution.parameters.f_f for one in judged])
     errors = own * np.array([one.errors["f_f"] for one in judged])
     weights = 1.0 / errors**2
     misses = (own - np.sum(weights * own) / np.sum(weights)) / errors
-    is_certain = float(misses @ misses) > chdtri(len(own) - 1, _CHANCE)
+    is_certain = float(misses @ misses) > chi_squared_quantile(len(own) - 1, 1.0 - _CHANCE)
     return (float(own.min()), float(own.max())), bool(is_certain)
 
 

@@ -1,0 +1,43 @@
+"""Quantiles of our own, beside those of SciPy."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from scipy.special import chdtri, fdtri, stdtrit
+
+from damperfit.statistics import chi_squared_quantile, fisher_quantile, student_quantile
+
+SHARES = (0.5, 0.6, 0.9, 0.95, 0.975, 0.999, 1.0 - 1e-6, 1.0 - 1e-9)
+FREEDOMS = (0.5, 1.0, 1.7, 2.0, 3.0, 10.0, 33.3, 49.9, 50.1, 99.0, 101.0, 1e3, 1e4, 1e6)
+
+
+@pytest.mark.parametrize("share", SHARES)
+def test_quantiles_are_those_of_scipy(share):
+    for freedom in FREEDOMS:
+        student = pytest.approx(stdtrit(freedom, share), rel=1e-9, abs=1e-12)
+        assert student_quantile(freedom, share) == student, freedom
+        chi_squared = pytest.approx(chdtri(freedom, 1.0 - share), rel=1e-9)
+        assert chi_squared_quantile(freedom, share) == chi_squared, freedom
+        for above in (1.0, 2.5, 7.0, 400.0, 1e5):
+            ratio = pytest.approx(fdtri(above, freedom, share), rel=1e-9)
+            assert fisher_quantile(above, freedom, share) == ratio, (above, freedom)
+
+
+def test_below_the_middle_a_t_is_negative():
+    assert student_quantile(7.0, 0.025) == pytest.approx(-student_quantile(7.0, 0.975), rel=1e-12)
+
+
+@pytest.mark.parametrize("freedom", [0.0, -1.0, math.nan])
+def test_without_freedom_there_is_no_quantile(freedom):
+    assert math.isnan(student_quantile(freedom, 0.9))
+    assert math.isnan(chi_squared_quantile(freedom, 0.9))
+    assert math.isnan(fisher_quantile(3.0, freedom, 0.9))
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_all_cases_and_none_have_no_quantile(share):
+    assert math.isnan(student_quantile(3.0, share))
+    assert math.isnan(chi_squared_quantile(3.0, share))
+    assert math.isnan(fisher_quantile(3.0, 3.0, share))
