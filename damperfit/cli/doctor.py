@@ -5,7 +5,6 @@ from __future__ import annotations
 import platform
 import sys
 import time
-from importlib import metadata
 from typing import TYPE_CHECKING
 
 from damperfit import __version__
@@ -65,6 +64,8 @@ def _tried(check: Callable[[], str]) -> tuple[bool, str]:
 
 def _version(distribution: str) -> str:
     """Return the version of what is installed; empty where it is not."""
+    from importlib import metadata  # slow to load, and every command registers this one
+
     try:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:
