@@ -467,6 +467,7 @@ SURFACE = {
         "named_files",
         "note_unpredicted",
         "part",
+        "with_transients",
     ],
     "damperfit.run.logs": [
         "LogBatch",

@@ -48,6 +48,7 @@ ENOUGH_PERCENT = 0.02
 TOLD_APART = 1.5
 # The same where the worse of them leaves and mispredicts nothing that anyone would use: twice each.
 _NOTHING_APART = 4.0
+_NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot be simulated there
 # Two predictions this near each other differ by noise.
 _NO_WORSE = 1.1
 FEWEST_SAMPLES = 20.0  # effective ones, of a stretch
@@ -99,7 +100,9 @@ class Tried:
     def score(self) -> float:
         """How well it fits and predicts at once; lower is better."""
         held = self.held_out_percent
-        return math.log(self.mse_percent) + (0.0 if math.isnan(held) else math.log(held))
+        # Where no law can be simulated on what was held out, the fit alone ranks them.
+        known = 1.0 if math.isnan(held) else min(held, _NOTHING_PREDICTED)
+        return math.log(self.mse_percent) + math.log(known)
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +157,7 @@ def judged(small: Tried, large: Tried, n_eff: float) -> Verdict:
     elif held[1] > _NO_WORSE * held[0]:
         reason = f"what was held out is predicted worse, {held[1]:.2g} % after {held[0]:.2g} %"
     else:
-        told = "" if math.isnan(held[0]) else f", held out {held[0]:.2g} to {held[1]:.2g} %"
+        told = "" if not math.isfinite(held[0]) else f", held out {held[0]:.2g} to {held[1]:.2g} %"
         reason = f"MSE {small.mse_percent:.2g} to {large.mse_percent:.2g} %{told}"
         return Verdict(True, gain, bic, reason)
     return Verdict(False, gain, bic, reason)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from damperfit.report import Failure
     from damperfit.uncertainty import HoldOutOptions, Prediction
 
-__all__ = ["Parted", "fitting", "named_files", "note_unpredicted", "part"]
+__all__ = ["Parted", "fitting", "named_files", "note_unpredicted", "part", "with_transients"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,11 +43,14 @@ class Parted:
         To be predicted.
     names : frozenset of str
         Logs that are held out as a whole.
+    is_asked : bool
+        Whether the user said what to hold out; else it is what moves beside the steady cycles.
     """
 
     batch: LogBatch
     held_out: tuple[Trace, ...] = ()
     names: frozenset[str] = frozenset()
+    is_asked: bool = True
 
 
 def named_files(patterns: Iterable[str], paths: Sequence[Path]) -> dict[str, tuple[Path, ...]]:
@@ -92,7 +95,7 @@ def _hits(pattern: str, batch: LogBatch, named: Mapping[str, Sequence[Path]]) ->
 
 
 def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[Path]]) -> Parted:
-    """Part what was read into what is fitted and what is predicted.
+    """Part what was read into what is fitted and what is predicted, but for transients.
 
     Parameters
     ----------
@@ -131,18 +134,38 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
             continue
         fitted.append(rest)
         held_out.extend([last] if last is not None else [])
-    is_asked = TRANSIENTS in options.patterns
-    if is_asked or not (options.patterns or options.cycles):
-        beside = [one for one in map(transients, fitted) if one is not None]
-        if is_asked and fitted and not beside:
-            raise ConfigurationError(
-                "hold-out transients: no log has a run-up or coast-down from or to rest, or "
-                "changes its speed between steady cycles; give one that does, or hold out another "
-                "log"
-            )
-        held_out += beside
     left = replace(batch, traces=tuple(fitted), failures=(*batch.failures, *failures))
     return Parted(left, tuple(held_out), frozenset(names))
+
+
+def with_transients(parted: Parted, options: HoldOutOptions) -> Parted:
+    """Hold out what moves beside the steady cycles of the logs that are left to fit.
+
+    After copies and contradictions are gone, for a log that is not fitted has no rest to predict.
+
+    Parameters
+    ----------
+    parted : Parted
+        The logs that are fitted, and what is held out besides.
+    options : HoldOutOptions
+        What to hold out.
+
+    Raises
+    ------
+    ConfigurationError
+        Transients are asked for, and no log has any.
+    """
+    is_asked = TRANSIENTS in options.patterns
+    if not is_asked and (options.patterns or options.cycles):
+        return parted
+    fitted = parted.batch.traces
+    beside = tuple(one for one in map(transients, fitted) if one is not None)
+    if is_asked and fitted and not beside:
+        raise ConfigurationError(
+            "hold-out transients: no log has a run-up or coast-down from or to rest, or changes "
+            "its speed between steady cycles; give one that does, or hold out another log"
+        )
+    return replace(parted, held_out=(*parted.held_out, *beside), is_asked=is_asked)
 
 
 def note_unpredicted(
@@ -153,11 +176,20 @@ def note_unpredicted(
 ) -> LogBatch:
     """Return the batch with the held-out logs that could not be predicted among its failures.
 
-    Logs of which it is known already why are not told again.
+    Logs of which it is known already why are not told again. What nobody asked to hold out is no
+    failure: a remark says so, where the setting is fitted.
     """
     done = {id(prediction.trace) for prediction in predictions}
     told = {failure.log for failure in known}
     fitted = {fit.setting for fit in campaign.fits}
+    if not parted.is_asked:
+        said = tuple(
+            f"{trace.name}: the motion beside its steady cycles cannot be simulated with the "
+            "fitted parameters, so it is not predicted"
+            for trace in parted.held_out
+            if id(trace) not in done and trace.setting in fitted
+        )
+        return replace(parted.batch, remarks=(*parted.batch.remarks, *said))
     lost = tuple(
         _failure(
             parted.batch,

@@ -20,7 +20,7 @@ from damperfit.laws import SettingLogs, climb, fit_law, physics_seen, rank_rival
 from damperfit.parallel import executor
 from damperfit.report import chosen_records, ladder_records, rival_records
 from damperfit.run.dampers import of_one_damper
-from damperfit.run.hold_out import named_files, part
+from damperfit.run.hold_out import named_files, part, with_transients
 from damperfit.run.log_paths import expand
 from damperfit.run.logs import available_cores, read_batch
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
@@ -142,7 +142,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         once_each(parted.batch), is_averaging=configuration.rig.is_averaging
     )
     left, held_out = without_copies(left, parted.held_out)
-    parted = replace(parted, batch=left, held_out=held_out)
+    parted = with_transients(replace(parted, batch=left, held_out=held_out), configuration.hold_out)
     evidence = _evidence(parted, start)
     if not evidence:
         said = "; ".join(one.message for one in parted.batch.failures[:3])

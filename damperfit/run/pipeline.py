@@ -20,7 +20,14 @@ from damperfit.report import markdown_report
 from damperfit.run.dampers import by_damper, folder_name
 from damperfit.run.earlier import BESIDE, PAGE, forget_figures, forget_others, holds_fits
 from damperfit.run.given_starts import with_given_start
-from damperfit.run.hold_out import Parted, fitting, named_files, note_unpredicted, part
+from damperfit.run.hold_out import (
+    Parted,
+    fitting,
+    named_files,
+    note_unpredicted,
+    part,
+    with_transients,
+)
 from damperfit.run.judging import assessed, judge, with_profiles
 from damperfit.run.like_speeds import without_contradictory_motions
 from damperfit.run.log_paths import expand
@@ -249,7 +256,7 @@ def _read(
             left = without_contradictory_motions(left, configuration)
             left, held_out = without_copies(left, parted.held_out)
             left = with_rod_remark(left, configuration.damper)
-            parted = replace(parted, batch=left, held_out=held_out)
+            parted = with_transients(replace(parted, batch=left, held_out=held_out), options)
         own = configuration
         if len(groups) > 1:
             output = replace(configuration.output, folder=folder / folder_name(owner))

@@ -10,6 +10,7 @@ import pytest
 
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.laws import LawFit, SettingLogs, Tried, effective_samples, judged
+from damperfit.laws.choosing import times_worse
 from damperfit.setting import Setting
 from tests.fakes import trace
 
@@ -96,3 +97,12 @@ def test_effective_samples_are_twice_the_harmonics_that_carry_the_residual():
     assert found == pytest.approx(60.0, rel=1e-6)
     one = np.sin(phase)  # a single line is still twenty samples
     assert effective_samples(tried(1.0, 4, rest=one), logs) == 20.0
+
+
+def test_where_no_law_can_be_simulated_on_what_was_held_out_the_fit_ranks_them():
+    good, poor = tried(0.1, 5, held=math.inf), tried(5.0, 5, held=math.inf)
+    assert min((poor, good), key=lambda one: one.score) is good
+    assert times_worse(good, good) == pytest.approx(1.0)
+    assert times_worse(good, poor) == pytest.approx(50.0)
+    assert times_worse(tried(0.1, 5, held=1.0), good) == pytest.approx(100.0)
+    assert "inf" not in judged(poor, good, 30.0).reason

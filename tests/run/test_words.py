@@ -254,6 +254,25 @@ def test_a_log_whose_cycles_cannot_be_parted_hides_none_behind_it(monkeypatch) -
     assert [one.setting for one in parted.batch.failures] == [1]
 
 
+def test_transients_that_nobody_asked_for_are_of_logs_that_are_fitted_and_no_failure(
+    monkeypatch,
+) -> None:
+    monkeypatch.setattr(hold_out, "transients", lambda one: replace(one, start_time=9.0))
+    left = hold_out.Parted(replace(EMPTY, traces=(trace(1), trace(2))))
+    parted = hold_out.with_transients(left, PLAIN.hold_out)
+    assert [one.setting for one in parted.held_out] == [1, 2]
+    assert not parted.is_asked
+    cycles = replace(PLAIN.hold_out, patterns=(), cycles=1)
+    assert hold_out.with_transients(left, cycles) is left
+    # Setting 1 has no fit: that is said elsewhere. Setting 2 cannot be simulated beside its cycles.
+    batch = hold_out.note_unpredicted(parted, campaign(fit(2)), ())
+    assert batch.failures == ()
+    (said,) = batch.remarks
+    assert "beside its steady cycles cannot be simulated" in said
+    asked = hold_out.with_transients(left, replace(PLAIN.hold_out, patterns=("transients",)))
+    assert len(hold_out.note_unpredicted(asked, campaign(fit(2)), ()).failures) == 2
+
+
 def test_a_tare_is_judged_of_a_model_without_an_offset_too() -> None:
     warned = with_findings(1, TARE)
     (friction,) = (one for one in warned.parameters.quantities if one.name == "f_f")
