@@ -168,10 +168,10 @@ def descend(misfit: Misfit, start: Values) -> Solution:
     FitCancelledError
         When the caller asked to stop.
     """
-    if misfit.cycles is None:
-        return _to_the_end(misfit, start)
-    try:
-        there = _minimise(misfit, start)
+    if misfit.cycles is None or misfit.max_evaluations == 1:
+        return _to_the_end(misfit.whole, start)
+    try:  # one evaluation is left to the logs
+        there = _minimise(replace(misfit, max_evaluations=misfit.max_evaluations - 1), start)
     except SimulationError:
         return _to_the_end(misfit.whole, start)
     left = replace(misfit.whole, max_evaluations=max(misfit.max_evaluations - there.evaluations, 1))

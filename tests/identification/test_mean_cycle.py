@@ -148,6 +148,23 @@ def test_one_look_at_the_logs_is_enough(name: str, monkeypatch: pytest.MonkeyPat
     assert found.evaluations == len(seen)
 
 
+@pytest.mark.parametrize("most", [1, 3, 5])
+def test_a_limit_of_evaluations_is_kept(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[bool] = []
+
+    def counted(looked: Misfit, *rest: object) -> object:
+        seen.append(looked.cycles is None)
+        return evaluate(looked, *rest)
+
+    for where in ("descent", "last_step"):
+        monkeypatch.setattr(f"damperfit.identification.{where}.evaluate", counted)
+    truth = reference_parameters(10)
+    one = replace(on_cycles(misfit([trace(10, noise=4.0)])), max_evaluations=most)
+    found = descend(one, truth.replace({name: 3.0 * getattr(truth, name) for name in THREE}))
+    assert seen == [False] * (most - 1) + [True]
+    assert (found.evaluations, found.status) == (most, 0)
+
+
 @pytest.mark.parametrize("name", ["setting 10", "whole cycles", "two speeds"])
 def test_cycles_alone_tell_nearly_the_same(name: str) -> None:
     """Within half an error: what noise of the displacement does to a descent on the logs."""
