@@ -1,7 +1,8 @@
 """Objects of a store that have not changed since an earlier run, told without fetching them.
 
 A part says of each object what its store told when it was fetched (ETag, size, time of change) and
-what was found in it. Where the store tells the same today, the object is taken for the same.
+what was found in it. Where the store tells the same today, the object is taken for the same. What
+another version found is not trusted: it may have read otherwise whose a log is.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from damperfit import __version__
 from damperfit.fleet.parts import parts_in, read_facts_of
 from damperfit.fleet.sources import Seen
 from damperfit.fleet.stores import UnreachableError, stamp_of
@@ -56,7 +58,8 @@ def recognised(sources: Sequence[Source], folder: Path) -> tuple[Source, ...]:
 def _seen_in(folder: Path) -> dict[str, Seen]:
     found: dict[str, Seen] = {}
     for path in parts_in(folder):
-        told: Any = read_facts_of(path).get("seen")
-        for place, facts in told.items() if isinstance(told, dict) else ():
-            found[place] = Seen(*map(str, facts))
+        facts = read_facts_of(path)
+        told: Any = facts.get("seen") if facts.get("version") == __version__ else None
+        for place, seen in told.items() if isinstance(told, dict) else ():
+            found[place] = Seen(*map(str, seen))
     return found
