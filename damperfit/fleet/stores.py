@@ -40,6 +40,7 @@ _PAUSE = 0.5  # s before the second try; doubled before each further one
 _CONNECTED = 10.0  # s for a connection to S3
 _ANSWERED = 30.0  # s in which an answer of S3 may stand still
 _DEADLINE = 60.0  # s for one answer of any store
+_LISTED = 1800.0  # s for a whole list; a store gives a thousand objects an answer
 _PIECE = 1 << 22  # bytes asked for at once; in the deadline that is 70 kB/s
 _PREFIX = "damperfit-logs"
 
@@ -48,6 +49,10 @@ class UnreachableError(DamperfitError):
     """A log could not be fetched; that says nothing of the log, and is tried again another time."""
 
     exit_code = 1
+
+
+class _NoAnswerError(TimeoutError):
+    """The deadline passed; no refusal of the store itself."""
 
 
 def is_address(text: str) -> bool:
@@ -106,7 +111,7 @@ def listed(address: str, is_wanted: Callable[[str], bool]) -> list[tuple[str, st
     Raises
     ------
     UnreachableError
-        The store does not answer.
+        The store does not answer, or its list takes too long.
     """
     from pyarrow import fs
 
@@ -115,20 +120,27 @@ def listed(address: str, is_wanted: Callable[[str], bool]) -> list[tuple[str, st
     first = next((k for k, part in enumerate(parts) if re.search(r"[*\[]", part)), None)
     root = "/".join(parts if first is None else parts[:first])
 
-    def look() -> list[tuple[str, str]]:
-        info = store.get_file_info(root)
-        if info.type == fs.FileType.File:
-            return [(form.format(root), PurePosixPath(root).name)]
-        found = store.get_file_info(fs.FileSelector(root, recursive=True, allow_not_found=True))
-        return [
-            (form.format(one.path), one.path[len(root) :].lstrip("/"))
-            for one in found
-            if one.type == fs.FileType.File
-            and (is_wanted(one.base_name) if first is None else _fits(one.path, path))
-        ]
+    info = _patiently(lambda: store.get_file_info(root), address)
+    if info.type == fs.FileType.File:
+        return [(form.format(root), PurePosixPath(root).name)]
+    wanted = fs.FileSelector(root, recursive=True, allow_not_found=True)
+    return [
+        (form.format(one.path), one.path[len(root) :].lstrip("/"))
+        for one in _patiently(lambda: _whole_list(store, wanted, address), address, is_long=True)
+        if one.type == fs.FileType.File
+        and (is_wanted(one.base_name) if first is None else _fits(one.path, path))
+    ]
 
-    found: list[tuple[str, str]] = _patiently(look, address)
-    return found
+
+def _whole_list(store: Any, wanted: Any, address: str) -> Any:
+    """Return what a store lists; one that is too slow is not asked for all of it again."""
+    try:
+        return _in_time(lambda: store.get_file_info(wanted), _LISTED)
+    except _NoAnswerError:
+        raise UnreachableError(
+            f"{address}: the list of its objects was not complete within {_LISTED:g} s; "
+            "give the folders in it one by one"
+        ) from None
 
 
 def _fits(path: str, pattern: str) -> bool:
@@ -220,14 +232,15 @@ def _patiently(act: Callable[[], Any], address: str, *, is_long: bool = False) -
     raise AssertionError
 
 
-def _in_time(act: Callable[[], Any]) -> Any:
-    """Return what an act gives; after the deadline it is left to itself.
+def _in_time(act: Callable[[], Any], deadline: float | None = None) -> Any:
+    """Return what an act gives; after the deadline, by itself that of one answer, it is left alone.
 
     Raises
     ------
-    TimeoutError
+    _NoAnswerError
         It gives nothing in time.
     """
+    patience = _DEADLINE if deadline is None else deadline
     given: queue.SimpleQueue[tuple[Any, BaseException | None]] = queue.SimpleQueue()
 
     def work() -> None:
@@ -238,9 +251,9 @@ def _in_time(act: Callable[[], Any]) -> Any:
 
     threading.Thread(target=work, daemon=True).start()
     try:
-        found, error = given.get(timeout=_DEADLINE)
+        found, error = given.get(timeout=patience)
     except queue.Empty:
-        raise TimeoutError(f"no answer within {_DEADLINE:g} s") from None
+        raise _NoAnswerError(f"no answer within {patience:g} s") from None
     if error is not None:
         raise error
     return found
