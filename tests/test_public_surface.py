@@ -517,7 +517,7 @@ SURFACE = {
         "followed",
         "unmatched",
     ],
-    "damperfit.run.own_tables": ["is_own_table"],
+    "damperfit.run.own_tables": ["is_own_log_file", "is_own_table"],
     "damperfit.run.log_paths": [
         "expand",
         "matches",

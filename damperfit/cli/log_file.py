@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 import os
+import re
+import stat
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -22,6 +24,8 @@ _LOGGER = logging.getLogger("damperfit")
 # Without it a record of the library would reach stderr where no log file is asked for.
 _LOGGER.addHandler(logging.NullHandler())
 _open: list[LogFile] = []
+# Streams that this process was given; the shell's >(gzip) is one of them.
+_STREAM = re.compile(r"/dev/(stdout|stderr|fd/\d+)")
 _FORMAT = "%(asctime)s.%(msecs)03d%(zone)s %(levelname)-7s damperfit[%(process)d] %(message)s"
 
 
@@ -74,7 +78,7 @@ class LogFile:
     Raises
     ------
     ConfigurationError
-        The file cannot be written.
+        The file cannot be written, or holds something else.
     """
 
     def __init__(self, name: str | None, arguments: Sequence[str]) -> None:
@@ -83,8 +87,7 @@ class LogFile:
         if name is None:
             return
         try:
-            if not name or Path(name).is_dir():
-                raise IsADirectoryError(None, "expected the name of a file")
+            _refuse_others(name)
             handler = _Appended(name)
         except (OSError, ValueError) as error:
             said = getattr(error, "strerror", None) or error
@@ -105,7 +108,7 @@ class LogFile:
         record(
             logging.DEBUG,
             f"damperfit {__version__}, Python {sys.version.split()[0]} on {sys.platform}, "
-            f"in {Path.cwd()}",
+            f"in {_here()}",
         )
 
     def close(self, exit_code: int) -> None:
@@ -150,6 +153,45 @@ class _Line(logging.Formatter):
         offset = time.strftime("%z", time.localtime(record.created))
         record.zone = f"{offset[:3]}:{offset[3:]}"
         return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in super().format(record))
+
+
+def _refuse_others(name: str) -> None:
+    """Refuse what holds other things than records, or may make a writer wait for ever.
+
+    Raises
+    ------
+    ConfigurationError
+        The file is another one.
+    OSError
+        It is no file, or cannot be read.
+    """
+    if _STREAM.fullmatch(name):
+        return
+    try:
+        found = Path(name).stat() if name else None
+    except FileNotFoundError:
+        return  # it is made, or making it says what is wrong
+    if found is None or stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(None, "expected the name of a file")
+    if stat.S_ISCHR(found.st_mode):
+        return
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(None, "expected a regular file, found a pipe, a socket or a disk")
+    if found.st_size:
+        from damperfit.run.own_tables import is_own_log_file
+
+        if not is_own_log_file(Path(name)):
+            raise ConfigurationError(
+                f"{_OPTION} {name}: is there already and does not begin as a log file of "
+                "damperfit; nothing was written to it, name another file"
+            )
+
+
+def _here() -> str:
+    try:
+        return str(Path.cwd())
+    except OSError:
+        return "a folder that is gone"
 
 
 def _quoted(argument: str) -> str:

@@ -45,7 +45,7 @@ def starts_of(texts: Sequence[str] | None) -> tuple[str | None, dict[str, str]]:
         Two files are given, a value is missing, or a name is given twice.
     """
     parts = [part for text in texts or [] for part in _parted(text)]
-    values = [part for part in parts if _ASSIGNMENT.match(part) and not Path(part).exists()]
+    values = [part for part in parts if _ASSIGNMENT.match(part) and not _is_there(part)]
     files = [part for part in parts if part not in values]
     if len(files) > 1:
         raise ConfigurationError(
@@ -57,7 +57,14 @@ def starts_of(texts: Sequence[str] | None) -> tuple[str | None, dict[str, str]]:
 
 
 def _parted(text: str) -> list[str]:
-    return [text] if Path(text).exists() else _NEXT_ASSIGNMENT.split(text)
+    return [text] if _is_there(text) else _NEXT_ASSIGNMENT.split(text)
+
+
+def _is_there(text: str) -> bool:
+    """Whether a text names a file; a list of values may be longer than any name."""
+    with suppress(OSError, ValueError):
+        return Path(text).exists()
+    return False
 
 
 def quantity_values(texts: Iterable[str], *, option: str) -> dict[str, str]:

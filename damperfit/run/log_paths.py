@@ -90,7 +90,7 @@ def _logs_in(folder: Path) -> list[Path]:
     found = [one for one in names if one.name.lower().endswith(LOG_SUFFIXES)]
     if found and all(map(is_own_table, found)):
         raise ConfigurationError(
-            f"{folder}: holds results, no logs (run.json is there); give the folder of the logs"
+            f"{folder}: holds what damperfit wrote, no logs; give the folder of the logs"
         )
     if not found:
         raise ConfigurationError(

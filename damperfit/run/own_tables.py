@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ from damperfit.quantities import units_of
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["is_own_table"]
+__all__ = ["is_own_log_file", "is_own_table"]
 
 # How the tables in CSV begin, as far as their settings are of one adjuster.
 _HEADINGS = (
@@ -23,23 +24,42 @@ _HEADINGS = (
     b"setting,log,stretch,kind,",
     b"serial,damper,date,setting,",
 )
-_LONGEST = max(map(len, _HEADINGS))
+# How a line of --log-file begins: time with zone, level, process.
+_LOGGED = re.compile(
+    rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}[+-]\d\d:\d\d [A-Z]+ +damperfit\[\d+\] "
+)
+_BEGIN = 128  # bytes; no heading is longer, and no beginning of a line of --log-file
 _FACTS = b"damperfit"  # of a schema
 
 
 def is_own_table(path: Path) -> bool:
-    """Whether a file is a table of results, by what it says of itself; run.json is one too."""
+    """Whether a file is a table of results, by what it says of itself; run.json is one too.
+
+    So is what --log-file wrote.
+    """
     with suppress(OSError):
         if not path.is_file():
             return False
         with path.open("rb") as file:
-            begin = file.read(_LONGEST)
+            begin = file.read(_BEGIN)
         if begin.startswith(b"PAR1"):
             return _says_so(path)
         if path.name == "run.json":
             return b'"schema_version"' in path.read_bytes()[:4096]
-        return begin.startswith(_HEADINGS)
+        return begin.startswith(_HEADINGS) or _LOGGED.match(begin) is not None
     return False
+
+
+def is_own_log_file(path: Path) -> bool:
+    """Whether a file begins as --log-file writes it.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    """
+    with path.open("rb") as file:
+        return _LOGGED.match(file.read(_BEGIN)) is not None
 
 
 def _says_so(path: Path) -> bool:

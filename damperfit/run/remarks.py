@@ -59,10 +59,10 @@ def skipped_files(batch: LogBatch) -> Iterator[str]:
     """Yield which files are no logs; of many, the first and how many."""
     if len(batch.skipped) > MANY:
         n = len(batch.skipped) - 1
-        yield f"{batch.skipped[0]} and {n} other files: parameter tables of damperfit; skipped"
+        yield f"{batch.skipped[0]} and {n} other files: written by damperfit, not logs; skipped"
         return
     for path in batch.skipped:
-        yield f"{path}: a parameter table of damperfit, not a log; skipped"
+        yield f"{path}: written by damperfit, not a log; skipped"
 
 
 def _at_settings(said: Sequence[tuple[Setting, str]]) -> Iterator[str]:

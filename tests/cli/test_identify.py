@@ -232,7 +232,7 @@ def test_wrong_usage_is_code_2_one_line_and_nothing_touched(
 def test_a_parameter_table_among_the_logs_is_left_out_aloud(run, logs) -> None:
     ended = run("identify", logs / "*.csv")
     assert ended.code == 0
-    assert "truth.csv: a parameter table of damperfit, not a log; skipped" in ended.err
+    assert "truth.csv: written by damperfit, not a log; skipped" in ended.err
 
 
 def test_several_logs_of_one_setting_are_fitted_together(run, logs, repeated, tmp_path) -> None:

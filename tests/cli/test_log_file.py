@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -98,6 +100,76 @@ def test_without_it_nothing_is_kept_and_the_logger_is_as_before(run, logs, tmp_p
 def test_a_full_disk_ends_no_command(run, logs) -> None:
     ended = run("inspect", logs / "setting_01.csv", "--log-file", "/dev/full")
     assert (ended.code, ended.err) == (0, "")
+
+
+@pytest.mark.parametrize("text", [None, "hello\n", "2026-01-01T10:00:00 INFO other[1] a\n", " "])
+def test_a_file_that_holds_anything_else_is_left_alone(run, logs, tmp_path, text) -> None:
+    kept = tmp_path / "log.csv"
+    if text is None:
+        shutil.copy(logs / "setting_01.csv", kept)
+    else:
+        kept.write_text(text)
+    before = kept.read_bytes()
+    ended = run("inspect", logs / "setting_02.csv", "--log-file", kept)
+    assert (ended.code, ended.err.count("\n")) == (2, 1)
+    assert f"--log-file {kept}: is there already and does not begin as a log file" in ended.err
+    assert kept.read_bytes() == before
+
+
+def test_an_empty_file_is_written_to(run, tmp_path) -> None:
+    kept = tmp_path / "run.log"
+    kept.touch()
+    assert run("config", "--quiet", "--log-file", kept).code == 0
+    assert records(kept)
+
+
+def test_among_the_logs_it_is_no_log(run, logs, tmp_path) -> None:
+    folder = tmp_path / "lf"
+    folder.mkdir()
+    shutil.copy(logs / "setting_01.csv", folder)
+    for more in (["--log-file", folder / "run.txt"], []):  # while it is written, and afterwards
+        for given in (folder, f"{folder}/*"):
+            ended = run("inspect", given, *more)
+            assert ended.code == 0, ended.err
+            assert "unreadable" not in ended.out + ended.err
+            assert (
+                f"{folder}/run.txt: written by damperfit, not a log; skipped"
+                in ended.err + ended.out
+            )
+    (folder / "setting_01.csv").unlink()
+    assert "holds what damperfit wrote, no logs" in run("inspect", folder).err
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes with names")
+def test_a_pipe_that_nobody_reads_is_refused(run, tmp_path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)  # or a failure would wait for ever
+    ended = run("config", "--log-file", pipe)
+    os.close(reader)
+    assert (ended.code, ended.err.count("\n")) == (2, 1)
+    assert f"--log-file {pipe}: cannot be written: expected a regular file" in ended.err
+
+
+@pytest.mark.skipif(not Path("/dev/null").exists(), reason="there are no devices")
+def test_devices_and_given_streams_are_written_to(run, tmp_path) -> None:
+    reader, writer = os.pipe()
+    for name in ("/dev/null", f"/dev/fd/{writer}"):
+        assert run("config", "--quiet", "--log-file", name).code == 0
+    os.close(writer)
+    with os.fdopen(reader) as told:
+        assert "ended with code 0" in told.read()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the working folder cannot be deleted")
+def test_a_working_folder_that_is_gone_is_said(run, tmp_path, monkeypatch) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    kept = tmp_path / "run.log"
+    assert run("models", "--quiet", "--log-file", kept).code in (0, 2)
+    assert any("in a folder that is gone" in text for _, text in records(kept))
 
 
 def test_every_command_has_it(run) -> None:

@@ -139,3 +139,10 @@ def test_a_file_whose_name_looks_like_a_value_is_a_file(tmp_path, monkeypatch) -
     (tmp_path / "a=1,b=2").write_text("setting\n")
     assert starts_of(["a=1,b=2"]) == ("a=1,b=2", {})
     assert starts_of(None) == (None, {})
+
+
+def test_a_list_of_values_may_be_longer_than_a_file_name() -> None:
+    given = {f"quantity_{i}": "1e-3" for i in range(30)}
+    text = ",".join(f"{name}={value}" for name, value in given.items())
+    assert starts_of([text]) == (None, given)
+    assert starts_of([f"k_e={'1' * 300}"]) == (None, {"k_e": "1" * 300})

@@ -101,7 +101,7 @@ def test_many_files_that_are_no_logs_are_one_line(n, lines) -> None:
     said = list(skipped_files(batch))
     assert len(said) == lines
     if lines == 1:
-        assert said == ["truth_0.csv and 20 other files: parameter tables of damperfit; skipped"]
+        assert said == ["truth_0.csv and 20 other files: written by damperfit, not logs; skipped"]
 
 
 @pytest.mark.parametrize(("n", "lines"), [(MANY, MANY), (MANY + 1, 1)])

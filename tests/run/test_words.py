@@ -58,7 +58,7 @@ def test_what_was_skipped_and_what_the_fits_say_is_told() -> None:
     batch = replace(EMPTY, skipped=("truth.csv",))
     done = campaign(replace(fit(4), warnings=("trial points failed",)), warnings=("rough",))
     assert list(run_warnings(batch, done)) == [
-        "truth.csv: a parameter table of damperfit, not a log; skipped",
+        "truth.csv: written by damperfit, not a log; skipped",
         "rough",
         "setting 4: trial points failed",
     ]
