@@ -257,7 +257,9 @@ def _alone(text: str, adjuster: str) -> str:
     words = "|".join(map(re.escape, words_of([adjuster], short_names([adjuster]))))
     plain = re.sub(rf"^\s*{re.escape(adjuster)}\s*[=:]\s*", "", text, flags=re.IGNORECASE)
     number = r"[+-]?\d{1,9}(?:\.\d{1,6})?"
-    ahead = rf"(?:(?:{words}|clicks?)[ _]?({number})|({number}) ?(?:{words}|clicks?))"
+    # A hyphen directly behind the word parts it from the number, as in names of files.
+    parted = r"(?:\s*[=:]\s*|[ _-])?"
+    ahead = rf"(?:(?:{words}|clicks?){parted}({number})|({number}) ?(?:{words}|clicks?))"
     found = re.fullmatch(ahead, plain.strip(), flags=re.IGNORECASE)
     return (found[1] or found[2]) if found else plain
 

@@ -127,6 +127,23 @@ def test_the_only_adjuster_may_be_named_too(text):
     assert parse_setting("s10").cell == 10
 
 
+@pytest.mark.parametrize("word", ["setting", "s", "S", "clicks"])
+@pytest.mark.parametrize(
+    ("said", "click"),
+    [("-3", 3), ("3", 3), (" 3", 3), ("_3", 3), ("=3", 3), (": 3", 3), ("-03", 3), ("-2.5", 2.5),
+     (" -3", -3), ("_-3", -3), ("=-3", -3), (": -3", -3), ("--3", -3)],
+)  # fmt: skip
+def test_a_hyphen_directly_behind_a_word_parts_and_is_no_sign(word, said, click):
+    assert parse_setting(word + said) == click
+
+
+def test_the_hyphen_of_a_label_alone_is_a_sign():
+    assert [parse_setting(text) for text in ("-3", " -3", "-3 clicks", "setting: -3")] == [-3] * 4
+    assert parse_setting("setting: s-3") == 3
+    assert parse_setting("C-3", ["compression"]).places == (("compression", 3),)
+    assert parse_setting("R12 C-3", TWO) == two(12, -3)  # our own label of several
+
+
 def test_words_and_negative_clicks_in_a_label():
     assert parse_setting("rebound=soft, compression=-2", TWO).label == "R:soft C-2"
     assert parse_setting("setting=soft").cell == "soft"

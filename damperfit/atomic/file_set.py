@@ -74,12 +74,24 @@ class FileSet:
     def _temporary(self, number: int, kind: str) -> Path:
         return temporary(self.folder, self.owner.text, number, kind)
 
+    def spare(self) -> None:
+        """Refuse where a file of another origin is in the way and is spared.
+
+        `commit` does it too; who writes two sets asks both before either is exchanged.
+
+        Raises
+        ------
+        ConfigurationError
+            Such a file is there.
+        """
+        for number, name in enumerate(self.names if self.spares_others else ()):
+            refuse_others(self.folder / name, self._temporary(number, "new"))
+
     def commit(self) -> None:
         """Flush all files and exchange them for their targets; `file_set` calls it."""
-        for number, name in enumerate(self.names):
+        for number in range(len(self.names)):
             flush(self._temporary(number, "new"))
-            if self.spares_others:
-                refuse_others(self.folder / name, self._temporary(number, "new"))
+        self.spare()
         with settled(self.folder):
             journal = self._prepared()
             try:

@@ -2,7 +2,8 @@
 
 A file is our own where it begins as the new one does and says "damperfit", near its beginning or
 near its end (files of pictures, archives and Parquet say it there), or where it is a CSV with the
-same columns, in whichever units. Tables beside a run.json are results, which only `identify`
+same columns, in whichever units of force, speed and length it may be written; those of signals over
+time have one unit each. Tables beside a run.json are results, which only `identify`
 replaces.
 """
 
@@ -12,6 +13,7 @@ import re
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError
+from damperfit.quantities import units_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,6 +27,14 @@ _ALIKE = 4  # bytes: enough to tell kinds of files from each other
 _RESULTS = "run.json"
 _PARQUET = b"PAR1"
 _FEWEST = 3  # columns of a table
+_SHOWN = {
+    unit.replace("/", "_per_").encode(): dimension.encode()
+    for dimension in ("force", "velocity", "length")
+    for unit in units_of(dimension)
+}
+_IN_A_UNIT = re.compile(  # the shortest name, hence the longest unit: of m_per_s not s
+    rb"(.+?)(?:_| \[)(" + b"|".join(map(re.escape, _SHOWN)) + rb")\]?"
+)
 
 
 def refuse_others(target: Path, draft: Path) -> None:
@@ -77,9 +87,14 @@ def _begin(path: Path, n: int) -> bytes:
 
 
 def _columns(head: bytes) -> tuple[bytes, ...]:
-    """Names of a CSV's columns without their units; nothing where it is none."""
+    """Names of a CSV's columns, a unit that may be chosen as its dimension; else nothing."""
     line = head.removeprefix(b"\xef\xbb\xbf").split(b"\n")[0].strip()
     cells = re.split(rb"[,;]", line)
     if len(cells) < _FEWEST or not all(map(_NAME.fullmatch, cells)):
         return ()
-    return tuple(re.split(rb"[_ ]", one)[0] for one in cells)
+    return tuple(cells if cells[0] == b"time_s" else map(_in_any_unit, cells))
+
+
+def _in_any_unit(name: bytes) -> bytes:
+    found = _IN_A_UNIT.fullmatch(name.replace(b"/", b"_per_"))
+    return name if found is None else found[1] + b" " + _SHOWN[found[2]]

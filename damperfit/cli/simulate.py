@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -121,20 +122,24 @@ def _check_suffix(option: str, path: Path | None, known: tuple[str, ...]) -> Non
 def _write(
     trial: SimulatedTest, *, out: Path | None, plot: Path | None, spares_others: bool
 ) -> None:
-    if out is not None:
-        from damperfit.atomic import file_set
-        from damperfit.tables import time_series_table, write_table
+    from damperfit.atomic import file_set
 
-        with file_set(out.parent, spares_others=spares_others) as files:
-            write_table(files.path(out.name), time_series_table(trial.response), suffix=out.suffix)
-    if plot is not None:
-        from damperfit.atomic import file_set
-        from damperfit.report import draw_loops
+    with ExitStack() as stack:
+        sets = []
+        if out is not None:
+            from damperfit.tables import time_series_table, write_table
 
-        with file_set(plot.parent, spares_others=spares_others) as files:
-            kind = plot.suffix[1:].lower()
-            path = files.path(plot.name)
+            sets.append(stack.enter_context(file_set(out.parent, spares_others=spares_others)))
+            path = sets[-1].path(out.name)
+            write_table(path, time_series_table(trial.response), suffix=out.suffix)
+        if plot is not None:
+            from damperfit.report import draw_loops
+
+            sets.append(stack.enter_context(file_set(plot.parent, spares_others=spares_others)))
+            path, kind = sets[-1].path(plot.name), plot.suffix[1:].lower()
             draw_loops(path, trial.response, trial.frequency, kind=kind, title=_title(trial))
+        for files in sets:  # both before either is exchanged
+            files.spare()
 
 
 def _title(trial: SimulatedTest) -> str:

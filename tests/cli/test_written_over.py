@@ -86,6 +86,45 @@ def test_a_table_is_known_by_its_columns(tmp_path, old, is_own) -> None:
     assert is_own_file(tmp_path / "old.csv", tmp_path / "new.csv") is is_own
 
 
+OURS = "time_s,displacement_m,velocity_m_per_s,force_N,pressure_1_Pa,pressure_2_Pa,pressure_3_Pa"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "is_own"),
+    [
+        (OURS, OURS, True),
+        (OURS.replace("_m", "_mm"), OURS, False),
+        (OURS.replace("_N", "_kN"), OURS, False),
+        (OURS.replace("_Pa", "_bar"), OURS, False),
+        (OURS.replace("1_Pa", "4_Pa"), OURS, False),
+        ("setting,r_m1,r_m2", "setting,r_m1,r_m2", True),
+        ("setting,r_m1,r_x", "setting,r_m1,r_m2", False),
+        ("setting,speed_N,force_N", "setting,speed_mm_per_s,force_N", False),
+        ("setting,speed_at,force_kN", "setting,speed_at,force_N", True),
+        ("setting,speed_to,force_kN", "setting,speed_at,force_N", False),
+    ],
+)
+def test_whole_names_are_compared_and_units_of_signals_too(tmp_path, old, new, is_own) -> None:
+    (tmp_path / "old.csv").write_text(old + "\n")
+    (tmp_path / "new.csv").write_text(new + "\n")
+    assert is_own_file(tmp_path / "old.csv", tmp_path / "new.csv") is is_own
+
+
+@pytest.mark.parametrize("folder", [".", "elsewhere"])
+def test_a_table_stays_where_the_plot_beside_it_is_refused(run, tmp_path, folder) -> None:
+    (tmp_path / folder).mkdir(exist_ok=True)
+    plot = tmp_path / folder / "b.png"
+    plot.write_text("kept by hand")
+    ended = run(*SIMULATE, "--out", "a.csv", "--plot", plot)
+    assert ended.code == 2
+    assert "b.png: is there already" in ended.err
+    assert not (tmp_path / "a.csv").exists()
+    assert plot.read_text() == "kept by hand"
+    (tmp_path / "a.csv").write_text("kept by hand")
+    assert run(*SIMULATE, "--out", "a.csv", "--plot", plot, "--overwrite").code == 0
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
 @pytest.mark.parametrize(("begins", "is_own"), [(b"ABCDx", True), (b"ABCxE", False)])
 def test_a_kind_of_file_is_told_by_four_bytes(begins, is_own, tmp_path) -> None:
     old, new = tmp_path / "old", tmp_path / "new"
@@ -102,7 +141,7 @@ def test_a_file_says_whose_it_is_in_its_first_16_kilobytes(before, says, tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("line", "columns"), [(b"a,b_mm", ()), (b"a,b_mm,c [N]", (b"a", b"b", b"c"))]
+    ("line", "columns"), [(b"a,b_mm", ()), (b"a,b_mm,c [N]", (b"a", b"b length", b"c force"))]
 )
 def test_a_table_has_three_columns(line, columns) -> None:
     assert _columns(line + b"\n1,2,3\n") == columns

@@ -100,6 +100,27 @@ static void endless_and_no_steps(ex_instance *e)
     check(ex_step(e, 0.0, 1e-3) == DF_OK, "and then a step");
 }
 
+/* Leaves numbers where the next call keeps its own. */
+static double littered(void)
+{
+    volatile double litter[4096];
+    for (int i = 0; i < 4096; i++)
+        litter[i] = 1.5;
+    return litter[4095];
+}
+
+static void indicators_of_nothing(ex_instance *e)
+{
+    const ex_state kept = e->s;
+    e->s.y[0] = NAN;
+    for (unsigned r = EX_INDICATOR_1; r <= EX_INDICATOR_4; r++) {
+        double value = littered();
+        check(ex_get(e, r, &value) != DF_OK, "an indicator where the equations fail");
+        check(value == 0.0, "nothing is read that nobody wrote");
+    }
+    e->s = kept;
+}
+
 int main(int n, char **arguments)
 {
     char why[EX_WHY];
@@ -135,6 +156,7 @@ int main(int n, char **arguments)
         y[0] = NAN;
         check(ex_set_states(&e, y, states) != DF_OK, "a state that is no number");
         kept_states(&e);
+        indicators_of_nothing(&e);
         ex_close(&e);
     }
     const fmi2CallbackFunctions silent = {NULL, NULL, NULL, NULL, NULL};

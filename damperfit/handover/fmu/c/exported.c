@@ -205,7 +205,7 @@ static int output_of_run(ex_instance *e, unsigned reference, double *value)
 /* What the equations say where the instance stands. */
 static int get_calculated(ex_instance *e, unsigned reference, double *value)
 {
-    double z[EX_N_INDICATORS];
+    double z[EX_N_INDICATORS] = {0.0}; /* left so where the equations fail */
     ex_point p;
     if (e->kind == EX_CO_SIMULATION && reference >= EX_FORCE && reference <= EX_PRESSURE_3)
         return output_of_run(e, reference, value);
