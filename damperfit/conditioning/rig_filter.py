@@ -3,9 +3,9 @@
 Sensor noise is about as strong just above the motion's harmonics as near half the sample rate. A
 low-pass in the rig takes it away up there by several powers of ten, in both channels. The ratio of
 the two levels, as medians over the lines of the spectrum so that harmonics do not count, was
-measured on made-up logs (`python -m tests.conditioning.limits --filters`): without a filter 0.7 to
-1.4 for displacement and 1 to 20 for force; behind 30 or 60 Hz up to 990 and 56 000, but 4 and 130
-where the noise that is left is below the last digit of the log. Such a filter is not seen.
+measured on made-up logs (`python -m tests.conditioning.limits --filters`): without a filter 0.5 to
+1.7 for displacement and 0.2 to 1.9 for force; behind 30 or 60 Hz up to 1500 and 41 000, but 3.5 and
+34 where the noise that is left is below the last digit of the log. Such a filter is not seen.
 Lines beside a harmonic are left out: in a short cut of a fast motion none may be left to tell.
 """
 

@@ -196,7 +196,7 @@ def filter_rows() -> Iterator[str]:
                         if corner:
                             values = sosfilt(butter(4, corner, fs=rate, output="sos"), values)
                         values = STEPS[name] * np.round(values / STEPS[name])
-                        found.append(_fall(values, 1.0 / rate))
+                        found.append(_fall(values, 1.0 / rate, FREQUENCY))
         ranges = (f"{name} {min(found):.3g} to {max(found):.3g}" for name, found in falls.items())
         yield f"{f'{corner:g} Hz' if corner else 'no filter':10s} {', '.join(ranges)}"
 
