@@ -162,12 +162,23 @@ def _explain(error: Exception) -> tuple[str, int]:
         return _usage_message(error), 2
     if isinstance(error, typer.Abort):
         return "interrupted", _INTERRUPTED
-    if isinstance(error, OSError) and error.errno == errno.ENOSPC:
-        return f"cannot write the output: {error.strerror}", 1
+    return _of_the_machine(error) or (
+        f"internal error, {type(error).__name__}: {error}; this is a bug, --debug shows where",
+        _BUG,
+    )
+
+
+def _of_the_machine(error: Exception) -> tuple[str, int] | None:
+    """Return the same of what disk and memory do not allow; None of anything else."""
+    code = error.errno if isinstance(error, OSError) else None
+    if code == errno.ENOSPC:
+        return f"cannot write the output: {getattr(error, 'strerror', '')}", 1
+    if code == errno.ENAMETOOLONG:
+        name = str(getattr(error, "filename", ""))
+        return f"{name[:40]}...: a file's name cannot be that long; give a shorter one", 2
     if isinstance(error, MemoryError):
         return "out of memory; give fewer or shorter logs at a time", 1
-    kind = type(error).__name__
-    return f"internal error, {kind}: {error}; this is a bug, --debug shows where", _BUG
+    return None
 
 
 def _usage_message(error: Any) -> str:

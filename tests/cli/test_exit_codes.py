@@ -49,6 +49,12 @@ RAISED = [
     pytest.param(
         OSError(errno.ENOSPC, "No space"), 1, "cannot write the output: No space", id="disk"
     ),
+    pytest.param(
+        OSError(errno.ENAMETOOLONG, "File name too long", "n" * 300),
+        2,
+        "nnn...: a file's name cannot be that long; give a shorter one",
+        id="long name",
+    ),
     pytest.param(MemoryError(), 1, "out of memory; give fewer or shorter logs", id="memory"),
     pytest.param(KeyboardInterrupt(), 130, "interrupted", id="interrupt"),
     pytest.param(typer.Abort(), 130, "interrupted", id="abort"),
