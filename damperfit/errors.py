@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
     OnError = Callable[[Setting, Exception], None]
 

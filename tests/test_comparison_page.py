@@ -12,7 +12,7 @@ import pytest
 from damperfit.comparison import ComparisonOptions, compare_runs, parse_tolerance, tolerated
 from damperfit.report import comparison_markdown, comparison_page
 from damperfit.report.plots.compared_runs import difference_plots, loop_plots
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 from tests.comparison.runs import DAMPING, GAS, measured, run
 
 pytest.importorskip("plotly")

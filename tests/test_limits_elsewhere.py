@@ -32,8 +32,6 @@ from damperfit.handover.account import _mse
 from damperfit.handover.fmu.archive import _data
 from damperfit.handover.force_table import _speeds_beyond
 from damperfit.identification import Status
-from damperfit.identity import _listed
-from damperfit.quantities import _hint
 from damperfit.queries.one_simulation import SimulatedTest
 from damperfit.readers import write_buffers
 from damperfit.report.evaluated_log import _stretch
@@ -49,9 +47,11 @@ from damperfit.report.terminal_table import terminal_table
 from damperfit.run import like_speeds, rod_area
 from damperfit.run.law_choice import _told_most
 from damperfit.samples.logs import _is_sample
-from damperfit.setting import parse_place
 from damperfit.tables import reading
+from damperfit.tested.identity import _listed
+from damperfit.tested.setting import parse_place
 from damperfit.uncertainty import linearisation, profile_walk, withheld
+from damperfit.units.quantities import _hint
 
 
 def is_refused(call, *arguments, error: type[Exception] = ConfigurationError) -> bool:

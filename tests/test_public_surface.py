@@ -147,7 +147,7 @@ SURFACE = {
         "tabulate_forces",
     ],
     "damperfit.run.readings": ["Readings"],
-    "damperfit.adjuster_words": [
+    "damperfit.tested.adjuster_words": [
         "lettered",
         "letters_of",
         "words_of",
@@ -501,7 +501,7 @@ SURFACE = {
         "skipped_files",
     ],
     "damperfit.manual": ["Page", "TOPICS", "read_page"],
-    "damperfit.identity": [
+    "damperfit.tested.identity": [
         "IDENTITY_KEYS",
         "Identity",
         "common_identity",
@@ -572,8 +572,8 @@ SURFACE = {
         "fisher_quantile",
         "student_quantile",
     ],
-    "damperfit.shown_units": ["SI", "ShownUnits", "parse_units"],
-    "damperfit.quantities": [
+    "damperfit.units.shown_units": ["SI", "ShownUnits", "parse_units"],
+    "damperfit.units.quantities": [
         "QuantityError",
         "Unit",
         "engineering",
@@ -694,7 +694,7 @@ SURFACE = {
         "gas_in_words",
         "parameter_value",
     ],
-    "damperfit.setting": [
+    "damperfit.tested.setting": [
         "ADJUSTER",
         "LONGEST_WORD",
         "Line",
@@ -891,6 +891,8 @@ ROOMS = {
     "damperfit.fleet",
     "damperfit.queries",
     "damperfit.run",
+    "damperfit.tested",
+    "damperfit.units",
 }
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from damperfit.errors import ConfigurationError
-from damperfit.quantities import (
+from damperfit.units.quantities import (
     _TABLE,
     QuantityError,
     find_unit,

@@ -24,8 +24,8 @@ from damperfit.report.json_records import (
     trends_in,
 )
 from damperfit.report.page.summary import summary
-from damperfit.setting import Setting
 from damperfit.tables import Results
+from damperfit.tested.setting import Setting
 
 _FINITE = st.floats(allow_nan=False, allow_infinity=False)
 _FLOAT = _FINITE | st.just(math.nan)

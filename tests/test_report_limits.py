@@ -31,8 +31,8 @@ from damperfit.report.sheets.mse_sheet import grade_counts
 from damperfit.report.sheets.rounding import number, percent, with_interval
 from damperfit.report.sheets.sheet import sheet_width
 from damperfit.report.sheets.sparkline import differ
-from damperfit.setting import Setting
 from damperfit.tables import Results, grade, make_tables, read_results
+from damperfit.tested.setting import Setting
 from tests.fakes import campaign, fit
 from tests.report_folder import make_results
 from tests.test_report import FACTS

@@ -11,9 +11,9 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.report.evaluated_log import evaluate_logs
 from damperfit.run.trust import ladder_advice
-from damperfit.setting import Setting
 from damperfit.simulation import characterise, mean_figures, simulate, sine_motion
 from damperfit.tables import LogSignals, Results
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, Objection
 from tests.fakes import fit
 

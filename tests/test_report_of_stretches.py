@@ -13,8 +13,8 @@ from damperfit.report.plots.all_settings import campaign_plots
 from damperfit.report.plots.branches import mean_branches
 from damperfit.report.plots.one_log import setting_plots
 from damperfit.report.sheets.stretch_sheet import measured_stretch_sheet
-from damperfit.setting import Setting
 from damperfit.tables import LogSignals
+from damperfit.tested.setting import Setting
 
 RATE = 1000.0
 SPEEDS = ((1.0, 0.03, 4), (2.0, 0.03, 6), (5.0, 0.004, 5))

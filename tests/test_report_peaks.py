@@ -18,9 +18,9 @@ from damperfit.report.plots.all_settings import _peaks
 from damperfit.report.sheets.in_units import clicks_in_units, rows_in_units, sheet_in_units
 from damperfit.report.sheets.parameter_sheet import shared_sentence
 from damperfit.report.sheets.peak_sheet import PeakPoint, peak_sheet
-from damperfit.setting import Setting
-from damperfit.shown_units import parse_units
 from damperfit.tables import PAPER_QUANTITIES, make_tables
+from damperfit.tested.setting import Setting
+from damperfit.units.shown_units import parse_units
 from tests.fakes import campaign, fit
 
 READ = StretchFigures(812.34, -604.5, 0.3016, 0.2987, 61.25, 0.15, 20.0, -18.0)

@@ -10,8 +10,8 @@ import pytest
 from damperfit.damper.valve_characteristics import ValveCharacteristic
 from damperfit.report import draw_plot, report_plots
 from damperfit.report.plots.valves import valve_plots
-from damperfit.setting import Setting
 from damperfit.tables import Results, lay_out, read_results, valve_rows, write_table
+from damperfit.tested.setting import Setting
 from tests.report_folder import make_results
 
 RAMP = np.linspace(0.0, 8e5, 9)

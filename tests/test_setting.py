@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from damperfit.setting import (
+from damperfit.tested.setting import (
     LONGEST_WORD,
     Setting,
     lines_of,

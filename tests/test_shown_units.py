@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from damperfit.quantities import QuantityError
-from damperfit.shown_units import SI, parse_units
+from damperfit.units.quantities import QuantityError
+from damperfit.units.shown_units import SI, parse_units
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,6 @@ from damperfit.adjustment.level import STROKES, Level
 from damperfit.damper.model import Model, Values
 from damperfit.errors import SimulationError, sparing
 from damperfit.parallel import executor
-from damperfit.setting import ADJUSTER, lines_of
 from damperfit.simulation import (
     NAMED_SPEEDS,
     Response,
@@ -35,6 +34,7 @@ from damperfit.simulation import (
     sine_motion,
 )
 from damperfit.statistics import NORMAL_95
+from damperfit.tested.setting import ADJUSTER, lines_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from damperfit.errors import OnError
     from damperfit.identification import Fit
     from damperfit.recording import Trace
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Uncertainty
 
     FloatArray = NDArray[np.float64]

@@ -13,7 +13,7 @@ from damperfit.statistics import NORMAL_95
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
 

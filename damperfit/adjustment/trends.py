@@ -11,9 +11,9 @@ import numpy as np
 from damperfit.adjustment.curves import LEAST_SCATTER, Curve, Points
 from damperfit.adjustment.selection import LEAST_FOR_OUTLIERS, LEAST_FOR_TREND, choose
 from damperfit.identification import Status
-from damperfit.quantities import engineering
-from damperfit.setting import ADJUSTER, Line, Setting, lines_of
 from damperfit.statistics import student_quantile
+from damperfit.tested.setting import ADJUSTER, Line, Setting, lines_of
+from damperfit.units.quantities import engineering
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.setting import ADJUSTER, Setting, lines_of
+from damperfit.tested.setting import ADJUSTER, Setting, lines_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
     from damperfit.adjustment.level import Level
-    from damperfit.setting import Line
+    from damperfit.tested.setting import Line
 
     FloatArray = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import re
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError
-from damperfit.quantities import units_of
+from damperfit.units.quantities import units_of
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from damperfit.checks.physical_checks import PHYSICAL_CHECKS
 from damperfit.identification import Status
 from damperfit.identification.sharing import listed_runs, listed_settings
-from damperfit.setting import ADJUSTER, clicks_between
+from damperfit.tested.setting import ADJUSTER, clicks_between
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from damperfit.adjustment import Adjustment
     from damperfit.identification import Campaign, Fit
     from damperfit.recording import Trace
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Assessment, Diagnosis, Objection
 
 __all__ = [

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Quantity
     from damperfit.identification import Fit
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Objection
 
     Objections = Mapping[Setting, Sequence[Objection]]

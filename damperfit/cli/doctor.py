@@ -86,8 +86,8 @@ def _fit() -> str:
     from damperfit.errors import SimulationError
     from damperfit.identification import FitOptions, identify
     from damperfit.recording import Recording
-    from damperfit.setting import Setting
     from damperfit.simulation import simulate, sine_motion
+    from damperfit.tested.setting import Setting
 
     begun = time.perf_counter()
     truth = reference_parameters(10)

@@ -23,7 +23,7 @@ from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from damperfit.handover import Target
-    from damperfit.shown_units import ShownUnits
+    from damperfit.units.shown_units import ShownUnits
 
 __all__ = ["export"]
 
@@ -65,7 +65,7 @@ def export(
     Example: damperfit export results --to csv
     """
     from damperfit.handover import TARGETS, ExportOptions, find_target, hand_over, what_is_lost
-    from damperfit.quantities import parse_quantity
+    from damperfit.units.quantities import parse_quantity
 
     if list_:
         _show(tuple(TARGETS.values()), is_json=json)
@@ -113,7 +113,7 @@ def _chosen(target: Target, units: str | None, decimal: str) -> tuple[ShownUnits
     ConfigurationError
         It does not, or they are none.
     """
-    from damperfit.shown_units import SI, parse_units
+    from damperfit.units.shown_units import SI, parse_units
 
     given = {"units": units is not None, "decimal": decimal != "."}
     for option, is_given in given.items():

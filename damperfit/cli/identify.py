@@ -241,7 +241,7 @@ def identify(
 
 def _known(units: str | None) -> str | None:
     """Return the list of units once it is known that each is one."""
-    from damperfit.shown_units import parse_units
+    from damperfit.units.shown_units import parse_units
 
     if units is not None:
         parse_units(units)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from damperfit.configuration.options import Configuration
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = [
     "assignments",
@@ -186,7 +186,7 @@ def declared_setting(text: str | None, configuration: Configuration) -> Setting 
     ConfigurationError
         The text is none.
     """
-    from damperfit.setting import parse_setting
+    from damperfit.tested.setting import parse_setting
 
     try:
         return None if text is None else parse_setting(text, configuration.reading.adjusters)

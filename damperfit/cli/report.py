@@ -99,7 +99,7 @@ def write_report(
     from damperfit.atomic import file_set
     from damperfit.queries.fleet_part import results_in, title_of
     from damperfit.report import html_report, report_plots
-    from damperfit.shown_units import parse_units
+    from damperfit.units.shown_units import parse_units
 
     found = results_in(results)
     shown = report_plots(found, None if units is None else parse_units(units))

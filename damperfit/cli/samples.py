@@ -56,8 +56,8 @@ def samples(
     Example: damperfit samples my_runs --settings 1-5
     """
     from damperfit.cli.progress import progress
-    from damperfit.quantities import parse_quantity
     from damperfit.samples import SampleOptions, make_samples
+    from damperfit.units.quantities import parse_quantity
 
     loaded = configured(config, ("--model", "damper.model", model))
     options = SampleOptions(

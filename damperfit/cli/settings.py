@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from damperfit.queries.force_by_setting import ForceTable, Question
     from damperfit.readers import ReadOptions
     from damperfit.report import Sheet
-    from damperfit.shown_units import ShownUnits
+    from damperfit.units.shown_units import ShownUnits
 
 __all__ = ["settings"]
 
@@ -85,7 +85,7 @@ def settings(
     from damperfit.queries.adjuster_results import read_adjuster
     from damperfit.queries.force_by_setting import parse_question, tabulate_forces
     from damperfit.run.logs import available_cores
-    from damperfit.shown_units import SI, parse_units
+    from damperfit.units.shown_units import SI, parse_units
 
     shown = SI if units is None else parse_units(units)
     question = parse_question(force=force, velocity=velocity, stroke=stroke)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from damperfit.adjustment import Sine
     from damperfit.comparison.run import FittedRun, Run
     from damperfit.errors import Mishap
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["ComparisonOptions", "RunComparison", "compare_runs"]
 

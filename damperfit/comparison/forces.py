@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from damperfit.adjustment import Level, Sine
     from damperfit.comparison.run import FittedRun, Run
     from damperfit.errors import OnError
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["force_readings", "freedom_of"]
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from damperfit.comparison.run import Run
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["SAME_MOTION", "common_tests", "figure_readings", "measured_readings", "repeat_scatter"]
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from damperfit.comparison.run import FittedRun
     from damperfit.damper.model import Quantity
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["comparable_quantities", "figure_lines", "parameter_readings"]
 

@@ -18,7 +18,7 @@ from scipy.special import stdtr, stdtrit
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = [
     "SEEN",

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
     from damperfit.adjustment import Sine, Stage
     from damperfit.damper.model import Model, Quantity
-    from damperfit.setting import Setting
     from damperfit.simulation import SolverOptions
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty import SpeedForces
 
     FloatArray = NDArray[np.float64]

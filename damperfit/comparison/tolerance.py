@@ -13,7 +13,7 @@ from damperfit.comparison.forces import force_readings
 from damperfit.comparison.measured import measured_readings
 from damperfit.comparison.reading import half_interval
 from damperfit.errors import ConfigurationError
-from damperfit.quantities import parse_quantity
+from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from damperfit.comparison.comparing import ComparisonOptions, RunComparison
     from damperfit.comparison.reading import Difference, Reading
     from damperfit.comparison.run import Run
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["Band", "Point", "Tolerance", "bands_met", "parse_tolerance", "read_bands", "tolerated"]
 

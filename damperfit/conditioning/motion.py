@@ -24,8 +24,8 @@ from damperfit.conditioning.corner import fitting_corner
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.drive import content_beyond
 from damperfit.conditioning.filters import gain_at
-from damperfit.quantities import parse_quantity
 from damperfit.recording import Finding
+from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -13,7 +13,7 @@ from pydantic import field_validator as checks
 from damperfit.damper.declared_network import declared_passages
 from damperfit.damper.models import MODELS
 from damperfit.errors import ConfigurationError
-from damperfit.quantities import parse_quantity, says_absolute_or_gauge
+from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError
-from damperfit.quantities import parse_quantity, says_absolute_or_gauge
-from damperfit.shown_units import SI, ShownUnits
+from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
+from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model, Quantity
     from damperfit.identification import FitOptions
     from damperfit.readers import ReadOptions
-    from damperfit.setting import Setting
     from damperfit.simulation import SolverOptions
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty import HoldOutOptions
 
 __all__ = [

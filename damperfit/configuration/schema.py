@@ -44,12 +44,12 @@ from damperfit.configuration.what_is_tested import (
 from damperfit.damper.models import MODELS
 from damperfit.errors import did_you_mean
 from damperfit.identification import DETECT, FitOptions, GivenStart, check_options
-from damperfit.quantities import parse_quantity
 from damperfit.readers import Profile, ReadOptions
 from damperfit.readers.options import Declarations
-from damperfit.shown_units import parse_units
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import HoldOutOptions, check_profile_names
+from damperfit.units.quantities import parse_quantity
+from damperfit.units.shown_units import parse_units
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -14,9 +14,9 @@ from damperfit.damper.models import MODELS
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.identity import IDENTITY_KEYS, Identity
-from damperfit.setting import Setting, parse_setting
 from damperfit.tables import column_names
+from damperfit.tested.identity import IDENTITY_KEYS, Identity
+from damperfit.tested.setting import Setting, parse_setting
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

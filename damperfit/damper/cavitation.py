@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.recording import Trace
-    from damperfit.setting import Setting
     from damperfit.simulation import Response
+    from damperfit.tested.setting import Setting
 
 __all__ = ["Cavitation", "describe_cavitation", "emptiest", "seen_cavitation"]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
-from damperfit.setting import Setting, parse_setting
+from damperfit.tested.setting import Setting, parse_setting
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

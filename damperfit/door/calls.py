@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model
     from damperfit.door.tables import Comparison, Inspection
     from damperfit.recording import Recording
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["compare", "export", "identify", "inspect", "load", "read", "simulate"]
 
@@ -322,7 +322,7 @@ def export(
     """
     from damperfit.atomic import file_set
     from damperfit.handover import ExportOptions, find_target, hand_over
-    from damperfit.quantities import parse_quantity
+    from damperfit.units.quantities import parse_quantity
 
     if to is None:
         raise ConfigurationError(

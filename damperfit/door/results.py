@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from damperfit.door.simulations import Simulation
     from damperfit.report import Sheet
-    from damperfit.setting import Setting
     from damperfit.tables import Results
+    from damperfit.tested.setting import Setting
 
 __all__ = ["Result", "SettingResult"]
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
     from damperfit.queries.one_simulation import SimulatedTest
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
 

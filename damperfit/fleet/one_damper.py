@@ -17,8 +17,8 @@ from damperfit.fleet.stores import UnreachableError
 from damperfit.fleet.tasks import UNREADABLE, content_key, hash_of, in_unicode, told_by
 from damperfit.queries.baseline import compared_record
 from damperfit.run.labelling import labels_for
-from damperfit.setting import ADJUSTER
 from damperfit.simulation.characteristics import NAMED_SPEEDS
+from damperfit.tested.setting import ADJUSTER
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

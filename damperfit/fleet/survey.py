@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.fleet.parts import SERIAL
-from damperfit.setting import Setting, parse_place
+from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

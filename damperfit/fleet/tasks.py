@@ -13,11 +13,11 @@ from damperfit import __version__
 from damperfit.errors import ConfigurationError
 from damperfit.fleet.sources import brought_here, head_of
 from damperfit.fleet.unchanged import AT_ONCE
-from damperfit.identity import identity_in
 from damperfit.parallel import executor
 from damperfit.readers import TestsTable, is_tests_table, read_tests
 from damperfit.recording import natural_order
 from damperfit.run.work import sha256_of
+from damperfit.tested.identity import identity_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Values
     from damperfit.handover.handed_over import HandedOver, HandedSetting
-    from damperfit.setting import Setting
     from damperfit.simulation import SolverOptions
+    from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from damperfit.adjustment import Sine
 from damperfit.errors import ConfigurationError
 from damperfit.queries.fleet_part import is_part, part_in, results_in, title_of
 from damperfit.queries.origin import configuration_of_run, motion_of_tests
-from damperfit.setting import Setting
 from damperfit.tables import values_from
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from damperfit.handover.handed_over import HandedOver
     from damperfit.handover.targets import ExportOptions
-    from damperfit.shown_units import ShownUnits
+    from damperfit.units.shown_units import ShownUnits
 
 __all__ = ["TABLE_NAMES", "PlainTable", "forces_by_setting", "stored_tables"]
 

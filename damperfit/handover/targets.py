@@ -19,7 +19,7 @@ from damperfit.handover.matlab import write_matlab
 from damperfit.handover.modelica import write_modelica
 from damperfit.handover.plain_tables import TABLE_NAMES
 from damperfit.handover.workbook import write_xlsx
-from damperfit.shown_units import SI, ShownUnits
+from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -28,7 +28,7 @@ from damperfit.identification.settled import SettledLogs, settled
 from damperfit.identification.sharing import MEAN, TAKEN
 from damperfit.parallel import executor
 from damperfit.recording import Trace, natural_order
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -12,7 +12,7 @@ from damperfit.identification.failures import SettingFailure, attempted
 from damperfit.identification.setting import Fit, Judged
 from damperfit.identification.sharing import Sharing
 from damperfit.parallel import executor
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

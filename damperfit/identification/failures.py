@@ -17,7 +17,7 @@ from damperfit.identification.descent import FitCancelledError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["SettingError", "SettingFailure", "attempted", "attempted_for_all"]
 

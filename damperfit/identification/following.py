@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
     from damperfit.identification.descent import Misfit
     from damperfit.identification.unknowns import Follows, Unknown
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
 

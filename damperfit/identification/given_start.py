@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError
-from damperfit.setting import nearest_setting
+from damperfit.tested.setting import nearest_setting
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from damperfit.damper.model import Quantity
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["GivenStart", "check_start"]
 

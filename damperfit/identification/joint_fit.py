@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from damperfit.identification.descent import Misfit
     from damperfit.identification.paper.gas_content import GasLaw
     from damperfit.parallel import InTurn, Threads
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from damperfit.damper.purdy.parameters import Damper
     from damperfit.identification.descent import Misfit
     from damperfit.identification.setting import Fit
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["JointResult", "fit_together"]
 

@@ -24,8 +24,8 @@ from damperfit.identification.setting import (
     relative_errors,
 )
 from damperfit.identification.sharing import listed_settings
-from damperfit.setting import Setting
 from damperfit.statistics import CHI_SQUARED_95
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

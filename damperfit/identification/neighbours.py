@@ -16,8 +16,8 @@ from damperfit.identification.outcome import Outcome
 from damperfit.identification.restarts import LEAST, WELL_ABOVE
 from damperfit.identification.setting import attempt, describe_fit
 from damperfit.parallel import executor
-from damperfit.setting import nearest_setting
 from damperfit.statistics import CHI_SQUARED_95
+from damperfit.tested.setting import nearest_setting
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from damperfit.identification.descent import Misfit
     from damperfit.identification.every_setting import Campaign
     from damperfit.identification.setting import Fit
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["beside_neighbours"]
 

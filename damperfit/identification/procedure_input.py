@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from damperfit.identification.setting import Fit
     from damperfit.identification.settled import SettledLogs
     from damperfit.recording import Trace
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["ProcedureInput"]
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from damperfit.damper.detour import Detour
     from damperfit.damper.model import Values
     from damperfit.recording import Trace
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = [
     "EXCELLENT",

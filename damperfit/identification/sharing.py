@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 from damperfit.identification.paper.gas_content import GAS_FOLLOWER, GAS_NAMES
 from damperfit.identification.unknowns import Follows, Unknown, unknown_at, unknowns_of
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from damperfit.identification.paper.gas_content import GasLaw
-    from damperfit.setting import Place
+    from damperfit.tested.setting import Place
 
 __all__ = ["MEAN", "TAKEN", "Sharing", "listed_runs", "listed_settings"]
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from damperfit.setting import Place, Setting
+    from damperfit.tested.setting import Place, Setting
 
 __all__ = ["Follows", "Unknown", "unknown_at", "unknowns_of"]
 
@@ -63,7 +63,7 @@ def unknowns_of(
 
     Examples
     --------
-    >>> from damperfit.setting import Setting
+    >>> from damperfit.tested.setting import Setting
     >>> at = [Setting((("low", a), ("high", b))) for a in (6, 14) for b in (1, 3)]
     >>> [one.label for one in unknowns_of(["s", "k_s"], {"s": ("low",)}, at)]
     ['s at low 6', 's at low 14', 'k_s']

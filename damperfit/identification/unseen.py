@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -37,7 +37,7 @@ def put_together(known: Mapping[Setting, Values], setting: Setting) -> Values | 
     Examples
     --------
     >>> from damperfit.damper.model import Quantity, values_type
-    >>> from damperfit.setting import Setting
+    >>> from damperfit.tested.setting import Setting
     >>> s = Quantity("s", "s", "bleed", "bleed", "Pa", (1.0, 9.0))
     >>> p = Quantity("p", "p", "opening", "opening", "Pa", (1.0, 9.0))
     >>> at = lambda low, high: Setting((("low", low), ("high", high)))

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
     from damperfit.identification.minimiser import Minimum, Point
     from damperfit.recording import Trace
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
 

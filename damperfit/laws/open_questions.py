@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from damperfit.laws.ladder import Ladder
     from damperfit.laws.law_fit import LawFit, SettingLogs
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["undecided"]
 

@@ -11,14 +11,14 @@ import numpy as np
 from damperfit.adjustment import Sine, Stage
 from damperfit.errors import ConfigurationError
 from damperfit.identification.sharing import listed_settings
-from damperfit.quantities import parse_quantity
 from damperfit.queries.fleet_part import results_in
 from damperfit.queries.origin import configuration_of_run, motion_of_tests
 from damperfit.report.json_records import listed_in, read_back
-from damperfit.setting import Setting
 from damperfit.simulation import refuse_amplitude
 from damperfit.tables import values_from
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty import SpeedForces
+from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

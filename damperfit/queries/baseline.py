@@ -12,9 +12,9 @@ import numpy as np
 from damperfit import __version__
 from damperfit.comparison import MeasuredTest
 from damperfit.errors import ConfigurationError
-from damperfit.setting import Setting
 from damperfit.tables import Results, column_names, quantities_in
 from damperfit.tables.columns import adjusters_in, read_setting, setting_cells
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -17,8 +17,8 @@ from damperfit.comparison import (
     tolerated,
 )
 from damperfit.errors import ConfigurationError
-from damperfit.quantities import parse_quantity
 from damperfit.queries.runs_to_compare import Pair, holds_runs, named_apart, pairs_of, read_run
+from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -15,8 +15,8 @@ from damperfit.configuration.drawings import DRAWINGS, MEASURED
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.models import model_named
 from damperfit.errors import DamperfitError, LogError
-from damperfit.identity import IDENTITY_KEYS, common_identity, identity_in
 from damperfit.readers import guess_settings, read_logs
+from damperfit.tested.identity import IDENTITY_KEYS, common_identity, identity_in
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

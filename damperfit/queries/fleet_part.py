@@ -10,9 +10,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from damperfit.errors import ConfigurationError
-from damperfit.setting import Setting, parse_place
 from damperfit.tables import Results, quantities_in, read_results
 from damperfit.tables.columns import adjusters_in
+from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -19,8 +19,8 @@ from damperfit.adjustment import (
 )
 from damperfit.errors import ConfigurationError, Mishap, mishap_of
 from damperfit.identification.sharing import listed_settings
-from damperfit.quantities import parse_quantity
-from damperfit.setting import Setting, lines_of
+from damperfit.tested.setting import Setting, lines_of
+from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -25,7 +25,6 @@ from damperfit.identification import put_together
 from damperfit.queries.fleet_part import is_part, part_in
 from damperfit.queries.origin import configured_as, origin_of
 from damperfit.readers import read_log
-from damperfit.setting import ADJUSTER, Setting, parse_setting
 from damperfit.simulation import (
     Characteristics,
     Response,
@@ -37,6 +36,7 @@ from damperfit.simulation import (
     triangle_motion,
 )
 from damperfit.tables import read_parameters, table_quantities
+from damperfit.tested.setting import ADJUSTER, Setting, parse_setting
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence

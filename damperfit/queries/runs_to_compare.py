@@ -19,8 +19,8 @@ from damperfit.queries.fleet_part import is_part, read_part
 from damperfit.readers import read_curves, read_logs
 from damperfit.recording import natural_order
 from damperfit.report.json_records import listed_in, number_in
-from damperfit.setting import Setting, parse_place
 from damperfit.tables import LogSignals, Results, read_results
+from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.identity import identity_in
 from damperfit.readers.channels import all_told_together, choose_channels, has_channel
 from damperfit.readers.options import EXTRAS
 from damperfit.readers.setting_number import (
@@ -22,7 +21,8 @@ from damperfit.readers.setting_number import (
 )
 from damperfit.readers.write_buffers import TITLE, join_buffers
 from damperfit.recording import Recording
-from damperfit.setting import Setting
+from damperfit.tested.identity import identity_in
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

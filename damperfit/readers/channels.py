@@ -8,8 +8,8 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError, did_you_mean
-from damperfit.quantities import QuantityError, Unit, find_unit, is_unit, units_of
 from damperfit.readers.options import CHANNELS, EXTRAS
+from damperfit.units.quantities import QuantityError, Unit, find_unit, is_unit, units_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence

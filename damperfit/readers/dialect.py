@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError
-from damperfit.quantities import is_unit
 from damperfit.readers.channels import mentions_channel, visible
 from damperfit.readers.options import SEPARATORS, Declarations
+from damperfit.units.quantities import is_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.quantities import QuantityError, find_unit
 from damperfit.readers.channels import (
     all_told_together,
     has_channel,
@@ -26,16 +25,17 @@ from damperfit.readers.channels import (
     visible,
     words_of,
 )
+from damperfit.units.quantities import QuantityError, find_unit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from damperfit.quantities import Unit
     from damperfit.readers.files import Source
     from damperfit.readers.options import ReadOptions
     from damperfit.readers.table import Column, Table
+    from damperfit.units.quantities import Unit
 
     FloatArray = NDArray[np.float64]
     _Part = tuple[str, FloatArray, FloatArray]  # stroke, speeds, forces

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from damperfit.quantities import is_unit
-from damperfit.setting import Setting, parse_place
+from damperfit.tested.setting import Setting, parse_place
+from damperfit.units.quantities import is_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

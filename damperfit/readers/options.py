@@ -9,14 +9,14 @@ from fnmatch import fnmatch
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.identity import IDENTITY_KEYS
-from damperfit.quantities import find_unit
-from damperfit.setting import ADJUSTER
+from damperfit.tested.identity import IDENTITY_KEYS
+from damperfit.tested.setting import ADJUSTER
+from damperfit.units.quantities import find_unit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = [
     "CHANNELS",

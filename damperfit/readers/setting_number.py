@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError
-from damperfit.identity import IDENTITY_KEYS
 from damperfit.readers.channels import visible
 from damperfit.readers.options import SETTING_PATTERN
-from damperfit.setting import ADJUSTER, Setting, parse_place, parse_setting
+from damperfit.tested.identity import IDENTITY_KEYS
+from damperfit.tested.setting import ADJUSTER, Setting, parse_place, parse_setting
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from damperfit.setting import Place
+    from damperfit.tested.setting import Place
 
 __all__ = ["Told", "file_setting", "place_of", "preamble_setting", "setting_in_words"]
 

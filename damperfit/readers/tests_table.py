@@ -13,15 +13,15 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.identity import IDENTITY_KEYS, Identity, identity_in
-from damperfit.quantities import parse_quantity, says_absolute_or_gauge
-from damperfit.setting import ADJUSTER, parse_place, parse_setting
+from damperfit.tested.identity import IDENTITY_KEYS, Identity, identity_in
+from damperfit.tested.setting import ADJUSTER, parse_place, parse_setting
+from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from damperfit.setting import Place
+    from damperfit.tested.setting import Place
 
 __all__ = ["TestRow", "TestsTable", "is_tests_table", "read_tests"]
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.recording import Finding, StretchFigures
-    from damperfit.setting import Setting
     from damperfit.tables import LogSignals, Results
+    from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from damperfit.checks import Check
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Prediction
 
 __all__ = ["Failure", "ReportFacts", "failure_lines"]

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_h
 
 from damperfit.adjustment import Click, Outlier, Trend, TrendPoint
 from damperfit.checks import Check
-from damperfit.quantities import QuantityError
 from damperfit.recording import Finding
 from damperfit.report.failures_and_warnings import Failure
-from damperfit.setting import Place, Setting, parse_place
-from damperfit.shown_units import SI, ShownUnits, parse_units
+from damperfit.tested.setting import Place, Setting, parse_place
+from damperfit.units.quantities import QuantityError
+from damperfit.units.shown_units import SI, ShownUnits, parse_units
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

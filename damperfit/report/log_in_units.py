@@ -10,7 +10,7 @@ from damperfit.simulation import Characteristics, SpeedForce
 if TYPE_CHECKING:
     from damperfit.recording import StretchFigures
     from damperfit.report.evaluated_log import EvaluatedLog
-    from damperfit.shown_units import ShownUnits
+    from damperfit.units.shown_units import ShownUnits
 
     Figures = TypeVar("Figures", Characteristics, StretchFigures)
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Quantity
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["start_of_laws", "with_given_start"]
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.run.hold_out import Parted
     from damperfit.run.mishaps import Mishaps
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Objection, Prediction
 
 __all__ = ["assessed", "judge", "with_profiles"]

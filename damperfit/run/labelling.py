@@ -12,9 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from damperfit.adjuster_words import letters_of
 from damperfit.errors import ConfigurationError, LogError
-from damperfit.identity import Identity, identity_in
 from damperfit.readers import (
     Guess,
     TestRow,
@@ -26,7 +24,9 @@ from damperfit.readers import (
 )
 from damperfit.readers.options import SETTING_PATTERN
 from damperfit.readers.setting_number import file_setting
-from damperfit.setting import Setting, parse_place
+from damperfit.tested.adjuster_words import letters_of
+from damperfit.tested.identity import Identity, identity_in
+from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.readers.options import ReadOptions
     from damperfit.recording import Recording
-    from damperfit.setting import Place
+    from damperfit.tested.setting import Place
 
 __all__ = ["FROM_NAME", "GUESSED", "Labels", "labels_for"]
 

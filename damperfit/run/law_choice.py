@@ -24,7 +24,7 @@ from damperfit.run.hold_out import named_files, part, with_transients
 from damperfit.run.log_paths import expand
 from damperfit.run.logs import available_cores, read_batch
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
-from damperfit.setting import nearest_setting
+from damperfit.tested.setting import nearest_setting
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from damperfit.laws import Ladder, LawFit, Rung, Tried
     from damperfit.report import Failure
     from damperfit.run.hold_out import Parted
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["LAYOUTS", "LawChoice", "choose_law", "with_chosen_law"]
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.recording import Trace
     from damperfit.run.logs import LogBatch
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
 

@@ -26,7 +26,6 @@ from damperfit.errors import (
     mishap_of,
 )
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.identity import Identity
 from damperfit.parallel import executor
 from damperfit.readers import is_tests_table, read_curves, read_logs
 from damperfit.recording import Finding
@@ -34,6 +33,7 @@ from damperfit.report import Failure
 from damperfit.run.labelling import FROM_NAME, GUESSED, labels_for
 from damperfit.run.own_tables import is_own_table
 from damperfit.run.tested_at import conditioned_as_tested
+from damperfit.tested.identity import Identity
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.recording import Recording, Trace
     from damperfit.run.labelling import Labels
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 _LOGGER = logging.getLogger(__name__)
 _LARGE = 1_000_000  # bytes

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.report import Failure
     from damperfit.run.logs import LogBatch
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["Mishaps"]
 

@@ -6,7 +6,7 @@ import re
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from damperfit.quantities import units_of
+from damperfit.units.quantities import units_of
 
 if TYPE_CHECKING:
     from pathlib import Path

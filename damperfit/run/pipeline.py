@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Fit
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["Watch", "find_each", "run", "run_each"]
 

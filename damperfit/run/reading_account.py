@@ -9,7 +9,7 @@ import math
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
     from damperfit.run.logs import LogBatch, LogFacts

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from damperfit.identification import Campaign
     from damperfit.recording import Finding
     from damperfit.run.logs import LogBatch
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = [
     "MANY",

@@ -15,23 +15,23 @@ from damperfit.checks import Check, missed_gates
 from damperfit.damper.cavitation import describe_cavitation
 from damperfit.identification import Outcome, Status, describe_searches
 from damperfit.identification.sharing import MEAN
-from damperfit.identity import common_identity
-from damperfit.quantities import engineering
 from damperfit.report import Failure, ReportFacts, to_record
 from damperfit.run.reading_account import Ending, json_values, log_input
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
 from damperfit.run.trust import confidence_record, ladder_advice, unconfirmed_tares
-from damperfit.setting import ADJUSTER, Setting
 from damperfit.tables import SCHEMA_VERSION, describe_tables, quantity_records
+from damperfit.tested.identity import common_identity
+from damperfit.tested.setting import ADJUSTER, Setting
 from damperfit.uncertainty import METHOD, Assessment, prediction_warnings
+from damperfit.units.quantities import engineering
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Campaign, Fit
-    from damperfit.identity import Identity
     from damperfit.run.logs import LogBatch
+    from damperfit.tested.identity import Identity
     from damperfit.uncertainty import Prediction
 
 __all__ = [

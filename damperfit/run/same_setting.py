@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from damperfit.recording import Stretch, Trace
     from damperfit.run.logs import LogBatch
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = [
     "REPEATS",

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model
     from damperfit.identification import Comparison
     from damperfit.recording import Stretch, StretchFigures, Trace
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
-from damperfit.setting import ADJUSTER, LONGEST_WORD, Place, Setting, parse_place
 from damperfit.tables.characteristic_columns import CHARACTERISTIC_COLUMNS
 from damperfit.tables.quantities import PAPER_QUANTITIES, quantity_records
+from damperfit.tested.setting import ADJUSTER, LONGEST_WORD, Place, Setting, parse_place
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence

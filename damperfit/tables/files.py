@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Quantity, Values
     from damperfit.identification import Campaign, Comparison
     from damperfit.recording import Trace
-    from damperfit.setting import Place, Setting
+    from damperfit.tested.setting import Place, Setting
 
 __all__ = [
     "read_facts",

@@ -21,7 +21,6 @@ import pyarrow.parquet as pq
 from damperfit.atomic import settle
 from damperfit.errors import ConfigurationError
 from damperfit.recording import natural_order
-from damperfit.setting import Setting
 from damperfit.tables.columns import (
     SCHEMA_VERSION,
     adjusters_in,
@@ -30,6 +29,7 @@ from damperfit.tables.columns import (
     read_setting,
 )
 from damperfit.tables.quantities import PAPER_QUANTITIES, quantities_in
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from damperfit.adjustment import Click, Level
     from damperfit.damper.model import Quantity
     from damperfit.identification import Campaign, Fit, LogFit
-    from damperfit.setting import Setting
     from damperfit.simulation import Response
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty import MisfitProfile, Prediction
 
 __all__ = [

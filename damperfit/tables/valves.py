@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from damperfit.damper.valve_characteristics import ValveCharacteristic
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["valve_rows"]
 

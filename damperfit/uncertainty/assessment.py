@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model
     from damperfit.errors import OnError
     from damperfit.identification import Campaign, Fit
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty.linearisation import Linearisation
     from damperfit.uncertainty.withheld import Objection
 

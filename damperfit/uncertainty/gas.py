@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from damperfit.identification import Sharing
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty.linearisation import Linearisation
 
 __all__ = ["GasContent", "gas_content"]

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model
     from damperfit.errors import OnError
     from damperfit.identification import Campaign, Fit, Sharing
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
 

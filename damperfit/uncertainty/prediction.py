@@ -16,8 +16,8 @@ from damperfit.conditioning import TRANSIENTS, noise_floor
 from damperfit.errors import LogError, SimulationError
 from damperfit.identification import compare, normalised_mse, put_together
 from damperfit.parallel import executor
-from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty.residuals import scatter_between_cycles
 
 if TYPE_CHECKING:

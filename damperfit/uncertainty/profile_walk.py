@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from damperfit.identification import Sharing
     from damperfit.identification.step_solvers import LinearSystem, Step
     from damperfit.identification.unknowns import Unknown
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty.intervals import Uncertainty
     from damperfit.uncertainty.linearisation import Linearisation
 

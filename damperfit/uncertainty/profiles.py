@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Quantity, Values
     from damperfit.identification import Fit, Sharing
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty.intervals import Uncertainty
     from damperfit.uncertainty.linearisation import Linearisation
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.recording import Stretch, Trace
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty.linearisation import Linearisation
 
     FloatArray = NDArray[np.float64]

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from damperfit.identification import Fit, Sharing
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty.intervals import Uncertainty
     from damperfit.uncertainty.profiles import MisfitProfile
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Quantity
     from damperfit.identification import Campaign, Fit
     from damperfit.recording import Trace
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty.assessment import Assessment
     from damperfit.uncertainty.residuals import Diagnosis
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment import Level, which_setting
-from damperfit.setting import Setting, lines_of
+from damperfit.tested.setting import Setting, lines_of
 
 
 def ladder(forces, *, settings=None, error=0.5, stroke="rebound"):

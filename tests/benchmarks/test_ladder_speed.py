@@ -21,8 +21,8 @@ from damperfit.identification import FitOptions, identify
 from damperfit.identification.law_misfit import LawMisfit
 from damperfit.laws import Ladder, SettingLogs, climb
 from damperfit.recording import Recording, Trace
-from damperfit.setting import Setting
 from damperfit.simulation import Motion, simulate, sine_motion
+from damperfit.tested.setting import Setting
 from tests.identification.rig import trace
 from tests.laws.valve_logs import VALUES, damper, moved
 

@@ -9,8 +9,8 @@ import re
 import pyarrow.parquet as pq
 import pytest
 
-from damperfit.quantities import find_unit
 from damperfit.run.own_tables import is_own_table
+from damperfit.units.quantities import find_unit
 
 POUND = find_unit("lbf", "force").factor
 

@@ -13,8 +13,8 @@ from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import DAMPER_RANGES
 from damperfit.errors import ConfigurationError
-from damperfit.quantities import parse_quantity, says_absolute_or_gauge
 from damperfit.samples import SampleOptions, make_samples
+from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SLIM = CONFIGS / "slim_race.toml"

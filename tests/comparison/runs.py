@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from damperfit.comparison import MeasuredTest, Run, measured_tests
-from damperfit.setting import Setting
 from damperfit.tables import LogSignals
+from damperfit.tested.setting import Setting
 
 AMPLITUDE, FREQUENCY, DAMPING, GAS = 0.032, 1.5, 2000.0, -130.0
 STIFFNESS = 300.0  # N/m: opening and closing differ

@@ -11,8 +11,8 @@ from damperfit.comparison import FittedRun, Run, circumstances
 from damperfit.comparison.parameters import comparable_quantities
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import Setting
 from tests.comparison.runs import measured
 
 ONE = Setting.of(1)

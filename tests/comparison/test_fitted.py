@@ -14,8 +14,8 @@ from damperfit.comparison.forces import freedom_of
 from damperfit.comparison.parameters import parameter_readings
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import Setting
 
 SETTINGS = (Setting.of(1), Setting.of(2))
 

@@ -21,7 +21,7 @@ from damperfit.comparison import (
 from damperfit.comparison.measured import measured_readings
 from damperfit.comparison.repeats import by_repeats
 from damperfit.errors import ConfigurationError
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 from tests.comparison.runs import (
     AMPLITUDE,
     DAMPING,

@@ -10,7 +10,7 @@ from scipy.stats import t as student
 
 from damperfit.comparison import Reading, Sameness, Topic, compared
 from damperfit.comparison.reading import surely_different
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 
 FORCE = Topic("force", "force", "force", "N", Setting.of(3), 0.26, "rebound")
 VALUE = Topic("parameter", "r_m1", "R_m1", "", Setting.of(3), is_logarithmic=True)

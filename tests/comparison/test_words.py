@@ -16,7 +16,7 @@ from damperfit.comparison.comparing import _on_repeats
 from damperfit.comparison.reading import surely_different
 from damperfit.comparison.words import difference_of, outcome_of, place_of
 from damperfit.report import comparison_force_sheet
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 from tests.comparison.runs import measured, run
 
 

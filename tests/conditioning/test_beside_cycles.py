@@ -16,8 +16,8 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, compare, identify, normalised_mse
 from damperfit.recording import Recording, Trace
-from damperfit.setting import Setting
 from damperfit.simulation import Motion, simulate
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, predict, prediction
 from tests.laws.valve_logs import VALUES, damper, log_text, moved
 

@@ -22,8 +22,8 @@ from damperfit.handover.fmu.archive import missing_platforms
 from damperfit.handover.fmu.documentation import documentation
 from damperfit.handover.fmu.exported_damper import exported_damper
 from damperfit.handover.fmu.variables import variables
-from damperfit.setting import Setting
 from damperfit.simulation import Motion, SolverOptions, simulate
+from damperfit.tested.setting import Setting
 from tests.handover.fmi2_client import ERROR, OK
 
 BAND = 0.005

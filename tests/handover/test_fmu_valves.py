@@ -14,8 +14,8 @@ from damperfit.damper.network_model import simulate_network
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.handover import TARGETS, ExportOptions, HandedSetting
 from damperfit.handover.fmu.exported_damper import exported_damper
-from damperfit.setting import Setting
 from damperfit.simulation import Motion, SolverOptions
+from damperfit.tested.setting import Setting
 from tests.handover.fmi2_client import ERROR, OK, Unit, unzip
 from tests.handover.test_fmu import BAND, rms, road, runs_here, sine
 from tests.handover.test_fmu3 import Unit3

@@ -13,8 +13,8 @@ from scipy.integrate import solve_ivp
 from damperfit.damper.models import MODELS
 from damperfit.handover import TARGETS, ExportOptions, HandedSetting
 from damperfit.handover.force_table import force_tables
-from damperfit.setting import Setting
 from damperfit.simulation import simulate, sine_motion
+from damperfit.tested.setting import Setting
 from tests.test_every_model import truth_of
 
 AMPLITUDE, FREQUENCY = 0.032, 1.5

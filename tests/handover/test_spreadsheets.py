@@ -14,7 +14,7 @@ import pytest
 from damperfit.handover import TARGETS, ExportOptions
 from damperfit.handover.force_table import force_tables
 from damperfit.handover.workbook import _column
-from damperfit.shown_units import parse_units
+from damperfit.units.shown_units import parse_units
 
 POUND = 4.4482216152605
 

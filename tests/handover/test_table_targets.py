@@ -15,8 +15,8 @@ from damperfit.errors import ConfigurationError
 from damperfit.handover import TARGETS, ExportOptions, HandedSetting
 from damperfit.handover.force_table import force_tables
 from damperfit.handover.road import road_errors, standard_road, what_is_lost
-from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import Setting
 from tests.handover.reading_back import READERS, combi_matrices, mat_variables
 from tests.test_every_model import damper, truth_of
 

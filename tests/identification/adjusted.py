@@ -13,8 +13,8 @@ from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.recording import Recording, Trace
-from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions, simulate
+from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import moved
 
 LOW, HIGH = "low_speed", "high_speed"

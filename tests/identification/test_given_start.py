@@ -19,7 +19,7 @@ from damperfit.identification import (
 )
 from damperfit.identification.neighbours import _is_in_doubt, beside_neighbours
 from damperfit.identification.procedure_input import ProcedureInput
-from damperfit.setting import Setting, nearest_setting
+from damperfit.tested.setting import Setting, nearest_setting
 from tests import fakes
 from tests.identification.rig import trace
 

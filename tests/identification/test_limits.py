@@ -25,8 +25,8 @@ from damperfit.identification.paper.first_pass import (
 from damperfit.identification.plausible import points_inside
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.step_solvers import _inverted
-from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import Setting
 from tests import fakes
 from tests.identification.rig import trace
 

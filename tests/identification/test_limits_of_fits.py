@@ -31,8 +31,8 @@ from damperfit.identification.paper.first_pass import (
     _tells_r_m3,
 )
 from damperfit.identification.sharing import listed_runs, listed_settings
-from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import Setting
 
 TRUTH = reference_parameters(10)
 FREE = ("r_m1", "r_m2", "k_e")

@@ -12,8 +12,8 @@ from damperfit.errors import SimulationError
 from damperfit.identification.law_misfit import LawMisfit, best_fitting, followed
 from damperfit.identification.settled import settled
 from damperfit.recording import Recording, Trace
-from damperfit.setting import Setting
 from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion
+from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import VALUES, damper, moved
 
 MODEL = damper()

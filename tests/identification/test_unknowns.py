@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from damperfit.identification.sharing import Sharing
 from damperfit.identification.unknowns import Unknown, unknown_at, unknowns_of
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 from tests.identification.adjusted import HIGH, LOW, SETTINGS, at
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from damperfit.damper.model import Quantity, values_type
 from damperfit.identification import DETECT, FitOptions, identify, put_together
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, predict
 from tests.identification import adjusted
 from tests.identification.adjusted import DAMPER, FOLLOWS, SETTINGS, at, log

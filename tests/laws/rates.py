@@ -31,7 +31,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 from damperfit.laws import SettingLogs, climb
 from damperfit.recording import Recording, Trace
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import moved
 
 if TYPE_CHECKING:

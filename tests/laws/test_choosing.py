@@ -11,7 +11,7 @@ import pytest
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.laws import LawFit, SettingLogs, Tried, effective_samples, judged
 from damperfit.laws.choosing import times_worse
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 from tests.fakes import trace
 
 MODEL = ThroughFlow()

@@ -17,8 +17,8 @@ from damperfit.laws.ladder import _Course
 from damperfit.laws.variants import BLEED, everything, without
 from damperfit.recording import Trace
 from damperfit.run.law_choice import _assumed, _layouts
-from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import Setting
 from tests import fakes
 
 

@@ -17,8 +17,8 @@ from damperfit.laws.choosing import are_alike
 from damperfit.laws.law_fit import glimpsed
 from damperfit.laws.variants import laid_out_as, with_part, words_of
 from damperfit.recording import Recording, Trace
-from damperfit.setting import Setting
 from damperfit.simulation import Motion, simulate
+from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import VALUES, damper, moved
 
 SETTING = Setting.of(3)

@@ -12,8 +12,8 @@ from damperfit.conditioning import condition
 from damperfit.damper.rivals import RIVALS, RestoringForceSurface, Rival
 from damperfit.laws import SettingLogs, Tried, fit_law, rank_rivals
 from damperfit.recording import Recording, Trace
-from damperfit.setting import Setting
 from damperfit.simulation import Motion, simulate
+from damperfit.tested.setting import Setting
 from tests.damper.test_rivals import values_of
 from tests.laws.valve_logs import VALUES, damper, moved
 

@@ -12,7 +12,7 @@ from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.laws import Ladder, LawFit, Rung, SettingLogs, Tried, undecided
 from damperfit.recording import Trace
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 from tests import fakes
 
 MODEL = TwinTube(mounting=Mounting(FIT, NONE, FIT))

@@ -18,8 +18,8 @@ from damperfit.laws import LawFit, physics_seen
 from damperfit.laws.choosing import FEWEST_SAMPLES
 from damperfit.laws.law_fit import _untold
 from damperfit.report import chosen_records, chosen_sheet
-from damperfit.setting import Setting
 from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import Setting
 from tests import fakes
 
 MODEL = TwinTube()

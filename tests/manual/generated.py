@@ -16,8 +16,8 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.handover.targets import TARGETS
 from damperfit.identification import Outcome
 from damperfit.manual import TOPICS, read_page
-from damperfit.quantities import _TABLE
 from damperfit.tables import describe_tables
+from damperfit.units.quantities import _TABLE
 
 ROOT = Path(__file__).parents[2]
 PAGES = ROOT / "damperfit" / "manual" / "pages"

@@ -12,7 +12,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.readers import read_log
 from damperfit.run.like_speeds import _meeting, without_contradictory_motions
 from damperfit.run.logs import LogBatch
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 from tests.conditioning.logs import sine_log, static_force
 from tests.identification.rig import trace
 from tests.laws.valve_logs import VALUES, damper, log_text, moved

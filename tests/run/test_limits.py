@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.errors import SimulationError
 from damperfit.run import dampers, labelling, like_speeds
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 
 
 @pytest.mark.parametrize(("n", "is_read"), [(11, False), (12, True)])

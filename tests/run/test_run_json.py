@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from damperfit.run.reading_account import json_values
-from damperfit.setting import Setting, parse_setting
+from damperfit.tested.setting import Setting, parse_setting
 
 
 def test_settings_are_numbers_or_labels() -> None:

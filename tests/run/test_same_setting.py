@@ -10,7 +10,7 @@ import pytest
 from damperfit.recording import StretchFigures
 from damperfit.run.logs import LogBatch, LogFacts
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 from tests.fakes import trace
 
 NOISE = np.random.default_rng(5)

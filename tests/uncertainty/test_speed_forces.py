@@ -13,7 +13,7 @@ from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty import SpeedForces, assess
 from tests.identification.rig import AMPLITUDE, FREQUENCY, recording
 from tests.uncertainty.flaws import speed

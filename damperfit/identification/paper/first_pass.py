@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Values
     from damperfit.damper.purdy.parameters import Damper
     from damperfit.identification.options import FitOptions
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["FirstPass", "first_pass"]
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Values
     from damperfit.damper.purdy.parameters import Damper
     from damperfit.identification.descent import Misfit
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["GAS_FOLLOWER", "GAS_NAMES", "GasLaw", "first_law", "working_pressure"]
 

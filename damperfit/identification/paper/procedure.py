@@ -18,7 +18,7 @@ from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import Fit, describe_fit
 
 if TYPE_CHECKING:
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["as_in_the_paper"]
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from damperfit.comparison import Point, RunComparison
     from damperfit.report.sheets.sheet import Sheet
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["comparison_page"]
 

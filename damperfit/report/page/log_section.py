@@ -12,8 +12,8 @@ from damperfit.report.sheets.in_units import sheet_in_units
 from damperfit.report.sheets.log_force_sheet import measured_and_simulated_sheet
 from damperfit.report.sheets.parameter_sheet import parameter_line
 from damperfit.report.sheets.stretch_sheet import ComparedStretch, compared_stretch_sheet
-from damperfit.shown_units import SI, ShownUnits
 from damperfit.tables import PAPER_QUANTITIES
+from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from damperfit.report.evaluated_log import EvaluatedLog
     from damperfit.report.page.plot_data import Figure
     from damperfit.report.sheets.sheet import Sheet
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["LogSection", "log_section"]
 

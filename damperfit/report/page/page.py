@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from damperfit.report.plots.report_plots import ReportPlots
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["html_report"]
 

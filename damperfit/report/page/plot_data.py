@@ -13,7 +13,7 @@ import numpy as np
 
 from damperfit.errors import InstallationError
 from damperfit.report.page.templating import page_text, verbatim
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

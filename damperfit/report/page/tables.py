@@ -13,7 +13,7 @@ from damperfit.report.sheets.law_sheet import ladder_sheet, rival_sheet
 from damperfit.report.sheets.mse_sheet import mse_sheet
 from damperfit.report.sheets.parameter_sheet import parameter_sheet
 from damperfit.report.sheets.peak_sheet import peak_sheet
-from damperfit.shown_units import SI, ShownUnits
+from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Quantity
     from damperfit.report.evaluated_log import EvaluatedLog
     from damperfit.report.sheets.peak_sheet import PeakPoint
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
     Row = Mapping[str, Any]

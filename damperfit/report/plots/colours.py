@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.setting import Setting
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from damperfit.setting import Place
+    from damperfit.tested.setting import Place
 
 
 __all__ = ["CHAMBER_COLOURS", "CHAMBER_STYLES", "SPEED_COLOURS", "setting_colours"]

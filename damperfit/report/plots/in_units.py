@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from damperfit.report.plots.description import Line, Panel, Plot
-    from damperfit.shown_units import ShownUnits
+    from damperfit.units.shown_units import ShownUnits
 
 __all__ = ["plot_in_units"]
 

@@ -17,8 +17,8 @@ from damperfit.report.plots.description import (
     setting_places,
 )
 from damperfit.report.sheets.parameter_sheet import is_one_for_all, scale_of
-from damperfit.setting import Setting, lines_of
 from damperfit.tables import PAPER_QUANTITIES
+from damperfit.tested.setting import Setting, lines_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -12,15 +12,15 @@ from damperfit.report.plots.colours import setting_colours
 from damperfit.report.plots.in_units import plot_in_units
 from damperfit.report.plots.one_log import setting_plots
 from damperfit.report.plots.valves import valve_plots
-from damperfit.shown_units import SI, ShownUnits
+from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from damperfit.report.evaluated_log import EvaluatedLog
     from damperfit.report.plots.description import Plot
-    from damperfit.setting import Setting
     from damperfit.tables import Results
+    from damperfit.tested.setting import Setting
 
 __all__ = ["ReportPlots", "report_plots"]
 

@@ -11,7 +11,7 @@ from damperfit.report.plots.description import Line, Panel, Plot
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["valve_plots"]
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 from damperfit.report.sheets.notes_below import simulated_clicks_at
 from damperfit.report.sheets.rounding import NOTHING, with_interval
 from damperfit.report.sheets.sheet import Sheet
-from damperfit.setting import clicks_between
+from damperfit.tested.setting import clicks_between
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from damperfit.adjustment import Click
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
 __all__ = ["click_sheet"]
 

@@ -14,8 +14,8 @@ from damperfit.report.sheets.notes_below import (
 )
 from damperfit.report.sheets.rounding import NOTHING, number, with_interval
 from damperfit.report.sheets.sheet import Sheet
-from damperfit.setting import Setting
 from damperfit.statistics import NORMAL_95
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from damperfit.adjustment import Click
     from damperfit.damper.model import Quantity
     from damperfit.report.sheets.sheet import Sheet
-    from damperfit.shown_units import ShownUnits
+    from damperfit.units.shown_units import ShownUnits
 
 __all__ = ["clicks_in_units", "parameters_in_units", "rows_in_units", "sheet_in_units"]
 

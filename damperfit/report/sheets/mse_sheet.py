@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from damperfit.damper.model import Quantity
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
     Row = Mapping[str, Any]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 from typing import TYPE_CHECKING, Any
 
-from damperfit.setting import clicks_between
+from damperfit.tested.setting import clicks_between
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from damperfit.setting import Setting
+    from damperfit.tested.setting import Setting
 
     Row = Mapping[str, Any]
 

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from damperfit.recording import StretchFigures
-    from damperfit.setting import Setting
     from damperfit.simulation import Characteristics
+    from damperfit.tested.setting import Setting
 
 __all__ = ["PeakPoint", "peak_sheet"]
 

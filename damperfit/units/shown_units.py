@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
-from damperfit.quantities import QuantityError, Unit, find_unit, units_of
+from damperfit.units.quantities import QuantityError, Unit, find_unit, units_of
 
 if TYPE_CHECKING:
     import numpy as np

@@ -1,0 +1,1 @@
+"""What is tested: whose damper, and where its adjusters stand."""
