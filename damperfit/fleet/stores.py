@@ -90,12 +90,24 @@ def _with_patience(store: Any) -> Any:
 
 
 def _opened(address: str) -> tuple[Any, str, str]:
-    """Return the store, the path inside, and what stands before and behind it in the address."""
+    """Return the store, the path inside, and what stands before and behind it in the address.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such store; or the address holds a secret, which tables would then show.
+    """
     scheme, rest = address.split("://", 1)
     path, mark, query = rest.partition("?")
-    bucket = path.split("/", 1)[0]
-    store = _file_system(f"{scheme}://{bucket}{mark}{query}")
-    return store, path.rstrip("/"), f"{scheme}://{{}}{mark}{query}"
+    user, at, bucket = path.split("/", 1)[0].rpartition("@")
+    path = path.removeprefix(user + at)
+    if ":" in user:
+        raise ConfigurationError(
+            f"{scheme}://...@{path}: an address with a secret key in it would be written into the "
+            "tables; leave it out and set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
+        )
+    store = _file_system(f"{scheme}://{user}{at}{bucket}{mark}{query}")
+    return store, path.rstrip("/"), f"{scheme}://{user}{at}{{}}{mark}{query}"
 
 
 def listed(address: str, is_wanted: Callable[[str], bool]) -> list[tuple[str, str]]:

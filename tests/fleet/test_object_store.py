@@ -14,6 +14,7 @@ import pytest
 
 from damperfit.atomic.owner import ABANDONED, new_owner
 from damperfit.configuration.loading import load_configuration
+from damperfit.errors import ConfigurationError
 from damperfit.fleet import sources, stores
 from damperfit.fleet.one_damper import State
 from damperfit.fleet.parts import collect, parts_in, read_facts_of, renew_facts
@@ -246,6 +247,26 @@ def test_what_cannot_be_fetched_is_left_for_the_next_run(runs, tmp_path, monkeyp
     assert "cannot be fetched, tried 4 times: host unreachable" in done[0].failures[0]
     assert not list(Path(tmp_path).rglob("*.parquet"))
     assert {one.state for one in fleet([runs], tmp_path)} == {State.FITTED}
+
+
+def test_who_asks_is_part_of_an_address_and_of_no_path(monkeypatch):
+    asked = []
+    monkeypatch.setattr(stores, "_file_system", asked.append)
+    _, path, form = stores._opened("gs://anonymous@bench/runs/a@b.csv?scheme=http")
+    assert asked == ["gs://anonymous@bench?scheme=http"]
+    assert path == "bench/runs/a@b.csv"
+    assert form.format(path) == "gs://anonymous@bench/runs/a@b.csv?scheme=http"
+    _, path, form = stores._opened("gs://bench/runs/a@b.csv")
+    assert (asked[-1], path) == ("gs://bench", "bench/runs/a@b.csv")
+
+
+def test_an_address_with_a_secret_is_refused_and_the_secret_not_repeated():
+    with pytest.raises(
+        ConfigurationError, match=r"^s3://\.\.\.@bench/runs: .*AWS_SECRET"
+    ) as raised:
+        stores.listed("s3://KEY:hushhush@bench/runs", lambda _: True)
+    assert "hush" not in str(raised.value)
+    assert "KEY:" not in str(raised.value)
 
 
 def test_a_store_of_s3_waits_for_slow_answers_and_keeps_who_the_environment_says_we_are():
