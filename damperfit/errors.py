@@ -10,8 +10,9 @@ import traceback
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from damperfit.tested.setting import Setting
 
     OnError = Callable[[Setting, Exception], None]
+    P = ParamSpec("P")
+    R = TypeVar("R")
 
 __all__ = [
     "ConditioningError",
@@ -35,6 +38,7 @@ __all__ = [
     "TimelessError",
     "did_you_mean",
     "mishap_of",
+    "refuse_wrong_arguments",
     "sparing",
 ]
 
@@ -182,3 +186,57 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """
     near = get_close_matches(name, list(known), n=1, cutoff=0.6)
     return f" Did you mean {near[0]!r}?" if near else ""
+
+
+def refuse_wrong_arguments(call: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator: arguments that a function does not take are answered in a sentence.
+
+    Parameters
+    ----------
+    call : str
+        What the user wrote, as in ``damperfit.Damper``.
+    """
+
+    def decorated(function: Callable[P, R]) -> Callable[P, R]:
+        @wraps(function)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+            try:
+                return function(*args, **kwargs)
+            except TypeError as error:
+                if said := _wrong_arguments(function, args, kwargs):
+                    raise ConfigurationError(f"{call}: {said}; help({call}) shows how") from error
+                raise
+
+        return checked
+
+    return decorated
+
+
+def _wrong_arguments(
+    function: Callable[..., object], args: tuple[object, ...], given: dict[str, object]
+) -> str:
+    """Return what is wrong with the arguments of a call; an empty string where they fit."""
+    from inspect import Parameter, signature
+
+    taken = signature(function).parameters
+    try:
+        signature(function).bind(*args, **given)
+    except TypeError as error:
+        by_name = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
+        names = [name for name, one in taken.items() if name != "self" and one.kind in by_name]
+        for name in given:
+            if name not in taken:
+                there = f"there are {', '.join(names)}."
+                return f"no keyword {name!r}; {there}{did_you_mean(name, names)}".rstrip(".")
+        if "missing" in str(error):
+            by_place = [n for n in taken if taken[n].kind is Parameter.POSITIONAL_OR_KEYWORD]
+            absent = [
+                name
+                for k, name in enumerate(by_place)
+                if k >= len(args) and name not in given and taken[name].default is Parameter.empty
+            ]
+            return f"{', '.join(absent)} missing"
+        if "multiple values" in str(error):
+            return f"{', '.join(n for n in given if n in names[: len(args)])} given twice"
+        return f"too many arguments; give those after the first by name: {', '.join(names)}"
+    return ""

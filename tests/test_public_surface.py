@@ -113,7 +113,14 @@ SURFACE = {
         "first_configuration",
         "guess_from_logs",
     ],
-    "damperfit.door.asked": ["configured", "declared_setting", "texts", "workers"],
+    "damperfit.door.asked": [
+        "configured",
+        "declared_setting",
+        "known_as_setting",
+        "listed",
+        "texts",
+        "workers",
+    ],
     "damperfit.door.calls": [
         "compare",
         "export",
@@ -128,6 +135,7 @@ SURFACE = {
     "damperfit.door.sheets": ["WIDTH", "html_table", "text_table"],
     "damperfit.door.simulations": ["Simulation", "simulated"],
     "damperfit.door.tables": ["Comparison", "Inspection"],
+    "damperfit.door.wrong_calls": ["answers_wrong_calls", "in_words_of_a_call", "path_of"],
     "damperfit.handover": [
         "ExportOptions",
         "HandedOver",
@@ -435,6 +443,7 @@ SURFACE = {
         "TimelessError",
         "did_you_mean",
         "mishap_of",
+        "refuse_wrong_arguments",
         "sparing",
     ],
     "damperfit.identification": [

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, is_dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
 from damperfit.configuration.loading import load_configuration
+from damperfit.door.wrong_calls import path_of
 from damperfit.errors import ConfigurationError
 from damperfit.tested.setting import Setting, parse_setting
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
 
-__all__ = ["configured", "declared_setting", "texts", "workers"]
+__all__ = ["configured", "declared_setting", "known_as_setting", "listed", "texts", "workers"]
 
 
 def configured(
@@ -69,6 +71,8 @@ def configured(
     if units:
         sections.setdefault("rig", {})["units"] = dict(units)
         options["rig.units"] = f"{call}(units=...)"
+    if config is not None:
+        config = path_of(config, f"{call}(config=...)", "the path of a TOML file")
     if damper is not None:
         sections["damper"] = {**_declared(damper, call), **sections.get("damper", {})}
     try:
@@ -79,22 +83,35 @@ def configured(
 
 
 def _declared(damper: Any, call: str) -> dict[str, Any]:
-    if is_dataclass(damper) and not isinstance(damper, type):
+    from damperfit.damper.model import Model
+
+    if isinstance(damper, Model):
         model: Any = damper
         return {"model": model.name, **asdict(model)}
-    if hasattr(damper, "items"):
+    if isinstance(damper, Mapping):
+        _mapping(call, "damper", damper)
         return dict(damper)
+    found = f"the class {damper.__name__}" if isinstance(damper, type) else type(damper).__name__
     raise ConfigurationError(
-        f"{call}(damper=...): found {type(damper).__name__}; expected a damper such as "
+        f"{call}(damper=...): found {found}; expected a damper such as "
         "damperfit.Damper(rod_diameter=0.012), or keys of [damper]"
     )
 
 
 def _mapping(call: str, keyword: str, value: object) -> None:
-    if value is not None and not hasattr(value, "items"):
+    if value is None:
+        return
+    if not isinstance(value, Mapping):
+        found = repr(value) if isinstance(value, str | float | list) else type(value).__name__
         raise ConfigurationError(
-            f"{call}({keyword}=...): found {value!r}; expected a mapping of names to values"
+            f"{call}({keyword}=...): found {found}; expected a mapping of names to values"
         )
+    for name in value:
+        if not isinstance(name, str):
+            raise ConfigurationError(
+                f"{call}({keyword}=...): found {name!r} in place of a name; expected a mapping of "
+                "names to values"
+            )
 
 
 def texts(values: Mapping[str, Any] | None, call: str, keyword: str) -> dict[str, str] | None:
@@ -109,7 +126,7 @@ def texts(values: Mapping[str, Any] | None, call: str, keyword: str) -> dict[str
     return None if values is None else {name: str(value) for name, value in values.items()}
 
 
-def workers(jobs: object, call: str) -> int | None:
+def workers(jobs: Any, call: str) -> int | None:
     """Return how many workers are asked for; None: as many as there are cores.
 
     Raises
@@ -119,11 +136,11 @@ def workers(jobs: object, call: str) -> int | None:
     """
     if jobs is None:
         return None
-    if not isinstance(jobs, int) or jobs < 1:
+    if type(jobs) is bool or not isinstance(jobs, Integral) or int(jobs) < 1:
         raise ConfigurationError(
             f"{call}(jobs=...): found {jobs!r}; expected a whole number above 0"
         )
-    return jobs
+    return int(jobs)
 
 
 def declared_setting(
@@ -136,9 +153,46 @@ def declared_setting(
     ConfigurationError
         It is none.
     """
+    setting = known_as_setting(setting, "setting=...")
     if setting is None or isinstance(setting, Setting):
         return setting
     try:
         return parse_setting(str(setting), configuration.reading.adjusters)
     except ValueError as error:
         raise ConfigurationError(f"setting={setting!r}: {error}") from error
+
+
+def known_as_setting(setting: Any, call: str) -> Setting | int | str | None:
+    """Return a setting as it was given: its number, its label, or itself.
+
+    Raises
+    ------
+    ConfigurationError
+        It is nothing of the kind.
+    """
+    if setting is None or isinstance(setting, Setting | str):
+        return setting
+    is_yes_or_no = isinstance(setting, bool)
+    if isinstance(setting, Real) and not is_yes_or_no:
+        number = float(setting)
+        return int(number) if number.is_integer() else str(number)
+    raise ConfigurationError(
+        f"{call}: found {type(setting).__name__}; expected a setting such as 10 or 'R12 C8'"
+    )
+
+
+def listed(names: Iterable[str] | None, keyword: str) -> list[str] | None:
+    """Return names given as a list, or as text with commas, to a keyword of `identify`.
+
+    Raises
+    ------
+    ConfigurationError
+        They are neither.
+    """
+    if names is None or isinstance(names, str):
+        return None if names is None else names.split(",")
+    if not isinstance(names, Iterable):
+        raise ConfigurationError(
+            f"damperfit.identify({keyword}=...): found {names!r}; expected a list of names"
+        )
+    return list(names)

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-import re
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any
 
-from damperfit.door.asked import configured, declared_setting, texts, workers
+from damperfit.door.asked import (
+    configured,
+    declared_setting,
+    known_as_setting,
+    listed,
+    texts,
+    workers,
+)
 from damperfit.door.given_logs import as_files
 from damperfit.door.results import Result
 from damperfit.door.simulations import Simulation, simulated
+from damperfit.door.wrong_calls import answers_wrong_calls, in_words_of_a_call, path_of
 from damperfit.errors import ConfigurationError, LogError
 
 if TYPE_CHECKING:
@@ -27,6 +35,7 @@ __all__ = ["compare", "export", "identify", "inspect", "load", "read", "simulate
 _FEW = 3
 
 
+@answers_wrong_calls("damperfit.read")
 def read(log: object, *, units: Mapping[str, str] | None = None, **asked: Any) -> Recording:
     """Return one log as it was logged, in SI and with the project's signs.
 
@@ -53,6 +62,7 @@ def read(log: object, *, units: Mapping[str, str] | None = None, **asked: Any) -
         return read_log(paths[0], configuration.reading)
 
 
+@answers_wrong_calls("damperfit.inspect")
 def inspect(
     logs: object,
     *,
@@ -86,6 +96,7 @@ def inspect(
     return Inspection(batch)
 
 
+@answers_wrong_calls("damperfit.identify")
 def identify(  # noqa: PLR0913 - one keyword an option of the command line
     logs: object,
     *,
@@ -151,48 +162,39 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
         rig=rig,
         units=units,
         model=("damper.model", model),
-        free=("identification.free", _listed(free)),
+        free=("identification.free", listed(free, "free")),
         fix=("identification.fix", texts(fix, "damperfit.identify", "fix")),
         procedure=("identification.procedure", procedure),
-        share=("identification.share", _listed(share)),
-        hold_out=("identification.hold_out", _listed(hold_out)),
+        share=("identification.share", listed(share, "share")),
+        hold_out=("identification.hold_out", listed(hold_out, "hold_out")),
         starts=("identification.starts", starts),
-        profile=("identification.profile", _listed(profile)),
-        tests=("test.table", None if tests is None else str(tests)),
+        profile=("identification.profile", listed(profile, "profile")),
+        tests=("test.table", tests if tests is None else str(_table_of_tests(tests))),
         **unknown,
     )
     cores = workers(jobs, "damperfit.identify")
-    folder = Path(mkdtemp(prefix="damperfit-result-")) if out is None else Path(out)
+    folder = (
+        Path(mkdtemp(prefix="damperfit-result-"))
+        if out is None
+        else path_of(out, "damperfit.identify(out=...)", "the path of a folder")
+    )
     configuration = replace(configuration, output=replace(configuration.output, folder=folder))
     result = Result(folder, is_temporary=out is None)
     declared = declared_setting(setting, configuration)
     with as_files(logs, call="damperfit.identify") as paths:
         found = run(configuration, paths, jobs=cores, setting=declared)
     if not found.campaign.fits:
-        said = [_in_words_of_a_call(failure.message) for failure in found.facts.failures]
+        said = [in_words_of_a_call(failure.message) for failure in found.facts.failures]
         more = f" (and {len(said) - _FEW} more)" if len(said) > _FEW else ""
         raise LogError(f"no setting could be fitted: {'; '.join(said[:_FEW])}{more}")
     return result
 
 
-def _in_words_of_a_call(message: str) -> str:
-    """Return a sentence with keywords in place of the command line's options.
-
-    Examples
-    --------
-    >>> _in_words_of_a_call("no unit (--rig units.force=N); or give --setting N, or --free")
-    "no unit (units={'force': 'N'}); or give setting=N, or free="
-    """
-    told = re.sub(r"--rig units\.(\w+)=([^\s)]+)", r"units={'\1': '\2'}", message)
-    told = re.sub(r"--rig (\w+)=([^\s)]+)", r"rig={'\1': \2}", told)
-    told = re.sub(r"--(setting|displacement|parameters) ([A-Z]+)\b", r"\1=\2", told)
-    return re.sub(r"--([a-z][a-z-]*)", lambda one: one[1].replace("-", "_") + "=", told)
+def _table_of_tests(tests: object) -> Path:
+    return path_of(tests, "damperfit.identify(tests=...)", "the path of a table of tests")
 
 
-def _listed(names: Sequence[str] | None) -> list[str] | None:
-    return names.split(",") if isinstance(names, str) else None if names is None else list(names)
-
-
+@answers_wrong_calls("damperfit.load")
 def load(folder: str | Path) -> Result:
     """Return the results in a folder, as `damperfit identify` wrote them.
 
@@ -201,15 +203,12 @@ def load(folder: str | Path) -> Result:
     ConfigurationError
         There is no such folder, or no results in it.
     """
-    if not isinstance(folder, str | Path):
-        raise ConfigurationError(
-            f"damperfit.load: found {type(folder).__name__}; expected the path of a results folder"
-        )
-    result = Result(Path(folder))
+    result = Result(path_of(folder, "damperfit.load", "the path of a results folder"))
     len(result.settings)  # read, so that what is wrong is told here
     return result
 
 
+@answers_wrong_calls("damperfit.simulate")
 def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     setting: Setting | Result | int | str | None = None,
     *,
@@ -257,19 +256,31 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
         **asked,
     )
     table = parameters.folder if isinstance(parameters, Result) else parameters
-    try:
-        return simulated(
-            setting,
-            configuration,
-            table=None if table is None else Path(table),
-            replaced=texts(set, "damperfit.simulate", "set") or {},
-            log=None if displacement is None else Path(displacement),
-        )
-    except ConfigurationError as error:
-        raise ConfigurationError(_in_words_of_a_call(str(error))) from error
+    results = "a result, or the path of results or of a parameters table"
+    log = displacement
+    return simulated(
+        known_as_setting(setting, "damperfit.simulate(setting=...)"),
+        configuration,
+        table=None
+        if table is None
+        else path_of(table, "damperfit.simulate(parameters=...)", results),
+        replaced=texts(set, "damperfit.simulate", "set") or {},
+        log=None
+        if log is None
+        else path_of(log, "damperfit.simulate(displacement=...)", "the path of a log"),
+    )
 
 
-def compare(*runs: Result | str | Path, tolerance: str | None = None, **options: Any) -> Comparison:
+@answers_wrong_calls("damperfit.compare")
+def compare(
+    *runs: Result | str | Path,
+    tolerance: str | Path | None = None,
+    velocities: Sequence[str | float] | str | float = (),
+    amplitude: str | float | None = None,
+    frequency: str | float | None = None,
+    is_measured: bool = False,
+    jobs: int | None = 1,
+) -> Comparison:
     """Show what differs between results, and whether it is more than chance.
 
     Parameters
@@ -278,20 +289,43 @@ def compare(*runs: Result | str | Path, tolerance: str | None = None, **options:
         The first is the reference.
     tolerance : str, optional
         "5%", "20N" or a table of bands.
-    **options
-        velocities, amplitude, frequency, is_measured, jobs: as of `damperfit compare`.
+    velocities, amplitude, frequency, is_measured, jobs
+        As the options of `damperfit compare`; ``velocities=["0.1m/s", "0.3m/s"]``.
     """
     from damperfit.door.tables import Comparison
     from damperfit.queries.comparisons import compare_all, comparison_options, parse_bands
+    from damperfit.run.logs import available_cores
 
     places = [_folder_of(one, "damperfit.compare") for one in runs]
     if not places:
         raise ConfigurationError("damperfit.compare: expected two results or more, found none")
-    return Comparison(
-        compare_all(places, comparison_options(**options), tolerance=parse_bands(tolerance))
+    if tolerance is not None and not isinstance(tolerance, str | Path):
+        raise ConfigurationError(
+            f"damperfit.compare(tolerance=...): found {tolerance!r}; expected '5%', '20N' or the "
+            "path of a table of bands"
+        )
+    if not isinstance(is_measured, bool):
+        raise ConfigurationError(
+            f"damperfit.compare(is_measured=...): found {is_measured!r}; expected True or False"
+        )
+    speeds = [velocities] if isinstance(velocities, str | float | int) else velocities
+    if not isinstance(speeds, Iterable):
+        raise ConfigurationError(
+            f"damperfit.compare(velocities=...): found {velocities!r}; expected speeds such as "
+            "['0.1m/s', '0.3m/s']"
+        )
+    options = comparison_options(
+        velocities=list(speeds),
+        amplitude=amplitude,
+        frequency=frequency,
+        is_measured=is_measured,
+        jobs=workers(jobs, "damperfit.compare") or available_cores(),
     )
+    bands = parse_bands(None if tolerance is None else str(tolerance))
+    return Comparison(compare_all(places, options, tolerance=bands))
 
 
+@answers_wrong_calls("damperfit.export")
 def export(
     results: Result | str | Path,
     to: str | None = None,
@@ -329,13 +363,17 @@ def export(
             "damperfit.export: no target given; give one, as in damperfit.export(results, 'fmu2'); "
             "damperfit export --list names them all"
         )
-    target = find_target(to)
+    target = find_target(str(to))
     folder = _folder_of(results, "damperfit.export")
     if out is None and isinstance(results, Result) and results.is_temporary:
         raise ConfigurationError(
             "damperfit.export: these results are in no folder of yours; give out=FOLDER"
         )
-    where = folder / "export" if out is None else Path(out)
+    where = (
+        folder / "export"
+        if out is None
+        else path_of(out, "damperfit.export(out=...)", "the path of a folder")
+    )
     speed = None if extend is None else parse_quantity(extend, "velocity")
     files = target.write(hand_over(folder), ExportOptions(stem="damper", extend=speed))
     with file_set(where, spares_others=not overwrite) as drafts:

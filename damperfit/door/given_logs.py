@@ -105,11 +105,14 @@ def _file_name(label: str) -> str:
 
 
 def _frame(label: object, value: object, call: str) -> pd.DataFrame:
+    import numpy as np
     import pandas as pd
 
     if _is_frame(value) and isinstance(value, pd.DataFrame):
         frame = value
     elif isinstance(value, Mapping):
+        if value and all(np.ndim(one) == 0 for one in value.values()):
+            raise LogError(f"{label}: found single numbers; give columns of one length")
         try:
             frame = pd.DataFrame(dict(value))
         except ValueError as error:
@@ -117,6 +120,10 @@ def _frame(label: object, value: object, call: str) -> pd.DataFrame:
     else:
         raise ConfigurationError(
             f"{call}: {label!r} is of type {type(value).__name__}; {_EXPECTED}"
+        )
+    if not len(frame.columns):
+        raise LogError(
+            f"{label}: the data frame has no columns; expected time, displacement, force"
         )
     # Where time is the index of a frame it is a column of a log.
     if frame.index.name is not None and frame.index.name not in frame.columns:

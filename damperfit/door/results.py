@@ -11,7 +11,9 @@ from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any
 
 from damperfit.atomic import file_set
+from damperfit.door.asked import known_as_setting
 from damperfit.door.sheets import WIDTH, html_table, text_table
+from damperfit.door.wrong_calls import answers_wrong_calls, path_of
 from damperfit.errors import ConfigurationError, OutputError, did_you_mean
 from damperfit.tables import read_results
 
@@ -45,8 +47,9 @@ class Result:
         Whether the folder goes with the object.
     """
 
-    def __init__(self, folder: Path, *, is_temporary: bool = False) -> None:
-        self.folder = Path(folder)
+    @answers_wrong_calls("damperfit.Result")
+    def __init__(self, folder: str | Path, *, is_temporary: bool = False) -> None:
+        self.folder = path_of(folder, "damperfit.Result", "the path of a results folder")
         self.is_temporary = is_temporary
         if is_temporary:
             weakref.finalize(self, rmtree, self.folder, ignore_errors=True)
@@ -107,6 +110,7 @@ class Result:
         """
         import pandas as pd
 
+        name = str(name)
         path = self.folder / f"{name}.parquet"
         if name not in _TABLES or not path.exists():
             there = [one for one in _TABLES if (self.folder / f"{one}.parquet").exists()]
@@ -120,6 +124,7 @@ class Result:
         """Return the parameters as a data frame."""
         return self.parameters
 
+    @answers_wrong_calls("result.setting")
     def setting(self, setting: Setting | str | float) -> SettingResult:
         """Return one setting, by its label or number.
 
@@ -128,15 +133,14 @@ class Result:
         ConfigurationError
             There is none of that name.
         """
-        if isinstance(setting, float) and setting.is_integer():
-            setting = int(setting)
-        wanted = str(setting).strip().casefold()
+        setting = str(known_as_setting(setting, "result.setting"))
+        wanted = setting.strip().casefold()
         for row in self._read.parameters:
             if str(row["setting"]).casefold() == wanted:
                 return SettingResult(self, row)
         raise ConfigurationError(
             f"no setting {setting}; there are {', '.join(self.settings)}"
-            f".{did_you_mean(str(setting), self.settings)}"
+            f".{did_you_mean(setting, self.settings)}"
         )
 
     def plot(self, name: str | None = None) -> Any:
@@ -162,7 +166,7 @@ class Result:
         from damperfit.report.plots.figure_files import compose, fixed_style
 
         plots = {one.name: one for one in report_plots(read_results(self.folder)).plots}
-        meant = _FAN if name is None else name
+        meant = _FAN if name is None else str(name)
         if meant not in plots:
             hint = did_you_mean(meant, plots)
             raise ConfigurationError(f"no figure {meant!r}; there are {', '.join(plots)}.{hint}")
@@ -175,11 +179,12 @@ class Result:
         from damperfit.report import html_report, report_plots
 
         text = html_report(report_plots(read_results(self.folder)), title=self._title)
-        whole = Path(path)
+        whole = path_of(path, "result.report", "the path of a page")
         with file_set(whole.parent) as files:
             files.path(whole.name).write_bytes(text.encode("utf-8", "backslashreplace"))
         return whole
 
+    @answers_wrong_calls("result.save")
     def save(self, folder: str | Path) -> Path:
         """Copy the files of the results into a folder, as a set, and return it.
 
@@ -188,7 +193,7 @@ class Result:
         OutputError
             It cannot be written, or is the folder of these results.
         """
-        where = Path(folder)
+        where = path_of(folder, "result.save", "the path of a folder")
         if where.resolve() == self.folder.resolve():
             raise OutputError(f"{where}: these results are there already; give another folder")
         with file_set(where) as files:
@@ -283,6 +288,12 @@ class SettingResult:
         """Simulate this setting; keywords as of `damperfit.simulate`."""
         from damperfit.door.calls import simulate
 
+        for name in ("setting", "parameters"):
+            if name in motion:
+                raise ConfigurationError(
+                    f"setting.simulate: found {name}=...; the parameters are those of setting "
+                    f"{self.label}; leave it out, or call damperfit.simulate"
+                )
         return simulate(self.label, parameters=self._result, wave=wave, **motion)
 
     def __repr__(self) -> str:

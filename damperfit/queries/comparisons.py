@@ -52,9 +52,9 @@ class Compared:
 
 def comparison_options(
     *,
-    velocities: Sequence[str] = (),
-    amplitude: str | None = None,
-    frequency: str | None = None,
+    velocities: Sequence[str | float] = (),
+    amplitude: str | float | None = None,
+    frequency: str | float | None = None,
     is_measured: bool = False,
     jobs: int = 1,
 ) -> ComparisonOptions:

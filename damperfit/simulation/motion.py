@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.errors import ConfigurationError, SimulationError
+from damperfit.errors import ConfigurationError, SimulationError, refuse_wrong_arguments
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,6 +54,7 @@ class Motion:
 
     def __post_init__(self) -> None:
         """Refuse what is no motion."""
+        self._refuse_what_are_no_numbers()
         shapes = (np.shape(self.displacement), np.shape(self.velocity))
         if shapes[0] != shapes[1] or len(shapes[0]) != 1 or not shapes[0][0]:
             raise SimulationError(
@@ -69,6 +71,26 @@ class Motion:
                 raise SimulationError(
                     f"motion: {name} is not a finite number at sample {bad[0]} (counted from 0)"
                 )
+
+    def _refuse_what_are_no_numbers(self) -> None:
+        for name in ("interval", "start_time", "gas_pressure"):
+            value = getattr(self, name)
+            if not (isinstance(value, Real) or (name == "gas_pressure" and value is None)):
+                raise SimulationError(f"motion: expected a number for {name}, found {value!r}")
+        for name in ("displacement", "velocity"):
+            try:
+                kind = np.asarray(getattr(self, name)).dtype.kind
+            except ValueError:  # rows of different lengths
+                kind = "O"
+            if kind not in "iuf":
+                raise SimulationError(
+                    f"motion: expected an array of numbers for {name}, found "
+                    f"{type(getattr(self, name)).__name__} of something else"
+                )
+
+
+# What dataclasses write says TypeError, of __init__.
+Motion.__init__ = refuse_wrong_arguments("damperfit.Motion")(Motion.__init__)  # type: ignore[method-assign]
 
 
 def motion_of(trace: Trace) -> Motion:

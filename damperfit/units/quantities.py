@@ -274,7 +274,13 @@ def parse_quantity(text: str | float, dimension: str) -> float:
             )
         value = _converted(found["number"], found["unit"], dimension)
     else:
-        value = float(text)
+        try:
+            value = float(text)
+        except (TypeError, ValueError):
+            raise QuantityError(
+                f"expected a number or a text such as '1.5{units_of(dimension)[0]}' for a "
+                f"{dimension}, found {text!r}"
+            ) from None
     if not math.isfinite(value):
         raise QuantityError(f"{text} is not a finite {dimension}")
     return value

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import pickle
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +15,12 @@ import pandas as pd
 import pytest
 
 import damperfit
-from damperfit.errors import ConfigurationError, DamperfitError, LogError
+from damperfit.errors import (
+    ConfigurationError,
+    DamperfitError,
+    LogError,
+    refuse_wrong_arguments,
+)
 from damperfit.run import pipeline
 
 ROOT = Path(__file__).parents[2]
@@ -245,6 +251,100 @@ def test_a_wrong_call_gets_a_sentence(call, said, frame, result):
         call(frame, result)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+_WRONG = [
+    ("identify()", "damperfit.identify: logs missing"),
+    ("identify(LOG, LOG)", "too many arguments; give those after the first by name: logs, damper"),
+    ("identify(None)", "found NoneType; expected paths"),
+    ("identify(result)", "found Result; expected paths"),
+    ("identify([[LOG]])", "found list in a list"),
+    ("identify(LOG, free=3)", "(free=...): found 3; expected a list of names"),
+    ("identify(LOG, share=3)", "(share=...): found 3"),
+    ("identify(LOG, hold_out=3)", "(hold_out=...): found 3"),
+    ("identify(LOG, profile=True)", "(profile=...): found True"),
+    ("identify(LOG, hold_out='no.csv')", "as in hold_out='*_16mm.csv'"),
+    ("identify(LOG, rig={3: 3})", "(rig=...): found 3 in place of a name"),
+    ("identify(LOG, units={3: 4})", "(units=...): found 3 in place of a name"),
+    ("identify(LOG, damper={3: 4})", "(damper=...): found 3 in place of a name"),
+    ("identify(LOG, damper={'bore': '32mm'})", "unknown key 'bore' in [damper]"),
+    ("identify(LOG, damper={'rod_diameter': '32kg'})", "no unit of length 'kg'"),
+    ("identify(LOG, damper=damperfit.Damper)", "found the class Damper; expected a damper"),
+    ("identify(LOG, damper=damperfit.Motion(1.0, [1], [0]))", "(damper=...): found Motion"),
+    ("identify(LOG, config=3)", "(config=...): found int; expected the path of a TOML file"),
+    ("identify(LOG, out=3)", "(out=...): found int; expected the path of a folder"),
+    ("identify(LOG, tests=3)", "(tests=...): found int; expected the path of a table"),
+    ("identify(LOG, jobs=True)", "(jobs=...): found True; expected a whole number"),
+    ("identify(LOG, setting=3j)", "setting=...: found complex; expected a setting"),
+    ("inspect(LOG, setting=object())", "setting=...: found object; expected a setting"),
+    ("inspect(LOG, setting=9)", "setting=9: setting_10.csv says setting 10; leave setting= out"),
+    ("read()", "damperfit.read: log missing"),
+    ("simulate(setting='x')", "setting=x: not in the reference set; expected a whole number"),
+    ("simulate(frame)", "(setting=...): found DataFrame; expected a setting"),
+    ("simulate(10, 'sine')", "damperfit.simulate: too many arguments"),
+    ("simulate(10, parameters=3)", "(parameters=...): found int; expected a result"),
+    ("simulate(10, displacement=frame)", "(displacement=...): found DataFrame; expected the path"),
+    ("simulate(10, wave='square')", "expected 'sine' or 'triangle', found 'square'"),
+    ("compare(result)", "or tolerance=FILE with nominal forces"),
+    ("compare(result, result, tolerance=5)", "(tolerance=...): found 5; expected '5%'"),
+    ("compare(result, result, tolerance='x')", "tolerance=x: expected per cent, newtons"),
+    ("compare(result, result, toleranz=3)", "Did you mean 'tolerance'?"),
+    ("compare(result, result, velocities=3j)", "(velocities=...): found 3j; expected speeds"),
+    ("compare(result, result, jobs='x')", "(jobs=...): found 'x'"),
+    ("compare(result, result, is_measured='x')", "(is_measured=...): found 'x'; expected True"),
+    ("compare(result, result, amplitude='5mm')", "amplitude= and frequency= make the sine"),
+    ("export(result, to='fmu9')", "to=fmu9: expected one of csv, xlsx"),
+    ("export(result, to=3)", "to=3: expected one of csv, xlsx"),
+    ("export(result, to='csv', out=3)", "(out=...): found int; expected the path of a folder"),
+    (
+        "export(result, 'csv', 'x', extend=[])",
+        "or a text such as '1.5m/s' for a velocity, found []",
+    ),
+    ("load(None)", "damperfit.load: found NoneType; expected the path of a results folder"),
+    ("Damper(bore='32')", "damperfit.Damper: no keyword 'bore'; there are rod_diameter,"),
+    ("Damper(rod_diamter=0.03)", "Did you mean 'rod_diameter'?"),
+    ("Motion([1, 2], [3])", "damperfit.Motion: velocity missing"),
+    ("Motion('x', [1, 2], [3, 4])", "motion: expected a number for interval, found 'x'"),
+    ("Motion(0.001, [1, 2], [3, 4], 'x')", "motion: expected a number for start_time, found 'x'"),
+    ("Motion(0.001, [1, 2], [3, 4], gas_pressure='x')", "number for gas_pressure, found 'x'"),
+    ("Motion(0.001, ['a', 'b'], [3, 4])", "expected an array of numbers for displacement"),
+    ("Motion(0.001, [1, 2], [[1, 2], [3]])", "expected an array of numbers for velocity"),
+    ("Result(3)", "damperfit.Result: found int; expected the path of a results folder"),
+    ("result.setting()", "result.setting: setting missing"),
+    ("result.setting(frame)", "result.setting: found DataFrame; expected a setting"),
+    ("result.setting(True)", "result.setting: found bool; expected a setting"),
+    ("result.setting(10).simulate(setting=3)", "the parameters are those of setting 10"),
+    ("result.plot([])", "no figure '[]'; there are fan"),
+    ("result.frame(3)", "no table '3' in these results"),
+    ("result.report(3)", "result.report: found int; expected the path of a page"),
+    ("result.save(3)", "result.save: found int; expected the path of a folder"),
+    ("identify({'10': {}})", "10: the data frame has no columns"),
+    ("identify({'10': frame.drop(columns='time_s')})", "rig={'columns': {'time': 'NAME'}}"),
+    ("identify({'10': {'time_s': 3, 'force_N': 4}})", "10: found single numbers"),
+]
+
+
+@pytest.mark.parametrize(("call", "said"), _WRONG)
+def test_no_wrong_call_ends_inside(call, said, frame, result):
+    names = {"damperfit": damperfit, "result": result, "frame": frame, "LOG": LOGS[1]}
+    with pytest.raises(DamperfitError) as caught:
+        eval(call if call.startswith("result.") else f"damperfit.{call}", names)  # noqa: S307
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not re.search(r"(?<!export )--[a-z]", str(caught.value))
+
+
+def test_a_type_error_that_is_no_wrong_call_stays_what_it_is():
+    @refuse_wrong_arguments("door")
+    def door(number):
+        return number + "x"
+
+    with pytest.raises(TypeError, match="unsupported operand"):
+        door(3)
+    with pytest.raises(ConfigurationError, match="door: number missing"):
+        door()
+    with pytest.raises(ConfigurationError, match="door: number given twice"):
+        door(3, number=4)
 
 
 def test_a_damper_is_declared_as_an_object_or_as_keys():

@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, ClassVar
 from damperfit.damper.cylinder import Cylinder
 from damperfit.damper.model import Model, Quantity, Values
 from damperfit.damper.purdy.quantities import QUANTITIES
+from damperfit.errors import refuse_wrong_arguments
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -176,5 +177,8 @@ class Damper(Cylinder, Model):
         """V_g0, gas at x = 0, m3."""
         return self.gas_length * math.pi / 4.0 * self.gas_piston_diameter**2
 
+
+# What dataclasses write says TypeError, of __init__.
+Damper.__init__ = refuse_wrong_arguments("damperfit.Damper")(Damper.__init__)  # type: ignore[method-assign]
 
 PURDY_DAMPER = Damper()

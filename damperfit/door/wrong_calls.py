@@ -1,0 +1,102 @@
+"""What a wrong call is told: the sentence of the command line, in the words of the call."""
+
+from __future__ import annotations
+
+import os
+import re
+from functools import partial, wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
+
+from damperfit.errors import ConfigurationError, DamperfitError, refuse_wrong_arguments
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    P = ParamSpec("P")
+    R = TypeVar("R")
+
+__all__ = ["answers_wrong_calls", "in_words_of_a_call", "path_of"]
+
+# A keyword takes the place of an option: with its value, with a word for it, or alone.
+_WORDS = (
+    (r"--rig units\.(\w+)=([^\s)]+)", r"units={'\1': '\2'}"),
+    (r"--rig (\w+)=([^\s)]+)", r"rig={'\1': \2}"),
+    (r"\brig\.units\.(\w+) = ('[^']*')", r"units={'\1': \2}"),
+    (r"\brig\.columns\.(\w+) = ('[^']*')", r"rig={'columns': {'\1': \2}}"),
+    (r"(?<!export )--([a-z][a-z-]*) ([A-Z]+)\b", r"\1=\2"),
+    (r"^--([a-z][a-z-]*) (\S+):", r"\1=\2:"),
+    (r"(?<!export )--([a-z][a-z-]*) ('[^']*')", r"\1=\2"),
+    (r"(?<!export )--([a-z][a-z-]*)", r"\1="),
+)
+
+
+def in_words_of_a_call(message: str) -> str:
+    """Return a sentence with keywords in place of the command line's options.
+
+    Examples
+    --------
+    >>> in_words_of_a_call("no unit (--rig units.force=N); or give --setting N, or --free")
+    "no unit (units={'force': 'N'}); or give setting=N, or free="
+    >>> in_words_of_a_call("--to fmu9: unknown; damperfit export --list shows them")
+    'to=fmu9: unknown; damperfit export --list shows them'
+    >>> in_words_of_a_call("no column; name it: rig.columns.time = 'NAME', or --hold-out '*.csv'")
+    "no column; name it: rig={'columns': {'time': 'NAME'}}, or hold_out='*.csv'"
+    """
+    for option, keyword in _WORDS:
+        message = re.sub(option, partial(_keyword, keyword), message)
+    return message
+
+
+def _keyword(template: str, found: re.Match[str]) -> str:
+    name = found[1].replace("-", "_")
+    return found.expand(template.replace(r"\1=", f"{name}=", 1))
+
+
+def answers_wrong_calls(call: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator: what the function refuses is told in the words of its call.
+
+    Parameters
+    ----------
+    call : str
+        What the user wrote, as in ``damperfit.identify``.
+    """
+
+    def decorated(function: Callable[P, R]) -> Callable[P, R]:
+        checked = refuse_wrong_arguments(call)(function)
+
+        @wraps(function)
+        def answering(*args: P.args, **kwargs: P.kwargs) -> R:
+            try:
+                return checked(*args, **kwargs)
+            except DamperfitError as error:
+                said = in_words_of_a_call(str(error))
+                if said == str(error):
+                    raise
+                raise type(error)(said) from error
+
+        return answering
+
+    return decorated
+
+
+def path_of(value: object, call: str, expected: str) -> Path:
+    """Return a path that was given as text or as a path.
+
+    Parameters
+    ----------
+    value : object
+        What was given.
+    call : str
+        The call with its keyword, as in ``damperfit.identify(out=...)``.
+    expected : str
+        What the path is of, as in "the path of a folder".
+
+    Raises
+    ------
+    ConfigurationError
+        It is neither.
+    """
+    if isinstance(value, str | os.PathLike):
+        return Path(os.fspath(value))
+    raise ConfigurationError(f"{call}: found {type(value).__name__}; expected {expected}")
