@@ -18,6 +18,7 @@ from damperfit.cli.console import (
     screen_columns,
 )
 from damperfit.cli.github import append_summary, summary_file
+from damperfit.cli.option_values import configured, rig_entries
 from damperfit.cli.options import (
     AmplitudeOption,
     ConfigOption,
@@ -27,6 +28,8 @@ from damperfit.cli.options import (
     JobsOption,
     JsonOption,
     QuietOption,
+    RigOption,
+    RigProfileOption,
     ToleranceOption,
     VersionOption,
 )
@@ -34,7 +37,8 @@ from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from damperfit.atomic import FileSet
-    from damperfit.comparison import RunComparison
+    from damperfit.comparison import ComparisonOptions, RunComparison
+    from damperfit.configuration.options import Configuration
     from damperfit.queries.comparisons import Compared
 
 __all__ = ["compare"]
@@ -44,7 +48,9 @@ def compare(
     runs: Annotated[
         list[Path],
         typer.Argument(
-            metavar="A B...", help="Results folders, or folders of several; A is the reference."
+            metavar="A B...",
+            help="Results folders, or folders of several; A is the reference. With --measured "
+            "also raw logs: a folder, a quoted pattern or @list.txt of them is one run.",
         ),
     ],
     repeats: Annotated[
@@ -57,7 +63,8 @@ def compare(
     measured: Annotated[
         bool,
         typer.Option(
-            "--measured", help="Compare measured curves only; takes logs and curve files too."
+            "--measured",
+            help="Compare measured curves only; takes folders of raw logs, logs and curve files.",
         ),
     ] = False,
     velocity: Annotated[
@@ -76,6 +83,8 @@ def compare(
         typer.Option(metavar="FILE.xml", help="Write the points of --tolerance as JUnit XML."),
     ] = None,
     github_summary: GithubSummaryOption = False,
+    rig_profile: RigProfileOption = None,
+    rig: RigOption = None,
     jobs: JobsOption = None,
     config: ConfigOption = None,
     json: JsonOption = False,
@@ -92,6 +101,7 @@ def compare(
     from damperfit.queries.comparisons import compare_all, comparison_options, parse_bands
     from damperfit.run.logs import available_cores
 
+    reading = _reading(config, rig, rig_profile, is_measured=measured)
     bands = parse_bands(tolerance)
     if junit is not None and bands is None:
         raise ConfigurationError("--junit: holds the points of --tolerance, which was not given")
@@ -104,10 +114,12 @@ def compare(
         jobs=jobs or available_cores(),
     )
     if save is not None:
-        _save(runs[0], save, config=config, is_quiet=quiet)
+        _save(runs[0], save, options, config=config, reading=reading, is_quiet=quiet)
         if len(runs) == 1 and bands is None:
             return 0
-    found = compare_all(runs, options, repeats=repeats or (), tolerance=bands, config=config)
+    found = compare_all(
+        runs, options, repeats=repeats or (), tolerance=bands, config=config, reading=reading
+    )
     _tell(found, is_debug=debug)
     if json:
         print_json(_document(found, tolerance))
@@ -121,12 +133,38 @@ def compare(
     return 1 if found.remarks else 4 if is_missed else 0
 
 
-def _save(place: Path, path: Path, *, config: Path | None, is_quiet: bool) -> None:
+def _reading(
+    config: Path | None,
+    rig: list[str] | None,
+    rig_profile: str | None,
+    *,
+    is_measured: bool,
+) -> Configuration | None:
+    """Return how raw logs are read; None where none may be given."""
+    for option, given in (("--rig", rig[0] if rig else None), ("--rig-profile", rig_profile)):
+        if given is not None and not is_measured:
+            raise ConfigurationError(
+                f"{option} {given} has no effect: no log is read without --measured; leave it out"
+            )
+    profile = ("--rig-profile", "rig.profile", rig_profile)
+    return configured(config, *rig_entries(rig), profile) if is_measured else None
+
+
+def _save(
+    place: Path,
+    path: Path,
+    options: ComparisonOptions,
+    *,
+    config: Path | None,
+    reading: Configuration | None,
+    is_quiet: bool,
+) -> None:
     from damperfit.atomic import write_text
     from damperfit.queries.baseline import baseline_text
-    from damperfit.queries.runs_to_compare import read_run
+    from damperfit.queries.comparisons import one_run
 
-    write_text(path, baseline_text(read_run(place, config=config)))
+    run = one_run(place, options, config=config, reading=reading)
+    write_text(path, baseline_text(run))
     if not is_quiet:
         say(f"damperfit: {path} written: give it as A or B of a later comparison")
 

@@ -60,7 +60,7 @@ def inspect(
     Example: damperfit inspect runs/*.csv
     """
     from damperfit.run.log_paths import expand
-    from damperfit.run.logs import available_cores, read_batch
+    from damperfit.run.logs import Purpose, available_cores, read_batch
     from damperfit.run.reading_account import log_documents, reading_ending
     from damperfit.run.remarks import skipped_files
 
@@ -80,7 +80,7 @@ def inspect(
         configuration,
         jobs=workers,
         setting=declared_setting(setting, configuration),
-        keeps_traces=False,
+        purpose=Purpose.INSPECT,
     )
     say_failures(batch.failures, is_debug=debug)
     if not quiet:

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ComparisonOptions", "RunComparison", "compare_runs"]
 
+_EACH = "the motion of each test"
 _FEW_REPEATS = 3  # fewer tell little of a scatter
 _Tables = tuple[dict[Topic, Reading], ...]
 
@@ -120,6 +121,11 @@ class RunComparison:
         )
 
     @property
+    def is_without_model(self) -> bool:
+        """Whether measured curves alone are compared."""
+        return self.motion == _EACH
+
+    @property
     def forces_title(self) -> str:
         """What forces are compared, as in "forces as measured at the motion of each test"."""
         forces = self.of("force")
@@ -170,7 +176,7 @@ def compare_runs(
 
     fitted = [run.fitted for run in runs if run.fitted is not None]
     if options.is_measured or len(fitted) < len(runs):
-        motion = "the motion of each test"
+        motion = _EACH
         forces = measured_readings(runs, settings, speeds=options.speeds)
         is_same = True
         parameters: _Tables = tuple({} for _ in runs)
@@ -202,7 +208,11 @@ def compare_runs(
         settings,
         motion,
         (*lines, *told),
-        notes=(*_on_repeats(repeats), *_notes(runs, forces, lines)),
+        notes=(
+            *_on_repeats(repeats),
+            *_not_compared(settings, lines),
+            *_notes(runs, forces, lines),
+        ),
         remarks=tuple(dict.fromkeys(one.message for one in mishaps)),
         traces=tuple(one.trace for one in mishaps if one.trace),
     )
@@ -286,8 +296,16 @@ def _on_repeats(repeats: Sequence[Run]) -> Iterator[str]:
         )
 
 
+def _not_compared(settings: Sequence[Setting], lines: Sequence[Difference]) -> Iterator[str]:
+    told = {line.subject.setting for line in lines if line.subject.kind == "force"}
+    lost = [one for one in settings if told and one not in told]
+    if lost:
+        yield f"setting {listed_settings(lost)}: no motion is common to both: not compared"
+
+
 def _notes(runs: Sequence[Run], tables: _Tables, lines: Sequence[Difference]) -> Iterator[str]:
     for run in runs:
+        yield from (f"{run.name}: {note}" for note in run.notes)
         share, freedom = repeat_scatter(run)
         if share:
             yield (

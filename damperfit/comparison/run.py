@@ -133,6 +133,8 @@ class Run:
         run.json; empty where there is none.
     remarks : tuple of str
         What is missing or damaged.
+    notes : tuple of str
+        What a reader must know of how it was read; nothing is missing.
     """
 
     name: str
@@ -141,6 +143,7 @@ class Run:
     tests: tuple[MeasuredTest, ...]
     record: Mapping[str, Any]
     remarks: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def settings(self) -> tuple[Setting, ...]:

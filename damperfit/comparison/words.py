@@ -70,10 +70,10 @@ def difference_of(line: Difference) -> str:
     return f"{told} ({line.low:+.3g} to {line.high:+.3g})" if math.isfinite(line.low) else told
 
 
-def verdict_of(line: Difference) -> str:
+def verdict_of(line: Difference, *, says_measured: bool = True) -> str:
     """Say the verdict of a line in words, and of a force whether it was measured."""
-    is_force = line.subject.kind == "force"
-    return f"{_verdict(line)} (measured)" if is_force and line.is_measured else _verdict(line)
+    is_said = says_measured and line.subject.kind == "force" and line.is_measured
+    return f"{_verdict(line)} (measured)" if is_said else _verdict(line)
 
 
 def _verdict(line: Difference) -> str:

@@ -82,7 +82,7 @@ def inspect(
     """
     from damperfit.door.tables import Inspection
     from damperfit.run.log_paths import expand
-    from damperfit.run.logs import available_cores, read_batch
+    from damperfit.run.logs import Purpose, available_cores, read_batch
 
     configuration = configured("damperfit.inspect", units=units, **asked)
     with as_files(logs, call="damperfit.inspect") as paths:
@@ -91,7 +91,7 @@ def inspect(
             configuration,
             jobs=workers(jobs, "damperfit.inspect") or available_cores(),
             setting=declared_setting(setting, configuration),
-            keeps_traces=False,
+            purpose=Purpose.INSPECT,
         )
     return Inspection(batch)
 

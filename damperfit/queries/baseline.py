@@ -52,19 +52,10 @@ class Baseline:
 
 
 def baseline_text(run: Run) -> str:
-    """Return a run as the text of a baseline.
-
-    Raises
-    ------
-    ConfigurationError
-        Nothing was fitted in it.
-    """
-    if run.fitted is None:
-        raise ConfigurationError(
-            f"{run.place}: --save keeps a run that was fitted; run damperfit identify first"
-        )
+    """Return a run as the text of a baseline; of measured curves alone without parameters."""
+    rows = {} if run.fitted is None else run.fitted.rows
     record = compared_record(run.record)
-    settings = list(run.fitted.rows)
+    settings = list(rows)
     is_whole = all(isinstance(one.cell, int) for one in settings)
     document = {
         _KEY: _VERSION,
@@ -77,7 +68,7 @@ def baseline_text(run: Run) -> str:
                 **setting_cells(setting, is_whole=is_whole),
                 **{name: cell for name, cell in row.items() if name != "setting"},
             }
-            for setting, row in run.fitted.rows.items()
+            for setting, row in rows.items()
         ],
         "tests": [_told(test) for test in run.tests],
     }

@@ -16,16 +16,26 @@ from damperfit.comparison import (
     read_bands,
     tolerated,
 )
+from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
-from damperfit.queries.runs_to_compare import Pair, holds_runs, named_apart, pairs_of, read_run
+from damperfit.queries.runs_to_compare import (
+    LogRuns,
+    Pair,
+    holds_runs,
+    named_apart,
+    pairs_of,
+    read_run,
+    runs_of_logs,
+)
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from damperfit.comparison import Point, Run, Tolerance
+    from damperfit.configuration.options import Configuration
 
-__all__ = ["Compared", "compare_all", "comparison_options", "parse_bands"]
+__all__ = ["Compared", "compare_all", "comparison_options", "one_run", "parse_bands"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,6 +103,7 @@ def compare_all(
     repeats: Sequence[Path] = (),
     tolerance: Tolerance | None = None,
     config: Path | None = None,
+    reading: Configuration | None = None,
 ) -> Compared:
     """Return every pair compared.
 
@@ -107,16 +118,21 @@ def compare_all(
     tolerance : Tolerance, optional
         Bands that the forces are held against; with nominal ones a single run will do.
     config : pathlib.Path, optional
-        How logs are read; the damper of results that do not tell theirs.
+        The damper of results that do not tell theirs.
+    reading : Configuration, optional
+        How raw logs are read and conditioned; without it as ``config`` says.
 
     Raises
     ------
     ConfigurationError
         There is nothing to compare.
+    LogError
+        No log of a run can be used.
     """
+    logs = _logs([*paths, *repeats], options, config, reading)
     nominal = tolerance is not None and bool(tolerance.bands)
-    is_single = nominal and len(paths) == 1 and not holds_runs(paths[0])
-    pairs, alone = ((), ()) if is_single else pairs_of(paths)
+    is_single = nominal and len(paths) == 1 and not holds_runs(paths[0], logs)
+    pairs, alone = ((), ()) if is_single else pairs_of(paths, logs)
     if repeats and len({pair.first for pair in pairs}) > 1:
         raise ConfigurationError(
             "--repeats are of one reference, and there are several; compare one damper at a time"
@@ -125,8 +141,14 @@ def compare_all(
     places = list(dict.fromkeys(p for pair in pairs for p in (pair.first, pair.second)))
     places = places or list(paths)
     wanted = [*places, *(one for one in repeats if one not in places)]
+    raw = logs.by_place
     found = named_apart(
-        [read_run(place, config=config, is_measured=options.is_measured) for place in wanted]
+        [
+            raw[place]
+            if place in raw
+            else read_run(place, config=config, is_measured=options.is_measured)
+            for place in wanted
+        ]
     )
     known: dict[Path, Run] = dict(zip(wanted, found, strict=True))
     comparisons = tuple(
@@ -138,7 +160,8 @@ def compare_all(
         )
         for pair in pairs
     )
-    remarks = [f"{run.place}: {remark}" for run in found for remark in run.remarks]
+    remarks = [*logs.remarks]
+    remarks += [f"{run.place}: {remark}" for run in found for remark in run.remarks]
     remarks += [f"{one.second.place}: {remark}" for one in comparisons for remark in one.remarks]
     points: tuple[Point, ...] = ()
     if tolerance is not None and nominal:
@@ -147,6 +170,55 @@ def compare_all(
     elif tolerance is not None:
         points = tuple(p for one in comparisons for p in tolerated(one, tolerance))
     return Compared(comparisons, alone, tuple(dict.fromkeys(remarks)), points)
+
+
+def one_run(
+    place: Path,
+    options: ComparisonOptions,
+    *,
+    config: Path | None = None,
+    reading: Configuration | None = None,
+) -> Run:
+    """Return a single run, to be kept.
+
+    Parameters
+    ----------
+    place : pathlib.Path
+        Results folder, baseline, or raw logs.
+    options : ComparisonOptions
+        Whether measured curves alone are meant.
+    config, reading
+        As of `compare_all`.
+
+    Raises
+    ------
+    ConfigurationError
+        There is none, or there are several.
+    LogError
+        No log can be used.
+    """
+    logs = _logs([place], options, config, reading)
+    named = [name for name in logs.groups.get(place, {}) if name]
+    if named:
+        raise ConfigurationError(
+            f"{place}: logs of {len(named)} dampers ({', '.join(named[:3])}"
+            f"{', ...' * (len(named) > 3)}); a baseline is of one: give its folder"
+        )
+    if place in logs.by_place:
+        return logs.by_place[place]
+    return read_run(place, config=config, is_measured=options.is_measured)
+
+
+def _logs(
+    places: Sequence[Path],
+    options: ComparisonOptions,
+    config: Path | None,
+    reading: Configuration | None,
+) -> LogRuns:
+    """Return the raw logs among some places; none where fitted runs are compared."""
+    if not options.is_measured:
+        return LogRuns()
+    return runs_of_logs(places, reading or load_configuration(config), jobs=options.jobs)
 
 
 def _refuse_repeats(repeats: Sequence[Path], pairs: Sequence[Pair]) -> None:

@@ -3,35 +3,43 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from damperfit.comparison import FittedRun, MeasuredTest, Run, measured_tests
-from damperfit.conditioning import condition
-from damperfit.configuration.loading import load_configuration
-from damperfit.errors import ConfigurationError, TimelessError
+from damperfit.errors import ConfigurationError, LogError
 from damperfit.queries.adjuster_results import adjuster_in
 from damperfit.queries.baseline import is_baseline, read_baseline
 from damperfit.queries.fleet_part import is_part, read_part
-from damperfit.readers import read_curves, read_logs
+from damperfit.queries.logs_to_compare import (
+    NoUsableLogError,
+    folders_of_logs,
+    holds_logs,
+    is_several_logs,
+    read_log_runs,
+)
 from damperfit.recording import natural_order
 from damperfit.report.json_records import listed_in, number_in
-from damperfit.tables import LogSignals, Results, read_results
-from damperfit.tested.setting import Setting, parse_place
+from damperfit.tables import Results, read_results
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
-    from damperfit.readers import ForceCurve
-    from damperfit.recording import Recording
+    from damperfit.configuration.options import Configuration
 
-__all__ = ["Pair", "holds_runs", "named_apart", "pairs_of", "read_run"]
+__all__ = [
+    "LogRuns",
+    "Pair",
+    "holds_runs",
+    "named_apart",
+    "pairs_of",
+    "read_run",
+    "runs_of_logs",
+]
 
 _MARKS = ("run.json", "parameters.parquet", "parameters.csv")
-_NAMELESS = "as tested"  # the setting of what says none
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,16 +61,44 @@ class Pair:
     name: str = ""
 
 
-def pairs_of(paths: Sequence[Path]) -> tuple[tuple[Pair, ...], tuple[str, ...]]:
+@dataclass(frozen=True, slots=True, eq=False)
+class LogRuns:
+    """Raw logs among what is compared.
+
+    Attributes
+    ----------
+    groups : mapping of pathlib.Path to mapping of str to Run
+        By place, and by damper; one without a name where they are of one.
+    remarks : tuple of str
+        Folders of which no log can be used.
+    """
+
+    groups: Mapping[Path, Mapping[str, Run]] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def by_place(self) -> dict[Path, Run]:
+        """The same by where each run stands."""
+        runs = {place: group[""] for place, group in self.groups.items() if "" in group}
+        named = (run for group in self.groups.values() for name, run in group.items() if name)
+        return runs | {Path(run.place): run for run in named}
+
+
+def pairs_of(
+    paths: Sequence[Path], logs: LogRuns = LogRuns()
+) -> tuple[tuple[Pair, ...], tuple[str, ...]]:
     """Return what is compared with what, and what has no partner, a sentence each.
 
     A folder that holds results folders stands for them: one alone for all its dampers, the first
     of which is the reference; two or more for the same dampers before and after, paired by name.
+    Raw logs of several dampers likewise.
 
     Parameters
     ----------
     paths : sequence of pathlib.Path
         As the command line names them; the first is the reference.
+    logs : LogRuns
+        Which of them are raw logs.
 
     Raises
     ------
@@ -70,9 +106,9 @@ def pairs_of(paths: Sequence[Path]) -> tuple[tuple[Pair, ...], tuple[str, ...]]:
         There are fewer than two, a folder holds no results, or no name is in both.
     """
     for path in paths:
-        if not path.exists():
+        if not path.exists() and path not in logs.groups:
             raise ConfigurationError(f"{path}: no such file or folder")
-    groups = [_inside(path) for path in paths]
+    groups = [_inside(path, logs) for path in paths]
     if len(paths) == 1:
         if len(groups[0]) < 2:
             raise ConfigurationError(
@@ -109,19 +145,26 @@ def _paired(
     return tuple(found), tuple(dict.fromkeys(lost))
 
 
-def _inside(path: Path) -> dict[str, Path]:
-    """Return the results folders inside a folder that is none itself."""
+def _inside(path: Path, logs: LogRuns) -> dict[str, Path]:
+    """Return the results folders inside a folder that is none itself; of raw logs, the dampers."""
+    if path in logs.groups:
+        return {name: Path(run.place) for name, run in logs.groups[path].items() if name}
     if not path.is_dir() or _is_run(path):
         return {}
-    inside = sorted(path.iterdir(), key=lambda one: natural_order(one.name))
-    found = {one.name: one for one in inside if one.is_dir() and _is_run(one)}
+    found = _runs_in(path)
     if not found:
-        raise ConfigurationError(_no_results(path, inside))
+        raise ConfigurationError(_no_results(path))
     return found
 
 
-def _no_results(folder: Path, inside: Sequence[Path]) -> str:
+def _runs_in(folder: Path) -> dict[str, Path]:
+    inside = sorted(folder.iterdir(), key=lambda one: natural_order(one.name))
+    return {one.name: one for one in inside if one.is_dir() and _is_run(one)}
+
+
+def _no_results(folder: Path) -> str:
     """Say what a folder without results holds, and what to do if it is logs."""
+    inside = sorted(folder.iterdir(), key=lambda one: natural_order(one.name))
     files = [one.name for one in inside if one.is_file() and not one.name.startswith(".")]
     said = f"{folder}: no results of damperfit identify, and no folder in it holds any"
     if not files:
@@ -129,13 +172,55 @@ def _no_results(folder: Path, inside: Sequence[Path]) -> str:
     more = f" and {len(files) - 1} more" if len(files) > 1 else ""
     return (
         f"{said}, but {files[0]}{more}; if these are logs, run damperfit identify on them first, "
-        f"or give single files: damperfit compare {folder / files[0]} OTHER --measured"
+        f"or compare them as measured: damperfit compare {folder} OTHER --measured"
     )
 
 
-def holds_runs(path: Path) -> bool:
-    """Whether a path is a folder of results folders."""
-    return bool(_inside(path))
+def runs_of_logs(places: Sequence[Path], configuration: Configuration, *, jobs: int = 1) -> LogRuns:
+    """Return what the raw logs among some places tell, without a fit.
+
+    Parameters
+    ----------
+    places : sequence of pathlib.Path
+        Folders, files, patterns, ``@list.txt``; what is no raw log is left out.
+    configuration : Configuration
+        How logs are read and conditioned.
+    jobs : int
+        Threads.
+
+    Raises
+    ------
+    LogError
+        No log of a place can be used.
+    ConfigurationError
+        A pattern or a list names none.
+    """
+    groups: dict[Path, dict[str, Run]] = {}
+    remarks: list[str] = []
+    for place in dict.fromkeys(places):
+        is_file = place.is_file() and not is_baseline(place) and not is_part(place)
+        is_folder = place.is_dir() and not _is_run(place) and not _runs_in(place)
+        if is_file or is_several_logs(place) or (is_folder and holds_logs(place)):
+            groups[place] = read_log_runs(place, configuration, jobs=jobs)
+        elif is_folder and (folders := folders_of_logs(place)):
+            groups[place] = {}
+            for name, folder in folders.items():
+                try:
+                    found = read_log_runs(folder, configuration, jobs=jobs)
+                except LogError as error:
+                    remarks.append(str(error))
+                    continue
+                groups[place] |= {
+                    f"{name}/{key}" if key else name: one for key, one in found.items()
+                }
+            if not groups[place]:
+                raise NoUsableLogError(remarks[-1])
+    return LogRuns(groups, tuple(remarks))
+
+
+def holds_runs(path: Path, logs: LogRuns = LogRuns()) -> bool:
+    """Whether a path is a folder of results folders, or of the logs of several dampers."""
+    return bool(_inside(path, logs))
 
 
 def _is_run(folder: Path) -> bool:
@@ -152,10 +237,9 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
     Parameters
     ----------
     path : pathlib.Path
-        Results folder, baseline or a fleet's part; with ``is_measured`` also a log or a file of
-        curves.
+        Results folder, baseline or a fleet's part.
     config : pathlib.Path, optional
-        How logs are read; the damper of results that do not tell theirs.
+        The damper of results that do not tell theirs.
     is_measured : bool
         Measured curves alone.
 
@@ -163,8 +247,6 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
     ------
     ConfigurationError
         There is nothing of the kind.
-    LogError
-        A log cannot be read.
     """
     if is_part(path):
         return _of_results(read_part(path), path, (), config=config, is_measured=is_measured)
@@ -174,15 +256,17 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
         raise ConfigurationError(f"{path}: no such file or folder")
     if is_baseline(path):
         baseline = read_baseline(path)
+        if not baseline.results.parameters and not is_measured:
+            raise ConfigurationError(
+                f"{path}: a baseline of measured curves, nothing was fitted; give --measured"
+            )
         return _of_results(
             baseline.results, path, baseline.tests, config=config, is_measured=is_measured
         )
-    if not is_measured:
-        raise ConfigurationError(
-            f"{path}: neither a results folder nor a baseline; to compare logs and files of "
-            "curves, give --measured"
-        )
-    return _of_log(path, config)
+    raise ConfigurationError(
+        f"{path}: neither a results folder nor a baseline; to compare logs and files of "
+        "curves, give --measured"
+    )
 
 
 def _of_folder(folder: Path, config: Path | None, *, is_measured: bool) -> Run:
@@ -251,77 +335,6 @@ def _tests(results: Results) -> Iterator[MeasuredTest]:
             }
             told = [{**facts, **ends}]
         yield from measured_tests(signals, told, temperature=temperature)
-
-
-def _of_log(path: Path, config: Path | None) -> Run:
-    """Return a log, or a file of curves, as a run without a fit."""
-    configuration = load_configuration(config)
-    try:
-        recordings = read_logs(path, configuration.reading)
-    except TimelessError:
-        curves = read_curves(path, configuration.reading)
-        tests = tuple(_of_curve(curve) for curve in curves)
-        record: dict[str, Any] = {"inputs": []}
-    else:
-        tests = tuple(
-            test
-            for recording in recordings
-            for test in _of_recording(recording, configuration.conditioning)
-        )
-        record = {"inputs": [{"log": r.name, "sha256": r.sha256} for r in recordings]}
-    return _with_tests(Run(path.name, str(path), None, tests, record))
-
-
-def _of_recording(recording: Recording, options: Any) -> tuple[MeasuredTest, ...]:
-    trace = condition(recording, options)
-    n = len(trace.force)
-    nothing = np.full(n, np.nan)
-    signals = LogSignals(
-        trace.setting or Setting.of(_NAMELESS),
-        trace.name,
-        trace.start_time + trace.interval * np.arange(n, dtype=np.float64),
-        trace.displacement,
-        trace.velocity,
-        trace.force,
-        nothing,
-        np.stack([nothing] * 3),
-    )
-    told = [stretch.describe(trace) for stretch in trace.stretches]
-    warmth = math.nan if trace.temperature is None else trace.temperature
-    return measured_tests(signals, told, temperature=warmth)
-
-
-def _of_curve(curve: ForceCurve) -> MeasuredTest:
-    """Return a curve without time as a test without a motion: no errors are known."""
-    speeds = np.unique(np.abs(curve.velocity[curve.velocity != 0.0]))
-    nothing = np.empty(0)
-    strokes = {}
-    for stroke in ("rebound", "bump"):
-        forces = np.array([curve.force_at(float(speed), stroke) for speed in speeds])
-        strokes[stroke] = np.stack([forces, np.full(len(speeds), np.nan)])
-    return MeasuredTest(
-        setting=_setting_of(curve),
-        log=curve.name,
-        amplitude=math.nan,
-        frequency=math.nan,
-        n_cycles=0,
-        displacement=nothing,
-        velocity=curve.velocity,
-        force=curve.force,
-        simulated=nothing,
-        speeds=speeds,
-        strokes=strokes,
-    )
-
-
-def _setting_of(curve: ForceCurve) -> Setting:
-    """Return the setting that a curve's label names; a file of one curve calls it after itself."""
-    if curve.label in {curve.name, Path(curve.name).stem}:
-        return Setting.of(_NAMELESS)
-    try:
-        return Setting.of(parse_place(curve.label))
-    except ValueError:
-        return Setting.of(curve.label)
 
 
 def named_apart(runs: Sequence[Run]) -> tuple[Run, ...]:

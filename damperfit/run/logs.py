@@ -11,6 +11,7 @@ import os
 from collections import Counter
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
+from enum import Enum
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -47,10 +48,15 @@ _LOGGER = logging.getLogger(__name__)
 _LARGE = 1_000_000  # bytes
 _READ_APART = {".mat", ".mdf", ".mf4", ".h5", ".hdf5"}
 
-__all__ = ["LogBatch", "LogFacts", "available_cores", "failure_of", "read_batch"]
+__all__ = ["LogBatch", "LogFacts", "Purpose", "available_cores", "failure_of", "read_batch"]
 
-# First line of this project's own parameter tables (truth.csv, parameters.csv), which a pattern
-# such as sample_runs/*.csv catches beside the logs.
+
+class Purpose(Enum):
+    """What logs are read for: to be fitted, compared as measured, or looked at."""
+
+    FIT = "fit"  # each must have a setting
+    COMPARE = "compare"
+    INSPECT = "inspect"  # no samples are kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +125,7 @@ def read_batch(
     *,
     jobs: int,
     setting: Setting | None = None,
-    keeps_traces: bool = True,
+    purpose: Purpose = Purpose.FIT,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> LogBatch:
     """Read and condition logs, several at a time.
@@ -134,16 +140,16 @@ def read_batch(
         Workers.
     setting : Setting, optional
         Setting of logs that do not give one.
-    keeps_traces : bool
-        False: only the facts are wanted; no samples are kept, and curves without time are facts
-        too, not failures.
+    purpose : Purpose
+        To be inspected, curves without time are facts too, not failures.
     cancelled : callable
         Asked before each log; once it says True, the remaining logs are left out.
     """
     is_table = {path: is_own_table(path) for path in paths}
     logs = [path for path in paths if not is_table[path] and not is_tests_table(path)]
     labels = labels_for(logs, configuration, setting=setting)
-    labelled = _Labelled(labels, is_needed=keeps_traces)
+    labelled = _Labelled(labels, is_needed=purpose is Purpose.FIT)
+    keeps_traces = purpose is not Purpose.INSPECT
 
     def one(path: Path, name: str) -> list[_Taken]:
         begin = perf_counter()

@@ -11,11 +11,11 @@ from damperfit.identification.sharing import listed_settings
 from damperfit.report import Failure
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Campaign
-    from damperfit.recording import Finding
+    from damperfit.recording import Finding, Trace
     from damperfit.run.logs import LogBatch
     from damperfit.tested.setting import Setting
 
@@ -23,6 +23,7 @@ __all__ = [
     "MANY",
     "corrections",
     "gates_not_met",
+    "log_warnings",
     "missing_logs",
     "run_warnings",
     "skipped_files",
@@ -43,7 +44,7 @@ def run_warnings(batch: LogBatch, campaign: Campaign) -> Iterator[str]:
     """
     yield from skipped_files(batch)
     yield from batch.remarks
-    yield from _log_warnings(campaign)
+    yield from log_warnings(_fitted_traces(campaign))
     yield from campaign.warnings
     if campaign.sharing.friction_varies and campaign.sharing.f_f_range is not None:
         low, high = campaign.sharing.f_f_range
@@ -74,22 +75,25 @@ def _at_settings(said: Sequence[tuple[Setting, str]]) -> Iterator[str]:
     yield from (f"setting {setting}: {sentence}" for setting, sentence in said)
 
 
-def _log_warnings(campaign: Campaign) -> Iterator[str]:
-    """One line for each kind of warning, with the numbers of its first log."""
-    yield from _by_kind(campaign, lambda finding: finding.severity == "warning")
+def log_warnings(traces: Iterable[Trace]) -> Iterator[str]:
+    """Yield one line for each kind of warning, with the numbers of its first log."""
+    yield from _by_kind(traces, lambda finding: finding.severity == "warning")
 
 
 def corrections(campaign: Campaign) -> Iterator[str]:
     """Yield what was put right in the logs that were fitted, one line for each kind."""
-    yield from _by_kind(campaign, lambda finding: finding.is_correction)
+    yield from _by_kind(_fitted_traces(campaign), lambda finding: finding.is_correction)
 
 
-def _by_kind(campaign: Campaign, is_meant: Callable[[Finding], bool]) -> Iterator[str]:
+def _fitted_traces(campaign: Campaign) -> Iterator[Trace]:
+    return (log.trace for fit in campaign.fits for log in fit.logs)
+
+
+def _by_kind(traces: Iterable[Trace], is_meant: Callable[[Finding], bool]) -> Iterator[str]:
     logs: dict[str, list[tuple[str, str]]] = {}
-    for fit in campaign.fits:
-        for log in fit.logs:
-            for one in filter(is_meant, log.trace.findings):
-                logs.setdefault(one.name, []).append((log.trace.name, one.sentence))
+    for trace in traces:
+        for one in filter(is_meant, trace.findings):
+            logs.setdefault(one.name, []).append((trace.name, one.sentence))
     for (name, sentence), *others in logs.values():
         also = f" and {len(others)} other log{'s' if len(others) > 1 else ''}" if others else ""
         yield f"{name}{also}: {sentence}"

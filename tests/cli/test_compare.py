@@ -193,7 +193,7 @@ def test_before_and_after_of_several_dampers_are_paired_by_name(run, campaigns) 
         (("BEFORE", "missing"), "missing: no such file or folder"),
         (("SEVERAL", "missing"), "missing: no such file or folder"),
         (("empty", "BEFORE"), "holds any; expected run.json and parameters.parquet"),
-        (("LOGS", "LOGS", "--measured"), "setting_01.csv OTHER --measured"),
+        (("LOGS", "LOGS"), "logs_before OTHER --measured"),
         (("LOGS", "LOGS"), "but setting_01.csv and 1 more; if these are logs, run damperfit"),
         (("BEFORE",), "one run alone has nothing to be compared with"),
         (("BEFORE", "LOG"), "to compare logs and files of curves"),

@@ -40,8 +40,9 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
     """
     lines = comparison.of("force")
     shown = _telling(lines) if is_short and len(lines) > _MANY else lines
-    notes = ["B - A with half of its 95 % interval; % of A's damping, positive: B is harder"]
-    if any(line.is_measured for line in shown):
+    whole = "A's measured force, gas included" if comparison.is_without_model else "A's damping"
+    notes = [f"B - A with half of its 95 % interval; % of {whole}, positive: B is harder"]
+    if any(line.is_measured for line in shown) and not comparison.is_without_model:
         notes.append("measured: A and B are the forces that were measured, not those of a model")
     if len(shown) < len(lines):
         rest = [line for line in lines if line not in shown]
@@ -60,7 +61,7 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
                 number(line.second.value, digits=4),
                 with_interval(line.difference, line.high, plus="+"),
                 _percent(line),
-                verdict_of(line),
+                verdict_of(line, says_measured=not comparison.is_without_model),
             )
             for line in shown
         ),
