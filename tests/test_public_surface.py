@@ -208,6 +208,7 @@ SURFACE = {
     "damperfit.conditioning": [
         "ConditionOptions",
         "GasFacts",
+        "OffsetFacts",
         "NominalTest",
         "TRANSIENTS",
         "apply_filter",
@@ -291,14 +292,30 @@ SURFACE = {
         "damper_section",
     ],
     "damperfit.damper.model": [
-        "DAMPER",
-        "LOG",
         "Model",
+        "Values",
+        "values_type",
+    ],
+    "damperfit.damper.purdy.figures": [
+        "FIGURES",
+        "Figure",
+    ],
+    "damperfit.identification.paper.shared_values": [
+        "MEAN",
+        "TAKEN",
+        "fallback",
+    ],
+    "damperfit.damper.quantity": [
+        "DAMPER",
+        "FRICTION",
+        "GAS",
+        "LOG",
+        "OFFSET",
         "Quantity",
         "RIG",
         "SETTING",
-        "Values",
-        "values_type",
+        "STIFFNESS",
+        "VISCOUS",
     ],
     "damperfit.laws": [
         "ENOUGH_PERCENT",

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
     from damperfit.identification import Fit
     from damperfit.uncertainty import Uncertainty
 

@@ -153,11 +153,11 @@ def _no_cavitation(subject: Subject) -> _Verdict:
         worst = max(empty, key=lambda fit: fit.cavitation_fraction)
         share = f"{100.0 * worst.cavitation_fraction:.1f} % of the cycle at setting"
         return False, f"a chamber cavitates at {_settings(empty)}, most for {share} {worst.setting}"
-    known = [fit for fit in subject.fits if math.isfinite(fit.r_m3_cavitation_margin)]
+    known = [fit for fit in subject.fits if math.isfinite(fit.cavitation_margin)]
     if not known:
         return True, "no chamber reaches zero pressure"
-    nearest = min(known, key=lambda fit: fit.r_m3_cavitation_margin)
-    margin = f"{100.0 * nearest.r_m3_cavitation_margin:.0f} % at setting {nearest.setting}"
+    nearest = min(known, key=lambda fit: fit.cavitation_margin)
+    margin = f"{100.0 * nearest.cavitation_margin:.0f} % at setting {nearest.setting}"
     return True, f"no chamber reaches zero pressure; R_m3 may rise by {margin}, elsewhere by more"
 
 

@@ -15,7 +15,7 @@ from damperfit.identification.sharing import listed_settings
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
     from damperfit.identification import Fit
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Objection

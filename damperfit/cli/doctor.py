@@ -95,10 +95,14 @@ def _fit() -> str:
     seen = simulate(truth, PURDY_DAMPER, motion)
     signals = (seen.time, seen.displacement, seen.force)
     log = Recording("made up", "", "", Setting.of(10), *signals)
-    held = {name: getattr(truth, name) for name in ("r_m3", "f_f", "f_0")}
-    options = FitOptions(procedure="plain", free=("r_m1", "r_m2", "k_e"), fixed=held)
+    quantities = PURDY_DAMPER.quantities
+    own = tuple(q.name for q in quantities if not q.is_shared and q.default is None)
+    held = {q.name: getattr(truth, q.name) for q in quantities if q.name not in own}
+    options = FitOptions(procedure="plain", free=own, fixed=held)
     (fit,) = identify([condition(log)], PURDY_DAMPER, options).fits
-    off = abs(fit.parameters.r_m1 / truth.r_m1 - 1.0)
+    adjusted = quantities[0]
+    off = abs(getattr(fit.parameters, adjusted.name) / getattr(truth, adjusted.name) - 1.0)
     if off > _MOST_OFF:
-        raise SimulationError(f"R_m1 of a made-up log is {100.0 * off:.2g} % off")
-    return f"R_m1 of a made-up log within {100.0 * off:.1g} %, {time.perf_counter() - begun:.1f} s"
+        raise SimulationError(f"{adjusted.symbol} of a made-up log is {100.0 * off:.2g} % off")
+    taken = time.perf_counter() - begun
+    return f"{adjusted.symbol} of a made-up log within {100.0 * off:.1g} %, {taken:.1f} s"

@@ -36,8 +36,6 @@ if TYPE_CHECKING:
 
 __all__ = ["sweep"]
 
-_PAPER_NUMBERS = {"r_m1": 4, "r_m2": 5, "r_m3": 6, "k_e": 8, "f_f": 9}
-
 
 def sweep(
     setting: StageOption = None,
@@ -140,20 +138,24 @@ def _sentence(variation: Variation, members: Sequence[SweepMember]) -> str:
 def _lay_out(
     sweeps: Sequence[tuple[Variation, Sequence[SweepMember], bool]],
 ) -> tuple[list[dict[str, Any]], list[Plot]]:
+    from damperfit.damper.purdy.figures import FIGURES
     from damperfit.report import sweep_plot, sweep_pressure_plot, sweep_records
 
     records: list[dict[str, Any]] = []
     plots = []
+    known = {one.name: one for one in FIGURES}
     for variation, members, is_paper in sweeps:
         name = variation.name
         records += sweep_records(name, members)
-        number = _PAPER_NUMBERS[name] if is_paper else 0
+        number = known[name].number if is_paper else 0
+        of_pressures = known[name].of_pressures if is_paper else 0
         file_name = f"figure_{number}_{name}" if number else f"sweep_{name}"
         title = f"Force against velocity, {name} varied"
         plots.append(sweep_plot(name, members, file_name=file_name, title=title))
         worst = max(members, key=lambda member: member.cavitation)
-        if worst.cavitation > 0.0 or number == _PAPER_NUMBERS["r_m3"]:
-            file_name = f"figure_7_{name}_pressures" if number else f"sweep_{name}_pressures"
+        if worst.cavitation > 0.0 or of_pressures:
+            first = f"figure_{of_pressures or 7}" if number else "sweep"
+            file_name = f"{first}_{name}_pressures"
             title = f"Chamber pressures, {name} x{worst.factor:g}"
             plots.append(sweep_pressure_plot(worst, file_name=file_name, title=title))
     return records, plots

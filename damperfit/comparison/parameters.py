@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from damperfit.comparison.run import FittedRun
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
     from damperfit.tested.setting import Setting
 
 __all__ = ["comparable_quantities", "figure_lines", "parameter_readings"]

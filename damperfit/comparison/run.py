@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.adjustment import Sine, Stage
-    from damperfit.damper.model import Model, Quantity
+    from damperfit.damper.model import Model
+    from damperfit.damper.quantity import Quantity
     from damperfit.simulation import SolverOptions
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty import SpeedForces

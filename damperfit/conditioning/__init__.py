@@ -12,7 +12,7 @@ from damperfit.conditioning.derivatives import differentiate
 from damperfit.conditioning.filters import apply_filter, design_filter
 from damperfit.conditioning.log_to_trace import condition
 from damperfit.conditioning.measured_characteristics import branch_forces, figures_of
-from damperfit.conditioning.options import ConditionOptions, GasFacts, NominalTest
+from damperfit.conditioning.options import ConditionOptions, GasFacts, NominalTest, OffsetFacts
 from damperfit.conditioning.quality import examine_raw
 from damperfit.conditioning.scatter import noise_floor
 
@@ -21,6 +21,7 @@ __all__ = [
     "ConditionOptions",
     "GasFacts",
     "NominalTest",
+    "OffsetFacts",
     "apply_filter",
     "branch_forces",
     "clean_cycles",

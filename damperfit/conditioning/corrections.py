@@ -70,7 +70,7 @@ def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple
         return ()
     missing = level.force - level.expected
     size = -level.expected
-    severity = "note" if options.is_offset_known else "warning"
+    severity = "note" if options.offset.is_known else "warning"
     told = (
         f"at zero velocity the force is {level.force:.0f} +- {level.uncertainty:.0f} N; the gas "
         f"force alone is {level.expected:.0f} N"
@@ -85,18 +85,27 @@ def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple
     what = "part of the gas force is missing" if 0.0 < missing < size else "not the gas force"
     text = (
         f"{what}: {told}; a tare, another gas pressure, cavitation or much elasticity: check "
-        "damper.gas_pressure, or free the offset (--free r_m1,r_m2,k_e,f_0)"
+        f"damper.gas_pressure, or free the offset{_freeing(options)}"
     )
     return (Finding("tare", severity, text, missing, "N"),)
 
 
 def _removed(told: str, level: ForceLevel, options: ConditionOptions) -> str:
-    if options.is_offset_known:
-        return f"gas force tared away: {told}; f_0 accounts for it"
+    if options.offset.is_known:
+        return f"gas force tared away: {told}; {options.offset.name} accounts for it"
     return (
-        f"gas force tared away: {told}; free the offset (--free r_m1,r_m2,k_e,f_0) or hold it "
-        f"(--fix f_0={-level.expected:.0f}N), or the other parameters absorb it"
+        f"gas force tared away: {told}; free the offset{_freeing(options)} or hold it"
+        f"{_holding(options, -level.expected)}, or the other parameters absorb it"
     )
+
+
+def _freeing(options: ConditionOptions) -> str:
+    offset = options.offset
+    return f" (--free {','.join((*offset.beside, offset.name))})" if offset.name else ""
+
+
+def _holding(options: ConditionOptions, newtons: float) -> str:
+    return f" (--fix {options.offset.name}={newtons:.0f}N)" if options.offset.name else ""
 
 
 def middle_of(displacement: FloatArray, stretches: Sequence[Stretch]) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from damperfit.errors import ConfigurationError, did_you_mean
 
-__all__ = ["FILTER_KINDS", "ConditionOptions", "GasFacts", "NominalTest"]
+__all__ = ["FILTER_KINDS", "ConditionOptions", "GasFacts", "NominalTest", "OffsetFacts"]
 
 FILTER_KINDS = ("zero_phase", "causal", "none")
 SPIKES = ("keep", "bridge")
@@ -32,6 +32,25 @@ class NominalTest:
     amplitude: float | None = None
     temperature: float | None = None
     temperature_tolerance: float = math.inf
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OffsetFacts:
+    """What a fit makes of a constant force that the rig adds.
+
+    Attributes
+    ----------
+    name : str
+        Of that quantity; "": the model has none.
+    beside : tuple of str
+        What is free at each setting besides, for people.
+    is_known : bool
+        It is fitted or held: a tared force is then no doubt.
+    """
+
+    name: str = ""
+    beside: tuple[str, ...] = ()
+    is_known: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,8 +106,8 @@ class ConditionOptions:
         does to both; corrected. "auto": as estimated, where the log can tell.
     gas : GasFacts or None
         With it the gas force tells the signs of the channels, and whether the force was tared.
-    is_offset_known : bool
-        A constant force offset f_0 is fitted or held: a tared force is then no doubt.
+    offset : OffsetFacts
+        Whether and how a fit knows of a constant force of the rig's.
     steadiness : float
         A cycle is steady when amplitude and period are within this fraction of the medians.
     chamber_lengths : tuple of float or None
@@ -111,7 +130,7 @@ class ConditionOptions:
     centre: float | None = None
     skew: float | str = 0.0
     gas: GasFacts | None = None
-    is_offset_known: bool = False
+    offset: OffsetFacts = OffsetFacts()
     steadiness: float = 0.05
     chamber_lengths: tuple[float, float] | None = None
     min_amplitude: float = 2e-4

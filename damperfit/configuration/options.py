@@ -6,17 +6,19 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from damperfit.conditioning import OffsetFacts
 from damperfit.errors import ConfigurationError
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
     from pathlib import Path
 
     from damperfit.conditioning import ConditionOptions
     from damperfit.configuration.what_is_tested import TestOptions
-    from damperfit.damper.model import Model, Quantity
+    from damperfit.damper.model import Model
+    from damperfit.damper.quantity import Quantity
     from damperfit.identification import FitOptions
     from damperfit.readers import ReadOptions
     from damperfit.simulation import SolverOptions
@@ -30,6 +32,7 @@ __all__ = [
     "RigOptions",
     "SimulationOptions",
     "gas_in_words",
+    "offset_facts",
     "parameter_value",
 ]
 
@@ -46,6 +49,24 @@ _DIMENSIONS = {
     "m2": "area",
     "N/m": "stiffness",
 }
+
+
+def offset_facts(damper: Model, named: Collection[str]) -> OffsetFacts:
+    """Return what the fit of a model makes of a force that the rig adds.
+
+    Parameters
+    ----------
+    damper : Model
+        Whose quantities there are.
+    named : collection of str
+        Those that are freed or held.
+    """
+    own = [one.name for one in damper.quantities if not one.is_shared and one.default is None]
+    for one in damper.quantities:
+        if one.is_offset:
+            is_known = one.default is None or one.name in named
+            return OffsetFacts(name=one.name, beside=tuple(own), is_known=is_known)
+    return OffsetFacts()
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,7 @@ from damperfit.configuration.options import (
     OutputOptions,
     RigOptions,
     SimulationOptions,
+    offset_facts,
     parameter_value,
 )
 from damperfit.configuration.what_is_tested import (
@@ -221,11 +222,7 @@ class _ConditioningSection(_Section):
             spikes=self.spikes,
             skew=rig.skew,
             gas=None if damper.gas is None else _gas_facts(*damper.gas),
-            is_offset_known=any(
-                one.name in {*fit.fix, *fit.free} or one.default is None
-                for one in damper.quantities
-                if one.is_offset
-            ),
+            offset=offset_facts(damper, {*fit.fix, *fit.free}),
             chamber_lengths=damper.chamber_lengths,
             min_amplitude=self.min_amplitude,
             max_amplitude=self.max_amplitude,
@@ -286,8 +283,7 @@ class _IdentificationSection(_Section):
             max_evaluations=self.max_evaluations,
             bulk_modulus=self.bulk_modulus,
             starts=self.starts,
-            fallback_r_m3=self.fallback_r_m3,
-            fallback_f_f=self.fallback_f_f,
+            fallbacks={"r_m3": self.fallback_r_m3, "f_f": self.fallback_f_f},
         )
         check_options(options, damper)
         return options

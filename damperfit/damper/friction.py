@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from damperfit.damper.model import DAMPER, Quantity
 from damperfit.damper.mounting import NONE, check_part, declared_quantities
+from damperfit.damper.quantity import DAMPER, Quantity
 from damperfit.errors import ConfigurationError
 
 __all__ = ["Friction"]

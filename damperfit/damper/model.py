@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.cavitation import Cavitation
     from damperfit.damper.detour import Detour
+    from damperfit.damper.quantity import Quantity
     from damperfit.damper.valve_characteristics import ValveCharacteristic
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
@@ -39,107 +40,10 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = [
-    "DAMPER",
-    "LOG",
-    "RIG",
-    "SETTING",
     "Model",
-    "Quantity",
     "Values",
     "values_type",
 ]
-
-# Whose a quantity is. Any other word is the name of an adjuster: one value for each of its clicks.
-SETTING = "setting"  # each setting's own
-DAMPER = "damper"  # one for all settings
-LOG = "log"  # each log's own: tare, skew, gas pressure
-RIG = "rig"  # one for all logs of the rig
-
-
-# Labels by which a tare and Coulomb's friction are known; a unit does not tell: coefficients of a
-# surface and yield forces are newtons too.
-OFFSET, FRICTION = "force offset", "friction"
-
-
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """A number of a model that a fit may find.
-
-    Attributes
-    ----------
-    name : str
-        As in tables, options and `Values`: lower case, ``rebound_opening``.
-    symbol : str
-        As people write it: ``R_m1``.
-    label : str
-        In a few words, for a table's row: "valve 1 (adjuster)".
-    meaning : str
-        In one phrase, for the metadata of tables.
-    unit : str
-        SI, as in "N s/(m2 kg)".
-    plausible : tuple of float
-        A fit stays within; a factor of a hundred beyond what dampers have.
-    is_logarithmic : bool
-        Positive, and fitted by its logarithm; otherwise of either sign, in steps of `size`.
-    size : float
-        Of a quantity that is not logarithmic: about as much as it is in a damper, in `unit`.
-    scope : str
-        `SETTING`, `DAMPER`, `LOG`, `RIG`, or an adjuster's name.
-    default : float or None
-        Where it is held unless it is freed; None: it is free unless it is held.
-    fallback : float or None
-        What is known of it where no log tells it.
-    power, shown_unit : int, str
-        People read it in 10^power of the unit, which they write like this.
-    is_open : bool
-        What lies beyond the upper edge looks like the edge: rigid. It is then no fault of the logs.
-    may_vanish : bool
-        Of a logarithmic one: it may be held at nothing.
-    trend_degree : int or None
-        Degree of the polynomial that it follows over the settings, where that is agreed beforehand.
-    believable : tuple of float
-        What dampers and rigs have: a fit may go beyond it, but is then not believed.
-    belief : str
-        Why not, in a phrase.
-    ignorance : float
-        Standard error of a default that nobody has measured: of its logarithm, or in `unit` of what
-        may vanish.
-    """
-
-    name: str
-    symbol: str
-    label: str
-    meaning: str
-    unit: str
-    plausible: tuple[float, float]
-    is_logarithmic: bool = True
-    size: float = 1.0
-    scope: str = SETTING
-    default: float | None = None
-    fallback: float | None = None
-    power: int = 0
-    shown_unit: str = ""
-    is_open: bool = False
-    may_vanish: bool = False
-    trend_degree: int | None = None
-    believable: tuple[float, float] = (float("-inf"), float("inf"))
-    belief: str = ""
-    ignorance: float = 0.0
-
-    @property
-    def is_offset(self) -> bool:
-        """Whether it is a force of either sign that is added: a tare."""
-        return not self.is_logarithmic and self.label == OFFSET
-
-    @property
-    def is_friction(self) -> bool:
-        """Whether it is a force that turns with the sign of the velocity."""
-        return self.is_logarithmic and self.label == FRICTION
-
-    @property
-    def is_shared(self) -> bool:
-        """Whether all settings have it in common."""
-        return self.scope in {DAMPER, RIG}
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from damperfit.damper.model import RIG, Quantity
+from damperfit.damper.quantity import RIG, Quantity
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:

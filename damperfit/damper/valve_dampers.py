@@ -24,10 +24,20 @@ import numpy as np
 
 from damperfit.damper.cylinder import Cylinder, filling
 from damperfit.damper.friction import Friction
-from damperfit.damper.model import DAMPER, FRICTION, LOG, OFFSET, Model, Quantity
+from damperfit.damper.model import Model
 from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.network import Network, Valve, monotube, through_flow, twin_tube
 from damperfit.damper.purdy.quantities import OF_OIL, OIL
+from damperfit.damper.quantity import (
+    DAMPER,
+    FRICTION,
+    GAS,
+    LOG,
+    OFFSET,
+    STIFFNESS,
+    VISCOUS,
+    Quantity,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -325,7 +335,7 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
             Quantity(
                 "return_slope", "R_k", "return checks", "resistance of the return checks", _LINEAR,
                 (1e2, 1e10), scope=DAMPER, default=_RETURN, power=6, shown_unit="10⁶ N s / (m² kg)",
-                ignorance=_RETURN_IGNORANCE,
+                ignorance=_RETURN_IGNORANCE, role=VISCOUS,
             )
         )  # fmt: skip
     found += [
@@ -336,7 +346,7 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
         ),
         Quantity(
             "gas_volume", "V_g", "gas volume", "volume of the gas at x = 0", "m3", (1e-8, 1.0),
-            scope=DAMPER, default=damper.gas_volume, power=-6, shown_unit="cm³",
+            scope=DAMPER, default=damper.gas_volume, power=-6, shown_unit="cm³", role=GAS,
         ),
         Quantity(
             "gas_exponent", "gamma", "gas exponent", "polytropic exponent of the gas", "1",
@@ -351,6 +361,7 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
             "effective bulk modulus of oil, air and tube", "Pa", (1e6, 1e11),
             scope=DAMPER, default=None if is_rigid else _OIL, power=6, shown_unit="MPa",
             believable=OIL, belief=OF_OIL, ignorance=_OIL_IGNORANCE,
+            role=STIFFNESS,
         ),
         Quantity(
             "free_gas", "phi", "free gas", "share of the oil's volume that is gas at rest", "1",
@@ -358,19 +369,20 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
             believable=(0.0, 0.05), belief="oil that was filled with care holds less than 5 %",
         ),
         Quantity(
-            "f_f", "f_f", FRICTION, "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
-            scope=DAMPER, may_vanish=True, shown_unit="N",
+            "f_f", "f_f", "friction", "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
+            scope=DAMPER, may_vanish=True, shown_unit="N", role=FRICTION,
         ),
         Quantity(
             "drag", "c", "drag of the seals", "force of the seals by the speed", "N s/m",
             (1e-2, 1e5), scope=DAMPER, default=0.0, may_vanish=True, shown_unit="N s/m",
-            ignorance=_DRAG_IGNORANCE,
+            ignorance=_DRAG_IGNORANCE, role=VISCOUS,
         ),
         *damper.friction.quantities,
         *damper.mounting.quantities,
         Quantity(
-            "f_0", "f_0", OFFSET, "constant offset added to the force, the rig's tare",
+            "f_0", "f_0", "force offset", "constant offset added to the force, the rig's tare",
             "N", (-math.inf, math.inf), is_logarithmic=False, size=100.0, scope=LOG, shown_unit="N",
+            role=OFFSET,
         ),
     ]  # fmt: skip
     return tuple(found)
@@ -388,4 +400,5 @@ def _of_valve(name: str) -> Quantity:
         plausible,
         power=power,
         shown_unit=shown,
+        role=VISCOUS if unit == _LINEAR else "",
     )

@@ -22,10 +22,10 @@ from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.neighbours import beside_neighbours
 from damperfit.identification.options import FitOptions, check_options, shared_names
 from damperfit.identification.paper.procedure import as_in_the_paper
+from damperfit.identification.paper.shared_values import MEAN, TAKEN
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import Fit, describe_fit
 from damperfit.identification.settled import SettledLogs, settled
-from damperfit.identification.sharing import MEAN, TAKEN
 from damperfit.parallel import executor
 from damperfit.recording import Trace, natural_order
 from damperfit.tested.setting import Setting
@@ -198,11 +198,11 @@ def _joint(given: ProcedureInput) -> Campaign:
 
     collected = fit_every_setting(given, fit, (*before.warnings, *together.warnings), known=failed)
     sharing = together.sharing
-    if MEAN in shared:
+    if any(given.damper.quantity(one).is_friction for one in shared):
         sharing = replace(
             sharing,
-            f_f_range=before.sharing.f_f_range,
-            is_f_f_range_certain=before.sharing.is_f_f_range_certain,
+            spread=before.sharing.spread,
+            is_spread_certain=before.sharing.is_spread_certain,
         )
     return replace(collected, sharing=sharing)
 

@@ -17,7 +17,7 @@ from damperfit.tested.setting import Setting
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
     from damperfit.errors import Mishap
     from damperfit.identification.multistart import Search
     from damperfit.identification.outcome import Status

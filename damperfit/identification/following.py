@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.model import DAMPER, LOG, RIG, SETTING
+from damperfit.damper.quantity import DAMPER, LOG, RIG, SETTING
 from damperfit.identification.descent import common_variables, linearise
 from damperfit.identification.effective_samples import effective_samples
 from damperfit.identification.joint_fit import JointProblem, fit_jointly

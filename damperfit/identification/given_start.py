@@ -11,7 +11,7 @@ from damperfit.tested.setting import nearest_setting
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
     from damperfit.tested.setting import Setting
 
 __all__ = ["GivenStart", "check_start"]

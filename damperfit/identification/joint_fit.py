@@ -357,11 +357,11 @@ class _Model:
         problem = self.problem
         by_name = dict(zip(problem.variables, known, strict=True))
         # K_e of every setting exactly on its law.
-        k_e = {} if gas is None else {GAS_FOLLOWER: gas.modulus(setting)}
+        follower = {} if gas is None else {GAS_FOLLOWER: gas.modulus(setting)}
         packed = np.array([by_name.get(name, 0.0) for name in problem.free])
         values = common_variables(problem.misfits[setting]).unpack(packed).tolist()
         named = dict(zip(problem.free, values, strict=True))
-        found = self.starts[setting].replace({**named, **k_e})
+        found = self.starts[setting].replace({**named, **follower})
         is_free = [is_within(found, (name,)) for name in problem.free]
         return kept_within(found, problem.free), np.array(is_free, dtype=bool)
 
@@ -371,11 +371,11 @@ def _chain(problem: JointProblem, gas: GasLaw | None, setting: Setting) -> Float
     if gas is None:
         return np.eye(len(problem.free))
     share = gas.share(setting)
-    of_k_e = dict(zip(GAS_NAMES, (-share, 1.0 - share), strict=True))
+    of_follower = dict(zip(GAS_NAMES, (-share, 1.0 - share), strict=True))
     return np.array(
         [
             [
-                of_k_e.get(v, 0.0) if name == GAS_FOLLOWER else float(name == v)
+                of_follower.get(v, 0.0) if name == GAS_FOLLOWER else float(name == v)
                 for v in problem.variables
             ]
             for name in problem.free

@@ -17,7 +17,7 @@ from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.paper.gas_content import GAS_FOLLOWER, first_law, working_pressure
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import NOT_FIT_TO_SHARE
-from damperfit.identification.sharing import TAKEN, Sharing
+from damperfit.identification.sharing import Sharing
 from damperfit.identification.unknowns import Unknown, unknown_at, unknowns_of
 from damperfit.parallel import executor
 from damperfit.statistics import chi_squared_quantile
@@ -87,7 +87,7 @@ class JointResult:
             return parameters
         pressure = working_pressure(misfit, parameters)
         law = replace(self.solution.gas, pressures={fit.setting: pressure})
-        return parameters.replace(k_e=law.modulus(fit.setting))
+        return parameters.replace({GAS_FOLLOWER: law.modulus(fit.setting)})
 
     def own_at(self, setting: Setting) -> tuple[str, ...]:
         """What is left to a setting's own fit: its own, and what follows a click of it alone."""
@@ -245,12 +245,14 @@ def _common_starts(
 
 
 def _common(name: str, given: ProcedureInput, fits: Sequence[Fit]) -> float:
-    """Where a shared parameter starts: the mean, or the fallback where R_m3 was not told.
+    """Where a shared parameter starts: the mean, or its fallback where it was not told.
 
-    From a value without effect a logarithm would not come back.
+    From a value without effect a logarithm would not come back; what may vanish is small there.
     """
-    if name == TAKEN and any(fit.status[name] == Status.NOT_IDENTIFIABLE for fit in fits):
-        return given.options.fallback_r_m3
+    one = given.damper.quantity(name)
+    known = None if one.may_vanish else given.options.fallback(one)
+    if known is not None and any(f.status[name] == Status.NOT_IDENTIFIABLE for f in fits):
+        return known
     return float(np.mean([getattr(fit.parameters, name) for fit in fits]))
 
 

@@ -41,9 +41,10 @@ COMPARING = Stopping(cost_tolerance=3e-4, step_tolerance=1e-4, max_evaluations=6
 # Starts that are followed for a few evaluations before the best is followed to its end.
 _TRIED = 2
 _SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, rest=math.inf)
-# Quantities that do nothing when they are small; stiffnesses and resistances do when large.
+# Quantities that, beside friction, do nothing when they are small; stiffnesses and resistances do
+# when large.
 _VANISHING = (
-    "play", "lag", "drag", "f_f", "_width", "_port", "_leak", "free_gas", "presliding", "breakaway",
+    "play", "lag", "drag", "_width", "_port", "_leak", "free_gas", "presliding", "breakaway",
     "seal_area",
 )  # fmt: skip
 # Times the scatter between cycles: a descent that is there needs no other start.
@@ -111,8 +112,9 @@ class LawMisfit:
 
     def absent(self, name: str) -> float:
         """Return the value at which a part does next to nothing, of a part that may be absent."""
-        low, high = self.model.quantity(name).plausible
-        return low if name.endswith(_VANISHING) else high
+        one = self.model.quantity(name)
+        low, high = one.plausible
+        return low if one.is_friction or name.endswith(_VANISHING) else high
 
     def cost(self, values: Values) -> float:
         """Return the sum of squares at a point, without derivatives.

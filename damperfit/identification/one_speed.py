@@ -11,9 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.damper.quantity import STIFFNESS
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from damperfit.damper.quantity import Quantity
     from damperfit.recording import Trace
 
 __all__ = ["ONE_SPEED", "untold"]
@@ -29,7 +32,9 @@ _NEAR = 0.1  # of the speed
 _SHARE = 0.9
 
 
-def untold(traces: Sequence[Trace], free: Sequence[str]) -> tuple[str, ...]:
+def untold(
+    traces: Sequence[Trace], free: Sequence[str], quantities: Sequence[Quantity]
+) -> tuple[str, ...]:
     """Return the free parameters that logs of one speed do not tell; none where they do.
 
     Parameters
@@ -38,8 +43,10 @@ def untold(traces: Sequence[Trace], free: Sequence[str]) -> tuple[str, ...]:
         The logs of a setting.
     free : sequence of str
         What is fitted.
+    quantities : sequence of Quantity
+        Of the model. The stiffness of the oil is told by the corners.
     """
-    unknown = [name for name in free if name != "k_e"]
+    unknown = [one for one in quantities if one.name in free and one.role != STIFFNESS]
     if len(unknown) <= _LEVELS:
         return ()
     speed = np.abs(np.concatenate([trace.drive.velocity[trace.compared] for trace in traces]))

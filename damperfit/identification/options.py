@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from damperfit.damper.model import Model
+    from damperfit.damper.quantity import Quantity
 
 __all__ = [
     "BULK_MODULUS_NAMES",
@@ -53,9 +54,9 @@ class FitOptions:
         it or `follows` declares it.
     follows : mapping of str to tuple of str
         Parameters that have one value for each click of some adjusters, as it was declared.
-    fallback_r_m3, fallback_f_f : float
-        The paper's published values, used with a warning only where no log fixes these
-        parameters; R_m3 only where it also fits the logs as well as any other value.
+    fallbacks : mapping of str to float
+        What to take, with a warning, for parameters that no log fixes, in place of what the model
+        knows of them (`Quantity.fallback`).
     bulk_modulus : str
         A name of `BULK_MODULUS_NAMES`: ``free`` fits K_e at each setting, ``appendix1`` (procedure
         `joint` only) lets K_e of all settings follow from one gas content.
@@ -75,8 +76,7 @@ class FitOptions:
     max_evaluations: int = 100
     share: tuple[str, ...] | None = None
     follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    fallback_r_m3: float = 2.597e6
-    fallback_f_f: float = 50.0
+    fallbacks: Mapping[str, float] = field(default_factory=dict)
     bulk_modulus: str = "free"
     starts: int = 1
     from_closed: tuple[str, ...] = ()
@@ -86,6 +86,10 @@ class FitOptions:
     def is_detecting(self) -> bool:
         """Whether a joint fit shares what no adjuster moves."""
         return self.share == (DETECT,)
+
+    def fallback(self, quantity: Quantity) -> float | None:
+        """Return what to take for a quantity that no log fixes; None: nothing is known of it."""
+        return self.fallbacks.get(quantity.name, quantity.fallback)
 
 
 def check_options(options: FitOptions, damper: Model) -> None:

@@ -142,7 +142,9 @@ def reconsidered(misfit: Misfit, first: Judged, start: Values) -> Judged:
     FitCancelledError
         When the caller asked to stop.
     """
-    if untold(misfit.traces, misfit.free) or not is_suspicious(misfit, first):
+    if untold(misfit.traces, misfit.free, misfit.damper.quantities) or not is_suspicious(
+        misfit, first
+    ):
         return first
     return _started_again(misfit, first, start)
 

@@ -126,9 +126,9 @@ class Fit:
         return self.cavitation.fraction
 
     @property
-    def r_m3_cavitation_margin(self) -> float:
-        """Fraction by which R_m3 may rise before a chamber cavitates on this motion."""
-        return self.cavitation.r_m3_margin
+    def cavitation_margin(self) -> float:
+        """Fraction by which the resistance may rise that empties a chamber on this motion."""
+        return self.cavitation.resistance_margin
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,7 +168,7 @@ def fit_setting(misfit: Misfit, start: Values, *, spent: int = 0) -> Judged:
         When the model cannot be integrated at any start.
     """
     first = attempt(misfit, start, spent)
-    if names := untold(misfit.traces, misfit.free):
+    if names := untold(misfit.traces, misfit.free, misfit.damper.quantities):
         return _unspoken(first, names)
     if is_sound(first):
         return first
@@ -365,7 +365,7 @@ def describe_fit(setting: Setting, judged: Judged, misfit: Misfit) -> Fit:
         warnings=(
             *_warnings(judged.solution),
             *judged.said,
-            *((ONE_SPEED,) if untold(misfit.traces, misfit.free) else ()),
+            *((ONE_SPEED,) if untold(misfit.traces, misfit.free, misfit.damper.quantities) else ()),
         ),
     )
 

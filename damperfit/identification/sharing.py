@@ -15,10 +15,8 @@ if TYPE_CHECKING:
     from damperfit.identification.paper.gas_content import GasLaw
     from damperfit.tested.setting import Place
 
-__all__ = ["MEAN", "TAKEN", "Sharing", "listed_runs", "listed_settings"]
+__all__ = ["Sharing", "listed_runs", "listed_settings"]
 
-# How procedure `paper` shares: R_m3 is taken from one setting, f_f is the mean over the settings.
-TAKEN, MEAN = "r_m3", "f_f"
 # Frictions further from their middle than this share are not one. Noise alone moves those of the
 # sample runs by 0.8 %.
 _ALIKE = 0.2
@@ -42,16 +40,16 @@ class Sharing:
         The logs told what follows which adjuster; otherwise it was declared.
     settings : tuple of Setting
         Settings of that fit.
-    r_m3_from : Setting or None
-        Setting whose logs gave R_m3.
-    f_f_from : tuple of Setting
-        Settings whose mean is the friction.
-    f_f_range : tuple of float or None
+    taken : mapping of str to Setting
+        Parameters that the logs of one setting gave, and which.
+    means : mapping of str to tuple of Setting
+        Parameters that are the mean of what some settings gave, and which.
+    spread : tuple of float or None
         Smallest and largest friction of these settings, each with its own, N.
-    is_f_f_range_certain : bool
+    is_spread_certain : bool
         These frictions differ by more than their errors.
-    is_refined : bool
-        R_m3 was found with the mean friction held, not beside the setting's own.
+    held : tuple of str
+        Of what was free: held at its mean as one setting gave what was taken from it.
     gas : GasLaw or None
         The law that K_e follows over the settings, where it was asked for.
     gas_rises : mapping of Setting to float
@@ -64,20 +62,20 @@ class Sharing:
     follows: Follows = field(default_factory=dict)
     is_detected: bool = False
     settings: tuple[Setting, ...] = ()
-    r_m3_from: Setting | None = None
-    f_f_from: tuple[Setting, ...] = ()
-    f_f_range: tuple[float, float] | None = None
-    is_f_f_range_certain: bool = True
-    is_refined: bool = False
+    taken: Mapping[str, Setting] = field(default_factory=dict)
+    means: Mapping[str, tuple[Setting, ...]] = field(default_factory=dict)
+    spread: tuple[float, float] | None = None
+    is_spread_certain: bool = True
+    held: tuple[str, ...] = ()
     gas: GasLaw | None = None
     gas_rises: Mapping[Setting, float] = field(default_factory=dict)
 
     @property
     def friction_varies(self) -> bool:
         """Whether one friction for all settings does not hold."""
-        if self.f_f_range is None or not self.is_f_f_range_certain:
+        if self.spread is None or not self.is_spread_certain:
             return False
-        low, high = self.f_f_range
+        low, high = self.spread
         return high - low > _ALIKE * (high + low)
 
     @property
@@ -85,12 +83,11 @@ class Sharing:
         """Names of the parameters that the logs gave once for all settings."""
         if self.jointly:
             return self.jointly if self.gas is None else (*self.jointly, GAS_FOLLOWER)
-        known = {TAKEN: self.r_m3_from is not None, MEAN: bool(self.f_f_from)}
-        return tuple(name for name, is_found in known.items() if is_found)
+        return (*self.taken, *self.means)
 
     def is_mean(self, name: str) -> bool:
         """Whether a parameter is the mean of what single settings gave."""
-        return name == MEAN and name in self.found and not self.jointly
+        return name in self.means and not self.jointly
 
     def found_at(self, setting: Setting) -> tuple[str, ...]:
         """Names of those that a setting has in common with others of the fit.

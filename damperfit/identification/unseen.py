@@ -36,7 +36,8 @@ def put_together(known: Mapping[Setting, Values], setting: Setting) -> Values | 
 
     Examples
     --------
-    >>> from damperfit.damper.model import Quantity, values_type
+    >>> from damperfit.damper.model import values_type
+    >>> from damperfit.damper.quantity import Quantity
     >>> from damperfit.tested.setting import Setting
     >>> s = Quantity("s", "s", "bleed", "bleed", "Pa", (1.0, 9.0))
     >>> p = Quantity("p", "p", "opening", "opening", "Pa", (1.0, 9.0))

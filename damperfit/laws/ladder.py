@@ -22,6 +22,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
+from damperfit.damper.quantity import STIFFNESS
 from damperfit.errors import SimulationError
 from damperfit.laws.choosing import (
     ENOUGH_PERCENT,
@@ -61,7 +62,7 @@ __all__ = ["Ladder", "Rung", "climb"]
 
 # What is offered to what is left over, one after the other: quantities, and kinds of valves' parts.
 _DECLARED = ("gas_volume",)
-_FURTHER = ("k_e", "return_slope", "drag", *KINDS, *PARTS, "free_gas")
+_FURTHER = ("return_slope", "drag", *KINDS, *PARTS, "free_gas")
 # A larger law that fits worse by more than this has ended in a wrong valley.
 _WORSE = 1.02
 
@@ -143,7 +144,8 @@ def climb(
         Workers; the result does not depend on them.
     """
     course = _Course(evidence, solver, on_rung, jobs)
-    simplest = course.fitted(plain, freed=("f_0",))
+    offsets = tuple(one.name for one in plain.quantities if one.is_offset)
+    simplest = course.fitted(plain, freed=offsets)
     if simplest is not None and simplest.mse_percent <= ENOUGH_PERCENT:
         course.told(simplest, "what it leaves is too small to matter", is_taken=True)
         return course.ended(simplest)
@@ -155,7 +157,8 @@ def climb(
         course.told(simplest, "no other law can be simulated on these logs", is_taken=True)
         return course.ended(simplest)
     lean = course.lean(course.best_layout(found))
-    rich = course.enriched(lean, _FURTHER)
+    of_oil = [one.name for one in lean.fits[0].model.quantities if one.role == STIFFNESS]
+    rich = course.enriched(lean, (*of_oil, *_FURTHER))
     rich = course.laid_out(rich, layouts)
     return course.ended(rich if simplest is None else course.settled(simplest, rich))
 

@@ -7,6 +7,7 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from damperfit.damper.quantity import FRICTION, STIFFNESS
 from damperfit.identification.sharing import listed_settings
 
 if TYPE_CHECKING:
@@ -125,11 +126,17 @@ def _asked(fit: LawFit, name: str, tests: _Tests) -> tuple[str, str] | None:
         return f"how large the bleed of {people} is", tests.slower
     stroke_mm = 1e3 * min(2.0 * tests.amplitude, _TRAVEL * fit.model.travel)
     bar = "a rigid bar in the damper's place, pushed and pulled,"
+    role = fit.model.quantity(name).role
+    of_role = {
+        FRICTION: ("the friction", f"a test below {0.2 * tests.slowest:.1g} m/s"),
+        STIFFNESS: ("how stiff the oil is beside its mounting", "a test on a stiffer mounting"),
+    }
+    if role in of_role:
+        return of_role[role]
     known = {
         "k_s": ("how much the mounting gives", bar),
         "play": ("how much play there is", bar),
         "lag": ("how late the force is", tests.faster),
-        "f_f": ("the friction", f"a test below {0.2 * tests.slowest:.1g} m/s"),
         "drag": ("the drag of the seals", tests.slower),
         "presliding": ("over which distance friction builds up", "a stroke of 1 mm at low speed"),
         "breakaway": ("how much larger friction is at rest", tests.slower),
@@ -137,7 +144,6 @@ def _asked(fit: LawFit, name: str, tests: _Tests) -> tuple[str, str] | None:
         "seal_area": ("how friction grows with the pressure", "another gas pressure"),
         "free_gas": ("how much gas the oil holds", "another gas pressure"),
         "gas_volume": ("the gas volume", f"a stroke of {stroke_mm:.2g} mm to both sides"),
-        "k_e": ("how stiff the oil is beside its mounting", "a test on a stiffer mounting"),
         "return_slope": ("what the return checks resist", tests.faster),
     }
     return known.get(name)

@@ -42,7 +42,8 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
     from damperfit.configuration.options import Configuration
-    from damperfit.damper.model import Model, Quantity, Values
+    from damperfit.damper.model import Model, Values
+    from damperfit.damper.quantity import Quantity
     from damperfit.recording import Trace
     from damperfit.simulation import Motion
 

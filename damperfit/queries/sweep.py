@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from damperfit.damper.purdy.figures import FIGURES
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.queries.one_simulation import simulate_test
@@ -55,14 +56,7 @@ class Member:
 
 _GAS = {"p_0": "gas_pressure", "gamma": "gas_exponent"}
 
-# Figures 4, 5, 6 (and 7: its pressures), 8 and 9 of the paper.
-PAPER_SWEEPS = (
-    Variation("r_m1", (0.8, 1.0, 1.2)),
-    Variation("r_m2", (0.8, 1.0, 1.2)),
-    Variation("r_m3", (0.5, 1.0, 1.5)),
-    Variation("k_e", (0.2, 1.0, 2.0)),
-    Variation("f_f", (0.0, 1.0, 2.0)),
-)
+PAPER_SWEEPS = tuple(Variation(one.name, one.factors) for one in FIGURES)
 
 
 def swept_units(damper: Model) -> dict[str, str]:
@@ -102,7 +96,9 @@ def parse_variation(text: str, damper: Model = PURDY_DAMPER) -> Variation:
     name, equals, factors = (part.strip() for part in text.partition("="))
     name = name.lower()
     if not (name and equals and factors):
-        raise ConfigurationError(f"--vary {text}: expected NAME=F1,F2,..., as in r_m1=0.8,1,1.2")
+        raise ConfigurationError(
+            f"--vary {text}: expected NAME=F1,F2,..., as in {damper.names[0]}=0.8,1,1.2"
+        )
     units = swept_units(damper)
     if name not in units:
         known = ", ".join(units)

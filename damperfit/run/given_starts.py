@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from damperfit.configuration.options import parameter_value
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.network import Valve
+from damperfit.damper.quantity import FRICTION, GAS, OFFSET, STIFFNESS
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import GivenStart, check_start
@@ -18,13 +19,13 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.configuration.options import Configuration
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
     from damperfit.tested.setting import Setting
 
 __all__ = ["start_of_laws", "with_given_start"]
 
 # What dampers of every kind have: a table that tells no more is of another model.
-_EVERYWHERE = frozenset({"k_e", "f_f", "f_0", "gas_volume"})
+_EVERYWHERE = frozenset({OFFSET, FRICTION, STIFFNESS, GAS})
 
 
 def with_given_start(configuration: Configuration) -> Configuration:
@@ -41,7 +42,7 @@ def with_given_start(configuration: Configuration) -> Configuration:
         return configuration
     known = _read(path)
     told = {name for numbers in known.values() for name in numbers}
-    if not (told & set(damper.names)) - _EVERYWHERE:
+    if not told & {one.name for one in damper.quantities if one.role not in _EVERYWHERE}:
         raise ConfigurationError(
             f"--start {path}: its parameters ({', '.join(sorted(told))}) are of another model than "
             f"{damper.name} ({', '.join(damper.names)}); name that model by --model, or give "

@@ -6,6 +6,7 @@ import re
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from damperfit.damper.purdy.quantities import QUANTITIES
 from damperfit.units.quantities import units_of
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ __all__ = ["is_own_log_file", "is_own_table"]
 
 # How the tables in CSV begin, as far as their settings are of one adjuster.
 _HEADINGS = (
-    b"setting,r_m1,",
+    f"setting,{QUANTITIES[0].name},".encode(),
     b"setting,log,mse_percent,",
     *(  # in whichever units they were asked for
         f"setting,speed_{unit.replace('/', '_per_')},stroke,".encode()

@@ -46,14 +46,24 @@ def run_warnings(batch: LogBatch, campaign: Campaign) -> Iterator[str]:
     yield from batch.remarks
     yield from log_warnings(_fitted_traces(campaign))
     yield from campaign.warnings
-    if campaign.sharing.friction_varies and campaign.sharing.f_f_range is not None:
-        low, high = campaign.sharing.f_f_range
-        how = "--share r_m3" if campaign.sharing.jointly else "--free r_m1,r_m2,k_e,f_f"
+    if campaign.sharing.friction_varies and campaign.sharing.spread is not None:
+        low, high = campaign.sharing.spread
+        how = _freeing_friction(campaign)
         yield (
             f"friction goes from {low:.3g} to {high:.3g} N over the settings: one value for all "
             f"does not hold; free it ({how})"
         )
     yield from _at_settings([(fit.setting, said) for fit in campaign.fits for said in fit.warnings])
+
+
+def _freeing_friction(campaign: Campaign) -> str:
+    """Return the option that gives each setting its own friction, all else as it was."""
+    fit = campaign.fits[0]
+    frictions = [one.name for one in fit.parameters.quantities if one.is_friction]
+    if campaign.sharing.jointly:
+        return f"--share {','.join(n for n in campaign.sharing.jointly if n not in frictions)}"
+    own = [n for n in fit.status if n in campaign.sharing.free and n not in campaign.sharing.found]
+    return f"--free {','.join((*own, *frictions))}"
 
 
 def skipped_files(batch: LogBatch) -> Iterator[str]:

@@ -14,7 +14,6 @@ from damperfit.adjustment import Adjustment
 from damperfit.checks import Check, missed_gates
 from damperfit.damper.cavitation import describe_cavitation
 from damperfit.identification import Outcome, Status, describe_searches
-from damperfit.identification.sharing import MEAN
 from damperfit.report import Failure, ReportFacts, to_record
 from damperfit.run.reading_account import Ending, json_values, log_input
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
@@ -293,15 +292,15 @@ def _procedure(configuration: Configuration, campaign: Campaign) -> Iterator[str
         if campaign.sharing.follows.get(name):
             continue
         if fit.status[name] == Status.SHARED:
-            spread = _friction_spread(campaign) if name == MEAN else ""
+            spread = _friction_spread(campaign) if one.is_friction else ""
             yield f"{said} is shared by all settings, found from the logs{spread}."
         elif fit.status[name] == Status.FIXED and value != one.default:
             yield f"{said} is fixed."
 
 
 def _friction_spread(campaign: Campaign) -> str:
-    if campaign.sharing.f_f_range is None:
+    if campaign.sharing.spread is None:
         return ""
-    low, high = campaign.sharing.f_f_range
+    low, high = campaign.sharing.spread
     word = "it varies" if campaign.sharing.friction_varies else "it hardly varies"
     return f"; {word}: fitted by themselves the settings have {low:.3g} to {high:.3g} N"

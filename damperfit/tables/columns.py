@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
 
 __all__ = [
     "SCHEMA_VERSION",

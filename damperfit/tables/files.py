@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from damperfit.damper.model import Quantity, Values
+    from damperfit.damper.model import Values
+    from damperfit.damper.quantity import Quantity
     from damperfit.identification import Campaign, Comparison
     from damperfit.recording import Trace
     from damperfit.tested.setting import Place, Setting

@@ -6,8 +6,9 @@ import math
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
-from damperfit.damper.model import Quantity, values_type
+from damperfit.damper.model import values_type
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.quantity import Quantity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -18,6 +19,8 @@ __all__ = ["PAPER_QUANTITIES", "quantities_in", "quantity_records", "values_from
 
 # Older results do not tell theirs: they are the paper's.
 PAPER_QUANTITIES = PURDY_DAMPER.quantities
+# Nor does what was written before quantities had a role.
+_ROLES = {one.label: one.role for one in PAPER_QUANTITIES}
 
 
 def quantity_records(quantities: Sequence[Quantity]) -> list[dict[str, Any]]:
@@ -61,7 +64,8 @@ def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tupl
 def _quantity(told: Mapping[str, Any]) -> Quantity:
     known = {one.name: told[one.name] for one in fields(Quantity) if one.name in told}
     ranges = {key: _range(ends) for key, ends in known.items() if isinstance(ends, list)}
-    return Quantity(**known | ranges)
+    role = _ROLES.get(known["label"], "")
+    return Quantity(**{"role": role} | known | ranges)
 
 
 def _range(ends: Sequence[float | None]) -> tuple[float, float]:

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
 
     FloatArray = NDArray[np.float64]
 

@@ -14,8 +14,9 @@ from damperfit.errors import SimulationError, sparing
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.outcome import Outcome, Status
+from damperfit.identification.paper.shared_values import TAKEN
 from damperfit.identification.setting import NOT_FIT_TO_SHARE
-from damperfit.identification.sharing import MEAN, TAKEN, listed_settings
+from damperfit.identification.sharing import listed_settings
 from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty.gas import GasContent, gas_content
@@ -230,7 +231,8 @@ def assess(
     linearised: list[Linearisation] = []
     diagnoses: list[Diagnosis] = []
     forces: list[SpeedForces] = []
-    doubted = (MEAN,) if campaign.sharing.friction_varies else ()
+    frictions = tuple(one.name for one in damper.quantities if one.is_friction)
+    doubted = frictions if campaign.sharing.friction_varies else ()
     for seen in _evidence_in_turns(campaign, damper, solver=solver, jobs=jobs, on_error=on_error):
         for one in seen:
             with sparing(one.fit.setting, on_error):

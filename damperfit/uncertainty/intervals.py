@@ -29,7 +29,6 @@ import numpy as np
 from damperfit.errors import SimulationError, sparing
 from damperfit.identification.outcome import Status
 from damperfit.identification.paper.gas_content import GAS_FOLLOWER, GAS_NAMES
-from damperfit.identification.sharing import MEAN, TAKEN
 from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import NORMAL_95
@@ -306,29 +305,37 @@ def _shared_rows(linearised: Sequence[Linearisation], sharing: Sharing) -> list[
         inverse, rows = _joint_rows(linearised, sharing)
         return [np.asarray(inverse @ row) for row in rows]
     by_setting = {one.fit.setting: one for one in linearised}
-    used = [setting for setting in sharing.f_f_from if setting in by_setting]
-    friction = {
-        setting: _row(by_setting[setting], sharing.free, MEAN) / len(used) for setting in used
-    }
-    r_m3: dict[Setting, FloatArray] = {}
-    source = by_setting.get(sharing.r_m3_from) if sharing.r_m3_from is not None else None
-    if source is not None:
-        free = sharing.free
-        if sharing.is_refined:
-            free = tuple(name for name in free if name != MEAN)
-        row = _row(source, free, TAKEN)
-        r_m3[source.fit.setting] = row
-        if sharing.is_refined:
-            carried = -float(row @ source.information[:, source.names.index(MEAN)])
-            for setting, other in friction.items():
-                r_m3[setting] = r_m3.get(setting, np.zeros(len(row))) + carried * other
-    tables = {TAKEN: r_m3, MEAN: friction}
+    tables: dict[str, dict[Setting, FloatArray]] = {}
+    for name, settings in sharing.means.items():
+        used = [setting for setting in settings if setting in by_setting]
+        tables[name] = {
+            setting: _row(by_setting[setting], sharing.free, name) / len(used) for setting in used
+        }
+    for name, setting in sharing.taken.items():
+        source = by_setting.get(setting)
+        tables[name] = {} if source is None else _taken_rows(name, source, sharing, tables)
     found = []
     for one in linearised:
         nothing = np.zeros(len(one.names))
         mine = [tables[name].get(one.fit.setting, nothing) for name in sharing.found]
         found.append(np.array(mine).reshape(-1, len(one.names)))
     return found
+
+
+def _taken_rows(
+    name: str,
+    source: Linearisation,
+    sharing: Sharing,
+    means: Mapping[str, Mapping[Setting, FloatArray]],
+) -> dict[Setting, FloatArray]:
+    """T of what one setting gave: its own row, and how the means that were held move it."""
+    row = _row(source, tuple(one for one in sharing.free if one not in sharing.held), name)
+    rows = {source.fit.setting: row}
+    for held in sharing.held:
+        carried = -float(row @ source.information[:, source.names.index(held)])
+        for setting, other in means.get(held, {}).items():
+            rows[setting] = rows.get(setting, np.zeros(len(row))) + carried * other
+    return rows
 
 
 def _joint_rows(

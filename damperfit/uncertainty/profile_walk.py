@@ -43,7 +43,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.model import Quantity, Values
+    from damperfit.damper.model import Values
+    from damperfit.damper.quantity import Quantity
     from damperfit.identification import Sharing
     from damperfit.identification.step_solvers import LinearSystem, Step
     from damperfit.identification.unknowns import Unknown

@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING
 
 from damperfit.identification.descent import Misfit
 from damperfit.identification.outcome import Status
-from damperfit.identification.sharing import MEAN, TAKEN
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.intervals import own_names, solved
@@ -31,7 +30,8 @@ from damperfit.uncertainty.intervals import own_names, solved
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from damperfit.damper.model import Model, Quantity, Values
+    from damperfit.damper.model import Model, Values
+    from damperfit.damper.quantity import Quantity
     from damperfit.identification import Fit, Sharing
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty.intervals import Uncertainty
@@ -284,12 +284,12 @@ def _shared_line(
     if sharing.jointly:
         return None
     setting = one.fit.setting
-    if name == TAKEN and setting == sharing.r_m3_from:
-        free = tuple(n for n in sharing.free if not (sharing.is_refined and n == MEAN))
+    if setting == sharing.taken.get(name):
+        free = tuple(n for n in sharing.free if n not in sharing.held)
         place = known.names.index(name)
         variance = float(known.covariance[place, place])
         return _line(name, one, bench, free=free, beside=free, variance=variance)
-    if name == MEAN and setting in sharing.f_f_from:
+    if setting in sharing.means.get(name, ()):
         return _line(name, one, bench, free=sharing.free, beside=sharing.free)
     return None
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.conditioning import GasFacts
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
     from damperfit.identification import Campaign, Fit
     from damperfit.recording import Trace
     from damperfit.tested.setting import Setting

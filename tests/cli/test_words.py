@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from damperfit.cli import github, main
+from damperfit.damper.purdy.figures import FIGURES
 from damperfit.identification import Outcome
 from tests.fakes import campaign, fit
 
@@ -54,13 +55,12 @@ def test_a_summary_of_a_mebibyte_is_refused_and_said_to_be(spare, is_kept, tmp_p
 
 
 def test_figures_of_the_paper_have_its_numbers() -> None:
-    sweep = sys.modules["damperfit.cli.sweep"]
-    assert sweep._PAPER_NUMBERS == {"r_m1": 4, "r_m2": 5, "r_m3": 6, "k_e": 8, "f_f": 9}
+    numbers = {one.name: one.number for one in FIGURES}
+    assert numbers == {"r_m1": 4, "r_m2": 5, "r_m3": 6, "k_e": 8, "f_f": 9}
 
 
 @pytest.mark.parametrize(("shares", "title"), [((0.0, 0.0, 0.0), None), ((0.0, 0.2, 0.1), "x1")])
 def test_pressures_are_drawn_of_the_member_that_cavitates_most(shares, title, monkeypatch) -> None:
-    sweep = sys.modules["damperfit.cli.sweep"]
     drawn = []
     monkeypatch.setattr("damperfit.report.sweep_plot", lambda *_, **__: "loops")
     monkeypatch.setattr("damperfit.report.sweep_records", lambda *_: [])
@@ -72,6 +72,7 @@ def test_pressures_are_drawn_of_the_member_that_cavitates_most(shares, title, mo
         for factor, share in zip((0.5, 1.0, 2.0), shares, strict=True)
     ]
     variation = SimpleNamespace(name="r_m1")
+    sweep = sys.modules["damperfit.cli.sweep"]
     sweep._lay_out([(variation, members, False)])
     if title is None:
         assert drawn == []

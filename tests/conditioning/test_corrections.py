@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.conditioning import ConditionOptions, GasFacts, condition
+from damperfit.conditioning import ConditionOptions, GasFacts, OffsetFacts, condition
 from damperfit.conditioning.gas_force import ForceLevel, force_level
 from damperfit.conditioning.polarity import find_signs
 from damperfit.damper.purdy.closed_forms import gas_pressure
@@ -49,7 +49,8 @@ def gas_of(damper: Damper) -> GasFacts:
     )
 
 
-PURDY = ConditionOptions(gas=gas_of(PURDY_DAMPER))
+OFFSET = OffsetFacts(name="f_0", beside=("r_m1", "r_m2", "k_e"))
+PURDY = ConditionOptions(gas=gas_of(PURDY_DAMPER), offset=OFFSET)
 
 
 def log_of(setting, parameters=None, *, damper=PURDY_DAMPER, tare=0.0, amplitude=0.032):
@@ -150,9 +151,12 @@ def test_a_tare_is_told_with_what_to_do(setting) -> None:
     (tare,) = found(trace, "tare")
     assert (tare.severity, tare.unit) == ("warning", "N")
     assert tare.value == pytest.approx(130.4, abs=12.0)
+    assert "--free r_m1,r_m2,k_e,f_0" in tare.sentence
     assert "--fix f_0=130N" in tare.sentence
     assert found(trace, "direction")[0].severity == "warning"  # no gas to tell by, and it says so
-    known = condition(log_of(setting, tare=130.4232), replace(PURDY, is_offset_known=True))
+    known = condition(
+        log_of(setting, tare=130.4232), replace(PURDY, offset=replace(OFFSET, is_known=True))
+    )
     assert found(known, "tare")[0].severity == "note"
 
 

@@ -12,9 +12,10 @@ from typing import Any
 
 import pytest
 
-from damperfit.damper.model import Quantity, Values, values_type
+from damperfit.damper.model import Values, values_type
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError
 
 QUANTITIES = (

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from damperfit.conditioning import ConditionOptions, condition
+from damperfit.conditioning import ConditionOptions, OffsetFacts, condition
 from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import ThroughFlow
@@ -77,7 +77,7 @@ def log(
         displacement=motion.displacement,
         force=force + noise * random.standard_normal(n),
     )
-    gas = ConditionOptions(is_offset_known=True)
+    gas = ConditionOptions(offset=OffsetFacts(is_known=True))
     return condition(recording, gas)
 
 

@@ -112,7 +112,7 @@ def test_the_next_lowest_takes_the_place_of_one_that_meets_a_bug(broken, lowest)
     ],
 )
 def test_only_an_r_m3_that_is_not_told_starts_from_the_fallback(name, status, expected) -> None:
-    task = SimpleNamespace(options=FitOptions(fallback_r_m3=7e5))
+    task = SimpleNamespace(options=FitOptions(fallbacks={"r_m3": 7e5}), damper=PURDY_DAMPER)
     fits = [fakes.fit(1), fakes.fit(2, status=status)]
     assert _common(name, task, fits) == pytest.approx(expected)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from damperfit.damper.model import Quantity, values_type
+from damperfit.damper.model import values_type
+from damperfit.damper.quantity import Quantity
 from damperfit.identification import DETECT, FitOptions, identify, put_together
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, predict

@@ -56,7 +56,7 @@ def test_a_setting_that_really_cavitates_says_so() -> None:
     fit = identify([trace(6, truth)], PURDY_DAMPER, options).fits[0]
     assert fit.outcome is Outcome.CAVITATING
     assert fit.cavitation.fraction > 0.02
-    assert fit.cavitation.r_m3_margin < 0.0
+    assert fit.cavitation.resistance_margin < 0.0
     assert "cavitates" in fit.outcome.advice
 
 
@@ -121,7 +121,7 @@ def test_an_adjuster_without_a_setting_1_lacks_none(first) -> None:
     """Used to be told that there is no log of setting 1."""
     lowest, other = traces([1, 9], noise=4.0)
     campaign = identify([replace(lowest, setting=first), other], PURDY_DAMPER)
-    assert campaign.sharing.r_m3_from == first
+    assert campaign.sharing.taken["r_m3"] == first
     assert campaign.warnings == ()
 
 
@@ -204,7 +204,7 @@ def test_whether_one_friction_holds_for_all_settings(frictions, varies) -> None:
     ]
     sharing = identify(logs, PURDY_DAMPER).sharing
     assert sharing.friction_varies is varies
-    assert sharing.f_f_range == pytest.approx((min(frictions), max(frictions)), rel=0.02)
+    assert sharing.spread == pytest.approx((min(frictions), max(frictions)), rel=0.02)
 
 
 @pytest.mark.parametrize("procedure", ["paper", "joint"])
@@ -234,8 +234,8 @@ def test_small_frictions_that_noise_moves_are_not_called_different() -> None:
         for setting in (1, 5, 10)
     ]
     sharing = identify(logs, PURDY_DAMPER).sharing
-    assert sharing.f_f_range is not None
-    assert sharing.f_f_range[1] > 1.5 * sharing.f_f_range[0]
+    assert sharing.spread is not None
+    assert sharing.spread[1] > 1.5 * sharing.spread[0]
     assert not sharing.friction_varies
 
 

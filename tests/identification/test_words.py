@@ -69,7 +69,7 @@ EMPTY = Cavitation(0.054, 0.0, 2, 0.012, -0.28, -0.21, 5.8e5)
 
 
 def test_how_near_a_chamber_is_to_cavitation_is_told_for_the_nearest_setting() -> None:
-    far = replace(FULL, lowest_pressure=3e5, r_m3_margin=0.9)
+    far = replace(FULL, lowest_pressure=3e5, resistance_margin=0.9)
     assert describe_cavitation({1: far, 7: FULL}) == (
         (
             "no chamber cavitates; lowest pressure 1.25 bar absolute, in chamber 2 of setting 7, "
@@ -79,7 +79,7 @@ def test_how_near_a_chamber_is_to_cavitation_is_told_for_the_nearest_setting() -
     )
 
 
-@pytest.mark.parametrize("unknown", ["r_m3_margin", "safe_gas_pressure"])
+@pytest.mark.parametrize("unknown", ["resistance_margin", "safe_gas_pressure"])
 def test_a_margin_that_is_not_known_is_not_told(unknown) -> None:
     (said,) = describe_cavitation({7: replace(FULL, **{unknown: math.nan})})
     assert said.endswith("at x = -12 mm, v = +0.30 m/s of the rebound")
@@ -171,18 +171,18 @@ def test_a_gas_content_is_doubted_where_chance_is_below_a_thousandth(rises, said
 
 def test_friction_varies_only_where_a_range_is_known_and_sure() -> None:
     assert not Sharing().friction_varies
-    assert Sharing(f_f_range=(40.0, 61.0)).friction_varies
-    assert not Sharing(f_f_range=(40.0, 59.0)).friction_varies
-    assert not Sharing(f_f_range=(40.0, 90.0), is_f_f_range_certain=False).friction_varies
+    assert Sharing(spread=(40.0, 61.0)).friction_varies
+    assert not Sharing(spread=(40.0, 59.0)).friction_varies
+    assert not Sharing(spread=(40.0, 90.0), is_spread_certain=False).friction_varies
 
 
 @pytest.mark.parametrize(
     ("sharing", "found", "variables"),
     [
         (Sharing(), (), ()),
-        (Sharing(r_m3_from=1), ("r_m3",), ("r_m3",)),
-        (Sharing(f_f_from=(1, 2)), ("f_f",), ("f_f",)),
-        (Sharing(jointly=("r_m3",), f_f_from=(1,)), ("r_m3",), ("r_m3",)),
+        (Sharing(taken={"r_m3": 1}), ("r_m3",), ("r_m3",)),
+        (Sharing(means={"f_f": (1, 2)}), ("f_f",), ("f_f",)),
+        (Sharing(jointly=("r_m3",), means={"f_f": (1,)}), ("r_m3",), ("r_m3",)),
     ],
 )
 def test_what_the_logs_gave_once_for_all(sharing, found, variables) -> None:

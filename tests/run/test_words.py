@@ -75,7 +75,7 @@ def test_what_was_skipped_and_what_the_fits_say_is_told() -> None:
     ],
 )
 def test_friction_varies_from_a_fifth_of_its_middle_on(high, certain, jointly, said) -> None:
-    sharing = Sharing(jointly=jointly, f_f_range=(50.0, high), is_f_f_range_certain=certain)
+    sharing = Sharing(jointly=jointly, spread=(50.0, high), is_spread_certain=certain)
     done = campaign(fit(1), sharing=sharing)
     told = list(run_warnings(EMPTY, done))
     assert len(told) == bool(said)

@@ -229,7 +229,7 @@ def test_verdicts_say_what_cannot_be_told_and_what_is_tied() -> None:
 def test_what_all_settings_share_is_three_errors_from_nothing(error: float, status: str) -> None:
     one = fakes.fit(1)
     known = Uncertainty(1, {}, ("f_f",), np.array([[error**2]]), ("f_f",))
-    shared = replace(fakes.campaign(one), sharing=Sharing(f_f_from=(1,)))
+    shared = replace(fakes.campaign(one), sharing=Sharing(means={"f_f": (1,)}))
     (found,) = reconsider(shared, Assessment(uncertainties=(known,))).fits
     assert found.status["f_f"] == status
     assert found.outcome is one.outcome  # the setting's own fit is as it was

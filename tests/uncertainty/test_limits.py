@@ -221,7 +221,7 @@ def test_a_common_friction_is_in_doubt_where_the_settings_own_differ(
     jacobian[:, PURDY_DAMPER.names.index("f_f")] = repeating(1.0, noise=0.0).logs[0].residuals
     told = replace(quiet, logs=(replace(log, jacobian=jacobian),))
     monkeypatch.setattr(assessment, "linearise_settings", lambda *_, **__: (told,))
-    sharing = Sharing(f_f_from=(1, 2), f_f_range=spread)
+    sharing = Sharing(means={"f_f": (1, 2)}, spread=spread)
     monkeypatch.setattr(assessment, "uncertainties", lambda *_, **__: (known(),))
     campaign = fakes.campaign(told.fit, sharing=sharing)
     (found,) = assessment.assess(campaign, PURDY_DAMPER).diagnoses

@@ -58,7 +58,7 @@ def test_what_is_in_doubt_is_followed_and_what_has_failed_first(monkeypatch) -> 
         monkeypatch,
         status={"k_e": "not_identifiable", "f_f": "at_bound"},
         errors={"r_m1": 0.01, "r_m2": 0.2, "r_m3": 0.3},
-        sharing=Sharing(r_m3_from=1),
+        sharing=Sharing(taken={"r_m3": 1}),
     )
     assert [one.name for one in found] == ["k_e", "f_f", "r_m2", "r_m3"]
     assert [one.is_shared for one in found] == [False, False, False, True]
@@ -70,7 +70,7 @@ def test_a_mean_friction_has_no_profile_in_one_setting(monkeypatch) -> None:
         monkeypatch,
         status={"f_f": "not_identifiable", "k_e": "not_identifiable"},
         errors={"r_m1": 0.2},
-        sharing=Sharing(f_f_from=(1, 2)),
+        sharing=Sharing(means={"f_f": (1, 2)}),
     )
     assert [one.name for one in found] == ["k_e", "r_m1"]
 
@@ -110,14 +110,14 @@ def test_the_scale_of_a_line_is_its_curvature_over_its_variance() -> None:
 
 def test_a_shared_parameter_is_followed_where_it_comes_from() -> None:
     free = ("r_m1", "r_m2", "k_e", "r_m3", "f_f")
-    here = Sharing(free=free, r_m3_from=1, f_f_from=(1, 2), is_refined=True)
+    here = Sharing(free=free, taken={"r_m3": 1}, means={"f_f": (1, 2)}, held=("f_f",))
     (r_m3,) = line("r_m3", sharing=here)
     assert r_m3.misfit.free == ("r_m1", "r_m2", "r_m3", "k_e")
     assert r_m3.error == pytest.approx(0.02)
     (f_f,) = line("f_f", sharing=here)
     assert f_f.misfit.free == ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
     assert f_f.error == pytest.approx(1.0)
-    elsewhere = replace(here, r_m3_from=2, f_f_from=(2,))
+    elsewhere = replace(here, taken={"r_m3": 2}, means={"f_f": (2,)})
     assert line("r_m3", sharing=elsewhere) == line("f_f", sharing=elsewhere) == []
     jointly = Sharing(free=free, jointly=("r_m3", "f_f"), settings=(1,))
     assert line("r_m3", sharing=jointly) == line("f_f", sharing=jointly) == []
@@ -128,7 +128,7 @@ def test_a_mean_friction_has_the_weight_of_the_settings_that_were_judged(setting
     """Setting 7 gave a friction and was left out later: the mean is told by the others."""
     one = replace(linearised(np.ones(333)), information=4.0 * np.eye(6))
     both = [one, replace(one, fit=replace(one.fit, setting=2))]
-    sharing = Sharing(free=("r_m1", "f_f"), f_f_from=settings)
+    sharing = Sharing(free=("r_m1", "f_f"), means={"f_f": settings})
     first, second = _shared_rows(both, sharing)
     expected = np.zeros((1, 6))
     expected[0, PURDY_DAMPER.names.index("f_f")] = share / 4.0

@@ -118,7 +118,7 @@ def test_r_m3_that_cannot_be_seen_is_named_and_said_to_stand_for_nothing() -> No
         trace(setting, replace(reference_parameters(setting), r_m3=2.6e3), noise=4.0)
         for setting in SETTINGS
     ]
-    campaign = identify(logs, PURDY_DAMPER, FitOptions(fallback_r_m3=2.597e6))
+    campaign = identify(logs, PURDY_DAMPER, FitOptions())
     judged = assess(campaign, PURDY_DAMPER)
     assert any("do not fix R_m3" in text for text in campaign.warnings)
     assert judged.doubts(campaign)[0].startswith("r_m3 at setting 1, 10, 20: these logs do not")

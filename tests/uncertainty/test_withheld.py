@@ -9,8 +9,9 @@ import pytest
 
 from damperfit.conditioning import GasFacts
 from damperfit.damper.cavitation import Cavitation
-from damperfit.damper.model import Quantity, values_type
+from damperfit.damper.model import values_type
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.quantity import Quantity
 from damperfit.damper.rivals import Biviscous, RestoringForceSurface
 from damperfit.identification import Fit, Status
 from damperfit.identification.plausible import edge_of

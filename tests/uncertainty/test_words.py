@@ -152,7 +152,7 @@ def test_a_profile_without_a_limit_has_the_last_word(shape, before, after, outco
 
 def test_an_error_as_large_as_the_value_unfits_what_is_shared_alone() -> None:
     fit = fakes.fit(1)
-    campaign = replace(fakes.campaign(fit), sharing=Sharing(r_m3_from=1))
+    campaign = replace(fakes.campaign(fit), sharing=Sharing(taken={"r_m3": 1}))
     judged = Assessment(uncertainties=(known(error=0.4),))
     (found,) = reconsider(campaign, judged).fits
     changed = {name for name in fit.status if found.status[name] != fit.status[name]}
@@ -176,7 +176,7 @@ def test_of_profiles_elsewhere_only_that_of_the_shared_r_m3_speaks_for_a_setting
 def test_a_limit_from_below_says_that_any_higher_value_fits() -> None:
     fit = fakes.fit(1, status={"r_m3": "not_identifiable"})
     seen = {"r_m3": profile(5e4, None)}
-    assert verdicts(fit, known(), Sharing(r_m3_from=1), seen)["r_m3"] == (
+    assert verdicts(fit, known(), Sharing(taken={"r_m3": 1}), seen)["r_m3"] == (
         "not identifiable upward: at least 5e+04 N s/(m2 kg) (95 %), and any higher value fits "
         "these logs as well; 2.597e+06 N s/(m2 kg) is used for all settings; fix it, or fit faster "
         "logs of more force"
@@ -195,7 +195,7 @@ def test_a_limit_from_below_says_that_any_higher_value_fits() -> None:
 )
 def test_a_limit_from_above_says_that_the_fallback_stands_for_nothing(seen, end) -> None:
     fit = fakes.fit(1, status={"r_m3": "not_identifiable"})
-    sharing = Sharing(r_m3_from=1)
+    sharing = Sharing(taken={"r_m3": 1})
     said = verdicts(fit, known(), sharing, {} if seen is None else {"r_m3": seen})["r_m3"]
     assert said.startswith("these logs do not determine it (")
     assert end in said

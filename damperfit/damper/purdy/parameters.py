@@ -30,8 +30,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from damperfit.damper.cylinder import Cylinder
-from damperfit.damper.model import Model, Quantity, Values
+from damperfit.damper.model import Model, Values
 from damperfit.damper.purdy.quantities import QUANTITIES
+from damperfit.damper.quantity import Quantity
 from damperfit.errors import refuse_wrong_arguments
 
 if TYPE_CHECKING:

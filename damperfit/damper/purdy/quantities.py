@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import inf
 
-from damperfit.damper.model import DAMPER, FRICTION, OFFSET, Quantity
+from damperfit.damper.quantity import DAMPER, FRICTION, OFFSET, STIFFNESS, VISCOUS, Quantity
 
 __all__ = ["OF_OIL", "OIL", "QUANTITIES"]
 
@@ -25,24 +25,28 @@ QUANTITIES = (
     ),
     Quantity(
         "r_m2", "R_m2", "valve 2 (bump)", "resistance of valve 2, in the piston, open in bump",
-        _VALVE, (1e3, 1e10), power=6, shown_unit="10⁶ N s / (m² kg)",
+        _VALVE, (1e3, 1e10), power=6, shown_unit="10⁶ N s / (m² kg)", role=VISCOUS,
     ),
     Quantity(
         "r_m3", "R_m3", "valve 3 (rebound)", "resistance of valve 3, open in rebound", _VALVE,
         (1e3, 1e10), scope=DAMPER, fallback=2.597e6, power=6, shown_unit="10⁶ N s / (m² kg)",
+        role=VISCOUS,
     ),
     Quantity(
         "k_e", "K_e", "bulk modulus of oil and chamber",
         "effective bulk modulus of oil, air and tube", "Pa", (1e6, 1e11), power=6,
         shown_unit="MPa", is_open=True, trend_degree=2, believable=OIL, belief=OF_OIL,
+        role=STIFFNESS,
     ),
     Quantity(
-        "f_f", "f_f", FRICTION, "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
+        "f_f", "f_f", "friction", "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
         scope=DAMPER, may_vanish=True, fallback=50.0, shown_unit="N",
+        role=FRICTION,
     ),
     # A force offset is about as much as the rod's gas force.
     Quantity(
-        "f_0", "f_0", OFFSET, "constant offset added to the force, the rig's tare", "N",
+        "f_0", "f_0", "force offset", "constant offset added to the force, the rig's tare", "N",
         (-inf, inf), is_logarithmic=False, size=100.0, default=0.0, shown_unit="N",
+        role=OFFSET,
     ),
 )  # fmt: skip

@@ -21,7 +21,8 @@ from damperfit.damper.rivals.rival import OFFSET, Rival, Seen, Slopes, positive,
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from damperfit.damper.model import Quantity, Values
+    from damperfit.damper.model import Values
+    from damperfit.damper.quantity import Quantity
     from damperfit.damper.rivals.rival import FloatArray
     from damperfit.simulation import Motion, SolverOptions
 

@@ -36,6 +36,7 @@ from damperfit.damper.rivals.rival import (
     Rival,
     Seen,
     Slopes,
+    damping,
     friction,
     positive,
     signed,
@@ -44,7 +45,8 @@ from damperfit.damper.rivals.rival import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from damperfit.damper.model import Quantity, Values
+    from damperfit.damper.model import Values
+    from damperfit.damper.quantity import Quantity
     from damperfit.damper.rivals.rival import FloatArray
     from damperfit.simulation import Motion, SolverOptions
 
@@ -118,7 +120,7 @@ def _dampings(*ends: str) -> tuple[Quantity, ...]:
         "2": "damping of what opens at the knee",
     }
     return tuple(
-        positive(f"c_{k}{end}", f"c_{k}{end}", f"{what[end]} in {way}", "N s/m", (1e-2, 1e9))
+        damping(f"c_{k}{end}", f"{what[end]} in {way}", (1e-2, 1e9))
         for k, way in _WAYS
         for end in ends
     )

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from damperfit.damper.rivals.rival import OFFSET, Rival, Seen, Slopes, positive
+from damperfit.damper.rivals.rival import OFFSET, Rival, Seen, Slopes, damping
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from damperfit.damper.model import Quantity, Values
+    from damperfit.damper.model import Values
+    from damperfit.damper.quantity import Quantity
     from damperfit.damper.rivals.rival import FloatArray
     from damperfit.simulation import Motion, SolverOptions
 
@@ -37,7 +38,7 @@ class Linear(Rival):
     @property
     def quantities(self) -> tuple[Quantity, ...]:
         """Return c and f_0."""
-        return (positive("c", "c", "damping coefficient", "N s/m", (1e-2, 1e7)), OFFSET)
+        return (damping("c", "damping coefficient"), OFFSET)
 
     def law(
         self,
@@ -67,8 +68,8 @@ class Bilinear(Rival):
     def quantities(self) -> tuple[Quantity, ...]:
         """Return c_r, c_b and f_0."""
         return (
-            positive("c_r", "c_r", "damping coefficient in rebound", "N s/m", (1e-2, 1e7)),
-            positive("c_b", "c_b", "damping coefficient in bump", "N s/m", (1e-2, 1e7)),
+            damping("c_r", "damping coefficient in rebound"),
+            damping("c_b", "damping coefficient in bump"),
             OFFSET,
         )
 

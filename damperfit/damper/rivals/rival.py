@@ -7,12 +7,14 @@ physical is known. Each says where its equation comes from, and whether the orig
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
-from damperfit.damper import model as labels
-from damperfit.damper.model import Model, Quantity
+from damperfit.damper import quantity as roles
+from damperfit.damper.model import Model
+from damperfit.damper.quantity import Quantity
 from damperfit.errors import SimulationError
 from damperfit.simulation import Response
 
@@ -27,7 +29,17 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["FRICTION", "OFFSET", "Rival", "Seen", "Slopes", "friction", "positive", "signed"]
+__all__ = [
+    "FRICTION",
+    "OFFSET",
+    "Rival",
+    "Seen",
+    "Slopes",
+    "damping",
+    "friction",
+    "positive",
+    "signed",
+]
 
 Slopes = dict[str, "FloatArray"]
 
@@ -142,5 +154,12 @@ def signed(name: str, symbol: str, meaning: str, unit: str, size: float) -> Quan
     return Quantity(name, symbol, meaning, meaning, unit, limits, is_logarithmic=False, size=size)
 
 
-OFFSET = signed("f_0", "f_0", labels.OFFSET, "N", 100.0)
-FRICTION = positive("f_f", "f_f", "Coulomb friction", "N", (1e-3, 1e5), labels.FRICTION)
+def damping(name: str, meaning: str, limits: tuple[float, float] = (1e-2, 1e7)) -> Quantity:
+    """Return a coefficient that goes with the oil's viscosity."""
+    return replace(positive(name, name, meaning, "N s/m", limits), role=roles.VISCOUS)
+
+
+OFFSET = replace(signed("f_0", "f_0", "force offset", "N", 100.0), role=roles.OFFSET)
+FRICTION = replace(
+    positive("f_f", "f_f", "Coulomb friction", "N", (1e-3, 1e5), "friction"), role=roles.FRICTION
+)

@@ -17,7 +17,8 @@ from damperfit.errors import ConfigurationError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from damperfit.damper.model import Quantity, Values
+    from damperfit.damper.model import Values
+    from damperfit.damper.quantity import Quantity
     from damperfit.handover.handed_over import HandedOver
 
 __all__ = ["FRICTION_BAND", "NUMBERS", "STATES", "ExportedDamper", "Number", "exported_damper"]
@@ -30,8 +31,8 @@ _MAX_STEPS = 10_000
 # N a step, of valves: inputs that go on by their slope jump by some 0.05 N at communication points
 # of 1 ms, and to resolve these jumps takes two to five times as long.
 _TOLERANCE_OF_VALVES = 0.03
-# What is the rig's: rod ends, frame and load cell in series, their play, the tare.
-_OF_THE_RIG = ("series_stiffness", "play", "f_0")
+# What is the rig's: rod ends, frame and load cell in series, their play.
+_OF_THE_RIG = ("series_stiffness", "play")
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +154,7 @@ def _columns(damper: Damper | ValveDamper) -> tuple[str, ...]:
 
 
 def _value(damper: Damper | ValveDamper, values: Values, name: str) -> float:
-    if name in _OF_THE_RIG:
+    if name in _OF_THE_RIG or (name in values.names and values.quantity(name).is_offset):
         return 0.0
     if name in values.names:
         return float(getattr(values, name))
@@ -224,7 +225,7 @@ def _numbers(
     }
     found = []
     for place, name in enumerate(columns):
-        if name in quantities and name not in _OF_THE_RIG[:2]:
+        if name in quantities and name not in _OF_THE_RIG:
             one = quantities[name]
             found.append(
                 Number(place, name, one.unit, one.meaning, row[place], not one.is_logarithmic)

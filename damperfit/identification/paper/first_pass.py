@@ -13,6 +13,7 @@ from damperfit.identification.descent import FitCancelledError, Misfit, descend
 from damperfit.identification.failures import SettingError, SettingFailure, attempted
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Outcome, Status
+from damperfit.identification.paper.shared_values import MEAN, TAKEN, fallback
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import (
     EXCELLENT,
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Values
     from damperfit.damper.purdy.parameters import Damper
-    from damperfit.identification.options import FitOptions
     from damperfit.tested.setting import Setting
 
 __all__ = ["FirstPass", "first_pass"]
@@ -85,7 +85,7 @@ def first_pass(
     given: ProcedureInput, names: tuple[str, ...], fixed: Mapping[str, float], free: set[str]
 ) -> tuple[FirstPass, tuple[str, ...]]:
     """All parameters free at every setting; returns R_m3 and f_f as the paper takes them."""
-    wanted = [name for name in ("r_m3", "f_f") if name not in fixed and name not in free]
+    wanted = [name for name in (TAKEN, MEAN) if name not in fixed and name not in free]
     if not wanted:
         return FirstPass({}, {}), ()
     begun = _begin(given, names, fixed, wanted)
@@ -94,7 +94,7 @@ def first_pass(
             return _concluded(given, begun, names, wanted)
         except SettingError as error:
             begun = begun.without(error.failure)
-    shared = {name: getattr(given.options, f"fallback_{name}") for name in wanted}
+    shared = {name: fallback(given, name) for name in wanted}
     return FirstPass({}, shared, status=dict.fromkeys(wanted, Status.FIXED), broken=begun.broken), (
         "with all parameters free no setting can be fitted: these are used: "
         + ", ".join(f"{n} {value:.4g} (identification.fallback_{n})" for n, value in shared.items())
@@ -141,7 +141,7 @@ def _begin(
     one, looked = found
     anchor = one.solution.parameters
     if "r_m3" in wanted and not _tells_r_m3(one):
-        anchor = anchor.replace(r_m3=given.options.fallback_r_m3)
+        anchor = anchor.replace(r_m3=fallback(given, TAKEN))
     others = set(given.settings) - {lowest, *broken}
     judged = {lowest: one}
     for setting, other in _free_everywhere(given, names, fixed, anchor, sorted(others)).items():
@@ -166,12 +166,11 @@ def _concluded(
     f_f_range, is_certain = None, True
     if "f_f" in wanted:
         known = None if source is None else judged[source].solution.parameters.r_m3
-        shared["f_f"], f_f_from, said = _shared_friction(judged, known, given.options)
+        shared["f_f"], f_f_from, said = _shared_friction(judged, known, fallback(given, MEAN))
         warnings.extend(said)
         f_f_range, is_certain = _friction_range([judged[setting] for setting in f_f_from])
-    sharing = Sharing(
-        names, f_f_from=f_f_from, f_f_range=f_f_range, is_f_f_range_certain=is_certain
-    )
+    means = {MEAN: f_f_from} if f_f_from else {}
+    sharing = Sharing(names, means=means, spread=f_f_range, is_spread_certain=is_certain)
     first = FirstPass(judged, shared, sharing, {}, begun.searches, begun.broken)
     if "r_m3" not in wanted:
         return first, tuple(warnings)
@@ -193,7 +192,11 @@ def _concluded(
             first,
             judged={**judged, where: found.judged},
             shared={**shared, "r_m3": found.value},
-            sharing=replace(sharing, r_m3_from=found.setting, is_refined=found.is_refined),
+            sharing=replace(
+                sharing,
+                taken={} if found.setting is None else {TAKEN: found.setting},
+                held=(MEAN,) if found.is_refined else (),
+            ),
             status={"r_m3": found.status},
         ),
         tuple(warnings),
@@ -266,31 +269,31 @@ def _shared_r_m3(
     again = first
     # An unsound fit that tells R_m3 all the same is left alone: other friction may upset it.
     if f_f is not None and (not _tells_r_m3(first) or (is_sound(first) and len(judged) > 1)):
-        again = _with_mean_friction(misfit, first, f_f, given.options.fallback_r_m3)
+        again = _with_mean_friction(misfit, first, f_f, fallback(given, TAKEN))
     is_refined = again is not first
     value = again.solution.parameters.r_m3
     if _tells_r_m3(again):
         return _SharedR_m3(value, Status.SHARED, again, setting, is_refined)
-    fallback = given.options.fallback_r_m3
+    known = fallback(given, TAKEN)
     if not again.outcome.is_minimum:
         said = (
             f"the logs of setting {setting} do not fix R_m3 ({again.outcome.value}): "
-            f"{fallback:.4g} (identification.fallback_r_m3) is used; give --fix r_m3=VALUE if "
+            f"{known:.4g} (identification.fallback_r_m3) is used; give --fix r_m3=VALUE if "
             "yours is known."
         )
-        return _SharedR_m3(fallback, Status.FIXED, first, None, is_refined=False, said=said)
+        return _SharedR_m3(known, Status.FIXED, first, None, is_refined=False, said=said)
     held = f_f if is_refined else None
-    if _is_contradicted(misfit, again, fallback, held):
+    if _is_contradicted(misfit, again, known, held):
         value = max(value, first.solution.parameters.quantity("r_m3").plausible[0])
         said = (
-            f"the logs of setting {setting} do not fix R_m3, but {fallback:.4g} "
+            f"the logs of setting {setting} do not fix R_m3, but {known:.4g} "
             f"(identification.fallback_r_m3) does not fit them: {value:.4g} is used, which does; "
             "give --fix r_m3=VALUE if yours is known."
         )
     else:
-        value = fallback
+        value = known
         said = (
-            f"the logs of setting {setting} do not fix R_m3: {fallback:.4g} "
+            f"the logs of setting {setting} do not fix R_m3: {known:.4g} "
             "(identification.fallback_r_m3) fits them as well as any and is used; give "
             "--fix r_m3=VALUE if yours is known."
         )
@@ -356,7 +359,7 @@ def _free_everywhere(
 
 
 def _shared_friction(
-    judged: Mapping[Setting, Judged], r_m3: float | None, options: FitOptions
+    judged: Mapping[Setting, Judged], r_m3: float | None, known: float
 ) -> tuple[float, tuple[Setting, ...], list[str]]:
     """The mean friction over the settings whose first pass is sound, and these settings.
 
@@ -382,10 +385,10 @@ def _shared_friction(
     }
     if not sound:
         said = (
-            f"no setting's logs fix the friction: {options.fallback_f_f:g} N "
+            f"no setting's logs fix the friction: {known:g} N "
             "(identification.fallback_f_f) is used; give --fix f_f=VALUE if yours is known."
         )
-        return options.fallback_f_f, (), [said]
+        return known, (), [said]
     left_out = sorted(set(judged) - set(sound))
     warnings = []
     if left_out:

@@ -18,7 +18,7 @@ from damperfit.units.shown_units import SI, ShownUnits
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
     from damperfit.report.evaluated_log import EvaluatedLog
     from damperfit.report.page.plot_data import Figure
     from damperfit.report.sheets.sheet import Sheet

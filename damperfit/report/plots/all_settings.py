@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.adjustment import Trend
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
     from damperfit.report.evaluated_log import EvaluatedLog
     from damperfit.report.sheets.peak_sheet import PeakPoint
     from damperfit.tested.setting import Setting

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from damperfit.adjustment import Trend
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
 
     Row = Mapping[str, Any]
 

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from damperfit.damper.model import SETTING
+from damperfit.damper.quantity import SETTING
 from damperfit.report.sheets.notes_below import errors_and_flags, units_and_marks
 from damperfit.report.sheets.parameter_sheet import (
     PARAMETER_MARKS,
@@ -29,7 +29,7 @@ from damperfit.tables import PAPER_QUANTITIES
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
 
     Row = Mapping[str, Any]
 

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from damperfit.adjustment import Click
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
     from damperfit.report.sheets.sheet import Sheet
     from damperfit.units.shown_units import ShownUnits
 

@@ -11,7 +11,7 @@ from damperfit.tables import PAPER_QUANTITIES
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
     from damperfit.tested.setting import Setting
 
     Row = Mapping[str, Any]

@@ -13,7 +13,7 @@ from damperfit.tables import PAPER_QUANTITIES
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
 
     Row = Mapping[str, Any]
 

@@ -16,7 +16,7 @@ from damperfit.report.sheets.rounding import number, percent
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from damperfit.damper.model import Quantity
+    from damperfit.damper.quantity import Quantity
 
     Row = Mapping[str, Any]
 

@@ -1,0 +1,120 @@
+"""One number of a model: what it is called, what it may be, whose it is and what part it plays.
+
+What is done with a quantity follows from its scope, its range, whether it is taken by its
+logarithm, and its role; its name says nothing to anyone but its model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = [
+    "DAMPER",
+    "FRICTION",
+    "GAS",
+    "LOG",
+    "OFFSET",
+    "RIG",
+    "SETTING",
+    "STIFFNESS",
+    "VISCOUS",
+    "Quantity",
+]
+
+# Whose a quantity is. Any other word is the name of an adjuster: one value for each of its clicks.
+SETTING = "setting"  # each setting's own
+DAMPER = "damper"  # one for all settings
+LOG = "log"  # each log's own: tare, skew, gas pressure
+RIG = "rig"  # one for all logs of the rig
+
+
+# The part that a quantity plays, where somebody must know it.
+OFFSET = "offset"  # a force of either sign that is added: a tare
+FRICTION = "friction"  # a force that turns with the sign of the velocity
+STIFFNESS = "stiffness"  # of the oil with its chambers
+GAS = "gas"  # how much gas there is
+VISCOUS = "viscous"  # a resistance or damping that goes with the oil's viscosity
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number of a model that a fit may find.
+
+    Attributes
+    ----------
+    name : str
+        As in tables, options and `Values`: lower case, ``rebound_opening``.
+    symbol : str
+        As people write it: ``R_m1``.
+    label : str
+        In a few words, for a table's row: "valve 1 (adjuster)".
+    meaning : str
+        In one phrase, for the metadata of tables.
+    unit : str
+        SI, as in "N s/(m2 kg)".
+    plausible : tuple of float
+        A fit stays within; a factor of a hundred beyond what dampers have.
+    is_logarithmic : bool
+        Positive, and fitted by its logarithm; otherwise of either sign, in steps of `size`.
+    size : float
+        Of a quantity that is not logarithmic: about as much as it is in a damper, in `unit`.
+    scope : str
+        `SETTING`, `DAMPER`, `LOG`, `RIG`, or an adjuster's name.
+    default : float or None
+        Where it is held unless it is freed; None: it is free unless it is held.
+    fallback : float or None
+        What is known of it where no log tells it.
+    power, shown_unit : int, str
+        People read it in 10^power of the unit, which they write like this.
+    is_open : bool
+        What lies beyond the upper edge looks like the edge: rigid. It is then no fault of the logs.
+    may_vanish : bool
+        Of a logarithmic one: it may be held at nothing.
+    trend_degree : int or None
+        Degree of the polynomial that it follows over the settings, where that is agreed beforehand.
+    believable : tuple of float
+        What dampers and rigs have: a fit may go beyond it, but is then not believed.
+    belief : str
+        Why not, in a phrase.
+    ignorance : float
+        Standard error of a default that nobody has measured: of its logarithm, or in `unit` of what
+        may vanish.
+    role : str
+        `OFFSET`, `FRICTION`, `STIFFNESS`, `GAS` or `VISCOUS`; "": none of these.
+    """
+
+    name: str
+    symbol: str
+    label: str
+    meaning: str
+    unit: str
+    plausible: tuple[float, float]
+    is_logarithmic: bool = True
+    size: float = 1.0
+    scope: str = SETTING
+    default: float | None = None
+    fallback: float | None = None
+    power: int = 0
+    shown_unit: str = ""
+    is_open: bool = False
+    may_vanish: bool = False
+    trend_degree: int | None = None
+    believable: tuple[float, float] = (float("-inf"), float("inf"))
+    belief: str = ""
+    ignorance: float = 0.0
+    role: str = ""
+
+    @property
+    def is_offset(self) -> bool:
+        """Whether it is a force of either sign that is added: a tare."""
+        return self.role == OFFSET
+
+    @property
+    def is_friction(self) -> bool:
+        """Whether it is a force that turns with the sign of the velocity."""
+        return self.role == FRICTION
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether all settings have it in common."""
+        return self.scope in {DAMPER, RIG}
