@@ -208,8 +208,8 @@ SURFACE = {
     "damperfit.conditioning": [
         "ConditionOptions",
         "GasFacts",
-        "OffsetFacts",
         "NominalTest",
+        "OffsetFacts",
         "TRANSIENTS",
         "apply_filter",
         "branch_forces",
@@ -296,19 +296,11 @@ SURFACE = {
         "Values",
         "values_type",
     ],
-    "damperfit.damper.purdy.figures": [
-        "FIGURES",
-        "Figure",
-    ],
-    "damperfit.identification.paper.shared_values": [
-        "MEAN",
-        "TAKEN",
-        "fallback",
-    ],
+    "damperfit.damper.purdy.figures": ["FAMILIES", "Family"],
     "damperfit.damper.quantity": [
         "DAMPER",
         "FRICTION",
-        "GAS",
+        "GAS_AMOUNT",
         "LOG",
         "OFFSET",
         "Quantity",
@@ -574,7 +566,7 @@ SURFACE = {
         "without_contradictions",
         "without_copies",
     ],
-    "damperfit.run.tested_at": ["conditioned_as_tested"],
+    "damperfit.run.tested_at": ["conditioned_as_tested", "facts_of"],
     "damperfit.run.rod_area": ["rod_told", "with_rod_remark"],
     "damperfit.run.dampers": [
         "by_damper",
@@ -720,6 +712,7 @@ SURFACE = {
         "RigOptions",
         "SimulationOptions",
         "gas_in_words",
+        "offset_facts",
         "parameter_value",
     ],
     "damperfit.tested.setting": [

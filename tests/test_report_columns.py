@@ -562,7 +562,7 @@ def test_the_columns_of_cavitation_are_those_of_the_fit():
         chamber=2,
         displacement=0.007,
         velocity=0.29,
-        resistance_margin=0.16,
+        r_m3_margin=0.16,
         safe_gas_pressure=3.98e5,
     )
     (row,) = make_tables(campaign(replace(fit(7), cavitation=cavitation))).parameters.to_pylist()

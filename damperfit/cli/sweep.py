@@ -138,12 +138,12 @@ def _sentence(variation: Variation, members: Sequence[SweepMember]) -> str:
 def _lay_out(
     sweeps: Sequence[tuple[Variation, Sequence[SweepMember], bool]],
 ) -> tuple[list[dict[str, Any]], list[Plot]]:
-    from damperfit.damper.purdy.figures import FIGURES
+    from damperfit.damper.purdy.figures import FAMILIES
     from damperfit.report import sweep_plot, sweep_pressure_plot, sweep_records
 
     records: list[dict[str, Any]] = []
     plots = []
-    known = {one.name: one for one in FIGURES}
+    known = {one.name: one for one in FAMILIES}
     for variation, members, is_paper in sweeps:
         name = variation.name
         records += sweep_records(name, members)

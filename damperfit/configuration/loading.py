@@ -12,7 +12,7 @@ import math
 import re
 import tomllib
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,7 +78,10 @@ def load_configuration(
     for layer in layers:
         _check_keys(layer, known=known)
         if layer.name == _COMMAND_LINE:
-            _put_over_profiles(document, layer.values.get("rig", {}))
+            typed = layer.values.get("rig", {})
+            if "skew" in typed:
+                _without_skew(document["rig"])
+            _put_over_profiles(document, typed)
         for section in _WHOLE:
             if layer.values.get(section):
                 document.pop(section, None)
@@ -94,7 +97,8 @@ def load_configuration(
         # The paper's 26 degC is no window of another damper's test.
         document["rig"]["temperature_tolerance"] = math.inf
     try:
-        return build_configuration(document, declared=frozenset(declared))
+        found = build_configuration(document, declared=frozenset(declared))
+        return replace(found, test=replace(found.test, typed=_facts_typed(overlay or {})))
     except ValidationError as error:
         raise ConfigurationError(_explain(error, layers)) from error
     except ConfigurationError as error:
@@ -255,6 +259,21 @@ def _put_over_profiles(document: dict[str, Any], given: Mapping[str, Any]) -> No
     for profile in profiles.values() if isinstance(profiles, dict) else ():
         if isinstance(profile, dict):
             _merge(profile, {key: value for key, value in given.items() if key in profile})
+
+
+def _without_skew(rig: dict[str, Any]) -> None:
+    """Leave out what [rig] and its profiles say of the skew of single logs: --skew is of all."""
+    profiles = rig["profiles"]
+    for one in (rig, *(profiles.values() if isinstance(profiles, dict) else ())):
+        facts = one.get("tested_at") if isinstance(one, dict) else None
+        if isinstance(facts, dict):
+            facts.pop("skew", None)
+
+
+def _facts_typed(overlay: Mapping[str, Mapping[str, Any]]) -> frozenset[str]:
+    """Return the facts of tests that the command line tells."""
+    rig = overlay.get("rig", {})
+    return frozenset(rig.get("tested_at", {})) | ({"skew"} & set(rig))
 
 
 def _explain(error: ValidationError, layers: Sequence[_Layer]) -> str:

@@ -40,6 +40,7 @@ from damperfit.configuration.what_is_tested import (
     check_adjusters,
     counted,
     declared_settings,
+    facts_told,
     followed,
 )
 from damperfit.damper.models import MODELS
@@ -126,11 +127,14 @@ class _DeclaredKeys(_Section):
     restarts: str
     bad_rows: str
     allow_truncated: bool
+    tested_at: dict[str, float | str]
 
     def declared(self) -> dict[str, Any]:
         """Return the keys that are given, as `Declarations` has them."""
         given = {f.name for f in fields(Declarations)} & self.model_fields_set
         values = self.model_dump(include=given)
+        if "tested_at" in values:
+            values["tested_at"] = facts_told(values["tested_at"])
         return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ from damperfit.damper.models import MODELS
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.readers.facts import FACTS, fact_of
 from damperfit.tables import column_names
 from damperfit.tested.identity import IDENTITY_KEYS, Identity
 from damperfit.tested.setting import Setting, parse_setting
@@ -62,12 +64,15 @@ class TestOptions:
         Whose they are, where the logs and the table of tests do not say.
     table : pathlib.Path or None
         Table of tests; None: ``tests.csv`` beside the logs, where there is one.
+    typed : frozenset of str
+        Facts of tests that the command line tells, or sets aside: no table goes before it.
     """
 
     __test__ = False  # no test of pytest's
 
     identity: Identity = Identity()
     table: Path | None = None
+    typed: frozenset[str] = frozenset()
 
 
 class TestSection(BaseModel):
@@ -198,6 +203,23 @@ def _every_model() -> list[Model]:
         for kind in MODELS.values()
         for valve in valves
     ]
+
+
+def facts_told(told: Mapping[str, float | str]) -> dict[str, float]:
+    """Return what logs were tested at, SI; a name that is none is left to the reader's options.
+
+    Raises
+    ------
+    ConfigurationError
+        A value is no such quantity.
+    """
+    found = {}
+    for name, text in told.items():
+        try:
+            found[name] = fact_of(name, str(text)) if name in FACTS else math.nan
+        except ValueError as error:
+            raise ConfigurationError(f"tested_at.{name}: found {text!r}, {error}") from error
+    return found
 
 
 def declared_settings(

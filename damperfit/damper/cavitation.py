@@ -34,7 +34,7 @@ class Cavitation:
         Where: chamber 1, 2 or 3.
     displacement, velocity : float
         When: x and v at that moment, m and m/s. Of a chamber at zero: when it gets there.
-    resistance_margin : float
+    r_m3_margin : float
         Fraction by which R_m3 may rise before a chamber cavitates on this motion; negative when
         it must fall, NaN where no factor from 1/1000 to 1000 is at the edge.
     safe_gas_pressure : float
@@ -47,8 +47,13 @@ class Cavitation:
     chamber: int = 0
     displacement: float = math.nan
     velocity: float = math.nan
-    resistance_margin: float = math.nan
+    r_m3_margin: float = math.nan
     safe_gas_pressure: float = math.nan
+
+    @property
+    def margin(self) -> float:
+        """Fraction by which the resistance may rise that empties a chamber; as `r_m3_margin`."""
+        return self.r_m3_margin
 
 
 def describe_cavitation(settings: Mapping[Setting, Cavitation]) -> tuple[str, ...]:
@@ -73,10 +78,10 @@ def _nearest(full: Mapping[Setting, Cavitation], opening: str) -> str:
         f"{opening}; lowest pressure {one.lowest_pressure / 1e5:.2f} bar absolute, in chamber "
         f"{one.chamber} of setting {setting}, {_moment(one, 'at')}"
     )
-    if math.isnan(one.resistance_margin) or math.isnan(one.safe_gas_pressure):
+    if math.isnan(one.r_m3_margin) or math.isnan(one.safe_gas_pressure):
         return words
     return (
-        f"{words}; there R_m3 may rise by {_share(one.resistance_margin)}, or the gas pressure "
+        f"{words}; there R_m3 may rise by {_share(one.r_m3_margin)}, or the gas pressure "
         f"fall to {one.safe_gas_pressure / 1e5:.2f} bar absolute, until a chamber cavitates on "
         "this motion"
     )
@@ -94,7 +99,7 @@ def _needed(one: Cavitation) -> str:
         return ""
     return (
         f"; it takes a gas pressure of {one.safe_gas_pressure / 1e5:.2f} bar absolute, or R_m3 "
-        f"lower by {_share(-one.resistance_margin)}, to keep it full"
+        f"lower by {_share(-one.r_m3_margin)}, to keep it full"
     )
 
 

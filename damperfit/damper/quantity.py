@@ -11,7 +11,7 @@ from dataclasses import dataclass
 __all__ = [
     "DAMPER",
     "FRICTION",
-    "GAS",
+    "GAS_AMOUNT",
     "LOG",
     "OFFSET",
     "RIG",
@@ -32,7 +32,7 @@ RIG = "rig"  # one for all logs of the rig
 OFFSET = "offset"  # a force of either sign that is added: a tare
 FRICTION = "friction"  # a force that turns with the sign of the velocity
 STIFFNESS = "stiffness"  # of the oil with its chambers
-GAS = "gas"  # how much gas there is
+GAS_AMOUNT = "gas"  # how much gas there is
 VISCOUS = "viscous"  # a resistance or damping that goes with the oil's viscosity
 
 
@@ -80,7 +80,7 @@ class Quantity:
         Standard error of a default that nobody has measured: of its logarithm, or in `unit` of what
         may vanish.
     role : str
-        `OFFSET`, `FRICTION`, `STIFFNESS`, `GAS` or `VISCOUS`; "": none of these.
+        `OFFSET`, `FRICTION`, `STIFFNESS`, `GAS_AMOUNT` or `VISCOUS`; "": none of these.
     """
 
     name: str

@@ -31,7 +31,7 @@ from damperfit.damper.purdy.quantities import OF_OIL, OIL
 from damperfit.damper.quantity import (
     DAMPER,
     FRICTION,
-    GAS,
+    GAS_AMOUNT,
     LOG,
     OFFSET,
     STIFFNESS,
@@ -346,7 +346,7 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
         ),
         Quantity(
             "gas_volume", "V_g", "gas volume", "volume of the gas at x = 0", "m3", (1e-8, 1.0),
-            scope=DAMPER, default=damper.gas_volume, power=-6, shown_unit="cm³", role=GAS,
+            scope=DAMPER, default=damper.gas_volume, power=-6, shown_unit="cm³", role=GAS_AMOUNT,
         ),
         Quantity(
             "gas_exponent", "gamma", "gas exponent", "polytropic exponent of the gas", "1",

@@ -23,7 +23,7 @@ __all__ = ["ONE_SPEED", "untold"]
 
 ONE_SPEED = (
     "the logs hold one speed, so that the valves and friction cannot be separated: "
-    "add a log or a stretch at another speed, or hold R_m3 and f_f (--fix)."
+    "add a log or a stretch at another speed, or hold one valve and the friction (--fix)."
 )
 
 _LEVELS = 2  # one in rebound, one in bump

@@ -128,7 +128,7 @@ class Fit:
     @property
     def cavitation_margin(self) -> float:
         """Fraction by which the resistance may rise that empties a chamber on this motion."""
-        return self.cavitation.resistance_margin
+        return self.cavitation.margin
 
 
 @dataclass(frozen=True, slots=True, eq=False)

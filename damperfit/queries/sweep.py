@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from damperfit.damper.purdy.figures import FIGURES
+from damperfit.damper.purdy.figures import FAMILIES
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.queries.one_simulation import simulate_test
@@ -56,7 +56,7 @@ class Member:
 
 _GAS = {"p_0": "gas_pressure", "gamma": "gas_exponent"}
 
-PAPER_SWEEPS = tuple(Variation(one.name, one.factors) for one in FIGURES)
+PAPER_SWEEPS = tuple(Variation(one.name, one.factors) for one in FAMILIES)
 
 
 def swept_units(damper: Model) -> dict[str, str]:

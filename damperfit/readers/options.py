@@ -9,6 +9,7 @@ from fnmatch import fnmatch
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.readers.facts import FACTS
 from damperfit.tested.identity import IDENTITY_KEYS
 from damperfit.tested.setting import ADJUSTER
 from damperfit.units.quantities import find_unit
@@ -99,6 +100,9 @@ class Declarations:
         Rows with text or blanks in a channel, or too few or many fields: "refuse" or "drop".
     allow_truncated : bool
         Of a TDMS log whose end is missing, keep the values that all channels have.
+    tested_at : mapping of str to float
+        What the log was tested at, whatever it says itself: names of `FACTS`, SI, temperature in
+        degrees Celsius.
 
     Raises
     ------
@@ -124,6 +128,7 @@ class Declarations:
     restarts: str = "refuse"
     bad_rows: str = "refuse"
     allow_truncated: bool = False
+    tested_at: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse declarations that mean nothing."""
@@ -157,6 +162,12 @@ class Declarations:
                         f"{what}: no channel {channel!r}; there are {', '.join(known)}."
                         f"{did_you_mean(channel, known)}"
                     )
+        for fact in self.tested_at:
+            if fact not in FACTS:
+                raise ConfigurationError(
+                    f"tested_at: no {fact!r}; there are {', '.join(FACTS)}."
+                    f"{did_you_mean(fact, FACTS)}"
+                )
         for channel, unit in self.units.items():
             if unit:
                 find_unit(unit, CHANNELS[channel])

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.readers.facts import FACTS, fact_of
 from damperfit.tested.identity import IDENTITY_KEYS, Identity, identity_in
 from damperfit.tested.setting import ADJUSTER, parse_place, parse_setting
-from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -28,13 +28,6 @@ __all__ = ["TestRow", "TestsTable", "is_tests_table", "read_tests"]
 _FILE = ("file", "log", "filename", "datei")
 _MAX_BYTES = 10_000_000
 _SHORT = 4
-# What may stand for each log, and its dimension.
-_FACTS = {
-    "gas_pressure": "absolute pressure",
-    "temperature": "temperature",
-    "tare": "force",
-    "skew": "time",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +43,7 @@ class TestRow:
     identity : Identity
         Whose it is.
     facts : mapping of str to float
-        What it was tested at, SI, temperature in degrees Celsius: a name of `_FACTS`.
+        What it was tested at, SI, temperature in degrees Celsius: a name of `FACTS`.
     """
 
     __test__ = False  # no test of pytest's
@@ -167,8 +160,8 @@ def _row(told: dict[str, str], adjusters: Sequence[str], where: str, *, line: in
                 places |= dict(parse_setting(cell, adjusters).places)
             elif key in adjusters:
                 places[key] = parse_place(cell.replace(",", "."))
-            elif key in _FACTS:
-                facts[key] = _fact(key, cell)
+            elif key in FACTS:
+                facts[key] = fact_of(key, cell)
             else:
                 others[name] = cell
         except ValueError as error:
@@ -179,24 +172,10 @@ def _row(told: dict[str, str], adjusters: Sequence[str], where: str, *, line: in
     return TestRow(line, places, Identity(**known.describe(), more=more), facts)
 
 
-def _fact(key: str, cell: str) -> float:
-    """Return what a cell says of the test, with its unit.
-
-    Raises
-    ------
-    ValueError
-        It is no such quantity, or does not say what a pressure counts from.
-    """
-    value = parse_quantity(cell, _FACTS[key])
-    if key == "gas_pressure" and not says_absolute_or_gauge(cell):
-        raise ValueError("expected a unit that says what it counts from, as in 5.6bara or 80psig")
-    return value
-
-
 def _misspelt(names: Sequence[str], adjusters: Sequence[str], path: Path) -> list[str]:
     """Say which columns are nearly those of an adjuster or of the damper, and are not taken so."""
     # Short names lie near too many words.
-    known = (*adjusters, *IDENTITY_KEYS, *(name for name in _FACTS if len(name) > _SHORT))
+    known = (*adjusters, *IDENTITY_KEYS, *(name for name in FACTS if len(name) > _SHORT))
     notes = []
     for name in names:
         if _column_of(_FILE, [name]) is not None:

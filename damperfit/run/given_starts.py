@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from damperfit.configuration.options import parameter_value
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.network import Valve
-from damperfit.damper.quantity import FRICTION, GAS, OFFSET, STIFFNESS
+from damperfit.damper.quantity import FRICTION, GAS_AMOUNT, OFFSET, STIFFNESS
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import GivenStart, check_start
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["start_of_laws", "with_given_start"]
 
 # What dampers of every kind have: a table that tells no more is of another model.
-_EVERYWHERE = frozenset({OFFSET, FRICTION, STIFFNESS, GAS})
+_EVERYWHERE = frozenset({OFFSET, FRICTION, STIFFNESS, GAS_AMOUNT})
 
 
 def with_given_start(configuration: Configuration) -> Configuration:

@@ -33,7 +33,7 @@ from damperfit.recording import Finding
 from damperfit.report import Failure
 from damperfit.run.labelling import FROM_NAME, GUESSED, labels_for
 from damperfit.run.own_tables import is_own_table
-from damperfit.run.tested_at import conditioned_as_tested
+from damperfit.run.tested_at import conditioned_as_tested, facts_of
 from damperfit.tested.identity import Identity
 
 if TYPE_CHECKING:
@@ -306,7 +306,8 @@ def _take_test(
 ) -> _Taken:
     recording, identity = labelled.labels.labelled(recording, path)
     row = labelled.labels.row(path)
-    told = row.facts if row else {}
+    told, unsaid = facts_of(recording, path, configuration, row)
+    recording = replace(recording, notes=(*recording.notes, *unsaid))
     whose = {"test": identity.describe()} if identity.describe() else {}
     known = LogFacts(
         log=recording.name,
@@ -335,7 +336,7 @@ def _take_test(
     sentences = (one.sentence for one in trace.findings)
     facts = trace.describe() | {
         **whose,
-        **({"tested_at": dict(told)} if told else {}),
+        **({"tested_at": told} if told else {}),
         "n_samples_read": len(recording.time),
         "notes": list(dict.fromkeys([*recording.notes, *trace.notes, *sentences])),
         "verdict": "warnings" if trace.warnings else "good",

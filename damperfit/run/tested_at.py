@@ -1,4 +1,8 @@
-"""What a table of tests tells of one log, taken into it: tare, temperature, skew, gas pressure."""
+"""What somebody tells of one log, taken into it: tare, temperature, skew, gas pressure.
+
+The log's own preamble tells it, [rig] before that, then the log's profile, the table of tests, and
+the command line before all.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +12,47 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning import condition
+from damperfit.readers.facts import facts_in
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
     from damperfit.conditioning import ConditionOptions
+    from damperfit.configuration.options import Configuration
+    from damperfit.readers import TestRow
     from damperfit.recording import Recording, Trace
 
-__all__ = ["conditioned_as_tested"]
+__all__ = ["conditioned_as_tested", "facts_of"]
+
+
+def facts_of(
+    recording: Recording, path: Path, configuration: Configuration, row: TestRow | None
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Return what is told of one test, SI, by the nearest word, and which words say too little.
+
+    Parameters
+    ----------
+    recording : Recording
+        As logged.
+    path : pathlib.Path
+        Its file.
+    configuration : Configuration
+        [rig], profiles, and what was typed.
+    row : TestRow or None
+        Its row in the table of tests.
+    """
+    own, notes = facts_in(recording.metadata)
+    if recording.temperature is not None:
+        own.pop("temperature", None)
+    reading = configuration.reading
+    near, _ = reading.for_file(path.name)
+    told = {**own, **near.tested_at, **(row.facts if row else {})}
+    for name in configuration.test.typed:
+        told.pop(name, None)
+        if name in reading.tested_at:
+            told[name] = reading.tested_at[name]
+    return told, notes
 
 
 def conditioned_as_tested(
@@ -30,7 +67,7 @@ def conditioned_as_tested(
     options : ConditionOptions
         For all logs.
     facts : mapping of str to float
-        Of the table of tests, SI, temperature in degrees Celsius; empty: nothing is told.
+        Of this test, SI, temperature in degrees Celsius; empty: nothing is told.
     """
     if "tare" in facts:
         recording = replace(recording, force=recording.force - facts["tare"])

@@ -96,7 +96,7 @@ _PARAMETERS: tuple[_Column, ...] = (
     _Column("evaluations", _INT, "1", "simulations the fit took"),
     _Column("cavitation_fraction", _FLOAT, "1", "share of the cycle with a chamber at P = 0"),
     _Column(
-        "r_m3_cavitation_margin", _FLOAT, "1", "rise of r_m3 at which chamber 2 starts to cavitate"
+        "r_m3_cavitation_margin", _FLOAT, "1", "rise of R_m3 at which chamber 2 starts to cavitate"
     ),
     _Column("lowest_pressure", _FLOAT, "Pa", "lowest absolute pressure of any chamber"),
     _Column("lowest_pressure_chamber", _INT, "1", "chamber of the lowest pressure"),

@@ -175,7 +175,7 @@ def _parameter_row(fit: Fit, assessment: Assessment, reason: str | None) -> dict
         "n_cycles": fit.n_cycles,
         "evaluations": fit.evaluations,
         "cavitation_fraction": _finite(fit.cavitation.fraction),
-        "r_m3_cavitation_margin": _finite(fit.cavitation.resistance_margin),
+        "r_m3_cavitation_margin": _finite(fit.cavitation.margin),
         "lowest_pressure": _finite(fit.cavitation.lowest_pressure),
         "lowest_pressure_chamber": fit.cavitation.chamber or None,
         "lowest_pressure_displacement": _finite(fit.cavitation.displacement),

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from damperfit.cli import github, main
-from damperfit.damper.purdy.figures import FIGURES
+from damperfit.damper.purdy.figures import FAMILIES
 from damperfit.identification import Outcome
 from tests.fakes import campaign, fit
 
@@ -55,7 +55,7 @@ def test_a_summary_of_a_mebibyte_is_refused_and_said_to_be(spare, is_kept, tmp_p
 
 
 def test_figures_of_the_paper_have_its_numbers() -> None:
-    numbers = {one.name: one.number for one in FIGURES}
+    numbers = {one.name: one.number for one in FAMILIES}
     assert numbers == {"r_m1": 4, "r_m2": 5, "r_m3": 6, "k_e": 8, "f_f": 9}
 
 

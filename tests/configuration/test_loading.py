@@ -11,6 +11,7 @@ import pytest
 
 from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
 from damperfit.configuration.loading import _read, configuration_toml, load_configuration
+from damperfit.configuration.options import offset_facts
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, shared_names
@@ -31,7 +32,8 @@ def test_the_defaults_are_those_of_the_libraries_below() -> None:
     assert settings.damper == PURDY_DAMPER
     assert settings.reading == ReadOptions()
     share = shared_names(FitOptions(), PURDY_DAMPER)
-    assert settings.identification == replace(FitOptions(), share=share)
+    known = {one.name: one.fallback for one in PURDY_DAMPER.quantities if one.fallback is not None}
+    assert settings.identification == replace(FitOptions(), share=share, fallbacks=known)
     assert settings.simulation.solver == SolverOptions()
     lengths = (PURDY_DAMPER.chamber_1_length, PURDY_DAMPER.chamber_2_length)
     nominal = NominalTest(
@@ -43,8 +45,9 @@ def test_the_defaults_are_those_of_the_libraries_below() -> None:
         volume=PURDY_DAMPER.gas_volume,
         exponent=PURDY_DAMPER.gas_exponent,
     )
+    offset = offset_facts(PURDY_DAMPER, ())
     assert settings.conditioning == ConditionOptions(
-        chamber_lengths=lengths, nominal=nominal, gas=gas
+        chamber_lengths=lengths, nominal=nominal, gas=gas, offset=offset
     )
 
 

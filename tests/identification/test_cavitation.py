@@ -37,7 +37,7 @@ def lowest(parameters: Parameters, gas: float) -> float:
 def test_onset_is_where_the_paper_has_it(setting: int) -> None:
     # Section 6.2: 2.597e6 lies about 15 % below the onset, for P_0 = 0.46 MPa.
     found = examined(reference_parameters(setting), setting)
-    assert 1.0 - 1.0 / (1.0 + found.resistance_margin) == pytest.approx(0.15, abs=0.016)
+    assert 1.0 - 1.0 / (1.0 + found.r_m3_margin) == pytest.approx(0.15, abs=0.016)
     at_onset = replace(reference_parameters(setting), r_m3=2.597e6 / 0.85)
     assert examined(at_onset, setting).safe_gas_pressure == pytest.approx(4.6e5, rel=0.02)
 
@@ -50,10 +50,10 @@ def test_the_safe_gas_pressure_and_the_margin_just_keep_the_chambers_full(
     found = examined(truth, gas=gas)
     assert lowest(truth, 1.005 * found.safe_gas_pressure) > 0.0
     assert lowest(truth, 0.99 * found.safe_gas_pressure) == 0.0
-    onset = r_m3 * (1.0 + found.resistance_margin)
+    onset = r_m3 * (1.0 + found.r_m3_margin)
     assert lowest(replace(truth, r_m3=0.995 * onset), gas) > 0.0
     assert lowest(replace(truth, r_m3=1.01 * onset), gas) == 0.0
-    assert (found.resistance_margin < 0.0) == (found.fraction > 0.0)
+    assert (found.r_m3_margin < 0.0) == (found.fraction > 0.0)
 
 
 def test_the_lowest_pressure_is_in_chamber_2_near_the_peak_speed_of_rebound() -> None:
@@ -85,6 +85,6 @@ def test_a_setting_that_cavitates_says_where_and_what_it_takes() -> None:
 def test_without_rebound_resistance_nothing_is_near() -> None:
     found = examined(replace(reference_parameters(10), r_m3=2.6e2))
     assert found.fraction == 0.0
-    assert np.isnan(found.resistance_margin)
+    assert np.isnan(found.r_m3_margin)
     assert math.isnan(found.safe_gas_pressure)
     assert "may rise" not in describe_cavitation({10: found})[0]

@@ -75,7 +75,7 @@ def test_paper_procedure_recovers_all_settings_from_noisy_logs(settings) -> None
         assert fit.noise_floor_percent < 1.5 * fit.mse_percent
         assert fit.cavitation.fraction == 0.0
         # Onset lies at 2.597e6/0.85: the paper's "about 15 %".
-        assert fit.cavitation.resistance_margin == pytest.approx(1 / 0.85 - 1, abs=0.025)
+        assert fit.cavitation.r_m3_margin == pytest.approx(1 / 0.85 - 1, abs=0.025)
 
 
 @pytest.mark.parametrize("kind", ["causal", "zero_phase"])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from damperfit.damper.model import values_type
-from damperfit.damper.quantity import Quantity
+from damperfit.damper.quantity import OFFSET, Quantity
 from damperfit.identification import DETECT, FitOptions, identify, put_together
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, predict
@@ -16,7 +16,7 @@ from tests.identification.adjusted import DAMPER, FOLLOWS, SETTINGS, at, log
 TWO = values_type(
     (
         Quantity("s", "s", "bleed", "bleed", "Pa", (1.0, 9.0)),
-        Quantity("f_0", "f_0", "force offset", "tare", "N", (-9.0, 9.0), is_logarithmic=False),
+        Quantity("f_0", "f_0", "tare", "tare", "N", (-9.0, 9.0), is_logarithmic=False, role=OFFSET),
     )
 )
 

@@ -56,7 +56,7 @@ def test_a_setting_that_really_cavitates_says_so() -> None:
     fit = identify([trace(6, truth)], PURDY_DAMPER, options).fits[0]
     assert fit.outcome is Outcome.CAVITATING
     assert fit.cavitation.fraction > 0.02
-    assert fit.cavitation.resistance_margin < 0.0
+    assert fit.cavitation.r_m3_margin < 0.0
     assert "cavitates" in fit.outcome.advice
 
 

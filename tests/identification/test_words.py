@@ -69,7 +69,7 @@ EMPTY = Cavitation(0.054, 0.0, 2, 0.012, -0.28, -0.21, 5.8e5)
 
 
 def test_how_near_a_chamber_is_to_cavitation_is_told_for_the_nearest_setting() -> None:
-    far = replace(FULL, lowest_pressure=3e5, resistance_margin=0.9)
+    far = replace(FULL, lowest_pressure=3e5, r_m3_margin=0.9)
     assert describe_cavitation({1: far, 7: FULL}) == (
         (
             "no chamber cavitates; lowest pressure 1.25 bar absolute, in chamber 2 of setting 7, "
@@ -79,7 +79,7 @@ def test_how_near_a_chamber_is_to_cavitation_is_told_for_the_nearest_setting() -
     )
 
 
-@pytest.mark.parametrize("unknown", ["resistance_margin", "safe_gas_pressure"])
+@pytest.mark.parametrize("unknown", ["r_m3_margin", "safe_gas_pressure"])
 def test_a_margin_that_is_not_known_is_not_told(unknown) -> None:
     (said,) = describe_cavitation({7: replace(FULL, **{unknown: math.nan})})
     assert said.endswith("at x = -12 mm, v = +0.30 m/s of the rebound")

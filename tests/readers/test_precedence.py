@@ -34,8 +34,15 @@ VALUES = {
     "restarts": ("refuse", "split", "last"),
     "bad_rows": ("refuse", "drop", "refuse"),
     "allow_truncated": (False, True, False),
+    "tested_at.gas_pressure": ("1bara", "8bara", "9barg"),
+    "tested_at.temperature": (0.0, 31, -5.5),
+    "tested_at.tare": (0.0, "12N", -3.5),
+    "tested_at.skew": (0.0, "2ms", "-1ms"),
 }
-SI = {"1kHz": 1000.0, "500ms": 0.5}
+SI = {
+    "1kHz": 1000.0, "500ms": 0.5, "1bara": 1e5, "8bara": 8e5, "12N": 12.0,
+    "2ms": 2e-3, "9barg": 1001325.0, "-1ms": -1e-3,
+}  # fmt: skip
 
 
 def in_force(folder, rig: dict, profile: dict, command_line: dict) -> ReadOptions:
@@ -54,7 +61,8 @@ def _entries(values: dict) -> list[str]:
 def found(options: ReadOptions, key: str) -> object:
     name, _, channel = key.partition(".")
     value = getattr(options, name)
-    return value.get(channel, VALUES[key][0]) if channel else value
+    default = VALUES[key][0]
+    return value.get(channel, SI.get(default, default)) if channel else value
 
 
 def test_every_declaration_is_looked_at_below() -> None:

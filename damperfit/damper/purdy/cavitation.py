@@ -81,9 +81,7 @@ def examine_cavitation(
         1.0 / line,
     )
     safe = _root(lambda factor: lowest(parameters, factor * damper.gas_pressure), line)
-    return replace(
-        found, resistance_margin=margin - 1.0, safe_gas_pressure=safe * damper.gas_pressure
-    )
+    return replace(found, r_m3_margin=margin - 1.0, safe_gas_pressure=safe * damper.gas_pressure)
 
 
 def _nearness(parameters: Values, trace: Trace, response: Response, damper: Damper) -> float:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["FIGURES", "Figure"]
+__all__ = ["FAMILIES", "Family"]
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class Family:
     """One family of curves.
 
     Attributes
@@ -29,10 +29,10 @@ class Figure:
     of_pressures: int = 0
 
 
-FIGURES = (
-    Figure("r_m1", 4, (0.8, 1.0, 1.2)),
-    Figure("r_m2", 5, (0.8, 1.0, 1.2)),
-    Figure("r_m3", 6, (0.5, 1.0, 1.5), of_pressures=7),
-    Figure("k_e", 8, (0.2, 1.0, 2.0)),
-    Figure("f_f", 9, (0.0, 1.0, 2.0)),
+FAMILIES = (
+    Family("r_m1", 4, (0.8, 1.0, 1.2)),
+    Family("r_m2", 5, (0.8, 1.0, 1.2)),
+    Family("r_m3", 6, (0.5, 1.0, 1.5), of_pressures=7),
+    Family("k_e", 8, (0.2, 1.0, 2.0)),
+    Family("f_f", 9, (0.0, 1.0, 2.0)),
 )
