@@ -6,7 +6,8 @@ A log of two strokes with 2 N of noise is made of each model's own numbers and f
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+import math
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -15,11 +16,14 @@ import pyarrow.parquet as pq
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
+from damperfit.damper.model import FLAWS_OF_OIL
 from damperfit.damper.models import MODELS, model_named
 from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.signals import PRESSURES
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Status, compare, identify
+from damperfit.identification.signatures import signatures
 from damperfit.recording import Recording
 from damperfit.report import html_report, markdown_report, report_plots
 from damperfit.report.mse_report import escape
@@ -34,6 +38,8 @@ from damperfit.tables import (
     write_table,
 )
 from damperfit.uncertainty import Assessment, assess
+from damperfit.uncertainty.flaws import seek_flaws
+from damperfit.uncertainty.linearisation import linearise_at_fit
 from tests.damper.test_rivals import NUMBERS
 from tests.damper.test_valve_dampers import VALVES
 from tests.test_report import FACTS
@@ -132,6 +138,35 @@ def test_values_have_its_order_and_its_force_is_differentiated_by_every_number(n
     held = {q.name for q in one.model.quantities if q.default == getattr(one.truth, q.name)}
     told = [k for k, name in enumerate(wanted) if name not in held and name in one.model.names]
     assert np.all((loop[told] > 0.0) | [one.model.quantity(wanted[k]).is_offset for k in told])
+
+
+@EVERY
+def test_its_signals_are_numbers_and_nothing_else_is_told_by_pressures(name: str) -> None:
+    one = case(name)
+    seen = compare(one.truth, one.trace, one.model, solver=ROUGH).response
+    told = np.isfinite(seen.pressures).all(axis=1)
+    assert list(told) == [signal in one.model.signals for signal in PRESSURES]
+    (fit,) = one.campaign.fits
+    assert math.isfinite(fit.cavitation_fraction) == bool(one.model.signals)
+
+
+@EVERY
+def test_it_is_told_of_no_flaw_that_it_cannot_have(name: str) -> None:
+    one = case(name)
+    (fit,) = one.campaign.fits
+    seen = linearise_at_fit(fit, one.model, solver=ROUGH)
+    assert seen.flaws == one.model.flaws
+    stiff = [np.ones(one.trace.n_samples)]
+    known = set(signatures(one.trace, one.trace.force[one.trace.compared], stiff))
+    assert set(one.model.flaws) <= known
+    assert bool(set(FLAWS_OF_OIL) & set(one.model.flaws)) == bool(one.model.signals)
+    late = 2e-3 * np.gradient(seen.logs[0].force, one.trace.interval)
+    log = replace(seen.logs[0], residuals=-late)
+    hints = seek_flaws(replace(seen, logs=(log,)), float(np.mean(late**2)))
+    possible = {*one.model.flaws, *one.model.conditions, *one.model.names}
+    assert {hint.name for hint in hints} <= possible
+    untold = replace(seen, logs=(log,), flaws=(), conditions=())
+    assert {h.name for h in seek_flaws(untold, float(np.mean(late**2)))} <= set(one.model.names)
 
 
 @EVERY

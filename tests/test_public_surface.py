@@ -291,8 +291,12 @@ SURFACE = {
         "damper_defaults",
         "damper_section",
     ],
+    "damperfit.damper.signals": ["PRESSURES", "Signal"],
     "damperfit.damper.model": [
+        "FLAWS_OF_FORCE",
+        "FLAWS_OF_OIL",
         "Model",
+        "OilModel",
         "Values",
         "values_type",
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
@@ -157,8 +158,9 @@ def _show(trial: SimulatedTest) -> None:
 
     print_lines([_title(trial), ""])
     print_renderable(terminal_table(cycle_force_sheet(trial.characteristics)))
-    print_lines([""])
-    print_renderable(terminal_table(cycle_pressure_sheet(trial.characteristics)))
+    if not math.isnan(trial.characteristics.pressure_ranges[0][0]):
+        print_lines([""])
+        print_renderable(terminal_table(cycle_pressure_sheet(trial.characteristics)))
     cycle = cycle_sparklines(trial.response, trial.frequency, levels=spark_levels())
     print_lines(["", "last cycle", *cycle])
 

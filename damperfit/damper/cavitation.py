@@ -108,9 +108,7 @@ def _share(fraction: float) -> str:
 
 
 def seen_cavitation(seen: Sequence[tuple[Trace, Response]]) -> Cavitation:
-    """Return what the pressures of a setting's logs show; nothing where a model has none."""
-    if not all(np.isfinite(response.pressures[:, t.compared]).all() for t, response in seen):
-        return Cavitation()
+    """Return what the pressures of a setting's logs show."""
     trace, pressures, chamber, moment = emptiest(seen)
     empty = [(r.pressures[:, t.compared] <= 0.0).any(axis=0) for t, r in seen]
     return Cavitation(

@@ -21,6 +21,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 from weakref import WeakValueDictionary
 
+from damperfit.damper.signals import PRESSURES
 from damperfit.errors import ConfigurationError, did_you_mean
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from damperfit.damper.cavitation import Cavitation
     from damperfit.damper.detour import Detour
     from damperfit.damper.quantity import Quantity
+    from damperfit.damper.signals import Signal
     from damperfit.damper.valve_characteristics import ValveCharacteristic
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
@@ -40,10 +42,20 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = [
+    "FLAWS_OF_FORCE",
+    "FLAWS_OF_OIL",
     "Model",
+    "OilModel",
     "Values",
     "values_type",
 ]
+
+
+# Signatures of `damperfit.identification.signatures`: of any force, and of what holds oil and gas.
+FLAWS_OF_FORCE = (
+    "delay", "offset", "friction_with_speed", "valve_law_rebound", "valve_law_bump",
+)  # fmt: skip
+FLAWS_OF_OIL = ("gas_volume", "compressibility")
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +162,10 @@ class Model(ABC):
     kinks: ClassVar[float] = 0.0
     """Share of the sum of squares that a step must promise to be tried: what the misfit of a law
     with kinks jumps by, as a sample falls to one side of one or the other."""
+    signals: ClassVar[tuple[Signal, ...]] = ()
+    """What its responses tell besides the force; what it does not tell is not a number there."""
+    flaws: ClassVar[tuple[str, ...]] = FLAWS_OF_FORCE
+    """Flaws of log or model that its residuals may be told to show."""
     told_together: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Quantities of one part: where the logs do not tell the first, they tell none of them."""
     ranges: ClassVar[Mapping[str, tuple[float, float, str]]] = MappingProxyType({})
@@ -215,9 +231,9 @@ class Model(ABC):
         solver: SolverOptions,  # noqa: ARG002
     ) -> Cavitation:
         """Return whether a chamber was empty in a setting's logs, and how far from it they are."""
-        from damperfit.damper.cavitation import seen_cavitation
+        from damperfit.damper.cavitation import Cavitation, seen_cavitation
 
-        return seen_cavitation(seen)
+        return seen_cavitation(seen) if self.signals else Cavitation()
 
     def valve_characteristics(
         self,
@@ -298,6 +314,15 @@ class Model(ABC):
             There is none of that name.
         """
         return _quantity(self.quantities, name)
+
+
+class OilModel(Model):
+    """A damper with oil in two chambers, and gas."""
+
+    __slots__ = ()
+
+    signals: ClassVar[tuple[Signal, ...]] = PRESSURES
+    flaws: ClassVar[tuple[str, ...]] = (*FLAWS_OF_FORCE, *FLAWS_OF_OIL)
 
 
 def _no_quantity(name: str, known: Sequence[str]) -> str:

@@ -22,22 +22,14 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from damperfit.damper import quantity as roles
 from damperfit.damper.cylinder import Cylinder, filling
 from damperfit.damper.friction import Friction
-from damperfit.damper.model import Model
+from damperfit.damper.model import OilModel
 from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.network import Network, Valve, monotube, through_flow, twin_tube
 from damperfit.damper.purdy.quantities import OF_OIL, OIL
-from damperfit.damper.quantity import (
-    DAMPER,
-    FRICTION,
-    GAS_AMOUNT,
-    LOG,
-    OFFSET,
-    STIFFNESS,
-    VISCOUS,
-    Quantity,
-)
+from damperfit.damper.quantity import DAMPER, LOG, Quantity
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -78,7 +70,7 @@ _CORE_NAMES = {"k_s": "series_stiffness"}
 
 
 @dataclass(frozen=True, slots=True)
-class ValveDamper(Cylinder, Model):
+class ValveDamper(Cylinder, OilModel):
     """Geometry, oil, gas, valves and mounting of a damper with real valves.
 
     Attributes
@@ -335,7 +327,7 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
             Quantity(
                 "return_slope", "R_k", "return checks", "resistance of the return checks", _LINEAR,
                 (1e2, 1e10), scope=DAMPER, default=_RETURN, power=6, shown_unit="10⁶ N s / (m² kg)",
-                ignorance=_RETURN_IGNORANCE, role=VISCOUS,
+                ignorance=_RETURN_IGNORANCE, role=roles.VISCOUS,
             )
         )  # fmt: skip
     found += [
@@ -346,7 +338,8 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
         ),
         Quantity(
             "gas_volume", "V_g", "gas volume", "volume of the gas at x = 0", "m3", (1e-8, 1.0),
-            scope=DAMPER, default=damper.gas_volume, power=-6, shown_unit="cm³", role=GAS_AMOUNT,
+            scope=DAMPER, default=damper.gas_volume, power=-6, shown_unit="cm³",
+            role=roles.GAS_AMOUNT,
         ),
         Quantity(
             "gas_exponent", "gamma", "gas exponent", "polytropic exponent of the gas", "1",
@@ -361,7 +354,7 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
             "effective bulk modulus of oil, air and tube", "Pa", (1e6, 1e11),
             scope=DAMPER, default=None if is_rigid else _OIL, power=6, shown_unit="MPa",
             believable=OIL, belief=OF_OIL, ignorance=_OIL_IGNORANCE,
-            role=STIFFNESS,
+            role=roles.STIFFNESS,
         ),
         Quantity(
             "free_gas", "phi", "free gas", "share of the oil's volume that is gas at rest", "1",
@@ -370,19 +363,19 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
         ),
         Quantity(
             "f_f", "f_f", "friction", "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
-            scope=DAMPER, may_vanish=True, shown_unit="N", role=FRICTION,
+            scope=DAMPER, may_vanish=True, shown_unit="N", role=roles.FRICTION,
         ),
         Quantity(
             "drag", "c", "drag of the seals", "force of the seals by the speed", "N s/m",
             (1e-2, 1e5), scope=DAMPER, default=0.0, may_vanish=True, shown_unit="N s/m",
-            ignorance=_DRAG_IGNORANCE, role=VISCOUS,
+            ignorance=_DRAG_IGNORANCE, role=roles.VISCOUS,
         ),
         *damper.friction.quantities,
         *damper.mounting.quantities,
         Quantity(
             "f_0", "f_0", "force offset", "constant offset added to the force, the rig's tare",
             "N", (-math.inf, math.inf), is_logarithmic=False, size=100.0, scope=LOG, shown_unit="N",
-            role=OFFSET,
+            role=roles.OFFSET,
         ),
     ]  # fmt: skip
     return tuple(found)
@@ -400,5 +393,5 @@ def _of_valve(name: str) -> Quantity:
         plausible,
         power=power,
         shown_unit=shown,
-        role=VISCOUS if unit == _LINEAR else "",
+        role=roles.VISCOUS if unit == _LINEAR else "",
     )

@@ -113,6 +113,8 @@ def _is_explained(misfit: Misfit, judged: Judged, noise: float) -> bool:
     tables = [signatures(trace, trace.force[trace.compared]) for trace in misfit.traces]
     power = float(residuals @ residuals) * (1.0 - noise / judged.solution.mse_percent)
     for name, candidates in tables[0].items():
+        if name not in misfit.damper.flaws:
+            continue
         for k in range(len(candidates)):
             column = np.concatenate(
                 [

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import listed_settings
 from damperfit.report import Failure
 
@@ -62,7 +63,9 @@ def _freeing_friction(campaign: Campaign) -> str:
     frictions = [one.name for one in fit.parameters.quantities if one.is_friction]
     if campaign.sharing.jointly:
         return f"--share {','.join(n for n in campaign.sharing.jointly if n not in frictions)}"
-    own = [n for n in fit.status if n in campaign.sharing.free and n not in campaign.sharing.found]
+    held = {*frictions, *campaign.sharing.found}
+    idle = {Status.FIXED, Status.SHARED}
+    own = [name for name, how in fit.status.items() if name not in held and how not in idle]
     return f"--free {','.join((*own, *frictions))}"
 
 

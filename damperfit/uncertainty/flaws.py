@@ -164,7 +164,8 @@ def _signatures(
     """Force that one unit of each flaw adds, behind the filter, where it is compared."""
     stiff = [k for k, one in enumerate(linearised.fit.parameters.quantities) if one.is_open]
     conditions = {name: [seen.gas[:, k]] for k, name in enumerate(linearised.conditions)}
-    return signatures(trace, seen.force, [seen.jacobian[:, k] for k in stiff]) | conditions
+    found = signatures(trace, seen.force, [seen.jacobian[:, k] for k in stiff])
+    return {name: one for name, one in found.items() if name in linearised.flaws} | conditions
 
 
 def seek_flaws(
@@ -222,7 +223,7 @@ def seek_flaws(
         size = amount * flaw.unit
         found.append(Hint(name, flaw.family, min(share / power, 1.0), size, flaw.words(size)))
     found.sort(key=lambda hint: -hint.share)
-    if found[0].share < _NAMED:
+    if not found or found[0].share < _NAMED:
         return ()
     # What stands far behind a best one that is beyond reason leaves most of the misfit unexplained.
     bar = max(_TIE * found[0].share, _NAMED)

@@ -104,6 +104,8 @@ class Linearisation:
     supposed : numpy.ndarray or None
         Summed scores by what is held at a default that nobody has measured, each column for one
         standard error of that; None where there is none.
+    flaws : tuple of str
+        What the model may be told.
     """
 
     fit: Fit
@@ -115,6 +117,7 @@ class Linearisation:
     conditions: tuple[str, ...] = ()
     misfit: FloatArray | None = None
     supposed: FloatArray | None = None
+    flaws: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -188,6 +191,7 @@ def linearise_at_fit(
         logs=tuple(logs),
         conditions=damper.conditions,
         supposed=np.asarray(sum(pulls)) if np.any(ignorance) else None,
+        flaws=damper.flaws,
     )
 
 

@@ -227,11 +227,13 @@ def test_a_flaw_explains_half_of_the_misfit(share, explains, monkeypatch) -> Non
     residuals = np.array([1.0, -1.0])
     monkeypatch.setattr(restarts, "linearise", lambda *_: (residuals, np.array([[1.0], [0.0]])))
     monkeypatch.setattr(restarts, "weights", lambda _: (None,))
-    monkeypatch.setattr(restarts, "signatures", lambda *_: {"a flaw": np.ones((1, 2))})
+    monkeypatch.setattr(restarts, "signatures", lambda *_: {"delay": np.ones((1, 2))})
     monkeypatch.setattr(restarts, "gain", lambda *_: (2.0 * share, None))
     log = SimpleNamespace(force=np.zeros(2), compared=slice(None))
-    given = SimpleNamespace(traces=(log,), whole=None)
+    given = SimpleNamespace(traces=(log,), whole=None, damper=PURDY_DAMPER)
     assert restarts._is_explained(given, judged(), 0.0) is explains
+    blind = SimpleNamespace(traces=(log,), whole=None, damper=SimpleNamespace(flaws=()))
+    assert not restarts._is_explained(blind, judged(), 0.0)
 
 
 @pytest.mark.parametrize(("mse", "n"), [(1.04, 1), (1.06, 0)])

@@ -41,7 +41,14 @@ def linearised(residuals, *, gas=None, trace=None, names=("setting_01.csv",)) ->
     log = LogLinearisation(residuals, np.ones(n), jacobian, gas, force, np.ones(3))
     nothing = np.zeros((6, 6))
     return Linearisation(
-        fit, nothing, nothing, nothing, np.zeros(6), (log,), PURDY_DAMPER.conditions
+        fit,
+        nothing,
+        nothing,
+        nothing,
+        np.zeros(6),
+        (log,),
+        PURDY_DAMPER.conditions,
+        flaws=PURDY_DAMPER.flaws,
     )
 
 

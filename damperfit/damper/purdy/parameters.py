@@ -30,7 +30,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from damperfit.damper.cylinder import Cylinder
-from damperfit.damper.model import Model, Values
+from damperfit.damper.model import OilModel, Values
 from damperfit.damper.purdy.quantities import QUANTITIES
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import refuse_wrong_arguments
@@ -78,7 +78,7 @@ class Parameters(Values):
 
 
 @dataclass(frozen=True, slots=True)
-class Damper(Cylinder, Model):
+class Damper(Cylinder, OilModel):
     """Geometry, oil and gas of a damper; the defaults are Table 1 of the paper.
 
     The paper does not print P_0 and gamma. P_0 = 0.46 MPa is recovered from its section 6.2

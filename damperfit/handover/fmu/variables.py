@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from damperfit.damper.signals import PRESSURES
 from damperfit.handover.fmu.exported_damper import FRICTION_BAND, NUMBERS
 
 if TYPE_CHECKING:
@@ -85,18 +86,16 @@ def variables(damper: ExportedDamper) -> tuple[Variable, ...]:
 
 def _fixed() -> tuple[Variable, ...]:
     rod = "of the rod, positive in rebound (rod out)"
-    pressures = (
-        (4, "pressure_1", "in chamber 1, which rebound presses"),
-        (5, "pressure_2", "in chamber 2, which bump presses"),
-        (6, "pressure_3", "of the gas"),
-    )
+    inner = enumerate(PRESSURES, start=4)  # value references
     return (
         Variable(1, "displacement", f"{rod}, from mid-stroke", "input", unit="m", start=0.0),
         Variable(2, "velocity", rod, "input", unit="m/s", start=0.0),
         Variable(3, "force", "positive where it resists rebound", "output", unit="N", nominal=1e3),
         *(
-            Variable(r, name, f"absolute pressure {where}", "output", unit="Pa", nominal=1e5)
-            for r, name, where in pressures
+            Variable(
+                r, one.name, f"absolute pressure {one.where}", "output", unit=one.unit, nominal=1e5
+            )
+            for r, one in inner
         ),
         Variable(
             7,

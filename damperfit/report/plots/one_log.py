@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.damper.signals import PRESSURES
 from damperfit.report.plots.branches import is_moving, mean_branches
 from damperfit.report.plots.colours import CHAMBER_COLOURS, CHAMBER_STYLES
 from damperfit.report.plots.description import Line, Panel, Plot, thin
@@ -253,7 +254,7 @@ def pressure_panel(
     """
     kept = thin(_CYCLE_BUCKETS, *pressures)
     looks = zip(pressures, CHAMBER_COLOURS, CHAMBER_STYLES, strict=True)
-    words = ("chamber 1 (rod side)", "chamber 2 (full bore)", "chamber 3 (gas side)")
+    words = [one.label for one in PRESSURES]
     lines = tuple(
         Line(time[kept], pressure[kept] / _BAR, word, colour, setting=setting, style=style)
         for word, (pressure, colour, style) in zip(words, looks, strict=True)

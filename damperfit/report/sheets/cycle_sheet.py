@@ -90,6 +90,7 @@ def cycle_sparklines(
         *(
             (f"pressure {i}", "bar", pressure / _BAR)
             for i, pressure in enumerate(response.pressures, start=1)
+            if np.isfinite(pressure).all()
         ),
     )
     is_inside = response.time >= at[0]
