@@ -165,8 +165,8 @@ def test_it_is_told_of_no_flaw_that_it_cannot_have(name: str) -> None:
     hints = seek_flaws(replace(seen, logs=(log,)), float(np.mean(late**2)))
     possible = {*one.model.flaws, *one.model.conditions, *one.model.names}
     assert {hint.name for hint in hints} <= possible
-    untold = replace(seen, logs=(log,), flaws=(), conditions=())
-    assert {h.name for h in seek_flaws(untold, float(np.mean(late**2)))} <= set(one.model.names)
+    unnamed = replace(seen, logs=(log,), flaws=(), conditions=())
+    assert {h.name for h in seek_flaws(unnamed, float(np.mean(late**2)))} <= set(one.model.names)
 
 
 @EVERY

@@ -45,7 +45,7 @@ from damperfit.report.sheets.sheet import Sheet
 from damperfit.report.sheets.sparkline import setting_sparklines
 from damperfit.report.terminal_table import terminal_table
 from damperfit.run import like_speeds, rod_area
-from damperfit.run.law_choice import _told_most
+from damperfit.run.law_choice import _softest_and_stiffest
 from damperfit.samples.logs import _is_sample
 from damperfit.tables import reading
 from damperfit.tested.identity import _listed
@@ -184,11 +184,11 @@ def test_a_margin_is_looked_for_within_a_factor_of_a_thousand(guess, is_known, s
     assert math.isfinite(found) is is_known
 
 
-@pytest.mark.parametrize(("n", "is_told"), [(55, False), (56, True)])
-def test_a_stroke_has_four_rows_for_each_of_fourteen_knees(n, is_told) -> None:
+@pytest.mark.parametrize(("n", "is_reported"), [(55, False), (56, True)])
+def test_a_stroke_has_four_rows_for_each_of_fourteen_knees(n, is_reported) -> None:
     loop = SimpleNamespace(force=np.ones(n), force_rate=np.ones(n), velocity=np.ones(n))
     rows = valve_curves._rows(loop, 1.0, valve_curves.Side(1.0, 0.0), 0.0, 0.0)
-    assert (rows is not None) is is_told
+    assert (rows is not None) is is_reported
 
 
 @pytest.mark.parametrize(("share", "opens"), [(0.1944, False), (0.2438, True)])
@@ -214,7 +214,7 @@ def test_laws_are_told_apart_by_the_softest_and_the_stiffest_setting(n) -> None:
         one = SimpleNamespace(force=size * np.array([1.0, -1.0]), compared=slice(None))
         return _Logs((one,), size)
 
-    found = _told_most([logs(size) for size in (5.0, 1.0, 3.0)[:n]])
+    found = _softest_and_stiffest([logs(size) for size in (5.0, 1.0, 3.0)[:n]])
     assert [one.size for one in found] == [5.0, 1.0][:n]
 
 
@@ -397,17 +397,17 @@ def test_an_offset_is_apart_beyond_a_quarter_of_the_gas_force(
     assert (ratio > withheld.LIMITS.offset) == is_apart
 
 
-@pytest.mark.parametrize(("apart", "is_told"), [(9.6, False), (10.4, True)])
-def test_pressures_a_tenth_apart_tell_the_rod(apart, is_told, monkeypatch) -> None:
+@pytest.mark.parametrize(("apart", "is_reported"), [(9.6, False), (10.4, True)])
+def test_pressures_a_tenth_apart_tell_the_rod(apart, is_reported, monkeypatch) -> None:
     monkeypatch.setattr(rod_area, "moves_alike", lambda *_: True)
     monkeypatch.setattr(rod_area, "_level", lambda trace, _: (trace.gas, trace.gas))
     logs = [SimpleNamespace(gas_pressure=1e5, setting=1, gas=one) for one in (100.0, 100.0 - apart)]
-    assert (rod_area.rod_told(logs, None) is not None) is is_told
+    assert (rod_area.rod_area_ratio(logs, None) is not None) is is_reported
 
 
 @pytest.mark.parametrize(("told", "is_said"), [(1.048, False), (1.052, True), (0.948, True)])
 def test_another_rod_is_a_twentieth_off(told, is_said, monkeypatch) -> None:
-    monkeypatch.setattr(rod_area, "rod_told", lambda *_: told)
+    monkeypatch.setattr(rod_area, "rod_area_ratio", lambda *_: told)
     monkeypatch.setattr(rod_area, "replace", lambda _, remarks: remarks)
     batch = SimpleNamespace(traces=(), remarks=())
     assert (rod_area.with_rod_remark(batch, None) is not batch) is is_said

@@ -31,7 +31,9 @@ __all__ = ["Outlier", "Trend", "TrendPoint", "find_trends"]
 _DEGREES = ("constant", "straight line", "quadratic", "cubic", "quartic")
 _ERRATIC = 3.0  # scatter between settings over the errors of the values
 _REMARKABLE = 0.02  # scatter below this share is no news
-_UNTOLD = 0.2  # scatter and error beyond which no direction is told; the paper's K_e has 0.1
+_TOO_UNCERTAIN = (
+    0.2  # scatter and error beyond which a trend has no direction; the paper's K_e has 0.1
+)
 _USUAL_FROM = 8  # settings: of fewer the median residual says little
 _MEDIAN_OF_NORMAL = 0.6745  # median distance from the mean, in standard deviations
 _MOST_PAIRS = 5  # named in a sentence
@@ -216,10 +218,10 @@ def _trend(quantity: Quantity, points: Points, line: Line) -> Trend:
         if direction == "mixed" or (is_wild and direction == "flat"):
             direction = _direction_of_values(points, curve, allowed)
     reversals = _reversals(points, curve, direction, allowed)
-    is_told = not quantity.is_open or curve.scatter <= _UNTOLD
-    if direction == "flat" and math.hypot(curve.scatter, own) > _UNTOLD:
-        direction, is_told = None, False
-    monotone = direction != "mixed" and not reversals if is_told else None
+    has_direction = not quantity.is_open or curve.scatter <= _TOO_UNCERTAIN
+    if direction == "flat" and math.hypot(curve.scatter, own) > _TOO_UNCERTAIN:
+        direction, has_direction = None, False
+    monotone = direction != "mixed" and not reversals if has_direction else None
     is_mixed_up = is_wild and not monotone and not outliers
     trend = Trend(
         parameter=quantity.name,

@@ -174,11 +174,11 @@ def _trend_monotone(subject: Subject) -> _Verdict:
         by = "the setting" if trend.adjuster == ADJUSTER else trend.adjuster
         by += f" ({trend.held})" if trend.held else ""
         lines[by].append(f"{trend.parameter} {_DIRECTIONS[trend.direction or '']}")
-    said = "; with ".join(f"{by} {', '.join(told)}" for by, told in lines.items())
-    untold = [
+    said = "; with ".join(f"{by} {', '.join(trends)}" for by, trends in lines.items())
+    undetermined = [
         f"; {trend.parameter} is not determined" for trend in trends if trend.monotone is None
     ]
-    return True, f"with {said}, within errors and scatter{''.join(untold)}"
+    return True, f"with {said}, within errors and scatter{''.join(undetermined)}"
 
 
 _DIRECTIONS = {"rising": "rises", "falling": "falls", "flat": "stays"}
@@ -196,8 +196,8 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
             off[trend.adjuster, trend.held, one.setting].append(said_off)
     if off:
         said = (
-            f"{adjuster} {clicks:g}{f' with {held}' if held else ''} ({', '.join(told)})"
-            for (adjuster, held, clicks), told in sorted(off.items())
+            f"{adjuster} {clicks:g}{f' with {held}' if held else ''} ({', '.join(parameters)})"
+            for (adjuster, held, clicks), parameters in sorted(off.items())
         )
         return False, f"off the trend of the others: {', '.join(said)}"
     mixed_up = [trend for trend in trends if trend.is_erratic and not trend.outliers_judged]

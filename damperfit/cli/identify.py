@@ -313,7 +313,7 @@ def _tell_people(
         say(f"warning: {warning}")
     for sentence in short_listing(result.facts.withheld):
         say(f"warning: grade withheld: {sentence}")
-    for sentence in result.facts.untold:
+    for sentence in result.facts.undetermined:
         say(f"note: {sentence}")
     if not is_written:
         return

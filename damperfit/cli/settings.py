@@ -91,8 +91,8 @@ def settings(
     question = parse_question(force=force, velocity=velocity, stroke=stroke)
     paths = results or [Path("results")]
     if all(path.is_file() for path in paths):
-        untold = {"--amplitude": amplitude, "--frequency": frequency, "--units": units}
-        for option, value in untold.items():
+        without_effect = {"--amplitude": amplitude, "--frequency": frequency, "--units": units}
+        for option, value in without_effect.items():
             if value is not None:
                 raise ConfigurationError(
                     f"{option} {value} has no effect: the forces of {paths[0]} were measured, not "

@@ -42,7 +42,7 @@ class Sameness(Enum):
 
     SAME = "same"
     DIFFERENT = "different"
-    UNTOLD = "untold"
+    UNDETERMINED = "untold"
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +159,7 @@ class Difference:
     percent_low: float = math.nan
     percent_high: float = math.nan
     chance: float = math.nan
-    verdict: Sameness = Sameness.UNTOLD
+    verdict: Sameness = Sameness.UNDETERMINED
     reason: str = ""
     is_sure: bool = False
     words: str = ""
@@ -195,7 +195,7 @@ def compared(
     else:
         line = _by_difference(subject, first, second, bend)
     objection = first.objection or second.objection
-    return replace(line, verdict=Sameness.UNTOLD, reason=objection) if objection else line
+    return replace(line, verdict=Sameness.UNDETERMINED, reason=objection) if objection else line
 
 
 def _by_logarithm(subject: Topic, first: Reading, second: Reading, bend: float) -> Difference:

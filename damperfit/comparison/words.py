@@ -23,13 +23,13 @@ def outcome_of(lines: Sequence[Difference], words: str) -> str:
             words += " as measured"
         elif measured:
             words += f" ({measured} of {len(lines)} as measured)"
-    known = [line for line in lines if line.verdict is not Sameness.UNTOLD]
+    known = [line for line in lines if line.verdict is not Sameness.UNDETERMINED]
     if not known:
         return f"{words}: cannot be determined ({lines[0].reason})"
     different = [line for line in known if line.verdict is Sameness.DIFFERENT]
     sure = [line for line in different if line.is_sure]
-    untold = len(lines) - len(known)
-    beside = f"; of {untold} it cannot be determined" if untold else ""
+    undetermined = len(lines) - len(known)
+    beside = f"; of {undetermined} it cannot be determined" if undetermined else ""
     if not different:
         return f"{words}: all {len(known)} the same within errors{beside}"
     if not sure:
@@ -79,7 +79,7 @@ def verdict_of(line: Difference, *, says_measured: bool = True) -> str:
 def _verdict(line: Difference) -> str:
     if line.words:
         return line.words
-    if line.verdict is Sameness.UNTOLD:
+    if line.verdict is Sameness.UNDETERMINED:
         return f"cannot be determined: {line.reason}"
     if line.verdict is Sameness.SAME:
         return "same within errors"

@@ -110,7 +110,7 @@ def _both_or_none(level: ForceLevel | None, free: list[str]) -> Signs:
         kept = "the declared signs are kept; check them again"
         return _doubt(level, kept) if is_doubted else Signs(())
     if _is_certain(level, _CHANNELS):
-        return _reversed(_CHANNELS, f"{_told(level)}, and the loop absorbs energy")
+        return _reversed(_CHANNELS, f"{_level_in_words(level)}, and the loop absorbs energy")
     return _doubt(level, f"taken as logged; {_ASK}")
 
 
@@ -120,8 +120,8 @@ def _one(trace: Trace, level: ForceLevel | None, joules: float, gives: str) -> S
         raise _question(trace, joules, "")
     for channel in _CHANNELS:
         if _is_certain(level, (channel,)):
-            return _reversed((channel,), f"{gives}, and {_told(level)}")
-    raise _question(trace, joules, f"{_told(level)}: that does not show which of the two")
+            return _reversed((channel,), f"{gives}, and {_level_in_words(level)}")
+    raise _question(trace, joules, f"{_level_in_words(level)}: that does not show which of the two")
 
 
 def _seen(level: ForceLevel, reversed_channels: tuple[str, ...]) -> ForceLevel:
@@ -151,7 +151,7 @@ def _is_certain(level: ForceLevel, reversed_channels: tuple[str, ...]) -> bool:
     )
 
 
-def _told(level: ForceLevel) -> str:
+def _level_in_words(level: ForceLevel) -> str:
     """Return the level beside the gas force, for people."""
     return (
         f"at zero velocity the force is {level.force:.0f} +- {level.uncertainty:.0f} N; the gas "
@@ -179,7 +179,12 @@ def _doubt(level: ForceLevel, advice: str) -> Signs:
     if level.ratio <= -TARED and abs(level.force) > level.uncertainty:
         sees = "as if both channels were positive in bump, but that is not certain"
     return Signs(
-        (), (Finding("direction", "warning", f"{_told(level)}, {sees}; {advice}", level.ratio),)
+        (),
+        (
+            Finding(
+                "direction", "warning", f"{_level_in_words(level)}, {sees}; {advice}", level.ratio
+            ),
+        ),
     )
 
 

@@ -158,10 +158,10 @@ def _gas_pressure(value: object) -> object:
     if not isinstance(value, str | float | int) or isinstance(value, bool):
         return value
     pressure = parse_quantity(value, "absolute pressure")
-    is_told = isinstance(value, str) and says_absolute_or_gauge(value)
+    says_which = isinstance(value, str) and says_absolute_or_gauge(value)
     least: Mapping[str, Any] = MODELS["purdy"].ranges
     is_low = pressure == 0.0 or least["gas_pressure"][0] <= pressure < _ASKED_BELOW
-    if is_low and not is_told:
+    if is_low and not says_which:
         raise ValueError(
             "is it absolute, or does it count from the atmosphere? expected a unit that says so, "
             "as in 'bara' or 'barg'"

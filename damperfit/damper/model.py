@@ -166,7 +166,7 @@ class Model(ABC):
     """What its responses tell besides the force; what it does not tell is not a number there."""
     flaws: ClassVar[tuple[str, ...]] = FLAWS_OF_FORCE
     """Flaws of log or model that its residuals may be told to show."""
-    told_together: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    determined_together: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Quantities of one part: where the logs do not tell the first, they tell none of them."""
     ranges: ClassVar[Mapping[str, tuple[float, float, str]]] = MappingProxyType({})
     """Range of each declared number in SI, and its unit; what lies outside was misread."""

@@ -113,7 +113,7 @@ class ValveDamper(Cylinder, OilModel):
     ranges: ClassVar[Mapping[str, tuple[float, float, str]]] = VALVE_RANGES
     # Openings and play. What promises less moves nothing by much more than a tenth of its error.
     kinks: ClassVar[float] = 2e-5
-    told_together: ClassVar[tuple[tuple[str, ...], ...]] = tuple(
+    determined_together: ClassVar[tuple[tuple[str, ...], ...]] = tuple(
         tuple(f"{stroke}_{part}" for part in ("opening", "slope", "port", "width"))
         for stroke in ("rebound", "compression")
     )

@@ -14,7 +14,7 @@ from damperfit.errors import DamperfitError, mishap_of
 from damperfit.fleet.parts import part_path, read_facts_of, renew_facts, touch, write_part
 from damperfit.fleet.sources import Source, brought_here, head_of
 from damperfit.fleet.stores import UnreachableError
-from damperfit.fleet.tasks import UNREADABLE, content_key, hash_of, in_unicode, told_by
+from damperfit.fleet.tasks import UNREADABLE, content_key, hash_of, in_unicode, owner_in_preamble
 from damperfit.queries.baseline import compared_record
 from damperfit.run.labelling import labels_for
 from damperfit.simulation.characteristics import NAMED_SPEEDS
@@ -57,11 +57,11 @@ class Done:
     n_settings : int
         Settings with a fit.
     failures : tuple of str
-        One sentence each; of a part that was there they are not told again.
+        One sentence each; of a part that was there they are not said again.
     gates : tuple of str
         Gates that were missed, likewise.
     n_failures, n_gates : int
-        How many, told or not.
+        How many, said or not.
     """
 
     owner: str
@@ -215,8 +215,8 @@ def _seen(brought: Brought, hashes: Mapping[Source, str]) -> dict[str, tuple[str
     found = {}
     for one, stamp in brought.stamps.items():
         if stamp:
-            told = told_by(head_of(Source(str(brought.paths[one]), one.name)))
-            found[one.place] = (stamp, hashes[one], told)
+            owner = owner_in_preamble(head_of(Source(str(brought.paths[one]), one.name)))
+            found[one.place] = (stamp, hashes[one], owner)
     return found
 
 
@@ -253,7 +253,7 @@ def try_log(job: Job) -> Done:
         try:
             for _ in _results(job.configuration, [str(here.paths[one]) for one in task.logs]):
                 pass
-        except Exception:  # noqa: BLE001, S110 - what is wrong with it is told by the whole task
+        except Exception:  # noqa: BLE001, S110 - the whole task says what is wrong with it
             pass
     return Done(task.owner, State.LATER, len(task.logs))
 

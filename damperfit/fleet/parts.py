@@ -3,7 +3,7 @@
     OUT/serial=D003/part-KEY.parquet
 
 A part is written beside its place and renamed, so that it is there whole or not at all; which part
-a damper's logs give is told by the key alone. Its bytes depend on the logs, the configuration and
+a damper's logs give follows from the key alone. Its bytes depend on the logs, the configuration and
 the version, never on the clock or the worker.
 """
 
@@ -102,8 +102,8 @@ def write_part(
         It cannot be written.
     """
     text = json.dumps(facts, sort_keys=True).encode()
-    told = json.dumps(record or {}, sort_keys=True).encode()
-    table = table.replace_schema_metadata({_FACTS: text, RECORD: told})
+    of_run = json.dumps(record or {}, sort_keys=True).encode()
+    table = table.replace_schema_metadata({_FACTS: text, RECORD: of_run})
     beside = path.parent / f".{new_owner().text}.damperfit-new"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -42,13 +42,13 @@ class Seen:
         What changes with its bytes.
     sha256 : str
         Of the bytes.
-    told : str
+    owner : str
         Whose log it says it is, in its preamble.
     """
 
     stamp: str
     sha256: str
-    told: str
+    owner: str
 
 
 @dataclass(frozen=True, slots=True, order=True)

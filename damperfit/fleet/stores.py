@@ -1,4 +1,4 @@
-"""Logs in object stores: listed, fetched, and told unchanged without being fetched.
+"""Logs in object stores: listed, fetched, and seen to be unchanged without being fetched.
 
 A store that does not answer is asked again a few times and then given up for this run, so that it
 costs a damper a sentence and the run nothing.
@@ -181,11 +181,11 @@ def stamp_of(address: str) -> str:
 
 
 def _stamp(file: Any) -> str:
-    told = {
+    head = {
         key.lower(): value.decode("latin-1") if isinstance(value, bytes) else str(value)
         for key, value in (file.metadata() or {}).items()
     }
-    known = [told.get(key, "") for key in ("etag", "content-length", "last-modified")]
+    known = [head.get(key, "") for key in ("etag", "content-length", "last-modified")]
     return " ".join(known) if known[0] else ""
 
 

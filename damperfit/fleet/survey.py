@@ -270,8 +270,8 @@ def _series(
                 column, f"force in {stroke} at {speed:g} m/s", "N", values, bands, speed, stroke
             )
         else:
-            told = table.schema.field(column).metadata or {}
-            unit = told.get(b"unit", b"").decode()
+            metadata = table.schema.field(column).metadata or {}
+            unit = metadata.get(b"unit", b"").decode()
             yield Series(column, column, unit, values, bands)
 
 
@@ -328,8 +328,8 @@ def _line(
 ) -> DamperLine:
     fitted = [k for k in rows if is_fit[k]]
     failed = [k for k in rows if not is_fit[k]]
-    told = [k for k in fitted if np.isfinite(errors[k])]
-    worst = max(told, key=lambda k: errors[k]) if told else None
+    known = [k for k in fitted if np.isfinite(errors[k])]
+    worst = max(known, key=lambda k: errors[k]) if known else None
     grades = [texts["grade"][k] for k in fitted if texts["grade"][k] in _GRADES]
     return DamperLine(
         owner,

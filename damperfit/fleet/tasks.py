@@ -33,16 +33,16 @@ __all__ = [
     "content_key",
     "hash_of",
     "in_unicode",
+    "owner_in_preamble",
     "parted",
     "share_of",
     "tasks_of",
-    "told_by",
 ]
 
 TABLE_OF_TESTS = "tests.csv"
 UNREADABLE = "unreadable"
 _ENTRY = re.compile(r"\s*[#;%/*!]*\s*([^:=\t;,]{1,40}?)\s*[:=\t;,]\s*(.+?)[\s;,]*$")
-# What changes where results stand, or who is told, and not the results.
+# What changes where results stand, or who is informed, and not the results.
 _NOT_OF_RESULTS = {"output"}
 
 
@@ -160,14 +160,14 @@ def _rows(
     found: dict[tuple[str, str], str] = {}
     given = configuration.test.table
     if given is not None:  # then it alone speaks, as in `identify`
-        return {("", name): owner for name, owner in _told(read_tests(given, adjusters))}
+        return {("", name): owner for name, owner in _owners(read_tests(given, adjusters))}
     for source, path in tables.items():
-        for name, owner in _told(read_tests(path, adjusters)):
+        for name, owner in _owners(read_tests(path, adjusters)):
             found.setdefault((_where(source), name), owner)
     return found
 
 
-def _told(table: TestsTable) -> Iterable[tuple[str, str]]:
+def _owners(table: TestsTable) -> Iterable[tuple[str, str]]:
     return ((name, row.identity.owner) for name, row in table.rows.items() if row.identity.owner)
 
 
@@ -175,7 +175,7 @@ def _owner(log: Source, rows: Mapping[tuple[str, str], str]) -> str:
     folder = _where(log)
     owner = rows.get((folder, log.file)) or rows.get(("", log.file)) or rows.get(("", log.name))
     if not owner:
-        owner = told_by(head_of(log)) if log.seen is None else log.seen.told
+        owner = owner_in_preamble(head_of(log)) if log.seen is None else log.seen.owner
     return owner
 
 
@@ -190,7 +190,7 @@ def in_unicode(name: str) -> str:
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
-def told_by(head: bytes) -> str:
+def owner_in_preamble(head: bytes) -> str:
     """Return whose a log of text says it is, in the lines before its numbers.
 
     Parameters
@@ -228,7 +228,7 @@ def content_key(entries: Iterable[tuple[PurePath, str]], configuration: Configur
         folders[path.parent].append((path.name, digest))
     document = {k: v for k, v in configuration.document.items() if k not in _NOT_OF_RESULTS}
     table = configuration.test.table
-    told = {
+    facts = {
         "version": __version__,
         "configuration": document,
         "checks": list(configuration.output.checks),
@@ -236,7 +236,7 @@ def content_key(entries: Iterable[tuple[PurePath, str]], configuration: Configur
         "table": None if table is None else hash_of(table),
         "folders": sorted(sorted(entries) for entries in folders.values()),
     }
-    text = json.dumps(told, sort_keys=True, default=str)
+    text = json.dumps(facts, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 

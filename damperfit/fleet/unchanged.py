@@ -1,4 +1,4 @@
-"""Objects of a store that have not changed since an earlier run, told without fetching them.
+"""Objects of a store that have not changed since an earlier run, seen without fetching them.
 
 A part says of each object what its store told when it was fetched (ETag, size, time of change) and
 what was found in it. Where the store tells the same today, the object is taken for the same. What
@@ -59,7 +59,7 @@ def _seen_in(folder: Path) -> dict[str, Seen]:
     found: dict[str, Seen] = {}
     for path in parts_in(folder):
         facts = read_facts_of(path)
-        told: Any = facts.get("seen") if facts.get("version") == __version__ else None
-        for place, seen in told.items() if isinstance(told, dict) else ():
+        seen_before: Any = facts.get("seen") if facts.get("version") == __version__ else None
+        for place, seen in seen_before.items() if isinstance(seen_before, dict) else ():
             found[place] = Seen(*map(str, seen))
     return found

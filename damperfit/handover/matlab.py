@@ -44,7 +44,7 @@ def write_matlab(handed: HandedOver, options: ExportOptions) -> Mapping[str, byt
     labels = tuple(str(table.setting) for table in tables)
     return {
         f"{options.stem}.m": _script(known, labels, lines).encode("utf-8", "replace"),
-        f"{options.stem}.mat": _file(known, "\n".join((*lines, *_told(labels)))),
+        f"{options.stem}.mat": _file(known, "\n".join((*lines, *_columns_in_words(labels)))),
     }
 
 
@@ -60,12 +60,12 @@ def _variables(tables: Sequence[ForceTable]) -> dict[str, FloatArray]:
     }
 
 
-def _told(labels: Sequence[str]) -> tuple[str, ...]:
+def _columns_in_words(labels: Sequence[str]) -> tuple[str, ...]:
     return tuple(f"column {k} of force: setting {label}" for k, label in enumerate(labels, 1))
 
 
 def _script(known: Mapping[str, FloatArray], labels: Sequence[str], lines: Sequence[str]) -> str:
-    text = commented((*lines, *map(_one_line, _told(labels))), "%")
+    text = commented((*lines, *map(_one_line, _columns_in_words(labels))), "%")
     for name, values in known.items():
         rows = [" ".join(f"{cell:.9g}" for cell in row) for row in values]
         between = ";\n  " if len(rows) > 1 else ""

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from damperfit.damper.quantity import Quantity
     from damperfit.recording import Trace
 
-__all__ = ["ONE_SPEED", "untold"]
+__all__ = ["ONE_SPEED", "inseparable"]
 
 ONE_SPEED = (
     "the logs hold one speed, so that the valves and friction cannot be separated: "
@@ -32,7 +32,7 @@ _NEAR = 0.1  # of the speed
 _SHARE = 0.9
 
 
-def untold(
+def inseparable(
     traces: Sequence[Trace], free: Sequence[str], quantities: Sequence[Quantity]
 ) -> tuple[str, ...]:
     """Return the free parameters that logs of one speed do not tell; none where they do.

@@ -65,9 +65,13 @@ class ProcedureInput:
         motions repeat. What is fixed stays fixed.
         """
         starts = misfit.damper.start(misfit.traces, fixed)
-        return _best(misfit, tuple({self.told(setting, one, fixed): None for one in starts}))
+        return _best(
+            misfit, tuple({self.with_given_start(setting, one, fixed): None for one in starts})
+        )
 
-    def told(self, setting: Setting, start: Values, fixed: Mapping[str, float]) -> Values:
+    def with_given_start(
+        self, setting: Setting, start: Values, fixed: Mapping[str, float]
+    ) -> Values:
         """Return a start with what somebody has said that the fit of a setting starts at."""
         said = self.options.start.of(setting)
         said = {name: said[name] for name in self.ordered(said) if name not in fixed}

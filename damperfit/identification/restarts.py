@@ -22,7 +22,7 @@ import numpy as np
 from damperfit.errors import DamperfitError
 from damperfit.identification.descent import FitCancelledError, Misfit, descend, linearise
 from damperfit.identification.law_misfit import LawMisfit, best_fitting
-from damperfit.identification.one_speed import untold
+from damperfit.identification.one_speed import inseparable
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.plausible import kept_within
 from damperfit.identification.setting import Judged, attempt, is_sound
@@ -144,7 +144,7 @@ def reconsidered(misfit: Misfit, first: Judged, start: Values) -> Judged:
     FitCancelledError
         When the caller asked to stop.
     """
-    if untold(misfit.traces, misfit.free, misfit.damper.quantities) or not is_suspicious(
+    if inseparable(misfit.traces, misfit.free, misfit.damper.quantities) or not is_suspicious(
         misfit, first
     ):
         return first

@@ -16,7 +16,7 @@ from damperfit.identification.descent import (
 )
 from damperfit.identification.minimiser import inverse_information
 from damperfit.identification.model_versus_log import compare, normalised_mse
-from damperfit.identification.one_speed import ONE_SPEED, untold
+from damperfit.identification.one_speed import ONE_SPEED, inseparable
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.solution import Solution
 
@@ -168,7 +168,7 @@ def fit_setting(misfit: Misfit, start: Values, *, spent: int = 0) -> Judged:
         When the model cannot be integrated at any start.
     """
     first = attempt(misfit, start, spent)
-    if names := untold(misfit.traces, misfit.free, misfit.damper.quantities):
+    if names := inseparable(misfit.traces, misfit.free, misfit.damper.quantities):
         return _unspoken(first, names)
     if is_sound(first):
         return first
@@ -313,7 +313,7 @@ def _statuses(misfit: Misfit, solution: Solution) -> dict[str, Status]:
             status[name] = Status.AT_BOUND
         elif one.is_logarithmic and error > NOT_FOUND:
             status[name] = Status.NOT_IDENTIFIABLE
-    for first, *others in misfit.damper.told_together:
+    for first, *others in misfit.damper.determined_together:
         if status.get(first) is Status.NOT_IDENTIFIABLE:
             status |= {name: status[first] for name in others if name in misfit.free}
     return status
@@ -365,7 +365,11 @@ def describe_fit(setting: Setting, judged: Judged, misfit: Misfit) -> Fit:
         warnings=(
             *_warnings(judged.solution),
             *judged.said,
-            *((ONE_SPEED,) if untold(misfit.traces, misfit.free, misfit.damper.quantities) else ()),
+            *(
+                (ONE_SPEED,)
+                if inseparable(misfit.traces, misfit.free, misfit.damper.quantities)
+                else ()
+            ),
         ),
     )
 

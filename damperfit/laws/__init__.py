@@ -1,4 +1,4 @@
-"""Which law the logs support: laws fitted alike, compared by evidence, and told in words.
+"""Which law the logs support: laws fitted alike, compared by evidence, and put into words.
 
 A name is looked up when it is first used.
 """
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
     from damperfit.laws.ladder import Ladder, Rung, climb
-    from damperfit.laws.law_fit import UNTOLD, LawFit, SettingLogs, fit_law
+    from damperfit.laws.law_fit import UNDETERMINED, LawFit, SettingLogs, fit_law
     from damperfit.laws.open_questions import undecided
     from damperfit.laws.physics import opening_force, physics_seen
     from damperfit.laws.rivalry import rank_rivals
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ENOUGH_PERCENT",
-    "UNTOLD",
+    "UNDETERMINED",
     "Ladder",
     "LawFit",
     "Rung",
@@ -43,7 +43,7 @@ _LATE = {
     "Rung": "ladder",
     "SettingLogs": "law_fit",
     "Tried": "choosing",
-    "UNTOLD": "law_fit",
+    "UNDETERMINED": "law_fit",
     "Verdict": "choosing",
     "climb": "ladder",
     "effective_samples": "choosing",

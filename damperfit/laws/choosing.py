@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ENOUGH_PERCENT",
     "FEWEST_SAMPLES",
-    "TOLD_APART",
+    "SEEN_APART",
     "Tried",
     "Verdict",
     "are_alike",
@@ -44,8 +44,8 @@ __all__ = [
 
 GAIN = 1.5
 ENOUGH_PERCENT = 0.02
-# Two layouts whose MSE, times that of what was held out, differ by less are not told apart.
-TOLD_APART = 1.5
+# Two layouts whose MSE, times that of what was held out, differ by less cannot be told apart.
+SEEN_APART = 1.5
 # The same where the worse of them leaves and mispredicts nothing that anyone would use: twice each.
 _NOTHING_APART = 4.0
 _NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot be simulated there
@@ -94,7 +94,7 @@ class Tried:
     @property
     def unseen(self) -> set[str]:
         """What no setting's logs determine."""
-        return set.intersection(*({*one.at_bound, *one.untold} for one in self.fits))
+        return set.intersection(*({*one.at_bound, *one.undetermined} for one in self.fits))
 
     @property
     def score(self) -> float:
@@ -157,8 +157,10 @@ def judged(small: Tried, large: Tried, n_eff: float) -> Verdict:
     elif held[1] > _NO_WORSE * held[0]:
         reason = f"what was held out is predicted worse, {held[1]:.2g} % after {held[0]:.2g} %"
     else:
-        told = "" if not math.isfinite(held[0]) else f", held out {held[0]:.2g} to {held[1]:.2g} %"
-        reason = f"MSE {small.mse_percent:.2g} to {large.mse_percent:.2g} %{told}"
+        beside = (
+            "" if not math.isfinite(held[0]) else f", held out {held[0]:.2g} to {held[1]:.2g} %"
+        )
+        reason = f"MSE {small.mse_percent:.2g} to {large.mse_percent:.2g} %{beside}"
         return Verdict(True, gain, bic, reason)
     return Verdict(False, gain, bic, reason)
 
@@ -178,7 +180,7 @@ def are_alike(best: Tried, other: Tried) -> bool:
     """
     held = other.held_out_percent
     left = max(other.mse_percent, 0.0 if math.isnan(held) else held)
-    return times_worse(best, other) < (TOLD_APART if left > ENOUGH_PERCENT else _NOTHING_APART)
+    return times_worse(best, other) < (SEEN_APART if left > ENOUGH_PERCENT else _NOTHING_APART)
 
 
 def _more(large: Tried, small: Tried) -> list[str]:

@@ -7,7 +7,7 @@
     4  what is left over is offered to further parts: soft oil, gas in it, returns, rounding, ports,
        friction that drags, builds up, falls with the speed or grows with the pressure; to play and
        lag too, if a wrong valley had them taken out
-    5  what is left is tried in the other layouts too: those that do as well are not told apart
+    5  what is left is tried in the other layouts too: those that do as well cannot be told apart
 
 Rungs are compared on settled cycles; the law that is taken ends on the whole logs.
 
@@ -26,7 +26,7 @@ from damperfit.damper.quantity import STIFFNESS
 from damperfit.errors import SimulationError
 from damperfit.laws.choosing import (
     ENOUGH_PERCENT,
-    TOLD_APART,
+    SEEN_APART,
     Tried,
     Verdict,
     are_alike,
@@ -147,14 +147,14 @@ def climb(
     offsets = tuple(one.name for one in plain.quantities if one.is_offset)
     simplest = course.fitted(plain, freed=offsets)
     if simplest is not None and simplest.mse_percent <= ENOUGH_PERCENT:
-        course.told(simplest, "what it leaves is too small to matter", is_taken=True)
+        course.record(simplest, "what it leaves is too small to matter", is_taken=True)
         return course.ended(simplest)
     richest = [with_parts(layout, BOTH, everything(layout.mounting)) for layout in layouts]
     found = [one for one in course.all_fitted(richest) if one is not None]
     if not found:
         if simplest is None:
             raise SimulationError("no law can be simulated on these logs.")
-        course.told(simplest, "no other law can be simulated on these logs", is_taken=True)
+        course.record(simplest, "no other law can be simulated on these logs", is_taken=True)
         return course.ended(simplest)
     lean = course.lean(course.best_layout(found))
     of_oil = [one.name for one in lean.fits[0].model.quantities if one.role == STIFFNESS]
@@ -225,7 +225,7 @@ class _Course:
             found.append(Tried(in_words(model, freed), tuple(own)) if is_all else None)
         return found
 
-    def told(
+    def record(
         self,
         tried: Tried,
         reason: str,
@@ -246,10 +246,10 @@ class _Course:
         """
         best = min(found, key=lambda one: one.score)
         self.n_eff = effective_samples(best, self.evidence)
-        near = [one for one in found if times_worse(best, one) < TOLD_APART]
+        near = [one for one in found if times_worse(best, one) < SEEN_APART]
         for one in found:
             reason = _against(best, one, is_alone=len(found) == 1, is_near=one in near)
-            self.told(one, reason, is_taken=one is best, change="layout")
+            self.record(one, reason, is_taken=one is best, change="layout")
         near = [self.enriched(one, _DECLARED) for one in near]
         return min(near, key=lambda one: one.score)
 
@@ -274,7 +274,7 @@ class _Course:
         verdict = judged(one, law, self.n_eff)
         needed = "it lacks a part that is needed: " if verdict.takes_larger else ""
         is_taken, reason = not verdict.takes_larger, f"{needed}{verdict.reason}"
-        self.told(one, reason, is_taken=is_taken, change=f"without {change}", verdict=verdict)
+        self.record(one, reason, is_taken=is_taken, change=f"without {change}", verdict=verdict)
         return one if is_taken else law
 
     def no_worse(self, large: Tried, small: Tried) -> Tried:
@@ -300,7 +300,7 @@ class _Course:
                 if verdict.takes_larger and best is not None:
                     reason = "another part explains more of what was left"
                 change = f"with {words_of(_valve_damper(law), name)}"
-                self.told(one, reason, is_taken=is_taken, change=change, verdict=verdict)
+                self.record(one, reason, is_taken=is_taken, change=change, verdict=verdict)
                 if is_taken:
                     best = one
                 elif not verdict.takes_larger:
@@ -344,7 +344,7 @@ class _Course:
         alike = [one for one in (law, *others) if one is not best and are_alike(best, one)]
         for one in others:
             reason = _against(best, one, is_alone=False, is_near=one in alike)
-            self.told(one, reason, is_taken=one is best, change="layout")
+            self.record(one, reason, is_taken=one is best, change="layout")
         self.alike = tuple(one.fits[0].model.name for one in alike)
         return best
 
@@ -357,7 +357,7 @@ class _Course:
                 if chosen is simplest
                 else "the law of valves fits and predicts better with no more quantities"
             )
-            self.told(simplest, reason, is_taken=chosen is simplest, change="smallest law")
+            self.record(simplest, reason, is_taken=chosen is simplest, change="smallest law")
             return chosen
         verdict = judged(simplest, law, self.n_eff)
         reason = (
@@ -366,7 +366,7 @@ class _Course:
             else verdict.reason
         )
         is_taken = not verdict.takes_larger
-        self.told(simplest, reason, is_taken=is_taken, change="smallest law", verdict=verdict)
+        self.record(simplest, reason, is_taken=is_taken, change="smallest law", verdict=verdict)
         return simplest if is_taken else law
 
     def ended(self, chosen: Tried) -> Ladder:

@@ -1,7 +1,7 @@
 """One law fitted to the logs of one setting, for comparing laws: short, and with a prediction.
 
 It descends on the logs' settled cycles and ends, where asked, on the whole logs. What runs into an
-edge of its plausible range stays there and is told: a play or a lag that is not there goes to
+edge of its plausible range stays there and is reported: a play or a lag that is not there goes to
 nothing, and a law that has such a quantity has one too many.
 """
 
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["UNTOLD", "LawFit", "SettingLogs", "fit_law", "glimpsed"]
+__all__ = ["UNDETERMINED", "LawFit", "SettingLogs", "fit_law", "glimpsed"]
 
-# A standard error of this factor to both sides, and a quantity is not told.
-UNTOLD = 1.65
+# A standard error of this factor to both sides, and a quantity is not determined.
+UNDETERMINED = 1.65
 # An offered part by which the MSE falls by less in a few steps will not reach `choosing.GAIN`.
 _HARDLY = 1.1
 
@@ -51,14 +51,14 @@ class SettingLogs:
     fitted, held_out : tuple of Trace
         Logs that are fitted, and those that are only predicted; without any, what moves beside the
         steady cycles of the fitted ones, if anything does.
-    told : mapping of str to float
+    more_start : mapping of str to float
         A place more to start from, as far as a law has these quantities.
     """
 
     setting: Setting
     fitted: tuple[Trace, ...]
     held_out: tuple[Trace, ...] = ()
-    told: Mapping[str, float] = field(default_factory=dict)
+    more_start: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Hold out run-up, coast-down and changes of speed where nothing else is."""
@@ -101,8 +101,9 @@ class LawFit:
         Model less measurement over each stretch, N.
     evaluations : int
         Simulations with sensitivities.
-    untold : tuple of str
-        What may as well be `UNTOLD` times as much or as little: these logs do not determine it.
+    undetermined : tuple of str
+        What these logs do not determine: it may as well be `UNDETERMINED` times as much or as
+        little.
     """
 
     setting: Setting
@@ -116,7 +117,7 @@ class LawFit:
     held_out: str
     residuals: tuple[FloatArray, ...]
     evaluations: int
-    untold: tuple[str, ...] = ()
+    undetermined: tuple[str, ...] = ()
 
 
 def fit_law(
@@ -144,7 +145,7 @@ def fit_law(
         How exactly to integrate.
     is_whole : bool
         Whether the descent ends on the whole logs; else on their settled cycles, for comparing.
-        What is told of the fit is of the whole logs in both cases.
+        What is said of the fit is of the whole logs in both cases.
 
     Raises
     ------
@@ -153,7 +154,7 @@ def fit_law(
     """
     held, misfit = _misfit(model, evidence, freed, solver)
     free, coarse = misfit.free, misfit.on_cycles()
-    ended, spent = _descended(coarse, near, held, evidence.told)
+    ended, spent = _descended(coarse, near, held, evidence.more_start)
     if is_whole:
         ended = misfit.descend(ended.point.extra, COMPARING)
         spent += ended.evaluations
@@ -177,7 +178,7 @@ def fit_law(
         held_out="" if math.isnan(held_out) else kind,
         residuals=missed.residuals,
         evaluations=spent,
-        untold=_untold(ended.point, model, free, len(missed.stretches)),
+        undetermined=_undetermined(ended.point, model, free, len(missed.stretches)),
     )
 
 
@@ -234,7 +235,7 @@ def glimpsed(
         held_out_percent=math.nan,
         held_out="",
         evaluations=short.evaluations,
-        untold=(),
+        undetermined=(),
     )
 
 
@@ -265,11 +266,11 @@ def _descended(
     misfit: LawMisfit,
     near: Values | None,
     held: Mapping[str, float],
-    told: Mapping[str, float],
+    more_start: Mapping[str, float],
 ) -> tuple[Minimum[Values], int]:
-    """Where the law's own starts, what was told and a law fitted before lead, and evaluations."""
+    """Where the law's own starts, what was given and a law fitted before lead, and evaluations."""
     starts = misfit.model.start(misfit.traces, held)
-    said = {name: told[name] for name in misfit.free if name in told}
+    said = {name: more_start[name] for name in misfit.free if name in more_start}
     if said:
         starts = (starts[0].replace(said), *starts)
     if near is None:
@@ -290,7 +291,7 @@ def _descended(
     return ended, spent
 
 
-def _untold(
+def _undetermined(
     point: Point[Values], model: Model, free: Sequence[str], n_stretches: int
 ) -> tuple[str, ...]:
     """Return the quantities whose logarithm has too large a standard error, to first order.
@@ -305,7 +306,7 @@ def _untold(
     return tuple(
         name
         for name, error in zip(free, errors.tolist(), strict=True)
-        if model.quantity(name).is_logarithmic and error > math.log(UNTOLD)
+        if model.quantity(name).is_logarithmic and error > math.log(UNDETERMINED)
     )
 
 

@@ -96,8 +96,8 @@ def _of_layouts(ladder: Ladder, tests: _Tests) -> Iterator[str]:
 
 
 def _of_mounting(fit: LawFit, tests: _Tests) -> Iterator[str]:
-    told = [name for name in ("k_s", "lag") if name in fit.free]
-    if told and tests.has_one_frequency:
+    fitted = [name for name in ("k_s", "lag") if name in fit.free]
+    if fitted and tests.has_one_frequency:
         yield (
             "Whether the force is late or the mounting gives: at one frequency they look alike. "
             f"A second speed decides it, at {0.3 * tests.lowest_frequency:.2g} or "
@@ -108,7 +108,7 @@ def _of_mounting(fit: LawFit, tests: _Tests) -> Iterator[str]:
 def _of_quantities(fits: Sequence[LawFit], tests: _Tests) -> Iterator[str]:
     where: dict[tuple[str, str], list[Setting]] = defaultdict(list)
     for fit in fits:
-        known = (_asked(fit, name, tests) for name in (*fit.untold, *fit.at_bound))
+        known = (_asked(fit, name, tests) for name in (*fit.undetermined, *fit.at_bound))
         for asked in dict.fromkeys(one for one in known if one is not None):
             where[asked].append(fit.setting)
     for (what, test), settings in where.items():

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["opening_force", "physics_seen"]
 
-_NAMED = 3  # settings; of more the number is told
+_NAMED = 3  # settings; of more only the number is given
 
 
 def opening_force(damper: ValveDamper, stroke: str, opening: float) -> float:
@@ -50,7 +50,7 @@ def physics_seen(fits: Sequence[LawFit]) -> tuple[str, ...]:
         valve = getattr(model, stroke)
         if valve.blow_off != "none":
             name = f"{stroke}_opening"
-            openings = _told(fits, name)
+            openings = _determined(fits, name)
             forces = [opening_force(model, stroke, one) for one in openings]
             said.append(
                 f"in {people} a blow-off opens at {_range(forces)} N "
@@ -60,7 +60,7 @@ def physics_seen(fits: Sequence[LawFit]) -> tuple[str, ...]:
             )
         if valve.bleed == "orifice":
             name = f"{stroke}_bleed"
-            areas = [_orifice(model, one) for one in _told(fits, name)]
+            areas = [_orifice(model, one) for one in _determined(fits, name)]
             if areas:
                 said.append(
                     f"in {people} a bleed as an orifice of {_range(areas)} mm2 (C_d A)"
@@ -78,9 +78,9 @@ def physics_seen(fits: Sequence[LawFit]) -> tuple[str, ...]:
         ("free_gas", 1e2, "{} % of the oil's volume is gas at rest"),
     )
     for name, factor, words in beside:
-        told = [one for one in (_told(fits, name) if name in names else []) if one != 0.0]
-        if told:
-            said.append(words.format(_range([factor * one for one in told])) + _where(fits, name))
+        known = [one for one in (_determined(fits, name) if name in names else []) if one != 0.0]
+        if known:
+            said.append(words.format(_range([factor * one for one in known])) + _where(fits, name))
     return tuple(f"{one[0].upper()}{one[1:]}." for one in said)
 
 
@@ -88,23 +88,25 @@ def _orifice(damper: ValveDamper, resistance: float) -> float:
     return 1e6 / (resistance * math.sqrt(2.0 * damper.oil_density))
 
 
-def _told(fits: Sequence[LawFit], name: str) -> list[float]:
+def _determined(fits: Sequence[LawFit], name: str) -> list[float]:
     """Return the values at the settings whose logs determine it."""
-    return [float(getattr(one.values, name)) for one in fits if _is_told(one, name)]
+    return [float(getattr(one.values, name)) for one in fits if _is_determined(one, name)]
 
 
-def _is_told(fit: LawFit, name: str) -> bool:
-    return name not in fit.untold and name not in fit.at_bound
+def _is_determined(fit: LawFit, name: str) -> bool:
+    return name not in fit.undetermined and name not in fit.at_bound
 
 
 def _where(fits: Sequence[LawFit], name: str) -> str:
     """Return at which settings that is, where those of the others do not determine it."""
-    told = [one.setting for one in fits if _is_told(one, name)]
-    if len(told) == len(fits):
+    known = [one.setting for one in fits if _is_determined(one, name)]
+    if len(known) == len(fits):
         return ""
-    few = f"setting{'s' if len(told) > 1 else ''} {', '.join(map(str, told))}"
-    many = f"{len(told)} of {len(fits)} settings"
-    return f" at {few if len(told) <= _NAMED else many}; the logs of the others do not determine it"
+    few = f"setting{'s' if len(known) > 1 else ''} {', '.join(map(str, known))}"
+    many = f"{len(known)} of {len(fits)} settings"
+    return (
+        f" at {few if len(known) <= _NAMED else many}; the logs of the others do not determine it"
+    )
 
 
 def _range(values: Sequence[float]) -> str:

@@ -70,7 +70,7 @@ def baseline_text(run: Run) -> str:
             }
             for setting, row in rows.items()
         ],
-        "tests": [_told(test) for test in run.tests],
+        "tests": [_test_record(test) for test in run.tests],
     }
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
 
@@ -87,7 +87,7 @@ def compared_record(record: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _told(test: MeasuredTest) -> dict[str, Any]:
+def _test_record(test: MeasuredTest) -> dict[str, Any]:
     assert test.setting is not None
     return {
         "setting": setting_cells(test.setting, is_whole=isinstance(test.setting.cell, int)),
@@ -149,27 +149,28 @@ def read_baseline(path: Path) -> Baseline:
     return Baseline(Results(parameters, (), (), record, (), quantities), tests)
 
 
-def _test(told: dict[str, Any]) -> MeasuredTest:
-    cells = told["setting"]
+def _test(record: dict[str, Any]) -> MeasuredTest:
+    cells = record["setting"]
     names = [name for name in cells if name != "setting" and name not in column_names()]
     return MeasuredTest(
         setting=read_setting(cells, names) or Setting.of(0),
-        log=str(told["log"]),
-        n_cycles=int(told["n_cycles"]),
-        amplitude=_number(told["amplitude"]),
-        frequency=_number(told["frequency"]),
-        temperature=_number(told["temperature"]),
-        displacement=_array(told["displacement"]),
-        velocity=_array(told["velocity"]),
-        force=_array(told["force"]),
-        simulated=_array(told["simulated"]),
-        speeds=_array(told["speeds"]),
+        log=str(record["log"]),
+        n_cycles=int(record["n_cycles"]),
+        amplitude=_number(record["amplitude"]),
+        frequency=_number(record["frequency"]),
+        temperature=_number(record["temperature"]),
+        displacement=_array(record["displacement"]),
+        velocity=_array(record["velocity"]),
+        force=_array(record["force"]),
+        simulated=_array(record["simulated"]),
+        speeds=_array(record["speeds"]),
         strokes={
-            name: np.stack([_array(row) for row in rows]) for name, rows in told["strokes"].items()
+            name: np.stack([_array(row) for row in rows])
+            for name, rows in record["strokes"].items()
         },
         figures={
             name: (_number(value), _number(error))
-            for name, (value, error) in told["figures"].items()
+            for name, (value, error) in record["figures"].items()
         },
     )
 

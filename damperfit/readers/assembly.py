@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.readers.channels import all_told_together, choose_channels, has_channel
+from damperfit.readers.channels import choose_channels, has_channel, joined_problems
 from damperfit.readers.options import EXTRAS
 from damperfit.readers.setting_number import (
-    Told,
+    LogLabel,
     file_setting,
     place_of,
     preamble_setting,
@@ -128,11 +128,11 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
     parts = []
     for start, stop in cuts:
         part = slice(start, stop)
-        told = _setting(samples, part, table.metadata, source, options)
-        setting = told.setting(options.adjusters)
-        partly = {} if setting else {name: str(place) for name, place in told.places.items()}
+        label = _setting(samples, part, table.metadata, source, options)
+        setting = label.setting(options.adjusters)
+        partly = {} if setting else {name: str(place) for name, place in label.places.items()}
         preamble = identity_in(table.metadata).describe()
-        named = {key: text for key, text in told.others.items() if key not in preamble}
+        named = {key: text for key, text in label.others.items() if key not in preamble}
         is_own_time = "time" in channels and options.sample_rate == 0.0
         time_notes = () if is_own_time else rate_notes
         time = channels["time"][part] if is_own_time else np.arange(stop - start) / rate
@@ -146,7 +146,7 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
                 displacement=channels["displacement"][part],
                 force=channels["force"][part],
                 temperature=None if temperature is None else temperature[part],
-                notes=(*notes, *time_notes, *told.notes),
+                notes=(*notes, *time_notes, *label.notes),
                 metadata={**named, **table.metadata, **partly},
                 findings=findings,
                 velocity=None if velocity is None else velocity[part],
@@ -195,7 +195,7 @@ def _si_channels(
     if len(problems) == 1:
         raise LogError(f"{name}, {problems[0]}")
     if problems:
-        raise LogError(f"{name}: {all_told_together(problems)}")
+        raise LogError(f"{name}: {joined_problems(problems)}")
     return channels
 
 
@@ -294,22 +294,22 @@ def _setting(
     metadata: Mapping[str, str],
     source: Source,
     options: ReadOptions,
-) -> Told:
+) -> LogLabel:
     """Return the setting from the declaration, the preamble, columns or the file name."""
     named = file_setting(source.name, options.setting_pattern, options.adjusters)
     if options.setting is not None:
         places = dict(Setting.of(options.setting).places)
-        return Told(places, named.others, ("setting: as declared",))
-    columns = Told(
+        return LogLabel(places, named.others, ("setting: as declared",))
+    columns = LogLabel(
         {
             one: place_of(samples.channels[one][part.start], f"{source.name}: column '{one}'")
             for one in options.adjusters
             if one in samples.channels
         }
     )
-    told = preamble_setting(metadata, source.name, options.adjusters)
-    found = told.over(columns).over(named)
-    return replace(found, notes=(*found.notes, *_other_name(told, named)))
+    preamble = preamble_setting(metadata, source.name, options.adjusters)
+    found = preamble.over(columns).over(named)
+    return replace(found, notes=(*found.notes, *_other_name(preamble, named)))
 
 
 def _says_setting(table: Table, source: Source, options: ReadOptions) -> bool:
@@ -325,11 +325,11 @@ def _says_setting(table: Table, source: Source, options: ReadOptions) -> bool:
     return True
 
 
-def _other_name(told: Told, named: Told) -> tuple[str, ...]:
+def _other_name(preamble: LogLabel, named: LogLabel) -> tuple[str, ...]:
     """Say that the file's name names another setting than its preamble."""
     return tuple(
-        f"{one}: {told.places[one]} of the preamble; the file name says {place}: check which is "
-        "right"
+        f"{one}: {preamble.places[one]} of the preamble; the file name says {place}: check which "
+        "is right"
         for one, place in named.places.items()
-        if one in told.places and told.places[one] != place
+        if one in preamble.places and preamble.places[one] != place
     )

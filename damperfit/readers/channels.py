@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ChannelChoice",
-    "all_told_together",
     "choose_channels",
     "has_channel",
+    "joined_problems",
     "mentions_channel",
     "split_name",
     "unit_of_channel",
@@ -150,13 +150,13 @@ def choose_channels(
     needs_time : bool
         False: a sample rate tells the time where no column does.
     hint : str
-        Why names may be missing; told where a channel is not found.
+        Why names may be missing; said where a channel is not found.
 
     Raises
     ------
     LogError
         A needed channel is missing or there are several; a unit is missing, unknown or of
-        another dimension. All that is wrong is told at once.
+        another dimension. All that is wrong is said at once.
     """
     chosen: dict[str, ChannelChoice] = {}
     notes: list[str] = []
@@ -183,7 +183,7 @@ def choose_channels(
     if lost:
         problems.insert(0, _missing(lost, columns, hint))
     if problems:
-        raise LogError(f"{where}: {all_told_together(problems)}")
+        raise LogError(f"{where}: {joined_problems(problems)}")
     for name in options.adjusters:
         columns_of = [i for i, column in enumerate(columns) if _is_named(column, name)]
         if name not in chosen and len(columns_of) == 1:
@@ -220,12 +220,12 @@ def unit_of_channel(
     return choice.unit
 
 
-def all_told_together(problems: Sequence[str]) -> str:
+def joined_problems(problems: Sequence[str]) -> str:
     """Return one sentence for all that is wrong with a log.
 
     Examples
     --------
-    >>> all_told_together(["no column for time", "column 'x' has no unit"])
+    >>> joined_problems(["no column for time", "column 'x' has no unit"])
     "2 things are wrong: (1) no column for time; (2) column 'x' has no unit"
     """
     if len(problems) == 1:
@@ -330,7 +330,7 @@ def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> s
             f"{found} declare the numbers and units of time, displacement and force in "
             "rig.columns and rig.units"
         )
-    told = f" ({hint})" if hint else ""
+    beside = f" ({hint})" if hint else ""
     bases = {split_name(column.name)[0].lower(): column.name for column in columns}
     hints = ""
     for channel in channels:
@@ -340,7 +340,7 @@ def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> s
     names = ", ".join(f"rig.columns.{channel} = 'NAME'" for channel in channels)
     advice = f" Name {'them' if len(channels) > 1 else 'it'}: {names}"
     which = " and ".join(part for part in (", ".join(channels[:-1]), channels[-1]) if part)
-    return f"no column for {which}{told}; there are {_listed(columns)}.{hints}{advice}"
+    return f"no column for {which}{beside}; there are {_listed(columns)}.{hints}{advice}"
 
 
 def _with_unit(

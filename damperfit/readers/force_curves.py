@@ -18,8 +18,8 @@ import numpy as np
 
 from damperfit.errors import LogError
 from damperfit.readers.channels import (
-    all_told_together,
     has_channel,
+    joined_problems,
     split_name,
     unit_of_channel,
     visible,
@@ -258,8 +258,8 @@ def _table_curves(table: Table, source: Source, options: ReadOptions) -> list[Fo
     values = {i: units[i].to_si(samples.channels[key]) for i, key in keys.items()}
     rows: Mapping[str, NDArray[np.bool_]] = {"": np.ones(len(values[used[0]]), dtype=bool)}
     if setting is not None:
-        told = samples.channels["setting"]
-        rows = {f"{value:.15g}": told == value for value in dict.fromkeys(told.tolist())}
+        settings = samples.channels["setting"]
+        rows = {f"{value:.15g}": settings == value for value in dict.fromkeys(settings.tolist())}
     found: dict[str, list[_Part]] = {}
     for part, is_in in rows.items():
         for pair in pairs:
@@ -279,7 +279,7 @@ def _table_curves(table: Table, source: Source, options: ReadOptions) -> list[Fo
 def _units(
     pairs: Sequence[_Pair], columns: Sequence[Column], options: ReadOptions, where: str
 ) -> dict[int, Unit]:
-    """Return the unit of each column; what is wrong with speeds and forces is told at once."""
+    """Return the unit of each column; what is wrong with speeds and forces is said at once."""
     kinds = {pair.speed: "velocity" for pair in pairs} | {pair.force: "force" for pair in pairs}
     units: dict[int, Unit] = {}
     problems: dict[str, str] = {}
@@ -290,7 +290,7 @@ def _units(
         except LogError as error:
             problems.setdefault(kind, str(error).removeprefix(f"{where}: "))
     if problems:
-        raise LogError(f"{where}: {all_told_together(list(problems.values()))}")
+        raise LogError(f"{where}: {joined_problems(list(problems.values()))}")
     return units
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from damperfit.tested.setting import Place
 
-__all__ = ["Told", "file_setting", "place_of", "preamble_setting", "setting_in_words"]
+__all__ = ["LogLabel", "file_setting", "place_of", "preamble_setting", "setting_in_words"]
 
 # A word that can mean nothing else, where nobody declared a pattern: it goes before a bare "s".
 _CLICKS = r"(?<![^\W_])clicks?(?:[ _=](?=-\d)|[ _=-]?)(-?\d+)(?![.]?\d)"
@@ -26,7 +26,7 @@ _SERIAL = r"(?<![^\W_])(?:sn|serial)[ _=-]?([a-z]?\d\w*?)(?![^\W_])"
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class LogLabel:
     """What one source says of a test.
 
     Attributes
@@ -49,10 +49,10 @@ class Told:
             return None
         return Setting(tuple((name, self.places[name]) for name in adjusters))
 
-    def over(self, other: Told) -> Told:
+    def over(self, other: LogLabel) -> LogLabel:
         """Return this with what it does not say taken from another source."""
         new = {name for name in other.places if name not in self.places}
-        return Told(
+        return LogLabel(
             {**other.places, **self.places},
             {**other.others, **self.others},
             (*self.notes, *(other.notes if new else ())),
@@ -78,7 +78,7 @@ def setting_in_words(text: str, where: str, adjusters: Sequence[str] = (ADJUSTER
         raise LogError(f"{where}: setting {visible(text)}; {error}") from error
 
 
-def preamble_setting(metadata: Mapping[str, str], name: str, adjusters: Sequence[str]) -> Told:
+def preamble_setting(metadata: Mapping[str, str], name: str, adjusters: Sequence[str]) -> LogLabel:
     """Return what a preamble says: a label under ``setting``, or each adjuster by its name.
 
     Raises
@@ -87,11 +87,11 @@ def preamble_setting(metadata: Mapping[str, str], name: str, adjusters: Sequence
         What stands there is no setting.
     """
     if ADJUSTER in metadata:
-        told = setting_in_words(metadata[ADJUSTER], f"{name}: metadata '{ADJUSTER}'", adjusters)
-        return Told(dict(told.places))
+        stated = setting_in_words(metadata[ADJUSTER], f"{name}: metadata '{ADJUSTER}'", adjusters)
+        return LogLabel(dict(stated.places))
     keys = {re.sub(r"[\W_]+", "_", key.strip()): key for key in metadata}
     named = {one: metadata[keys[one.casefold()]] for one in adjusters if one.casefold() in keys}
-    return Told(
+    return LogLabel(
         {
             one: setting_in_words(text, f"{name}: metadata '{one}'").places[0][1]
             for one, text in named.items()
@@ -99,7 +99,7 @@ def preamble_setting(metadata: Mapping[str, str], name: str, adjusters: Sequence
     )
 
 
-def file_setting(name: str, pattern: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Told:
+def file_setting(name: str, pattern: str, adjusters: Sequence[str] = (ADJUSTER,)) -> LogLabel:
     """Return what a file's name says by a pattern.
 
     Named groups are adjusters, damper or serial number; a group without a name is the label.
@@ -111,20 +111,20 @@ def file_setting(name: str, pattern: str, adjusters: Sequence[str] = (ADJUSTER,)
     """
     tried = (_CLICKS, pattern) if pattern == SETTING_PATTERN else (pattern,)
     serial = re.search(_SERIAL, name, re.IGNORECASE)
-    named = Told(others={"serial": serial[1]} if serial else {})
+    named = LogLabel(others={"serial": serial[1]} if serial else {})
     for one in tried:
         if found := list(re.finditer(one, name, re.IGNORECASE)):
-            named = _told_by(found, name, adjusters).over(named)
+            named = _label_in(found, name, adjusters).over(named)
         if named.places:
             break
     if len(adjusters) > 1 and not named.places and pattern == SETTING_PATTERN:
         with suppress(ValueError):
             places = dict(parse_setting(name.rpartition(".")[0] or name, adjusters).places)
-            return Told(places, notes=("setting: from the file name",)).over(named)
+            return LogLabel(places, notes=("setting: from the file name",)).over(named)
     return named
 
 
-def _told_by(found: Sequence[re.Match[str]], name: str, adjusters: Sequence[str]) -> Told:
+def _label_in(found: Sequence[re.Match[str]], name: str, adjusters: Sequence[str]) -> LogLabel:
     where = f"{name}: file name"
     named: dict[str, str] = {}
     for match in found:
@@ -140,7 +140,7 @@ def _told_by(found: Sequence[re.Match[str]], name: str, adjusters: Sequence[str]
     if plain and not places and (len(adjusters) == 1 or _is_label(plain[-1], adjusters)):
         places = dict(setting_in_words(plain[-1], where, adjusters).places)
     notes = ("setting: from the file name",) if places else ()
-    return Told(places, others, notes)
+    return LogLabel(places, others, notes)
 
 
 def _is_label(text: str, adjusters: Sequence[str]) -> bool:

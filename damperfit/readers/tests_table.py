@@ -135,11 +135,11 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
                 f"{path}:{k}: {len(cells)} fields, but {len(names)} names in line {heading + 1}; "
                 "put a text that holds the separator in quotes"
             )
-        told = {name: cell for name, cell in zip(names, cells, strict=False) if name and cell}
-        file = told.pop(names[at], "").replace("\\", "/").removeprefix("./")
+        filled = {name: cell for name, cell in zip(names, cells, strict=False) if name and cell}
+        file = filled.pop(names[at], "").replace("\\", "/").removeprefix("./")
         if not file:
             raise ConfigurationError(f"{path}:{k}: no file name in column '{names[at]}'")
-        row = _row(told, adjusters, f"{path}:{k}", line=k)
+        row = _row(filled, adjusters, f"{path}:{k}", line=k)
         before = rows.setdefault(file, row)
         if (before.places, before.identity, before.facts) != (row.places, row.identity, row.facts):
             raise ConfigurationError(
@@ -149,11 +149,11 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
     return TestsTable(path, rows, tuple(_misspelt(names, adjusters, path)))
 
 
-def _row(told: dict[str, str], adjusters: Sequence[str], where: str, *, line: int) -> TestRow:
+def _row(filled: dict[str, str], adjusters: Sequence[str], where: str, *, line: int) -> TestRow:
     places: dict[str, Place] = {}
     facts: dict[str, float] = {}
     others = {}
-    for name, cell in told.items():
+    for name, cell in filled.items():
         key = re.sub(r"[\W_]+", "_", name.casefold()).strip("_")
         try:
             if key == ADJUSTER:

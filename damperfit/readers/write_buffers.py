@@ -22,7 +22,7 @@ __all__ = ["TITLE", "join_buffers"]
 TITLE = "part: "  # begins the note that says which block a part was
 # Steps from block to block, in usual sample intervals; stamps are rounded to few digits.
 _LEAST_STEP, _LARGEST_STEP = 0.5, 1.5
-_TOLD = 3  # breaks in the record that are told one by one
+_LISTED = 3  # breaks in the record that are listed one by one
 
 
 def join_buffers(blocks: Sequence[Sequence[Recording]]) -> list[Recording]:
@@ -65,15 +65,15 @@ def _runs_on(before: Recording, after: Recording) -> bool:
 
 def _breaks(runs: Sequence[Sequence[Recording]], first_blocks: Sequence[int]) -> str:
     """Tell where time does not run on: what is missing there, or where it goes back to."""
-    told = []
+    breaks = []
     for (before, after), block in zip(pairwise(runs), first_blocks[1:], strict=True):
         end, start = before[-1].time[-1], after[0].time[0]
         how = f"{start - end:.4g} s later" if start > end else f"{end - start:.4g} s earlier"
-        told.append(f"block {block} begins at {start:.6g} s, {how} than the block before ends")
-    if not told:
+        breaks.append(f"block {block} begins at {start:.6g} s, {how} than the block before ends")
+    if not breaks:
         return ""
-    more = f"; and {len(told) - _TOLD} more" if len(told) > _TOLD else ""
-    return f"; {'; '.join(told[:_TOLD])}{more}"
+    more = f"; and {len(breaks) - _LISTED} more" if len(breaks) > _LISTED else ""
+    return f"; {'; '.join(breaks[:_LISTED])}{more}"
 
 
 def _joined(run: Sequence[Recording], note: str) -> Recording:

@@ -47,15 +47,15 @@ def listed_names(names: Sequence[str], *, few: int = _NAMES + 1) -> str:
     return f"{', '.join(names[:_NAMES])} and {len(names) - _NAMES} more"
 
 
-def summarised(told: Iterable[tuple[str, str]]) -> Iterator[str]:
+def summarised(sentences: Iterable[tuple[str, str]]) -> Iterator[str]:
     """Yield sentences, each with the name it is about; of many alike the first and how many more.
 
     Parameters
     ----------
-    told : iterable of (str, str)
+    sentences : iterable of (str, str)
         Name and whole sentence.
     """
-    everything = list(told)
+    everything = list(sentences)
     if len(everything) <= FEW:
         yield from (sentence for _, sentence in everything)
         return

@@ -121,7 +121,7 @@ class ReportFacts:
         What was not fitted but predicted.
     identifiability : tuple of str
         Parameters that the logs do not tell, and those that are tied, one sentence each.
-    untold : tuple of str
+    undetermined : tuple of str
         Those of them that are not told, which the command says too.
     taken : tuple of str
         Tables of tests that were used, which the command says too.
@@ -154,7 +154,7 @@ class ReportFacts:
     trust: tuple[str, ...] = ()
     held_out: tuple[Prediction, ...] = ()
     identifiability: tuple[str, ...] = ()
-    untold: tuple[str, ...] = ()
+    undetermined: tuple[str, ...] = ()
     taken: tuple[str, ...] = ()
     searches: tuple[str, ...] = ()
     cavitation: tuple[str, ...] = ()

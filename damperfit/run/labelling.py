@@ -1,7 +1,7 @@
 """What each log is a test of: setting and identity, from every source that says something.
 
 ``--setting`` and the table of tests go before the log's own preamble and columns, these before its
-name; what no source says is guessed from what differs between the names, and the guess is told.
+name; what no source says is guessed from what differs between the names, and the guess is reported.
 """
 
 from __future__ import annotations
@@ -107,8 +107,8 @@ class Labels:
         if setting is None and path.name in self.guess.settings:
             setting = self.guess.settings[path.name]
             notes.append(GUESSED)
-        told = identity_in(recording.metadata)
-        identity = (row.identity.over(told) if row else told).over(self.identity)
+        stated = identity_in(recording.metadata)
+        identity = (row.identity.over(stated) if row else stated).over(self.identity)
         for key in ("serial", "damper"):
             mine, others = getattr(self.identity, key), getattr(identity, key)
             if mine and others and mine != others:
@@ -120,7 +120,7 @@ class Labels:
         return labelled, identity
 
     def unread(self, path: Path, reading: ReadOptions) -> Setting | None:
-        """Return the setting of a log that cannot be read, as it is told from outside.
+        """Return the setting of a log that cannot be read, as it is stated from outside.
 
         Parameters
         ----------
@@ -137,8 +137,8 @@ class Labels:
             named = file_setting(path.name, options.setting_pattern, self.adjusters)
             places = dict(named.places)
         row = self.row(path)
-        told = _complete({**places, **(row.places if row else {})}, self.adjusters)
-        return told or self.guess.settings.get(path.name)
+        stated = _complete({**places, **(row.places if row else {})}, self.adjusters)
+        return stated or self.guess.settings.get(path.name)
 
     def one_of_several(self, name: str) -> str:
         """Say which of several numbers in a file's name is taken for the setting; empty: no choice.

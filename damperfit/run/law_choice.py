@@ -151,7 +151,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
             "damperfit inspect shows what is wrong with them"
         )
     solver = configuration.identification.solver
-    compared = _told_most(evidence)
+    compared = _softest_and_stiffest(evidence)
     ladder = climb(
         configuration.damper,
         _layouts(configuration, layout),
@@ -248,7 +248,7 @@ def _evidence(parted: Parted, start: GivenStart) -> tuple[SettingLogs, ...]:
     )
 
 
-def _told_most(evidence: Sequence[SettingLogs]) -> tuple[SettingLogs, ...]:
+def _softest_and_stiffest(evidence: Sequence[SettingLogs]) -> tuple[SettingLogs, ...]:
     """The settings with the strongest and the weakest force tell laws apart as well as all do."""
 
     def strength(one: SettingLogs) -> float:

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.run.logs import LogBatch
 
-__all__ = ["rod_told", "with_rod_remark"]
+__all__ = ["rod_area_ratio", "with_rod_remark"]
 
 # Pressures nearer than this tell the rod's area badly; an area further off than that is another's.
 _APART, _OFF = 0.1, 0.05
 
 
-def rod_told(traces: Sequence[Trace], damper: Model) -> float | None:
+def rod_area_ratio(traces: Sequence[Trace], damper: Model) -> float | None:
     """Return the rod's area over the declared one, as the level of the force over pressure tells.
 
     Of tests of one setting and one motion at gas pressures of their own: there the mean force
@@ -42,11 +42,11 @@ def rod_told(traces: Sequence[Trace], damper: Model) -> float | None:
         if one.setting != other.setting or None in pressures or not moves_alike(one, other):
             continue
         levels = [_level(trace, damper) for trace in (one, other)]
-        told = [gas for _, gas in levels if gas is not None]
-        if len(told) < len(levels) or abs(told[0] - told[1]) < _APART * max(map(abs, told)):
+        known = [gas for _, gas in levels if gas is not None]
+        if len(known) < len(levels) or abs(known[0] - known[1]) < _APART * max(map(abs, known)):
             continue
         # Each pair by its own difference: a small one says little.
-        weight = told[0] - told[1]
+        weight = known[0] - known[1]
         seen += weight * (levels[0][0] - levels[1][0])
         expected += weight**2
     return seen / expected if expected else None
@@ -54,12 +54,12 @@ def rod_told(traces: Sequence[Trace], damper: Model) -> float | None:
 
 def with_rod_remark(batch: LogBatch, damper: Model) -> LogBatch:
     """Return the batch with a word where the pressures tell of another rod than is declared."""
-    told = rod_told(batch.traces, damper)
-    if told is None or abs(told - 1.0) <= _OFF:
+    ratio = rod_area_ratio(batch.traces, damper)
+    if ratio is None or abs(ratio - 1.0) <= _OFF:
         return batch
     said = (
         "the level of the force over the gas pressures of the tests corresponds to a rod of "
-        f"{told:.3g} times the declared area: check rod_diameter, the pressures, and whether the "
+        f"{ratio:.3g} times the declared area: check rod_diameter, the pressures, and whether the "
         "force was tared between the tests"
     )
     return replace(batch, remarks=(*batch.remarks, said))

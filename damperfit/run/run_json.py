@@ -106,7 +106,7 @@ def report_facts(
         ),
         trust=assessment.sentences,
         identifiability=assessment.doubts(campaign),
-        untold=assessment.untold(campaign),
+        undetermined=assessment.undetermined(campaign),
         taken=batch.notes,
         searches=describe_searches(campaign.searches),
         cavitation=describe_cavitation({fit.setting: fit.cavitation for fit in campaign.fits}),

@@ -104,7 +104,7 @@ def once_each(batch: LogBatch) -> LogBatch:
         if others
     ]
     fitted = tuple(trace for trace in kept if not bad.get(trace.name))
-    said = _told_once({name: copies for name, copies in twins.items() if not bad[name]})
+    said = _copies_in_words({name: copies for name, copies in twins.items() if not bad[name]})
     return replace(
         batch,
         traces=fitted,
@@ -154,7 +154,7 @@ def _two_settings(first: Trace, others: Sequence[Trace]) -> str:
     )
 
 
-def _told_once(twins: dict[str, list[Trace]]) -> Iterator[str]:
+def _copies_in_words(twins: dict[str, list[Trace]]) -> Iterator[str]:
     for first, copies in list(twins.items())[:_MANY]:
         n = len(copies) - 1
         others = f" and {n} other log{'s' * (n > 1)}" if n else ""
@@ -223,19 +223,19 @@ def share_a_motion(first: Trace, second: Trace) -> bool:
 
 def moves_alike(first: Trace, second: Trace) -> bool:
     """Whether two logs hold one steady motion, whatever the damper was filled to."""
-    return any(_is_one_motion(a, b) for a in _told(first) for b in _told(second))
+    return any(_is_one_motion(a, b) for a in _steady_parts(first) for b in _steady_parts(second))
 
 
 def _contradictions(traces: Sequence[Trace]) -> Iterator[_Contradiction]:
     for first, second in itertools.combinations(traces, 2):
         if first.gas_pressure != second.gas_pressure:
             continue
-        for a, b in itertools.product(_told(first), _told(second)):
+        for a, b in itertools.product(_steady_parts(first), _steady_parts(second)):
             if _is_one_motion(a, b):
                 yield from _compared(first, second, a, b)
 
 
-def _told(trace: Trace) -> list[Stretch]:
+def _steady_parts(trace: Trace) -> list[Stretch]:
     return [one for one in trace.stretches if one.kind == "steady" and one.figures is not None]
 
 

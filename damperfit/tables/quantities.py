@@ -26,12 +26,12 @@ _ROLES = {one.label: one.role for one in PAPER_QUANTITIES}
 def quantity_records(quantities: Sequence[Quantity]) -> list[dict[str, Any]]:
     """Return quantities as JSON values; what has no limit has none."""
     return [
-        {one.name: _told(getattr(quantity, one.name)) for one in fields(Quantity)}
+        {one.name: _as_json(getattr(quantity, one.name)) for one in fields(Quantity)}
         for quantity in quantities
     ]
 
 
-def _told(value: Any) -> Any:
+def _as_json(value: Any) -> Any:
     if isinstance(value, tuple):
         return [end if math.isfinite(end) else None for end in value]
     return value

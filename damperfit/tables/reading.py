@@ -166,8 +166,8 @@ def read_results(
 def _is_part(folder: Path, record: dict[str, Any], table: str) -> bool:
     """Whether the run wrote a table that not every run writes."""
     files = record.get("files")
-    is_told = isinstance(files, dict) and f"{table}.parquet" in files
-    return is_told or any((folder / f"{table}{end}").is_file() for end in (".parquet", ".csv"))
+    is_listed = isinstance(files, dict) and f"{table}.parquet" in files
+    return is_listed or any((folder / f"{table}{end}").is_file() for end in (".parquet", ".csv"))
 
 
 def _quantities(folder: Path, record: dict[str, Any]) -> tuple[Quantity, ...]:

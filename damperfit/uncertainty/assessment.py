@@ -38,7 +38,7 @@ from damperfit.uncertainty.profiles import (
 )
 from damperfit.uncertainty.residuals import Diagnosis, diagnose, group_warning, reconciled
 from damperfit.uncertainty.speed_forces import SpeedForces, speed_forces
-from damperfit.uncertainty.verdicts import doubts, untold, verdicts
+from damperfit.uncertainty.verdicts import doubts, undetermined, verdicts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -136,11 +136,11 @@ class Assessment:
         telling = {setting: self.telling(setting) for setting in known}
         return doubts(campaign.fits, known, campaign.sharing, telling)
 
-    def untold(self, campaign: Campaign) -> tuple[str, ...]:
+    def undetermined(self, campaign: Campaign) -> tuple[str, ...]:
         """Return the part of the doubts on parameters at a bound or not identifiable."""
         known = {one.setting: one for one in self.uncertainties}
         telling = {setting: self.telling(setting) for setting in known}
-        return untold(campaign.fits, known, campaign.sharing, telling)
+        return undetermined(campaign.fits, known, campaign.sharing, telling)
 
     def telling(self, setting: Setting) -> dict[str, MisfitProfile]:
         """Return the profiles that speak of a setting: its own, and R_m3's from its source."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from damperfit.uncertainty.intervals import Uncertainty
     from damperfit.uncertainty.profiles import MisfitProfile
 
-__all__ = ["doubts", "untold", "verdicts"]
+__all__ = ["doubts", "undetermined", "verdicts"]
 
 # At this correlation knowing the one would shrink the error of the other to a third.
 _CORRELATED = 0.95
@@ -46,7 +46,7 @@ def verdicts(
     }
 
 
-def untold(
+def undetermined(
     campaign_fits: Iterable[Fit],
     known: Mapping[Setting, Uncertainty],
     sharing: Sharing,
@@ -86,7 +86,7 @@ def doubts(
     sharing: Sharing,
     profiles: Mapping[Setting, Mapping[str, MisfitProfile]],
 ) -> tuple[str, ...]:
-    """Return what a reader must know before using the numbers: what is `untold`, and ties.
+    """Return what a reader must know before using the numbers: what is `undetermined`, and ties.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def doubts(
         if fit.setting in known:
             for one, other, value in _ties(known[fit.setting]):
                 ties[one, other].append((fit.setting, value))
-    sentences = list(untold(fits, known, sharing, profiles))
+    sentences = list(undetermined(fits, known, sharing, profiles))
     for (one, other), where in ties.items():
         values = [value for _, value in where]
         spread = f"{min(values):+.2f}" + (

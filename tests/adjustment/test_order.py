@@ -143,25 +143,27 @@ def test_only_k_e_may_be_erratic() -> None:
     assert (r_m2.direction, r_m2.monotone, r_m2.outliers_judged) == ("rising", False, False)
 
 
-@pytest.mark.parametrize(("swing", "is_told"), [(0.175, True), (0.185, False)])
-def test_k_e_that_scatters_by_more_than_a_fifth_has_no_trend_to_judge(swing, *, is_told) -> None:
+@pytest.mark.parametrize(("swing", "is_reported"), [(0.175, True), (0.185, False)])
+def test_k_e_that_scatters_by_more_than_a_fifth_has_no_trend_to_judge(
+    swing, *, is_reported
+) -> None:
     """Twelve settings, three coefficients: a swing of 0.18 is a scatter of 0.2."""
     rising = 5e8 * np.exp(0.2 * CLICKS[:12] + swing * (-1.0) ** CLICKS[:12])
     trend = trend_of(rising, ALL[:12], name="k_e", error=5e-3)
     assert 0.19 < trend.scatter < 0.24
-    assert (trend.scatter < 0.2) is is_told
+    assert (trend.scatter < 0.2) is is_reported
     assert trend.direction == "rising"
-    assert trend.monotone is (True if is_told else None)
+    assert trend.monotone is (True if is_reported else None)
 
 
-@pytest.mark.parametrize(("error", "is_told"), [(0.19, True), (0.21, False)])
-def test_a_value_with_an_error_of_a_fifth_is_not_said_to_stay(error, *, is_told) -> None:
+@pytest.mark.parametrize(("error", "is_reported"), [(0.19, True), (0.21, False)])
+def test_a_value_with_an_error_of_a_fifth_is_not_said_to_stay(error, *, is_reported) -> None:
     pairs = [ladders._fitted(one, {"k_e": 5e8}, {"k_e": error}) for one in range(1, 9)]
     found = find_trends([fit for fit, _ in pairs], {known.setting: known for _, known in pairs})
     (trend,) = (one for one in found if one.parameter == "k_e")
-    assert trend.direction == ("flat" if is_told else None)
-    assert trend.monotone is (True if is_told else None)
-    assert ("does not change" in trend.sentence) is is_told
+    assert trend.direction == ("flat" if is_reported else None)
+    assert trend.monotone is (True if is_reported else None)
+    assert ("does not change" in trend.sentence) is is_reported
 
 
 def test_values_that_scatter_sixfold_are_not_said_to_stay() -> None:

@@ -148,7 +148,7 @@ def test_repeats_are_the_measure() -> None:
     reference = [run(measured(factor=f), name=str(f)) for f in factors]
     other = run(measured(factor=1.03), name="b")
     bare = compare_runs(reference[0], other, MEASURED)
-    assert all(line.verdict is Sameness.UNTOLD or line.percent for line in bare.of("force"))
+    assert all(line.verdict is Sameness.UNDETERMINED or line.percent for line in bare.of("force"))
     found = compare_runs(reference[0], other, MEASURED, repeats=reference[1:])
     line = found.of("force")[-2]
     at = [one.tests[0].force_at(line.subject.speed, "rebound")[0] for one in reference]

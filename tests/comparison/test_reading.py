@@ -96,7 +96,7 @@ def test_parameters_of_a_wrong_model_are_off_alike() -> None:
 )
 def test_what_is_not_known_is_not_judged(second, reason) -> None:
     line = compared(VALUE, Reading(100.0, 1.0), second)
-    assert line.verdict is Sameness.UNTOLD
+    assert line.verdict is Sameness.UNDETERMINED
     assert line.reason == reason
 
 

@@ -44,8 +44,8 @@ def test_the_outcome_counts_what_differs_and_what_chance_would_do() -> None:
     assert said.startswith("forces: 3 of 4 differ, all of them surely; most setting 2, 0.26 m/s")
     assert "+10.00 % (" in said
     assert said.endswith("-80.0 N")
-    untold = outcome_of(_lines(0.0, 0.0, error=100.0), "forces")
-    assert untold == "forces: cannot be determined (a difference of 35 % would not be seen)"
+    undetermined = outcome_of(_lines(0.0, 0.0, error=100.0), "forces")
+    assert undetermined == "forces: cannot be determined (a difference of 35 % would not be seen)"
 
 
 def test_a_line_says_harder_or_softer_and_whether_it_may_be_chance() -> None:

@@ -75,11 +75,11 @@ def test_a_knee_that_30_hz_hides_is_seen():
     assert jump[1] > 1.5 * jump[0]
 
 
-@pytest.mark.parametrize(("frequency", "is_told"), [(3.6, False), (3.9, True)])
-def test_fewer_than_eight_harmonics_are_told(frequency, is_told):
+@pytest.mark.parametrize(("frequency", "is_reported"), [(3.6, False), (3.9, True)])
+def test_fewer_than_eight_harmonics_are_told(frequency, is_reported):
     told = found(condition(sine_log(frequency=frequency, amplitude=0.01)))
-    assert ("filter_corner" in told) is is_told
-    if is_told:
+    assert ("filter_corner" in told) is is_reported
+    if is_reported:
         assert "conditioning.filter_corner = 'auto' takes 78 Hz" in told["filter_corner"].sentence
 
 

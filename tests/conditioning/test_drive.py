@@ -83,12 +83,12 @@ def test_a_triangle_keeps_its_corners():
     assert at_the_truth(without_noise) < 0.0004
 
 
-@pytest.mark.parametrize(("share", "is_told"), [(0.015, False), (0.025, True)])
-def test_motion_beyond_half_the_rigs_corner_is_told(share, is_told):
+@pytest.mark.parametrize(("share", "is_reported"), [(0.015, False), (0.025, True)])
+def test_motion_beyond_half_the_rigs_corner_is_told(share, is_reported):
     log = with_harmonic(share, order=15)  # 22.5 Hz, which the filter passes
     trace = condition(log, ConditionOptions(rig_filter="zero_phase", rig_filter_corner=40.0))
     told = [one for one in trace.findings if one.name == "drive"]
-    assert [one.severity for one in told] == ["warning"] * is_told
+    assert [one.severity for one in told] == ["warning"] * is_reported
 
 
 def test_a_corner_that_rises_is_told():

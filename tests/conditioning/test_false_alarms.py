@@ -220,11 +220,11 @@ def test_scatter_about_a_trend_is_told_beside_it():
     assert set(told(warming(size=size))) == {"cycle_scatter", "force_trend"}
 
 
-@pytest.mark.parametrize(("share", "is_told"), [(0.025, False), (0.06, True)])
-def test_a_trend_that_would_not_be_scatter_is_none(share, is_told):
+@pytest.mark.parametrize(("share", "is_reported"), [(0.025, False), (0.06, True)])
+def test_a_trend_that_would_not_be_scatter_is_none(share, is_reported):
     # Evenly distributed, a trend has a deviation of 0.29 of itself; 1 % and two errors are 1.2 %.
     size = 80.0 * (1.0 - share * np.linspace(0.0, 1.0, 30000))
-    assert ("force_trend" in told(warming(size=size))) is is_told
+    assert ("force_trend" in told(warming(size=size))) is is_reported
 
 
 @pytest.mark.parametrize(("share", "drifts"), [(0.0, False), (0.001, False), (0.02, True)])

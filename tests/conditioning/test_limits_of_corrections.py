@@ -185,9 +185,9 @@ def scanned(monkeypatch):
     return run
 
 
-@pytest.mark.parametrize(("samples", "is_told"), [(39, False), (40, True)])
-def test_forty_samples_beside_the_ends_tell_a_skew(scanned, samples, is_told) -> None:
-    assert ("too few samples" not in scanned(samples=samples).reason) is is_told
+@pytest.mark.parametrize(("samples", "is_reported"), [(39, False), (40, True)])
+def test_forty_samples_beside_the_ends_tell_a_skew(scanned, samples, is_reported) -> None:
+    assert ("too few samples" not in scanned(samples=samples).reason) is is_reported
 
 
 @pytest.mark.parametrize(("gain", "said"), [(48.0, "no friction stands out"), (52.0, "")])
@@ -196,31 +196,33 @@ def test_friction_stands_out_by_fifty_squared_deviations(scanned, gain, said) ->
     assert (scanned(gain=gain).delay is None) is bool(said)
 
 
-@pytest.mark.parametrize(("smaller", "is_told"), [(0.39, False), (0.41, True)])
-def test_friction_jumps_alike_at_both_ends(scanned, smaller, is_told) -> None:
+@pytest.mark.parametrize(("smaller", "is_reported"), [(0.39, False), (0.41, True)])
+def test_friction_jumps_alike_at_both_ends(scanned, smaller, is_reported) -> None:
     found = scanned(jumps=(smaller, 1.0))
-    assert (found.delay is not None) is is_told
-    assert is_told or "not friction alone" in found.reason
+    assert (found.delay is not None) is is_reported
+    assert is_reported or "not friction alone" in found.reason
 
 
-@pytest.mark.parametrize(("sharp", "is_told"), [(1.45, True), (1.55, False)])
-def test_a_jump_is_rounded_where_that_misses_two_thirds(scanned, sharp, is_told) -> None:
+@pytest.mark.parametrize(("sharp", "is_reported"), [(1.45, True), (1.55, False)])
+def test_a_jump_is_rounded_where_that_misses_two_thirds(scanned, sharp, is_reported) -> None:
     found = scanned(rests={0.0: sharp, 1e-4: sharp, 1e-3: 1.0})
-    assert (found.delay is not None) is is_told
-    assert is_told or "is rounded by" in found.reason
+    assert (found.delay is not None) is is_reported
+    assert is_reported or "is rounded by" in found.reason
 
 
-@pytest.mark.parametrize(("width", "is_told"), [(1e-3, True), (3e-3, False)])
-def test_a_jump_rounded_over_more_than_a_millisecond_tells_nothing(scanned, width, is_told) -> None:
-    assert (scanned(rests={0.0: 1.2, 1e-4: 1.2, width: 1.0}).delay is not None) is is_told
+@pytest.mark.parametrize(("width", "is_reported"), [(1e-3, True), (3e-3, False)])
+def test_a_jump_rounded_over_more_than_a_millisecond_tells_nothing(
+    scanned, width, is_reported
+) -> None:
+    assert (scanned(rests={0.0: 1.2, 1e-4: 1.2, width: 1.0}).delay is not None) is is_reported
 
 
-@pytest.mark.parametrize(("late", "is_told"), [(0.0091, True), (0.0093, False)])
-def test_a_force_is_ten_milliseconds_late_at_most(scanned, late, is_told) -> None:
+@pytest.mark.parametrize(("late", "is_reported"), [(0.0091, True), (0.0093, False)])
+def test_a_force_is_ten_milliseconds_late_at_most(scanned, late, is_reported) -> None:
     """Known to half a step of the scan, and a step before its end is beyond it."""
     found = scanned(late=late)
-    assert (found.delay is not None) is is_told
-    assert is_told or "more than 10 ms" in found.reason
+    assert (found.delay is not None) is is_reported
+    assert is_reported or "more than 10 ms" in found.reason
 
 
 # A logged velocity

@@ -165,12 +165,12 @@ def test_where_it_cannot_be_told_it_says_so_and_changes_nothing(case) -> None:
     assert np.array_equal(plain.force, auto.force)
 
 
-@pytest.mark.parametrize(("friction", "is_told"), [(11.0, False), (14.0, True)])
-def test_friction_must_stand_out_fifty_times_of_the_noise(friction, *, is_told) -> None:
+@pytest.mark.parametrize(("friction", "is_reported"), [(11.0, False), (14.0, True)])
+def test_friction_must_stand_out_fifty_times_of_the_noise(friction, *, is_reported) -> None:
     # The squares that the jump explains go with its own: 43 and 69 times the noise's variance.
     finding = skew_of(late_log(10, 0.002, f_f=friction, noise=8.0))
-    assert (finding.value is not None) is is_told
-    assert ("no friction stands out" in finding.sentence) is not is_told
+    assert (finding.value is not None) is is_reported
+    assert ("no friction stands out" in finding.sentence) is not is_reported
 
 
 @pytest.mark.parametrize("delay", [0.0031, -0.0031, 0.002])

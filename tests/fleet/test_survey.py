@@ -64,15 +64,15 @@ def test_far_off_begins_at_eight_deviations(distance, is_far):
         assert line.n_outliers == 1
 
 
-@pytest.mark.parametrize(("n", "is_told"), [(7, False), (8, True)])
-def test_far_off_takes_eight_dampers(n, is_told):
+@pytest.mark.parametrize(("n", "is_reported"), [(7, False), (8, True)])
+def test_far_off_takes_eight_dampers(n, is_reported):
     found = survey(fleet_table(n, changed={("D3", "2"): {REBOUND: 5000.0}}))
-    assert bool(found.outliers) is is_told
+    assert bool(found.outliers) is is_reported
     # Fewer are shown one by one, without a band.
     plot = series_plots(found)[1]
     lines = plot.panels[0].lines
-    assert any(line.low is not None for line in lines) is is_told
-    assert ("No setting has 8 dampers" in fleet_page(found, title="x")) is not is_told
+    assert any(line.low is not None for line in lines) is is_reported
+    assert ("No setting has 8 dampers" in fleet_page(found, title="x")) is not is_reported
 
 
 @pytest.mark.parametrize(("share", "is_far"), [(0.0079, False), (0.0081, True)])

@@ -159,7 +159,7 @@ def _errors(outcomes: list[Outcome]) -> list[str]:
             if name.endswith(part)
         ]
         if found:
-            errors = [error for error, is_told in found if is_told]
+            errors = [error for error, is_reported in found if is_reported]
             within = sum(error <= bar for error in errors)
             said.append(
                 f"  {part}: {within} of {len(errors)} told within {bar:g} %, worst "

@@ -58,7 +58,7 @@ def test_where_r_m3_comes_from_is_said_where_it_is_not_the_lowest_setting(
 
 
 @pytest.mark.parametrize(
-    ("status", "k_e", "error", "is_told"),
+    ("status", "k_e", "error", "is_reported"),
     [
         ("fitted", "fitted", 0.99, True),
         ("fitted", "fitted", 1.01, False),
@@ -67,10 +67,10 @@ def test_where_r_m3_comes_from_is_said_where_it_is_not_the_lowest_setting(
         ("not_identifiable", "fitted", 0.01, False),
     ],
 )
-def test_r_m3_is_told_by_its_own_status_and_error(status, k_e, error, is_told) -> None:
+def test_r_m3_is_told_by_its_own_status_and_error(status, k_e, error, is_reported) -> None:
     limit = first_pass.NOT_FIT_TO_SHARE
     one = judged(status, k_e=k_e, error=error * limit)
-    assert _tells_r_m3(one) is is_told
+    assert _tells_r_m3(one) is is_reported
 
 
 @pytest.mark.parametrize(("rise", "is_contradicted"), [(0.0383, False), (0.0386, True)])

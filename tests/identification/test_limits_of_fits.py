@@ -192,11 +192,11 @@ def test_a_cavitating_fit_has_the_others_r_m3_within_a_quarter(ratio, is_right) 
     assert _is_right_all_the_same(one, 2e6) is is_right
 
 
-@pytest.mark.parametrize(("error", "is_told"), [(0.32, True), (0.345, False)])
-def test_what_all_settings_share_is_three_errors_from_nothing(error, is_told) -> None:
+@pytest.mark.parametrize(("error", "is_reported"), [(0.32, True), (0.345, False)])
+def test_what_all_settings_share_is_three_errors_from_nothing(error, is_reported) -> None:
     one = judged()
     one.errors["r_m3"] = error
-    assert _tells_r_m3(one) is is_told
+    assert _tells_r_m3(one) is is_reported
 
 
 # Starting again

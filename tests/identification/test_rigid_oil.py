@@ -70,7 +70,7 @@ def _check(setting: int, amplitude: float, noise: float) -> None:
     low, high = assessment.limits(setting, "k_e")
     assert high is None
     assert 5e7 < low < fit.parameters.k_e <= 1e11
-    said = next(text for text in assessment.untold(campaign) if text.startswith("k_e"))
+    said = next(text for text in assessment.undetermined(campaign) if text.startswith("k_e"))
     assert f"not identifiable upward: at least {low:.4g} Pa (95 %)" in said
     assert said in assessment.doubts(campaign)
     # A few times the evaluations of an ordinary setting, which has some 25.

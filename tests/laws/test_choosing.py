@@ -75,8 +75,8 @@ def test_a_part_at_its_edge_does_not_speak_against_the_other_stroke() -> None:
 
 
 def test_what_no_setting_determines_is_unseen() -> None:
-    one = replace(tried(1.0, 4).fits[0], untold=NAMES[:2])
-    other = replace(one, untold=(), at_bound=NAMES[1:3])
+    one = replace(tried(1.0, 4).fits[0], undetermined=NAMES[:2])
+    other = replace(one, undetermined=(), at_bound=NAMES[1:3])
     assert Tried("law", (one, other)).unseen == {NAMES[1]}
 
 

@@ -50,9 +50,9 @@ def test_gas_that_nobody_declared_is_told(
         assert layout.gas_volume == pytest.approx(volume, rel=1e-3)
         assert (layout.gas_pressure, layout.gas_exponent) == (pressure, exponent)
     said = " ".join((*_assumed(configuration), *configuration.notes))
-    is_told = "rod_diameter" in declared
-    assert ("laws of real valves were tried with" in said) is is_told
-    assert ("30 cm3 of gas" in said) is (is_told and "gas_length" not in declared)
+    is_reported = "rod_diameter" in declared
+    assert ("laws of real valves were tried with" in said) is is_reported
+    assert ("30 cm3 of gas" in said) is (is_reported and "gas_length" not in declared)
 
 
 @pytest.mark.parametrize("declared", [

@@ -27,6 +27,7 @@ def test_a_larger_law_may_fit_worse_by_two_per_cent(monkeypatch, mse, is_kept) -
 @pytest.mark.parametrize(("n", "said"), [(3, "at settings 0, 1, 2"), (4, "at 4 of 5 settings")])
 def test_three_settings_that_determine_a_number_are_named(n, said) -> None:
     fits = [
-        SimpleNamespace(setting=k, untold=() if k < n else ("lag",), at_bound=()) for k in range(5)
+        SimpleNamespace(setting=k, undetermined=() if k < n else ("lag",), at_bound=())
+        for k in range(5)
     ]
     assert _where(fits, "lag").startswith(f" {said}; the logs of the others")

@@ -57,7 +57,7 @@ def test_lag_and_elasticity_ask_for_a_second_frequency(second: float, *, is_open
 
 
 def test_an_unopened_blow_off_asks_for_a_faster_test_and_names_its_settings() -> None:
-    fits = [fit(1), fit(2, untold=("compression_opening", "compression_slope"))]
+    fits = [fit(1), fit(2, undetermined=("compression_opening", "compression_slope"))]
     (said,) = told(fits, 1.0, 2.0)
     assert said == (
         "Where the blow-off opens in bump, and how it goes on at setting 2: a test faster than the "

@@ -34,7 +34,7 @@ class Accuracy:
 
     errors: dict[str, float]
     covered: dict[str, bool]
-    untold: tuple[str, ...] = ()
+    undetermined: tuple[str, ...] = ()
     said: tuple[str, ...] = field(default=())
 
     def of(self, part: str) -> list[float]:
@@ -82,14 +82,14 @@ def measured(kind: str, seed: int, *, has_play: bool = False) -> Accuracy:
     trace, clean = traces_of(model, truth, seed)
     campaign = identify([trace], model, FitOptions("plain", solver=SOLVER))
     fit, (known,) = campaign.fits[0], assess(campaign, model).uncertainties
-    errors, covered, untold = {}, {}, []
+    errors, covered, undetermined = {}, {}, []
     for name in model.names:
         part = next((one for one in BARS if name.endswith(one)), "")
         if not part:
             continue
         true, value = getattr(truth, name), getattr(fit.parameters, name)
         if fit.status[name].value not in _TOLD:
-            untold.append(name)
+            undetermined.append(name)
             continue
         errors[name] = 100.0 * abs(value / true - 1.0)
         interval = known.intervals[name]
@@ -104,7 +104,7 @@ def measured(kind: str, seed: int, *, has_play: bool = False) -> Accuracy:
             error = abs(peak(part_of) - peak(true_part))
             damping = abs(peak(true_part) - level)
             errors[f"{stroke}_{k}_force"] = float(100.0 * error / damping)
-    return Accuracy(errors, covered, tuple(untold), tuple(campaign.warnings))
+    return Accuracy(errors, covered, tuple(undetermined), tuple(campaign.warnings))
 
 
 def main() -> None:
@@ -116,7 +116,7 @@ def main() -> None:
     for kind in KINDS:
         found = [measured(kind, seed, has_play=given.play) for seed in range(given.dampers)]
         held = [one for accuracy in found for one in accuracy.covered.values()]
-        lost = sum(len(one.untold) for one in found)
+        lost = sum(len(one.undetermined) for one in found)
         said = f"{sum(held)} of {len(held)} in their intervals, {lost} not told"
         print(f"{kind}: {said}", flush=True)
         for part, bar in BARS.items():

@@ -22,8 +22,8 @@ def test_a_stroke_has_twelve_samples_near_the_speed(n, is_read) -> None:
     assert not is_read or found == pytest.approx(0.85 * 500.0)
 
 
-@pytest.mark.parametrize(("left", "is_told"), [(0.24, True), (0.26, False)])
-def test_fits_of_each_log_leave_a_quarter_of_what_both_miss(monkeypatch, left, is_told) -> None:
+@pytest.mark.parametrize(("left", "is_reported"), [(0.24, True), (0.26, False)])
+def test_fits_of_each_log_leave_a_quarter_of_what_both_miss(monkeypatch, left, is_reported) -> None:
     force = np.sin(np.linspace(0.0, 20.0, 200))
     log = SimpleNamespace(force=force, compared=slice(None))
     met = SimpleNamespace(first=log, second=log, differs=True)
@@ -34,7 +34,7 @@ def test_fits_of_each_log_leave_a_quarter_of_what_both_miss(monkeypatch, left, i
 
     monkeypatch.setattr(like_speeds, "_missed", missed)
     monkeypatch.setattr(like_speeds, "_meeting", lambda *_: met)
-    assert like_speeds._is_left_by_fits(met, None) is is_told
+    assert like_speeds._is_left_by_fits(met, None) is is_reported
 
 
 @pytest.mark.parametrize(("n", "is_said"), [(1, False), (2, True)])

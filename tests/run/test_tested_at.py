@@ -13,7 +13,7 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.readers import read_tests
-from damperfit.run.rod_area import rod_told, with_rod_remark
+from damperfit.run.rod_area import rod_area_ratio, with_rod_remark
 from damperfit.run.same_setting import share_a_motion, without_contradictions
 from damperfit.run.tested_at import conditioned_as_tested
 from damperfit.simulation import motion_of, simulate
@@ -122,8 +122,8 @@ def test_tests_at_several_pressures_are_fitted_together() -> None:
     for name in ("r_m1", "r_m2", "r_m3", "k_e", "f_f"):
         assert getattr(fit.parameters, name) == pytest.approx(getattr(true, name), rel=0.02), name
     assert fit.mse_percent < 0.01
-    untold = [replace(log, gas_pressure=None) for log in logs]
-    assert identify(untold, PURDY_DAMPER, options).fits[0].mse_percent > 0.5
+    without_pressure = [replace(log, gas_pressure=None) for log in logs]
+    assert identify(without_pressure, PURDY_DAMPER, options).fits[0].mse_percent > 0.5
 
 
 def test_tests_at_two_pressures_contradict_nothing() -> None:
@@ -135,16 +135,19 @@ def test_tests_at_two_pressures_contradict_nothing() -> None:
 
 def test_the_level_over_pressure_tells_the_rod() -> None:
     logs = logs_at([3e5, 4.6e5, 9e5])
-    assert rod_told(logs, PURDY_DAMPER) == pytest.approx(1.0, abs=0.02)
+    assert rod_area_ratio(logs, PURDY_DAMPER) == pytest.approx(1.0, abs=0.02)
     assert with_rod_remark(batch(*logs), PURDY_DAMPER).remarks == ()
     # Declared 4 % too thin, its area is 8 % too small; 2 % are within the limit of 5 % of it.
     thin = replace(PURDY_DAMPER, rod_diameter=0.96 * PURDY_DAMPER.rod_diameter)
-    assert rod_told(logs, thin) == pytest.approx(1.085, abs=0.02)
+    assert rod_area_ratio(logs, thin) == pytest.approx(1.085, abs=0.02)
     (said,) = with_rod_remark(batch(*logs), thin).remarks
     assert "a rod of 1.07 times the declared area" in said
     near = replace(PURDY_DAMPER, rod_diameter=0.98 * PURDY_DAMPER.rod_diameter)
     assert with_rod_remark(batch(*logs), near).remarks == ()
-    assert rod_told(logs[:1], PURDY_DAMPER) is None
-    assert rod_told([replace(log, setting=k) for k, log in enumerate(logs)], PURDY_DAMPER) is None
-    untold = [replace(log, gas_pressure=None) for log in logs]
-    assert rod_told(untold, PURDY_DAMPER) is None
+    assert rod_area_ratio(logs[:1], PURDY_DAMPER) is None
+    assert (
+        rod_area_ratio([replace(log, setting=k) for k, log in enumerate(logs)], PURDY_DAMPER)
+        is None
+    )
+    without_pressure = [replace(log, gas_pressure=None) for log in logs]
+    assert rod_area_ratio(without_pressure, PURDY_DAMPER) is None

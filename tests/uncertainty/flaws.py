@@ -112,8 +112,8 @@ def outcomes(flaw: Flaw, settings: tuple[int, ...], seed: int) -> list[tuple[str
     fits = reconsider(campaign, assessment).fits
     for fit, one in zip(fits, assessment.diagnoses, strict=True):
         misfit = tuple(hint.name for hint in one.hints) or (("?",) if one.is_structured else ())
-        untold = (name for name, status in fit.status.items() if status == "not_identifiable")
-        names.append((*misfit, *untold))
+        undetermined = (name for name, status in fit.status.items() if status == "not_identifiable")
+        names.append((*misfit, *undetermined))
     return names
 
 

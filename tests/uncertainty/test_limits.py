@@ -206,12 +206,12 @@ def test_a_fake_fit_has_converged() -> None:
 @pytest.mark.parametrize("cycles", [1, 2])
 def test_noise_is_told_from_a_misfit_from_two_cycles_on(cycles: int) -> None:
     found = diagnose(repeating(0.0, noise=1.0, cycles=cycles))
-    is_told = cycles == 2
-    assert math.isfinite(found.noise_percent) is is_told
-    assert math.isfinite(found.runs_ratio) is is_told
+    is_reported = cycles == 2
+    assert math.isfinite(found.noise_percent) is is_reported
+    assert math.isfinite(found.runs_ratio) is is_reported
     single = f"MSE {found.mse_percent:.2g} %; a single cycle cannot separate noise from lack of fit"
-    assert (found.sentence == single) is not is_told
-    assert ("% is noise" in found.sentence) is is_told
+    assert (found.sentence == single) is not is_reported
+    assert ("% is noise" in found.sentence) is is_reported
 
 
 @pytest.mark.parametrize(
@@ -236,6 +236,10 @@ def test_a_common_friction_is_in_doubt_where_the_settings_own_differ(
     assert [hint.words for hint in found.hints] == ([] if words is None else [words])
 
 
-@pytest.mark.parametrize(("cycles", "is_told"), [(1, False), (2, False), (3, True)])
-def test_a_correlation_at_a_cycle_takes_more_than_two_cycles(cycles: int, *, is_told: bool) -> None:
-    assert math.isfinite(diagnose(repeating(0.0, noise=1.0, cycles=cycles)).correlation) is is_told
+@pytest.mark.parametrize(("cycles", "is_reported"), [(1, False), (2, False), (3, True)])
+def test_a_correlation_at_a_cycle_takes_more_than_two_cycles(
+    cycles: int, *, is_reported: bool
+) -> None:
+    assert (
+        math.isfinite(diagnose(repeating(0.0, noise=1.0, cycles=cycles)).correlation) is is_reported
+    )

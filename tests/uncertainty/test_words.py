@@ -29,7 +29,7 @@ from damperfit.uncertainty.gas import GasContent
 from damperfit.uncertainty.intervals import make_interval
 from damperfit.uncertainty.profiles import MisfitProfile, ProfilePoint, signed_root
 from damperfit.uncertainty.residuals import scatter_between_cycles
-from damperfit.uncertainty.verdicts import doubts, untold, verdicts
+from damperfit.uncertainty.verdicts import doubts, undetermined, verdicts
 from tests import fakes
 
 
@@ -316,7 +316,7 @@ def test_a_covariance_is_positive(rows, *, is_positive) -> None:
 
 def test_a_setting_that_nobody_judged_does_not_hide_those_behind_it() -> None:
     fits = [fakes.fit(n, status={"k_e": "not_identifiable"}) for n in (1, 2, 3)]
-    said = untold(fits, {1: known(1), 3: known(3)}, Sharing(), {})
+    said = undetermined(fits, {1: known(1), 3: known(3)}, Sharing(), {})
     assert [text.partition(":")[0] for text in said] == ["k_e at setting 1", "k_e at setting 3"]
 
 

@@ -242,9 +242,9 @@ def _source(judged: Mapping[Setting, Judged], lowest: Setting) -> Setting | None
 
 def _is_right_all_the_same(judged: Judged, r_m3: float | None) -> bool:
     """Whether a cavitating fit lies in no wrong valley: excellent, and with the R_m3 of others."""
-    is_told = all(error < NOT_FIT_TO_SHARE for error in judged.errors.values())
+    is_determined = all(error < NOT_FIT_TO_SHARE for error in judged.errors.values())
     is_same = r_m3 is not None and abs(judged.solution.parameters.r_m3 / r_m3 - 1.0) < _SAME_R_M3
-    return is_told and is_same and judged.solution.mse_percent < EXCELLENT
+    return is_determined and is_same and judged.solution.mse_percent < EXCELLENT
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -351,7 +351,7 @@ def _free_everywhere(
         misfit = given.misfit(setting, names)
         known = {**fixed, "r_m3": anchor.r_m3, "f_f": anchor.f_f}
         start = starting_values(misfit.traces, damper, known, anchor.k_e)
-        return fit_guided(misfit, given.told(setting, start, fixed), REBOUND)
+        return fit_guided(misfit, given.with_given_start(setting, start, fixed), REBOUND)
 
     with executor(given.jobs) as pool:
         found = pool.map(lambda setting: attempted(setting, lambda: one(setting)), settings)

@@ -75,7 +75,7 @@ def parameter_plots(
             for row in known
         ]
         trend = told.get(name)
-        curve = _told_trend(trend, scale.factor) if trend else ()
+        curve = _trend_lines(trend, scale.factor) if trend else ()
         along = [one for one in lined if one.parameter == name]
         lines = (
             *(curve or (() if names else _quadratic(known, name, scale.factor))),
@@ -159,7 +159,7 @@ def _point(row: Row, name: str, factor: float, colour: str, far: Mapping[Setting
     )
 
 
-def _told_trend(trend: Trend, factor: float) -> tuple[Line, ...]:
+def _trend_lines(trend: Trend, factor: float) -> tuple[Line, ...]:
     if not trend.points:
         return ()
     x, y, low, high = (

@@ -19,20 +19,22 @@ __all__ = ["click_sheet"]
 
 
 def click_sheet(clicks: Sequence[Click]) -> Sheet:
-    """Return one row per click: the change of force at the highest speed told, by stroke."""
+    """Return one row per click: the change of force at the highest speed, by stroke."""
     fastest = max((click.speed for click in clicks), default=0.0)
     shown = [click for click in clicks if click.speed == fastest]
     steps = sorted({(click.first, click.second) for click in shown})
     cells = {(click.first, click.second, click.stroke): click for click in shown}
 
-    def told(step: tuple[Setting, Setting], stroke: str) -> str:
+    def change_of(step: tuple[Setting, Setting], stroke: str) -> str:
         click = cells.get((*step, stroke))
         return NOTHING if click is None else with_interval(click.change, click.high, plus="+")
 
     return Sheet(
         headings=("click", "rebound", "bump"),
         units=("", "N", "N"),
-        rows=tuple((_words(*step), told(step, "rebound"), told(step, "bump")) for step in steps),
+        rows=tuple(
+            (_words(*step), change_of(step, "rebound"), change_of(step, "bump")) for step in steps
+        ),
         is_number=(False, True, True),
         notes=(simulated_clicks_at(fastest),) if steps else (),
     )

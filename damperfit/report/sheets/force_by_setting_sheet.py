@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.report.sheets.notes_below import (
     DAMPING_SHARE,
+    FORCE_AS_MEASURED,
     MEASURED_BESIDE_MODEL,
-    TOLD_AS_MEASURED,
     force_and_click_at,
     over_several_clicks,
     stroke_and_click_at,
@@ -81,7 +81,7 @@ def force_by_speed_sheet(rows: Sequence[Mapping[str, Any]], stroke: str) -> Shee
         rows=tuple(
             (
                 _words(setting, changed),
-                *(_told(table[setting, changed, speed], digits=4) for speed in speeds),
+                *(_force_cell(table[setting, changed, speed], digits=4) for speed in speeds),
                 *_cells(table[setting, changed, speeds[-1]])[1:],
             )
             for setting, changed in places
@@ -171,8 +171,8 @@ def _is_measured(row: Mapping[str, Any]) -> bool:
     return row.get("told_from") == "measured"
 
 
-def _told(row: Mapping[str, Any], *, digits: int | None = None) -> str:
-    """Return the force to tell: the model's, or as measured where the model misses it."""
+def _force_cell(row: Mapping[str, Any], *, digits: int | None = None) -> str:
+    """Return the force to show: the model's, or as measured where the model misses it."""
     force, high, mark = row["force_N"], row["force_ci_high_N"], ""
     if _is_measured(row):
         force, mark = row["measured_N"], " m"
@@ -183,13 +183,13 @@ def _told(row: Mapping[str, Any], *, digits: int | None = None) -> str:
 
 
 def _marks(rows: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
-    return (TOLD_AS_MEASURED,) if any(_is_measured(row) for row in rows) else ()
+    return (FORCE_AS_MEASURED,) if any(_is_measured(row) for row in rows) else ()
 
 
 def _cells(row: Mapping[str, Any]) -> tuple[str, str, str]:
     """Force and change, each with half of its 95 % interval, and the change in per cent."""
     return (
-        _told(row),
+        _force_cell(row),
         with_interval(row["change_N"], row["change_ci_high_N"], plus="+"),
         NOTHING if row["change_percent"] is None else f"{row['change_percent']:+.1f}",
     )

@@ -22,7 +22,7 @@ _NOISE_NOTE = "* read above the filter's band; otherwise from the scatter betwee
 _WIDTH = 80
 MANY_ROWS = 60  # of a table; two screens
 _ROWS_OF_REFUSED = 5  # where none of many logs can be used
-_EACH = 3  # sentences of one kind of finding that are told one by one
+_EACH = 3  # sentences of one kind of finding that are listed one by one
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
 
 
@@ -121,7 +121,7 @@ def finding_lines(
 ) -> Iterator[str]:
     """Yield the findings of all logs as lines of at most so many columns, the worst first.
 
-    A sentence that is true of several logs is told once. Notes of several logs are told as the
+    A sentence that is true of several logs is shown once. Notes of several logs are shown as the
     range of their numbers, as each sentence differs; ``has_notes`` False leaves notes out.
     """
     for line in _finding_lines(logs, has_notes=has_notes):
@@ -131,10 +131,10 @@ def finding_lines(
 def _finding_lines(logs: Sequence[Mapping[str, Any]], *, has_notes: bool) -> Iterator[str]:
     yield _verdicts(logs)
     for severity, heading in _HEADINGS.items():
-        told = _told(logs, severity)
-        if told:
+        found = _logs_by_finding(logs, severity)
+        if found:
             yield from ("", heading)
-        for text in _grouped(told):
+        for text in _grouped(found):
             yield _indented(text)
     if has_notes:
         yield from _note_lines(logs)
@@ -160,23 +160,25 @@ def _findings(log: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return found
 
 
-def _told(logs: Sequence[Mapping[str, Any]], severity: str) -> dict[tuple[str, str], list[str]]:
+def _logs_by_finding(
+    logs: Sequence[Mapping[str, Any]], severity: str
+) -> dict[tuple[str, str], list[str]]:
     """Return, by name and sentence, the logs that it is true of."""
-    told: dict[tuple[str, str], list[str]] = {}
+    found: dict[tuple[str, str], list[str]] = {}
     for log in logs:
         for one in _findings(log):
             if one["severity"] == severity:
-                told.setdefault((one["name"], one["sentence"]), []).append(log["name"])
-    return told
+                found.setdefault((one["name"], one["sentence"]), []).append(log["name"])
+    return found
 
 
-def _grouped(told: Mapping[tuple[str, str], list[str]]) -> Iterator[str]:
+def _grouped(by_finding: Mapping[tuple[str, str], list[str]]) -> Iterator[str]:
     """Yield a line for each sentence; one for each kind where it differs from log to log.
 
     Refusals share a few names; what tells their causes apart is the sentence without its numbers.
     """
     kinds: dict[tuple[str, str], list[tuple[str, list[str]]]] = {}
-    for (name, sentence), names in told.items():
+    for (name, sentence), names in by_finding.items():
         kinds.setdefault((name, shape_of(sentence)), []).append((sentence, names))
     for (name, _), found in list(kinds.items())[:MANY_KINDS]:
         if len(found) <= _EACH:
@@ -192,8 +194,7 @@ def _grouped(told: Mapping[tuple[str, str], list[str]]) -> Iterator[str]:
 
 
 def _note_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    told = _told(logs, "note")
-    if not told:
+    if not _logs_by_finding(logs, "note"):
         return
     yield from ("", "Notes")
     by_name: dict[str, list[Mapping[str, Any]]] = {}
@@ -225,15 +226,15 @@ def _short(value: float) -> str:
 
 def _reading_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield what was assumed in reading, each assumption once."""
-    told: dict[str, dict[str, list[str]]] = {}
+    found: dict[str, dict[str, list[str]]] = {}
     for log in logs:
         sentences = {one["sentence"] for one in _findings(log)}
         for note in log.get("notes", ()):
             if note not in sentences:
-                told.setdefault(shape_of(note), {}).setdefault(note, []).append(log["name"])
-    if told:
+                found.setdefault(shape_of(note), {}).setdefault(note, []).append(log["name"])
+    if found:
         yield from ("", "Read as")
-    for alike in told.values():
+    for alike in found.values():
         if len(alike) > _EACH:
             n, first = sum(map(len, alike.values())), next(iter(alike))
             yield _indented(f"{first} ({n} of {len(logs)} logs, with other names or numbers)")

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from damperfit.damper.rivals import Rival
-from damperfit.laws import UNTOLD
+from damperfit.laws import UNDETERMINED
 from damperfit.report.sheets.rounding import number
 from damperfit.report.sheets.sheet import Sheet
 
@@ -188,7 +188,7 @@ def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
             one.shown_unit or one.unit,
             *(
                 number(getattr(fit.values, one.name) / 10.0**one.power, digits=4)
-                + ("!" if one.name in fit.at_bound else "?" * (one.name in fit.untold))
+                + ("!" if one.name in fit.at_bound else "?" * (one.name in fit.undetermined))
                 for fit in fits
             ),
         )
@@ -200,9 +200,8 @@ def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
         "! at the edge of its range: not determined by these logs": any(
             fit.at_bound for fit in fits
         ),
-        f"? not determined by these logs: {UNTOLD:g} times as much or little would do as well": any(
-            fit.untold for fit in fits
-        ),
+        f"? not determined by these logs: {UNDETERMINED:g} times as much or little would do as "
+        "well": any(fit.undetermined for fit in fits),
     }
     return Sheet(
         headings=("setting", "", *(str(fit.setting) for fit in fits)),
@@ -221,7 +220,7 @@ def chosen_records(fits: Sequence[LawFit]) -> list[dict[str, Any]]:
             "values": dict(zip(fit.values.names, fit.values.numbers, strict=True)),
             "free": list(fit.free),
             "at_bound": list(fit.at_bound),
-            "not_told": list(fit.untold),
+            "not_told": list(fit.undetermined),
             "mse_percent": fit.mse_percent,
             "stretch_mse_percent": list(fit.stretches),
             "held_out_mse_percent": _finite(fit.held_out_percent),

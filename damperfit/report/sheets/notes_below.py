@@ -19,8 +19,8 @@ __all__ = [
     "BRANCHES",
     "BRANCHES_AND_RATIO",
     "DAMPING_SHARE",
+    "FORCE_AS_MEASURED",
     "MEASURED_BESIDE_MODEL",
-    "TOLD_AS_MEASURED",
     "energy_and_temperature",
     "errors_and_flags",
     "force_and_click_at",
@@ -40,7 +40,7 @@ BRANCHES_AND_RATIO = (
 MEASURED_BESIDE_MODEL = (
     "force in N, mean of all compared cycles, beside the model's on the same cycles"
 )
-TOLD_AS_MEASURED = "m measured: the model misses the force there by more than 2 %"
+FORCE_AS_MEASURED = "m measured: the model misses the force there by more than 2 %"
 _MARKS = {
     "fixed": "f fixed",
     "shared": "s shared by all settings",

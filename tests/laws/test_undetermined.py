@@ -16,7 +16,7 @@ from damperfit.identification.setting import _statuses
 from damperfit.identification.solution import Solution
 from damperfit.laws import LawFit, physics_seen
 from damperfit.laws.choosing import FEWEST_SAMPLES
-from damperfit.laws.law_fit import _untold
+from damperfit.laws.law_fit import _undetermined
 from damperfit.report import chosen_records, chosen_sheet
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
@@ -35,24 +35,24 @@ def point(error: float) -> Point[None]:
     return Point(np.ones(2), np.full(100, 1e-3), jacobian, cost, None)
 
 
-@pytest.mark.parametrize(("factor", "is_untold"), [(0.99, False), (1.01, True)])
-def test_an_error_beyond_the_limit_is_untold(factor: float, *, is_untold: bool) -> None:
+@pytest.mark.parametrize(("factor", "is_undetermined"), [(0.99, False), (1.01, True)])
+def test_an_error_beyond_the_limit_is_undetermined(factor: float, *, is_undetermined: bool) -> None:
     names = ("compression_opening", "rebound_bleed")
-    found = _untold(point(factor * math.log(1.65)), MODEL, names, 3)
-    assert found == (names[:1] if is_untold else ())
+    found = _undetermined(point(factor * math.log(1.65)), MODEL, names, 3)
+    assert found == (names[:1] if is_undetermined else ())
 
 
-def test_a_column_of_zeros_is_untold_and_an_offset_never() -> None:
+def test_a_column_of_zeros_is_undetermined_and_an_offset_never() -> None:
     flat = replace(point(0.1), jacobian=np.zeros((100, 2)))
-    assert _untold(flat, MODEL, ("rebound_opening", "f_0"), 3) == ("rebound_opening",)
+    assert _undetermined(flat, MODEL, ("rebound_opening", "f_0"), 3) == ("rebound_opening",)
 
 
-def found(setting: int, opening: float, untold: tuple[str, ...] = ()) -> LawFit:
+def found(setting: int, opening: float, undetermined: tuple[str, ...] = ()) -> LawFit:
     numbers = {one.name: one.default or 1e5 for one in MODEL.quantities}
     values = MODEL.values(numbers | {"rebound_opening": opening})
     own = Setting.of(setting)
     return LawFit(
-        own, MODEL, values, NAMES, (), 0.01, (0.01,), math.nan, "", (np.zeros(3),), 9, untold
+        own, MODEL, values, NAMES, (), 0.01, (0.01,), math.nan, "", (np.zeros(3),), 9, undetermined
     )
 
 
