@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -98,34 +98,34 @@ def figures_of(
 def _hysteresis(speed: FloatArray, force: FloatArray, at: float) -> float:
     """Return the mean force where the speed rises through a value, less that where it falls."""
     opening, closing = branch_forces(speed, force, at)
-    return opening - closing
+    return float(opening - closing)
 
 
-def branch_forces(speed: FloatArray, force: FloatArray, at: float) -> tuple[float, float]:
+def branch_forces(speed: FloatArray, force: FloatArray, at: float) -> tuple[Any, Any]:
     """Return the mean force where the speed rises through a value, and where it falls.
 
     Parameters
     ----------
     speed, force : numpy.ndarray
-        Shape (n,); m/s, of a stroke positive; N.
+        Shape (n,); m/s, of a stroke positive; N. Several forces: shape (k, n).
     at : float
         m/s.
 
     Returns
     -------
-    opening, closing : float
-        N; NaN where the speed is never passed so.
+    opening, closing : float or numpy.ndarray
+        N, of several forces shape (k,); NaN where the speed is never passed so.
     """
-    beyond = speed - at
-    before, behind = beyond[:-1], beyond[1:]
+    is_below = speed < at
+    before, behind = is_below[:-1], is_below[1:]
     branches = []
-    for places in (
-        np.flatnonzero((before < 0.0) & (behind >= 0.0)),
-        np.flatnonzero((before >= 0.0) & (behind < 0.0)),
-    ):
+    for passed in (before & ~behind, behind & ~before):
+        places = np.flatnonzero(passed)
         if not len(places):
-            branches.append(math.nan)
+            branches.append(np.full(force.shape[:-1], math.nan)[()])
             continue
-        share = before[places] / (before[places] - behind[places])
-        branches.append(float(np.mean(force[places] + share * (force[places + 1] - force[places]))))
+        ahead = speed[places] - at
+        share = ahead / (ahead - (speed[places + 1] - at))
+        there = force[..., places]
+        branches.append(np.mean(there + share * (force[..., places + 1] - there), axis=-1))
     return branches[0], branches[1]

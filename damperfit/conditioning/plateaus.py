@@ -12,6 +12,7 @@ the others of their direction.
 
 from __future__ import annotations
 
+from bisect import bisect_left, insort
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -151,16 +152,30 @@ def _parts(
     period: FloatArray, amplitude: FloatArray, allowed: tuple[float, float]
 ) -> list[tuple[int, int]]:
     """Cut a run where a cycle is off the median of the last ones since the last cut."""
+    channels = list(zip((period.tolist(), amplitude.tolist()), allowed, strict=True))
+    # In order at all times: a median sought anew for each cycle took a tenth of the conditioning.
+    recent: list[list[float]] = [[values[0]] for values, _ in channels]
     parts, first = [], 0
     for k in range(1, len(period) + 1):
         if k < len(period) and all(
-            abs(values[k] / float(np.median(values[max(first, k - _RECENT) : k])) - 1.0) <= share
-            for values, share in zip((period, amplitude), allowed, strict=True)
+            abs(values[k] / _middle(order) - 1.0) <= share
+            for (values, share), order in zip(channels, recent, strict=True)
         ):
+            for (values, _), order in zip(channels, recent, strict=True):
+                insort(order, values[k])
+                if k - first >= _RECENT:
+                    del order[bisect_left(order, values[k - _RECENT])]
             continue
         parts.append((first, k))
         first = k
+        recent = [values[k : k + 1] for values, _ in channels]
     return parts
+
+
+def _middle(order: list[float]) -> float:
+    """Return the median of values in order."""
+    half = len(order) // 2
+    return order[half] if len(order) % 2 else 0.5 * (order[half - 1] + order[half])
 
 
 def _trimmed(

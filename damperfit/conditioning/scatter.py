@@ -108,15 +108,13 @@ def scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
         return math.nan
     positions = starts[:-1, None] + np.diff(starts)[:, None] * phases
     weights, index = _cubic(positions, len(trace.force))
-    folded = np.sum([w * trace.force[index + k] for k, w in enumerate(weights)], axis=0)
+    folded = _at(trace.force, weights, index)
     scatter = float(np.mean(np.var(folded, axis=0, ddof=1)))
     design = trace.model_filter
     correlation = _autocorrelation(design.sections.tobytes(), design.is_zero_phase)
-    kept = sum(
-        float(np.mean(weights[i] * weights[j])) * correlation[abs(i - j)]
-        for i in range(4)
-        for j in range(4)
-    )
+    rows = np.stack([weight.ravel() for weight in weights])
+    lags = np.abs(np.subtract.outer(np.arange(4), np.arange(4)))
+    kept = float(np.sum(rows @ rows.T * correlation[lags])) / rows.shape[1]
     return float(scatter / kept)
 
 
@@ -135,16 +133,24 @@ def noise_beside_motion(trace: Trace) -> float:
     weights, index = _cubic(positions, len(trace.force))
 
     def off_mean(values: FloatArray) -> FloatArray:
-        folded = np.sum([w * values[index + k] for k, w in enumerate(weights)], axis=0)
+        folded = _at(values, weights, index)
         return np.asarray((folded - folded.mean(axis=0)).ravel())
 
     x, v, f = trace.displacement, trace.velocity, trace.force
     columns = [off_mean(x), off_mean(v), off_mean(v * np.abs(v))]
     basis = np.stack([one / max(float(np.abs(one).max()), 1e-300) for one in columns], axis=-1)
     force = off_mean(f)
-    rest = force - basis @ np.linalg.lstsq(basis, force, rcond=None)[0]
+    rest = force - basis @ np.linalg.lstsq(basis.T @ basis, basis.T @ force, rcond=None)[0]
     whole = float(force @ force)
     return noise_floor(trace) * (float(rest @ rest) / whole if whole > 0.0 else 1.0)
+
+
+def _at(values: FloatArray, weights: list[FloatArray], index: NDArray[np.int64]) -> FloatArray:
+    """Return values between samples, by the weights of four neighbours."""
+    found = weights[0] * values[index]
+    for k, weight in enumerate(weights[1:], start=1):
+        found += weight * values[index + k]
+    return np.asarray(found)
 
 
 def _cubic(positions: FloatArray, n: int) -> tuple[list[FloatArray], NDArray[np.int64]]:

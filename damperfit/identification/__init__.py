@@ -11,11 +11,12 @@ if TYPE_CHECKING:
     from damperfit.identification.campaign import PROCEDURES, Campaign, identify
     from damperfit.identification.failures import SettingFailure
     from damperfit.identification.given_start import GivenStart, check_start
+    from damperfit.identification.log_fit import LogFit
     from damperfit.identification.model_versus_log import Comparison, compare, normalised_mse
     from damperfit.identification.multistart import Search, Valley, describe_searches
     from damperfit.identification.options import DETECT, FitOptions, check_options, shared_names
     from damperfit.identification.outcome import Outcome, Status
-    from damperfit.identification.setting import Fit, LogFit
+    from damperfit.identification.setting import Fit
     from damperfit.identification.sharing import Sharing
     from damperfit.identification.unseen import put_together
 
@@ -51,7 +52,7 @@ _LATE = {
     "Fit": "setting",
     "FitOptions": "options",
     "GivenStart": "given_start",
-    "LogFit": "setting",
+    "LogFit": "log_fit",
     "Outcome": "outcome",
     "PROCEDURES": "campaign",
     "Search": "multistart",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -64,9 +63,7 @@ def _on_cycles(
     parts = []
     is_cavitating = False
     for one in cycles.cycles:
-        solver = misfit.solver
-        if one.dead_band > solver.dead_band:
-            solver = replace(solver, dead_band=one.dead_band)
+        solver = one.solver(misfit.solver)
         response = simulate(
             parameters, misfit.damper, one.motion, sensitivities=misfit.free, options=solver
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from damperfit.identification.descent import (
     approach,
     descend,
 )
+from damperfit.identification.log_fit import LogFit, SeenLog
 from damperfit.identification.minimiser import inverse_information
 from damperfit.identification.model_versus_log import compare, normalised_mse
 from damperfit.identification.one_speed import ONE_SPEED, inseparable
@@ -28,7 +30,6 @@ if TYPE_CHECKING:
     from damperfit.damper.cavitation import Cavitation
     from damperfit.damper.detour import Detour
     from damperfit.damper.model import Values
-    from damperfit.recording import Trace
     from damperfit.tested.setting import Setting
 
 __all__ = [
@@ -57,28 +58,6 @@ _NO_FRICTION = 1e-2
 _CLEARLY_BETTER = 1.5
 # MSE in per cent that the paper calls excellent; the wrong valley's is about 2 %.
 EXCELLENT = 1.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LogFit:
-    """How one log of a setting is met by the setting's parameters.
-
-    Attributes
-    ----------
-    trace : Trace
-        The log as compared.
-    mse_percent : float
-        Eq. (22) over the log's steady whole cycles.
-    noise_floor_percent : float
-        What scatter between the cycles alone costs in the same measure; NaN for a single cycle.
-    stretch_mse_percent : tuple of float
-        Eq. (22) over each stretch of the log alone, by the stretch's own variance.
-    """
-
-    trace: Trace
-    mse_percent: float
-    noise_floor_percent: float
-    stretch_mse_percent: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -338,13 +317,23 @@ def describe_fit(setting: Setting, judged: Judged, misfit: Misfit) -> Fit:
     """Return the `Fit` of a judged solution: figures per log, cavitation."""
     parameters = judged.solution.parameters
     logs, seen, misses, floors = [], [], [], []
+    cycles = iter(misfit.cycles.cycles if misfit.cycles is not None else ())
     for trace in misfit.traces:
         comparison = compare(parameters, trace, misfit.damper, solver=misfit.solver)
         part = trace.compared
         measured, simulated = trace.force[part], comparison.force[part]
         alone = tuple(normalised_mse(measured[at], simulated[at]) for at in trace.places)
         mse = normalised_mse(measured, simulated)
-        logs.append(LogFit(trace, mse, noise_floor(trace), alone))
+        kept = SeenLog(
+            parameters,
+            trace,
+            misfit.damper,
+            misfit.solver,
+            comparison.force.copy(),  # not a view that keeps more
+            comparison.response.pressures,
+            tuple(islice(cycles, len(trace.stretches))),
+        )
+        logs.append(LogFit(trace, mse, noise_floor(trace), alone, kept))
         seen.append((trace, comparison.response))
         misses.append(simulated - measured)
         floors.append(logs[-1].noise_floor_percent / 100.0 * np.var(measured) * len(measured))

@@ -18,7 +18,7 @@ Not for a last word: a drift, or a state that needs more than half a cycle, is f
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.recording import Stretch, Trace
-    from damperfit.simulation import Response
+    from damperfit.simulation import Response, SolverOptions
 
     FloatArray = NDArray[np.float64]
 
@@ -49,6 +49,8 @@ _SETTLING = 0.25
 # Samples by which cycles may be out of step and still be those of one period; by which the last
 # cycle's samples may fall beside the first's and still be on the same places.
 _IN_STEP = 0.5
+# Samples on each side of a cycle that a value between two of them is made of.
+_MARGIN = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,6 +71,10 @@ class SettledCycle:
         Half width of the friction's dead band that a sample's length is, m/s; 0: the solver's own.
     n_cycles : int
         Cycles that it is the mean of.
+    starts : numpy.ndarray
+        Shape (n_cycles + 1,), where in the trace the cycles begin and the last one ends, samples.
+    turn : int
+        Sample that a cycle's beginning is of ``force``.
     """
 
     motion: Motion
@@ -77,14 +83,40 @@ class SettledCycle:
     factor: FloatArray
     dead_band: float = 0.0
     n_cycles: int = 1
+    starts: FloatArray = field(default_factory=lambda: np.empty(0))
+    turn: int = 0
+
+    def solver(self, options: SolverOptions) -> SolverOptions:
+        """Return how to integrate it."""
+        if self.dead_band > options.dead_band:
+            return replace(options, dead_band=self.dead_band)
+        return options
 
     def rows(self, response: Response) -> FloatArray:
         """Return residuals and derivatives, behind the filter, weighed: (1 + k, n)."""
-        rows = np.stack([response.force, *response.sensitivities.values()])
-        n = len(self.force)
-        rows = np.fft.irfft(np.fft.rfft(rows[:, -n:], axis=1) * self.gain, n, axis=1)
+        rows = self._filtered([response.force, *response.sensitivities.values()])
         rows[0] -= self.force
         return np.asarray(rows * self.factor)
+
+    def slopes_over(self, stretch: Stretch, response: Response) -> FloatArray:
+        """Return the derivatives behind the filter at the samples of the stretch, (k, samples).
+
+        Each cycle has those of the mean one.
+        """
+        rows = self._filtered(list(response.sensitivities.values()))
+        n, starts = rows.shape[1], self.starts
+        samples = np.arange(stretch.first, stretch.stop)
+        cycle = np.clip(np.searchsorted(starts, samples, side="right") - 1, 0, len(starts) - 2)
+        share = (samples - starts[cycle]) / (starts[cycle + 1] - starts[cycle])
+        around = np.concatenate([rows[:, -_MARGIN:], rows, rows[:, :_MARGIN]], axis=1)
+        at = np.mod(n * share + self.turn, n) + _MARGIN
+        return _interpolated(around, at[None])[:, 0]
+
+    def _filtered(self, rows: list[FloatArray]) -> FloatArray:
+        """Return the compared cycle of signals behind the filter."""
+        n = len(self.force)
+        last = np.stack(rows)[:, -n:]
+        return np.asarray(np.fft.irfft(np.fft.rfft(last, axis=1) * self.gain, n, axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,8 +164,8 @@ def _settled(
     trace: Trace, stretch: Stretch, weight: FloatArray, *, is_thinned: bool
 ) -> tuple[SettledCycle, float]:
     """A stretch's settled cycle, and its scatter as a sum of weighed squares."""
-    positions, period, is_aligned = _positions(trace, stretch, is_thinned=is_thinned)
-    n = positions.shape[1]
+    starts, n, period, is_aligned = _laid_out(trace, stretch, is_thinned=is_thinned)
+    positions = starts[:-1, None] + np.diff(starts)[:, None] * (np.arange(n) / n)
     channels = np.stack([trace.drive.displacement, trace.drive.velocity, trace.force])
     folded = _interpolated(channels, positions)
     x, v, force = folded.mean(axis=1)
@@ -152,14 +184,16 @@ def _settled(
         np.sqrt(power),
         0.0 if is_aligned or is_thinned else _crossed(v),
         stretch.n_cycles,
+        starts,
+        turn,
     )
     return cycle, scatter
 
 
-def _positions(
+def _laid_out(
     trace: Trace, stretch: Stretch, *, is_thinned: bool
-) -> tuple[FloatArray, float, bool]:
-    """Where the mean cycle's samples lie in the trace, shape (cycles, n); the period in samples.
+) -> tuple[FloatArray, int, float, bool]:
+    """Where the cycles begin in the trace, the samples of the mean one, the period in samples.
 
     The last value tells whether they lie on the log's own samples.
     """
@@ -176,12 +210,12 @@ def _positions(
         if is_aligned
         else 2 * fast_length(math.ceil(period / 2))
     )
-    steps = np.arange(n) / n
     if np.max(np.abs(starts - line)) > _IN_STEP:
-        return starts[:-1, None] + np.diff(starts)[:, None] * steps, period, False
+        return np.asarray(starts), n, period, False
     if is_aligned and not is_thinned:
-        line += stretch.first - line[0]
-    return line[:-1, None] + period * steps, period, is_aligned
+        # To the last bit on the samples, and the last cycle as long as the others.
+        return np.asarray(stretch.first + period * np.arange(len(starts))), n, period, True
+    return np.asarray(line), n, period, is_aligned
 
 
 def _interpolated(channels: FloatArray, positions: FloatArray) -> FloatArray:

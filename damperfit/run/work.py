@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from damperfit.identification import Campaign, compare, identify
+from damperfit.identification import Campaign, identify
 from damperfit.parallel import executor
 from damperfit.tables import profiles_table
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Values
-    from damperfit.identification import Comparison, Fit
+    from damperfit.identification import Comparison, Fit, LogFit
     from damperfit.recording import Trace
     from damperfit.run.mishaps import Mishaps
     from damperfit.run.run_json import Judgement
@@ -108,20 +108,20 @@ def profile_points(
 def comparisons(
     configuration: Configuration, campaign: Campaign, mishaps: Mishaps, *, jobs: int
 ) -> Iterator[Comparison | None]:
-    """Yield each log simulated once more, a few at a time and no more: they are large."""
+    """Yield each log as the fit saw it last, else simulated anew, a few at a time: so large."""
     take = mishaps.at_log("simulating the response of")
 
-    def one(pair: tuple[Values, Trace]) -> Comparison | None:
-        parameters, trace = pair
+    def one(pair: tuple[Values, LogFit]) -> Comparison | None:
+        parameters, log = pair
         try:
-            return compare(
-                parameters, trace, configuration.damper, solver=configuration.identification.solver
+            return log.compared(
+                parameters, configuration.damper, configuration.identification.solver
             )
         except Exception as error:  # noqa: BLE001 - the other logs have their signals
-            take(trace, error)
+            take(log.trace, error)
             return None
 
-    pairs = [(fit.parameters, log.trace) for fit in campaign.fits for log in fit.logs]
+    pairs = [(fit.parameters, log) for fit in campaign.fits for log in fit.logs]
     with executor(jobs) as pool:
         for start in range(0, len(pairs), 2 * jobs):
             yield from pool.map(one, pairs[start : start + 2 * jobs])

@@ -128,8 +128,10 @@ def _at_speed(
         "speed_bump_m_per_s": speed,
         "hysteresis_speed_m_per_s": speed,
     }
-    for (whose, suffix), force in _with_and_without(forces, gas):
-        branches = [branch_forces(sign * velocity, force, speed) for _, sign in _STROKES]
+    kinds = dict(_with_and_without(forces, gas))
+    stacked = np.stack(list(kinds.values()))
+    both = np.array([branch_forces(sign * velocity, stacked, speed) for _, sign in _STROKES])
+    for (whose, suffix), branches in zip(kinds, both.transpose(2, 0, 1).tolist(), strict=True):
         rebound, bump = (0.5 * (opening + closing) for opening, closing in branches)
         row |= _pair(whose, suffix, rebound, bump)
         if not suffix:

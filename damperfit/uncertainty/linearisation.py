@@ -1,8 +1,9 @@
 """A fit made linear at its end: what the logs of one setting say there about all parameters.
 
-One more simulation of the setting, with every sensitivity. In u (ln y; an offset in N), with the
-residual r = f - f_hat in N and its Jacobian J = d f_hat/du, both behind the filter, and the weights
-w of the stretches (1 where their noise is alike)::
+One more simulation of the setting, with every sensitivity; of its mean cycles alone, where it was
+fitted on them. In u (ln y; an offset in N), with the residual r = f - f_hat in N and its Jacobian
+J = d f_hat/du, both behind the filter, and the weights w of the stretches (1 where their noise is
+alike)::
 
     information  H = J^T w^2 J    scores  g_t = w_t^2 J_t r_t    M = covariance of sum g_t
 
@@ -20,7 +21,7 @@ from damperfit.conditioning import apply_filter
 from damperfit.identification.model_versus_log import compare
 from damperfit.identification.outcome import Status
 from damperfit.identification.weights import weights
-from damperfit.simulation import SolverOptions
+from damperfit.simulation import SolverOptions, simulate
 from damperfit.uncertainty.correlated_noise import (
     correlation_length,
     cycle_covariance,
@@ -35,8 +36,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.model import Model
-    from damperfit.identification import Comparison, Fit
+    from damperfit.damper.model import Model, Values
+    from damperfit.identification import Comparison, Fit, LogFit
     from damperfit.recording import Trace
 
     FloatArray = NDArray[np.float64]
@@ -132,7 +133,7 @@ class Linearisation:
 def linearise_at_fit(
     fit: Fit, damper: Model, *, solver: SolverOptions = SolverOptions()
 ) -> Linearisation:
-    """Simulate the logs of a fit once more, with the derivative by every parameter.
+    """Take the derivative of a fit's logs by every parameter, on mean cycles where they repeat.
 
     Raises
     ------
@@ -149,16 +150,9 @@ def linearise_at_fit(
     covariances: list[FloatArray] = []
     lags: list[int] = []
     traces = [log.trace for log in fit.logs]
-    for trace, weight in zip(traces, weights(traces), strict=True):
-        seen = compare(
-            fit.parameters,
-            trace,
-            damper,
-            sensitivities=(*damper.names, *damper.conditions),
-            solver=solver,
-        )
-        part = trace.compared
-        rows = _sensitivities(trace, seen)[:, part]
+    for log, weight in zip(fit.logs, weights(traces), strict=True):
+        trace, part = log.trace, log.trace.compared
+        seen, rows = _seen(log, fit.parameters, damper, solver)
         columns = (rows * slopes[:, None]).T
         logs.append(
             LogLinearisation(
@@ -193,6 +187,32 @@ def linearise_at_fit(
         supposed=np.asarray(sum(pulls)) if np.any(ignorance) else None,
         flaws=damper.flaws,
     )
+
+
+def _seen(
+    log: LogFit, parameters: Values, damper: Model, solver: SolverOptions
+) -> tuple[Comparison, FloatArray]:
+    """A log beside the model, and the sensitivities over what is compared, (k, n).
+
+    What repeats has the mean cycle's sensitivities: they differ from those of the log by what the
+    noise of the displacement does, and cost a tenth.
+    """
+    names = (*damper.names, *damper.conditions)
+    trace, kept = log.trace, log.seen
+    if kept is not None and kept.cycles and kept.is_of(parameters, trace, damper, solver):
+        rows = np.empty((len(names), trace.n_samples))
+        for cycle, stretch, place in zip(kept.cycles, trace.stretches, trace.places, strict=True):
+            response = simulate(
+                parameters,
+                damper,
+                cycle.motion,
+                sensitivities=names,
+                options=cycle.solver(solver),
+            )
+            rows[:, place] = cycle.slopes_over(stretch, response)
+        return kept.comparison, rows
+    seen = compare(parameters, trace, damper, sensitivities=names, solver=solver)
+    return seen, _sensitivities(trace, seen)[:, trace.compared]
 
 
 def _ignorance(fit: Fit) -> FloatArray:

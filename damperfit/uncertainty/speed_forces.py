@@ -112,7 +112,7 @@ def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[Spe
     found = []
     for stroke, towards in (("rebound", 1.0), ("bump", -1.0)):
         rows = np.mean(
-            [[_at_speed(towards * v, f, r, speed) for speed in speeds] for _, v, f, r in parts],
+            [_at_speeds(towards * v, f, r, speeds) for _, v, f, r in parts],
             axis=0,
         )
         misfit = [_misfit(parts, towards, speed) if is_structured else 0.0 for speed in speeds]
@@ -153,26 +153,42 @@ def _fastest(linearised: Linearisation) -> Iterator[_Part]:
             yield one, trace.velocity[one.window], trace.force[one.window], residuals
 
 
-def _at_speed(
-    velocity: FloatArray, force: FloatArray, residuals: FloatArray, speed: float
-) -> tuple[float, float, float]:
-    """Return mean force of both branches, standard error of its mean, and mean residual."""
-    before, behind = velocity[:-1] - speed, velocity[1:] - speed
-    means, variances, misses = [], [], []
-    for places in (
-        np.flatnonzero((before < 0.0) & (behind >= 0.0)),
-        np.flatnonzero((before >= 0.0) & (behind < 0.0)),
-    ):
-        if not len(places):
-            return math.nan, math.nan, math.nan
-        share = before[places] / (before[places] - behind[places])
+def _at_speeds(
+    velocity: FloatArray, force: FloatArray, residuals: FloatArray, speeds: Sequence[float]
+) -> FloatArray:
+    """Return mean force of both branches, standard error of its mean, and mean residual: (k, 3)."""
+    found = np.zeros((3, len(speeds)))
+    n_passed = np.searchsorted(speeds, velocity, side="right")
+    for first, last in ((n_passed[:-1], n_passed[1:]), (n_passed[1:], n_passed[:-1])):
+        places, which = _passages(first, last)
+        counts = np.bincount(which, minlength=len(speeds))
+        before = velocity[places] - np.asarray(speeds)[which]
+        share = before / (before - (velocity[places + 1] - np.asarray(speeds)[which]))
         there = force[places] + share * (force[places + 1] - force[places])
         missed = residuals[places] + share * (residuals[places + 1] - residuals[places])
-        means.append(float(np.mean(there)))
-        misses.append(float(np.mean(missed)))
-        n = len(places)
-        variances.append(float(np.var(missed, ddof=1)) / n if n > 1 else math.nan)
-    return 0.5 * sum(means), 0.5 * math.sqrt(sum(variances)), 0.5 * sum(misses)
+
+        def mean(of: FloatArray, n: NDArray[np.intp], to: NDArray[np.intp] = which) -> FloatArray:
+            sums = np.bincount(to, weights=of, minlength=len(speeds))
+            return np.asarray(np.divide(sums, n, out=np.full(len(speeds), math.nan), where=n > 0))
+
+        miss = mean(missed, counts)
+        # A mean of squares about the mean, of one less than there are.
+        found[0] += mean(there, counts)
+        found[1] += mean((missed - miss[which]) ** 2, counts - 1) / np.maximum(counts, 1)
+        found[2] += miss
+    return np.stack([0.5 * found[0], 0.5 * np.sqrt(found[1]), 0.5 * found[2]], axis=1)
+
+
+def _passages(
+    first: NDArray[np.intp], last: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where speeds from ``first`` up to ``last`` are passed between two samples, and which."""
+    counts = np.maximum(last - first, 0)
+    passing = np.flatnonzero(counts)
+    counts = counts[passing]
+    places = np.repeat(passing, counts)
+    ends = np.cumsum(counts)
+    return places, np.repeat(first[passing] - ends + counts, counts) + np.arange(len(places))
 
 
 def _misfit(parts: Sequence[_Part], towards: float, speed: float) -> float:

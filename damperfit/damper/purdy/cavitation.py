@@ -74,13 +74,15 @@ def examine_cavitation(
         share = float(np.mean((filled <= 0.0).any(axis=0)))
         return -gas * share if share else float(np.min(filled))
 
+    known = float(response.pressures[:2, trace.compared].min())
     margin = _root(
         lambda factor: lowest(
             parameters.replace(r_m3=factor * parameters.r_m3), damper.gas_pressure
         ),
         1.0 / line,
+        known,
     )
-    safe = _root(lambda factor: lowest(parameters, factor * damper.gas_pressure), line)
+    safe = _root(lambda factor: lowest(parameters, factor * damper.gas_pressure), line, known)
     return replace(found, r_m3_margin=margin - 1.0, safe_gas_pressure=safe * damper.gas_pressure)
 
 
@@ -95,21 +97,30 @@ def _nearness(parameters: Values, trace: Trace, response: Response, damper: Damp
     return max(float(np.max(drop / gas_pressure(damper, x))), 1e-300)
 
 
-def _root(lowest: Callable[[float], float], guess: float) -> float:
+def _root(lowest: Callable[[float], float], guess: float, known: float = math.nan) -> float:
     """Return the factor at which the lowest pressure is zero, near a guess; NaN when out of range.
 
-    The bracket opens from the guess until the sign changes; then Brent's method.
+    Where one simulation just before the guess shows that the line from factor 1, where the pressure
+    is known, goes on to within a step of it, the line is followed. Else the bracket opens from the
+    guess until the sign changes; then Brent's method.
     """
     if not 1.0 / _WIDEST_FACTOR <= guess <= _WIDEST_FACTOR:
         return math.nan
-    known: dict[float, float] = {}
+    seen: dict[float, float] = {}
 
     def at(factor: float) -> float:
-        if factor not in known:
-            known[factor] = lowest(factor)
-        return known[factor]
+        if factor not in seen:
+            seen[factor] = lowest(factor)
+        return seen[factor]
 
     try:
+        near = guess / (1.0 + math.copysign(_FIRST_STEP, guess - 1.0))
+        low, high = sorted((near, guess * guess / near))
+        # A lever shorter than five steps would turn the line by more than the tolerance.
+        if abs(near - 1.0) > 0.05 and 0.0 < at(near) < known:
+            end = near + at(near) * (near - 1.0) / (known - at(near))
+            if low <= end <= high:
+                return end
         for step in (_FIRST_STEP, 0.05, 0.3, 1.0, 3.0, 7.0):
             low, high = guess / (1.0 + step), guess * (1.0 + step)
             if at(low) * at(high) <= 0.0:

@@ -1,0 +1,110 @@
+"""Processor time and memory of `identify` over 200 logs, beyond the bare import of its libraries.
+
+    python -m tests.benchmarks.two_hundred DIR                  # 200 logs of 10 s at 1 kHz
+    python -m tests.benchmarks.two_hundred DIR --logs 20 --profile
+
+The logs are of as many settings, whose parameters lie evenly between those of the reference set, so
+that no two are the same test. They are made in DIR where it holds none. With ``--profile`` what the
+time goes into is told function by function, and each stage in ms a log. Linux and macOS.
+"""
+
+from __future__ import annotations
+
+import argparse
+import cProfile
+import json
+import pstats
+import resource
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from damperfit.damper.purdy.reference import REFERENCE_SETTINGS, reference_parameters
+
+ROOT = Path(__file__).parents[2]
+IMPORTS = "import numpy, scipy.signal, scipy.optimize, pandas, pyarrow, typer, rich"
+NAMES = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
+
+
+def make_logs(folder: Path, n_logs: int) -> str:
+    """Make the logs of that many settings where there are none; return their pattern."""
+    logs = folder / f"logs_{n_logs}"
+    if not logs.is_dir():
+        folder.mkdir(parents=True, exist_ok=True)
+        places = np.linspace(REFERENCE_SETTINGS[0], REFERENCE_SETTINGS[-2], n_logs)
+        known = [reference_parameters(setting) for setting in REFERENCE_SETTINGS]
+        rows = [
+            [
+                np.interp(at, REFERENCE_SETTINGS, [getattr(one, name) for one in known])
+                for at in places
+            ]
+            for name in NAMES
+        ]
+        lines = [f"{k + 1}," + ",".join(f"{row[k]:.6g}" for row in rows) for k in range(n_logs)]
+        table = folder / f"parameters_{n_logs}.csv"
+        table.write_text("\n".join([",".join(("setting", *NAMES)), *lines]) + "\n")
+        _damperfit(
+            *("samples", str(logs), "--parameters", str(table), "--settings", f"1-{n_logs}"),
+            *("--sample-rate", "1000Hz", "--cycles", "15", "--quiet"),
+        )
+    return str(logs / "setting_*.csv")
+
+
+def _damperfit(*arguments: str) -> None:
+    _seconds("-m", "damperfit", *arguments)
+
+
+def _seconds(*arguments: str) -> float:
+    """Return the processor time of a Python process, its children's included."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, *arguments], check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def _profile(arguments: list[str]) -> None:
+    """Run the command here, one job, and tell where the time goes."""
+    from damperfit.cli.main import main as run
+
+    sys.argv = ["damperfit", *arguments, "--jobs", "1"]
+    watch = cProfile.Profile(time.process_time)
+    with suppress(SystemExit):
+        watch.runcall(run)
+    told = pstats.Stats(watch)
+    told.sort_stats("tottime").print_stats(45)
+    told.sort_stats("cumtime").print_stats(120)
+
+
+def main() -> None:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description="Processor time of identify over many logs.")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--logs", type=int, default=200)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--profile", action="store_true")
+    chosen = parser.parse_args()
+    pattern = make_logs(chosen.folder.resolve(), chosen.logs)
+    results = chosen.folder.resolve() / "results"
+    command = ["identify", pattern, "--out", str(results), "--quiet"]
+    if chosen.profile:
+        _profile(command)
+    for _ in range(0 if chosen.profile else chosen.rounds):
+        bare = _seconds("-c", IMPORTS)
+        ours = _seconds("-m", "damperfit", *command)
+        record = json.loads((results / "run.json").read_text(encoding="utf-8"))
+        laps = {name: round(1e3 * s / chosen.logs, 1) for name, s in record["timings"].items()}
+        print(
+            f"{chosen.logs} logs: {ours:.2f} s of processor, bare import {bare:.2f} s, "
+            f"{1e3 * (ours - bare) / chosen.logs:.1f} ms a log beyond it; ms a log by the clock: "
+            f"{laps}; {len(record['failures'])} failures"
+        )
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    print(f"peak memory {peak:.0f} MB")
+
+
+if __name__ == "__main__":
+    main()
