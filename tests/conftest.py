@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import compileall
 import gc
 import importlib.util
 import json
@@ -12,6 +13,7 @@ import shutil
 import subprocess
 import sys
 import time
+import tomllib
 from collections import Counter
 from collections.abc import Callable
 from functools import cache
@@ -44,7 +46,10 @@ def pytest_ignore_collect(collection_path, config):
 
 
 def pytest_configure(config):
-    """Keep rewritten assertions also where Python is told to write no bytecode: 7 s of each run."""
+    """Keep what is compiled also where Python is told to write no bytecode: 7 s of each run."""
+    if sys.dont_write_bytecode and not hasattr(config, "workerinput"):
+        # Some hundred processes of this run load the package: a tenth of each of them.
+        compileall.compile_dir(Path(__file__).parents[1] / "damperfit", quiet=2)
     if not sys.dont_write_bytecode or not hasattr(config, "cache"):
         return  # pytest does it itself, or is told to keep nothing
     kept = config.cache.mkdir("asserts")
@@ -68,9 +73,16 @@ def pytest_configure(config):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Leave every n-th of the cases of a grid that is marked `one_in` to the default suite."""
+    """Leave every n-th of the cases of a grid that is marked `one_in` to the default suite.
+
+    What slower.toml names is slow as well.
+    """
     seen = Counter()
+    table = tomllib.loads((Path(__file__).parent / "slower.toml").read_text(encoding="utf-8"))
+    slower = {case for cases in table.values() for case in cases}
     for item in items:
+        if item.nodeid in slower:
+            item.add_marker(pytest.mark.slow)
         if mark := item.get_closest_marker("one_in"):
             grid = item.nodeid.partition("[")[0]
             if seen[grid] % mark.args[0]:

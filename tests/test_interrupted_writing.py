@@ -145,14 +145,16 @@ def test_a_run_killed_at_any_call_leaves_one_whole_set(tmp_path, ending, old, wh
     assert found == sorted(found, key=lambda one: one == NEW)  # never back again
 
 
+# Every third call of each state, another third in the next one; the others are slow.
 @pytest.mark.parametrize(
-    "old",
+    ("old", "every"),
     [
-        pytest.param(OLD, id="over results"),
-        pytest.param({}, id="into an empty folder", marks=pytest.mark.slow),
+        pytest.param(OLD, 3, id="over results"),
+        pytest.param(OLD, 1, id="over results, at each", marks=pytest.mark.slow),
+        pytest.param({}, 1, id="into an empty folder", marks=pytest.mark.slow),
     ],
 )
-def test_putting_back_may_be_killed_at_any_call_too(tmp_path, old) -> None:
+def test_putting_back_may_be_killed_at_any_call_too(tmp_path, old, every) -> None:
     folder, halves = tmp_path / "results", tmp_path / "halves"
     halves.mkdir()
 
@@ -169,8 +171,8 @@ def test_putting_back_may_be_killed_at_any_call_too(tmp_path, old) -> None:
         state = tuple(sorted(path.name for path in half.iterdir()))
         known.setdefault(tuple(len(name) for name in state), half)
     assert len(known) >= (4 if old else 3)
-    for half in known.values():
-        for n in range(1, 100):
+    for k, half in enumerate(known.values()):
+        for n in range(1 + k % every, 100, every):
             shutil.rmtree(folder, ignore_errors=True)
             _copied(half, folder)
             is_done = in_a_child(lambda: settle(folder), n, die_before)

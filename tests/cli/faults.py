@@ -372,7 +372,7 @@ FAULTS: dict[str, Fault] = {
         needs=("openpyxl", "python_calamine"),
     ),
     "F34 workbook bomb": Fault(
-        _zip({"xl/workbook.xml": b"", "xl/worksheets/sheet1.xml": b" " * (LIMIT + 1)}),
+        lambda _: _zip({"xl/workbook.xml": b"", "xl/worksheets/sheet1.xml": b" " * (LIMIT + 1)}),
         "the workbook claims",
         ".xlsx",
     ),
@@ -380,7 +380,7 @@ FAULTS: dict[str, Fault] = {
         lambda g: _zip({"../../log.csv": g.text()}), "this is a ZIP archive; unpack it", ".zip"
     ),
     "F35 archive of 20000 members": Fault(
-        _zip({f"xl/workbook{i}": b"" for i in range(20_000)}), "20000 members", ".xlsx"
+        lambda _: _zip({f"xl/workbook{i}": b"" for i in range(20_000)}), "20000 members", ".xlsx"
     ),
     "F35 tar": Fault(_tar, "this is an archive; unpack it", ".tar"),
     "F35 gzip in gzip": Fault(
