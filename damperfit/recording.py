@@ -193,11 +193,11 @@ class StretchFigures:
         units |= {"start": "s", "stop": "s"}
         named = {"hysteresis_speed": "hysteresis_speed_m_per_s"}
         named |= {"start": "figures_start_s", "stop": "figures_stop_s"}
-        told = {}
+        facts = {}
         for name, value in asdict(self).items():
             unit = next(unit for start, unit in units.items() if name.startswith(start))
-            told[named.get(name, f"{name}_{unit}")] = value if math.isfinite(value) else None
-        return told
+            facts[named.get(name, f"{name}_{unit}")] = value if math.isfinite(value) else None
+        return facts
 
 
 @dataclass(frozen=True, slots=True, eq=False)

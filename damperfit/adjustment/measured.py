@@ -1,4 +1,4 @@
-"""Levels with the measured force beside them, and which of the two is told.
+"""Levels with the measured force beside them, and which of the two is shown.
 
 The model's force has two errors, of noise and of the model itself. Where the test was made the
 force is known as measured: a model that misses it by more than it may is not the one to ask.

@@ -126,18 +126,18 @@ def read_journal(folder: Path) -> tuple[Journal, float] | None:
         ) from error
 
 
-def _parsed(told: Any) -> Journal:
+def _parsed(record: Any) -> Journal:
     """Return a journal from its document, of which nothing is taken on trust."""
-    if told["format"] != _FORMAT:
+    if record["format"] != _FORMAT:
         raise ValueError("of another version")
-    replaced, created = dict(told["replaced"]), dict(told["created"])
+    replaced, created = dict(record["replaced"]), dict(record["created"])
     if not all(_is_plain(name) for name in (*replaced, *created)):
         raise ValueError("a name leads out of the folder")
     if not all(type(one) is int for one in (*replaced.values(), *created.values())):
         raise ValueError("a number is none")
-    if owner_of(draft(Path(), told["owner"]).name) is None:
+    if owner_of(draft(Path(), record["owner"]).name) is None:
         raise ValueError("the writer is not named")
-    return Journal(told["owner"], replaced, created)
+    return Journal(record["owner"], replaced, created)
 
 
 def _is_plain(name: object) -> bool:

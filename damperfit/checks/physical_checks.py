@@ -91,14 +91,14 @@ def _quantities(fits: Sequence[Fit], belongs: Callable[[Quantity], bool]) -> tup
 def _judged(
     fits: Sequence[Fit], said: Objections, names: Sequence[str], kind: str, what: str
 ) -> Verdict:
-    """Fail with the first objection, pass where the logs told a value, else not looked at."""
+    """Fail with the first objection, pass where the logs determine a value, else not looked at."""
     against = _against(said, names, kind)
     if against:
         return False, _first(against)
-    told = [fit for fit in fits if any(fit.status[name] in _FOUND for name in names)]
-    if not told:
+    determined = [fit for fit in fits if any(fit.status[name] in _FOUND for name in names)]
+    if not determined:
         return None, f"not evaluated: no log determined {' or '.join(names)}"
-    return True, f"{' and '.join(names)} is {what} at {_listed(fit.setting for fit in told)}"
+    return True, f"{' and '.join(names)} is {what} at {_listed(fit.setting for fit in determined)}"
 
 
 def _against(said: Objections, names: Sequence[str], kind: str) -> dict[Setting, str]:

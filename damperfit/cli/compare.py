@@ -181,10 +181,10 @@ def _write(
     from damperfit.atomic import file_set
     from damperfit.report import comparison_markdown, comparison_page, junit_report
 
-    told = (found.comparisons, found.points)
+    found_rows = (found.comparisons, found.points)
     if out is not None:
-        page = comparison_page(*told, source=source, alone=found.alone)
-        markdown = comparison_markdown(*told, source=source, alone=found.alone)
+        page = comparison_page(*found_rows, source=source, alone=found.alone)
+        markdown = comparison_markdown(*found_rows, source=source, alone=found.alone)
         text = dumps(_document(found, source), indent=2, ensure_ascii=False, allow_nan=False)
         with file_set(out) as files:
             for name, one in (("html", page), ("md", markdown), ("json", text + "\n")):
@@ -195,7 +195,7 @@ def _write(
         with file_set(junit.parent) as files:
             files.path(junit.name).write_bytes(junit_report(found.points, source=source))
     if summary is not None:
-        markdown = comparison_markdown(*told, source=source, alone=found.alone)
+        markdown = comparison_markdown(*found_rows, source=source, alone=found.alone)
         append_summary(summary, markdown, instead="The comparison is too long for a summary.")
 
 

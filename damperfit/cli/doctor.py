@@ -41,8 +41,8 @@ def doctor(
     checks = {name: _tried(check) for name, check in (("core", _core), ("fit", _fit))}
     extras = {extra: _version(name) for extra, name, _ in _EXTRAS}
     if json:
-        told = {name: {"works": ok, "said": said} for name, (ok, said) in checks.items()}
-        print_json({**found, "checks": told, "extras": extras})
+        results = {name: {"works": ok, "said": said} for name, (ok, said) in checks.items()}
+        print_json({**found, "checks": results, "extras": extras})
     else:
         print_lines([f"{name:<10} {text}" for name, text in found.items()])
         for name, (ok, said) in checks.items():

@@ -90,8 +90,8 @@ def export(
         document = {"target": to, "units": target.units, "sign": target.sign}
         names = [str(path) for path in written]
         lost = {"lost_in_a_table": what_is_lost(handed)} if has_table else {}
-        told = {"remarks": list(handed.remarks), "notes": list(target.notes())}
-        print_json({**document, "files": names, **told, **lost})
+        remarks = {"remarks": list(handed.remarks), "notes": list(target.notes())}
+        print_json({**document, "files": names, **remarks, **lost})
     elif not quiet:
         more = f" and {len(written) - 1} more" if len(written) > 1 else ""
         used = target.units if shown.is_si else f"{shown.of('m/s')}, {shown.of('N')}"
@@ -160,7 +160,7 @@ def _write(folder: Path, files: dict[str, bytes], *, spares_others: bool) -> lis
 
 
 def _show(targets: tuple[Target, ...], *, is_json: bool) -> None:
-    told = [
+    lines = [
         {
             "target": one.name,
             "title": one.title,
@@ -172,9 +172,9 @@ def _show(targets: tuple[Target, ...], *, is_json: bool) -> None:
         for one in targets
     ]
     if is_json:
-        print_json({"targets": told})
+        print_json({"targets": lines})
         return
-    for one in told:
+    for one in lines:
         title = wrap(f"{one['target']}: {one['title']}", screen_columns(), subsequent_indent="  ")
         print_lines(title)
         for word, text in (

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = ["fleet"]
 
-_MANY = 20  # failures that are told one by one; the parts hold them all
+_MANY = 20  # failures that are listed one by one; the parts hold them all
 
 
 def fleet(
@@ -268,13 +268,13 @@ def _summary(done: Sequence[Done], n_tasks: int) -> list[str]:
         "failed": "without any fit",
         "later": "not done, tried again next time",
     }
-    told = [
+    parts = [
         f"{counts[key]} {said}" for key, said in words.items() if counts[key] or key == "fitted"
     ]
     n_settings = sum(one.n_settings for one in done)
     n_logs = sum(one.n_logs for one in done)
     dampers = f"{n_tasks} damper{'' if n_tasks == 1 else 's'}"
-    return [f"{dampers}: {', '.join(told)}; {n_logs} logs, {n_settings} settings with a fit"]
+    return [f"{dampers}: {', '.join(parts)}; {n_logs} logs, {n_settings} settings with a fit"]
 
 
 def _document(

@@ -49,8 +49,8 @@ def show_help(
                 ]
             )
     elif topic not in TOPICS and topic in commands:
-        told = commands[topic].get_help(typer.Context(commands[topic], context.parent, topic))
-        print_json({"command": topic, "text": told}) if json else print_lines(told.splitlines())
+        text = commands[topic].get_help(typer.Context(commands[topic], context.parent, topic))
+        print_json({"command": topic, "text": text}) if json else print_lines(text.splitlines())
     else:
         _show(topic, json=json, commands=tuple(commands))
     return 0

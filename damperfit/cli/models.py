@@ -111,8 +111,8 @@ def _show(choice: LawChoice) -> None:
     from damperfit.laws import physics_seen
     from damperfit.report import chosen_sheet, ladder_sheet, rival_sheet, terminal_table
 
-    width, told = screen_columns(), choice.document()
-    print_renderable(terminal_table(ladder_sheet(told, is_narrow=True)))
+    width, document = screen_columns(), choice.document()
+    print_renderable(terminal_table(ladder_sheet(document, is_narrow=True)))
     reasons = [f"{rung.tried.title}: {rung.reason}" for rung in choice.ladder.rungs]
     print_lines(["", *(line for one in reasons for line in wrap(one, width))])
     said = " ".join((f"The logs support {choice.ladder.chosen.title}.",
@@ -124,7 +124,7 @@ def _show(choice: LawChoice) -> None:
         print_lines([line for one in choice.undecided for line in wrap(one, width)])
     if choice.rivals:
         print_lines([""])
-        print_renderable(terminal_table(rival_sheet(told)))
+        print_renderable(terminal_table(rival_sheet(document)))
     if choice.lost:
         lost = ", ".join(str(one) for one in choice.lost)
         print_lines([f"The chosen law cannot be simulated at setting {lost}."])

@@ -218,8 +218,8 @@ def _answer(wanted: Wanted, answer: Answer) -> dict[str, Any]:
     from damperfit.report import to_record
 
     along = {"adjuster": wanted.adjuster, "held": wanted.held} if wanted.held else {}
-    told: dict[str, Any] = to_record(answer)
-    return told | along
+    record: dict[str, Any] = to_record(answer)
+    return record | along
 
 
 def _document(

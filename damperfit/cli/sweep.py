@@ -100,8 +100,8 @@ def sweep(
     _write(out, records, plots, kind=figures or "png", spares_others=not overwrite)
     if json:
         sentences = [_sentence(variation, members) for variation, members, _ in sweeps]
-        told = {"damper": damper, "source": choice.source}
-        print_json(told | {"rows": records, "sentences": sentences})
+        facts = {"damper": damper, "source": choice.source}
+        print_json(facts | {"rows": records, "sentences": sentences})
     else:
         for variation, members, _ in sweeps:
             _show(variation, members, configuration)

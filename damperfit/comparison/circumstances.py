@@ -197,16 +197,16 @@ def _gas_force(a: Model, b: Model) -> Iterator[Circumstance]:
 
 def _motion(first: Run, second: Run) -> Iterator[Circumstance]:
     settings = set(first.settings) & set(second.settings)
-    told = [
+    motions = [
         [(t.amplitude, t.frequency) for s in settings for t in run.at(s)[:1]]
         for run in (first, second)
     ]
-    if not all(told):
+    if not all(motions):
         sines = [run.fitted.sine for run in (first, second) if run.fitted is not None]
-        if len(sines) < len(told):
+        if len(sines) < len(motions):
             return
-        told = [[(sine.amplitude, sine.frequency)] for sine in sines]
-    middle = [tuple(median(one[k] for one in tests) for k in (0, 1)) for tests in told]
+        motions = [[(sine.amplitude, sine.frequency)] for sine in sines]
+    middle = [tuple(median(one[k] for one in tests) for k in (0, 1)) for tests in motions]
     if any(map(math.isnan, (*middle[0], *middle[1]))):
         return
     if any(abs(b / a - 1.0) > SAME_MOTION for a, b in zip(*middle, strict=True)):
@@ -220,12 +220,12 @@ def _motion(first: Run, second: Run) -> Iterator[Circumstance]:
 
 
 def _temperature(first: Run, second: Run) -> Iterator[Circumstance]:
-    told = [
+    temperatures = [
         [test.temperature for test in run.tests if math.isfinite(test.temperature)]
         for run in (first, second)
     ]
-    if all(told):
-        a, b = (sum(one) / len(one) for one in told)
+    if all(temperatures):
+        a, b = (sum(one) / len(one) for one in temperatures)
         if abs(a - b) > _WARMER:
             yield _differs("temperature", "temperature", f"{a:.1f} degC", f"{b:.1f} degC")
 

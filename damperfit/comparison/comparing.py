@@ -54,7 +54,7 @@ class ComparisonOptions:
     Attributes
     ----------
     sine : Sine or None
-        The motion at which forces are told; None: the tests' own.
+        The motion at which forces are given; None: the tests' own.
     speeds : tuple of float
         m/s, positive; none: the named test speeds.
     is_measured : bool
@@ -180,7 +180,7 @@ def compare_runs(
         forces = measured_readings(runs, settings, speeds=options.speeds)
         is_same = True
         parameters: _Tables = tuple({} for _ in runs)
-        told: Iterator[Difference] = iter(())
+        of_figures: Iterator[Difference] = iter(())
     else:
         sine, motion = _motion(runs, options)
         speeds = _speeds(sine, options)
@@ -189,7 +189,7 @@ def compare_runs(
         )
         parameters = parameter_readings(fitted, settings)
         is_same = _is_one_test(fitted)
-        told = figure_lines(fitted[0], fitted[-1], settings)
+        of_figures = figure_lines(fitted[0], fitted[-1], settings)
     figures = figure_readings(runs, settings)
     merged: _Tables = tuple(
         {**a, **b, **c} for a, b, c in zip(forces, parameters, figures, strict=True)
@@ -207,7 +207,7 @@ def compare_runs(
         circumstances(first, second),
         settings,
         motion,
-        (*lines, *told),
+        (*lines, *of_figures),
         notes=(
             *_on_repeats(repeats),
             *_not_compared(settings, lines),
@@ -297,8 +297,8 @@ def _on_repeats(repeats: Sequence[Run]) -> Iterator[str]:
 
 
 def _not_compared(settings: Sequence[Setting], lines: Sequence[Difference]) -> Iterator[str]:
-    told = {line.subject.setting for line in lines if line.subject.kind == "force"}
-    lost = [one for one in settings if told and one not in told]
+    compared = {line.subject.setting for line in lines if line.subject.kind == "force"}
+    lost = [one for one in settings if compared and one not in compared]
     if lost:
         yield f"setting {listed_settings(lost)}: no motion is common to both: not compared"
 

@@ -42,20 +42,20 @@ def measured_tests(
         degC.
     """
     found = []
-    for told in stretches:
-        cycles = _cycles(signals, told)
+    for facts in stretches:
+        cycles = _cycles(signals, facts)
         if cycles is not None:
-            found.append(_test(signals, told, cycles, temperature))
+            found.append(_test(signals, facts, cycles, temperature))
     return tuple(found)
 
 
-def _cycles(signals: LogSignals, told: Mapping[str, Any]) -> FloatArray | None:
+def _cycles(signals: LogSignals, facts: Mapping[str, Any]) -> FloatArray | None:
     """Return displacement, velocity, force and simulated force, shape (4, cycles, phases)."""
-    rate, start, stop = (_size(told.get(key)) for key in ("frequency_Hz", "start_s", "stop_s"))
-    clean = [_size(told.get(f"figures_{key}_s")) for key in ("start", "stop")]
+    rate, start, stop = (_size(facts.get(key)) for key in ("frequency_Hz", "start_s", "stop_s"))
+    clean = [_size(facts.get(f"figures_{key}_s")) for key in ("start", "stop")]
     if not math.isnan(clean[0]) and not math.isnan(clean[1]):
         start, stop = clean  # without cycles in which the filter still holds another motion
-    if math.isnan(rate) or math.isnan(start) or math.isnan(stop) or told.get("kind") == "moving":
+    if math.isnan(rate) or math.isnan(start) or math.isnan(stop) or facts.get("kind") == "moving":
         return None
     n = round((stop - start) * rate)
     inside = signals.time[(signals.time >= start - _LATE) & (signals.time < stop + _LATE)]
@@ -73,7 +73,7 @@ def _size(value: Any) -> float:
 
 
 def _test(
-    signals: LogSignals, told: Mapping[str, Any], cycles: FloatArray, temperature: float
+    signals: LogSignals, facts: Mapping[str, Any], cycles: FloatArray, temperature: float
 ) -> MeasuredTest:
     x, v, force, _ = cycles
     mean = cycles.mean(axis=1)
@@ -89,12 +89,12 @@ def _test(
         figures[f"hysteresis_{stroke}"] = _mean_of(opening - closing)
     f, s = (np.concatenate([row, row[:, :1]], axis=1) for row in (force, x))
     figures["energy"] = _mean_of(0.5 * np.sum((f[:, 1:] + f[:, :-1]) * np.diff(s), axis=1))
-    amplitude = _size(told.get("amplitude_m"))
+    amplitude = _size(facts.get("amplitude_m"))
     return MeasuredTest(
         setting=signals.setting,
         log=signals.log,
         amplitude=0.5 * float(np.ptp(mean[0])) if math.isnan(amplitude) else amplitude,
-        frequency=_size(told.get("frequency_Hz")),
+        frequency=_size(facts.get("frequency_Hz")),
         n_cycles=len(force),
         displacement=mean[0],
         velocity=mean[1],

@@ -97,9 +97,11 @@ def _levels(
         jobs=jobs,
         on_error=on_error,
     )
-    told = {(one.setting, one.speed, one.stroke): one for one in found}
+    by_place = {(one.setting, one.speed, one.stroke): one for one in found}
     order = [(a, b, c) for a in settings for b in speeds for c in STROKES]
-    beside = beside_measured([told[key] for key in order if key in told], fitted.forces, sine)
+    beside = beside_measured(
+        [by_place[key] for key in order if key in by_place], fitted.forces, sine
+    )
     return {(one.setting, one.speed, one.stroke): one for one in beside}
 
 

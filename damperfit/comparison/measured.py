@@ -130,11 +130,11 @@ def _figure(name: str) -> Callable[[MeasuredTest], tuple[float, float]]:
 
 def _pooled(group: _Group, of: Callable[[MeasuredTest], tuple[float, float]]) -> Reading:
     """Return the mean over tests, with the error that the scatter of their cycles gives it."""
-    told = [of(test) for test in group]
+    values = [of(test) for test in group]
     n = len(group)
-    error = math.sqrt(sum(e**2 for _, e in told)) / n
+    error = math.sqrt(sum(e**2 for _, e in values)) / n
     freedom = sum(max(test.n_cycles - 1, 0) for test in group)
-    return Reading(sum(value for value, _ in told) / n, error, freedom or math.inf)
+    return Reading(sum(value for value, _ in values) / n, error, freedom or math.inf)
 
 
 def repeat_scatter(run: Run) -> tuple[float, float]:
@@ -175,9 +175,9 @@ def _scatter_of(group: _Group) -> Iterator[tuple[float, float, float]]:
     top = min(test.peak_speed for test in group)
     for share in _AT:
         for stroke in STROKES:
-            told = np.array([test.force_at(share * top, stroke) for test in group])
-            noise = float(np.mean(told[:, 1] ** 2))
-            yield float(np.var(told[:, 0], ddof=1)), noise, _damping(group, share * top)
+            forces = np.array([test.force_at(share * top, stroke) for test in group])
+            noise = float(np.mean(forces[:, 1] ** 2))
+            yield float(np.var(forces[:, 0], ddof=1)), noise, _damping(group, share * top)
 
 
 def _damping(group: _Group, speed: float) -> float:

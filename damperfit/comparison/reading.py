@@ -1,4 +1,4 @@
-"""One number of a run with its error, and two of them beside each other: same, different, untold.
+"""A number of a run with its error, and two of them compared: same, different, undetermined.
 
 Two runs are two tests, so that their errors add. What both have in common does not: at the same
 motion a wrong model misses the same force in both, and only by how much it misses them differently
@@ -105,7 +105,7 @@ class Reading:
     is_measured : bool
         The number is measured, not modelled.
     objection : str
-        Why nothing can be told of it; empty where something can.
+        Why nothing can be said of it; empty where something can.
     """
 
     value: float
@@ -142,7 +142,7 @@ class Difference:
     verdict : Sameness
         At 95 %, each line by itself.
     reason : str
-        Why nothing can be told; empty where something is.
+        Why nothing can be said; empty where something is.
     is_sure : bool
         Different also when it is remembered how many lines there are.
     words : str
@@ -289,8 +289,8 @@ def _together(parts: Sequence[tuple[float, float]]) -> tuple[float, float]:
     total = sum(error**2 for error, _ in parts)
     if not total > 0.0:
         return math.sqrt(total) if total == 0.0 else math.nan, math.inf
-    told = sum(error**4 / freedom for error, freedom in parts if math.isfinite(freedom))
-    return math.sqrt(total), total**2 / told if told > 0.0 else math.inf
+    squares = sum(error**4 / freedom for error, freedom in parts if math.isfinite(freedom))
+    return math.sqrt(total), total**2 / squares if squares > 0.0 else math.inf
 
 
 def _reach(spread: float, freedom: float) -> float:
@@ -313,7 +313,7 @@ def half_interval(one: Reading) -> float:
 
 
 def surely_different(lines: Sequence[Difference]) -> tuple[Difference, ...]:
-    """Return the lines with `Difference.is_sure` told, by Holm's procedure over all of them.
+    """Return the lines with `Difference.is_sure` set, by Holm's procedure over all of them.
 
     Among many lines one in twenty differs by chance. What is left here is so in one comparison of
     twenty, however the lines hang together.

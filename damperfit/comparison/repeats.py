@@ -41,12 +41,12 @@ def by_repeats(
     return means, bare
 
 
-def _mean(subject: Topic, told: Sequence[Reading]) -> Reading:
-    values, n = [one.value for one in told], len(told)
-    objection = next((one.objection for one in told if one.objection), "")
+def _mean(subject: Topic, readings: Sequence[Reading]) -> Reading:
+    values, n = [one.value for one in readings], len(readings)
+    objection = next((one.objection for one in readings if one.objection), "")
     wider = math.sqrt(1.0 + 1.0 / n)
     if not all(map(math.isfinite, values)):
-        return replace(told[0], value=math.nan, objection=objection)
+        return replace(readings[0], value=math.nan, objection=objection)
     if subject.is_logarithmic and min(values) > 0.0:
         logs = [math.log(value) for value in values]
         mean = math.exp(fmean(logs))
@@ -54,13 +54,13 @@ def _mean(subject: Topic, told: Sequence[Reading]) -> Reading:
     else:
         mean, error = fmean(values), stdev(values) * wider
     return replace(
-        told[0],
+        readings[0],
         value=mean,
         error=error,
         freedom=float(n - 1),
         repeat=0.0,
         misfit=0.0,
         misses=math.nan,
-        scale=fmean([one.scale for one in told]),
+        scale=fmean([one.scale for one in readings]),
         objection=objection,
     )

@@ -129,10 +129,10 @@ class Point:
         if math.isnan(self.margin):
             return f"not evaluated: {self.reason}"
         near = ", no further than its error" if abs(self.margin) <= self.reach else ""
-        told = " (measured)" if self.is_measured else ""
+        mark = " (measured)" if self.is_measured else ""
         side = "passes" if self.is_met else "FAILS"
         return (
-            f"{side}, {abs(self.margin):.3g} N {'inside' if self.is_met else 'outside'}{near}{told}"
+            f"{side}, {abs(self.margin):.3g} N {'inside' if self.is_met else 'outside'}{near}{mark}"
         )
 
 

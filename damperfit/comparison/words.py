@@ -1,4 +1,4 @@
-"""Lines in words: what differs, by how much, or why nothing can be told."""
+"""Lines in words: what differs, by how much, or why nothing can be said."""
 
 from __future__ import annotations
 
@@ -60,14 +60,14 @@ def place_of(subject: Topic) -> str:
 def difference_of(line: Difference) -> str:
     """Say how large a difference is, with its interval."""
     if math.isfinite(line.percent):
-        told = f"{line.percent:+.2f} %"
+        text = f"{line.percent:+.2f} %"
         if math.isfinite(line.percent_low):
-            told += f" ({line.percent_low:+.2f} to {line.percent_high:+.2f} %)"
+            text += f" ({line.percent_low:+.2f} to {line.percent_high:+.2f} %)"
         if line.subject.kind == "force":
-            told += f", {line.difference:+.1f} N"
-        return told
-    told = f"{line.difference:+.4g} {line.subject.unit}".rstrip()
-    return f"{told} ({line.low:+.3g} to {line.high:+.3g})" if math.isfinite(line.low) else told
+            text += f", {line.difference:+.1f} N"
+        return text
+    text = f"{line.difference:+.4g} {line.subject.unit}".rstrip()
+    return f"{text} ({line.low:+.3g} to {line.high:+.3g})" if math.isfinite(line.low) else text
 
 
 def verdict_of(line: Difference, *, says_measured: bool = True) -> str:

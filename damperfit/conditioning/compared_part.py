@@ -181,8 +181,8 @@ def _continued(
         f"there are few cycles at the {where} of the log: it is continued there by its own cycles "
         "for run-in and filter; only what was logged is compared"
     )
-    told = Finding("continued", "note", text)
-    return _kept(seen, more, n_found, single)._replace(findings=(told,))
+    finding = Finding("continued", "note", text)
+    return _kept(seen, more, n_found, single)._replace(findings=(finding,))
 
 
 def _several(seen: Seen, edges: Edges, options: ConditionOptions) -> tuple[tuple[Found, ...], int]:

@@ -1,8 +1,8 @@
-"""What is wrong with the channels of a log: put right where it is certain, else told or asked.
+"""What is wrong with the channels of a log: put right where it is certain, else reported or asked.
 
 `polarity` tells the signs from the loop's energy and from the gas force, which `gas_force`
 measures; `skew` estimates by how much the force is late. Here they are asked in turn, and the tare
-and the mid-stroke are told. Nothing is absorbed into a parameter in silence.
+and the mid-stroke are reported. Nothing is absorbed into a parameter in silence.
 """
 
 from __future__ import annotations
@@ -71,30 +71,30 @@ def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple
     missing = level.force - level.expected
     size = -level.expected
     severity = "note" if options.offset.is_known else "warning"
-    told = (
+    numbers = (
         f"at zero velocity the force is {level.force:.0f} +- {level.uncertainty:.0f} N; the gas "
         f"force alone is {level.expected:.0f} N"
     )
     if level.uncertainty > _KNOWN * size:
-        text = f"cannot tell whether the force was tared: {told}"
+        text = f"cannot tell whether the force was tared: {numbers}"
         return (Finding("tare", "note", text, missing, "N"),)
     if abs(missing) <= _NEAR * size + level.uncertainty:
-        return (Finding("tare", "note", f"gas force present: {told}", missing, "N"),)
+        return (Finding("tare", "note", f"gas force present: {numbers}", missing, "N"),)
     if abs(level.ratio) < TARED:
-        return (Finding("tare", severity, _removed(told, level, options), missing, "N"),)
+        return (Finding("tare", severity, _removed(numbers, level, options), missing, "N"),)
     what = "part of the gas force is missing" if 0.0 < missing < size else "not the gas force"
     text = (
-        f"{what}: {told}; a tare, another gas pressure, cavitation or much elasticity: check "
+        f"{what}: {numbers}; a tare, another gas pressure, cavitation or much elasticity: check "
         f"damper.gas_pressure, or free the offset{_freeing(options)}"
     )
     return (Finding("tare", severity, text, missing, "N"),)
 
 
-def _removed(told: str, level: ForceLevel, options: ConditionOptions) -> str:
+def _removed(numbers: str, level: ForceLevel, options: ConditionOptions) -> str:
     if options.offset.is_known:
-        return f"gas force tared away: {told}; {options.offset.name} accounts for it"
+        return f"gas force tared away: {numbers}; {options.offset.name} accounts for it"
     return (
-        f"gas force tared away: {told}; free the offset{_freeing(options)} or hold it"
+        f"gas force tared away: {numbers}; free the offset{_freeing(options)} or hold it"
         f"{_holding(options, -level.expected)}, or the other parameters absorb it"
     )
 

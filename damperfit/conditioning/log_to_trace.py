@@ -102,7 +102,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         level = level_of(traced.trace, options)
     trace = with_figures(traced.trace)
     refuse_stroke(trace, options)
-    told = (
+    levels = (
         *corner,
         describe_middle(trace, options),
         *describe_level(level, options),
@@ -110,7 +110,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         *check_velocity(trace, righted),
     )
     seen = examine(righted, traced.logged, trace, traced.part.cycles, options)
-    return replace(trace, findings=(*seen, *traced.part.findings, *findings, *told))
+    return replace(trace, findings=(*seen, *traced.part.findings, *findings, *levels))
 
 
 class _Traced(NamedTuple):

@@ -48,7 +48,7 @@ _ASK = (
 
 @dataclass(frozen=True, slots=True)
 class Signs:
-    """What must be reversed, and what is to be told.
+    """What must be reversed, and what is to be reported.
 
     Attributes
     ----------

@@ -11,7 +11,7 @@ force, and the time of the jump is scanned::
 once for the ends of rebound and once for those of bump, one skew for both. Cycles fall differently
 between the samples, so the jump is known better than to a sample.
 
-It is not told where it cannot be: without a jump that stands out of the noise, where the jump of
+It is left open without a jump that stands out of the noise, where the jump of
 rebound and bump differ (what jumps is then not friction), and where it is rounded, by a filter in
 the rig or by seals that stretch before they slide. Such seals look late: friction that only slides
 after 0.1 mm is 8 ms behind at 32 mm and 1.5 Hz. A rounding of more than `_SHARP` therefore speaks
@@ -62,11 +62,11 @@ class Skew:
     Attributes
     ----------
     delay : float or None
-        Seconds by which the force is late; negative where the displacement is. None: not told.
+        Seconds by which the force is late; negative where the displacement is. None: not found.
     uncertainty : float
         s, about three standard errors; how samples and cycles fall is part of it.
     reason : str
-        Why it is not told; empty where it is.
+        Why it is not found; empty where it is.
     """
 
     delay: float | None

@@ -1,6 +1,6 @@
 """Where a log's motion repeats, and where it moves without repeating: what is to be compared.
 
-How cycles and runs are found is told in `damperfit.conditioning.passages`.
+How cycles and runs are found stands in `damperfit.conditioning.passages`.
 
 Where runs hold a third of all cycles or more they are what is compared; else all of the motion is.
 Rest never is. The model runs through the whole log, so a run that follows another motion needs no

@@ -56,7 +56,7 @@ def load_configuration(
         Sections and keys that replace those of the file, as from the command line.
     options : mapping of str to str, optional
         The option that was typed for a key of ``overlay``, as in {"rig.skew": "--skew"}: a mistake
-        in its value is told by this name.
+        in its value is named by this name.
 
     Raises
     ------

@@ -176,7 +176,7 @@ class Configuration:
     document : dict
         The same as one TOML document, quantities as they were written.
     chosen_law : mapping
-        Where the logs chose the damper's law: what they told, as it stands in run.json.
+        Where the logs chose the damper's law: what they tell, as it stands in run.json.
     """
 
     damper: Model

@@ -40,7 +40,7 @@ from damperfit.configuration.what_is_tested import (
     check_adjusters,
     counted,
     declared_settings,
-    facts_told,
+    facts_stated,
     followed,
 )
 from damperfit.damper.models import MODELS
@@ -134,7 +134,7 @@ class _DeclaredKeys(_Section):
         given = {f.name for f in fields(Declarations)} & self.model_fields_set
         values = self.model_dump(include=given)
         if "tested_at" in values:
-            values["tested_at"] = facts_told(values["tested_at"])
+            values["tested_at"] = facts_stated(values["tested_at"])
         return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
 
 

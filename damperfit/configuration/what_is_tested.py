@@ -93,8 +93,8 @@ class TestSection(BaseModel):
 
     def build(self) -> TestOptions:
         """Return what is declared."""
-        told: dict[str, Any] = {key: getattr(self, key).strip() for key in IDENTITY_KEYS}
-        return TestOptions(Identity(**told), Path(self.table) if self.table else None)
+        stated: dict[str, Any] = {key: getattr(self, key).strip() for key in IDENTITY_KEYS}
+        return TestOptions(Identity(**stated), Path(self.table) if self.table else None)
 
 
 def check_adjusters(adjusters: Mapping[str, AdjusterKey]) -> tuple[str, ...]:
@@ -205,7 +205,7 @@ def _every_model() -> list[Model]:
     ]
 
 
-def facts_told(told: Mapping[str, float | str]) -> dict[str, float]:
+def facts_stated(stated: Mapping[str, float | str]) -> dict[str, float]:
     """Return what logs were tested at, SI; a name that is none is left to the reader's options.
 
     Raises
@@ -214,7 +214,7 @@ def facts_told(told: Mapping[str, float | str]) -> dict[str, float]:
         A value is no such quantity.
     """
     found = {}
-    for name, text in told.items():
+    for name, text in stated.items():
         try:
             found[name] = fact_of(name, str(text)) if name in FACTS else math.nan
         except ValueError as error:

@@ -103,7 +103,7 @@ class Cylinder:
 
 
 def filling(motion: Motion, declared: float) -> float:
-    """Return what a test's gas pressure is over the declared one; 1 where none is told.
+    """Return what a test's gas pressure is over the declared one; 1 where none is stated.
 
     Parameters
     ----------

@@ -165,7 +165,7 @@ class Model(ABC):
     signals: ClassVar[tuple[Signal, ...]] = ()
     """What its responses tell besides the force; what it does not tell is not a number there."""
     flaws: ClassVar[tuple[str, ...]] = FLAWS_OF_FORCE
-    """Flaws of log or model that its residuals may be told to show."""
+    """Flaws of log or model that its residuals may be said to show."""
     determined_together: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Quantities of one part: where the logs do not tell the first, they tell none of them."""
     ranges: ClassVar[Mapping[str, tuple[float, float, str]]] = MappingProxyType({})

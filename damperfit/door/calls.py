@@ -204,7 +204,7 @@ def load(folder: str | Path) -> Result:
         There is no such folder, or no results in it.
     """
     result = Result(path_of(folder, "damperfit.load", "the path of a results folder"))
-    len(result.settings)  # read, so that what is wrong is told here
+    len(result.settings)  # read, so that what is wrong is said here
     return result
 
 

@@ -230,9 +230,9 @@ class Result:
 
     def __repr__(self) -> str:
         rows = self._read.parameters
-        told = [row["mse_percent"] for row in rows if row.get("mse_percent") is not None]
+        misfits = [row["mse_percent"] for row in rows if row.get("mse_percent") is not None]
         whose = self._title if self._title != "damperfit" else ""
-        spread = f", MSE {min(told):.2g} to {max(told):.2g} %" if told else ""
+        spread = f", MSE {min(misfits):.2g} to {max(misfits):.2g} %" if misfits else ""
         failed = f", {len(self.failures)} failed" if self.failures else ""
         n = f"{len(rows)} setting{'' if len(rows) == 1 else 's'}"
         return f"<Result: {f'damper {whose}, ' if whose else ''}{n}{spread}{failed}>"

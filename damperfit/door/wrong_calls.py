@@ -1,4 +1,4 @@
-"""What a wrong call is told: the sentence of the command line, in the words of the call."""
+"""What answers a wrong call: the sentence of the command line, in the words of the call."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def _keyword(template: str, found: re.Match[str]) -> str:
 
 
 def answers_wrong_calls(call: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Return a decorator: what the function refuses is told in the words of its call.
+    """Return a decorator: what the function refuses is said in the words of its call.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["account", "commented", "gas_line"]
 
-_OTHERS = 6  # settings whose MSE is told one by one
+_OTHERS = 6  # settings whose MSE is listed one by one
 
 
 def account(
@@ -75,13 +75,13 @@ def gas_line(table: ForceTable, *, place: str) -> str:
         What to do with it: "add it to the spring".
     """
     what = "gas force" if table.has_gas else "force at rest, gas and tare of the rig together,"
-    told = f"not in the table; {what} {table.level:.4g} N at x = 0 (minus pushes the rod out)"
+    sentence = f"not in the table; {what} {table.level:.4g} N at x = 0 (minus pushes the rod out)"
     if table.has_gas:
-        told += (
+        sentence += (
             f", {table.gas_forces[0]:.4g} N at -{1e3 * table.stroke:.3g} mm, "
             f"{table.gas_forces[-1]:.4g} N at +{1e3 * table.stroke:.3g} mm of rebound"
         )
-    return f"{told}; {place}"
+    return f"{sentence}; {place}"
 
 
 def _tested(tested: Tested) -> str:

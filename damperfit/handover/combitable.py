@@ -46,12 +46,12 @@ def write_combitable(handed: HandedOver, options: ExportOptions) -> Mapping[str,
         grid[0, 0] = 0.0
         grid[0, 1:], grid[1:, 0] = axis, tables[0].speeds
         grid[1:, 1:] = np.column_stack([table.forces for table in tables])
-        told = "".join(
+        listing = "".join(
             f"# column {at:g} is setting {table.setting}\n"
             for at, table in zip(axis, tables, strict=True)
             if str(table.setting) != f"{at:g}"
         )
-        text += told + _matrix("force", grid, "first row settings, first column velocity m/s; N")
+        text += listing + _matrix("force", grid, "first row settings, first column velocity m/s; N")
     table = tables[0]
     pairs = np.column_stack([table.gas_displacements, table.gas_forces])
     if len(pairs) == 1:  # a table needs two points

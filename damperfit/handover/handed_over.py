@@ -165,10 +165,10 @@ def hand_over(folder: Path, *, config: Path | None = None) -> HandedOver:
 def _settings(results: Results) -> Iterator[HandedSetting]:
     """Yield the settings that have all parameters, rising."""
     for row in sorted(results.parameters, key=lambda row: Setting.of(row["setting"])):
-        told = [
+        values = [
             one.default if row[one.name] is None else row[one.name] for one in results.quantities
         ]
-        numbers = [one for one in told if one is not None]
+        numbers = [one for one in values if one is not None]
         if len(numbers) == len(results.quantities):
             mse = row.get("mse_percent")
             yield HandedSetting(
@@ -209,13 +209,17 @@ def _tested(record: Mapping[str, Any], settings: set[int | str]) -> Tested:
 
 def _stretches(log: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """The stretches of a log; older runs tell of one only, in the log's own entry."""
-    told = log.get("stretches")
-    return [one for one in told if isinstance(one, dict)] if isinstance(told, list) else [log]
+    stretches = log.get("stretches")
+    return (
+        [one for one in stretches if isinstance(one, dict)]
+        if isinstance(stretches, list)
+        else [log]
+    )
 
 
 def _numbers(rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:
-    told = (row.get(key) for row in rows)
-    return [float(one) for one in told if isinstance(one, int | float) and math.isfinite(one)]
+    cells = (row.get(key) for row in rows)
+    return [float(one) for one in cells if isinstance(one, int | float) and math.isfinite(one)]
 
 
 def _digest(folder: Path) -> str:

@@ -88,8 +88,8 @@ def _error(handed: HandedOver, values: Values, table: ForceTable) -> RoadError:
     x, v = scale * full.displacement, scale * full.velocity
     first = int(_RUN_IN * _RATE)
     force = _model_force(damper, bare, scale, handed.solver)[first:]
-    told = np.interp(v, table.speeds, table.forces) + table.at_rest(x)
-    miss = told[first:] - force
+    tabulated = np.interp(v, table.speeds, table.forces) + table.at_rest(x)
+    miss = tabulated[first:] - force
     mean_square = float(np.mean(miss * miss))
     return RoadError(
         float(np.sqrt(mean_square)),
@@ -137,8 +137,8 @@ def road_sentence(errors: Sequence[RoadError], tables: Sequence[ForceTable]) -> 
     road = "a class B road at 20 m/s"
     if most.scale < 1.0:
         road += f" scaled to {most.scale:.0%}, the tested range"
-    told = f"{most.rms:.3g} N rms, {most.peak:.3g} N at most ({most.percent:.2g} % MSE)"
-    said = f"against the model on {road} (up to {most.speed:.2g} m/s) the table misses {told}"
+    size = f"{most.rms:.3g} N rms, {most.peak:.3g} N at most ({most.percent:.2g} % MSE)"
+    said = f"against the model on {road} (up to {most.speed:.2g} m/s) the table misses {size}"
     if len(errors) == 1:
         return said
     return f"{said} at setting {where.setting}, {least.rms:.3g} N rms at the best"

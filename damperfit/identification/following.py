@@ -70,7 +70,7 @@ class Way:
     follows : mapping of str to tuple of str
         Adjusters that shared quantities follow; what is not named is one for all settings.
     is_detected : bool
-        Whether the logs told it.
+        Whether the logs showed it.
     is_general : bool
         Whether it is for all that moves, not for some that were named.
     """

@@ -19,7 +19,7 @@ __all__ = ["GivenStart", "check_start"]
 
 @dataclass(frozen=True, slots=True)
 class GivenStart:
-    """Numbers that a fit starts at; what is not told is the model's own start.
+    """Numbers that a fit starts at; what is not given is the model's own start.
 
     Attributes
     ----------

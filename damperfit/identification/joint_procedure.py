@@ -245,7 +245,7 @@ def _common_starts(
 
 
 def _common(name: str, given: ProcedureInput, fits: Sequence[Fit]) -> float:
-    """Where a shared parameter starts: the mean, or its fallback where it was not told.
+    """Where a shared parameter starts: the mean, or its fallback where it was not determined.
 
     From a value without effect a logarithm would not come back; what may vanish is small there.
     """

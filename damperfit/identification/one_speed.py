@@ -35,7 +35,7 @@ _SHARE = 0.9
 def inseparable(
     traces: Sequence[Trace], free: Sequence[str], quantities: Sequence[Quantity]
 ) -> tuple[str, ...]:
-    """Return the free parameters that logs of one speed do not tell; none where they do.
+    """Return the free parameters that logs of one speed cannot separate; none where they can.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def inseparable(
     free : sequence of str
         What is fitted.
     quantities : sequence of Quantity
-        Of the model. The stiffness of the oil is told by the corners.
+        Of the model. The stiffness of the oil shows in the corners.
     """
     unknown = [one for one in quantities if one.name in free and one.role != STIFFNESS]
     if len(unknown) <= _LEVELS:

@@ -37,7 +37,7 @@ class Sharing:
     follows : mapping of str to tuple of str
         Adjusters that some of these follow: one value for each click. What is not named has one.
     is_detected : bool
-        The logs told what follows which adjuster; otherwise it was declared.
+        The logs showed what follows which adjuster; otherwise it was declared.
     settings : tuple of Setting
         Settings of that fit.
     taken : mapping of str to Setting
@@ -92,7 +92,7 @@ class Sharing:
     def found_at(self, setting: Setting) -> tuple[str, ...]:
         """Names of those that a setting has in common with others of the fit.
 
-        A click that no other setting of the joint fit has is told by none.
+        A click that no other setting of the joint fit has is determined by none.
         """
         if not self.follows:
             return self.found

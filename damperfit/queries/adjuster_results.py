@@ -158,8 +158,8 @@ def _stages(results: Results, remarks: list[str]) -> Iterator[Stage]:
     }
     without = []
     for row in sorted(rows, key=lambda row: Setting.of(row["setting"])):
-        told = [one.default if row[one.name] is None else row[one.name] for one in quantities]
-        numbers = [one for one in told if one is not None]
+        values = [one.default if row[one.name] is None else row[one.name] for one in quantities]
+        numbers = [one for one in values if one is not None]
         if len(numbers) < len(quantities):
             continue
         setting, parameters = Setting.of(row["setting"]), values_from(quantities, numbers)
@@ -184,9 +184,11 @@ def _stage(
     """Return a stage with the covariance of ln y from standard errors and correlations."""
     names = tuple(str(name) for name in entry["parameters"])
     # Older versions left it to the status, which tells of a shared value only that it is unsound.
-    told = entry.get("shared", [name for name in names if row[f"{name}_status"] == "shared"])
-    shared = tuple(name for name in names if name in told)
-    own = tuple(name for name in names if name not in told)
+    shared_names = entry.get(
+        "shared", [name for name in names if row[f"{name}_status"] == "shared"]
+    )
+    shared = tuple(name for name in names if name in shared_names)
+    own = tuple(name for name in names if name not in shared_names)
     scales = np.array(
         [
             getattr(parameters, name) if parameters.quantity(name).is_logarithmic else 1.0

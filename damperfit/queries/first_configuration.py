@@ -100,8 +100,8 @@ def guess_from_logs(logs: Sequence[Path]) -> Guessed:
             rig[f"reverse_{channel}"] = True
             why.append(f"the {channel} counts positive in bump: the loops show it")
     identity = common_identity(identity_in(one.metadata) for one in recordings)
-    told = {key: getattr(identity, key) for key in IDENTITY_KEYS}
-    test = {key: value for key, value in told.items() if value and "," not in value}
+    facts = {key: getattr(identity, key) for key in IDENTITY_KEYS}
+    test = {key: value for key, value in facts.items() if value and "," not in value}
     return Guessed(rig, test, tuple(why), tuple(dict.fromkeys(unknown)))
 
 

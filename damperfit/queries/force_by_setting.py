@@ -151,7 +151,7 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question, *, jobs: int 
         on_error=take,
     )
     found = beside_measured(modelled, adjuster.forces, sine)
-    told = credible_forces(found)
+    credible = credible_forces(found)
     done = {level.setting for level in found}
     remarks = tuple(
         mishaps[stage.setting].message
@@ -166,7 +166,7 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question, *, jobs: int 
             raise ConfigurationError(
                 "one setting is not enough to find which gives a force; fit more logs"
             )
-        mine = [level for level in told if level.stroke == question.stroke]
+        mine = [level for level in credible if level.stroke == question.stroke]
         lines = [line for line in lines_of(done) if len(line.settings) > 1]
         if not lines:
             raise ConfigurationError(
@@ -174,8 +174,8 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question, *, jobs: int 
                 "--force shows the forces of all"
             )
         wanted = tuple(which_setting(mine, question.force, line=line) for line in lines)
-    changes = clicks(told, adjuster.damper)
-    notes = (*_cavitation_notes(adjuster, found), *_measured_notes(told))
+    changes = clicks(credible, adjuster.damper)
+    notes = (*_cavitation_notes(adjuster, found), *_measured_notes(credible))
     traces = tuple(mishaps[setting].trace for setting in sorted(mishaps))
     return ForceTable(found, changes, wanted, remarks, notes, traces)
 
@@ -191,7 +191,7 @@ def _cavitation_notes(adjuster: AdjusterResults, found: Sequence[Level]) -> Iter
 
 
 def _measured_notes(found: Sequence[Level]) -> Iterator[str]:
-    """Say where measured forces are told in place of the model's, and by how much it misses."""
+    """Say where measured forces are shown in place of the model's, and by how much it misses."""
     missed = [level for level in found if level.is_measured and level.disagrees]
     if missed:
         worst = max(missed, key=lambda level: abs(level.difference / level.measured))

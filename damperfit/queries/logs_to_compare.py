@@ -173,9 +173,9 @@ def _of_trace(trace: Trace) -> tuple[MeasuredTest, ...]:
         nothing,
         np.stack([nothing] * 3),
     )
-    told = [stretch.describe(trace) for stretch in trace.stretches]
+    stretches = [stretch.describe(trace) for stretch in trace.stretches]
     warmth = math.nan if trace.temperature is None else trace.temperature
-    return measured_tests(signals, told, temperature=warmth)
+    return measured_tests(signals, stretches, temperature=warmth)
 
 
 def _of_curve(curve: ForceCurve, known: Failure | None) -> MeasuredTest:

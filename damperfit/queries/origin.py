@@ -183,10 +183,10 @@ def _motions(log: Mapping[str, Any]) -> Iterator[tuple[float, float, float]]:
     for one in stretches if isinstance(stretches, list) else [log]:
         if not isinstance(one, dict):
             continue
-        told: tuple[Any, ...] = (one.get("amplitude_m"), one.get("frequency_Hz"))
-        if not all(map(_is_size, told)):
+        numbers: tuple[Any, ...] = (one.get("amplitude_m"), one.get("frequency_Hz"))
+        if not all(map(_is_size, numbers)):
             continue
-        size, rate = map(float, told)
+        size, rate = map(float, numbers)
         speed: Any = one.get("peak_speed_m_per_s")
         yield size, rate, float(speed) if _is_size(speed) else 2.0 * math.pi * size * rate
 

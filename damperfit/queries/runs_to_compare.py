@@ -324,17 +324,17 @@ def _tests(results: Results) -> Iterator[MeasuredTest]:
     }
     for signals in results.logs:
         facts = known.get(signals.log, {})
-        told = [one for one in listed_in(facts, "stretches") if isinstance(one, dict)]
+        stretches = [one for one in listed_in(facts, "stretches") if isinstance(one, dict)]
         warmth = number_in(facts, "temperature_degC")
         temperature = math.nan if warmth is None else warmth
-        if not told and len(signals.time) > 1:  # older results tell one motion a log
+        if not stretches and len(signals.time) > 1:  # older results tell one motion a log
             step = float(signals.time[-1] - signals.time[0]) / (len(signals.time) - 1)
             ends = {
                 "start_s": float(signals.time[0]),
                 "stop_s": float(signals.time[-1]) + step,
             }
-            told = [{**facts, **ends}]
-        yield from measured_tests(signals, told, temperature=temperature)
+            stretches = [{**facts, **ends}]
+        yield from measured_tests(signals, stretches, temperature=temperature)
 
 
 def named_apart(runs: Sequence[Run]) -> tuple[Run, ...]:

@@ -81,7 +81,7 @@ class Table:
     may_run_on : bool
         It may be the next piece of one record, where its time runs on from the table before.
     hint : str
-        Why names may be missing, told where a channel is not found; may be empty.
+        Why names may be missing, said where a channel is not found; may be empty.
     """
 
     columns: tuple[Column, ...]

@@ -69,7 +69,7 @@ def _rate(tables: Sequence[Table], times: np.ndarray) -> float | None:
         return None
     try:
         rows = [len(table.load({"any": 0}).channels["any"]) for table in tables]
-    except LogError:  # told with the place when the channels are read
+    except LogError:  # said with the place when the channels are read
         return None
     # The last buffer may not be full: its step is as long as itself, or as the one before.
     steps = np.diff(times if rows[-1] == rows[0] else times[:-1])

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 __all__ = ["FEW", "MANY_KINDS", "listed_names", "shape_of", "short_listing", "summarised"]
 
-MANY_KINDS = 20  # kinds of sentences that are told
-_SHOWN = 3  # sentences of one kind that are told one by one where there are many
-FEW = 20  # sentences in all that are told one by one; a damper has some twenty settings
+MANY_KINDS = 20  # kinds of sentences that are shown
+_SHOWN = 3  # sentences of one kind that are shown one by one where there are many
+FEW = 20  # sentences in all that are shown one by one; a damper has some twenty settings
 _NAMES = 5  # names that are listed
 _QUOTED = re.compile(r"'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"")
 _NUMBER = re.compile(r"(?<![^\W_])[+-]?\d[\w.+-]*")

@@ -139,13 +139,13 @@ def evaluate_logs(results: Results) -> tuple[EvaluatedLog, ...]:
 def _evaluate(signals: LogSignals, facts: dict[str, Any]) -> EvaluatedLog:
     stretches = _stretches(signals, facts)
     steady = [one for one in stretches if one.n_cycles]
-    first, told = 0, number_in(facts, "frequency_Hz")
+    first, logged = 0, number_in(facts, "frequency_Hz")
     inner = signals
     if steady:
         fastest = max(steady, key=lambda one: one.measured.peak_speed_rebound)
         until = slice(fastest.window.start, fastest.cycle.stop)
-        first, told, inner = until.start, fastest.frequency, _cut(signals, until)
-    frequency = np.nan if stretches and not steady else _frequency(inner, told)
+        first, logged, inner = until.start, fastest.frequency, _cut(signals, until)
+    frequency = np.nan if stretches and not steady else _frequency(inner, logged)
     cycle = slice(0, len(signals.time))
     if np.isfinite(frequency):
         start = inner.time[-1] - 1.0 / frequency
@@ -167,24 +167,24 @@ def _evaluate(signals: LogSignals, facts: dict[str, Any]) -> EvaluatedLog:
 
 def _stretches(signals: LogSignals, facts: dict[str, Any]) -> tuple[EvaluatedStretch, ...]:
     """Return the stretches of a log that is no single steady run, as far as run.json tells."""
-    told = [one for one in listed_in(facts, "stretches") if isinstance(one, dict)]
-    if len(told) < 2 and not any(one.get("kind") == "moving" for one in told):
+    stretches = [one for one in listed_in(facts, "stretches") if isinstance(one, dict)]
+    if len(stretches) < 2 and not any(one.get("kind") == "moving" for one in stretches):
         return ()
-    found = (_stretch(signals, one) for one in told)
+    found = (_stretch(signals, one) for one in stretches)
     return tuple(one for one in found if one is not None)
 
 
-def _stretch(signals: LogSignals, told: dict[str, Any]) -> EvaluatedStretch | None:
-    start, stop, rate = (number_in(told, key) for key in ("start_s", "stop_s", "frequency_Hz"))
+def _stretch(signals: LogSignals, facts: dict[str, Any]) -> EvaluatedStretch | None:
+    start, stop, rate = (number_in(facts, key) for key in ("start_s", "stop_s", "frequency_Hz"))
     if start is None or stop is None or rate is None or len(signals.time) < 2 or not rate > 0.0:
         return None
     window = _between(signals, start, stop)
-    begin, end = (number_in(told, f"figures_{key}_s") for key in ("start", "stop"))
+    begin, end = (number_in(facts, f"figures_{key}_s") for key in ("start", "stop"))
     inner = window if begin is None or end is None else _between(signals, begin, end)
     n = inner.stop - inner.start
     if n < _FEWEST or inner.start < window.start or inner.stop > window.stop:
         return None
-    n_cycles = int(number_in(told, "cycles") or 0)
+    n_cycles = int(number_in(facts, "cycles") or 0)
     interval = float(np.median(np.diff(signals.time[inner])))
     inside = max(round(n * interval * rate), 1) if n_cycles else 1
     edges = np.rint(np.linspace(0, n, inside + 1)).astype(np.int64)
@@ -220,7 +220,7 @@ def _cut(signals: LogSignals, window: slice) -> LogSignals:
     )
 
 
-def _frequency(signals: LogSignals, told: float | None) -> float:
+def _frequency(signals: LogSignals, logged: float | None) -> float:
     """Return cycles per second from the passages through mid-stroke, noise passed over.
 
     The record's own figure is taken where the signals do not contradict it: it was found on more
@@ -239,7 +239,7 @@ def _frequency(signals: LogSignals, told: float | None) -> float:
     if len(passages) < 2:  # the window holds whole cycles: this is one
         return float(1.0 / (time[-1] - time[0] + _interval(signals)))
     found = float((len(passages) - 1) / (time[passages[-1]] - time[passages[0]]))
-    return told if told is not None and abs(told - found) <= 0.02 * found else found
+    return logged if logged is not None and abs(logged - found) <= 0.02 * found else found
 
 
 def _interval(signals: LogSignals) -> float:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Failure", "ReportFacts", "failure_lines"]
 
-_MANY = 5  # tests of one file that fail alike and are told one by one
+_MANY = 5  # tests of one file that fail alike and are listed one by one
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,14 +83,14 @@ def failure_lines(failures: Sequence[Failure]) -> list[str]:
     for one in failures:
         shape = shape_of(one.message, one.log)
         of_file.setdefault((one.path or one.place, one.kind, shape), []).append(one)
-    told = []
+    sentences = []
     for first, *others in of_file.values():
         if len(others) < _MANY:
-            told += [(one.place, one.line) for one in (first, *others)]
+            sentences += [(one.place, one.line) for one in (first, *others)]
         else:
             more = f"(and {len(others)} other tests of this file alike)"
-            told.append((first.place, f"{first.line} {more}"))
-    return list(summarised(told))
+            sentences.append((first.place, f"{first.line} {more}"))
+    return list(summarised(sentences))
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +122,7 @@ class ReportFacts:
     identifiability : tuple of str
         Parameters that the logs do not tell, and those that are tied, one sentence each.
     undetermined : tuple of str
-        Those of them that are not told, which the command says too.
+        Those of them that are not determined, which the command says too.
     taken : tuple of str
         Tables of tests that were used, which the command says too.
     searches : tuple of str

@@ -157,10 +157,10 @@ def failures_in(record: Mapping[str, Any]) -> tuple[Failure, ...]:
 
 def gaps_in(record: Mapping[str, Any]) -> tuple[tuple[int, int], ...]:
     """Return the runs of settings without a result, first and last of each."""
-    told = listed_in(record, "gaps")
-    ends = [(one.get("first"), one.get("last")) for one in told if isinstance(one, dict)]
+    gaps = listed_in(record, "gaps")
+    ends = [(one.get("first"), one.get("last")) for one in gaps if isinstance(one, dict)]
     # Before 0.2 every setting was listed.
-    ends += [(one, one) for one in told]
+    ends += [(one, one) for one in gaps]
     return tuple(
         (first, last)
         for first, last in ends
@@ -170,8 +170,8 @@ def gaps_in(record: Mapping[str, Any]) -> tuple[tuple[int, int], ...]:
 
 def sentences_in(record: Mapping[str, Any], about: str) -> list[str]:
     """Return what the run said of a subject, such as "identifiability"; older runs said nothing."""
-    told = record.get("sentences")
-    return [str(one) for one in listed_in(told, about)] if isinstance(told, dict) else []
+    sentences = record.get("sentences")
+    return [str(one) for one in listed_in(sentences, about)] if isinstance(sentences, dict) else []
 
 
 def held_out_in(record: Mapping[str, Any]) -> list[str]:
@@ -186,16 +186,16 @@ def held_out_in(record: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _cycles(told: str) -> str:
-    if told == "transients":
+def _cycles(held_out: str) -> str:
+    if held_out == "transients":
         return "run-up, coast-down and changes of speed"
-    return f"{told} cycles"
+    return f"{held_out} cycles"
 
 
 def law_in(record: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return what the logs told of the damper's law; empty where they were not asked."""
-    told = record.get("law_choice")
-    return told if isinstance(told, dict) else {}
+    """Return what the logs tell of the damper's law; empty where they were not asked."""
+    choice = record.get("law_choice")
+    return choice if isinstance(choice, dict) else {}
 
 
 def listed_in(record: Mapping[str, Any], key: str) -> list[Any]:

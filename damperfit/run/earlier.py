@@ -73,8 +73,8 @@ def _is_part(folder: Path) -> bool:
         record = json.loads((folder / "run.json").read_bytes())
     except (OSError, ValueError):
         return False
-    told = record.get(BESIDE) if isinstance(record, dict) else None
-    return isinstance(told, list) and folder.name in told
+    beside = record.get(BESIDE) if isinstance(record, dict) else None
+    return isinstance(beside, list) and folder.name in beside
 
 
 def _forget_run(folder: Path) -> None:

@@ -41,11 +41,11 @@ def with_given_start(configuration: Configuration) -> Configuration:
     if path is None or options.start.by_setting:  # the latter from the choice of a law
         return configuration
     known = _read(path)
-    told = {name for numbers in known.values() for name in numbers}
-    if not told & {one.name for one in damper.quantities if one.role not in _EVERYWHERE}:
+    named = {name for numbers in known.values() for name in numbers}
+    if not named & {one.name for one in damper.quantities if one.role not in _EVERYWHERE}:
         raise ConfigurationError(
-            f"--start {path}: its parameters ({', '.join(sorted(told))}) are of another model than "
-            f"{damper.name} ({', '.join(damper.names)}); name that model by --model, or give "
+            f"--start {path}: its parameters ({', '.join(sorted(named))}) are of another model "
+            f"than {damper.name} ({', '.join(damper.names)}); name that model by --model, or give "
             "--start NAME=VALUE"
         )
     own = {
@@ -72,17 +72,17 @@ def start_of_laws(configuration: Configuration, named: Mapping[str, str]) -> Giv
         No law has such a quantity, a value is wrong, or the table cannot be used.
     """
     quantities = _of_any_law(configuration)
-    told: dict[str, float] = dict(configuration.identification.start.named)
+    numbers: dict[str, float] = dict(configuration.identification.start.named)
     for name, text in named.items():
         if name not in quantities:
             raise ConfigurationError(
                 f"--start {name}={text}: no law has a parameter {name!r}; there are "
                 f"{', '.join(quantities)}.{did_you_mean(name, quantities)}"
             )
-        told[name] = parameter_value(quantities[name], text)
-        check_start(quantities[name], told[name], is_fixed=False, is_held=False)
+        numbers[name] = parameter_value(quantities[name], text)
+        check_start(quantities[name], numbers[name], is_fixed=False, is_held=False)
     path = configuration.start_table
-    return GivenStart(told, {} if path is None else _read(path))
+    return GivenStart(numbers, {} if path is None else _read(path))
 
 
 def _of_any_law(configuration: Configuration) -> dict[str, Quantity]:

@@ -176,11 +176,11 @@ def note_unpredicted(
 ) -> LogBatch:
     """Return the batch with the held-out logs that could not be predicted among its failures.
 
-    Logs of which it is known already why are not told again. What nobody asked to hold out is no
+    Logs of which it is known already why are not said again. What nobody asked to hold out is no
     failure: a remark says so, where the setting is fitted.
     """
     done = {id(prediction.trace) for prediction in predictions}
-    told = {failure.log for failure in known}
+    failed = {failure.log for failure in known}
     fitted = {fit.setting for fit in campaign.fits}
     if not parted.is_asked:
         said = tuple(
@@ -197,7 +197,7 @@ def note_unpredicted(
             _unpredicted(trace, is_fitted=trace.setting in fitted),
         )
         for trace in parted.held_out
-        if id(trace) not in done and trace.name not in told
+        if id(trace) not in done and trace.name not in failed
     )
     return replace(parted.batch, failures=(*parted.batch.failures, *lost))
 

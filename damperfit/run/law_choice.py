@@ -115,7 +115,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     logs : sequence of str
         Paths and patterns.
     layout : str, optional
-        One of `LAYOUTS`, where the damper's maker has told it.
+        One of `LAYOUTS`, where the damper's maker has said it.
     jobs : int, optional
         Workers; the cores available by default.
     setting : Setting, optional

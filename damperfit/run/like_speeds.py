@@ -142,7 +142,7 @@ def _noise(trace: Trace) -> float:
 def _is_left_by_fits(met: _Meeting, configuration: Configuration) -> bool:
     """Whether a fit of both logs leaves that difference over, and fits of each leave nothing.
 
-    Where the law does not suit the damper each log is missed too, and nothing is told.
+    Where the law does not suit the damper each log is missed too, and nothing is reported.
     """
     pair = (met.first, met.second)
     try:

@@ -177,13 +177,13 @@ def read_batch(
 
 
 def _note(part: _Taken, spent: float) -> None:
-    told = part.facts.facts
+    facts = part.facts.facts
     _LOGGER.debug(
         "%s: %s, setting %s, %s samples, %.3f s, sha256 %s",
         part.facts.path,
-        told.get("verdict"),
-        told.get("setting"),
-        told.get("n_samples_read", "no"),
+        facts.get("verdict"),
+        facts.get("setting"),
+        facts.get("n_samples_read", "no"),
         spent,
         part.facts.sha256 or "unknown",
     )
@@ -240,10 +240,10 @@ class _Labelled:
     is_needed: bool
 
     def is_unsaid(self, path: Path) -> bool:
-        """Whether a log must have a setting, and none is told from outside."""
+        """Whether a log must have a setting, and none is stated from outside."""
         labels = self.labels
-        told = labels.declared is not None or labels.row(path) is not None
-        return self.is_needed and not told and path.name not in labels.guess.settings
+        is_stated = labels.declared is not None or labels.row(path) is not None
+        return self.is_needed and not is_stated and path.name not in labels.guess.settings
 
     def check(self, recording: Recording) -> None:
         """Refuse a log that must have a setting and has none."""
@@ -296,8 +296,8 @@ def _take_curves(path: Path, known: LogFacts, configuration: Configuration) -> _
         raise
     except Exception as error:  # noqa: BLE001 - the other files go on
         return _failed(known, error, task="reading the curves")
-    told = {"curves": [curve.describe() for curve in curves], "notes": list(curves[0].notes)}
-    facts = {"name": known.log, "verdict": "curves", **told}
+    seen = {"curves": [curve.describe() for curve in curves], "notes": list(curves[0].notes)}
+    facts = {"name": known.log, "verdict": "curves", **seen}
     return _Taken(replace(known, sha256=curves[0].sha256, facts=facts))
 
 
@@ -306,7 +306,7 @@ def _take_test(
 ) -> _Taken:
     recording, identity = labelled.labels.labelled(recording, path)
     row = labelled.labels.row(path)
-    told, unsaid = facts_of(recording, path, configuration, row)
+    tested_at, unsaid = facts_of(recording, path, configuration, row)
     recording = replace(recording, notes=(*recording.notes, *unsaid))
     whose = {"test": identity.describe()} if identity.describe() else {}
     known = LogFacts(
@@ -323,7 +323,7 @@ def _take_test(
     )
     try:
         try:
-            trace = conditioned_as_tested(recording, configuration.conditioning, told)
+            trace = conditioned_as_tested(recording, configuration.conditioning, tested_at)
         except LogError as error:
             if recording.setting is None and labelled.is_needed:
                 raise type(error)(f"{error}{_NO_SETTING_EITHER}") from error
@@ -336,7 +336,7 @@ def _take_test(
     sentences = (one.sentence for one in trace.findings)
     facts = trace.describe() | {
         **whose,
-        **({"tested_at": told} if told else {}),
+        **({"tested_at": tested_at} if tested_at else {}),
         "n_samples_read": len(recording.time),
         "notes": list(dict.fromkeys([*recording.notes, *trace.notes, *sentences])),
         "verdict": "warnings" if trace.warnings else "good",
@@ -362,7 +362,7 @@ _USAGE = (ConfigurationError, InstallationError)
 def failure_of(
     mishap: Mishap, log: str = "", path: str = "", setting: Setting | None = None
 ) -> Failure:
-    """Return what is told of a log or a setting that something ended the work on."""
+    """Return what is reported of a log or a setting that something ended the work on."""
     return Failure(log, path, setting, mishap.kind, mishap.message, mishap.trace)
 
 
@@ -370,7 +370,7 @@ def _seen_raw(recording: Recording) -> tuple[Finding, ...]:
     """Return what a log shows that cannot be evaluated, if it can be looked at."""
     try:
         return examine_raw(recording)
-    except Exception:  # noqa: BLE001 - why it cannot be evaluated is told already
+    except Exception:  # noqa: BLE001 - why it cannot be evaluated is reported already
         return ()
 
 
@@ -385,11 +385,11 @@ def _failed(
     failure = failure_of(mishap, known.log, known.path, known.facts["setting"])
     sentence = mishap.message.removeprefix(f"{known.log}: ")
     refusal = Finding(_REFUSALS.get(mishap.kind, "unreadable"), "refusal", sentence)
-    told = {"findings": [asdict(one) for one in (refusal, *findings)], "verdict": "refused"}
-    return _Taken(replace(known, facts=known.facts | told), failure=failure)
+    refused = {"findings": [asdict(one) for one in (refusal, *findings)], "verdict": "refused"}
+    return _Taken(replace(known, facts=known.facts | refused), failure=failure)
 
 
-# What is wrong is told at once, not one by one over as many runs.
+# What is wrong is said at once, not one by one over as many runs.
 _NO_SETTING_EITHER = ". Nor does the log say its adjuster setting: give --setting N too"
 
 

@@ -322,7 +322,7 @@ def _write(
     folder = configuration.output.folder
     with file_set(folder) as files:
         with clock.lap("write_s"):
-            # First, for what fails in it is told in the others.
+            # First, for the others report what fails in it.
             readings = Readings(configuration, campaign, mishaps)
             write_responses(
                 files.path("responses.parquet"),

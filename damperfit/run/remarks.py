@@ -30,7 +30,7 @@ __all__ = [
     "skipped_files",
 ]
 
-MANY = 20  # sentences of one kind that are told one by one; a damper has some twenty settings
+MANY = 20  # sentences of one kind that are shown one by one; a damper has some twenty settings
 
 
 def run_warnings(batch: LogBatch, campaign: Campaign) -> Iterator[str]:

@@ -246,12 +246,12 @@ def _stretches(fit: Fit) -> Iterator[dict[str, Any]]:
     for log in fit.logs:
         errors = log.stretch_mse_percent
         for stretch, mse in zip(log.trace.stretches, errors, strict=False):
-            told = stretch.describe(log.trace)
+            facts = stretch.describe(log.trace)
             yield {
                 "setting": fit.setting,
                 "log": log.trace.name,
                 "mse_percent": mse,
-                **told,
+                **facts,
             }
 
 

@@ -148,9 +148,10 @@ def _apart(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def _two_settings(first: Trace, others: Sequence[Trace]) -> str:
-    told = ", ".join(f"{one.name} setting {one.setting}" for one in (first, *others))
+    listed = ", ".join(f"{one.name} setting {one.setting}" for one in (first, *others))
     return (
-        f"the same test under several settings: {told}; check which is right and leave out the rest"
+        f"the same test under several settings: {listed}; check which is right and leave out the "
+        "rest"
     )
 
 

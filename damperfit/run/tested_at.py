@@ -29,7 +29,7 @@ __all__ = ["conditioned_as_tested", "facts_of"]
 def facts_of(
     recording: Recording, path: Path, configuration: Configuration, row: TestRow | None
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Return what is told of one test, SI, by the nearest word, and which words say too little.
+    """Return what is stated of one test, SI, by the nearest word, and which words say too little.
 
     Parameters
     ----------
@@ -47,18 +47,18 @@ def facts_of(
         own.pop("temperature", None)
     reading = configuration.reading
     near, _ = reading.for_file(path.name)
-    told = {**own, **near.tested_at, **(row.facts if row else {})}
+    facts = {**own, **near.tested_at, **(row.facts if row else {})}
     for name in configuration.test.typed:
-        told.pop(name, None)
+        facts.pop(name, None)
         if name in reading.tested_at:
-            told[name] = reading.tested_at[name]
-    return told, notes
+            facts[name] = reading.tested_at[name]
+    return facts, notes
 
 
 def conditioned_as_tested(
     recording: Recording, options: ConditionOptions, facts: Mapping[str, float]
 ) -> Trace:
-    """Return the trace of a recording with what is told of this test alone.
+    """Return the trace of a recording with what is stated of this test alone.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def conditioned_as_tested(
     options : ConditionOptions
         For all logs.
     facts : mapping of str to float
-        Of this test, SI, temperature in degrees Celsius; empty: nothing is told.
+        Of this test, SI, temperature in degrees Celsius; empty: nothing is stated.
     """
     if "tare" in facts:
         recording = replace(recording, force=recording.force - facts["tare"])

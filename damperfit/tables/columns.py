@@ -31,7 +31,7 @@ __all__ = [
 ]
 
 SCHEMA_VERSION = 2
-# Results of before these were added lack nothing that a reader must be told of.
+# Results of before these were added lack nothing that a reader must know of.
 _LATE = frozenset(
     {
         "grade_reason",
@@ -307,8 +307,8 @@ def table_schema(
     """
     import pyarrow as pa
 
-    told = {"quantities": quantity_records(quantities)}
-    entry = {"schema_version": SCHEMA_VERSION, "table": name, **told, **facts}
+    metadata = {"quantities": quantity_records(quantities)}
+    entry = {"schema_version": SCHEMA_VERSION, "table": name, **metadata, **facts}
     fields = [
         pa.field(
             c.name,

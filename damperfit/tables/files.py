@@ -118,7 +118,7 @@ def _as(place: Place, kind: pa.DataType) -> Place:
 
 
 def write_table(path: Path, table: pa.Table, *, suffix: str | None = None) -> None:
-    """Write a table as Parquet (with page checksums) or CSV, told by the suffix.
+    """Write a table as Parquet (with page checksums) or CSV, chosen by the suffix.
 
     Parameters
     ----------
@@ -262,8 +262,8 @@ def table_quantities(path: Path) -> tuple[Quantity, ...]:
     facts = read_facts(path)
     if "quantities" not in facts:
         with suppress(OSError, ValueError, RecursionError):
-            told = json.loads((path.parent / "run.json").read_text(encoding="utf-8"))
-            facts = told if isinstance(told, dict) else {}
+            record = json.loads((path.parent / "run.json").read_text(encoding="utf-8"))
+            facts = record if isinstance(record, dict) else {}
     return quantities_in(facts)
 
 

@@ -48,9 +48,9 @@ def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tupl
         Of the table, where known: where the facts tell nothing and a column has a status that the
         paper's model does not know, the columns say what there is.
     """
-    told = facts.get("quantities")
+    records = facts.get("quantities")
     try:
-        found = tuple(_quantity(one) for one in told) if isinstance(told, list) else ()
+        found = tuple(_quantity(one) for one in records) if isinstance(records, list) else ()
     except (KeyError, TypeError, ValueError):
         found = ()
     if found:
@@ -61,8 +61,8 @@ def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tupl
     return tuple(Quantity(name, name, name, name, "", (-math.inf, math.inf)) for name in seen)
 
 
-def _quantity(told: Mapping[str, Any]) -> Quantity:
-    known = {one.name: told[one.name] for one in fields(Quantity) if one.name in told}
+def _quantity(record: Mapping[str, Any]) -> Quantity:
+    known = {one.name: record[one.name] for one in fields(Quantity) if one.name in record}
     ranges = {key: _range(ends) for key, ends in known.items() if isinstance(ends, list)}
     role = _ROLES.get(known["label"], "")
     return Quantity(**{"role": role} | known | ranges)

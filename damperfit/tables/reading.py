@@ -280,8 +280,8 @@ def _clean(
     row: dict[str, Any], kinds: dict[str, type], quantities: Sequence[Quantity] = PAPER_QUANTITIES
 ) -> dict[str, Any]:
     cells = ((name, kind) for name, kind in kinds.items() if name in row and name != "setting")
-    told = {name: _cell(row[name], kind) for name, kind in cells}
-    return told | (
+    cells_of_row = {name: _cell(row[name], kind) for name, kind in cells}
+    return cells_of_row | (
         {"setting": read_setting(row, adjusters_in(tuple(row), quantities))}
         if "setting" in row
         else {}

@@ -278,7 +278,7 @@ def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[di
     for click in clicks:
         changes[click.second, click.speed, click.stroke].append(click)
     rows = []
-    for level, told in zip(levels, credible_forces(levels), strict=True):
+    for level, credible in zip(levels, credible_forces(levels), strict=True):
         row: dict[str, Any] = {
             "setting": level.setting,
             "speed_m_per_s": level.speed,
@@ -291,7 +291,7 @@ def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[di
             "measured_N": _finite(level.measured),
             "measured_se_N": _finite(level.measured_error),
             "difference_N": _finite(level.difference),
-            "told_from": "measured" if told.is_measured else "model",
+            "told_from": "measured" if credible.is_measured else "model",
         }
         for one in changes.get((level.setting, level.speed, level.stroke), [None]):
             changed = {} if one is None else {"changed": one.adjuster}

@@ -41,15 +41,15 @@ def words_of(adjusters: Sequence[str], shorts: Mapping[str, str]) -> dict[str, s
     'bump'
     """
     found: dict[str, str] = {}
-    for told in (
+    for pairs in (
         [(name.casefold(), name) for name in adjusters],
         [(shorts[name].casefold(), name) for name in adjusters],
         [(name[:1].casefold(), name) for name in adjusters],
         [(word, name) for name in adjusters for word in _alike(name)],
     ):
-        counts = Counter(word for word, _ in told)
+        counts = Counter(word for word, _ in pairs)
         # A word of two adjusters names neither, nor does it name a third.
-        for word, name in told:
+        for word, name in pairs:
             found.setdefault(word, name if counts[word] == 1 else "")
     return {word: name for word, name in found.items() if name}
 

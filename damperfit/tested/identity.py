@@ -56,9 +56,9 @@ class Identity:
 
     def over(self, other: Identity) -> Identity:
         """Return this identity with what it does not know taken from another one."""
-        told = dict(other.more) | dict(self.more)
+        merged = dict(other.more) | dict(self.more)
         named = {key: getattr(self, key) or getattr(other, key) for key in IDENTITY_KEYS}
-        return _identity(named, told)
+        return _identity(named, merged)
 
     def describe(self) -> dict[str, str]:
         """Return what is known, by its names."""
@@ -68,9 +68,11 @@ class Identity:
     @property
     def sentence(self) -> str:
         """For people: "damper D7, serial 1234; rig: hall 2"; empty where nothing is known."""
-        told = self.describe()
-        whose = ", ".join(f"{key} {told.pop(key)}" for key in ("damper", "serial") if key in told)
-        return "; ".join(([whose] if whose else []) + [f"{k}: {v}" for k, v in told.items()])
+        stated = self.describe()
+        whose = ", ".join(
+            f"{key} {stated.pop(key)}" for key in ("damper", "serial") if key in stated
+        )
+        return "; ".join(([whose] if whose else []) + [f"{k}: {v}" for k, v in stated.items()])
 
 
 IDENTITY_KEYS = tuple(one.name for one in fields(Identity) if one.name != "more")
@@ -92,8 +94,8 @@ def identity_in(metadata: Mapping[str, str]) -> Identity:
     words = {re.sub(r"[\W_]+", "", key.casefold()): value for key, value in metadata.items()}
     found: dict[str, str] = {}
     for key, known in _WORDS.items():
-        told = next((words[word] for word in known if words.get(word, "").strip()), "")
-        found[key] = " ".join(told.split())[:_LONGEST]
+        stated = next((words[word] for word in known if words.get(word, "").strip()), "")
+        found[key] = " ".join(stated.split())[:_LONGEST]
     return _identity(found)
 
 
@@ -114,6 +116,6 @@ def common_identity(identities: Iterable[Identity]) -> Identity:
 
 
 def _listed(values: Iterable[str]) -> str:
-    told = list(dict.fromkeys(value for value in values if value))
-    more = f" and {len(told) - _MANY} more" if len(told) > _MANY else ""
-    return ", ".join(told[:_MANY]) + more
+    distinct = list(dict.fromkeys(value for value in values if value))
+    more = f" and {len(distinct) - _MANY} more" if len(distinct) > _MANY else ""
+    return ", ".join(distinct[:_MANY]) + more

@@ -236,8 +236,8 @@ def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
     """
     if len(adjusters) == 1:
         return Setting(((adjusters[0], parse_place(_alone(text, adjusters[0]))),))
-    told = _named_places(text, adjusters)
-    if told is None:
+    stated = _named_places(text, adjusters)
+    if stated is None:
         parts = re.split(r"\s*[/;|,]\s*|\s+", text.strip())
         if letters := lettered(parts):
             raise ValueError(
@@ -245,11 +245,11 @@ def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
                 f"{', '.join(adjusters)}, or several; expected {_example(adjusters)}, or names in "
                 "[adjusters] that begin with these letters"
             )
-        told = dict(zip(adjusters, parts, strict=False)) if len(parts) == len(adjusters) else {}
-    missing = [name for name in adjusters if name not in told]
+        stated = dict(zip(adjusters, parts, strict=False)) if len(parts) == len(adjusters) else {}
+    missing = [name for name in adjusters if name not in stated]
     if missing:
         raise ValueError(f"expected {_example(adjusters)}")
-    return Setting(tuple((name, parse_place(told[name])) for name in adjusters))
+    return Setting(tuple((name, parse_place(stated[name])) for name in adjusters))
 
 
 def _alone(text: str, adjuster: str) -> str:

@@ -236,10 +236,10 @@ def assess(
     for seen in _evidence_in_turns(campaign, damper, solver=solver, jobs=jobs, on_error=on_error):
         for one in seen:
             with sparing(one.fit.setting, on_error):
-                told = diagnose(one, doubted=doubted)
-                forces.extend(speed_forces(one, is_structured=told.is_structured))
-                diagnoses.append(told)
-                misfit = misfit_scores(one) if told.is_structured else None
+                diagnosis = diagnose(one, doubted=doubted)
+                forces.extend(speed_forces(one, is_structured=diagnosis.is_structured))
+                diagnoses.append(diagnosis)
+                misfit = misfit_scores(one) if diagnosis.is_structured else None
                 linearised.append(replace(_without_curves(one), misfit=misfit))
     known = uncertainties(linearised, campaign.sharing, on_error=on_error)
     judged = {one.setting for one in known}

@@ -235,9 +235,9 @@ def _of_setting(
     slopes = shared_slopes(linearised.fit, sharing)
     direct = solved(linearised, own)
     carried = -direct @ linearised.information @ slopes
-    told = slopes[linearised.places(shared)]
-    from_own = np.vstack([direct + carried @ row, told @ row])
-    from_others = np.vstack([carried, told])
+    of_shared = slopes[linearised.places(shared)]
+    from_own = np.vstack([direct + carried @ row, of_shared @ row])
+    from_others = np.vstack([carried, of_shared])
     noise, misfit = (from_others @ rest @ from_others.T for rest in others[:2])
     covariance = from_own @ linearised.scores @ from_own.T + noise
     if linearised.misfit is not None:

@@ -106,7 +106,7 @@ class Linearisation:
         Summed scores by what is held at a default that nobody has measured, each column for one
         standard error of that; None where there is none.
     flaws : tuple of str
-        What the model may be told.
+        Which flaws its residuals may be said to show.
     """
 
     fit: Fit

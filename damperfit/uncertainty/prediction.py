@@ -109,12 +109,12 @@ class Prediction:
     @property
     def verdict(self) -> str:
         """The ratio in words, and whether it tests the model at all."""
-        told = self._ratio_in_words
+        words = self._ratio_in_words
         if self.is_unseen:
-            return f"{told}; put together from the clicks of other settings"
+            return f"{words}; put together from the clicks of other settings"
         if not self.is_same_motion:
-            return told
-        return f"{told}; same stroke and speed as the fitted logs, so no test of the model"
+            return words
+        return f"{words}; same stroke and speed as the fitted logs, so no test of the model"
 
     @property
     def _ratio_in_words(self) -> str:

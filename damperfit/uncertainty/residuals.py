@@ -53,7 +53,7 @@ _SKEW_AGREES = 1.0
 _IN_COMMON = ("delay", "gas_pressure", "gas_exponent", "gas_volume")
 _MOST = 3
 # Warnings on a log that leave a misfit in every cycle, in the order to look at them: no tare can be
-# told before the signs are right.
+# reported before the signs are right.
 _FAULTS_OF_LOGS = (
     "direction",
     "clipping",
@@ -195,31 +195,31 @@ def reconciled(diagnoses: Iterable[Diagnosis]) -> tuple[Diagnosis, ...]:
     diagnoses : iterable of Diagnosis
         Of all settings of a run.
     """
-    told = tuple(diagnoses)
+    kept_hints = tuple(diagnoses)
     for name in _IN_COMMON:
-        signs = [h.amount > 0.0 for one in told for h in one.hints if h.name == name]
+        signs = [h.amount > 0.0 for one in kept_hints for h in one.hints if h.name == name]
         few, many = sorted((signs.count(True), signs.count(False)))
         if few:
             kept = None if many < _MOST * few else signs.count(True) > signs.count(False)
-            told = tuple(_without(one, name, kept=kept) for one in told)
-    return told
+            kept_hints = tuple(_without(one, name, kept=kept) for one in kept_hints)
+    return kept_hints
 
 
-def _without(told: Diagnosis, name: str, *, kept: bool | None) -> Diagnosis:
+def _without(diagnosis: Diagnosis, name: str, *, kept: bool | None) -> Diagnosis:
     """Return a diagnosis without a hint, unless that has the sign that is kept."""
-    hints = tuple(h for h in told.hints if h.name != name or (h.amount > 0.0) is kept)
-    if hints == told.hints:
-        return told
-    pointer = told.sentence[len(_sentence(told)) :]
-    left = replace(told, hints=hints)
+    hints = tuple(h for h in diagnosis.hints if h.name != name or (h.amount > 0.0) is kept)
+    if hints == diagnosis.hints:
+        return diagnosis
+    pointer = diagnosis.sentence[len(_sentence(diagnosis)) :]
+    left = replace(diagnosis, hints=hints)
     return replace(left, sentence=_sentence(left) + pointer)
 
 
-def _warned(linearised: Linearisation, told: Diagnosis) -> str:
+def _warned(linearised: Linearisation, diagnosis: Diagnosis) -> str:
     """Point to the warnings on these logs that may be the cause."""
-    if not told.is_structured:
+    if not diagnosis.is_structured:
         return ""
-    is_noisy = told.noise_percent >= _NOISE_COUNTS * told.mse_percent
+    is_noisy = diagnosis.noise_percent >= _NOISE_COUNTS * diagnosis.mse_percent
     found = [
         f"{one.name} of {log.trace.name}"
         for fault in _FAULTS_OF_LOGS
@@ -232,14 +232,14 @@ def _warned(linearised: Linearisation, told: Diagnosis) -> str:
     return f"; see the warning {found[0]}{more}" if found else ""
 
 
-def _sentence(told: Diagnosis) -> str:
-    mse, noise, hints = told.mse_percent, told.noise_percent, told.hints
+def _sentence(diagnosis: Diagnosis) -> str:
+    mse, noise, hints = diagnosis.mse_percent, diagnosis.noise_percent, diagnosis.hints
     if math.isnan(noise):
         return f"MSE {mse:.2g} %; a single cycle cannot separate noise from lack of fit"
     said = f"MSE {mse:.2g} %, of which {noise:.2g} % is noise"
-    if not told.is_structured:
+    if not diagnosis.is_structured:
         return f"{said}: no misfit repeats"
-    yields = _yields(told) if told.has_yielded else ""
+    yields = _yields(diagnosis) if diagnosis.has_yielded else ""
     if yields and not hints:
         return f"{said}: {yields}"
     if not hints:
@@ -249,13 +249,14 @@ def _sentence(told: Diagnosis) -> str:
     return (
         f"{said}: the model is missing something, locked to {best.family}, as from {named} "
         f"(explains {100.0 * best.share:.0f} % of what repeats)"
-    ) + (f"; {yields}" if yields and not told.is_met else "")
+    ) + (f"; {yields}" if yields and not diagnosis.is_met else "")
 
 
-def _yields(told: Diagnosis) -> str:
+def _yields(diagnosis: Diagnosis) -> str:
     """What is said of a damper that yields, as the model does where it meets the logs."""
-    holds = f"the damper holds {100.0 * told.held_share:.0f} % of its force down to a tenth of its "
-    if told.is_met and told.modelled_share >= YIELDS:
+    share = 100.0 * diagnosis.held_share
+    holds = f"the damper holds {share:.0f} % of its force down to a tenth of its "
+    if diagnosis.is_met and diagnosis.modelled_share >= YIELDS:
         return (
             f"{holds}speed, as what yields before it slides does (a preloaded valve, dry friction, "
             "a magneto-rheological fluid); so does the model, which misses something else"

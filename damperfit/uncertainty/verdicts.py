@@ -52,7 +52,7 @@ def undetermined(
     sharing: Sharing,
     profiles: Mapping[Setting, Mapping[str, MisfitProfile]],
 ) -> tuple[str, ...]:
-    """Return one sentence for each way in which parameters are at a bound or not told.
+    """Return one sentence for each way in which parameters are at a bound or not determined.
 
     Parameters
     ----------

@@ -112,27 +112,29 @@ def objections(
     gas : GasFacts or None
         Of the damper, to tell the offset of a log by; None: it is not looked at.
     """
-    told = {one.setting: one for one in assessment.diagnoses}
-    found = {fit.setting: tuple(_of_fit(fit, told.get(fit.setting), gas)) for fit in campaign.fits}
+    diagnoses = {one.setting: one for one in assessment.diagnoses}
+    found = {
+        fit.setting: tuple(_of_fit(fit, diagnoses.get(fit.setting), gas)) for fit in campaign.fits
+    }
     return {setting: reasons for setting, reasons in found.items() if reasons}
 
 
-def _of_fit(fit: Fit, told: Diagnosis | None, gas: GasFacts | None) -> Iterator[Objection]:
+def _of_fit(fit: Fit, diagnosis: Diagnosis | None, gas: GasFacts | None) -> Iterator[Objection]:
     yield from _bounds(fit)
     yield from _beyond(fit)
-    if told is not None:
-        yield from _misfit(told)
-    if _misses(fit, told):
+    if diagnosis is not None:
+        yield from _misfit(diagnosis)
+    if _misses(fit, diagnosis):
         yield from _cavitation(fit)
         yield from _offset(fit, gas)
         yield from _friction(fit)
 
 
-def _misses(fit: Fit, told: Diagnosis | None) -> bool:
+def _misses(fit: Fit, diagnosis: Diagnosis | None) -> bool:
     """Whether the model is seen to miss the logs, or to miss much where noise is not known."""
-    if told is None or math.isnan(told.noise_percent):
+    if diagnosis is None or math.isnan(diagnosis.noise_percent):
         return fit.mse_percent > LIMITS.misfit_percent
-    return told.is_structured and fit.mse_percent > LIMITS.nothing_percent
+    return diagnosis.is_structured and fit.mse_percent > LIMITS.nothing_percent
 
 
 def _bounds(fit: Fit) -> Iterator[Objection]:
@@ -163,14 +165,14 @@ def beyond_sentence(one: Quantity, value: float) -> str:
 
 
 def _found(fit: Fit) -> Iterator[tuple[Quantity, float]]:
-    """Yield what the logs have told, with its value."""
+    """Yield what the logs show, with its value."""
     for one in fit.parameters.quantities:
         if fit.status[one.name] in {Status.FITTED, Status.SHARED}:
             yield one, getattr(fit.parameters, one.name)
 
 
-def _misfit(told: Diagnosis) -> Iterator[Objection]:
-    repeats, noise = told.repeating_percent, told.noise_percent
+def _misfit(diagnosis: Diagnosis) -> Iterator[Objection]:
+    repeats, noise = diagnosis.repeating_percent, diagnosis.noise_percent
     if repeats > LIMITS.misfit_percent and repeats > LIMITS.times_noise * noise:
         times = f"{_round(repeats / noise)} times the noise" if noise > 0.0 else "without any noise"
         yield Objection(

@@ -45,20 +45,20 @@ def documentation(handed: HandedOver, damper: ExportedDamper) -> bytes:
 
 def _tested(handed: HandedOver) -> list[str]:
     """The tested range in phrases, as far as it is known."""
-    tested, told = handed.tested, []
+    tested, lines = handed.tested, []
     if tested.n_logs:
-        told.append(f"{tested.n_logs} logs")
+        lines.append(f"{tested.n_logs} logs")
     if tested.stroke is not None:
-        told.append(f"stroke up to ±{1e3 * tested.stroke:.4g} mm")
+        lines.append(f"stroke up to ±{1e3 * tested.stroke:.4g} mm")
     if tested.speed is not None:
-        told.append(f"speed up to {tested.speed:.3g} m/s")
+        lines.append(f"speed up to {tested.speed:.3g} m/s")
     if tested.frequencies is not None:
         low, high = tested.frequencies
-        told.append(f"{low:.3g} to {high:.3g} Hz")
+        lines.append(f"{low:.3g} to {high:.3g} Hz")
     if tested.temperatures is not None:
         low, high = tested.temperatures
-        told.append(f"{low:.3g} to {high:.3g} °C")
-    return told
+        lines.append(f"{low:.3g} to {high:.3g} °C")
+    return lines
 
 
 @cache

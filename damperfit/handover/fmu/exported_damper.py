@@ -218,7 +218,7 @@ def _numbers(
 ) -> list[Number]:
     """The numbers that mean something for this damper."""
     quantities: dict[str, Quantity] = {one.name: one for one in damper.quantities}
-    told = {
+    numbers = {
         "gas_pressure": ("Pa", "pressure at rest, absolute"),
         "gas_exponent": ("1", "polytropic exponent of the gas"),
         "gas_volume": ("m3", "volume of the gas at x = 0"),
@@ -230,8 +230,8 @@ def _numbers(
             found.append(
                 Number(place, name, one.unit, one.meaning, row[place], not one.is_logarithmic)
             )
-        elif name in told:
-            unit, meaning = told[name]
+        elif name in numbers:
+            unit, meaning = numbers[name]
             found.append(Number(place, name, unit, meaning, row[place]))
         elif name not in BODY_NUMBERS:
             raise AssertionError(name)  # a passage's number is always a quantity

@@ -175,8 +175,8 @@ def terminals() -> bytes:
 
 
 def _about(handed: HandedOver, date: str) -> dict[str, str]:
-    told = (handed.identity[key] for key in ("damper", "serial") if key in handed.identity)
-    whose = printable(" ".join(told))
+    owner = (handed.identity[key] for key in ("damper", "serial") if key in handed.identity)
+    whose = printable(" ".join(owner))
     return {
         "modelName": whose or "damper",
         "description": f"{handed.damper.title}; {handed.damper.sentence}",
@@ -234,13 +234,13 @@ def _initial(one: Variable) -> dict[str, str]:
 
 
 def _numbers(one: Variable) -> dict[str, str]:
-    told: Iterable[tuple[str, float | None]] = (
+    numbers: Iterable[tuple[str, float | None]] = (
         ("min", one.low), ("max", one.high), ("nominal", one.nominal), ("start", one.start),
     )  # fmt: skip
     unit = {"unit": one.unit} if one.unit else {}
     return unit | {
         key: repr(float(value)) if one.unit else str(int(value))
-        for key, value in told
+        for key, value in numbers
         if value is not None
     }
 

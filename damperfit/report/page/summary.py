@@ -140,11 +140,11 @@ def setting_verdict(row: Mapping[str, Any]) -> str:
     """Return how the fit of one setting went, in words."""
     outcome = str(row["outcome"] or "outcome unknown").replace("_", " ")
     words = [f"{row['grade'] or 'no grade'}, MSE {percent(row['mse_percent'])} %"]
-    told = flags(row)
-    if outcome != "cavitating" or "cavitates" not in told:  # the flag says it, with how long
+    marks = flags(row)
+    if outcome != "cavitating" or "cavitates" not in marks:  # the flag says it, with how long
         words.append(outcome)
-    if told:
-        words.append(told)
+    if marks:
+        words.append(marks)
     if row.get("grade_reason"):
         words.append(f"withheld because {row['grade_reason']}")
     return "; ".join(words)
@@ -174,9 +174,9 @@ def _headline(results: Results) -> Iterator[str]:
 
 def identity_of_test(record: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     """Return whose test it is, as far as the run tells: damper, serial, date, operator first."""
-    told = record.get("test")
+    test = record.get("test")
     known = {
-        str(key): str(value) for key, value in (told if isinstance(told, dict) else {}).items()
+        str(key): str(value) for key, value in (test if isinstance(test, dict) else {}).items()
     }
     order = [*(key for key in _IDENTITY if key in known), *known]
     return tuple((key, known[key]) for key in dict.fromkeys(order) if known[key])
@@ -201,8 +201,10 @@ def _facts(results: Results, logs: Sequence[EvaluatedLog]) -> Sheet | None:
 
 
 def _damper(record: Mapping[str, Any]) -> str:
-    told = next((str(x) for x in listed_in(record, "procedure") if str(x).startswith("Damper")), "")
-    return told.removeprefix("Damper: ").rstrip(".")
+    sentence = next(
+        (str(x) for x in listed_in(record, "procedure") if str(x).startswith("Damper")), ""
+    )
+    return sentence.removeprefix("Damper: ").rstrip(".")
 
 
 def _test(logs: Sequence[EvaluatedLog]) -> str:
@@ -255,11 +257,11 @@ def _checks(record: Mapping[str, Any]) -> tuple[str, Sheet | None]:
 
 def _log_findings(record: Mapping[str, Any]) -> list[str]:
     """Return the findings that matter; mere notes stand with their log."""
-    told = (
+    notable = (
         (str(entry.get("log", "log")), f"{entry.get('log', 'log')}: {finding.sentence}")
         for entry in listed_in(record, "inputs")
         if isinstance(entry, dict)
         for finding in findings_in(entry)
         if finding.severity != "note"
     )
-    return list(summarised(told))
+    return list(summarised(notable))

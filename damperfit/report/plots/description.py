@@ -144,9 +144,9 @@ def setting_places(settings: Iterable[Setting | Place]) -> dict[Setting, float]:
     """
     known = sorted(map(Setting.of, settings))
     numbers = [(one, one.number()) for one in known]
-    told = {one: number for one, number in numbers if number is not None}
-    if len(told) == len(numbers):
-        return told
+    places = {one: number for one, number in numbers if number is not None}
+    if len(places) == len(numbers):
+        return places
     return {one: 1.0 + k for k, one in enumerate(dict.fromkeys(known))}
 
 

@@ -117,14 +117,14 @@ def _peaks(view: EvaluatedLog, name: str, colour: str) -> tuple[Plot, ...]:
     lines = []
     for side, sign in (("rebound", 1.0), ("bump", -1.0)):
         for word, ink, style in (("simulated", colour, "rings"), ("measured", "ink", "points")):
-            told = sorted(
+            peaks = sorted(
                 (
                     sign * getattr(getattr(one, word), f"peak_speed_{side}"),
                     getattr(getattr(one, word), f"peak_force_{side}"),
                 )
                 for one in steady
             )
-            x, y = np.array(told).T
+            x, y = np.array(peaks).T
             is_first = side == "rebound"
             lines.append(Line(x, y, word, ink, setting=setting, style=style, in_legend=is_first))
     panel = Panel("peak velocity", "m/s", "peak force", "N", tuple(lines))

@@ -57,7 +57,7 @@ def parameter_plots(
     """
     places = setting_places(row["setting"] for row in rows)
     names = setting_names(places)
-    told = {} if names else {trend.parameter: trend for trend in trends}
+    by_parameter = {} if names else {trend.parameter: trend for trend in trends}
     lined = [one for one in trends if one.points] if names else []
     for one in quantities:
         name, scale = one.name, scale_of(one)
@@ -74,7 +74,7 @@ def parameter_plots(
             )
             for row in known
         ]
-        trend = told.get(name)
+        trend = by_parameter.get(name)
         curve = _trend_lines(trend, scale.factor) if trend else ()
         along = [one for one in lined if one.parameter == name]
         lines = (

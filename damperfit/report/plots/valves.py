@@ -40,11 +40,11 @@ def valve_plots(
         return ()
     order = {"points": 0, "wide": 1, "rings": 2}
     lines.sort(key=lambda line: order[line.style])
-    told: set[str] = set()
+    labels: set[str] = set()
     shown = []
     for line in lines:
-        is_first = line.label not in told
-        told.add(line.label)
+        is_first = line.label not in labels
+        labels.add(line.label)
         shown.append(_with_legend(line, is_first=is_first))
     panel = Panel("pressure across the valve", "bar", "flow", "cm³/s", tuple(shown))
     caption = (
@@ -88,7 +88,7 @@ def _valve(
 def _points(
     rows: Sequence[Mapping[str, Any]], stroke: str, curve: str
 ) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-    told = [
+    points = [
         (row["pressure_Pa"], row["flow_m3_per_s"])
         for row in rows
         if row["stroke"] == stroke
@@ -96,7 +96,7 @@ def _points(
         and row["pressure_Pa"] is not None
         and row["flow_m3_per_s"] is not None
     ]
-    x, y = np.array(told, dtype=np.float64).reshape(-1, 2).T
+    x, y = np.array(points, dtype=np.float64).reshape(-1, 2).T
     return x, y
 
 

@@ -142,11 +142,11 @@ def _turned(rows: Sequence[Row], shown: Sequence[Quantity], notes: tuple[str, ..
         ("outcome", "", *(row["outcome"].replace("_", " ") for row in rows)),
         ("flags", "", *(_flags(row) for row in rows)),
     ]
-    told = tuple(line for line in lines if any(line[2:]))
+    filled = tuple(line for line in lines if any(line[2:]))
     return Sheet(
         headings=("set", "", *(str(row["setting"]) for row in rows)),
         units=("",) * (len(rows) + 2),
-        rows=told,
+        rows=filled,
         is_number=(False, False, *(True for _ in rows)),
         notes=notes,
     )

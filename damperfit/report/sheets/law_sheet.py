@@ -26,12 +26,12 @@ __all__ = [
 ]
 
 
-def ladder_sheet(told: Mapping[str, Any], *, is_narrow: bool = False) -> Sheet:
+def ladder_sheet(choice: Mapping[str, Any], *, is_narrow: bool = False) -> Sheet:
     """Return one row a law, in the order in which they were tried.
 
     Parameters
     ----------
-    told : mapping
+    choice : mapping
         What a choice of laws tells, as in run.json.
     is_narrow : bool
         For a terminal: without what was changed and why it was taken or not.
@@ -40,7 +40,7 @@ def ladder_sheet(told: Mapping[str, Any], *, is_narrow: bool = False) -> Sheet:
     headings = ("", "law", *wide[:-1], "free", "MSE", "held out", *wide[-1:])
     if is_narrow:
         headings = ("", "law", "free", "BIC", "MSE", "held out")
-    samples = _number(told.get("effective_samples"))
+    samples = _number(choice.get("effective_samples"))
     notes = ["* the chosen law; MSE and what was held out in per cent of the variance"]
     if not math.isnan(samples):
         notes.append(
@@ -52,7 +52,7 @@ def ladder_sheet(told: Mapping[str, Any], *, is_narrow: bool = False) -> Sheet:
         headings=headings,
         units=tuple("%" if one in {"MSE", "held out"} else "" for one in headings),
         rows=tuple(
-            tuple(_cell(one, heading) for heading in headings) for one in _entries(told, "laws")
+            tuple(_cell(one, heading) for heading in headings) for one in _entries(choice, "laws")
         ),
         is_number=tuple(one in _NUMBERS for one in headings),
         notes=tuple(notes),
@@ -85,9 +85,9 @@ def _cell(one: Mapping[str, Any], heading: str) -> str:
     return "*" if one.get("is_chosen") is True else ""
 
 
-def _entries(told: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
+def _entries(choice: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
     """The entries of a list; what somebody else has written there is left out."""
-    found = told.get(key)
+    found = choice.get(key)
     return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
 
 
@@ -116,38 +116,38 @@ def ladder_records(ladder: Ladder) -> list[dict[str, Any]]:
     ]
 
 
-def rival_sheet(told: Mapping[str, Any]) -> Sheet:
+def rival_sheet(choice: Mapping[str, Any]) -> Sheet:
     """Return one row a model of the literature, the best prediction first.
 
     Parameters
     ----------
-    told : mapping
+    choice : mapping
         What a choice of laws tells, as in run.json.
     """
     headings = ("model of the literature", "source", "free", "MSE", "held out")
     caveats: dict[str, list[str]] = {}
-    for one in _entries(told, "rivals"):
+    for one in _entries(choice, "rivals"):
         if one.get("caveat"):
             caveats.setdefault(str(one["caveat"]), []).append(str(one.get("title")))
     return Sheet(
         headings=headings,
         units=("", "", "", "%", "%"),
         rows=tuple(
-            tuple(_cell(one, heading) for heading in headings) for one in _entries(told, "rivals")
+            tuple(_cell(one, heading) for heading in headings) for one in _entries(choice, "rivals")
         ),
         is_number=(False, False, True, True, True),
         notes=tuple(f"{', '.join(titles)}: {why}" for why, titles in caveats.items()),
     )
 
 
-def law_sentences(told: Mapping[str, Any]) -> list[str]:
+def law_sentences(choice: Mapping[str, Any]) -> list[str]:
     """Return which law was taken, the physics that it sees, and what the logs leave open."""
-    chosen = told.get("chosen")
+    chosen = choice.get("chosen")
     if not isinstance(chosen, str):
         return []
     said = [f"The logs support {chosen}."]
     for key in ("sentences", "undecided"):
-        found = told.get(key)
+        found = choice.get(key)
         said += [str(one) for one in found] if isinstance(found, list) else []
     return said
 

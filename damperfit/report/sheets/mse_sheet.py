@@ -71,7 +71,7 @@ def grade_counts(rows: Iterable[Row]) -> str:
 def flags(row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES) -> str:
     """Return what makes a setting's parameters less than plainly fitted, in words."""
     symbols = {one.name: one.symbol for one in quantities}
-    told = {
+    marks = {
         key.removesuffix("_status"): status
         for key, status in row.items()
         if key.endswith("_status")
@@ -79,7 +79,7 @@ def flags(row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES) -> str:
     found = [
         f"{symbols.get(name, name)} {words}"
         for status, words in (("at_bound", "at bound"), ("not_identifiable", "not identifiable"))
-        for name, found in told.items()
+        for name, found in marks.items()
         if found == status
     ]
     if row.get("cavitation_fraction"):

@@ -214,7 +214,7 @@ def shared_sentence(rows: Sequence[Row], quantities: Sequence[Quantity]) -> str:
 def limit_text(quantity: Quantity, value: float, factor: float) -> str:
     """Return a value that ran to an edge of its range as the limit it ran into.
 
-    Empty where it is none: a friction too small to be told may be far from the edge.
+    Empty where it is none: a friction too small to be determined may be far from the edge.
     """
     if not quantity.is_logarithmic:
         return ""

@@ -59,13 +59,13 @@ def measured_stretch_sheet(entries: Sequence[Mapping[str, Any]]) -> Sheet:
 
 def _measured_row(one: Mapping[str, Any]) -> tuple[str, ...]:
     speeds = [one.get(f"peak_speed_{side}_m_per_s") for side in ("rebound", "bump")]
-    told = [speed for speed in speeds if speed is not None]
+    numbers = [speed for speed in speeds if speed is not None]
     return (
         str(one["setting"]),
         str(one["log"]),
         str(one["cycles"]) if one.get("cycles") else "moving",
         number(one.get("frequency_Hz"), digits=3),
-        number(max(told, default=None), digits=3),
+        number(max(numbers, default=None), digits=3),
         number(one.get("peak_force_rebound_N"), digits=4),
         number(one.get("peak_force_bump_N"), digits=4),
         number(one.get("energy_J"), digits=4),
