@@ -58,6 +58,8 @@ def test_the_difference_over_settings_is_in_per_cent(comparison) -> None:
     at_top = 0.3 * DAMPING
     assert line.y[0] == pytest.approx(100.0 * 0.1 * at_top / (at_top + GAS), rel=0.01)
     assert line.y[1] == pytest.approx(0.0, abs=0.01)
+    assert plot.panels[0].y_unit == "% of measured force"  # no model says what is damping
+    assert plot.caption == "At 0.3 m/s. Above zero: harder than before."
 
 
 def test_the_page_shows_names_and_obeys_none(comparison) -> None:

@@ -178,6 +178,7 @@ SURFACE = {
         "credible_forces",
         "fastest_sine",
         "find_trends",
+        "in_few_words",
         "levels",
         "named_speeds",
         "sine_of",

@@ -97,6 +97,38 @@ def test_an_interval_is_drawn_as_long_as_it_is(browser):
     assert found == [490.0, 510.0, 530.0]
 
 
+@pytest.mark.parametrize("kind", ["checks", "facts"])
+def test_no_word_is_torn_for_the_sake_of_a_long_sentence(browser, kind):
+    """Each word of the first column stands in one line, however much the last one says."""
+    n, torn, width = browser.execute_script(
+        """
+        const facts = document.querySelector('.table.facts'), rows = facts.outerHTML;
+        facts.className = 'table ' + arguments[0];
+        const torn = [], firsts = [...facts.querySelectorAll('tbody td:first-child')];
+        for (const cell of firsts) {
+          cell.textContent = 'temperature in window';
+          cell.parentElement.lastElementChild.textContent = 'a rather long sentence '.repeat(60);
+        }
+        for (const cell of firsts) {
+          const text = cell.firstChild;
+          for (const word of text.textContent.matchAll(/\\S+/g)) {
+            const range = document.createRange();
+            range.setStart(text, word.index);
+            range.setEnd(text, word.index + word[0].length);
+            if (range.getClientRects().length > 1) torn.push(word[0]);
+          }
+        }
+        const width = document.documentElement.scrollWidth;
+        facts.outerHTML = rows;
+        return [firsts.length, torn, width];
+        """,
+        kind,
+    )
+    assert n >= 3
+    assert torn == []
+    assert width <= 1400
+
+
 def test_the_first_paint_is_early(browser):
     (first,) = browser.execute_script(
         "return performance.getEntriesByName('first-paint').map(e => e.startTime)"

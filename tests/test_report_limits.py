@@ -134,6 +134,17 @@ def test_the_figure_of_the_mse_has_its_rules_where_the_grades_change(results):
         assert grade(limit) != grade(limit - 1e-9)
 
 
+def test_a_noise_floor_is_told_where_one_is_drawn(results):
+    bare = replace(results, mse=tuple(row | {"noise_floor_percent": None} for row in results.mse))
+    told = {}
+    for name, one in (("with", results), ("without", bare)):
+        (plot,) = (plot for plot in report_plots(one).overall if plot.name == "mse")
+        told[name] = "Dashed" in plot.caption
+        is_drawn = any(line.style == "dashed" for line in plot.panels[0].lines)
+        assert is_drawn is told[name]
+    assert told == {"with": True, "without": False}
+
+
 def test_grades_are_counted():
     rows = rows_of(fit(1), fit(2, mse=7.0), fit(3, mse=2.0), fit(4), fit(5, mse=7.0), fit(6, mse=9))
     assert grade_counts(rows).startswith("Grades: 2 excellent, 1 good, 3 poor (")

@@ -16,7 +16,7 @@ from damperfit.report.page.summary import identity_of_test
 from damperfit.report.page.tables import page_tables
 from damperfit.report.plots.all_settings import _peaks
 from damperfit.report.sheets.in_units import clicks_in_units, rows_in_units, sheet_in_units
-from damperfit.report.sheets.parameter_sheet import shared_sentence
+from damperfit.report.sheets.parameter_sheet import parameter_sheet, shared_sentence
 from damperfit.report.sheets.peak_sheet import PeakPoint, peak_sheet
 from damperfit.tables import PAPER_QUANTITIES, make_tables
 from damperfit.tested.setting import Setting
@@ -85,6 +85,20 @@ def test_what_all_settings_share_is_one_line() -> None:
     rows[1]["f_f"] = 51.0
     assert "f_f" not in shared_sentence(rows, PAPER_QUANTITIES)
     assert shared_sentence(rows[:1], PAPER_QUANTITIES) == ""
+
+
+def test_the_table_of_the_page_has_no_column_of_what_all_settings_share(results) -> None:
+    rows = make_tables(campaign(fit(1), fit(2))).parameters.to_pylist()
+    sheet = parameter_sheet(rows, PAPER_QUANTITIES, says_shared_once=True)
+    assert sheet.headings == ("set", "R_m1", "R_m2", "K_e", "MSE", "grade", "outcome")
+    assert sheet.notes[0] == shared_sentence(rows, PAPER_QUANTITIES)
+    assert {len(row) for row in sheet.rows} == {7}
+    assert not [note for note in sheet.notes if "R_m3 in" in note or note.startswith("s ")]
+    rows[1]["f_f"] = 51.0
+    assert "f_f" in parameter_sheet(rows, PAPER_QUANTITIES, says_shared_once=True).headings
+    one = replace(results, parameters=tuple(rows))
+    (shown,) = (sheet for title, sheet in page_tables(one) if title == "Parameters")
+    assert "R_m3" not in shown.headings
 
 
 def test_whose_test_it_is_stands_in_order_and_what_is_empty_does_not() -> None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     )
     from damperfit.adjustment.level import STROKES, Level
     from damperfit.adjustment.measured import beside_measured, credible_forces
+    from damperfit.adjustment.trend_words import in_few_words
     from damperfit.adjustment.trends import Outlier, Trend, TrendPoint, find_trends
     from damperfit.adjustment.wanted import Answer, Wanted, which_setting
 
@@ -43,6 +44,7 @@ __all__ = [
     "credible_forces",
     "fastest_sine",
     "find_trends",
+    "in_few_words",
     "levels",
     "named_speeds",
     "sine_of",
@@ -68,6 +70,7 @@ _LATE = {
     "credible_forces": "measured",
     "fastest_sine": "forces",
     "find_trends": "trends",
+    "in_few_words": "trend_words",
     "levels": "forces",
     "named_speeds": "forces",
     "sine_of": "forces",

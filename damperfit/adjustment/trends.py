@@ -192,6 +192,8 @@ def _trend(quantity: Quantity, points: Points, line: Line) -> Trend:
         n = len(points)
         count = f"{n} setting{'' if n == 1 else 's'} with a sound value"
         sentence = f"{quantity.symbol}: {count}, too few for a trend ({LEAST_FOR_TREND} are needed)"
+        if not line.numbers:
+            sentence = f"{quantity.symbol}: the settings are words, along which there is no trend"
         nan = math.nan
         if line.held:
             sentence = f"{sentence}, along {line.adjuster} with {line.held}"

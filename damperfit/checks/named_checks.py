@@ -11,6 +11,7 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from damperfit.adjustment import in_few_words
 from damperfit.checks.physical_checks import PHYSICAL_CHECKS
 from damperfit.identification import Status
 from damperfit.identification.sharing import listed_runs, listed_settings
@@ -207,7 +208,7 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
 
 
 def _no_trend(subject: Subject) -> str:
-    said = [trend.sentence for trend in subject.adjustment.trends]
+    said = in_few_words(trend.sentence for trend in subject.adjustment.trends)
     return "; ".join(said) or "no parameter was fitted setting by setting"
 
 

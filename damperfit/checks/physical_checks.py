@@ -41,14 +41,14 @@ def _every_grade_stands(fits: Sequence[Fit], said: Objections) -> Verdict:
 def _bulk_modulus_of_oil(fits: Sequence[Fit], said: Objections) -> Verdict:
     names = _quantities(fits, lambda one: one.unit == "Pa" and math.isfinite(one.believable[1]))
     if not names:
-        return None, "not evaluated: the model has no oil that gives"
+        return None, "the model has no oil that gives"
     return _judged(fits, said, names, "beyond", "that of oil")
 
 
 def _offset_as_in_log(fits: Sequence[Fit], said: Objections) -> Verdict:
     names = _quantities(fits, lambda one: one.is_offset)
     if not names:
-        return None, "not evaluated: the model has no offset of the force"
+        return None, "the model has no offset of the force"
     against = _against(said, names, "offset")
     if against:
         return False, _first(against)
@@ -58,16 +58,16 @@ def _offset_as_in_log(fits: Sequence[Fit], said: Objections) -> Verdict:
 def _friction_within_jump(fits: Sequence[Fit], said: Objections) -> Verdict:
     names = _quantities(fits, lambda one: one.is_friction)
     if not names:
-        return None, "not evaluated: the model has no friction"
+        return None, "the model has no friction"
     if _quantities(fits, lambda one: one.unit in {"N/m", "s"}):
-        return None, "not evaluated: the mounting gives, which spreads the jump at a reversal"
+        return None, "the mounting gives, which spreads the jump at a reversal"
     return _judged(fits, said, names, "friction", "within the jump of the force at the reversals")
 
 
 def _series_stiffness_found(fits: Sequence[Fit], said: Objections) -> Verdict:
     names = _quantities(fits, lambda one: one.unit == "N/m")
     if not names:
-        return None, "not evaluated: the model has no elasticity in series"
+        return None, "the model has no elasticity in series"
     lost = [fit for fit in fits if any(fit.status[name].has_failed for name in names)]
     if lost:
         where = _listed(fit.setting for fit in lost)
@@ -95,10 +95,17 @@ def _judged(
     against = _against(said, names, kind)
     if against:
         return False, _first(against)
+<<<<<<< HEAD
     determined = [fit for fit in fits if any(fit.status[name] in _FOUND for name in names)]
     if not determined:
         return None, f"not evaluated: no log determined {' or '.join(names)}"
     return True, f"{' and '.join(names)} is {what} at {_listed(fit.setting for fit in determined)}"
+=======
+    told = [fit for fit in fits if any(fit.status[name] in _FOUND for name in names)]
+    if not told:
+        return None, f"no log determined {' or '.join(names)}"
+    return True, f"{' and '.join(names)} is {what} at {_listed(fit.setting for fit in told)}"
+>>>>>>> 31fc921 (No torn words on the page, shared parameters in a line, and one sentence for parameters alike)
 
 
 def _against(said: Objections, names: Sequence[str], kind: str) -> dict[Setting, str]:

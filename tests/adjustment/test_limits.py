@@ -42,6 +42,13 @@ def test_a_trend_takes_four_settings_and_a_quadratic_six(n, degree) -> None:
     assert ("too few for a trend (4 are needed)" in trend.sentence) is (degree is None)
 
 
+def test_settings_that_are_words_are_said_to_be_words() -> None:
+    settings = ("soft", "middle", "firm", "hard", "race")
+    trend = ladders.trend_of(np.full(5, 1e4), settings, error=1e-3)
+    assert trend.sentence.endswith(": the settings are words, along which there is no trend")
+    assert trend.monotone is None
+
+
 @pytest.mark.parametrize(("n", "is_judged"), [(4, False), (5, True)])
 def test_an_outlier_takes_five_settings(n, is_judged) -> None:
     settings = tuple(range(1, n + 1))

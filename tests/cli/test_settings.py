@@ -266,7 +266,9 @@ def test_checks_are_told_and_change_nothing(run, logs) -> None:
 def test_a_check_asked_for_is_a_gate(run, logs, gates, code) -> None:
     ended = run("identify", logs / "setting_*.csv", "--out", "r", *gates)
     assert ended.code == code, ended.err
-    assert ("check not evaluated: trend_monotone: R_m1: 3 settings" in ended.err) is (code == 4)
+    assert ("check not evaluated: trend_monotone: R_m1, R_m2, K_e: 3 settings" in ended.err) is (
+        code == 4
+    )
     assert bool(record(Path("r"))["gates_missed"]) is (code == 4)
 
 

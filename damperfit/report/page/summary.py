@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from damperfit.adjustment import in_few_words
 from damperfit.identification.sharing import listed_runs
 from damperfit.report.alike import short_listing, summarised
 from damperfit.report.failures_and_warnings import failure_lines
@@ -92,7 +93,7 @@ def summary(results: Results, logs: Sequence[EvaluatedLog]) -> Summary:
     """Return headline, alarms, checks, verdicts, trends, warnings and how it was done."""
     record = results.record
     checks_title, checks = _checks(record)
-    trends = [trend.sentence for trend in trends_in(record) if trend.sentence]
+    trends = in_few_words(trend.sentence for trend in trends_in(record) if trend.sentence)
     return Summary(
         lead=" ".join(_headline(results)),
         facts=_facts(results, logs),

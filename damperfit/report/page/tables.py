@@ -49,7 +49,7 @@ def page_tables(
             if has_several_speeds(points)
             else []
         ),
-        ("Parameters", parameter_sheet(rows, results.quantities)),
+        ("Parameters", parameter_sheet(rows, results.quantities, says_shared_once=True)),
         ("MSE by setting and log", mse_sheet(errors, rows, results.quantities)),
         ("Laws that were tried", ladder_sheet(law_in(results.record))),
         ("Models of the literature on the same logs", rival_sheet(law_in(results.record))),

@@ -110,10 +110,12 @@ def _errors(rows: Sequence[Row], colours: Mapping[Setting, str]) -> Iterator[Plo
         names=setting_names(places),
         x_range=x_range,
     )
-    caption = (
-        "Dots: MSE, 100 % would be no better than the mean force. Dashed: noise floor, the MSE "
-        "that scatter of the force explains; above it: the model, or noise of the displacement."
-    )
+    caption = "Dots: MSE, 100 % would be no better than the mean force."
+    if floor:
+        caption += (
+            " Dashed: noise floor, the MSE that scatter of the force explains; above it: the "
+            "model, or noise of the displacement."
+        )
     yield Plot("mse", "MSE and noise floor against setting", (panel,), caption)
 
 

@@ -157,8 +157,10 @@ def difference_plots(comparisons: Sequence[RunComparison]) -> tuple[Plot, ...]:
     settings = sorted({s for one in comparisons for s in one.settings})
     places = setting_places(settings)
     ticks, shown = setting_axis(settings)
+    is_bare = any(one.is_without_model for one in comparisons)
+    whole = "measured force" if is_bare else "damping"
     for stroke in ("rebound", "bump"):
-        lines = []
+        lines, speeds = [], []
         for k, one in enumerate(comparisons, start=1):
             known = [
                 line
@@ -169,6 +171,7 @@ def difference_plots(comparisons: Sequence[RunComparison]) -> tuple[Plot, ...]:
             known = [line for line in known if line.subject.speed == top]
             if not known:
                 continue
+            speeds.append(top)
             x = np.array([places[line.subject.setting] for line in known if line.subject.setting])
             y, low, high = np.array(
                 [(line.percent, line.percent_low, line.percent_high) for line in known]
@@ -187,7 +190,7 @@ def difference_plots(comparisons: Sequence[RunComparison]) -> tuple[Plot, ...]:
             )
         if lines:
             panel = Panel(
-                *("setting", "", "difference", "% of damping", tuple(lines)),
+                *("setting", "", "difference", f"% of {whole}", tuple(lines)),
                 rules=((0.0, ""),),
                 ticks=ticks,
                 names=setting_names(settings),
@@ -195,7 +198,7 @@ def difference_plots(comparisons: Sequence[RunComparison]) -> tuple[Plot, ...]:
             )
             title = f"Difference of force in {stroke}, with 95 % intervals"
             name = comparisons[0].first.name
-            plots.append(
-                Plot(f"difference_{stroke}", title, (panel,), f"Above zero: harder than {name}.")
-            )
+            at = " and ".join(f"{speed:g}" for speed in dict.fromkeys(speeds))
+            caption = f"At {at} m/s. Above zero: harder than {name}."
+            plots.append(Plot(f"difference_{stroke}", title, (panel,), caption))
     return tuple(plots)

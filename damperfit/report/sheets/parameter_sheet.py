@@ -101,10 +101,27 @@ PARAMETER_MARKS = {"fixed": "f", "shared": "s", "at_bound": "!", "not_identifiab
 
 
 def parameter_sheet(
-    rows: Sequence[Row], quantities: Sequence[Quantity] = PAPER_QUANTITIES
+    rows: Sequence[Row],
+    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
+    *,
+    says_shared_once: bool = False,
 ) -> Sheet:
-    """Return one row per setting: parameters with their standard errors, MSE, grade, outcome."""
+    """Return one row per setting: parameters with their standard errors, MSE, grade, outcome.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of the table of parameters.
+    quantities : sequence of Quantity
+        What was fitted.
+    says_shared_once : bool
+        What all settings have in common is a line below, no column.
+    """
     shown = shown_quantities(rows, quantities)
+    once = ""
+    if says_shared_once:
+        once = shared_sentence(rows, quantities)
+        shown = [one for one in shown if not is_one_for_all(rows, one.name)]
     scales = [scale_of(one) for one in shown]
     return Sheet(
         headings=("set", *(scale.symbol for scale in scales), "MSE", "grade", "outcome"),
@@ -120,7 +137,10 @@ def parameter_sheet(
             for row in rows
         ),
         is_number=(True, *(True for _ in shown), True, False, False),
-        notes=units_and_marks(rows, [one.name for one in shown], scaled_units(quantities)),
+        notes=(
+            *([once] if once else []),
+            *units_and_marks(rows, [one.name for one in shown], scaled_units(shown)),
+        ),
     )
 
 
