@@ -95,17 +95,10 @@ def _judged(
     against = _against(said, names, kind)
     if against:
         return False, _first(against)
-<<<<<<< HEAD
     determined = [fit for fit in fits if any(fit.status[name] in _FOUND for name in names)]
     if not determined:
-        return None, f"not evaluated: no log determined {' or '.join(names)}"
-    return True, f"{' and '.join(names)} is {what} at {_listed(fit.setting for fit in determined)}"
-=======
-    told = [fit for fit in fits if any(fit.status[name] in _FOUND for name in names)]
-    if not told:
         return None, f"no log determined {' or '.join(names)}"
-    return True, f"{' and '.join(names)} is {what} at {_listed(fit.setting for fit in told)}"
->>>>>>> 31fc921 (No torn words on the page, shared parameters in a line, and one sentence for parameters alike)
+    return True, f"{' and '.join(names)} is {what} at {_listed(fit.setting for fit in determined)}"
 
 
 def _against(said: Objections, names: Sequence[str], kind: str) -> dict[Setting, str]:

@@ -9,6 +9,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 
+from damperfit.damper.declared_network import DeclaredNetwork, DeclaredPassage
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.network_model import simulate_network
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
@@ -149,3 +150,73 @@ def test_what_is_the_rigs_stays_there(handed) -> None:
     ) as archive:
         page = archive.read("documentation/index.html").decode()
     assert "elasticity, play and lag of the rig" in page
+
+
+# No preset: two stacks in rebound, a leak about the piston, a base valve with a port.
+PASSAGES = (
+    DeclaredPassage(1, 2, "piston", "orifice", is_two_way=True),
+    DeclaredPassage(1, 2, "low", "linear"),
+    DeclaredPassage(2, 1, "intake", "check"),
+    DeclaredPassage(1, 2, "ring", "leak", is_two_way=True),
+    DeclaredPassage(2, 3, "base", "orifice", is_two_way=True),
+    DeclaredPassage(2, 3, "base", "port"),
+    DeclaredPassage(3, 2, "foot", "check"),
+)
+DECLARED = {
+    "piston_bleed": 9e4, "low_opening": 4e5, "low_slope": 6e6, "intake_slope": 3e5,
+    "ring_leak": 3e7, "base_bleed": 6e4, "base_opening": 9e5, "base_slope": 9e6, "base_port": 4e4,
+    "foot_slope": 2e5, "f_f": 15.0, "f_0": 4.0, "k_e": 9e8,
+}  # fmt: skip
+FIRM = DECLARED | {"piston_bleed": 1.5e5, "low_opening": 8e5, "base_bleed": 9e4}
+
+
+@pytest.fixture(scope="session")
+def declared(handed, tmp_path_factory):
+    """A network declared passage by passage, with its FMUs unzipped by version."""
+    damper = DeclaredNetwork(gas_pressure=5e5, mounting=RIGID, passages=PASSAGES)
+    one = of_valves(handed, damper, (DECLARED, FIRM))
+    folders = {}
+    for version in (2, 3):
+        (content,) = TARGETS[f"fmu{version}"].write(one, ExportOptions()).values()
+        folders[version] = unzip(content, tmp_path_factory.mktemp(f"declared_{version}"))
+    return damper, folders
+
+
+@runs_here
+@pytest.mark.parametrize(("motion", "limit"), [(sine, 0.1), (road, 5.0)])
+def test_a_declared_network_is_stepped_like_the_core(declared, motion, limit) -> None:
+    damper, folders = declared
+    fine, coarse = motion(1.0, 1e-4), motion(1.0, 1e-3)
+    scale = 0.5 if motion is road else 1.0
+    x, v = (scale * one for one in coarse)
+    forces = []
+    for setting, known in ((1, DECLARED), (2, FIRM)):
+        expected = core(damper, known, scale * fine[0], scale * fine[1])[10::10]
+        one = Unit(folders[2])
+        one.initialise(x[0], v[0], setting=setting)
+        forces.append(one.run(x, v))
+        assert rms(forces[-1] - expected) < limit
+        one.close()
+        other = Unit3(folders[3])
+        other.begin(x[0], v[0], setting)
+        assert np.array_equal(other.run(x, v), forces[-1])
+    assert rms(forces[1] - forces[0]) > 50.0
+
+
+@runs_here
+def test_numbers_of_a_declared_network_change_in_mid_run_as_a_setting_does(declared) -> None:
+    _, folders = declared
+    x, v = sine(1.0, 1e-3)
+    changes = {"setting": 2}, {name: FIRM[name] for name in FIRM if FIRM[name] != DECLARED[name]}
+    forces = []
+    for change in changes:
+        one = Unit(folders[2])
+        one.initialise(x[0], v[0], setting=1)
+        before = one.run(x[:400], v[:400])
+        for name, value in change.items():
+            assert one.set(name, value) == OK
+        forces.append(one.run(x[399:], v[399:], start=0.399))
+        one.close()
+    assert len(changes[1]) == 3
+    assert abs(forces[0][-1] - before[-1]) > 20.0
+    assert rms(forces[1] - forces[0]) < 1e-6
