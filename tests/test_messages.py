@@ -95,6 +95,7 @@ STILTED = re.compile(
     r"\b(?:is|are) no (?:log|logs|gate|failure|test|tests|number|vector|vectors|valid|text|plain)\b"
     r"|\btold\b|(?<!cannot )(?<!can )\btells? (?!whether|rebound)|\bstands?\b(?! out| behind)"
     r"|\blook(?:ed)? (?:at|which|there|whether)\b|\bput right\b|\bat no speed\b|\banew\b"
+    r"|\bat an excellent\b|\bpass(?:es)? the same filter\b|\bnobody said\b"
     r"|\bspeaks? for\b|\bcannot act\b|\bsay (?:rig|conditioning|damper)\.",
     re.IGNORECASE,
 )

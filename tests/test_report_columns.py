@@ -286,7 +286,7 @@ def test_the_forces_of_the_page(page):
 def test_the_facts_of_the_page(page):
     assert dict(page.tables["Summary"]) == {
         "damper": "rod 19 mm",
-        "rig": "filter in the rig none, x = 0 at gauge, signs turned: force",
+        "rig": "filter in the rig none, x = 0 at gauge, signs reversed: force",
         "test": "1 log, 1.50 Hz, amplitude 32.0 mm, 26.4 degC",
         "procedure": "paper",
         "made by": "damperfit 1.2.3",

@@ -191,7 +191,7 @@ def test_a_road_is_drawn_by_its_branches() -> None:
         assert line.y[inside] == pytest.approx(wanted[inside], abs=1000.0 * half_a_bin)
     assert len(plots["fan"].panels[0].lines) == 4
     for name in ("fan", "absolute_velocity"):
-        assert "Of the logs no cycle repeats: drawn is the mean" in plots[name].caption
+        assert "no cycle repeats: the mean force by velocity is drawn" in plots[name].caption
 
 
 def test_the_caption_counts_the_logs_that_do_not_repeat() -> None:

@@ -68,7 +68,8 @@ def compare(
         ),
     ] = False,
     velocity: Annotated[
-        list[str] | None, typer.Option(metavar="SPEED", help="Speeds.  [the named test speeds]")
+        list[str] | None,
+        typer.Option(metavar="SPEED", help="Speeds to compare at.  [the named test speeds]"),
     ] = None,
     amplitude: AmplitudeOption = None,
     frequency: FrequencyOption = None,

@@ -32,7 +32,7 @@ _EXTRAS = (
 def doctor(
     json: JsonOption = False, debug: DebugOption = False, version: VersionOption = False
 ) -> int:
-    """Show what works on this machine: version, core, extras, a fit of a second.
+    """Show what works on this machine: version, core, extras, a one-second fit.
 
     Example: damperfit doctor
     """

@@ -83,7 +83,7 @@ def fleet(
     debug: DebugOption = False,
     version: VersionOption = False,
 ) -> int:
-    """Fit many dampers, one part each; what is done is not done again.
+    """Fit many dampers, one part each; finished ones are not fitted again.
 
     Example: damperfit fleet runs --out fleet --collect
     """

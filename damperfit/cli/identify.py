@@ -76,7 +76,7 @@ def identify(
         list[str] | None,
         typer.Option(
             metavar="NAME,NAME",
-            help="Parameters to fit; of the paper's model r_m1 r_m2 r_m3 k_e f_f f_0.",
+            help="Parameters to fit; in the paper's model r_m1 r_m2 r_m3 k_e f_f f_0.",
         ),
     ] = None,
     fix: Annotated[
@@ -90,7 +90,7 @@ def identify(
     procedure: ProcedureOption = None,
     share: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME,NAME", help="Shared by all settings in a joint fit."),
+        typer.Option(metavar="NAME,NAME", help="Parameters shared by all settings in a joint fit."),
     ] = None,
     hold_out: HoldOutOption = None,
     hold_out_cycles: Annotated[
@@ -120,7 +120,7 @@ def identify(
         list[str] | None,
         typer.Option(
             metavar="NAME,NAME",
-            help="End with code 4 unless these checks are passed; purdy2000 is a list of them.",
+            help="End with code 4 unless these checks pass; purdy2000 is a list of them.",
         ),
     ] = None,
     setting: SettingOption = None,

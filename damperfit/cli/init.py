@@ -1,4 +1,4 @@
-"""``damperfit init``: a commented configuration for a damper of one's own."""
+"""``damperfit init``: a commented configuration for a damper of your own."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ def init(
     debug: DebugOption = False,
     version: VersionOption = False,
 ) -> int:
-    """Write a commented configuration for a damper of one's own, and inspect its logs with it.
+    """Write a commented configuration for a damper of your own, and inspect its logs with it.
 
-    On a terminal what is not given is asked.
+    On a terminal it asks for what is not given.
 
     Example: damperfit init runs/*.csv --model monotube --set rod_diameter=12mm
     """
@@ -86,7 +86,7 @@ def init(
             say(f"note: {sentence}")
         for sentence in guessed.open:
             say(f"warning: {sentence}")
-        say(f"damperfit: {out} written; measure the keys that begin with #, and take the # away")
+        say(f"damperfit: {out} written; measure the keys that begin with #, and remove the #")
     return _inspected(logs, out, is_quiet=quiet) if logs else 0
 
 

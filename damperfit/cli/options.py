@@ -71,7 +71,7 @@ LogFileOption = Annotated[
     typer.Option(
         "--log-file",
         metavar="FILE",
-        help="Append all that is said, and what is done, to FILE, a line each with its time.",
+        help="Append every message and step to FILE, one line each, with its time.",
     ),
 ]
 VersionOption = Annotated[
@@ -79,7 +79,7 @@ VersionOption = Annotated[
     typer.Option(
         "--version",
         "-V",
-        help="Print the version and leave.",
+        help="Print the version and exit.",
         callback=_print_version,
         is_eager=True,
     ),
@@ -127,7 +127,9 @@ SkewOption = Annotated[
 ]
 TruncatedOption = Annotated[
     bool,
-    typer.Option("--allow-truncated", help="Keep what all channels of a truncated TDMS log have."),
+    typer.Option(
+        "--allow-truncated", help="Keep the part of a truncated TDMS log that all channels have."
+    ),
 ]
 RigProfileOption = Annotated[
     str | None,
@@ -156,7 +158,7 @@ ModelOption = Annotated[
     typer.Option(
         "--model",
         metavar="NAME",
-        help="Model of the damper; identify takes auto too: the one that the logs support.  "
+        help="Model of the damper; identify also takes auto: the one that the logs support.  "
         "[purdy]",
     ),
 ]
@@ -169,14 +171,14 @@ HoldOutOption = Annotated[
     typer.Option(
         "--hold-out",
         metavar="PATTERN",
-        help="Do not fit these logs, predict them; may be given several times. The default, "
-        "transients: run-up, coast-down and changes of speed of the logs, where they have any.",
+        help="Predict these logs instead of fitting them; may be given several times. Default: "
+        "transients, the run-up, coast-down and changes of speed within the logs.",
     ),
 ]
 RivalsOption = Annotated[
     bool,
     typer.Option(
-        "--rivals", help="Where the logs choose the model, also rank fourteen of the literature."
+        "--rivals", help="Where the logs choose the model, also rank fourteen from the literature."
     ),
 ]
 FiguresOption = Annotated[
@@ -237,7 +239,7 @@ AmplitudeOption = Annotated[
     typer.Option(
         "--amplitude",
         metavar="LENGTH",
-        help="Of the simulated motion, as in 32mm.  [that of the test]",
+        help="Amplitude of the simulated motion, as in 32mm.  [that of the test]",
     ),
 ]
 FrequencyOption = Annotated[
@@ -245,6 +247,6 @@ FrequencyOption = Annotated[
     typer.Option(
         "--frequency",
         metavar="FREQ",
-        help="Of the simulated motion, as in 1.5Hz.  [that of the test]",
+        help="Frequency of the simulated motion, as in 1.5Hz.  [that of the test]",
     ),
 ]

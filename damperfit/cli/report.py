@@ -43,7 +43,7 @@ def report(
 ) -> int:
     """Write report.html, one page that opens anywhere, from a results folder.
 
-    Units are those of the run unless --units says others.
+    Units are those of the run unless --units says otherwise.
     Damper and rig are those of the run; a --config is only checked.
 
     Example: damperfit report results --figures svg

@@ -38,7 +38,7 @@ def samples(
         str, typer.Option(metavar="LENGTH", help="Sensor noise, rms.")
     ] = "8um",
     rig_filter: Annotated[
-        str, typer.Option(metavar="FREQ", help="Corner of a filter in the rig; 0 is none.")
+        str, typer.Option(metavar="FREQ", help="Corner of a filter in the rig; 0: no filter.")
     ] = "0Hz",
     seed: Annotated[int, typer.Option(metavar="N", help="Same seed, same logs.")] = 2000,
     model: Annotated[

@@ -152,7 +152,7 @@ def _damper(first: Run, second: Run) -> Iterator[Circumstance]:
         return
     a, b = first.fitted.damper, second.fitted.damper
     if a.name != b.name:
-        sentence = f"model: {a.name}, then {b.name}: forces alone are compared, no parameters"
+        sentence = f"model: {a.name}, then {b.name}: only forces are compared, not parameters"
         yield Circumstance("model", a.name, b.name, sentence)
         return
     yield from _quantities(first.fitted, second.fitted)
@@ -170,7 +170,7 @@ def _damper(first: Run, second: Run) -> Iterator[Circumstance]:
 def _quantities(first: FittedRun, second: FittedRun) -> Iterator[Circumstance]:
     names = [", ".join(one.damper.names) for one in (first, second)]
     if names[0] != names[1]:
-        sentence = "the models have other quantities: those of one name are compared"
+        sentence = "the models have different quantities: those with the same name are compared"
         yield Circumstance("model", names[0], names[1], sentence)
     others = {one.name: one.unit for one in second.quantities}
     for one in first.quantities:

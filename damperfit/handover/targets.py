@@ -147,7 +147,7 @@ TARGETS: Mapping[str, Target] = {
         ),
         Target(
             "modelica",
-            "model without libraries: the paper's physics, of other models the table",
+            "model without libraries: the paper's physics, for other models the table",
             "{stem}.mo",
             "m, m/s, N",
             "rebound (tension) is positive, and so is its force",

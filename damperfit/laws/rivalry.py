@@ -1,4 +1,4 @@
-"""Models of the literature on the same logs: same filter, weights, loop and hold-out as the laws.
+"""Models from the literature on the same logs: same filter, weights, loop and hold-out as the laws.
 
 They say what a physical law gains over a curve or a hysteresis of a few numbers, and what can be
 taken where nothing physical is known. None of them is ever chosen by the ladder.

@@ -1,4 +1,4 @@
-"""The first configuration of a damper of one's own: what its logs show, what must be measured."""
+"""The first configuration of a damper of your own: what its logs show, what must be measured."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ _COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
     ("percent_ci_high", _FLOAT, "95 % interval of percent"),
     ("chance", _FLOAT, "how often chance alone makes as large a difference, 0 to 1"),
     ("verdict", _TEXT, "same, different or untold"),
-    ("is_sure", _TRUTH, "different also when it is remembered how many lines there are"),
+    ("is_sure", _TRUTH, "different even when the number of lines is allowed for"),
     ("told_from", _TEXT, "model or measured"),
     ("words", _TEXT, "the verdict in words"),
 )
@@ -59,7 +59,11 @@ _POINT_COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
     ("low_N", _FLOAT, "lower edge of the band"),
     ("high_N", _FLOAT, "upper edge of the band"),
     ("margin_N", _FLOAT, "how far inside the band; negative: outside"),
-    ("half_interval_N", _FLOAT, "half of the 95 % interval of what is held against the band"),
+    (
+        "half_interval_N",
+        _FLOAT,
+        "half the 95 % interval of the force that is checked against the band",
+    ),
     ("told_from", _TEXT, "model or measured"),
     ("is_met", _TRUTH, "whether it is inside; false where it could not be evaluated"),
     ("words", _TEXT, "the result in words"),

@@ -269,7 +269,7 @@ def parse_quantity(text: str | float, dimension: str) -> float:
         if found is None:
             example = units_of(dimension)[0]
             raise QuantityError(
-                f"{text!r} is no {dimension}; expected a finite number with a unit, "
+                f"{text!r} cannot be read as {dimension}; expected a finite number with a unit, "
                 f"as in 1.5{example}, or a bare number in {example}"
             )
         value = _converted(found["number"], found["unit"], dimension)

@@ -114,7 +114,7 @@ def test_edges_may_be_given_themselves(tmp_path, monkeypatch) -> None:
         ("speed,force\n1,2\n", "expected the columns speed, stroke"),
         ("", "found nothing"),
         ("speed,stroke,low,high\n", "no row below the headings"),
-        ("speed,stroke,low,high\n0.1,rebound,5,x\n", "row 2: 'x' is no force"),
+        ("speed,stroke,low,high\n0.1,rebound,5,x\n", "row 2: 'x' cannot be read as force"),
         ("speed,stroke,low,high\n0.1,up,5,9\n", "stroke 'up': expected rebound or bump"),
         ("speed,stroke,low,high\n0,bump,5,9\n", "speed 0"),
         ("speed,stroke,low,high\n0.1,rebound,9,5\n", "low 9 N is above high 5 N"),

@@ -235,7 +235,7 @@ def _rig(record: Mapping[str, Any]) -> Iterator[str]:
         yield (
             f"Rig: filter in the rig {rig.get('filter', 'unknown')}, "
             f"x = 0 at {rig.get('centre', 'unknown')}, "
-            f"signs turned: {' and '.join(turned) or 'none'}."
+            f"signs reversed: {' and '.join(turned) or 'none'}."
         )
 
 

@@ -52,7 +52,7 @@ def page_tables(
         ("Parameters", parameter_sheet(rows, results.quantities, says_shared_once=True)),
         ("MSE by setting and log", mse_sheet(errors, rows, results.quantities)),
         ("Laws that were tried", ladder_sheet(law_in(results.record))),
-        ("Models of the literature on the same logs", rival_sheet(law_in(results.record))),
+        ("Models from the literature on the same logs", rival_sheet(law_in(results.record))),
         ("Change of force by click", sheet_in_units(click_sheet(clicks), units)),
         ("How near to cavitation", cavitation_sheet(results.parameters)),
     ]

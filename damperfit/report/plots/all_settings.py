@@ -183,7 +183,7 @@ def _means(views: Sequence[EvaluatedLog]) -> str:
         return ""
     whose = "the logs" if n == len(views) else f"{n} of {len(views)} logs"
     return (
-        f" Of {whose} no cycle repeats: drawn is the mean force by velocity, of the opening and "
+        f" Of {whose} no cycle repeats: the mean force by velocity is drawn, of the opening and "
         "of the closing branch."
     )
 
