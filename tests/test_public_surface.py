@@ -595,6 +595,8 @@ SURFACE = {
         "NORMAL_95",
         "chi_squared_quantile",
         "fisher_quantile",
+        "median",
+        "percentiles",
         "student_quantile",
     ],
     "damperfit.units.shown_units": ["SI", "ShownUnits", "parse_units"],

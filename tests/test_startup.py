@@ -46,6 +46,7 @@ def test_identify_loads_no_scipy(tmp_path):
     loaded = {line.split("|")[-1].strip() for line in done.stderr.splitlines()}
     assert "damperfit.identification" in loaded  # else the report was not understood
     assert loaded.isdisjoint({"scipy", "numpy.f2py", "pandas", "matplotlib", "plotly"})
+    assert loaded.isdisjoint({"numpy.ma", "pyarrow.compute"})
 
 
 def test_inspect_loads_nothing_that_fits_judges_or_writes_tables():
@@ -57,6 +58,7 @@ def test_inspect_loads_nothing_that_fits_judges_or_writes_tables():
     assert {"damperfit.conditioning.log_to_trace", "pydantic", "rich.table"} <= loaded
     assert loaded.isdisjoint({"scipy", "pandas", "matplotlib", "plotly", "jinja2"})
     assert loaded.isdisjoint({"pyarrow.parquet", "pyarrow.compute"})  # pyarrow itself reads rows
+    assert "numpy.ma" not in loaded  # NumPy's medians and percentiles ask for masked arrays
     judging = ("identification.descent", "uncertainty.residuals", "laws.ladder")
     assert loaded.isdisjoint(f"damperfit.{one}" for one in (*judging, "tables.results"))
 

@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from scipy.special import chdtri, fdtri, stdtrit
 
-from damperfit.statistics import chi_squared_quantile, fisher_quantile, student_quantile
+from damperfit.statistics import (
+    chi_squared_quantile,
+    fisher_quantile,
+    median,
+    percentiles,
+    student_quantile,
+)
 
 SHARES = (0.5, 0.6, 0.9, 0.95, 0.975, 0.999, 1.0 - 1e-6, 1.0 - 1e-9)
 FREEDOMS = (0.5, 1.0, 1.7, 2.0, 3.0, 10.0, 33.3, 49.9, 50.1, 99.0, 101.0, 1e3, 1e4, 1e6)
@@ -41,3 +48,15 @@ def test_all_cases_and_none_have_no_quantile(share):
     assert math.isnan(student_quantile(3.0, share))
     assert math.isnan(chi_squared_quantile(3.0, share))
     assert math.isnan(fisher_quantile(3.0, 3.0, share))
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 20, 21, 200, 999])
+def test_medians_and_percentiles_are_those_of_numpy_to_the_last_bit(n):
+    values = np.random.default_rng(n).standard_normal(n)
+    assert median(values) == np.median(values)
+    shares = (0.0, 1.0, 5.0, 33.3, 50.0, 95.0, 99.9, 100.0)
+    assert percentiles(values, *shares) == tuple(np.percentile(values, shares).tolist())
+
+
+def test_nothing_has_no_middle():
+    assert math.isnan(median([]))

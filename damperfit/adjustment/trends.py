@@ -11,7 +11,7 @@ import numpy as np
 from damperfit.adjustment.curves import LEAST_SCATTER, Curve, Points
 from damperfit.adjustment.selection import LEAST_FOR_OUTLIERS, LEAST_FOR_TREND, choose
 from damperfit.identification import Status
-from damperfit.statistics import student_quantile
+from damperfit.statistics import median, student_quantile
 from damperfit.tested.setting import ADJUSTER, Line, Setting, lines_of
 from damperfit.units.quantities import engineering
 
@@ -210,7 +210,7 @@ def _trend(quantity: Quantity, points: Points, line: Line) -> Trend:
     curve = choice.curve
     outliers = tuple(_outlier(points, curve, place) for place in choice.outliers)
     inside = np.delete(np.arange(len(points)), choice.outliers)
-    own = float(np.median(points.errors))
+    own = median(points.errors)
     is_erratic = curve.scatter > max(_ERRATIC * own, _REMARKABLE)
     is_wild = is_erratic and not quantity.is_open
     direction: str | None = _direction(curve, points.settings[inside])
@@ -281,9 +281,9 @@ def _usual_scatter(points: Points, curve: Curve, inside: NDArray[np.intp]) -> fl
     if len(inside) < _USUAL_FROM:
         return curve.scatter
     kept = points.logs[inside] - curve.logs(points.settings[inside])
-    middle = float(np.median(np.abs(kept))) / _MEDIAN_OF_NORMAL
+    middle = median(np.abs(kept)) / _MEDIAN_OF_NORMAL
     middle *= math.sqrt(len(inside) / curve.freedom)
-    square = middle**2 - float(np.median(points.errors[inside])) ** 2
+    square = middle**2 - median(points.errors[inside]) ** 2
     return min(curve.scatter, math.sqrt(max(square, LEAST_SCATTER**2)))
 
 
@@ -314,7 +314,8 @@ def _curve_points(points: Points, curve: Curve) -> tuple[TrendPoint, ...]:
     found = {_clicks(s): math.exp(y) for s, y in zip(points.settings, points.logs, strict=True)}
     settings = points.settings
     if np.ptp(settings) <= _WIDEST_RANGE:
-        settings = np.union1d(np.arange(settings[0], settings[-1] + 0.5), settings)
+        between = np.arange(settings[0], settings[-1] + 0.5)
+        settings = np.array(sorted({*between.tolist(), *settings.tolist()}))
     logs = curve.logs(settings)
     reach = _quantile(curve, 1) * curve.errors(settings)
     value, low, high = _exp(logs), _exp(logs - reach), _exp(logs + reach)

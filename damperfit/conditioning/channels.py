@@ -27,6 +27,7 @@ import numpy as np
 
 from damperfit.conditioning.stands import beside, catches_up, is_cut_displacement
 from damperfit.recording import Finding
+from damperfit.statistics import median, percentiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -215,7 +216,7 @@ def _standing(
     leaping = runs.where(is_leap)
     held = float(leaping.length.sum()) / n
     if held > 0.5 and len(leaping.start) > 10:
-        usual = int(np.median(leaping.length))
+        usual = int(median(leaping.length))
         text = (
             f"the {channel.name} changes only every {usual} rows: its sensor or converter is "
             "slower than the log; record it at its own rate"
@@ -271,7 +272,7 @@ def _is_stepped(values: FloatArray, step: float) -> bool:
     steps = np.abs(np.diff(values)) / step
     whole = np.rint(steps)
     # A triangle that repeats exactly goes on by one and the same amount.
-    low, high = np.percentile(whole, [5.0, 95.0])
+    low, high = percentiles(whole, 5.0, 95.0)
     return bool(high > low and np.mean(np.abs(steps - whole) < 0.1) > 0.9)
 
 
@@ -280,7 +281,7 @@ def noise_of(values: FloatArray) -> float:
     # Fifth differences of white noise are sqrt(252) larger; of a motion with 40 samples a cycle,
     # 1e-4 of it.
     fifth = np.abs(np.diff(values, 5))
-    return float(np.median(fifth)) / (0.6745 * math.sqrt(252.0))
+    return median(fifth) / (0.6745 * math.sqrt(252.0))
 
 
 def _spikes(channel: Channel, usual: float, *, noise: float) -> Iterator[Finding]:
@@ -321,7 +322,7 @@ def find_spikes(channel: Channel, usual: float, *, noise: float) -> IntArray:
         return np.empty(0, dtype=np.int64)
     if not period:
         # Where nothing repeats, turns and corners of the motion stand out by themselves.
-        least = max(least, _USUAL * float(np.percentile(size, _RARE)))
+        least = max(least, _USUAL * percentiles(size, _RARE)[0])
         if channel.name == "force":
             # Friction that turns twice within a few samples is such a corner.
             turns = np.flatnonzero(np.diff(np.sign(np.diff(channel.other))) != 0.0) + 1

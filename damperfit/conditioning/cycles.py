@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning.plateaus import level_share, off_level
+from damperfit.statistics import median, percentiles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -80,7 +81,7 @@ def find_cycles(
     moving = displacement[speed > 0.5 * np.sqrt(np.mean(velocity**2))]
     if not len(moving):
         return None
-    low, level, high = np.percentile(moving, [5.0, 50.0, 95.0])
+    low, level, high = percentiles(moving, 5.0, 50.0, 95.0)
     amplitude = 0.5 * (high - low)
     run = None
     for _ in range(3):  # the first level is a guess; the second is exact to rounding
@@ -143,9 +144,9 @@ def _steady_run(
     nearest = boundaries[stop] if behind >= before else boundaries[start]
     return _Run(
         boundaries=boundaries[start : stop + 1],
-        period=float(np.median(periods[steady])),
-        middle=float(np.median(0.5 * (tops + bottoms)[steady])),
-        amplitude=float(np.median(amplitudes[steady])),
+        period=median(periods[steady]),
+        middle=median(0.5 * (tops + bottoms)[steady]),
+        amplitude=median(amplitudes[steady]),
         n_elsewhere=before + behind,
         break_at=float(nearest) if before + behind else math.nan,
         begin=float(boundaries[start]) if start > ends[0] else -math.inf,
@@ -184,7 +185,7 @@ def _without_others(
 
 
 def _near_median(values: FloatArray, tolerance: float) -> NDArray[np.bool_]:
-    middle = np.median(values)
+    middle = median(values)
     return np.abs(values - middle) <= tolerance * middle
 
 

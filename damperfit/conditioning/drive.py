@@ -31,6 +31,7 @@ from damperfit.conditioning.channels import noise_of
 from damperfit.conditioning.derivatives import differentiate
 from damperfit.conditioning.filters import apply_filter, design_filter, fading_samples
 from damperfit.recording import Drive
+from damperfit.statistics import median
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -228,7 +229,7 @@ def _of_motion(rest: FloatArray, interval: float) -> _Spectrum:
     power = 2.0 * np.abs(np.fft.rfft(rest * taper)) ** 2 / (len(rest) * float(taper @ taper))
     frequency = np.fft.rfftfreq(len(rest), interval)
     top = (frequency > _TOP[0] / interval) & (frequency < _TOP[1] / interval)
-    level = float(np.median(power[top])) / _HALF if top.any() else 0.0
+    level = median(power[top]) / _HALF if top.any() else 0.0
     # In bands, so that single lines of noise do not pass for motion.
     width = max(1, len(power) // 100)
     edges = np.arange(0, len(power), width)

@@ -10,6 +10,7 @@ import numpy as np
 from damperfit.conditioning.passages import TURN, turning_points
 from damperfit.conditioning.stretches import Edges, Found
 from damperfit.recording import Stretch
+from damperfit.statistics import median, percentiles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,7 +45,7 @@ def find_moving(
     turns = turning_points(displacement, TURN * float(np.ptp(displacement)))
     if len(turns) < _FEWEST_TURNS:
         return ()
-    fastest = float(np.percentile(np.abs(velocity), 99.0))
+    fastest = percentiles(np.abs(velocity), 99.0)[0]
     found = []
     for low, high in _parts(np.abs(velocity) > _SLOW * fastest, round(_PAUSE / interval)):
         inside = turns[(turns >= low) & (turns < high)]
@@ -53,7 +54,7 @@ def find_moving(
         begin = -math.inf if low == 0 else float(low)
         end = math.inf if high == len(velocity) else float(high)
         # What went before the log is forgotten after a cycle.
-        run_in = min(2.0 * float(np.median(np.diff(inside))), _LONGEST_RUN_IN / interval)
+        run_in = min(2.0 * median(np.diff(inside)), _LONGEST_RUN_IN / interval)
         beside = math.ceil(0.25 * edges.ends)
         first = low + (round(run_in) + edges.ends if low == 0 else beside)
         stop = high - (edges.ends if high == len(velocity) else beside)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from damperfit.conditioning.plateaus import level_parts, like_halves
+from damperfit.statistics import median, percentiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -78,10 +79,7 @@ def run_of(seen: Turns, first: int, stop: int) -> Run:
     first, stop : int
         Its cycles.
     """
-    medians = (
-        float(np.median(values[first:stop]))
-        for values in (seen.period, seen.amplitude, seen.middle)
-    )
+    medians = (median(values[first:stop]) for values in (seen.period, seen.amplitude, seen.middle))
     return Run(float(seen.passages[first]), float(seen.passages[stop + 1]), *medians)
 
 
@@ -229,4 +227,4 @@ def fastest_frequency(displacement: FloatArray, steadiness: float) -> float:
     runs = [run_of(seen, *run) for run in runs_of(seen, steadiness, near=1.0)]
     if runs:
         return 1.0 / max(runs, key=lambda run: run.amplitude / run.period).period
-    return 1.0 / float(np.percentile(seen.period, 5.0))
+    return 1.0 / percentiles(seen.period, 5.0)[0]

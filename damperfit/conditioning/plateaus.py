@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.statistics import median
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -104,7 +106,7 @@ def _by_direction(values: FloatArray) -> FloatArray:
     """Return the median of the half strokes of each one's direction."""
     usual = np.empty(len(values))
     for k in (0, 1):
-        usual[k::2] = np.median(values[k::2])
+        usual[k::2] = median(values[k::2])
     return usual
 
 
@@ -121,7 +123,7 @@ def off_level(values: FloatArray, kind: str, steadiness: float) -> NDArray[np.bo
         Share that is never allowed to be exceeded.
     """
     least = _PERIOD if kind == "period" else _AMPLITUDE
-    middle = float(np.median(values))
+    middle = median(values)
     allowed = _allowed(values, least, steadiness, lag=1)
     return np.asarray(np.abs(values - middle) > allowed * middle)
 
@@ -144,7 +146,8 @@ def _allowed(values: FloatArray, least: float, steadiness: float, *, lag: int = 
     bent = values[2 * lag :] - 2.0 * values[lag:-lag] + values[: -2 * lag]
     if not len(bent):
         return least
-    scatter = float(np.percentile(np.abs(bent), 25.0, method="lower")) / float(np.median(values))
+    rank = (len(bent) - 1) // 4
+    scatter = float(np.partition(np.abs(bent), rank)[rank]) / median(values)
     return min(max(least, _USUAL * scatter), steadiness)
 
 
@@ -188,7 +191,7 @@ def _trimmed(
     """Take cycles off both ends of a run that are not like those inside."""
     is_off = np.zeros(stop - first, dtype=bool)
     for values, share in zip((period, amplitude), allowed, strict=True):
-        middle = float(np.median(values[first:stop]))
+        middle = median(values[first:stop])
         is_off |= np.abs(values[first:stop] - middle) > share * middle
     while stop > first and is_off[0]:
         first, is_off = first + 1, is_off[1:]
@@ -202,4 +205,4 @@ def _keeps_level(values: FloatArray, first: int, stop: int, allowed: float) -> b
     part = values[first:stop]
     place = np.arange(len(part)) - 0.5 * (len(part) - 1)
     slope = float(place @ part) / float(place @ place)
-    return abs(slope) * (len(part) - 1) <= _KEPT * allowed * float(np.median(part))
+    return abs(slope) * (len(part) - 1) <= _KEPT * allowed * median(part)

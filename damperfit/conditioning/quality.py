@@ -31,6 +31,7 @@ from damperfit.conditioning.motion import examine_motion
 from damperfit.conditioning.repeatability import examine_repeatability
 from damperfit.conditioning.rig_filter import looks_filtered
 from damperfit.recording import Finding
+from damperfit.statistics import percentiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -139,7 +140,8 @@ def bridge_spikes(recording: Recording, trace: Trace) -> Recording:
         channel = Channel(
             name, unit, factor, values, getattr(recording, other), recording.time, period=period
         )
-        usual = float(np.ptp(np.percentile(values, [1.0, 99.0])))
+        low, high = percentiles(values, 1.0, 99.0)
+        usual = high - low
         rows = find_spikes(channel, usual, noise=noise_of(values))
         if len(rows):
             good = np.delete(np.arange(len(values)), rows)
@@ -162,7 +164,7 @@ def _temperature(recording: Recording, window: slice, test: NominalTest) -> Iter
         return
     values = recording.temperature[window]
     mean = float(np.mean(values))
-    low, high = np.percentile(values, [2.0, 98.0])
+    low, high = percentiles(values, 2.0, 98.0)
     drift = float(high - low)
     text = f"{mean:.1f} degC on average"
     is_outside = (

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.statistics import median
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -66,5 +68,5 @@ def _fall(signal: FloatArray, interval: float, motion: float) -> float:
     if min(np.count_nonzero(near), np.count_nonzero(far)) < _FEWEST_LINES:
         return 0.0
     power = np.abs(np.fft.rfft((signal - np.mean(signal)) * np.blackman(len(signal)))) ** 2
-    level = float(np.median(power[far]))
-    return float(np.median(power[near])) / level if level > 0.0 else 0.0
+    level = median(power[far])
+    return median(power[near]) / level if level > 0.0 else 0.0

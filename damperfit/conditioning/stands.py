@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from damperfit.statistics import median
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -103,4 +105,4 @@ def catches_up(values: FloatArray, stop: int) -> bool:
     steps = np.abs(np.diff(values[stop : stop + 12]))
     if stop >= len(values) or not len(steps):
         return False
-    return bool(abs(values[stop] - values[stop - 1]) > _JUMP * float(np.median(steps)))
+    return bool(abs(values[stop] - values[stop - 1]) > _JUMP * median(steps))

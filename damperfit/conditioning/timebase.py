@@ -19,6 +19,7 @@ import numpy as np
 
 from damperfit.errors import ConditioningError
 from damperfit.recording import Finding
+from damperfit.statistics import median
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -84,7 +85,7 @@ def _resampled(recording: Recording, elapsed: FloatArray, rounding: float) -> Un
     from scipy.interpolate import CubicSpline
 
     steps = np.diff(elapsed)
-    typical = float(np.median(steps))
+    typical = median(steps)
     # Rounded stamps make the median step up to half a rounding wrong: take the mean of its likes.
     typical = float(np.mean(steps[np.abs(steps - typical) <= 1.01 * rounding + 0.3 * typical]))
     counts = np.maximum(np.rint(steps / typical), 1.0)
@@ -143,7 +144,7 @@ def _jitter_finding(
 
 def _roughness(values: FloatArray) -> float:
     """Return the median size of the third differences."""
-    return float(np.median(np.abs(np.diff(values, 3))))
+    return median(np.abs(np.diff(values, 3)))
 
 
 def _refuse_gap(
@@ -178,7 +179,7 @@ def _has_one_or_two_missing(elapsed: FloatArray) -> bool:
     More missing rows than two are not spread evenly enough for that.
     """
     steps = np.diff(elapsed)
-    counts = np.rint(steps / np.median(steps))
+    counts = np.rint(steps / median(steps))
     missing = int(counts.sum()) - len(counts)
     _, interval, off = _line(np.concatenate([[0.0], np.cumsum(counts)]), elapsed)
     return 1 <= missing <= 2 and off <= _JITTER * interval

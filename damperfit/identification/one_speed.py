@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.quantity import STIFFNESS
+from damperfit.statistics import median
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,6 +51,6 @@ def inseparable(
     if len(unknown) <= _LEVELS:
         return ()
     speed = np.abs(np.concatenate([trace.drive.velocity[trace.compared] for trace in traces]))
-    usual = float(np.median(speed))
+    usual = median(speed)
     is_one = float(np.mean(np.abs(speed - usual) <= _NEAR * usual)) > _SHARE
     return tuple(free) if is_one else ()

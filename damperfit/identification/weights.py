@@ -16,6 +16,7 @@ import numpy as np
 
 from damperfit.conditioning import apply_filter
 from damperfit.recording import FilterDesign
+from damperfit.statistics import median
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -107,7 +108,7 @@ def _by_noise(traces: Sequence[Trace]) -> tuple[FloatArray | None, ...]:
         return alike
     force = np.concatenate([trace.force[trace.compared] for trace in traces])
     other = _OTHER_ERRORS * float(np.std(force))
-    middle = math.hypot(float(np.median(known)), other)
+    middle = math.hypot(median(known), other)
     sizes = [
         math.hypot(stretch.noise, other) if math.isfinite(stretch.noise) else middle
         for stretch in stretches

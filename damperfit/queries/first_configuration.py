@@ -16,6 +16,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.damper.models import model_named
 from damperfit.errors import DamperfitError, LogError
 from damperfit.readers import guess_settings, read_logs
+from damperfit.statistics import median
 from damperfit.tested.identity import IDENTITY_KEYS, common_identity, identity_in
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ def _read(path: Path, options: ReadOptions) -> tuple[tuple[Recording, ...], dict
 
 def _is_likely(recording: Recording) -> bool:
     amplitude = float(np.ptp(recording.displacement)) / 2.0
-    force = float(np.max(np.abs(recording.force - np.median(recording.force))))
+    force = float(np.max(np.abs(recording.force - median(recording.force))))
     duration = float(recording.time[-1] - recording.time[0])
     seen = ((amplitude, _AMPLITUDES), (force, _FORCES), (duration, _DURATIONS))
     return all(low <= value <= high for value, (low, high) in seen)

@@ -21,6 +21,7 @@ from damperfit.readers.setting_number import (
 )
 from damperfit.readers.write_buffers import TITLE, join_buffers
 from damperfit.recording import Recording
+from damperfit.statistics import median
 from damperfit.tested.identity import identity_in
 from damperfit.tested.setting import Setting
 
@@ -262,7 +263,7 @@ def _pause(steps: FloatArray, options: ReadOptions) -> float:
     if options.pause > 0.0:
         return options.pause
     forward = steps[steps > 0.0]
-    return max(_PAUSE, _PAUSE_STEPS * float(np.median(forward)) if len(forward) else 0.0)
+    return max(_PAUSE, _PAUSE_STEPS * median(forward) if len(forward) else 0.0)
 
 
 def _backwards(time: FloatArray, i: int, n_such: int, samples: Samples, name: str) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from damperfit.errors import LogError
 from damperfit.readers.channels import has_channel
 from damperfit.readers.table import Samples, Table
+from damperfit.statistics import median
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -75,7 +76,7 @@ def _rate(tables: Sequence[Table], times: np.ndarray) -> float | None:
     steps = np.diff(times if rows[-1] == rows[0] else times[:-1])
     if len(set(rows[:-1])) > 1 or rows[-1] > rows[0] or not len(steps):
         return None
-    usual = float(np.median(steps))
+    usual = median(steps)
     if not usual > 0.0 or np.abs(steps / usual - 1.0).max() > _STEADY:
         return None
     return rows[0] * len(steps) / float(steps.sum())

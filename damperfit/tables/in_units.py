@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pyarrow as pa
-import pyarrow.compute as pc
 
 if TYPE_CHECKING:
     from damperfit.units.shown_units import ShownUnits
@@ -22,6 +21,8 @@ def table_in_units(table: pa.Table, units: ShownUnits) -> pa.Table:
     """
     if units.is_si:
         return table
+    import pyarrow.compute as pc  # as long in loading as two logs take, and for other units alone
+
     names, columns = [], []
     for name, column in zip(table.column_names, table.columns, strict=True):
         unit = next((si for end, si in _ENDS.items() if name.endswith(end)), "")

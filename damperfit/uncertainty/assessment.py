@@ -19,6 +19,7 @@ from damperfit.identification.setting import NOT_FIT_TO_SHARE
 from damperfit.identification.sharing import listed_settings
 from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
+from damperfit.statistics import percentiles
 from damperfit.uncertainty.gas import GasContent, gas_content
 from damperfit.uncertainty.intervals import Uncertainty, linearise_settings, uncertainties
 from damperfit.uncertainty.misfit_scores import misfit_scores
@@ -171,7 +172,7 @@ class Assessment:
         ]
         if not ratios:
             return ""
-        low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
+        low, middle, high = percentiles(ratios, 5.0, 50.0, 95.0)
         said = (
             "Check of these errors: a jackknife over whole cycles gives "
             f"{middle:.2g} times as much (median; 9 of 10 from {low:.2g} to {high:.2g})"

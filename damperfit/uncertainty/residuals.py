@@ -19,7 +19,7 @@ import numpy as np
 
 from damperfit.identification.setting import EXCELLENT
 from damperfit.identification.sharing import listed_settings
-from damperfit.statistics import fisher_quantile
+from damperfit.statistics import fisher_quantile, median
 from damperfit.uncertainty.correlated_noise import autocorrelation
 from damperfit.uncertainty.flaws import Hint, seek_flaws
 from damperfit.uncertainty.yielding import YIELDS, held_share
@@ -170,7 +170,7 @@ def diagnose(linearised: Linearisation, *, doubted: tuple[str, ...] = ()) -> Dia
 
 def _middle(shares: Sequence[float]) -> float:
     known = [share for share in shares if math.isfinite(share)]
-    return float(np.median(known)) if known else math.nan
+    return median(known) if known else math.nan
 
 
 def _fits_skew(linearised: Linearisation, delay: float) -> bool:

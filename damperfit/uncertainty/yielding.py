@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.statistics import median
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -49,7 +51,7 @@ def held_share(trace: Trace, modelled: FloatArray | None = None) -> float:
         for one, place in zip(trace.stretches, trace.places if trace.stretches else (), strict=True)
     ]
     known = [share for share in shares if math.isfinite(share)]
-    return float(np.median(known)) if known else math.nan
+    return median(known) if known else math.nan
 
 
 def _share(v: FloatArray, f: FloatArray) -> float:
