@@ -176,7 +176,8 @@ def _started_again(misfit: Misfit, first: Judged, start: Values) -> Judged:
 def _from(misfit: Misfit, place: Values, best: Judged) -> tuple[Judged, int]:
     """The better of the best so far and of a descent from a place, and evaluations spent."""
     try:
-        short = descend(replace(misfit, max_evaluations=_SHORT), place)
+        most = min(_SHORT, misfit.max_evaluations)
+        short = descend(replace(misfit, max_evaluations=most), place)
         spent = short.evaluations
         is_full = best.solution.is_cavitating and not short.is_cavitating
         bar = best.solution.mse_percent * (_AS_GOOD if is_full else 1.0)

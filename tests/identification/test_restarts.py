@@ -11,7 +11,7 @@ from damperfit.conditioning import apply_filter
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify, multistart, restarts
-from damperfit.identification.descent import Misfit
+from damperfit.identification.descent import Misfit, descend
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.restarts import is_suspicious, noise_percent, reconsidered
@@ -119,6 +119,25 @@ def test_what_no_start_can_help_is_bounded_and_told(log):
     (said,) = describe_fit(10, found, misfit).warnings
     assert "started again from 5 other places" in said
     assert "found no better minimum" in said
+
+
+@pytest.mark.parametrize(("most", "kept"), [(5, {5}), (11, {11}), (12, {12}), (40, {12})])
+def test_other_places_keep_the_limit_of_evaluations(log, monkeypatch, most, kept):
+    """A short descent has 12 at most, and no more than any descent may have."""
+    turn = 2.0 * np.pi * 7.5 * log.interval * np.arange(len(log.force))
+    misfit = misfit_of(with_force(log, 80.0 * np.sin(turn)))
+    first = attempt(misfit, TRUTH, 0)
+    seen = set()
+
+    def counted(looked, place):
+        seen.add(looked.max_evaluations)
+        found = descend(looked, place)
+        assert found.evaluations <= looked.max_evaluations
+        return found
+
+    monkeypatch.setattr(restarts, "descend", counted)
+    reconsidered(replace(misfit, max_evaluations=most), first, TRUTH)
+    assert seen == kept
 
 
 def test_identify_starts_again_by_itself(log, monkeypatch):
