@@ -349,3 +349,36 @@ def test_the_speed_jumps_by_half_of_its_peak(jump, left_out, monkeypatch) -> Non
 def test_corners_of_a_third_of_a_stretch_are_what_it_tells(n, left_out, monkeypatch) -> None:
     found = weights._counted(cornered(n, 1.0, monkeypatch))
     assert (0 if found is None else np.count_nonzero(~found)) == left_out
+
+
+# What is not known of a log, and what a fit lacks
+
+
+@pytest.mark.parametrize(
+    ("noises", "per_cent"), [((2.0,), 4.0), ((math.nan, 2.0), 4.0), ((math.nan,), math.nan)]
+)
+def test_noise_is_that_of_the_stretches_that_know_it(noises, per_cent, monkeypatch) -> None:
+    """One that does not, as a single cycle, is left out with its samples."""
+    stretches = [SimpleNamespace(noise=noise, n_samples=30) for noise in noises]
+    log = SimpleNamespace(stretches=stretches, places=[slice(0, 30)] * len(stretches))
+    monkeypatch.setattr(restarts, "weights", lambda traces: (None,) * len(traces))
+    found = restarts.noise_percent(SimpleNamespace(traces=[log], deviation=10.0))
+    assert found == pytest.approx(per_cent, nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("f_f", "mse", "cavitating", "lacks"),
+    [
+        (Status.FITTED, 0.5, False, True),
+        (Status.FIXED, 0.5, False, True),
+        (Status.AT_BOUND, 0.5, False, False),  # whatever the others are
+        (Status.FITTED, 1.5, False, False),
+        (Status.FITTED, 0.5, True, False),
+    ],
+)
+def test_rigid_oil_is_a_fit_that_lacks_the_stiffness_alone(f_f, mse, cavitating, lacks) -> None:
+    one = judged(mse, cavitating=cavitating)
+    one.status |= {"k_e": Status.NOT_IDENTIFIABLE, "f_f": f_f}
+    assert setting.lacks_stiffness_alone(one) is lacks
+    one.status["k_e"] = Status.FITTED
+    assert not setting.lacks_stiffness_alone(one)

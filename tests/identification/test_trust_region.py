@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from damperfit.errors import SimulationError
-from damperfit.identification.step_solvers import DenseSystem
-from damperfit.identification.trust_region import Ended, Stopping, iterate
+from damperfit.identification.step_solvers import DenseSystem, Step
+from damperfit.identification.trust_region import Ended, Stopping, _damped, iterate
 
 X = np.linspace(0.0, 1.0, 30)
 # A decay that is none: large residuals, so that the full steps become shorter slowly.
@@ -112,3 +112,26 @@ def test_residuals_at_right_angles_to_every_column_end_a_descent_at_its_start(
     assert (ended.evaluations == 1) is is_met
     assert ended.variables == pytest.approx([1.0 - tilt], abs=1e-9)
     assert ended.status == 1
+
+
+class Steps:
+    """A solver of steps whose lengths are given; it keeps the damping that it was asked for."""
+
+    is_full_rank = False
+
+    def __init__(self, *lengths: float) -> None:
+        self.lengths, self.asked = [2.0, *lengths], []
+
+    def step(self, damping: float) -> Step:
+        self.asked.append(damping)
+        length = self.lengths[min(len(self.asked), len(self.lengths)) - 1]
+        return Step(np.zeros(1), length, 1.0, 1.0)
+
+
+def test_damping_that_falls_to_nothing_begins_again_at_a_thousandth_of_its_limit() -> None:
+    """Of columns that depend on one another no lower limit of the damping is known."""
+    steps = Steps(0.5, 1.0)
+    damping, _ = _damped(steps, slope=20.0, radius=1.0, damping=0.3)
+    # Half the radius at 0.3: the limit falls to that, and 0.3 - 0.5 is no damping.
+    assert steps.asked == [0.0, 0.3, pytest.approx(0.3e-3)]
+    assert damping == pytest.approx(0.3e-3)

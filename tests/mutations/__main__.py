@@ -12,20 +12,25 @@ import shutil
 import subprocess
 import sys
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-import coverage
-from coverage.exceptions import DataError
-
+from tests.mutations.blocks import instrument
 from tests.mutations.mutants import TARGETS, Mutant, draw, known_mutants
 from tests.mutations.running import PLUGINS, Result, Workspace, preload, run_mutants, run_tests
 from tests.mutations.selection import Selection, Trace
-from tests.mutations.tracing import FOLDER, settings
+from tests.mutations.tracing import FOLDER
 
 ROOT = Path(__file__).parents[2]
+# Long tests of what no mutant is drawn from. What only they would catch counts as alive.
+_FAR = (
+    "tests/mutations", "tests/fleet", "tests/handover", "tests/manual", "tests/core_sanitizers",
+    "tests/test_interrupted_writing.py", "tests/fuzz", "tests/oracles", "tests/door",
+    "tests/test_readme.py", "tests/test_startup.py", "tests/test_report_browser.py",
+    "tests/test_layers.py", "tests/certificate", "tests/rig_like", "tests/comparison",
+)  # fmt: skip
 Targets = Mapping[str, Sequence[str]]
 
 
@@ -98,15 +103,6 @@ def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def _hashes(root: Path, *names: str) -> dict[str, str]:
-    return {
-        path.relative_to(root).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
-        for name in names
-        for path in sorted((root / name).rglob("*"))
-        if path.is_file() and path.suffix in {".py", ".toml", ".c", ".h", ".html", ".js", ".css"}
-    }
-
-
 def traced(root: Path, folder: Path, options: argparse.Namespace) -> Selection:
     """Return which tests run which line, from a traced run of the suite.
 
@@ -154,12 +150,13 @@ def _trace(root: Path, place: Path, files: Sequence[str], jobs: int) -> None:
     began = time.monotonic()
     _say(f"tracing {', '.join(files) or 'the suite'}")
     tree = Workspace(root, place / "tree").make().folder
-    settings(place, tree)
-    path = os.pathsep.join([str(tree), str(ROOT)])  # the second for this plugin, in a toy tree
+    instrument(tree, place)
+    # The last of them for this plugin, in a toy tree.
+    path = os.pathsep.join([str(place / "site"), str(tree), str(ROOT)])
     environment = {**os.environ, FOLDER: str(place), "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-m", "pytest", "-p", "tests.mutations.tracing", "-q", *files]
     command += [f"-n{jobs if jobs > 1 else 0}", "--dist=loadfile", "--tb=line"]
-    command += ["--ignore=tests/mutations", "-p", "no:cacheprovider"]
+    command += ["-p", "no:cacheprovider", *(f"--ignore={name}" for name in _FAR)]
     done = subprocess.run(command, cwd=tree, env=environment, check=False, stdout=sys.stderr)
     if done.returncode not in {0, 1}:
         raise SystemExit(f"tests.mutations: the suite ended with {done.returncode}")
@@ -174,14 +171,14 @@ def collect(place: Path) -> None:
         for name, found in json.loads(path.read_text(encoding="utf-8")).items():
             times[name] |= found
         path.unlink()
-    whole = coverage.CoverageData(basename=str(place / "data"))
-    for path in sorted(place.glob("data.*")):
-        part = coverage.CoverageData(basename=str(path))
-        with contextlib.suppress(DataError):  # of a process that a test killed while it wrote
-            part.read()
-            whole.update(part)
+    hits: dict[str, set[int]] = defaultdict(set)
+    for path in place.glob("hits.*.json"):
+        with contextlib.suppress(json.JSONDecodeError):  # of a process that was killed meanwhile
+            for name, found in json.loads(path.read_text(encoding="utf-8")).items():
+                hits[name].update(found)
         path.unlink()
-    whole.write()
+    whole = {name: sorted(found) for name, found in sorted(hits.items())}
+    (place / "hits.json").write_text(json.dumps(whole), encoding="utf-8")
     (place / "times.json").write_text(json.dumps(times), encoding="utf-8")
 
 

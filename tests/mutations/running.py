@@ -7,6 +7,7 @@ so do the processes that its tests start.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import json
 import os
@@ -23,6 +24,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.mutations.blocks import compile_kept
 from tests.mutations.mutants import Mutant
 from tests.mutations.selection import Plan
 
@@ -44,9 +46,13 @@ _COPIED = ("damperfit", "tests", "configs", "sample_runs", ".ci", ".github")
 _OPTIONS = (
     "-q",
     "-x",
+    "--disable-plugin-autoload",
+    *(
+        word
+        for name in ("xdist.plugin", "pytest_benchmark.plugin", "_hypothesis_pytestplugin")
+        for word in ("-p", name)
+    ),
     "-n0",
-    "-p",
-    "no:cacheprovider",
     "--no-header",
     "--tb=line",
     "--benchmark-disable",
@@ -85,6 +91,7 @@ class Workspace:
         for path in self.root.iterdir():
             if path.is_file():
                 shutil.copy2(path, self.folder)
+        compile_kept(self.folder)
         return self
 
     def change(self, mutant: Mutant) -> bool:
@@ -128,6 +135,8 @@ def preload(names: Iterable[str] = _PRELOADED) -> None:
             importlib.import_module(name)
         except ImportError:
             continue
+    gc.collect()
+    gc.freeze()  # or each child looks for garbage among what it shares
     ours = [name for name in sys.modules if name.split(".")[0] == "damperfit"]
     if ours:
         raise SystemExit(f"tests.mutations: {ours[0]} must not be loaded here")

@@ -16,8 +16,6 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 
-from coverage import CoverageData
-
 __all__ = ["Plan", "Selection", "Trace"]
 
 _ABROAD = 3.0  # a test of another package counts as so much slower
@@ -73,19 +71,19 @@ class Trace:
         return found
 
     @cached_property
-    def data(self) -> CoverageData:
-        data = CoverageData(basename=str(self.folder / "data"))
-        data.read()
-        return data
-
-    @cached_property
-    def measured(self) -> dict[str, str]:
-        """Paths of the package's files in the traced tree, with their names in the data."""
-        found = {}
-        for name in self.data.measured_files():
-            parts = Path(name).parts
-            start = len(parts) - 1 - parts[::-1].index("damperfit")
-            found["/".join(parts[start:])] = name
+    def measured(self) -> dict[str, dict[int, set[str]]]:
+        """The contexts of each line, by file of the package as it was traced."""
+        read = {
+            name: json.loads((self.folder / f"{name}.json").read_text(encoding="utf-8"))
+            for name in ("blocks", "hits")
+        }
+        found: dict[str, dict[int, set[str]]] = {path: {} for path, _ in read["blocks"]}
+        for context, blocks in read["hits"].items():
+            for k in blocks:
+                path, spans = read["blocks"][k]
+                for first, last in spans:
+                    for line in range(first, last + 1):
+                        found[path].setdefault(line, set()).add(context)
         return found
 
     def contexts(self, path: str, text: str) -> dict[int, set[str]]:
@@ -93,7 +91,7 @@ class Trace:
         old = self._as_it_was(path, text)
         if old is None:
             return {}
-        known = self.data.contexts_by_lineno(self.measured[old])
+        known = self.measured[old]
         before = (self.tree / old).read_text(encoding="utf-8").splitlines()
         now = text.splitlines()
         found: dict[int, set[str]] = {}

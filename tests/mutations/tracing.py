@@ -1,33 +1,26 @@
 """A pytest plugin: which test runs which line, and how long each takes.
 
-`python -m pytest -p tests.mutations.tracing` with the folder named in DAMPERFIT_TRACE. A fixture
-that serves several tests is traced under a name of its own, and so is the import of a test file:
-what they run counts for every test that uses them. Processes that a test starts are traced as it.
+`python -m pytest -p tests.mutations.tracing` with the folder named in DAMPERFIT_TRACE, in a tree
+that `blocks.instrument` has compiled. A fixture that serves several tests is traced under a name of
+its own, and so is the import of a test file: what they run counts for every test that uses them.
+Processes that a test starts are traced as it.
 """
 
 from __future__ import annotations
 
+import builtins
 import json
 import os
 import time
+from collections import defaultdict
 from pathlib import Path
 
-import coverage
+import numpy as np
 import pytest
 
+from tests.mutations.blocks import COUNTER
+
 FOLDER, CONTEXT = "DAMPERFIT_TRACE", "DAMPERFIT_TRACE_CONTEXT"
-
-
-def settings(folder: Path, root: Path) -> Path:
-    """Write the settings of coverage.py for this run, also of the processes that tests start."""
-    path = folder / "coverage.ini"
-    path.write_text(
-        f"[run]\ndata_file = {folder / 'data'}\nsource = {root / 'damperfit'}\nparallel = true\n"
-        f"core = ctrace\ndisable_warnings = no-data-collected, module-not-measured, no-ctracer\n"
-        f"context = ${{{CONTEXT}-}}\n",
-        encoding="utf-8",
-    )
-    return path
 
 
 def fixture_key(definition: object) -> str:
@@ -37,20 +30,23 @@ def fixture_key(definition: object) -> str:
 class Tracing:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.coverage = coverage.Coverage(config_file=str(folder / "coverage.ini"), context=None)
-        self.coverage.config.context = None  # static here: the dynamic ones say it all
-        self.coverage.start()
-        os.environ["COVERAGE_PROCESS_START"] = str(folder / "coverage.ini")
+        self.hits = getattr(builtins, COUNTER)  # made by `sitecustomize` of the folder
+        self.seen: dict[str, set[int]] = defaultdict(set)
         self.tests: dict[str, dict[str, object]] = {}
         self.fixtures: dict[str, float] = {}
         self.unfit: set[str] = set()  # failed or skipped: they tell nothing of a mutant
         self.now = ""
 
     def switch(self, context: str) -> str:
+        self.keep()
         before, self.now = self.now, context
         os.environ[CONTEXT] = context
-        self.coverage.switch_context(context)
         return before
+
+    def keep(self) -> None:
+        found = np.flatnonzero(np.frombuffer(self.hits, dtype=np.uint8))
+        self.seen[self.now].update(found.tolist())
+        self.hits[:] = bytes(len(self.hits))
 
     @pytest.hookimpl(wrapper=True)
     def pytest_make_collect_report(self, collector):
@@ -97,8 +93,10 @@ class Tracing:
             self.spent = outside + whole
 
     def pytest_sessionfinish(self):
-        self.coverage.stop()
-        self.coverage.save()
+        self.keep()
+        hits = {name: sorted(found) for name, found in self.seen.items() if found}
+        path = self.folder / f"hits.main.{os.getpid()}.json"
+        path.write_text(json.dumps(hits), encoding="utf-8")
         tests = {name: test for name, test in self.tests.items() if name not in self.unfit}
         found = {"tests": tests, "fixtures": self.fixtures}
         path = self.folder / f"times.{os.getpid()}.json"

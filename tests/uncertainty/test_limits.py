@@ -11,7 +11,7 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import Outcome, Sharing
 from damperfit.recording import Finding
-from damperfit.uncertainty import Prediction, assessment
+from damperfit.uncertainty import Prediction, assessment, residuals
 from damperfit.uncertainty.flaws import seek_flaws
 from damperfit.uncertainty.linearisation import Linearisation, LogLinearisation
 from damperfit.uncertainty.prediction import prediction_warnings
@@ -212,6 +212,18 @@ def test_noise_is_told_from_a_misfit_from_two_cycles_on(cycles: int) -> None:
     single = f"MSE {found.mse_percent:.2g} %; a single cycle cannot separate noise from lack of fit"
     assert (found.sentence == single) is not is_reported
     assert ("% is noise" in found.sentence) is is_reported
+
+
+def test_a_stretch_of_one_cycle_costs_the_others_nothing(monkeypatch) -> None:
+    """It says nothing of what repeats, whether it comes first or last."""
+    ten, one = repeating(0.3, noise=1.0), repeating(0.0, noise=1.0, cycles=1)
+    parts = [next(residuals._parts(given)) for given in (ten, one)]
+    alone = diagnose(ten)
+    assert math.isfinite(alone.runs_ratio)
+    for order in (parts, parts[::-1]):
+        monkeypatch.setattr(residuals, "_parts", lambda _, order=order: iter(order))
+        found = diagnose(ten)
+        assert (found.noise_percent, found.runs_ratio) == (alone.noise_percent, alone.runs_ratio)
 
 
 @pytest.mark.parametrize(
