@@ -48,7 +48,7 @@ def commented(lines: Sequence[str], mark: str) -> str:
 def _lines(handed: HandedOver, tables: Sequence[ForceTable], sign: str, gas: str) -> Iterator[str]:
     settings = ", ".join(str(one.setting) for one in tables)
     yield f"damperfit {handed.version}: {handed.name}, setting {settings}"
-    yield "damper: " + ("; ".join(f"{k} {v}" for k, v in handed.identity.items()) or "not named")
+    yield "identity: " + ("; ".join(f"{k} {v}" for k, v in handed.identity.items()) or "not named")
     yield f"model: {handed.damper.sentence}"
     yield f"tested: {_tested(handed.tested)}"
     yield f"MSE of the fit: {_mse(tables)}"
@@ -123,7 +123,7 @@ def _extrapolation(table: ForceTable) -> str:
         )
     return (
         f"beyond {table.tested_speed:.4g} m/s there is nothing: do not let a program hold the last "
-        "value (at twice the speed it is 70 % too low); --extend SPEED adds rows of the model"
+        "value, the damper's force goes on rising; --extend SPEED adds rows of the model"
     )
 
 

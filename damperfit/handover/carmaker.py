@@ -45,5 +45,5 @@ def _side(table: ForceTable, name: str, sign: float) -> str:
         for v, f in zip(table.speeds, table.forces, strict=True)
         if sign * v >= 0.0
     )
-    lines = "".join(f"\t{speed:.7g} {max(force, 0.0):.3f}\n" for speed, force in rows)
+    lines = "".join(f"\t{speed:.7g} {max(force, 0.0) + 0.0:.3f}\n" for speed, force in rows)
     return f"SuspF.{name}.Amplify = 1.0\nSuspF.{name}:\n{lines}"

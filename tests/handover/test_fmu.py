@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes as ct
 import io
+import re
 import sys
 import time
 import zipfile
@@ -16,11 +17,12 @@ import pytest
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.rivals.linear import Linear
 from damperfit.errors import ConfigurationError
-from damperfit.handover import TARGETS, ExportOptions
+from damperfit.handover import TARGETS, ExportOptions, HandedSetting
 from damperfit.handover.fmu import libraries
 from damperfit.handover.fmu.archive import missing_platforms
 from damperfit.handover.fmu.documentation import documentation
 from damperfit.handover.fmu.exported_damper import exported_damper
+from damperfit.handover.fmu.libraries import source_files
 from damperfit.handover.fmu.variables import variables
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
@@ -84,6 +86,31 @@ def test_what_stands_in_the_file(content, handed) -> None:
     assert handed.digest in page
     assert "up to ±32 mm" in page
     assert root.get("modelName") == 'front left A <7> & "8"'
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_twenty_settings_are_below_60_kb_and_their_sources_are_those_of_the_core(
+    handed, version
+) -> None:
+    settings = tuple(HandedSetting(Setting.of(n), reference_parameters(n)) for n in range(1, 21))
+    many = replace(handed, settings=settings)
+    (content,) = TARGETS[f"fmu{version}"].write(many, ExportOptions()).values()
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        kept = [one for one in archive.infolist() if not one.filename.startswith("binaries")]
+        bare = io.BytesIO()
+        with zipfile.ZipFile(bare, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as smaller:
+            for one in kept:
+                smaller.writestr(one.filename, archive.read(one))
+        core = {name: code.decode() for name, code in source_files().items() if name != "data.c"}
+        told = {name: archive.read(f"sources/{name}").decode() for name in core}
+    assert len(bare.getvalue()) < 60_000
+    for name, whole in core.items():
+        # Comments aside it is the same, and what a file is for is still said.
+        assert re.sub(r"\s|/\*.*?\*/", "", told[name], flags=re.DOTALL) == re.sub(
+            r"\s|/\*.*?\*/", "", whole, flags=re.DOTALL
+        )
+        if whole.startswith("/*"):
+            assert told[name].startswith(whole.partition("*/")[0])
 
 
 def test_exporting_takes_milliseconds_and_no_compiler(handed, monkeypatch) -> None:

@@ -255,3 +255,10 @@ def test_all_targets_of_twenty_settings_take_a_second(handed) -> None:
         if not name.startswith("fmu"):
             target.write(mine, ExportOptions())
     assert time.process_time() - begin < 1.0
+
+
+def test_a_table_of_carmaker_begins_at_zero_without_a_sign(handed) -> None:
+    for content in TARGETS["carmaker"].write(handed, ExportOptions()).values():
+        lines = content.decode().splitlines()
+        firsts = [lines[i + 1] for i, line in enumerate(lines) if line.endswith(("Push:", "Pull:"))]
+        assert firsts == ["\t0 0.000", "\t0 0.000"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import zipfile
 from datetime import UTC, datetime
 from importlib import resources
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from damperfit.handover.fmu.exported_damper import ExportedDamper
     from damperfit.handover.handed_over import HandedOver
     from damperfit.handover.targets import ExportOptions
+
+_COMMENT = re.compile(rb"[ \t]*/\*.*?\*/", re.DOTALL)
 
 __all__ = ["missing_platforms", "write_fmi2", "write_fmi3"]
 
@@ -54,7 +57,8 @@ def missing_platforms(version: int) -> tuple[str, ...]:
 
 def _members(handed: HandedOver, *, version: int) -> dict[str, bytes]:
     damper = exported_damper(handed)
-    sources = source_files() | {"data.c": _data(damper)}
+    sources = {name: _bare(code) for name, code in source_files().items()}
+    sources["data.c"] = _data(damper)
     files = sorted(name for name in sources if name.endswith(".c"))
     date = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     if version == 2:
@@ -77,6 +81,15 @@ def _members(handed: HandedOver, *, version: int) -> dict[str, bytes]:
         **more,
         **{f"binaries/{name}": content for name, content in libraries.items()},
     }
+
+
+def _bare(code: bytes) -> bytes:
+    """Return C without comments but its first: who only compiles it need not carry them."""
+    first, *others = _COMMENT.split(code)
+    head = _COMMENT.match(code)
+    if head is not None:
+        first = head[0] + others.pop(0)
+    return re.sub(rb"\n{3,}", rb"\n\n", first + b"".join(others))
 
 
 def _data(damper: ExportedDamper) -> bytes:
