@@ -27,7 +27,7 @@ from damperfit.cli.inspect import inspect
 from damperfit.cli.log_file import LogFile, log_file_of, record
 from damperfit.cli.models import models
 from damperfit.cli.options import DebugOption, LogFileOption, VersionOption
-from damperfit.cli.panels import PanelledCommand
+from damperfit.cli.panels import PanelledCommand, UncutCommands
 from damperfit.cli.report import report
 from damperfit.cli.samples import samples
 from damperfit.cli.settings import settings
@@ -71,6 +71,7 @@ def _as_registered(command: Callable[..., int]) -> Callable[..., int]:
 
 app = typer.Typer(
     name="damperfit",
+    cls=UncutCommands,
     add_completion=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},

@@ -1,15 +1,15 @@
-"""The help of a command: its options in panels, by what they are for."""
+"""The help of a command: its options in panels, by what they are for; all commands in full."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["PANELS", "PanelledCommand", "panel_of"]
+__all__ = ["PANELS", "PanelledCommand", "UncutCommands", "panel_of"]
 
 # What stands in no panel stands last, under "Options".
 PANELS = {
@@ -37,6 +37,9 @@ PANELS = {
 _OTHERS = "Options"
 
 
+_WHOLE = 1000  # characters of a summary: none is that long
+
+
 def panel_of(option: str) -> str:
     """Return the panel that an option stands in.
 
@@ -46,6 +49,18 @@ def panel_of(option: str) -> str:
     ('Trust', 'Options')
     """
     return next((panel for panel, names in PANELS.items() if option in names), _OTHERS)
+
+
+class UncutCommands(TyperGroup):
+    """The commands, each with its whole sentence, wrapped where the terminal is narrow."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write them under one heading."""
+        commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        with formatter.section("Commands"):
+            formatter.write_dl(
+                [(name, one.get_short_help_str(_WHOLE)) for name, one in commands if one]
+            )
 
 
 class PanelledCommand(TyperCommand):

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from damperfit.cli.console import print_json, print_lines, print_renderable, say, spark_levels
+from damperfit.cli.console import (
+    print_json,
+    print_lines,
+    print_renderable,
+    say,
+    screen_columns,
+    spark_levels,
+)
 from damperfit.cli.option_values import configured, quantity_values, refuse_beside
 from damperfit.cli.options import (
     AmplitudeOption,
@@ -161,7 +168,9 @@ def _show(trial: SimulatedTest) -> None:
     if not math.isnan(trial.characteristics.pressure_ranges[0][0]):
         print_lines([""])
         print_renderable(terminal_table(cycle_pressure_sheet(trial.characteristics)))
-    cycle = cycle_sparklines(trial.response, trial.frequency, levels=spark_levels())
+    cycle = cycle_sparklines(
+        trial.response, trial.frequency, columns=screen_columns(), levels=spark_levels()
+    )
     print_lines(["", "last cycle", *cycle])
 
 

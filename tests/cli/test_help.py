@@ -90,3 +90,16 @@ def test_an_option_has_one_spelling_and_one_help_in_all_commands():
                 seen.setdefault(word, {})[name] = (one.metavar, one.help, tuple(one.opts))
     differing = {word for word, uses in seen.items() if len(set(uses.values())) > 1}
     assert differing == set(OF_THEIR_OWN)
+
+
+@pytest.mark.parametrize("columns", [60, 80, 200])
+def test_no_command_s_sentence_is_cut(capsys, monkeypatch, columns) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    assert main(["--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= columns
+    said = " ".join(" ".join(lines[lines.index("Commands:") :]).split())
+    assert "..." not in said
+    assert (
+        "fleet Fit many dampers, one part each; finished ones are not fitted again. export" in said
+    )

@@ -204,3 +204,12 @@ def test_a_triangle_has_no_force_at_speeds_that_it_does_not_hold(run) -> None:
 
 def test_one_cycle_can_be_simulated(run) -> None:
     assert run("simulate", "--setting", "10", "--cycles", "1").code == 0
+
+
+@pytest.mark.parametrize("columns", [60, 80])
+def test_the_last_cycle_fits_a_terminal(run, monkeypatch, columns) -> None:
+    monkeypatch.setattr("damperfit.cli.simulate.screen_columns", lambda: columns)
+    _, _, cycle = run("simulate", "--setting", "10").out.partition("last cycle")
+    lines = cycle.strip().splitlines()
+    assert len(lines) == 5
+    assert columns - 12 < max(map(len, lines)) <= columns

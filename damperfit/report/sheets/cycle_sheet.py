@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 __all__ = ["cycle_force_sheet", "cycle_pressure_sheet", "cycle_sparklines"]
 
 _BAR = 1e5  # Pa
-_CELLS = 44  # characters of one cycle
+_CELLS, _FEWEST = 44, 16  # characters of one cycle; where the terminal is narrow
+_BESIDE = 36  # name and range of a line
 
 
 def cycle_force_sheet(figures: Characteristics) -> Sheet:
@@ -70,7 +71,7 @@ def cycle_pressure_sheet(figures: Characteristics) -> Sheet:
 
 
 def cycle_sparklines(
-    response: Response, frequency: float, *, levels: str = BLOCK_LEVELS
+    response: Response, frequency: float, *, columns: int = 80, levels: str = BLOCK_LEVELS
 ) -> tuple[str, ...]:
     """Return the last cycle as sparklines: displacement, force and the three pressures.
 
@@ -80,10 +81,13 @@ def cycle_sparklines(
         Signals, at least one cycle.
     frequency : float
         Hz.
+    columns : int
+        Width that the lines must fit into.
     levels : str
         Characters from low to high.
     """
-    at = response.time[-1] - (1.0 - np.arange(_CELLS) / (_CELLS - 1.0)) / frequency
+    cells = max(_FEWEST, min(_CELLS, columns - _BESIDE))
+    at = response.time[-1] - (1.0 - np.arange(cells) / (cells - 1.0)) / frequency
     rows = (
         ("displacement", "mm", 1e3 * response.displacement),
         ("force", "N", response.force),
