@@ -18,6 +18,7 @@ from damperfit.identification.every_setting import Campaign, fit_every_setting, 
 from damperfit.identification.failures import SettingFailure, attempted, attempted_for_all
 from damperfit.identification.following import Way, declared_way
 from damperfit.identification.joint_procedure import fit_together
+from damperfit.identification.left_out import without_idle_parts
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.neighbours import beside_neighbours
 from damperfit.identification.options import FitOptions, check_options, shared_names
@@ -154,7 +155,10 @@ def _plain(given: ProcedureInput) -> Campaign:
         judged, found = fit_from(given, setting, misfit, start)
         return describe_fit(setting, judged, misfit), found
 
-    return beside_neighbours(fit_every_setting(given, fit), misfit_of, jobs=given.jobs)
+    found = beside_neighbours(fit_every_setting(given, fit), misfit_of, jobs=given.jobs)
+    if not given.options.is_leaving_out:
+        return found
+    return without_idle_parts(found, lambda one: misfit_of(one.setting), jobs=given.jobs)
 
 
 def _joint(given: ProcedureInput) -> Campaign:
@@ -164,7 +168,7 @@ def _joint(given: ProcedureInput) -> Campaign:
     by_paper = {TAKEN, MEAN} if name == "paper" and (way is None or not way.follows) else set()
     shared = {*shared_names(given.options, given.damper)} if way is None else {*way.shared}
     free = tuple(one for one in moving if one not in by_paper & shared)
-    options = replace(given.options, free=free, starts=1)
+    options = replace(given.options, free=free, starts=1, is_leaving_out=False)
     before = PROCEDURES[name](replace(given, options=options, on_fit=lambda _fit: None))
     failed = {one.setting: one for one in before.failures}
     try:

@@ -28,13 +28,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model, Values
+    from damperfit.damper.quantity import Quantity
     from damperfit.identification.settled import SettledLogs
     from damperfit.recording import Trace
     from damperfit.simulation import SolverOptions
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["COMPARING", "LawMisfit", "best_fitting", "followed"]
+__all__ = ["COMPARING", "LawMisfit", "best_fitting", "followed", "vanishes_below"]
 
 # Laws are compared by factors of their MSE: a fall of a few in ten thousand changes nothing.
 COMPARING = Stopping(cost_tolerance=3e-4, step_tolerance=1e-4, max_evaluations=60, rest=math.inf)
@@ -114,7 +115,7 @@ class LawMisfit:
         """Return the value at which a part does next to nothing, of a part that may be absent."""
         one = self.model.quantity(name)
         low, high = one.plausible
-        return low if one.is_friction or name.endswith(_VANISHING) else high
+        return low if vanishes_below(one) else high
 
     def cost(self, values: Values) -> float:
         """Return the sum of squares at a point, without derivatives.
@@ -195,6 +196,17 @@ class LawMisfit:
             rows[0] -= trace.force[trace.compared]
             found.append(rows if weight is None else rows * weight)
         return found
+
+
+def vanishes_below(one: Quantity) -> bool:
+    """Whether a quantity does nothing when it is small; others do when they are large.
+
+    Parameters
+    ----------
+    one : Quantity
+        Of a damper of valves, a part that may be absent.
+    """
+    return one.is_friction or one.name.endswith(_VANISHING)
 
 
 def followed(misfit: LawMisfit, starts: Sequence[Values], *, known: int = 0) -> Minimum[Values]:

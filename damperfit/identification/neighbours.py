@@ -1,5 +1,7 @@
 """A fit that is much worse than its neighbour's starts again from where that one ended.
 
+So does one that ran to the edge of a range: a minimum within that fits as well is preferred.
+
 Clicks change a damper little: where setting 4 is met to 0.05 % and setting 5 to 2 %, the fit of 5
 has more likely ended in a wrong valley than met another damper. What stands in the first results
 alone decides, so that the order in which settings are done does not matter.
@@ -14,7 +16,7 @@ from damperfit.errors import SimulationError
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.restarts import LEAST, WELL_ABOVE
-from damperfit.identification.setting import attempt, describe_fit
+from damperfit.identification.setting import attempt, describe_fit, is_sound
 from damperfit.parallel import executor
 from damperfit.statistics import CHI_SQUARED_95
 from damperfit.tested.setting import nearest_setting
@@ -66,7 +68,9 @@ def beside_neighbours(
 
 
 def _is_in_doubt(fit: Fit, neighbour: Fit) -> bool:
-    """Whether a fit is so much worse than another that noise is no reason."""
+    """Whether a fit is so much worse than another that noise is no reason, or ran to an edge."""
+    if _ran_to_an_edge(fit):
+        return True
     floor = max(LEAST, WELL_ABOVE * fit.noise_floor_percent)  # NaN: the first
     return fit.mse_percent > max(floor, MUCH_WORSE * neighbour.mse_percent)
 
@@ -81,6 +85,12 @@ def _from(neighbour: Fit, fit: Fit, misfit: Misfit) -> Fit:
     judged = attempt(misfit, neighbour.parameters.replace(own), fit.evaluations)
     solution = judged.solution
     gain = fit.mse_percent / max(solution.mse_percent, 1e-300) - 1.0
+    if _is_level(gain * solution.n_independent) and is_sound(judged) and _ran_to_an_edge(fit):
+        said = (
+            "the first fit ran to the edge of a range: from the values of setting "
+            f"{neighbour.setting} it found a minimum within them that fits as well, which is used."
+        )
+        return describe_fit(fit.setting, replace(judged, said=(said,)), misfit)
     if gain * solution.n_independent <= CHI_SQUARED_95:
         return replace(fit, evaluations=solution.evaluations)
     said = (
@@ -89,3 +99,12 @@ def _from(neighbour: Fit, fit: Fit, misfit: Misfit) -> Fit:
         "is used."
     )
     return describe_fit(fit.setting, replace(judged, said=(said,)), misfit)
+
+
+def _ran_to_an_edge(fit: Fit) -> bool:
+    return fit.outcome is Outcome.AT_BOUND
+
+
+def _is_level(gain: float) -> bool:
+    """Whether noise alone makes two misfits differ by so much, in units of chi squared."""
+    return abs(gain) <= CHI_SQUARED_95

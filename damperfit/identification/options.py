@@ -69,6 +69,8 @@ class FitOptions:
         Adjusters whose clicks count from closed: there the highest is the softest.
     start : GivenStart
         Where the fits start, as far as somebody has said so.
+    is_leaving_out : bool
+        Whether a part of the law that does nothing at a setting is left out there (`plain`).
     """
 
     procedure: str = "paper"
@@ -83,6 +85,7 @@ class FitOptions:
     starts: int = 1
     from_closed: tuple[str, ...] = ()
     start: GivenStart = GivenStart()
+    is_leaving_out: bool = False
 
     @property
     def is_detecting(self) -> bool:

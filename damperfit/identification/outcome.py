@@ -15,6 +15,7 @@ class Status(StrEnum):
     SHARED = "shared"
     AT_BOUND = "at_bound"
     NOT_IDENTIFIABLE = "not_identifiable"
+    ABSENT = "absent"
 
     @property
     def has_failed(self) -> bool:

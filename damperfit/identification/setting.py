@@ -71,7 +71,7 @@ class Fit:
     parameters : Values
         SI values.
     status : dict of str to Status
-        For each parameter: fitted, fixed, shared, at_bound or not_identifiable.
+        For each parameter: fitted, fixed, shared, at_bound, not_identifiable or absent.
     outcome : Outcome
         How the fit ended.
     mse_percent, noise_floor_percent : float

@@ -231,7 +231,9 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
         made,
         declared=configuration.declared | chosen,
         chosen_law=configuration.chosen_law,
-        identification=replace(made.identification, start=GivenStart(by_setting=found)),
+        identification=replace(
+            made.identification, start=GivenStart(by_setting=found), is_leaving_out=True
+        ),
     )
 
 

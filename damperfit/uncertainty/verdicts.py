@@ -118,6 +118,12 @@ def doubts(
     return tuple(sentences)
 
 
+_NOT_FITTED: dict[Status, str] = {
+    Status.FIXED: "held at the value given",
+    Status.ABSENT: "does nothing at this setting: the law is fitted without it",
+}
+
+
 def _verdict(
     name: str,
     fit: Fit,
@@ -128,8 +134,8 @@ def _verdict(
     is_tied: bool = False,
 ) -> str:
     status, unit = fit.status[name], fit.parameters.quantity(name).unit
-    if status == Status.FIXED:
-        return "held at the value given"
+    if status in _NOT_FITTED:
+        return _NOT_FITTED[status]
     if status == Status.AT_BOUND:
         seen = f": {_seen(profile, unit)}" if profile is not None else ""
         return f"ran to the edge of its plausible range{seen}; fix it, or check units and signs"

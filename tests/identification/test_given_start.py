@@ -129,6 +129,25 @@ def test_a_wrong_valley_is_left_from_the_neighbours_values() -> None:
     assert kept.fits == sound
 
 
+def test_a_minimum_within_the_ranges_is_preferred_to_one_at_an_edge() -> None:
+    """As good to the noise: a blow-off without resistance stood beside neighbours that had one."""
+    both = given(GivenStart(), (5, 6))
+    names = ("r_m1", "r_m2", "k_e")
+    campaign = identify([log(5), log(6)], PURDY_DAMPER, both.options)
+    edge = replace(campaign.fits[1], outcome=Outcome.AT_BOUND)
+    strained = replace(campaign, fits=(campaign.fits[0], edge))
+    found = beside_neighbours(strained, lambda one: both.misfit(one, names), jobs=1)
+    assert found.fits[1].outcome is Outcome.CONVERGED
+    assert "within them that fits as well" in found.fits[1].warnings[-1]
+    better = replace(edge, mse_percent=0.5 * edge.mse_percent)
+    kept = beside_neighbours(
+        replace(campaign, fits=(campaign.fits[0], better)),
+        lambda one: both.misfit(one, names),
+        jobs=1,
+    )
+    assert kept.fits[1].outcome is Outcome.AT_BOUND
+
+
 def test_a_worse_end_from_the_neighbour_is_not_taken(monkeypatch) -> None:
     monkeypatch.setattr(neighbours, "LEAST", 0.0)
     both = given(GivenStart(), (5, 6))

@@ -198,3 +198,32 @@ def test_a_setting_outside_of_the_joint_fit_lends_it_no_weight(three) -> None:
     assert not np.allclose(shared_covariance(linearised, three.sharing), without, rtol=0.1)
     curvature = shared_curvature(linearised, sharing)
     assert curvature == pytest.approx(shared_curvature([linearised[0], linearised[2]], sharing))
+
+
+@pytest.mark.parametrize(("shift", "n_fits"), [(1.49, 0), (1.51, 1), (10.0, 1)])
+def test_a_joint_fit_is_weighed_by_what_its_end_leaves(monkeypatch, shift, n_fits) -> None:
+    """A weight of a bad start drew a damper's drag to twice what it was, as a wrong valley would.
+
+    Of settings whose weights shift by less than half beside each other nothing moves.
+    """
+    first = JointSolution(
+        parameters={},
+        evaluations=4,
+        is_converged=True,
+        cost=1.0,
+        weights={Setting.of(1): 1.0, Setting.of(2): 1.0 / shift},
+        mean_squares={Setting.of(1): 1.0, Setting.of(2): 1.0},
+        n_independent={},
+        errors={},
+    )
+    settled = {Setting.of(1): 1.0, Setting.of(2): 1.0}
+    asked = []
+
+    def fit(problem, starts):
+        asked.append(problem)
+        return replace(first, weights=settled, evaluations=3)
+
+    monkeypatch.setattr(joint_procedure, "fit_jointly", fit)
+    ended = joint_procedure._fairly_weighed("problem", first)
+    assert asked == ["problem"] * n_fits
+    assert ended.evaluations == 4 + 3 * n_fits

@@ -255,10 +255,10 @@ def test_a_held_value_with_a_lost_power_of_ten_is_refused() -> None:
     assert sound.warnings == ()
 
 
-def test_a_status_is_one_of_five_words_as_tables_have_them() -> None:
-    words = ["fitted", "fixed", "shared", "at_bound", "not_identifiable"]
+def test_a_status_is_one_of_six_words_as_tables_have_them() -> None:
+    words = ["fitted", "fixed", "shared", "at_bound", "not_identifiable", "absent"]
     assert [status.value for status in Status] == words
-    assert [status for status in Status if status.has_failed] == words[3:]
+    assert [status for status in Status if status.has_failed] == words[3:5]
     campaign = identify(traces([3], noise=4.0, duration=4.0), PURDY_DAMPER)
     assert all(isinstance(status, Status) for status in campaign.fits[0].status.values())
     with pytest.raises(ValueError, match="unknown"):

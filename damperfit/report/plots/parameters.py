@@ -101,7 +101,7 @@ def parameter_plots(
 def _is_shown(row: Row, name: str) -> bool:
     value = row[name]
     is_known = value is not None and math.isfinite(value)
-    return is_known and row[f"{name}_status"] != "not_identifiable"
+    return is_known and row[f"{name}_status"] not in {"absent", "not_identifiable"}
 
 
 def _is_fitted(row: Row, name: str) -> bool:
@@ -112,7 +112,7 @@ def _window(
     rows: Sequence[Row], name: str, factor: float
 ) -> tuple[tuple[float, float] | None, dict[Setting, float]]:
     """Return a range of y that fits the fitted values, and where others are drawn at its edge."""
-    trusted = [row for row in rows if row[f"{name}_status"] != "at_bound"]
+    trusted = [row for row in rows if row[f"{name}_status"] not in {"absent", "at_bound"}]
     values = [
         factor * end
         for row in trusted

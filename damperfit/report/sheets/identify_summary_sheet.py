@@ -155,7 +155,7 @@ def _turned(rows: Sequence[Row], shown: Sequence[Quantity], notes: tuple[str, ..
 def _cell(row: Row, quantity: Quantity, *, has_error: bool) -> str:
     name = quantity.name
     value, error, status = row[name], total_error(row, name), row[f"{name}_status"]
-    if status == "not_identifiable":
+    if status in {"absent", "not_identifiable"}:
         return PARAMETER_MARKS[status]
     factor = scale_of(quantity).factor
     at_edge = status == "at_bound" and value is not None and limit_text(quantity, value, factor)

@@ -43,6 +43,7 @@ MEASURED_BESIDE_MODEL = (
 FORCE_AS_MEASURED = "m measured: the model misses the force there by more than 2 %"
 _MARKS = {
     "fixed": "f fixed",
+    "absent": "none: does nothing here, the law is fitted without it",
     "shared": "s shared by all settings",
     "at_bound": "! ran into a bound",
     "not_identifiable": "? not determined by these logs",

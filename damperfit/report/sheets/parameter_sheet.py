@@ -97,7 +97,13 @@ def _is_idle(row: Row, one: Quantity) -> bool:
     return is_default and row[f"{one.name}_status"] in ("fixed", None)
 
 
-PARAMETER_MARKS = {"fixed": "f", "shared": "s", "at_bound": "!", "not_identifiable": "?"}
+PARAMETER_MARKS = {
+    "absent": "none",
+    "fixed": "f",
+    "shared": "s",
+    "at_bound": "!",
+    "not_identifiable": "?",
+}
 
 
 def parameter_sheet(
@@ -167,6 +173,9 @@ def parameter_line(row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES) 
         name, scale, status = one.name, scale_of(one), row[f"{one.name}_status"]
         if row[name] is None or _is_idle(row, one):
             continue
+        if status == "absent":
+            parts.append(f"no {one.label}")
+            continue
         if status == "not_identifiable":
             parts.append(f"{scale.symbol} cannot be determined")
             continue
@@ -187,7 +196,7 @@ def parameter_line(row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES) 
 def _parameter_cell(row: Row, quantity: Quantity) -> str:
     name, factor = quantity.name, scale_of(quantity).factor
     value, error, status = row[name], total_error(row, name), row[f"{name}_status"]
-    if status == "not_identifiable":
+    if status in {"absent", "not_identifiable"}:
         return PARAMETER_MARKS[status]  # no number that pretends to be known
     at_edge = status == "at_bound" and value is not None and limit_text(quantity, value, factor)
     text = at_edge or with_error(

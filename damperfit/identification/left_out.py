@@ -1,0 +1,122 @@
+"""Parts of a law that do nothing at a setting are left out there, and the rest is fitted again.
+
+A law that logs have chosen is one for all settings. Where a bleed is closed or a mounting has no
+play, the number of it runs to the edge of its range; that is the smaller law, not a bound that a
+fit strains against.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from damperfit.errors import SimulationError
+from damperfit.identification.descent import FitCancelledError
+from damperfit.identification.every_setting import with_status
+from damperfit.identification.law_misfit import vanishes_below
+from damperfit.identification.outcome import Status
+from damperfit.identification.plausible import kept_within
+from damperfit.identification.setting import attempt, describe_fit
+from damperfit.parallel import executor
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from damperfit.damper.model import Values
+    from damperfit.identification.descent import Misfit
+    from damperfit.identification.every_setting import Campaign
+    from damperfit.identification.setting import Fit
+
+__all__ = ["does_nothing", "without_idle_parts"]
+
+# A valve that lets nothing through, a mounting that does not give.
+_CLOSED = ("_bleed", "_opening", "_slope")
+_RIGID = ("k_s",)
+# A blow-off without preload, or without resistance once it is open.
+_NEGLIGIBLE = ("_opening", "_slope")
+_RETURN = "return_"  # a check valve that never opens is no smaller law
+_BLOW_OFF = ("opening", "slope", "width", "port")
+
+
+def does_nothing(values: Values, name: str) -> bool:
+    """Whether a quantity is at the edge of its range where its part of the law does nothing.
+
+    Parameters
+    ----------
+    values : Values
+        Of a fit.
+    name : str
+        One of its quantities.
+    """
+    one = values.quantity(name)
+    low, high = one.plausible
+    value = getattr(values, name)
+    if vanishes_below(one):
+        return bool(value <= low)
+    if name.startswith(_RETURN):
+        return False
+    if value <= low:
+        return name.endswith(_NEGLIGIBLE)
+    return bool(value >= high) and (name.endswith(_CLOSED) or name in _RIGID)
+
+
+def without_idle_parts(
+    campaign: Campaign, misfit_of: Callable[[Fit], Misfit], *, jobs: int
+) -> Campaign:
+    """Return the fits with what does nothing at a setting left out of the law there.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Fits of settings by themselves.
+    misfit_of : callable
+        What is fitted at the setting of a fit.
+    jobs : int
+        Threads; the result does not depend on them.
+    """
+
+    def lean(fit: Fit) -> Fit:
+        try:
+            return _lean(fit, misfit_of(fit))
+        except (SimulationError, FitCancelledError):
+            return fit
+
+    with executor(jobs) as pool:
+        return replace(campaign, fits=tuple(pool.map(lean, campaign.fits)))
+
+
+def _lean(fit: Fit, misfit: Misfit) -> Fit:
+    lost: dict[str, None] = {}
+    said: list[str] = []
+    first = fit.warnings
+    while idle := [name for name in _at_edge(fit) if does_nothing(fit.parameters, name)]:
+        said += [_sentence(fit.parameters, name) for name in idle]
+        lost |= dict.fromkeys(one for name in idle for one in _part(fit, name))
+        start = kept_within(fit.parameters, lost)
+        rest = replace(misfit, free=tuple(one for one in misfit.free if one not in lost))
+        judged = with_status(
+            attempt(rest, start, fit.evaluations), dict.fromkeys(lost, Status.ABSENT)
+        )
+        fit = describe_fit(fit.setting, judged, rest)
+    return replace(fit, warnings=(*first, *said)) if said else fit
+
+
+def _at_edge(fit: Fit) -> list[str]:
+    return [name for name, status in fit.status.items() if status is Status.AT_BOUND]
+
+
+def _part(fit: Fit, name: str) -> list[str]:
+    """A quantity with those that mean nothing without it: a closed blow-off has no slope."""
+    stroke, _, part = name.rpartition("_")
+    is_closed = getattr(fit.parameters, name) >= fit.parameters.quantity(name).plausible[1]
+    if part not in {"opening", "slope"} or not is_closed:
+        return [name]
+    return [one for one in (f"{stroke}_{other}" for other in _BLOW_OFF) if one in fit.status]
+
+
+def _sentence(values: Values, name: str) -> str:
+    one = values.quantity(name)
+    return (
+        f"{one.label} ({one.symbol}) does nothing here: it ran to the edge of its range, and the "
+        "law is fitted without it."
+    )

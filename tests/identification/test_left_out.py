@@ -1,0 +1,109 @@
+"""Parts of a law that do nothing at a setting are left out there; what fits as well within wins."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.conditioning import condition
+from damperfit.damper.mounting import FIT, NONE, Mounting
+from damperfit.identification import Campaign, Fit, FitOptions, identify, left_out
+from damperfit.identification.left_out import does_nothing
+from damperfit.identification.outcome import Outcome, Status
+from damperfit.recording import Recording, Trace
+from damperfit.simulation import simulate
+from damperfit.tested.setting import Setting
+from damperfit.uncertainty import assess
+from damperfit.uncertainty.withheld import objections
+from tests.laws.valve_logs import VALUES, damper, moved
+
+WITH_PLAY = replace(damper(), mounting=Mounting(FIT, FIT, NONE))
+
+
+@pytest.fixture(scope="module")
+def log() -> Trace:
+    """Of a damper without play."""
+    truth = damper(has_play_and_lag=False)
+    motion = moved((0.06, 0.2), cycles=3)
+    known = {name: value for name, value in VALUES.items() if name in truth.names}
+    force = simulate(truth.values(known), truth, motion).force
+    noise, n = np.random.default_rng(1), len(force)
+    return condition(
+        Recording(
+            name="a.csv", path="", sha256="", setting=Setting.of(1),
+            time=motion.interval * np.arange(n),
+            displacement=motion.displacement + noise.normal(0.0, 3e-6, n),
+            force=force + noise.normal(0.0, 2.0, n),
+        )
+    )  # fmt: skip
+
+
+def fitted(log: Trace, *, is_leaving_out: bool) -> Fit:
+    options = FitOptions("plain", is_leaving_out=is_leaving_out)
+    (fit,) = identify([log], WITH_PLAY, options).fits
+    return fit
+
+
+@pytest.fixture(scope="module")
+def strained(log: Trace) -> Fit:
+    return fitted(log, is_leaving_out=False)
+
+
+@pytest.fixture(scope="module")
+def lean(log: Trace) -> Fit:
+    return fitted(log, is_leaving_out=True)
+
+
+def test_play_that_is_not_there_is_left_out(strained: Fit, lean: Fit) -> None:
+    assert strained.outcome is Outcome.AT_BOUND
+    lost = {name for name, status in lean.status.items() if status is Status.ABSENT}
+    assert lost == {n for n, s in strained.status.items() if s is Status.AT_BOUND} == {"play"}
+    assert lean.outcome is Outcome.CONVERGED
+    assert lean.mse_percent == pytest.approx(strained.mse_percent, rel=1e-3)
+    assert lean.parameters.rebound_opening == pytest.approx(VALUES["rebound_opening"], rel=0.02)
+    assert sum("fitted without it" in said for said in lean.warnings) == 1
+
+
+def test_the_grade_stands_where_nothing_strains_against_an_edge(strained: Fit, lean: Fit) -> None:
+    for fit, is_withheld in ((strained, True), (lean, False)):
+        campaign = Campaign("plain", (fit,))
+        assert bool(objections(campaign, assess(campaign, WITH_PLAY))) is is_withheld
+
+
+@pytest.mark.parametrize(
+    ("name", "side", "is_idle"),
+    [
+        ("play", 0, True), ("play", 1, False),
+        ("k_s", 1, True), ("k_s", 0, False), ("f_f", 0, True), ("f_f", 1, False),
+        ("rebound_bleed", 1, True), ("rebound_bleed", 0, False),
+        ("compression_opening", 1, True), ("compression_opening", 0, True),
+        ("compression_slope", 1, True), ("compression_slope", 0, True),
+        ("return_slope", 1, False), ("return_slope", 0, False),
+    ],
+)  # fmt: skip
+def test_only_at_one_edge_does_a_part_do_nothing(
+    lean: Fit, name: str, side: int, *, is_idle: bool
+) -> None:
+    """10 mm of play or a bleed that lets all through is no smaller law but a wrong one."""
+    edge = lean.parameters.quantity(name).plausible[side]
+    at = lean.parameters.replace({name: edge})
+    assert does_nothing(at, name) is is_idle
+    within = lean.parameters.replace({name: edge * (1.001 if side == 0 else 0.999)})
+    assert not does_nothing(within, name)
+
+
+def test_a_blow_off_that_never_opens_has_no_slope(strained: Fit) -> None:
+    """Its preload at the edge says nothing of its resistance: both are left out together."""
+    fit = strained
+    closed = fit.parameters.replace(
+        {"rebound_opening": fit.parameters.quantity("rebound_opening").plausible[1]}
+    )
+    part = left_out._part(replace(fit, parameters=closed), "rebound_opening")
+    assert part == ["rebound_opening", "rebound_slope"]
+    loose = fit.parameters.replace(
+        {"rebound_slope": fit.parameters.quantity("rebound_slope").plausible[0]}
+    )
+    part = left_out._part(replace(fit, parameters=loose), "rebound_slope")
+    assert part == ["rebound_slope"]
