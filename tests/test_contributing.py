@@ -109,3 +109,10 @@ def test_each_of_twelve_changes_has_its_place(change: str) -> None:
     named = re.findall(r"`([\w./-]+)`", row)
     assert named
     assert all(is_there(one) for one in named)
+
+
+def test_a_decision_has_ten_lines_at_most() -> None:
+    decisions = TEXT.partition("## Decisions")[2]
+    each = re.split(r"\n\n(?=\*\*)", decisions.strip())
+    assert len(each) > 40
+    assert [one[:60] for one in each if len(one.replace("\n\n", "\n").splitlines()) > 10] == []
