@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from damperfit.cli import main
-from damperfit.run import judging, logs, tested_at, work
+from damperfit.run import judging, logs, tested_at
 from damperfit.samples import SampleOptions, make_samples
 from damperfit.uncertainty import assessment
 
@@ -288,10 +288,11 @@ def test_a_response_that_fails_leaves_the_others(
     call, samples, tmp_path, monkeypatch, what_is_told
 ) -> None:
     from damperfit.errors import SimulationError
+    from damperfit.identification import LogFit
 
     error = SimulationError("simulation failed") if "simulation" in what_is_told else None
-    broken = broken_at(work.compare, lambda _, trace, *__, **___: trace.setting == 2, error)
-    monkeypatch.setattr(work, "compare", broken)
+    broken = broken_at(LogFit.compared, lambda log, *_: log.trace.setting == 2, error)
+    monkeypatch.setattr(LogFit, "compared", broken)
     ended = identify(call, samples)
     assert ended.code == 1
     (failure,) = record_of(tmp_path)["failures"]
