@@ -14,6 +14,7 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import (
     Outcome,
     Status,
+    evaluation,
     following,
     joint_fit,
     joint_procedure,
@@ -382,3 +383,24 @@ def test_rigid_oil_is_a_fit_that_lacks_the_stiffness_alone(f_f, mse, cavitating,
     assert setting.lacks_stiffness_alone(one) is lacks
     one.status["k_e"] = Status.FITTED
     assert not setting.lacks_stiffness_alone(one)
+
+
+@pytest.mark.parametrize(
+    ("chamber", "factor", "is_empty"),
+    [(0, 1.0, True), (1, 1.0, True), (2, 1.0, False), (0, 0.0, False)],
+)
+def test_one_empty_chamber_is_cavitation_where_it_is_compared(
+    chamber, factor, is_empty, monkeypatch
+) -> None:
+    """Of a mean cycle: the gas chamber holds no oil, and a factor of nothing counts for nothing."""
+    pressures = np.full((3, 4), 1e5)
+    pressures[chamber, 2] = 0.0
+    seen = SimpleNamespace(pressures=pressures)
+    monkeypatch.setattr(evaluation, "simulate", lambda *_, **__: seen)
+    monkeypatch.setattr(evaluation, "_refuse_wild", lambda _: None)
+    cycle = SimpleNamespace(
+        solver=lambda _: None, motion=None, force=np.zeros(4), factor=np.full(4, factor),
+        rows=lambda _: np.zeros((4, 4)),
+    )  # fmt: skip
+    cycles = SimpleNamespace(cycles=[cycle], scatter=0.0)
+    assert evaluation._on_cycles(misfit(), cycles, TRUTH, 1.0)[2] is is_empty

