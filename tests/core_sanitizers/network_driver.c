@@ -139,7 +139,7 @@ static int all_finite(const double *a, size_t n)
     return 1;
 }
 
-static int simulate(run *r, const df_network *q, const df_options *o)
+static int simulate(run *r, df_network *q, const df_options *o)
 {
     const df_motion motion = {r->n, r->interval, r->x, r->v};
     const df_result result = {r->pressures, r->masses, r->force, r->sensitivities, r->which, r->n_which};
@@ -157,7 +157,7 @@ static void check_result(const run *r, const char *name)
     check(r->work.failed_sample == r->n, name, "did not reach the last sample");
 }
 
-static void expect(run *r, const df_network *q, const df_options *o, int expected, const char *name)
+static void expect(run *r, df_network *q, const df_options *o, int expected, const char *name)
 {
     const int code = simulate(r, q, o);
     if (code != expected) {

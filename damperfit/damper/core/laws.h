@@ -11,6 +11,15 @@
 
 #include <math.h>
 
+/* What is written once for several kinds of damper and compiled for each: with the kind a constant. */
+#if defined(__GNUC__) || defined(__clang__)
+#define DF_FOR_EACH_KIND static inline __attribute__((always_inline))
+#elif defined(_MSC_VER)
+#define DF_FOR_EACH_KIND static __forceinline
+#else
+#define DF_FOR_EACH_KIND static inline
+#endif
+
 typedef struct {
     double a_p1, a_p2, a_r;  /* annulus, full bore, rod: m2 */
     double V_10, V_20, V_g0; /* volumes at x = 0: m3 */

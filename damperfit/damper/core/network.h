@@ -42,6 +42,41 @@ typedef struct {
     int two_way;
 } df_passage;
 
+/* A passage as the integrator asks for it. Between two chambers oil flows as their pressures differ,
+ * whichever way a passage was declared. */
+enum { DF_1_3, DF_1_2, DF_2_3, DF_PAIRS };
+typedef enum { DF_LEAK, DF_ORIFICE, DF_COMPOSED } df_kind; /* R alone, S alone, more */
+typedef struct {
+    df_passage_law law;
+    df_kind kind;
+    int pair;
+    double out[2];               /* what its flow does to chambers 1 and 2: -1 takes, 1 fills */
+    double turn;                 /* 1 from the pair's first chamber to its second, -1 back, 0 both */
+    double opens;                /* least |D| - p_open at which oil flows */
+    double inverse_R, inverse_S; /* of a leak, of an orifice */
+} df_way;
+
+/* A way that a number is of, and as what: of its opening, in `times` w, or by the law of those that are
+ * composed. */
+typedef enum { DF_OPENING, DF_OF_FLOW, DF_R, DF_S, DF_WIDTH } df_term;
+typedef struct {
+    int way;
+    df_term term;
+    double times;
+} df_touch;
+
+/* What follows from a network, the same for all steps; df_begin_network makes it. */
+typedef struct {
+    int is_elastic, has_gas_in_oil, is_purdy;
+    double oil[2];             /* at x = 0, kg */
+    double swept[2];           /* rho_0 times the areas, kg/m */
+    double inverse_K;
+    int first[DF_PAIRS + 1];   /* of each pair's ways, and where the last pair's end */
+    df_way ways[DF_MOST_PASSAGES];
+    int touched[DF_MOST_NUMBERS + 1]; /* where those of a number begin */
+    df_touch touches[4 * DF_MOST_PASSAGES];
+} df_plan;
+
 typedef struct {
     double a_1, a_2;       /* annulus, full bore: m2 */
     double V_1, V_2;       /* oil in chambers 1 and 2 at x = 0: m3 */
@@ -53,29 +88,38 @@ typedef struct {
     df_passage passages[DF_MOST_PASSAGES];
     int n_numbers;
     double numbers[DF_MOST_NUMBERS];
+    df_plan plan;
 } df_network;
 
 /* The state: oil in chambers 1 and 2, and where the piston is. A rigid mounting holds it at x. */
 enum { DF_M1, DF_M2, DF_PISTON, DF_STATES };
 
-/* Pressures, flows and their slopes at one instant. */
+/* Pressures and their slopes at one instant, the mounting, and what they make of the states. */
 typedef struct {
-    double P[3];                            /* as they act */
-    double slope[3][DF_STATES];             /* of P by the states */
-    double fill[2];                         /* m/(rho_0 V) - 1 */
-    double F[DF_STATES], J[2][DF_STATES];   /* d(state)/dt; slopes of the masses' */
-    double pull, pull_slope;                /* mounting: its force, N, and that by its stretch */
-    double speed;                           /* of the piston, m/s */
-    double rub;                             /* friction while it slides, N */
-    double grip, brake;                     /* share of it; slope of all friction by speed, N s/m */
-    double caught;                          /* slope of friction by the piston's place, N/m */
-    df_flow flow[DF_MOST_PASSAGES];
-    double drop[DF_MOST_PASSAGES];
+    double P[3];                          /* as they act */
+    double own[2], gas;                   /* slopes: of P1 and P2 by their oil, of P3 by what has left */
+    double by_y[3];                       /* by the piston's place */
+    double fill[2];                       /* m/(rho_0 V) - 1 */
+    double F[DF_STATES], J[2][DF_STATES]; /* d(state)/dt; slopes of the masses' */
+    double pull, pull_slope;              /* mounting: its force, N, and that by its stretch */
+    double speed;                         /* of the piston, m/s */
+    double rub;                           /* friction while it slides, N */
+    double grip, brake;                   /* share of it; slope of all friction by speed, N s/m */
+    double caught;                        /* slope of friction by the piston's place, N/m */
 } df_network_balance;
+
+/* Flows along the pairs, and what they gain by D. */
+typedef struct {
+    double D[DF_PAIRS], W[DF_PAIRS], G[DF_PAIRS];
+    double w[DF_MOST_PASSAGES], g[DF_MOST_PASSAGES]; /* of each way */
+    df_flow whole[DF_MOST_PASSAGES];                 /* of those that are composed */
+    double nearest;                                  /* least |D| - p_open across an orifice, Pa */
+} df_flows;
 
 /* The running state between samples. */
 typedef struct {
     int which[DF_MOST_NUMBERS], n_which; /* sensitivities asked for: places among the numbers */
+    int active[DF_MOST_NUMBERS], n_active; /* those of them, by their order, that are carried */
     double y[DF_STATES], F[DF_STATES];
     double S[DF_MOST_NUMBERS][DF_STATES], G[DF_MOST_NUMBERS][DF_STATES]; /* dy/d(number), d/dt of it */
     df_network_balance b;
@@ -87,8 +131,14 @@ typedef struct {
     double grip, grip_by[DF_MOST_NUMBERS]; /* of a friction that pre-slides, with its derivatives */
 } df_network_state;
 
+/* Whether a network can be, and what follows from it; beginning and retuning do it. */
+int df_plan_network(df_network *network);
+
+/* Whether a number moves the oil or the piston, or is of the force alone. */
+int df_moves_the_state(const df_network *network, int place);
+
 /* All chambers at one pressure at x, with the oil mass of the damper at x = 0. */
-int df_begin_network(const df_network *network, const df_options *options, double x, double v,
+int df_begin_network(df_network *network, const df_options *options, double x, double v,
              const int *which, int n_which, df_network_state *state);
 
 /* From the state's x and v to those given, a time `interval` later, along the cubic Hermite piece. */
@@ -101,7 +151,7 @@ double df_force_network(const df_network *network, const df_options *options, co
 
 /* Go on with other numbers, at the pressures of the oil chambers as they are: the masses follow. A
  * number that changes has had no influence on the past. */
-int df_retune_network(df_network *network, const df_network *changed, const df_options *options,
+int df_retune_network(df_network *network, df_network *changed, const df_options *options,
                       df_network_state *state);
 
 /* Put the state where another integrator has it: oil beyond that at x = 0, friction, and the piston. */
@@ -112,6 +162,7 @@ int df_place_network(const df_network *network, const double oil[2], double grip
  * pre-slides: dz/dt = (v - |v| z)/sigma. */
 typedef struct {
     df_network_balance b;
+    df_flows flows;
     double v, band, taken;
     double rates[3]; /* of the oil in chambers 1 and 2, kg/s, and of the grip, 1/s */
     double free[2];  /* pressures of the chambers without the clamp at zero */
@@ -138,7 +189,7 @@ typedef struct {
 void df_network_by(const df_network *network, const df_network_rates *rates, int known, df_network_slopes *slopes);
 
 /* The whole motion; `result->which` names places among the numbers. */
-int df_simulate_network(const df_network *network, const df_options *options,
+int df_simulate_network(df_network *network, const df_options *options,
                         const df_motion *motion, const df_result *result, df_work *work);
 
 #ifdef __cplusplus

@@ -1,6 +1,7 @@
 /* A network's pressures and flows at one instant, with their slopes.
  *
- * For network.c and network_rates.c; inline, for they are the innermost of a fit.
+ * Inline, for they are the innermost of a fit; `kind` is what the damper has beyond oil between two
+ * chambers and gas, and a constant where that is known when this is compiled.
  */
 #ifndef DAMPERFIT_NETWORK_BALANCE_H
 #define DAMPERFIT_NETWORK_BALANCE_H
@@ -9,6 +10,15 @@
 
 #include <math.h>
 
+/* The last one has the paper's passages, a two-way orifice 1-3 and leaks 2 to 1 and 3 to 2, and no more. */
+enum { DF_IS_ELASTIC = 1, DF_HAS_GAS_IN_OIL = 2, DF_HAS_FLOATING_PISTON = 4, DF_IS_PURDY = 8 };
+
+static inline int kind_of(const df_network *q)
+{
+    return (q->plan.is_elastic ? DF_IS_ELASTIC : 0) | (q->plan.has_gas_in_oil ? DF_HAS_GAS_IN_OIL : 0) |
+           (q->has_floating_piston ? DF_HAS_FLOATING_PISTON : 0) | (q->plan.is_purdy ? DF_IS_PURDY : 0);
+}
+
 /* What one position of the piston gives. */
 typedef struct {
     double full[2];    /* rho_0 V: kg at P_0 */
@@ -16,16 +26,14 @@ typedef struct {
     double swept;      /* oil that the piston's motion itself takes from the gas chamber, kg */
 } chambers;
 
+static inline double larger(double a, double b)
+{
+    return a > b ? a : b;
+}
+
 static inline double number(const df_network *q, int place)
 {
     return place < 0 ? 0.0 : q->numbers[place];
-}
-
-static inline df_passage_law law_of(const df_network *q, const df_passage *p)
-{
-    const df_passage_law law = {number(q, p->p_open), number(q, p->R), number(q, p->S),
-                                number(q, p->width), p->two_way};
-    return law;
 }
 
 static inline df_geometry gas_geometry(const df_network *q)
@@ -50,38 +58,38 @@ static inline int n_oil(const df_network *q)
 
 static inline int is_elastic(const df_network *q)
 {
-    return q->numbers[DF_NUMBER_STIFFNESS] > 0.0;
+    return q->plan.is_elastic;
 }
 
 static inline int fill_chambers(const df_network *q, double x, chambers *c)
 {
-    const double V1 = q->V_1 - x * q->a_1, V2 = q->V_2 + x * q->a_2;
-    if (!(V1 > 0.0 && V2 > 0.0))
+    c->full[0] = q->plan.oil[0] - x * q->plan.swept[0];
+    c->full[1] = q->plan.oil[1] + x * q->plan.swept[1];
+    if (!(c->full[0] > 0.0 && c->full[1] > 0.0))
         return isfinite(x) ? DF_CHAMBER_EMPTY : DF_NOT_FINITE;
-    c->full[0] = q->rho_0 * V1;
-    c->full[1] = q->rho_0 * V2;
-    c->inverse[0] = 1.0 / c->full[0];
-    c->inverse[1] = 1.0 / c->full[1];
-    c->swept = q->has_floating_piston ? q->rho_0 * q->a_2 * x : 0.0;
+    const double inverse = 1.0 / (c->full[0] * c->full[1]);
+    c->inverse[0] = c->full[1] * inverse;
+    c->inverse[1] = c->full[0] * inverse;
+    c->swept = q->plan.swept[1] * x;
     return DF_OK;
 }
 
 /* Oil that has left the gas chamber, kg. */
-static inline double taken(const df_network *q, const chambers *c, const double m[2])
+static inline double taken(const df_network *q, int kind, const chambers *c, const double m[2])
 {
-    const double first = m[0] - q->rho_0 * q->V_1;
-    return q->has_floating_piston ? first + c->swept : first + (m[1] - q->rho_0 * q->V_2);
+    const double first = m[0] - q->plan.oil[0];
+    return kind & DF_HAS_FLOATING_PISTON ? first + c->swept : first + (m[1] - q->plan.oil[1]);
 }
 
 /* Pressure of oil with free gas by its fill e = m/(rho_0 V) - 1, and the slope by e. Without gas
  * eqs (4), (7), (11), (12) with the clamp; with gas it never reaches zero:
  * 1/(1 + e) = 1 - (P - P_0)/K + phi (P_0/P - 1). */
-static inline df_law oil_pressure(const df_network *q, double e)
+static inline df_law oil_pressure(const df_network *q, int kind, double e)
 {
     const double K = q->numbers[DF_NUMBER_K], P_0 = q->numbers[DF_NUMBER_P_0];
     const double phi = q->numbers[DF_NUMBER_PHI];
     df_law law = {0.0, 0.0};
-    if (phi == 0.0) {
+    if (!(kind & DF_HAS_GAS_IN_OIL)) {
         const double P = K * e + P_0;
         if (P > 0.0) {
             law.value = P;
@@ -97,163 +105,132 @@ static inline df_law oil_pressure(const df_network *q, double e)
     return law;
 }
 
-/* Derivative of an oil pressure by a number at constant mass. */
-static inline double oil_pressure_by(const df_network *q, double P, int place)
-{
-    const double K = q->numbers[DF_NUMBER_K], P_0 = q->numbers[DF_NUMBER_P_0];
-    const double phi = q->numbers[DF_NUMBER_PHI];
-    double slope;
-    if (!(P > 0.0))
-        return 0.0; /* clamped */
-    if (place == DF_NUMBER_K)
-        slope = (P - P_0) / (K * K);
-    else if (place == DF_NUMBER_PHI)
-        slope = P_0 / P - 1.0;
-    else if (place == DF_NUMBER_P_0)
-        slope = 1.0 / K + phi / P;
-    else
-        return 0.0;
-    return slope / (1.0 / K + phi * P_0 / (P * P));
-}
+/* Flow and slope of a way at D between its chambers, both along the pair, and how near an orifice is to
+ * its root. Oil flows as D falls. */
+typedef struct {
+    double w, g, nearest;
+} passed;
 
-static inline double gas_pressure_by(const df_network *q, double P3, double s, int place)
+DF_FOR_EACH_KIND passed pass(const df_network *q, const df_way *way, const df_kind kind, const double turn, double D,
+                             df_flow *whole)
 {
-    const df_geometry g = gas_geometry(q);
-    const df_parameters p = gas_parameters(q);
-    double by_P_0, by_gamma;
-    if (place == DF_NUMBER_P_0 || place == DF_NUMBER_GAMMA) {
-        df_gas_slopes(&g, &p, P3, s, &by_P_0, &by_gamma);
-        return place == DF_NUMBER_P_0 ? by_P_0 : by_gamma;
+    const double u = fabs(D) - way->law.p_open, eps = q->rounding;
+    passed p = {0.0, 0.0, INFINITY};
+    if (turn * D < 0.0)
+        return p;
+    if (kind == DF_COMPOSED) {
+        *whole = df_passage_flow(&way->law, fabs(D), eps);
+        p.w = copysign(whole->w, D);
+        p.g = whole->by_D;
+        if (way->law.S > 0.0 && p.g > 0.0)
+            p.nearest = fabs(u);
+    } else if (u >= way->opens) {
+        const double square = u * u + eps * eps, root = sqrt(square);
+        if (kind == DF_LEAK) {
+            const double inverse = 1.0 / root, share = u * inverse, rounded = eps * inverse;
+            p.w = copysign(u * share * way->inverse_R, D);
+            p.g = share * (1.0 + rounded * rounded) * way->inverse_R;
+        } else {
+            const double inverse = 1.0 / sqrt(root), second = inverse * inverse;
+            p.w = copysign(u * inverse * way->inverse_S, D);
+            p.g = inverse * (0.5 + 0.5 * eps * eps * (second * second)) * way->inverse_S;
+            p.nearest = u;
+        }
     }
-    if (place == DF_NUMBER_V_GAS) {
-        const double V = q->numbers[DF_NUMBER_V_GAS];
-        return P3 * q->numbers[DF_NUMBER_GAMMA] * (1.0 / V - 1.0 / (V + s / q->rho_0));
+    return p;
+}
+
+/* All ways between two chambers. */
+DF_FOR_EACH_KIND void pass_pair(const df_network *q, const int kind, const int pair, double D, df_flows *f)
+{
+    const df_plan *plan = &q->plan;
+    double w = 0.0, g = 0.0;
+    f->D[pair] = D;
+    if (kind & DF_IS_PURDY) {
+        const passed p = pass(q, &plan->ways[pair], pair == DF_1_3 ? DF_ORIFICE : DF_LEAK, pair == DF_1_3 ? 0.0 : -1.0,
+                              D, &f->whole[pair]);
+        f->w[pair] = f->W[pair] = p.w;
+        f->g[pair] = f->G[pair] = p.g;
+        f->nearest = p.nearest < f->nearest ? p.nearest : f->nearest;
+        return;
     }
-    return 0.0;
+    for (int k = plan->first[pair]; k < plan->first[pair + 1]; k++) {
+        const passed p = pass(q, &plan->ways[k], plan->ways[k].kind, plan->ways[k].turn, D, &f->whole[k]);
+        w += f->w[k] = p.w;
+        g += f->g[k] = p.g;
+        f->nearest = p.nearest < f->nearest ? p.nearest : f->nearest;
+    }
+    f->W[pair] = w;
+    f->G[pair] = g;
 }
 
-/* Whether a number enters the laws of oil and gas; what does not is left out of the sums. */
-static inline int moves_pressures(int place)
+DF_FOR_EACH_KIND void fill_one(const df_network *q, const int kind, const chambers *c, const int i, double m,
+                            df_network_balance *b)
 {
-    return place == DF_NUMBER_K || place == DF_NUMBER_PHI || place == DF_NUMBER_P_0 ||
-           place == DF_NUMBER_GAMMA || place == DF_NUMBER_V_GAS;
-}
-
-/* Derivatives of the three pressures by a number at constant masses. */
-static inline void pressures_by(const df_network *q, const df_network_balance *b, double s, int place, double P[3])
-{
-    P[0] = oil_pressure_by(q, b->P[0], place);
-    P[2] = gas_pressure_by(q, b->P[2], s, place);
-    P[1] = q->has_floating_piston ? P[2] : oil_pressure_by(q, b->P[1], place);
+    b->fill[i] = (m - c->full[i]) * c->inverse[i];
+    const df_law P = oil_pressure(q, kind, b->fill[i]);
+    b->P[i] = P.value;
+    b->own[i] = P.slope * c->inverse[i];
+    if (kind & DF_IS_ELASTIC)
+        b->by_y[i] = (i == 0 ? q->plan.swept[0] : -q->plan.swept[1]) * b->own[i] * (1.0 + b->fill[i]);
 }
 
 /* Pressures, flows, and the Jacobian of the mass balances. */
-static inline void evaluate(const df_network *q, const chambers *c, const df_gas_point *gas,
-                     const double y[DF_STATES], df_network_balance *b)
+DF_FOR_EACH_KIND void evaluate(const df_network *q, const int kind, const chambers *c, const df_gas_point *gas,
+                               const double y[DF_STATES], df_network_balance *b, df_flows *f)
 {
-    const df_law P3 = df_gas_pressure(gas, taken(q, c, y));
-    const double grow[2] = {q->rho_0 * q->a_1 * c->inverse[0], -q->rho_0 * q->a_2 * c->inverse[1]};
-    const int n = n_oil(q);
-    for (int i = 0; i < 2; i++) {
-        b->F[i] = b->J[i][0] = b->J[i][1] = b->J[i][2] = 0.0;
-        b->slope[2][i] = i < n ? P3.slope : 0.0;
-    }
-    b->slope[2][DF_PISTON] = q->has_floating_piston ? P3.slope * q->rho_0 * q->a_2 : 0.0;
+    const df_law P3 = df_gas_pressure(gas, taken(q, kind, c, y));
     b->P[2] = P3.value;
-    for (int i = 0; i < n; i++) {
-        b->fill[i] = (y[i] - c->full[i]) * c->inverse[i];
-        const df_law P = oil_pressure(q, b->fill[i]);
-        b->P[i] = P.value;
-        b->slope[i][i] = P.slope * c->inverse[i];
-        b->slope[i][1 - i] = 0.0;
-        b->slope[i][DF_PISTON] = P.slope * (1.0 + b->fill[i]) * grow[i];
-    }
-    if (q->has_floating_piston) {
-        b->fill[1] = 0.0;
+    b->gas = P3.slope;
+    fill_one(q, kind, c, 0, y[0], b);
+    if (kind & DF_HAS_FLOATING_PISTON) {
+        b->fill[1] = b->own[1] = 0.0;
         b->P[1] = b->P[2];
-        for (int j = 0; j < DF_STATES; j++)
-            b->slope[1][j] = b->slope[2][j];
+        b->by_y[1] = b->by_y[2] = b->gas * q->plan.swept[1];
+    } else {
+        fill_one(q, kind, c, 1, y[1], b);
+        b->by_y[2] = 0.0;
     }
-    for (int k = 0; k < q->n_passages; k++) {
-        const df_passage *p = &q->passages[k];
-        const df_passage_law law = law_of(q, p);
-        const int from = p->from - 1, to = p->to - 1;
-        b->drop[k] = b->P[from] - b->P[to];
-        b->flow[k] = df_passage_flow(&law, b->drop[k], q->rounding);
-        for (int j = 0; j < DF_STATES; j++) {
-            const double by_state = b->flow[k].by_D * (b->slope[from][j] - b->slope[to][j]);
-            if (from < n)
-                b->J[from][j] -= by_state;
-            if (to < n)
-                b->J[to][j] += by_state;
-        }
-        if (from < n)
-            b->F[from] -= b->flow[k].w;
-        if (to < n)
-            b->F[to] += b->flow[k].w;
+    f->nearest = INFINITY;
+    pass_pair(q, kind, DF_1_3, b->P[0] - b->P[2], f);
+    pass_pair(q, kind, DF_1_2, b->P[0] - b->P[1], f);
+    pass_pair(q, kind, DF_2_3, b->P[1] - b->P[2], f);
+    const double g13 = f->G[DF_1_3], g12 = f->G[DF_1_2], g23 = f->G[DF_2_3];
+    b->F[0] = -(f->W[DF_1_3] + f->W[DF_1_2]);
+    if (kind & DF_HAS_FLOATING_PISTON) {
+        b->F[1] = b->J[0][1] = b->J[1][0] = b->J[1][1] = b->J[1][DF_PISTON] = 0.0;
+        b->J[0][0] = -(g13 + g12) * (b->own[0] - b->gas);
+        if (kind & DF_IS_ELASTIC)
+            b->J[0][DF_PISTON] = -(g13 + g12) * (b->by_y[0] - b->by_y[2]);
+        return;
     }
+    b->F[1] = f->W[DF_1_2] - f->W[DF_2_3];
+    b->J[0][0] = -g13 * (b->own[0] - b->gas) - g12 * b->own[0];
+    b->J[0][1] = g13 * b->gas + g12 * b->own[1];
+    b->J[1][0] = g12 * b->own[0] + g23 * b->gas;
+    b->J[1][1] = -g12 * b->own[1] - g23 * (b->own[1] - b->gas);
+    if (kind & DF_IS_ELASTIC) {
+        const double w12 = g12 * (b->by_y[0] - b->by_y[1]);
+        b->J[0][DF_PISTON] = -g13 * b->by_y[0] - w12;
+        b->J[1][DF_PISTON] = w12 - g23 * b->by_y[1];
+    }
+}
+
+/* Slope of a pressure by a state. */
+static inline double slope_of(const df_network *q, const df_network_balance *b, int i, int state)
+{
+    if (q->has_floating_piston && i == 1)
+        i = 2;
+    if (state == DF_PISTON)
+        return b->by_y[i];
+    if (i == 2)
+        return state == 1 && q->has_floating_piston ? 0.0 : b->gas;
+    return i == state ? b->own[i] : 0.0;
 }
 
 static inline double oil_force(const df_network *q, const double P[3])
 {
     return P[0] * q->a_1 - P[1] * q->a_2;
-}
-
-/* Friction while it slides. What it has more at rest goes with the speed that the rig drives, not with
- * the piston's own: a friction that falls with that would let a piston without mass jump. */
-static inline double rubbing(const df_network *q, double v, double P1)
-{
-    const double v_s = q->numbers[DF_NUMBER_STRIBECK], r = v_s > 0.0 ? v / v_s : INFINITY;
-    return q->numbers[DF_NUMBER_FRICTION] + q->numbers[DF_NUMBER_BREAKAWAY] * exp(-r * r) +
-           q->numbers[DF_NUMBER_PRESSED] * P1;
-}
-
-/* Derivative of that by a number, with the pressure held. */
-static inline double rubbing_by(const df_network *q, double v, double P1, int place)
-{
-    const double v_s = q->numbers[DF_NUMBER_STRIBECK], r = v_s > 0.0 ? v / v_s : INFINITY;
-    if (place == DF_NUMBER_FRICTION)
-        return 1.0;
-    if (place == DF_NUMBER_PRESSED)
-        return P1;
-    if (place == DF_NUMBER_BREAKAWAY)
-        return exp(-r * r);
-    if (place == DF_NUMBER_STRIBECK && v_s > 0.0)
-        return q->numbers[DF_NUMBER_BREAKAWAY] * exp(-r * r) * 2.0 * r * r / v_s;
-    return 0.0;
-}
-
-/* dF/d(number) at constant masses, and that of the mounting's balance of forces. */
-static inline void balance_by(const df_network *q, const df_network_balance *b, double s, double v, int place,
-                       double F[DF_STATES])
-{
-    double P[3] = {0.0, 0.0, 0.0};
-    const int by_pressure = moves_pressures(place);
-    F[0] = F[1] = F[DF_PISTON] = 0.0;
-    if (by_pressure) {
-        pressures_by(q, b, s, place, P);
-        F[DF_PISTON] = -oil_force(q, P) - q->numbers[DF_NUMBER_PRESSED] * b->grip * P[0];
-    }
-    F[DF_PISTON] -= b->grip * rubbing_by(q, v, b->P[0], place);
-    if (place == DF_NUMBER_DRAG)
-        F[DF_PISTON] -= b->speed;
-    else if (place == DF_NUMBER_STIFFNESS)
-        F[DF_PISTON] += b->pull / q->numbers[DF_NUMBER_STIFFNESS];
-    else if (place == DF_NUMBER_PLAY && b->pull != 0.0)
-        F[DF_PISTON] -= 0.5 * copysign(b->pull_slope, b->pull);
-    for (int k = 0; k < q->n_passages; k++) {
-        const df_passage *p = &q->passages[k];
-        const df_flow *f = &b->flow[k];
-        double w = by_pressure ? f->by_D * (P[p->from - 1] - P[p->to - 1]) : 0.0;
-        w += p->p_open == place ? f->by_open : 0.0;
-        w += p->R == place ? f->by_R : 0.0;
-        w += p->S == place ? f->by_S : 0.0;
-        w += p->width == place ? f->by_width : 0.0;
-        if (p->from <= n_oil(q))
-            F[p->from - 1] -= w;
-        if (p->to <= n_oil(q))
-            F[p->to - 1] += w;
-    }
 }
 
 #endif

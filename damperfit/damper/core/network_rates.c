@@ -1,6 +1,6 @@
 /* A network on a rigid mounting without an integrator, with every first derivative: for a solver
  * that is not ours. The laws are network_balance.h, as in network.c. */
-#include "network_balance.h"
+#include "network_slopes.h"
 
 /* Coulomb's friction turns within the band; one that pre-slides is a state of its own. */
 static int slides_by_state(const df_network *q)
@@ -13,7 +13,7 @@ int df_evaluate_network(const df_network *q, double dead_band, const double oil[
 {
     const df_geometry g = gas_geometry(q);
     const df_parameters p = gas_parameters(q);
-    const double m[DF_STATES] = {q->rho_0 * q->V_1 + oil[0], q->rho_0 * q->V_2 + oil[1], 0.0};
+    const double m[DF_STATES] = {q->plan.oil[0] + oil[0], q->plan.oil[1] + oil[1], 0.0};
     df_gas_point gas;
     chambers c;
     if (is_elastic(q) || !(dead_band > 0.0))
@@ -23,12 +23,12 @@ int df_evaluate_network(const df_network *q, double dead_band, const double oil[
     const int code = fill_chambers(q, x, &c);
     if (code != DF_OK)
         return code;
-    r->taken = taken(q, &c, m);
+    r->taken = taken(q, kind_of(q), &c, m);
     if (df_gas_expand(&g, &p, r->taken, &gas))
         return DF_CHAMBER_EMPTY;
     const df_network_balance nothing = {0};
     r->b = nothing;
-    evaluate(q, &c, &gas, m, &r->b);
+    evaluate(q, kind_of(q) | DF_IS_ELASTIC, &c, &gas, m, &r->b, &r->flows);
     const double sigma = q->numbers[DF_NUMBER_PRESLIDING];
     r->v = v;
     r->band = dead_band;
@@ -56,7 +56,7 @@ static void press(const df_network *q, const df_network_rates *r, const double P
 
 static void by_state(const df_network *q, const df_network_rates *r, int state, df_network_slopes *d)
 {
-    const double P[3] = {r->b.slope[0][state], r->b.slope[1][state], r->b.slope[2][state]};
+    const double P[3] = {slope_of(q, &r->b, 0, state), slope_of(q, &r->b, 1, state), slope_of(q, &r->b, 2, state)};
     press(q, r, P, d);
     d->rates[0] = r->b.J[0][state];
     d->rates[1] = r->b.J[1][state];
@@ -81,14 +81,14 @@ static void by_number(const df_network *q, const df_network_rates *r, int place,
 {
     double P[3] = {0.0, 0.0, 0.0}, F[DF_STATES];
     if (moves_pressures(place))
-        pressures_by(q, &r->b, r->taken, place, P);
+        df_pressures_by(q, &r->b, r->taken, place, P);
     press(q, r, P, d);
-    balance_by(q, &r->b, r->taken, r->v, place, F);
+    balance_by(q, kind_of(q), &r->b, &r->flows, r->taken, r->v, place, F);
     d->rates[0] = F[0];
     d->rates[1] = F[1];
     if (place == DF_NUMBER_PRESLIDING && slides_by_state(q))
         d->rates[2] = -r->rates[2] / q->numbers[DF_NUMBER_PRESLIDING];
-    d->force += r->b.grip * rubbing_by(q, r->v, r->b.P[0], place);
+    d->force += r->b.grip * df_rubbing_by(q, r->v, r->b.P[0], place);
     if (place == DF_NUMBER_DRAG)
         d->force += r->v;
     else if (place == DF_NUMBER_OFFSET)

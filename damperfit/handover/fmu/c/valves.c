@@ -24,7 +24,7 @@ int ex_begin_valves(ex_instance *e)
 
 int ex_refresh_valves(ex_instance *e, double x)
 {
-    const df_network changed = network_now(e);
+    df_network changed = network_now(e);
     const df_options o = ex_options(e);
     double oil[2];
     int code = DF_OK;
