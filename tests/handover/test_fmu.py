@@ -76,7 +76,7 @@ def test_what_stands_in_the_file(content, handed) -> None:
         page = archive.read("documentation/index.html").decode()
         licence = archive.read("documentation/licenses/LICENSE.txt").decode()
     assert len(bare.getvalue()) < 60_000
-    assert {"resources/damper.txt", "sources/fmi2.c", "sources/stepper.c"} <= names
+    assert {"resources/damper.txt", "sources/fmi2.c", "sources/network.c"} <= names
     sources = {one.get("name") for one in root.iter("File")}
     assert {f"sources/{name}" for name in sources} <= names
     assert sources == {name[8:] for name in names if name.endswith(".c")}

@@ -7,20 +7,6 @@
 
 static const double NOMINALS[EX_SLOTS] = {1e-4, 1e-4, 1.0, 1.0};
 
-static void paper_into(const ex_instance *e, ex_point *p)
-{
-    const df_problem *q = &e->s.run.q;
-    const df_rates *r = &p->paper;
-    for (int i = 0; i < 3; i++)
-        p->pressures[i] = r->pressures[i];
-    for (int i = 0; i < 2; i++) {
-        p->rates[i] = r->rates[i];
-        p->free[i] = r->free[i];
-    }
-    p->force = r->pressures[0] * q->g.a_p1 - r->pressures[1] * q->g.a_p2 +
-               q->p.f_f * df_friction_share(p->v, q->o.dead_band) + q->p.f_0;
-}
-
 static void valves_into(ex_point *p)
 {
     for (int i = 0; i < 3; i++)
@@ -39,29 +25,22 @@ int ex_evaluate(ex_instance *e, ex_point *p)
     if (code != DF_OK)
         return code;
     const ex_state *s = &e->s;
-    const int is_network = e->damper.is_network;
     p->rates[EX_GRIPS] = 0.0;
     if (e->kind == EX_MODEL_EXCHANGE) {
         p->x = ex_place_now(e);
         p->v = s->v;
     } else {
-        p->x = is_network ? s->valves.x : s->run.x;
-        p->v = is_network ? s->valves.v : s->run.v;
+        p->x = s->valves.x;
+        p->v = s->valves.v;
     }
     double oil[2], pushed[2];
     ex_swept(e, p->x, oil);
     ex_swept(e, p->v, pushed);
     for (int i = 0; i < 2; i++)
         oil[i] = s->y[i] - oil[i];
-    if (is_network) {
-        code = df_evaluate_network(&s->network, s->friction_band, oil, s->y[EX_GRIPS], p->x, p->v, &p->valves);
-        if (code == DF_OK)
-            valves_into(p);
-    } else {
-        code = df_evaluate(&s->run, oil[0], oil[1], p->x, &p->paper);
-        if (code == DF_OK)
-            paper_into(e, p);
-    }
+    code = df_evaluate_network(&s->network, s->friction_band, oil, s->y[EX_GRIPS], p->x, p->v, &p->valves);
+    if (code == DF_OK)
+        valves_into(p);
     for (int i = 0; i < 2 && code == DF_OK; i++)
         p->rates[i] += pushed[i];
     p->rates[EX_OUTSIDE] = ex_beyond(e, p->x, p->v) > 0.0;
@@ -118,7 +97,7 @@ int ex_get_indicators(ex_instance *e, double *z, size_t n)
     if (n != EX_N_INDICATORS)
         return EX_NO_VARIABLE;
     const int code = ex_evaluate(e, &p);
-    const int turns = e->damper.is_network && e->s.network.numbers[DF_NUMBER_PRESLIDING] > 0.0;
+    const int turns = e->s.network.numbers[DF_NUMBER_PRESLIDING] > 0.0;
     if (code != DF_OK)
         return code;
     z[0] = turns ? p.v / e->s.friction_band : fabs(p.v) / e->s.friction_band - 1.0;
@@ -133,73 +112,10 @@ typedef struct {
     double rates[EX_SLOTS], pressures[3], force;
 } moved;
 
-static void move_masses(const df_rates *r, double m1, double m2, moved *d)
-{
-    for (int i = 0; i < 2; i++)
-        d->rates[i] += r->by_mass[i][0] * m1 + r->by_mass[i][1] * m2;
-    for (int i = 0; i < 3; i++)
-        d->pressures[i] += r->pressures_by_mass[i][0] * m1 + r->pressures_by_mass[i][1] * m2;
-}
-
-static void move_piston(const ex_instance *e, const df_rates *r, double x, moved *d)
-{
-    double swept[2];
-    ex_swept(e, x, swept);
-    move_masses(r, -swept[0], -swept[1], d);
-    for (int i = 0; i < 2; i++)
-        d->rates[i] += r->by_x[i] * x;
-    for (int i = 0; i < 3; i++)
-        d->pressures[i] += r->pressures_by_x[i] * x;
-}
-
-/* In co-simulation the masses have followed the parameter since the beginning. */
-static void move_parameter(const ex_instance *e, const df_rates *r, int k, moved *d)
-{
-    for (int i = 0; i < 2; i++)
-        d->rates[i] = r->by_parameter[k][i];
-    for (int i = 0; i < 3; i++)
-        d->pressures[i] = r->pressures_by_parameter[k][i];
-    if (e->kind == EX_MODEL_EXCHANGE)
-        return;
-    const df_problem *q = &e->s.run.q;
-    for (int j = 0; j < q->n_active; j++)
-        if (q->active[j] == k)
-            move_masses(r, e->s.run.S[j].m1, e->s.run.S[j].m2, d);
-}
-
-static double friction_slope(const df_problem *q, double v, unsigned known)
-{
-    const double band = q->o.dead_band;
-    const int slides = fabs(v) >= band;
-    if (known == EX_VELOCITY)
-        return slides ? 0.0 : q->p.f_f / band;
-    if (known == EX_FRICTION_BAND)
-        return slides ? 0.0 : -q->p.f_f * v / (band * band);
-    if (known == EX_NUMBERS + DF_F_F)
-        return df_friction_share(v, band);
-    return known == EX_NUMBERS + DF_F_0 ? 1.0 : 0.0;
-}
-
 /* How far the piston goes with the velocity where an importer holds its inputs. */
 static double lead(const ex_instance *e)
 {
     return e->kind == EX_MODEL_EXCHANGE && e->s.extrapolation > 0 ? e->s.time - e->s.t_inputs : 0.0;
-}
-
-static void slopes_of_paper(const ex_instance *e, const ex_point *p, unsigned known, moved *d)
-{
-    const df_rates *r = &p->paper;
-    const df_geometry *g = &e->s.run.q.g;
-    const int k = ex_number_of(e, known);
-    if (k >= 0)
-        move_parameter(e, r, k, d);
-    else if (known == EX_STATE_1 || known == EX_STATE_2)
-        move_masses(r, known == EX_STATE_1, known == EX_STATE_2, d);
-    else if (known == EX_DISPLACEMENT)
-        move_piston(e, r, 1.0, d);
-    else if (known == EX_VELOCITY)
-        move_piston(e, r, lead(e), d);
-    d->force = d->pressures[0] * g->a_p1 - d->pressures[1] * g->a_p2 + friction_slope(&e->s.run.q, p->v, known);
 }
 
 static void add(const ex_instance *e, const ex_point *p, int known, double times, moved *d)
@@ -223,12 +139,12 @@ static void add_piston(const ex_instance *e, const ex_point *p, double x, moved 
     add(e, p, DF_BY_OIL_2, -swept[1], d);
 }
 
-static int slopes_of_valves(const ex_instance *e, const ex_point *p, unsigned known, moved *d)
+static int slopes_by(const ex_instance *e, const ex_point *p, unsigned known, moved *d)
 {
     const df_network_state *now = &e->s.valves;
     const int k = ex_number_of(e, known);
     if (k >= 0) {
-        add(e, p, DF_BY_NUMBER + k, 1.0, d);
+        add(e, p, DF_BY_NUMBER + e->damper.places[k], 1.0, d);
         if (e->kind == EX_MODEL_EXCHANGE)
             return DF_OK;
         if (now->n_which == 0)
@@ -259,10 +175,8 @@ int ex_slope(ex_instance *e, unsigned unknown, unsigned known, double *slope)
     ex_point p;
     *slope = 0.0;
     int code = ex_evaluate(e, &p);
-    if (code == DF_OK && e->damper.is_network)
-        code = slopes_of_valves(e, &p, known, &d);
-    else if (code == DF_OK)
-        slopes_of_paper(e, &p, known, &d);
+    if (code == DF_OK)
+        code = slopes_by(e, &p, known, &d);
     if (known == EX_VELOCITY) {
         double pushed[2];
         ex_swept(e, 1.0, pushed);

@@ -8,8 +8,6 @@
 
 #define RANGE_MARGIN 1.01 /* a test's own peaks scatter by less */
 
-static const int ALL[DF_N_PARAMETERS] = {DF_R_M1, DF_R_M2, DF_R_M3, DF_K_E, DF_F_F, DF_F_0, DF_P_0, DF_GAMMA};
-
 int ex_open(ex_instance *e, ex_kind kind, const char *folder, const char *token, char *why)
 {
     memset(e, 0, sizeof *e);
@@ -55,13 +53,6 @@ double ex_number(const ex_instance *e, int k)
     return e->s.is_own[k] ? e->s.own[k] : e->damper.table[e->s.setting * e->damper.n_numbers + k];
 }
 
-static df_parameters parameters_of(const ex_instance *e)
-{
-    const df_parameters p = {ex_number(e, 0), ex_number(e, 1), ex_number(e, 2), ex_number(e, 3),
-                             ex_number(e, 4), ex_number(e, 5), ex_number(e, 6), ex_number(e, 7)};
-    return p;
-}
-
 df_options ex_options(const ex_instance *e)
 {
     df_options o = e->damper.options;
@@ -72,38 +63,23 @@ df_options ex_options(const ex_instance *e)
 void ex_swept(const ex_instance *e, double x, double oil[2])
 {
     const df_network *q = &e->damper.network;
-    const df_geometry *g = &e->damper.geometry;
-    oil[0] = e->damper.is_network ? q->rho_0 * q->a_1 * x : g->rho_0 * g->a_p1 * x;
-    oil[1] = e->damper.is_network ? -q->rho_0 * q->a_2 * x : -g->rho_0 * g->a_p2 * x;
-    if (e->damper.is_network && q->has_floating_piston)
-        oil[1] = 0.0; /* its oil is none of the states */
+    oil[0] = q->rho_0 * q->a_1 * x;
+    oil[1] = q->has_floating_piston ? 0.0 : -q->rho_0 * q->a_2 * x; /* it has no such state */
 }
 
 static void take_states(ex_instance *e)
 {
     ex_state *s = &e->s;
     double swept[2];
-    ex_swept(e, e->damper.is_network ? s->valves.x : s->run.x, swept);
-    if (e->damper.is_network) {
-        s->y[EX_OIL_1] = s->valves.y[DF_M1] - s->network.rho_0 * s->network.V_1 + swept[0];
-        s->y[EX_OIL_2] = s->valves.y[DF_M2] - s->network.rho_0 * s->network.V_2 + swept[1];
-        s->y[EX_GRIPS] = s->valves.grip;
-    } else {
-        s->y[EX_OIL_1] = s->run.m.m1 - s->run.q.m_10 + swept[0];
-        s->y[EX_OIL_2] = s->run.m.m2 - s->run.q.m_20 + swept[1];
-    }
-}
-
-static int begin_paper(ex_instance *e)
-{
-    const df_parameters p = parameters_of(e);
-    const df_options o = ex_options(e);
-    return df_begin(&e->damper.geometry, &p, &o, ALL, DF_N_PARAMETERS, e->s.x, e->s.v, &e->s.run);
+    ex_swept(e, s->valves.x, swept);
+    s->y[EX_OIL_1] = s->valves.y[DF_M1] - s->network.rho_0 * s->network.V_1 + swept[0];
+    s->y[EX_OIL_2] = s->valves.y[DF_M2] - s->network.rho_0 * s->network.V_2 + swept[1];
+    s->y[EX_GRIPS] = s->valves.grip;
 }
 
 int ex_begin(ex_instance *e)
 {
-    const int code = e->damper.is_network ? ex_begin_valves(e) : begin_paper(e);
+    const int code = ex_begin_valves(e);
     if (code == DF_OK)
         take_states(e);
     e->s.is_stale = 0;
@@ -129,18 +105,6 @@ double ex_place_now(ex_instance *e)
     return s->extrapolation > 0 ? s->x + s->v * (s->time - s->t_inputs) : s->x;
 }
 
-static int refresh_paper(ex_instance *e)
-{
-    const df_parameters p = parameters_of(e);
-    const double x = ex_place_now(e), *y = e->s.y;
-    double swept[2];
-    int code = DF_OK;
-    ex_swept(e, x, swept);
-    if (e->kind == EX_MODEL_EXCHANGE)
-        code = df_place(&e->s.run, y[EX_OIL_1] - swept[0], y[EX_OIL_2] - swept[1], x, e->s.v);
-    return code == DF_OK ? df_retune(&e->s.run, &p, e->s.friction_band) : code;
-}
-
 int ex_refresh(ex_instance *e, int *states_moved)
 {
     if (states_moved)
@@ -149,7 +113,7 @@ int ex_refresh(ex_instance *e, int *states_moved)
         return ex_begin(e);
     if (!e->s.is_stale)
         return DF_OK;
-    const int code = e->damper.is_network ? ex_refresh_valves(e, ex_place_now(e)) : refresh_paper(e);
+    const int code = ex_refresh_valves(e, ex_place_now(e));
     if (code == DF_OK) {
         take_states(e);
         e->s.is_stale = 0;
@@ -191,14 +155,7 @@ double ex_beyond(const ex_instance *e, double x, double v)
 static int output_of_run(ex_instance *e, unsigned reference, double *value)
 {
     const int code = ex_refresh(e, NULL);
-    if (e->damper.is_network) {
-        *value = ex_output_of_valves(e, reference);
-        return code;
-    }
-    const df_run *run = &e->s.run;
-    const double P[3] = {run->b.P1, run->b.P2, run->b.P3};
-    double slopes[DF_N_PARAMETERS];
-    *value = reference == EX_FORCE ? df_force(run, slopes) : P[reference - EX_PRESSURE_1];
+    *value = ex_output_of_valves(e, reference);
     return code;
 }
 
@@ -261,10 +218,10 @@ int ex_set(ex_instance *e, unsigned reference, double value)
     if (!isfinite(value))
         return DF_NOT_FINITE;
     if (k >= 0) {
-        const int is_offset = k == (e->damper.is_network ? (int)DF_NUMBER_OFFSET : (int)DF_F_0);
+        const int is_offset = e->damper.places[k] == DF_NUMBER_OFFSET;
         if (value < 0.0 && !is_offset)
             return EX_OUT_OF_RANGE;
-        if (value == 0.0 && !is_offset && k != DF_F_F && !e->damper.is_network)
+        if (value == 0.0 && !is_offset && e->damper.places[k] != DF_NUMBER_FRICTION && !e->damper.is_network)
             return EX_OUT_OF_RANGE;
         if (value > 0.0 && e->damper.is_network && k == DF_NUMBER_PRESLIDING && !ex_has_grip(&e->damper))
             return EX_NOT_SETTABLE; /* it would need a state */
@@ -333,18 +290,6 @@ int ex_set_integer(ex_instance *e, unsigned reference, int value)
     return EX_NO_SETTING;
 }
 
-static int step_paper(ex_instance *e, double interval, double x, double v, int is_of_beginning)
-{
-    const df_run before = e->s.run;
-    df_work work = {0, 0, 0, 0};
-    if (is_of_beginning)
-        e->s.run.v = e->s.v;
-    const int code = df_advance(&e->s.run, interval, x, v, &work);
-    if (code != DF_OK)
-        e->s.run = before;
-    return code;
-}
-
 /* Inputs are of the beginning of the step, and what they will be at its end is guessed from the
  * velocity (1) and its slope since the step before (2), or they are of its end (0). */
 int ex_step(ex_instance *e, double time, double interval)
@@ -362,8 +307,7 @@ int ex_step(ex_instance *e, double time, double interval)
         x += interval * (s->v + 0.5 * interval * slope);
         v += interval * slope;
     }
-    const int ended = e->damper.is_network ? ex_step_valves(e, interval, x, v, is_of_beginning)
-                                           : step_paper(e, interval, x, v, is_of_beginning);
+    const int ended = ex_step_valves(e, interval, x, v, is_of_beginning);
     if (ended != DF_OK)
         return ended;
     take_states(e);

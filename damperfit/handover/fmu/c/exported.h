@@ -7,7 +7,6 @@
 #define DAMPERFIT_EXPORTED_H
 
 #include "network.h"
-#include "stepper.h"
 
 enum { EX_MOST_NUMBERS = DF_MOST_NUMBERS, EX_TOKEN = 80, EX_WHY = 280 };
 
@@ -52,8 +51,8 @@ typedef struct {
     char token[EX_TOKEN];
     int is_network;       /* a damper of valves; otherwise the paper's */
     df_network network;   /* its passages; numbers are each setting's */
-    df_geometry geometry; /* of the paper's */
     int n_numbers;
+    int places[EX_MOST_NUMBERS]; /* of its numbers among the network's */
     df_options options;
     double stroke, speed; /* tested range; 0: not known */
     double friction_band;
@@ -72,7 +71,6 @@ typedef struct {
     int is_own[EX_MOST_NUMBERS];                /* set to something else than the setting has */
     double time, x, v;                          /* inputs, as they were set */
     int has_begun, is_stale;                    /* stale: parameters changed since the last use */
-    df_run run;
     df_network network;                         /* with the numbers as they are now, and its state */
     df_network_state valves;
     double y[EX_SLOTS];
@@ -104,7 +102,7 @@ int ex_get_integer(const ex_instance *e, unsigned reference, int *value);
 int ex_set_integer(ex_instance *e, unsigned reference, int value);
 int ex_is_integer(unsigned reference);
 
-/* Of a damper of valves. */
+/* The network behind the doors. */
 int ex_begin_valves(ex_instance *e);
 int ex_refresh_valves(ex_instance *e, double x);
 int ex_step_valves(ex_instance *e, double interval, double x, double v, int is_of_beginning);
@@ -130,7 +128,6 @@ int ex_get_nominals(const ex_instance *e, double *nominals, size_t n);
 typedef struct {
     double x, v;
     double rates[EX_SLOTS], pressures[3], free[2], force;
-    df_rates paper;
     df_network_rates valves;
 } ex_point;
 int ex_evaluate(ex_instance *e, ex_point *point);

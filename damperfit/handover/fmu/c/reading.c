@@ -103,9 +103,20 @@ static void read_sizes(cursor *c, double *const sizes[], size_t n)
 
 static void read_purdy(cursor *c, ex_damper *d)
 {
-    df_geometry *g = &d->geometry;
-    double *const sizes[] = {&g->a_p1, &g->a_p2, &g->a_r, &g->V_10, &g->V_20, &g->V_g0, &g->rho_0};
+    static const df_passage ways[] = {{1, 3, -1, -1, DF_FIRST_PASSAGE_NUMBER, -1, 1},
+                                      {2, 1, -1, DF_FIRST_PASSAGE_NUMBER + 1, -1, -1, 0},
+                                      {3, 2, -1, DF_FIRST_PASSAGE_NUMBER + 2, -1, -1, 0}};
+    static const int places[] = {DF_FIRST_PASSAGE_NUMBER, DF_FIRST_PASSAGE_NUMBER + 1, DF_FIRST_PASSAGE_NUMBER + 2,
+                                 DF_NUMBER_K, DF_NUMBER_FRICTION, DF_NUMBER_OFFSET, DF_NUMBER_P_0, DF_NUMBER_GAMMA};
+    df_network *q = &d->network;
+    double rod; /* the difference of the areas */
+    double *const sizes[] = {&q->a_1, &q->a_2, &rod, &q->V_1, &q->V_2, &q->numbers[DF_NUMBER_V_GAS], &q->rho_0};
     read_sizes(c, sizes, sizeof sizes / sizeof *sizes);
+    q->rounding = ROUNDING_PA;
+    q->n_passages = 3;
+    memcpy(q->passages, ways, sizeof ways);
+    q->n_numbers = DF_FIRST_PASSAGE_NUMBER + 3;
+    memcpy(d->places, places, sizeof places);
     d->n_numbers = DF_N_PARAMETERS;
 }
 
@@ -128,6 +139,8 @@ static void read_network(cursor *c, ex_damper *d)
     }
     d->is_network = 1;
     d->n_numbers = q->n_numbers;
+    for (int k = 0; k < d->n_numbers; k++)
+        d->places[k] = k;
 }
 
 static void read_body(cursor *c, ex_damper *d)
@@ -165,7 +178,7 @@ static void read_body(cursor *c, ex_damper *d)
 static void number_states(ex_damper *d)
 {
     d->slots[d->n_states++] = EX_OIL_1;
-    if (!d->is_network || !d->network.has_floating_piston)
+    if (!d->network.has_floating_piston)
         d->slots[d->n_states++] = EX_OIL_2;
     d->slots[d->n_states++] = EX_OUTSIDE;
     if (ex_has_grip(d))

@@ -1,25 +1,23 @@
-/* A damper of valves behind the doors: any passages between its chambers, on a rigid mounting. */
+/* The network behind the doors: any passages between its chambers, on a rigid mounting. */
 #include "exported.h"
 
 static df_network network_now(const ex_instance *e)
 {
     df_network q = e->damper.network;
-    for (int k = 0; k < q.n_numbers; k++)
-        q.numbers[k] = ex_number(e, k);
+    for (int k = 0; k < e->damper.n_numbers; k++)
+        q.numbers[e->damper.places[k]] = ex_number(e, k);
     return q;
 }
 
-/* Slopes by the numbers are carried along where they are asked for: it takes two to three times as
- * long. Model exchange has them of the equations alone. */
+/* Slopes by the numbers are carried along where they are asked for: it takes longer. The paper's
+ * always are. Model exchange has them of the equations alone. */
 int ex_begin_valves(ex_instance *e)
 {
     const df_options o = ex_options(e);
-    int all[EX_MOST_NUMBERS];
-    for (int k = 0; k < e->damper.n_numbers; k++)
-        all[k] = k;
+    const int carries = e->s.carries || !e->damper.is_network;
     e->s.network = network_now(e);
-    const int n = e->s.carries && e->kind == EX_CO_SIMULATION ? e->damper.n_numbers : 0;
-    return df_begin_network(&e->s.network, &o, e->s.x, e->s.v, all, n, &e->s.valves);
+    const int n = carries && e->kind == EX_CO_SIMULATION ? e->damper.n_numbers : 0;
+    return df_begin_network(&e->s.network, &o, e->s.x, e->s.v, e->damper.places, n, &e->s.valves);
 }
 
 int ex_refresh_valves(ex_instance *e, double x)
