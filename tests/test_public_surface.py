@@ -293,6 +293,8 @@ SURFACE = {
         "damper_section",
     ],
     "damperfit.damper.signals": ["PRESSURES", "Signal"],
+    "damperfit.damper.warmed": ["BETA", "Warmed", "at_temperature"],
+    "damperfit.run.warmth": ["LEAST_WARMTH", "are_unlike", "with_reference"],
     "damperfit.damper.model": [
         "FLAWS_OF_FORCE",
         "FLAWS_OF_OIL",
@@ -538,7 +540,9 @@ SURFACE = {
         "TestSection",
         "check_adjusters",
         "counted",
+        "counted_from_closed",
         "declared_settings",
+        "facts_stated",
         "followed",
         "unmatched",
     ],
@@ -721,6 +725,7 @@ SURFACE = {
         "gas_in_words",
         "offset_facts",
         "parameter_value",
+        "with_beta",
     ],
     "damperfit.tested.setting": [
         "ADJUSTER",
@@ -869,6 +874,7 @@ SURFACE = {
         "configured_as",
         "motion_of_tests",
         "origin_of",
+        "warmed_to",
     ],
     "damperfit.uncertainty": [
         "Assessment",

@@ -16,6 +16,7 @@ from damperfit.cli.options import (
     OverwriteOption,
     QuietOption,
     ResultsArgument,
+    TemperatureOption,
     UnitsOption,
     VersionOption,
 )
@@ -50,6 +51,7 @@ def export(
     decimal: Annotated[
         str, typer.Option(metavar="MARK", help="Decimal mark in CSV files: a point or a comma.")
     ] = ".",
+    temperature: TemperatureOption = None,
     list_: Annotated[
         bool, typer.Option("--list", help="Show the targets with file, units and sign.")
     ] = False,
@@ -78,7 +80,7 @@ def export(
     shown, mark = _chosen(target, units, decimal)
     speed = None if extend is None else parse_quantity(extend, "velocity")
     folder, stem = _destination(results, out, target)
-    handed = hand_over(results, config=config)
+    handed = hand_over(results, config=config, temperature=temperature)
     has_table = target.has_table_of(handed.damper)
     if extend is not None and not has_table:
         raise ConfigurationError(f"--extend {extend}: {to} holds no table here; leave it out")

@@ -21,6 +21,7 @@ from damperfit.cli.console import (
 from damperfit.cli.github import append_summary, summary_file
 from damperfit.cli.option_values import (
     configured,
+    covaried,
     declared_setting,
     names_of,
     quantity_names,
@@ -30,6 +31,7 @@ from damperfit.cli.option_values import (
 )
 from damperfit.cli.options import (
     ConfigOption,
+    CovariateOption,
     DebugOption,
     FiguresOption,
     GithubSummaryOption,
@@ -99,6 +101,7 @@ def identify(
             metavar="N", help="Hold out the last N cycles of each log; below 1: that share of them."
         ),
     ] = None,
+    covariate: CovariateOption = None,
     bulk_modulus: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="K_e: free, or appendix1, from one gas content."),
@@ -170,6 +173,7 @@ def identify(
         ("--free", "identification.free", quantity_names(free)),
         ("--fix", "identification.fix", quantity_values(fix or [], option="--fix") or None),
         ("--model", "damper.model", None if model == _AUTO else model),
+        ("--covariate", "damper.reference_temperature", covaried(covariate, model=model)),
         ("--procedure", "identification.procedure", procedure),
         ("--share", "identification.share", quantity_names(share)),
         ("--bulk-modulus", "identification.bulk_modulus", bulk_modulus),
@@ -286,7 +290,8 @@ def _show(result: RunResult, configuration: Configuration, *, owner: str) -> Non
     if result.facts.held_out:
         held_out = held_out_sheet(result.facts.held_out, is_narrow=True)
         print_renderable(terminal_table(held_out))
-    damper = wrap(configuration.damper_sentence, screen_columns())
+    told = result.record.get("procedure") or [configuration.damper_sentence]  # as it was fitted
+    damper = wrap(told[0], screen_columns())
     lines = map(one_line, check_lines(result.facts.checks))
     checks = (part for line in lines for part in wrap(line, screen_columns()))
     print_lines([*damper, "", *checks, *([""] if owner else [])])

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 __all__ = [
     "assignments",
     "configured",
+    "covaried",
     "declared_setting",
     "names_of",
     "quantity_names",
@@ -124,6 +125,26 @@ def rig_entries(texts: Iterable[str] | None) -> list[tuple[str, str, Any]]:
             is_table = isinstance(entry, dict) and isinstance(keys.get(name), dict)
             keys[name] = keys[name] | entry if is_table else entry
     return [(f"--rig {name}", f"rig.{name}", entry) for name, entry in keys.items()]
+
+
+def covaried(word: str | None, *, model: str | None) -> str | None:
+    """Return the reference temperature that ``--covariate temperature`` asks for.
+
+    Raises
+    ------
+    ConfigurationError
+        Another word, or a law is to be chosen too.
+    """
+    if word is None:
+        return None
+    if word != "temperature":
+        raise ConfigurationError(f"--covariate {word}: expected temperature, the only one there is")
+    if model == "auto":
+        raise ConfigurationError(
+            "--covariate temperature: choose the law first, from logs of one temperature "
+            "(damperfit models), then name it: --model NAME"
+        )
+    return "mean"
 
 
 def assignments(texts: Iterable[str], *, option: str, example: str = "k_e=5e8") -> dict[str, str]:

@@ -119,6 +119,22 @@ TestsOption = Annotated[
 StrictOption = Annotated[
     bool, typer.Option("--strict", help="Refuse logs that have a warning; ends with code 4.")
 ]
+CovariateOption = Annotated[
+    str | None,
+    typer.Option(
+        "--covariate",
+        metavar="temperature",
+        help="Viscous resistances follow the temperature of each log, by one beta for all.",
+    ),
+]
+TemperatureOption = Annotated[
+    str | None,
+    typer.Option(
+        "--temperature",
+        metavar="TEMP",
+        help="Of the oil, as in 40degC; after identify --covariate temperature.",
+    ),
+]
 SkewOption = Annotated[
     str | None,
     typer.Option(

@@ -20,11 +20,12 @@ PANELS = {
     "Damper": ("--config", "--model", "--set", "--layout", "--parameters"),
     "Fit": (
         *("--free", "--fix", "--procedure", "--share", "--bulk-modulus", "--start", "--starts"),
-        "--rivals",
+        *("--rivals", "--covariate"),
     ),
     "Motion": (
         *("--wave", "--amplitude", "--frequency", "--cycles", "--sample-rate", "--max-steps"),
         *("--velocity", "--stroke", "--force", "--vary", "--paper", "--extend"),
+        "--temperature",
     ),
     "Trust": ("--hold-out", "--hold-out-cycles", "--profile", "--repeats"),
     "Gates": ("--strict", "--max-mse", "--check", "--tolerance", "--junit"),

@@ -27,6 +27,7 @@ from damperfit.cli.options import (
     QuietOption,
     RigOption,
     RigProfileOption,
+    TemperatureOption,
     UnitsOption,
     VersionOption,
 )
@@ -68,6 +69,7 @@ def settings(
     ] = None,
     amplitude: AmplitudeOption = None,
     frequency: FrequencyOption = None,
+    temperature: TemperatureOption = None,
     rig: RigOption = None,
     rig_profile: RigProfileOption = None,
     units: UnitsOption = None,
@@ -91,7 +93,12 @@ def settings(
     question = parse_question(force=force, velocity=velocity, stroke=stroke)
     paths = results or [Path("results")]
     if all(path.is_file() for path in paths):
-        without_effect = {"--amplitude": amplitude, "--frequency": frequency, "--units": units}
+        without_effect = {
+            "--amplitude": amplitude,
+            "--frequency": frequency,
+            "--temperature": temperature,
+            "--units": units,
+        }
         for option, value in without_effect.items():
             if value is not None:
                 raise ConfigurationError(
@@ -108,7 +115,9 @@ def settings(
                 f"{option} {given} has no effect: {folder} holds results, and no log is read; "
                 "leave it out"
             )
-    adjuster = read_adjuster(folder, config=config, amplitude=amplitude, frequency=frequency)
+    adjuster = read_adjuster(
+        folder, config=config, amplitude=amplitude, frequency=frequency, temperature=temperature
+    )
     forces = tabulate_forces(adjuster, question, jobs=jobs or available_cores())
     remarks = (*adjuster.remarks, *forces.remarks)
     for remark in remarks:

@@ -31,6 +31,7 @@ from damperfit.cli.options import (
     QuietOption,
     SetOption,
     StageOption,
+    TemperatureOption,
     VersionOption,
 )
 from damperfit.errors import ConfigurationError
@@ -55,6 +56,7 @@ def simulate(
     ] = None,
     wave: Annotated[str | None, typer.Option(metavar="NAME", help="sine or triangle.")] = None,
     max_steps: MaxStepsOption = None,
+    temperature: TemperatureOption = None,
     displacement: Annotated[
         Path | None,
         typer.Option(metavar="LOG", help="Drive with the displacement of a log, not a wave."),
@@ -77,6 +79,7 @@ def simulate(
     Example: damperfit simulate --setting 10 --amplitude 32mm --frequency 1.5Hz
     """
     from damperfit.queries.one_simulation import choose_parameters, damper_of, simulate_test
+    from damperfit.queries.origin import warmed_to
 
     if displacement is not None:
         of_a_wave = {"--amplitude": amplitude, "--frequency": frequency, "--cycles": cycles}
@@ -102,6 +105,9 @@ def simulate(
         damper=given.damper,
     )
     configuration, damper = damper_of(choice, given, config=config)
+    configuration = warmed_to(configuration, temperature)
+    if temperature is not None:
+        damper += f" Simulated at {temperature}."
     if displacement is not None and not displacement.exists():
         raise ConfigurationError(f"--displacement {displacement}: no such file")
     trial = simulate_test(choice, configuration, log=displacement)

@@ -62,6 +62,7 @@ def transients(trace: Trace) -> Trace | None:
         name=trace.name,
         setting=trace.setting,
         gas_pressure=trace.gas_pressure,
+        temperature=trace.temperature,
         findings=trace.findings,
         stretches=found,
         whole=None,

@@ -140,10 +140,13 @@ def _trend_of_peaks(up: _Peaks, down: _Peaks, warming: tuple[float, float] | Non
     )
     share = 100.0 * (abs(last) - abs(first)) / max(abs(first), 1e-300)
     text = f"the peak force goes {' and '.join(ends)} over the cycles"
-    if warming is not None and abs(warming[1] - warming[0]) >= _WARMS:
+    is_warming = warming is not None and abs(warming[1] - warming[0]) >= _WARMS
+    if warming is not None and is_warming:
         text += f" while the temperature goes from {warming[0]:.3g} to {warming[1]:.3g} degC"
     text += ": a trend, not scatter; the parameters are a mean over it: let the damper settle, or "
     text += "fit shorter parts of the log"
+    if is_warming:
+        text += ", all of them at once with --covariate temperature"
     return Finding("force_trend", "warning", text, share, "%")
 
 

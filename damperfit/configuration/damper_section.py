@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, fields, is_dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,6 +13,8 @@ from pydantic import field_validator as checks
 
 from damperfit.damper.declared_network import declared_passages
 from damperfit.damper.models import MODELS
+from damperfit.damper.mounting import NONE
+from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 
@@ -35,6 +38,8 @@ _INNER_DIMENSIONS = {
     "stribeck_speed": "velocity",
     "seal_area": "area",
 }
+_OF_LOGS = "mean"  # a reference temperature: the mean of the logs
+_WARMTH = (-60.0, 200.0)  # degC: what oil of dampers is tested at
 _BEGIN_OF_NUMBER = frozenset("0123456789.+-")
 
 
@@ -46,11 +51,14 @@ class DamperSection(_Section):
     """[damper] of any model."""
 
     model: str
+    reference_temperature: float | str
 
     @checks("*")
     @classmethod
     def _is_plausible(cls, value: Any, info: Info) -> Any:
         name = str(info.field_name)
+        if name == "reference_temperature":
+            return _reference(value)
         if name in MODELS[cls.__name__].ranges:
             low, high, unit = MODELS[cls.__name__].ranges[name]
             if not low <= value <= high:
@@ -68,11 +76,15 @@ class DamperSection(_Section):
     def build(self) -> Model:
         """Return the damper that is declared."""
         kind = MODELS[type(self).__name__]
-        values = self.model_dump(exclude={"model"})
+        values = self.model_dump(exclude={"model", "reference_temperature"})
         inner = _inner(kind)
         if "passages" in values:
             values["passages"] = declared_passages(values["passages"])
-        return kind(**{k: inner[k](**v) if k in inner else v for k, v in values.items()})
+        damper = kind(**{k: inner[k](**v) if k in inner else v for k, v in values.items()})
+        if self.reference_temperature == NONE:
+            return damper
+        told = self.reference_temperature
+        return Warmed(damper, math.nan if told == _OF_LOGS else float(told))
 
 
 def damper_defaults(model: str) -> dict[str, Any]:
@@ -82,7 +94,23 @@ def damper_defaults(model: str) -> dict[str, Any]:
     own = {name: value for name, value in asdict(damper).items() if name in keys}
     if "passages" in own:
         own["passages"] = [one.table for one in damper.passages]
-    return {"model": model, **own}
+    return {"model": model, "reference_temperature": NONE, **own}
+
+
+def _reference(value: float | str) -> float | str:
+    """Return a temperature in degrees Celsius, or the word for that of the logs, or for none."""
+    if value in {NONE, _OF_LOGS}:
+        return value
+    try:
+        found = parse_quantity(value, "temperature")
+    except ValueError as error:
+        raise ValueError(
+            f"expected 'none', 'mean' or a temperature, as in '25degC'; {error}"
+        ) from error
+    low, high = _WARMTH
+    if not low <= found <= high:
+        raise ValueError(f"expected {low:g} to {high:g} degC")
+    return found
 
 
 def _inner(kind: Any) -> dict[str, type]:

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from damperfit.conditioning import OffsetFacts
+from damperfit.damper.warmed import BETA, Warmed
 from damperfit.errors import ConfigurationError
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Collection, Mapping, Sequence
     from pathlib import Path
 
     from damperfit.conditioning import ConditionOptions
@@ -34,6 +35,7 @@ __all__ = [
     "gas_in_words",
     "offset_facts",
     "parameter_value",
+    "with_beta",
 ]
 
 # Keys of [damper] that say what a damper's gas is.
@@ -67,6 +69,23 @@ def offset_facts(damper: Model, named: Collection[str]) -> OffsetFacts:
             is_known = one.default is None or one.name in named
             return OffsetFacts(name=one.name, beside=tuple(own), is_known=is_known)
     return OffsetFacts()
+
+
+def with_beta(damper: Model, share: Sequence[str], *, named: Collection[str]) -> tuple[str, ...]:
+    """Return what all settings share, and what temperature does, which is one damper's.
+
+    Parameters
+    ----------
+    damper : Model
+        Whose quantities there are.
+    share : sequence of str
+        As declared.
+    named : collection of str
+        What is freed or held.
+    """
+    names = tuple(name.strip() for name in share)
+    is_said = BETA.name in {*names, *named} or names == ("detect",)
+    return names if is_said or not isinstance(damper, Warmed) else (*names, BETA.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +221,11 @@ class Configuration:
     @property
     def keys(self) -> tuple[str, ...]:
         """Keys of [damper] that the model has."""
-        return tuple(name for name in self.document["damper"] if name != "model")
+        return tuple(
+            name
+            for name in self.document["damper"]
+            if name not in {"model", "reference_temperature"}
+        )
 
     @property
     def damper_sentence(self) -> str:

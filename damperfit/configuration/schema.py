@@ -33,12 +33,13 @@ from damperfit.configuration.options import (
     SimulationOptions,
     offset_facts,
     parameter_value,
+    with_beta,
 )
 from damperfit.configuration.what_is_tested import (
     AdjusterKey,
     TestSection,
     check_adjusters,
-    counted,
+    counted_from_closed,
     declared_settings,
     facts_stated,
     followed,
@@ -280,7 +281,7 @@ class _IdentificationSection(_Section):
             free=tuple(name.strip() for name in self.free) or None,
             fixed=_in_si(damper, self.fix),
             start=GivenStart(_in_si(damper, self.start_values)),
-            share=tuple(name.strip() for name in self.share),
+            share=with_beta(damper, self.share, named={*self.free, *self.fix}),
             follows=follows,
             from_closed=from_closed,
             solver=SolverOptions(tolerance=self.tolerance, dead_band=self.dead_band),
@@ -370,8 +371,10 @@ def build_configuration(
     """
     model = document["damper"]["model"]
     if model != "purdy":
-        procedure = MODELS[model].procedures[0]
-        document = _with_own(document, declared, procedure=procedure, share=[DETECT])
+        own = MODELS[model].procedures[0]
+        document = _with_own(document, declared, procedure=own, share=[DETECT])
+    if document["damper"]["reference_temperature"] != "none":
+        document = _with_own(document, declared, procedure="joint")
     checked: Any = _document(model).model_validate(document)
     damper = checked.damper.build()
     adjusters = check_adjusters(checked.adjusters)
@@ -384,9 +387,7 @@ def build_configuration(
         identification=checked.identification.build(
             damper,
             follows=followed(checked.adjusters, damper, is_law_open="damper.model" not in declared),
-            from_closed=tuple(
-                k for k, v in counted(checked.adjusters).items() if v == "from closed"
-            ),
+            from_closed=counted_from_closed(checked.adjusters),
         ),
         hold_out=checked.identification.build_hold_out(),
         start_table=Path(checked.identification.start) if checked.identification.start else None,

@@ -31,7 +31,9 @@ __all__ = [
     "TestSection",
     "check_adjusters",
     "counted",
+    "counted_from_closed",
     "declared_settings",
+    "facts_stated",
     "followed",
     "unmatched",
 ]
@@ -203,6 +205,11 @@ def _every_model() -> list[Model]:
         for kind in MODELS.values()
         for valve in valves
     ]
+
+
+def counted_from_closed(keys: Mapping[str, AdjusterKey]) -> tuple[str, ...]:
+    """Return the adjusters whose clicks count from closed."""
+    return tuple(name for name, how in counted(keys).items() if how == "from closed")
 
 
 def facts_stated(stated: Mapping[str, float | str]) -> dict[str, float]:

@@ -259,6 +259,11 @@ class Model(ABC):
         return None
 
     @property
+    def plain(self) -> Model:
+        """The damper without what temperature does to it."""
+        return self
+
+    @property
     def sentence(self) -> str:
         """The damper's main figures, for people, without a full stop."""
         return self.title

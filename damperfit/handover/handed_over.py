@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
 from damperfit.adjustment import Sine
+from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
 from damperfit.queries.fleet_part import is_part, part_in, results_in, title_of
-from damperfit.queries.origin import configuration_of_run, motion_of_tests
+from damperfit.queries.origin import configuration_of_run, motion_of_tests, warmed_to
 from damperfit.tables import values_from
 from damperfit.tested.setting import Setting
 
@@ -114,7 +115,23 @@ class HandedOver:
     folder: Path | None = None
 
 
-def hand_over(folder: Path, *, config: Path | None = None) -> HandedOver:
+def _at_one_temperature(
+    damper: Model, settings: tuple[HandedSetting, ...], remarks: list[str]
+) -> tuple[Model, tuple[HandedSetting, ...]]:
+    """A damper that follows the temperature, as it is at one: other programs know of none."""
+    if not isinstance(damper, Warmed):
+        return damper, settings
+    told = damper.told
+    remarks.append(
+        f"resistances as they are at {told:g} degC (fitted at {damper.reference:g} degC)"
+    )
+    there = (replace(one, values=damper.at_reference(one.values, told)) for one in settings)
+    return damper.plain, tuple(there)
+
+
+def hand_over(
+    folder: Path, *, config: Path | None = None, temperature: str | None = None
+) -> HandedOver:
     """Read what `identify` wrote, for a target.
 
     Parameters
@@ -123,6 +140,8 @@ def hand_over(folder: Path, *, config: Path | None = None) -> HandedOver:
         Results folder.
     config : pathlib.Path, optional
         Configuration; its damper is taken where the run does not tell its own.
+    temperature : str, optional
+        Of the oil, where the damper follows it; the reference temperature by default.
 
     Raises
     ------
@@ -132,8 +151,8 @@ def hand_over(folder: Path, *, config: Path | None = None) -> HandedOver:
     """
     results = results_in(folder, parts=("parameters",))
     record, remarks = results.record, list(results.remarks)
-    configuration = configuration_of_run(folder, config, record, remarks)
-    settings = tuple(_settings(results))
+    configuration = warmed_to(configuration_of_run(folder, config, record, remarks), temperature)
+    damper, settings = _at_one_temperature(configuration.damper, tuple(_settings(results)), remarks)
     if not settings:
         raise ConfigurationError(
             f"{folder}: no setting has all parameters; run damperfit identify LOGS first"
@@ -150,7 +169,7 @@ def hand_over(folder: Path, *, config: Path | None = None) -> HandedOver:
     }
     return HandedOver(
         title_of(folder),
-        configuration.damper,
+        damper,
         settings,
         motion,
         _tested(record, {one.setting.cell for one in settings}),

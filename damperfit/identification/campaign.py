@@ -11,11 +11,13 @@ from collections import defaultdict
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from damperfit.damper.warmed import BETA
 from damperfit.errors import ConfigurationError, LogError, Mishap
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.every_setting import Campaign, fit_every_setting, with_status
 from damperfit.identification.failures import SettingFailure, attempted, attempted_for_all
+from damperfit.identification.first_beta import with_first_beta
 from damperfit.identification.following import Way, declared_way
 from damperfit.identification.joint_procedure import fit_together
 from damperfit.identification.left_out import without_idle_parts
@@ -169,6 +171,8 @@ def _joint(given: ProcedureInput) -> Campaign:
     shared = {*shared_names(given.options, given.damper)} if way is None else {*way.shared}
     free = tuple(one for one in moving if one not in by_paper & shared)
     options = replace(given.options, free=free, starts=1, is_leaving_out=False)
+    if BETA.name in free and len(given.settings) > 1:
+        options = with_first_beta(given, options, PROCEDURES[name])
     before = PROCEDURES[name](replace(given, options=options, on_fit=lambda _fit: None))
     failed = {one.setting: one for one in before.failures}
     try:

@@ -178,7 +178,13 @@ def _settled(
     lead = (n // 2) * math.ceil(_SETTLING / (0.5 * n * interval))
     before = np.arange(-lead, n) % n
     cycle = SettledCycle(
-        Motion(interval, x[before], v[before], gas_pressure=trace.gas_pressure),
+        Motion(
+            interval,
+            x[before],
+            v[before],
+            gas_pressure=trace.gas_pressure,
+            temperature=trace.temperature,
+        ),
         force,
         _gain(trace, period, n),
         np.sqrt(power),

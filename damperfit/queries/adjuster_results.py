@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.adjustment import Sine, Stage
+from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
 from damperfit.identification.sharing import listed_settings
 from damperfit.queries.fleet_part import results_in
-from damperfit.queries.origin import configuration_of_run, motion_of_tests
+from damperfit.queries.origin import configuration_of_run, motion_of_tests, warmed_to
 from damperfit.report.json_records import listed_in, read_back
 from damperfit.simulation import refuse_amplitude
 from damperfit.tables import values_from
@@ -68,6 +69,7 @@ def read_adjuster(
     config: Path | None = None,
     amplitude: str | None = None,
     frequency: str | None = None,
+    temperature: str | None = None,
 ) -> AdjusterResults:
     """Read the settings, damper and motion of a results folder.
 
@@ -79,6 +81,8 @@ def read_adjuster(
         Configuration; its damper is taken where the run does not tell its own.
     amplitude, frequency : str, optional
         Motion instead of the test's own.
+    temperature : str, optional
+        Of the oil, instead of the reference temperature.
 
     Raises
     ------
@@ -92,6 +96,7 @@ def read_adjuster(
         config=config,
         amplitude=amplitude,
         frequency=frequency,
+        temperature=temperature,
     )
 
 
@@ -102,6 +107,7 @@ def adjuster_in(
     config: Path | None = None,
     amplitude: str | None = None,
     frequency: str | None = None,
+    temperature: str | None = None,
 ) -> AdjusterResults:
     """Return the settings, damper and motion of results that were read; see `read_adjuster`.
 
@@ -111,11 +117,13 @@ def adjuster_in(
         With its parameters.
     folder : pathlib.Path
         Where they stand, for messages.
-    config, amplitude, frequency
+    config, amplitude, frequency, temperature
         As `read_adjuster` takes them.
     """
     remarks = list(results.remarks)
-    configuration = configuration_of_run(folder, config, results.record, remarks)
+    configuration = warmed_to(
+        configuration_of_run(folder, config, results.record, remarks), temperature
+    )
     stages = tuple(_stages(results, remarks))
     if not stages:
         why = f" ({'; '.join(results.remarks)})" if results.remarks else ""
@@ -127,6 +135,8 @@ def adjuster_in(
         own = Sine(configuration.rig.amplitude, configuration.rig.frequency)
         remarks.append("the motion of the test is not known: the nominal one is used")
     sine, source = _motion(own, amplitude, frequency)
+    if isinstance(configuration.damper, Warmed):
+        source += f", at {configuration.damper.told:g} degC"
     refuse_amplitude(sine.amplitude, configuration.damper.travel)
     return AdjusterResults(
         stages,

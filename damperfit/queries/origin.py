@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from damperfit.adjustment import Sine, fastest_sine
 from damperfit.configuration.loading import load_configuration, redeclared
+from damperfit.damper.warmed import at_temperature
 from damperfit.errors import ConfigurationError
 from damperfit.queries.fleet_part import is_part, record_of
 from damperfit.tables import read_facts
+from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -19,7 +21,14 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
 
-__all__ = ["Origin", "configuration_of_run", "configured_as", "motion_of_tests", "origin_of"]
+__all__ = [
+    "Origin",
+    "configuration_of_run",
+    "configured_as",
+    "motion_of_tests",
+    "origin_of",
+    "warmed_to",
+]
 
 _MOTION = ("amplitude", "frequency")
 _SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
@@ -88,6 +97,23 @@ def configuration_of_run(
     if config is None:
         remarks.append("the damper of the run is not known: the paper's is assumed; give --config")
     return given
+
+
+def warmed_to(configuration: Configuration, temperature: str | None) -> Configuration:
+    """Return the configuration with its damper at a temperature, as typed; None: as it is.
+
+    Raises
+    ------
+    ConfigurationError
+        It is no temperature, or the damper does not follow one.
+    """
+    if temperature is None:
+        return configuration
+    try:
+        told = parse_quantity(temperature, "temperature")
+    except ValueError as error:
+        raise ConfigurationError(f"--temperature {temperature}: {error}") from error
+    return replace(configuration, damper=at_temperature(configuration.damper, told))
 
 
 def configured_as(

@@ -17,9 +17,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.damper.warmed import Warmed
 from damperfit.errors import DamperfitError
 from damperfit.identification import compare, identify
 from damperfit.run.same_setting import REPEATS, SCATTERS, contradicting, share_a_motion
+from damperfit.run.warmth import are_unlike
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -92,7 +94,8 @@ def _contradictions(traces: Sequence[Trace], configuration: Configuration) -> It
     """Yield the pairs, of logs that are neighbours by their fastest speed."""
     ranked = sorted(traces, key=_top_speed)
     for first, second in itertools.pairwise(ranked):
-        if share_a_motion(first, second):
+        is_warmed = isinstance(configuration.damper, Warmed)
+        if share_a_motion(first, second) or (is_warmed and are_unlike(first, second)):
             continue
         met = _meeting(first, second, (first.force, second.force))
         if met is not None and met.differs and _is_left_by_fits(met, configuration):

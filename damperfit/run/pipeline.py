@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.atomic import check_writable, file_set, reserved
 from damperfit.configuration.what_is_tested import unmatched
+from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError, OutputError
 from damperfit.report import markdown_report
 from damperfit.run.dampers import by_damper, folder_name
@@ -38,6 +39,7 @@ from damperfit.run.result import Found, RunResult, UnwrittenError
 from damperfit.run.rod_area import with_rod_remark
 from damperfit.run.run_json import provenance
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
+from damperfit.run.warmth import with_reference
 from damperfit.run.work import Clock, comparisons, fitted, sha256_of
 from damperfit.tables import table_in_units, write_responses, write_table
 from damperfit.uncertainty import Bench
@@ -252,15 +254,16 @@ def _read(
                 options = fitting(mine, options, named)
             parted = part(mine, options, named)
             once = once_each(parted.batch)
-            left = without_contradictions(once, is_averaging=is_averaging)
+            is_warmed = isinstance(configuration.damper, Warmed)
+            left = without_contradictions(once, is_averaging=is_averaging, is_warmed=is_warmed)
             left = without_contradictory_motions(left, configuration)
             left, held_out = without_copies(left, parted.held_out)
             left = with_rod_remark(left, configuration.damper)
             parted = with_transients(replace(parted, batch=left, held_out=held_out), options)
-        own = configuration
+        own = with_reference(configuration, parted.batch.traces)
         if len(groups) > 1:
             output = replace(configuration.output, folder=folder / folder_name(owner))
-            own = replace(configuration, output=output)
+            own = replace(own, output=output)
         whose = owner if beside else ""
         found.append(_OneDamper(owner, whose, own, parted, clock, jobs, beside))
     return found

@@ -17,6 +17,7 @@ import numpy as np
 
 from damperfit.errors import ContradictionError
 from damperfit.report import Failure
+from damperfit.run.warmth import are_unlike
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -68,7 +69,9 @@ class _Contradiction:
             f"{self.stroke} {a:.4g} N and {b:.4g} N at {self.speed:.3g} m/s, {size:.3g} % apart"
         )
         if None not in warmth and abs((warmth[0] or 0.0) - (warmth[1] or 0.0)) > _WARMER:
-            said += f", at {warmth[0]:.3g} and {warmth[1]:.3g} degC"
+            said += (
+                f", at {warmth[0]:.3g} and {warmth[1]:.3g} degC (--covariate temperature fits both)"
+            )
         return said
 
 
@@ -164,7 +167,9 @@ def _copies_in_words(twins: dict[str, list[Trace]]) -> Iterator[str]:
         yield f"and so do {len(twins) - _MANY} other tests that were given several times"
 
 
-def without_contradictions(batch: LogBatch, *, is_averaging: bool) -> LogBatch:
+def without_contradictions(
+    batch: LogBatch, *, is_averaging: bool, is_warmed: bool = False
+) -> LogBatch:
     """Return the batch without the settings whose logs contradict each other, which fail.
 
     Parameters
@@ -173,6 +178,8 @@ def without_contradictions(batch: LogBatch, *, is_averaging: bool) -> LogBatch:
         What was read.
     is_averaging : bool
         Such logs are to be fitted together all the same; then it is only said.
+    is_warmed : bool
+        What temperature does is fitted: logs of different temperatures may differ.
     """
     groups: dict[Setting, list[Trace]] = defaultdict(list)
     for trace in batch.traces:
@@ -181,7 +188,7 @@ def without_contradictions(batch: LogBatch, *, is_averaging: bool) -> LogBatch:
     worst = {
         setting: max(found, key=lambda one: one.excess)
         for setting, traces in groups.items()
-        if (found := list(_contradictions(traces)))
+        if (found := list(_contradictions(traces, is_warmed=is_warmed)))
     }
     said = {setting: found.sentence for setting, found in worst.items()}
     return contradicting(batch, said, is_averaging=is_averaging)
@@ -227,9 +234,9 @@ def moves_alike(first: Trace, second: Trace) -> bool:
     return any(_is_one_motion(a, b) for a in _steady_parts(first) for b in _steady_parts(second))
 
 
-def _contradictions(traces: Sequence[Trace]) -> Iterator[_Contradiction]:
+def _contradictions(traces: Sequence[Trace], *, is_warmed: bool) -> Iterator[_Contradiction]:
     for first, second in itertools.combinations(traces, 2):
-        if first.gas_pressure != second.gas_pressure:
+        if first.gas_pressure != second.gas_pressure or (is_warmed and are_unlike(first, second)):
             continue
         for a, b in itertools.product(_steady_parts(first), _steady_parts(second)):
             if _is_one_motion(a, b):

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Motion", "motion_of", "refuse_amplitude", "sine_motion", "triangle_motion"]
 
+_UNTOLD = ("gas_pressure", "temperature")  # may be unknown
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
@@ -38,6 +40,8 @@ class Motion:
         Time of the first sample, s.
     gas_pressure : float or None
         What the damper was filled to for this test, Pa absolute; None: as it is declared.
+    temperature : float or None
+        Mean over the test, degrees Celsius; None: it is not known.
 
     Raises
     ------
@@ -51,6 +55,7 @@ class Motion:
     velocity: FloatArray
     start_time: float = 0.0
     gas_pressure: float | None = None
+    temperature: float | None = None
 
     def __post_init__(self) -> None:
         """Refuse what is no motion."""
@@ -73,9 +78,9 @@ class Motion:
                 )
 
     def _refuse_what_are_no_numbers(self) -> None:
-        for name in ("interval", "start_time", "gas_pressure"):
+        for name in ("interval", "start_time", "gas_pressure", "temperature"):
             value = getattr(self, name)
-            if not (isinstance(value, Real) or (name == "gas_pressure" and value is None)):
+            if not (isinstance(value, Real) or (name in _UNTOLD and value is None)):
                 raise SimulationError(f"motion: expected a number for {name}, found {value!r}")
         for name in ("displacement", "velocity"):
             try:
@@ -101,6 +106,7 @@ def motion_of(trace: Trace) -> Motion:
         trace.drive.velocity,
         trace.start_time,
         trace.gas_pressure,
+        trace.temperature,
     )
 
 

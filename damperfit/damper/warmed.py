@@ -1,0 +1,218 @@
+"""A damper whose oil was not always equally warm: what is viscous follows the temperature.
+
+    R(T) = R exp(-beta (T - T_ref))
+
+Of each resistance or damping that plays the part `VISCOUS` a fit finds its value at T_ref, and
+beside them one beta for the whole damper. Turbulent orifices, openings, friction and gas keep their
+values: the density of oil changes by 0.07 % a kelvin, its viscosity by 1 to 4 %.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from damperfit.damper.model import Model
+from damperfit.damper.quantity import DAMPER, VISCOUS, Quantity
+from damperfit.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from damperfit.damper.cavitation import Cavitation
+    from damperfit.damper.detour import Detour
+    from damperfit.damper.model import Values
+    from damperfit.damper.valve_characteristics import ValveCharacteristic
+    from damperfit.recording import Trace
+    from damperfit.simulation import Motion, Response, SolverOptions
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["BETA", "Warmed", "at_temperature"]
+
+BETA = Quantity(
+    "beta", "beta", "fall with temperature",
+    "relative fall of the viscous resistances with each kelvin, R(T) = R exp(-beta (T - T_ref))",
+    "1/K", (-0.5, 0.5), is_logarithmic=False, size=0.01, scope=DAMPER, power=-2, shown_unit="%/K",
+    believable=(0.0, 0.08), belief="the viscosity of damper oils falls by 1 to 4 % a kelvin",
+)  # fmt: skip
+# What is asked of the damper itself, whatever the temperature.
+_ITS_OWN = frozenset(
+    {
+        "name", "title", "conditions", "kinks", "told_together", "ranges", "signals", "flaws",
+        "gas", "parts", "chamber_lengths", "travel", "bulk_moduli",
+    }
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Warmed(Model):
+    """A damper of any model with what temperature does to it.
+
+    Attributes
+    ----------
+    damper : Model
+        As it is at the reference temperature.
+    reference : float
+        T_ref, degrees Celsius; NaN: the mean of the logs, which are not read yet.
+    temperature : float or None
+        Where a motion does not tell its own; None: T_ref.
+
+    Raises
+    ------
+    ConfigurationError
+        Nothing of the model is viscous.
+    """
+
+    damper: Model
+    reference: float = math.nan
+    temperature: float | None = None
+
+    # One beta for all logs takes one fit of all.
+    procedures: ClassVar[tuple[str, ...]] = ("joint", "plain")
+
+    def __post_init__(self) -> None:
+        """Refuse a model that temperature does nothing to."""
+        if not self.viscous:
+            raise ConfigurationError(
+                f"reference_temperature: nothing of the model {self.damper.name!r} is a viscous "
+                "resistance that could follow a temperature; leave it out, or take another model"
+            )
+
+    def __getattribute__(self, name: str) -> Any:
+        """Return what the damper itself says, where temperature changes nothing."""
+        if name in _ITS_OWN:
+            return getattr(object.__getattribute__(self, "damper"), name)
+        return object.__getattribute__(self, name)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what only its own model has: geometry, oil, valves."""
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(object.__getattribute__(self, "damper"), name)
+
+    @property
+    def viscous(self) -> tuple[str, ...]:
+        """Names of what follows the temperature."""
+        return tuple(one.name for one in self.damper.quantities if one.role == VISCOUS)
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The damper's own, at T_ref, and beta."""
+        return (*self.damper.quantities, BETA)
+
+    @property
+    def plain(self) -> Model:
+        """The damper at T_ref."""
+        return self.damper
+
+    @property
+    def sentence(self) -> str:
+        """The damper's main figures, and at which temperature its resistances hold."""
+        where = "the mean of the logs" if math.isnan(self.reference) else f"{self.reference:g} degC"
+        return f"{self.damper.sentence}; {' and '.join(self.viscous)} are those at {where}"
+
+    @property
+    def told(self) -> float:
+        """Where a motion does not tell its temperature, degrees Celsius."""
+        return self.reference if self.temperature is None else self.temperature
+
+    def at_reference(self, values: Values, temperature: float | None) -> Values:
+        """Return values of the damper itself, as they are at a temperature; None: where told."""
+        numbers = dict(zip(values.names, values.numbers, strict=True))
+        beta = numbers.pop(BETA.name)
+        factor = math.exp(-beta * self._above(temperature))
+        numbers |= {name: factor * numbers[name] for name in self.viscous}
+        return self.damper.values_type(**numbers)
+
+    def _above(self, temperature: float | None) -> float:
+        """Return how far a temperature is above T_ref, K."""
+        told = self.temperature if temperature is None else temperature
+        return 0.0 if told is None or math.isnan(self.reference) else told - self.reference
+
+    def simulate(
+        self,
+        values: Values,
+        motion: Motion,
+        *,
+        sensitivities: Sequence[str],
+        options: SolverOptions,
+    ) -> Response:
+        """Return the damper's own response at the temperature of the motion."""
+        own = self.at_reference(values, motion.temperature)
+        above = self._above(motion.temperature)
+        wanted = [name for name in sensitivities if name != BETA.name]
+        if BETA.name in sensitivities:
+            wanted += [name for name in self.viscous if name not in wanted]
+        seen = self.damper.simulate(own, motion, sensitivities=tuple(wanted), options=options)
+        slopes = dict(seen.sensitivities)
+        if BETA.name in sensitivities:
+            by_resistance = [getattr(own, name) * slopes[name] for name in self.viscous]
+            slopes[BETA.name] = -above * np.sum(by_resistance, axis=0)
+        factor = math.exp(-values.beta * above)
+        slopes |= {name: factor * slopes[name] for name in self.viscous if name in slopes}
+        return replace(seen, sensitivities={name: slopes[name] for name in sensitivities})
+
+    def start(self, traces: Sequence[Trace], fixed: Mapping[str, float]) -> tuple[Values, ...]:
+        """Return where the damper itself would start; the temperature does nothing there."""
+        own = {name: value for name, value in fixed.items() if name != BETA.name}
+        beta = fixed.get(BETA.name, 0.0)
+        return tuple(self._with(one, beta) for one in self.damper.start(traces, own))
+
+    def _with(self, values: Values, beta: float) -> Values:
+        return self.values(dict(zip(values.names, values.numbers, strict=True)), beta=beta)
+
+    def detours(
+        self, start: Values, traces: Sequence[Trace], free: Sequence[str]
+    ) -> tuple[Detour, ...]:
+        """Return those of the damper itself."""
+        own = self.at_reference(start, None)
+        found = self.damper.detours(own, traces, [name for name in free if name != BETA.name])
+        return tuple(replace(one, start=self._with(one.start, start.beta)) for one in found)
+
+    def examine(
+        self, values: Values, seen: Sequence[tuple[Trace, Response]], *, solver: SolverOptions
+    ) -> Cavitation:
+        """Return that of the damper itself, at the mean temperature of the logs."""
+        own = self.at_reference(values, _mean([trace for trace, _ in seen]))
+        return self.damper.examine(own, seen, solver=solver)
+
+    def valve_characteristics(
+        self, values: Values, traces: Sequence[Trace]
+    ) -> tuple[ValveCharacteristic, ...]:
+        """Return those of the damper itself, at the mean temperature of the logs."""
+        return self.damper.valve_characteristics(self.at_reference(values, _mean(traces)), traces)
+
+    def filled_to(self, gas_pressure: float | None) -> Warmed:
+        """Return the same damper filled to another pressure, Pa; None: as it is declared."""
+        return replace(self, damper=self.damper.filled_to(gas_pressure))
+
+    def rest_force(self, displacement: ArrayLike) -> FloatArray | None:
+        """Return that of the damper itself: at rest nothing flows."""
+        return self.damper.rest_force(displacement)
+
+
+def at_temperature(damper: Model, temperature: float) -> Model:
+    """Return a damper as it is at a temperature, degrees Celsius.
+
+    Raises
+    ------
+    ConfigurationError
+        Its parameters were found without a temperature.
+    """
+    if not isinstance(damper, Warmed):
+        raise ConfigurationError(
+            "--temperature: these parameters do not follow a temperature; fit logs of several "
+            "temperatures with damperfit identify --covariate temperature"
+        )
+    return replace(damper, temperature=temperature)
+
+
+def _mean(traces: Sequence[Trace]) -> float | None:
+    known = [trace.temperature for trace in traces if trace.temperature is not None]
+    return float(np.mean(known)) if known else None

@@ -1,0 +1,71 @@
+"""Logs of several temperatures: whether they tell what it does, and what it is told for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from damperfit.damper.warmed import Warmed
+from damperfit.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.recording import Trace
+
+__all__ = ["LEAST_WARMTH", "are_unlike", "with_reference"]
+
+# K between the coldest and the warmest log. At 1 to 4 % a kelvin the viscosity then changes by 3 to
+# 12 %, where settings repeat within a few per cent.
+LEAST_WARMTH = 3.0
+# K between two logs beyond which their forces need not be the same, where temperature is looked at.
+_ALIKE = 0.5
+
+
+def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Configuration:
+    """Return the configuration with the temperature that the damper's resistances are told for.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        Of a damper that follows the temperature, or of any other, which stays as it is.
+    traces : sequence of Trace
+        What is fitted.
+
+    Raises
+    ------
+    ConfigurationError
+        A log has no temperature, or all have nearly the same.
+    """
+    damper = configuration.damper
+    if not isinstance(damper, Warmed) or not traces:
+        return configuration
+    lacking = [trace.name for trace in traces if trace.temperature is None]
+    if lacking:
+        more = f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""
+        raise ConfigurationError(
+            f"--covariate temperature: {lacking[0]}{more} has no temperature; expected a channel, "
+            "a line '# temperature: 31', a column of tests.csv or tested_at in a profile"
+        )
+    known = [trace.temperature for trace in traces if trace.temperature is not None]
+    reach = max(known) - min(known)
+    if reach < LEAST_WARMTH:
+        raise ConfigurationError(
+            f"--covariate temperature: the logs are of {min(known):.1f} to {max(known):.1f} degC; "
+            f"what temperature does is not determined by less than {LEAST_WARMTH:g} K: test colder "
+            "or warmer too, or leave the option out"
+        )
+    reference = damper.reference
+    if math.isnan(reference):
+        reference = round(sum(known) / len(known), 1)
+    document = dict(configuration.document)
+    document["damper"] = {**document["damper"], "reference_temperature": reference}
+    return replace(configuration, damper=replace(damper, reference=reference), document=document)
+
+
+def are_unlike(first: Trace, second: Trace) -> bool:
+    """Whether two logs differ in temperature by so much that their forces may."""
+    known = first.temperature, second.temperature
+    return None not in known and abs(known[0] - known[1]) > _ALIKE  # type: ignore[operator]

@@ -1,0 +1,316 @@
+"""Logs of several temperatures: what temperature does is found, or it is said why not."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from damperfit.cli.option_values import configured, covaried
+from damperfit.conditioning import ConditionOptions, condition
+from damperfit.conditioning.repeatability import _trend_of_peaks
+from damperfit.configuration.loading import load_configuration
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.warmed import Warmed
+from damperfit.errors import ConfigurationError
+from damperfit.handover import hand_over
+from damperfit.identification import FitOptions, Outcome, Status, identify
+from damperfit.identification.first_beta import with_first_beta
+from damperfit.identification.procedure_input import ProcedureInput
+from damperfit.queries.adjuster_results import read_adjuster
+from damperfit.recording import Recording
+from damperfit.run.pipeline import run
+from damperfit.run.same_setting import without_contradictions
+from damperfit.run.warmth import are_unlike, with_reference
+from damperfit.simulation import Motion, SolverOptions, simulate
+from damperfit.tested.setting import Setting
+from damperfit.uncertainty import assess
+from tests.run.test_same_setting import batch
+
+BETA, COLD, WARM = 0.012, 26.0, 60.0
+TRUTH = Warmed(PURDY_DAMPER, COLD)
+ROUGH = SolverOptions(tolerance=1e-2)
+JOINT = FitOptions("joint", share=("r_m3", "f_f", "beta"))
+RATE = 500.0
+
+
+def recording(setting: int, temperature: float) -> Recording:
+    """Six cycles of the standard test with 4 N of noise."""
+    own = asdict(reference_parameters(setting))
+    t = np.arange(-400, round(6.2 / 1.5 * RATE)) / RATE
+    angle = 2.0 * np.pi * 1.5 * t + 0.4
+    x, v = 0.032 * np.sin(angle), 0.032 * 2.0 * np.pi * 1.5 * np.cos(angle)
+    motion = Motion(1.0 / RATE, x, v, temperature=temperature)
+    force = simulate(TRUTH.values({**own, "beta": BETA}), TRUTH, motion, options=ROUGH).force
+    force = force + np.random.default_rng([7, setting, round(temperature)]).normal(0.0, 4.0, len(t))
+    part = t >= 0.0
+    return Recording(
+        name=f"setting_{setting:02d}_{temperature:g}C.csv",
+        path="",
+        sha256="",
+        setting=Setting.of(setting),
+        time=t[part],
+        displacement=x[part],
+        force=force[part],
+        temperature=np.full(int(part.sum()), temperature),
+    )
+
+
+@cache
+def log(setting: int, temperature: float):
+    return condition(recording(setting, temperature), ConditionOptions())
+
+
+def known_at(setting: int, temperature: float):
+    """The true values at a temperature."""
+    own = asdict(reference_parameters(setting))
+    return TRUTH.at_reference(TRUTH.values({**own, "beta": BETA}), temperature)
+
+
+def logs(*temperatures: float, settings=(1, 10)):
+    return [log(setting, one) for setting in settings for one in temperatures]
+
+
+@pytest.fixture(scope="module")
+def warmed():
+    model = Warmed(PURDY_DAMPER, 43.0)
+    campaign = identify(logs(COLD, WARM), model, JOINT)
+    return model, campaign, assess(campaign, model)
+
+
+def test_what_temperature_does_is_found_within_its_interval(warmed) -> None:
+    _, campaign, judged = warmed
+    assert campaign.sharing.jointly == ("r_m3", "f_f", "beta")
+    for fit, known in zip(campaign.fits, judged.uncertainties, strict=True):
+        assert fit.outcome is Outcome.CONVERGED
+        assert fit.status["beta"] is Status.SHARED
+        interval = known.intervals["beta"]
+        assert interval.low < BETA < interval.high
+        assert interval.error < 0.02 * BETA
+        true = known_at(int(fit.setting.cell), 43.0)
+        for name in ("r_m1", "r_m2", "r_m3", "k_e"):
+            found = known.intervals[name]
+            assert abs(getattr(fit.parameters, name) - getattr(true, name)) < 4.0 * found.error
+
+
+def test_at_the_reference_it_agrees_with_a_log_of_that_temperature(warmed) -> None:
+    _, campaign, judged = warmed
+    alone = identify(logs(43.0), PURDY_DAMPER, FitOptions("joint", share=("r_m3", "f_f")))
+    for fit, other, known in zip(campaign.fits, alone.fits, judged.uncertainties, strict=True):
+        for name in ("r_m1", "r_m2", "r_m3"):
+            error = known.intervals[name].error
+            off = abs(getattr(fit.parameters, name) - getattr(other.parameters, name))
+            assert off < 6.0 * error, name  # errors of both, and of what they share
+
+
+def test_without_it_the_misfit_is_larger_and_so_is_the_scatter(warmed) -> None:
+    _, campaign, _ = warmed
+    blind = identify(logs(COLD, WARM), PURDY_DAMPER, FitOptions("joint", share=("r_m3", "f_f")))
+    for fit, other in zip(campaign.fits, blind.fits, strict=True):
+        assert other.mse_percent > 100.0 * fit.mse_percent
+    cold, warm = (
+        identify(logs(one), PURDY_DAMPER, FitOptions("joint", share=("r_m3", "f_f"))).fits
+        for one in (COLD, WARM)
+    )
+    for a, b in zip(cold, warm, strict=True):
+        assert b.parameters.r_m2 / a.parameters.r_m2 == pytest.approx(
+            np.exp(-BETA * 34.0), rel=0.02
+        )
+
+
+def test_settings_of_one_temperature_each_tell_it_by_what_they_share() -> None:
+    # R_m3 is shared: setting 1 cold and setting 10 warm are told apart by it.
+    model = Warmed(PURDY_DAMPER, 43.0)
+    campaign = identify([log(1, COLD), log(10, WARM)], model, JOINT)
+    (known, _) = assess(campaign, model).uncertainties
+    interval = known.intervals["beta"]
+    assert interval.low < BETA < interval.high
+    assert interval.error < 0.1 * BETA
+
+
+def test_one_setting_alone_tells_it() -> None:
+    model = Warmed(PURDY_DAMPER, COLD)
+    campaign = identify(logs(COLD, WARM, settings=(5,)), model, JOINT)
+    (fit,) = campaign.fits
+    assert fit.parameters.beta == pytest.approx(BETA, rel=0.02)
+    assert fit.status["beta"] is Status.FITTED
+
+
+@pytest.mark.parametrize(("reach", "asked"), [(2.9, False), (3.1, True)])
+def test_a_setting_is_asked_first_from_three_kelvin_on(reach: float, *, asked: bool) -> None:
+    seen = []
+
+    def fit(one):
+        seen.append(sorted(one.settings))
+        values = SimpleNamespace(beta=0.02)
+        done = SimpleNamespace(parameters=values, outcome=Outcome.CONVERGED)
+        return SimpleNamespace(fits=(done,))
+
+    start = FitOptions("plain", free=("r_m1", "beta"))
+    known = {setting: (20.0, 20.0 + reach * (setting < 5)) for setting in range(1, 6)}
+    traces = {
+        Setting.of(setting): tuple(SimpleNamespace(temperature=one) for one in ends)
+        for setting, ends in known.items()
+    }
+    given = ProcedureInput(traces, TRUTH, start, 1, lambda _: None, lambda: False)
+    found = with_first_beta(given, start, fit)
+    assert found.free == ("r_m1",)
+    assert dict(found.fixed) == {"beta": 0.02 if asked else 0.0}
+    assert seen == ([[Setting.of(k) for k in (1, 2, 3)]] if asked else [])  # three are enough
+
+
+def asked_for(*texts: str):
+    return load_configuration(overlay={"damper": {"reference_temperature": texts[0]}})
+
+
+def test_the_reference_is_the_mean_of_the_logs_unless_it_is_said() -> None:
+    traces = logs(COLD, WARM, settings=(1,))
+    mean = with_reference(asked_for("mean"), traces)
+    assert mean.damper.reference == 43.0
+    assert mean.document["damper"]["reference_temperature"] == 43.0
+    said = with_reference(asked_for("300K"), traces)
+    assert said.damper.reference == pytest.approx(26.85)
+    plain = load_configuration()
+    assert with_reference(plain, traces) is plain
+    assert mean.identification.procedure == "joint"
+    assert mean.identification.share == ("r_m3", "f_f", "beta")
+
+
+@pytest.mark.parametrize(("reach", "is_refused"), [(2.9, True), (3.1, False)])
+def test_less_than_three_kelvin_determine_nothing(reach: float, *, is_refused: bool) -> None:
+    one = log(1, COLD)
+    traces = [one, replace(one, temperature=COLD + reach)]
+    if not is_refused:
+        assert with_reference(asked_for("mean"), traces).damper.reference == pytest.approx(27.6)
+        return
+    with pytest.raises(ConfigurationError, match=r"of 26.0 to 28.9 degC; .* by less than 3 K"):
+        with_reference(asked_for("mean"), traces)
+
+
+def test_a_log_without_a_temperature_is_named() -> None:
+    traces = [log(1, COLD), *(replace(log(s, WARM), temperature=None) for s in (1, 10))]
+    says = r"setting_01_60C.csv and 1 more has no temperature; expected a channel, a line '# temp"
+    with pytest.raises(ConfigurationError, match=says):
+        with_reference(asked_for("mean"), traces)
+
+
+@pytest.mark.parametrize(
+    ("damper", "fit", "says"),
+    [
+        ({"reference_temperature": "warm"}, {}, "expected 'none', 'mean' or a temperature, as in"),
+        ({"reference_temperature": 200.5}, {}, "expected -60 to 200 degC"),
+        ({"reference_temperature": -60.5}, {}, "expected -60 to 200 degC"),
+        (
+            {"reference_temperature": "mean"},
+            {"procedure": "paper"},
+            "procedure paper cannot fit the model 'purdy'; expected one of joint, plain",
+        ),
+        ({"model": "bouc_wen", "reference_temperature": "mean"}, {}, "nothing of the model"),
+    ],
+)
+def test_what_cannot_be_is_refused(damper, fit, says) -> None:
+    with pytest.raises(ConfigurationError, match=says):
+        load_configuration(overlay={"damper": damper, "identification": fit})
+    edges = [
+        load_configuration(overlay={"damper": {"reference_temperature": t}}) for t in (-60, 200)
+    ]
+    assert [one.damper.reference for one in edges] == [-60.0, 200.0]
+
+
+def test_the_option_is_one_word() -> None:
+    assert covaried(None, model=None) is None
+    assert covaried("temperature", model="twin_tube") == "mean"
+    with pytest.raises(ConfigurationError, match="--covariate speed: expected temperature"):
+        covaried("speed", model=None)
+    with pytest.raises(ConfigurationError, match="choose the law first"):
+        covaried("temperature", model="auto")
+
+
+@pytest.mark.parametrize(("apart", "unlike"), [(0.4, False), (0.6, True)])
+def test_logs_half_a_kelvin_apart_need_not_be_alike(apart: float, *, unlike: bool) -> None:
+    one, other = log(1, COLD), log(1, WARM)
+    near = replace(other, temperature=COLD + apart)
+    assert are_unlike(one, near) is unlike
+    assert not are_unlike(one, replace(other, temperature=None))
+    left = without_contradictions(batch(one, near), is_averaging=False, is_warmed=True)
+    assert len(left.traces) == (2 if unlike else 0)
+
+
+def test_who_meets_warm_and_cold_logs_is_told_of_the_option() -> None:
+    left = without_contradictions(batch(log(1, COLD), log(1, WARM)), is_averaging=False)
+    (failure,) = left.failures
+    assert "at 26 and 60 degC (--covariate temperature fits both)" in failure.message
+    up, down = SimpleNamespace(trend=(700.0, 600.0)), SimpleNamespace(trend=None)
+    warming = _trend_of_peaks(up, down, (COLD, WARM))
+    assert "all of them at once with --covariate temperature" in warming.sentence
+    assert "--covariate" not in _trend_of_peaks(up, down, (COLD, COLD)).sentence
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("warm")
+    for setting in (1, 10):
+        for temperature in (COLD, WARM):
+            one = recording(setting, temperature)
+            rows = zip(one.time, 1e3 * one.displacement, one.force, strict=True)
+            lines = [
+                "# damperfit rig log",
+                f"# setting: {setting}",
+                f"# temperature: {temperature}",
+            ]
+            lines.append("time_s,displacement_mm,force_N")
+            lines += [f"{t:.4f},{x:.5f},{f:.3f}" for t, x, f in rows]
+            (folder / one.name).write_text("\n".join([*lines, ""]), encoding="utf-8")
+    out = folder / "results"
+    configuration = configured(
+        None,
+        ("--covariate", "damper.reference_temperature", covaried("temperature", model=None)),
+        ("--out", "output.folder", str(out)),
+    )
+    assert run(configuration, [str(folder / "*.csv")], jobs=1).campaign.fits
+    return out
+
+
+def test_a_run_tells_beta_and_the_temperature_of_its_resistances(results) -> None:
+    record = json.loads((results / "run.json").read_text(encoding="utf-8"))
+    assert record["configuration"]["damper"]["reference_temperature"] == 43.0
+    assert [one["name"] for one in record["quantities"]][-1] == "beta"
+    assert "r_m2 and r_m3 are those at 43 degC" in record["procedure"][0]
+    report = (results / "report.md").read_text(encoding="utf-8")
+    assert "beta" in report
+    assert "those at 43 degC" in report
+
+
+def test_results_are_asked_for_at_another_temperature(results) -> None:
+    there = read_adjuster(results, temperature="60degC")
+    assert there.source.endswith(", at 60 degC")
+    assert read_adjuster(results).source.endswith(", at 43 degC")
+    (stage, _) = there.stages
+    motion = Motion(1e-3, *wave())
+    found = simulate(stage.parameters, there.damper, motion).force
+    true = simulate(known_at(1, WARM), PURDY_DAMPER, motion).force
+    assert float(np.max(np.abs(found - true))) < 0.01 * float(np.ptp(true))
+    with pytest.raises(ConfigurationError, match="--temperature hot: "):
+        read_adjuster(results, temperature="hot")
+
+
+def wave():
+    angle = 2.0 * np.pi * 1.5 * np.arange(1000) * 1e-3
+    return 0.032 * np.sin(angle), 0.032 * 2.0 * np.pi * 1.5 * np.cos(angle)
+
+
+@pytest.mark.parametrize(("asked", "there"), [(None, 43.0), ("26degC", 26.0)])
+def test_other_programs_get_it_at_one_temperature(results, asked, there: float) -> None:
+    handed = hand_over(results, temperature=asked)
+    assert handed.damper == PURDY_DAMPER
+    for one in handed.settings:
+        true = known_at(int(one.setting.cell), there)
+        assert one.values.names == true.names
+        for name in ("r_m2", "r_m3"):
+            assert getattr(one.values, name) == pytest.approx(getattr(true, name), rel=0.01)
+    assert f"resistances as they are at {there:g} degC (fitted at 43 degC)" in handed.remarks
