@@ -44,7 +44,7 @@ BETA = Quantity(
 # What is asked of the damper itself, whatever the temperature.
 _ITS_OWN = frozenset(
     {
-        "name", "title", "conditions", "kinks", "told_together", "ranges", "signals", "flaws",
+        "name", "title", "conditions", "kinks", "determined_together", "ranges", "signals", "flaws",
         "gas", "parts", "chamber_lengths", "travel", "bulk_moduli",
     }
 )  # fmt: skip
@@ -118,7 +118,7 @@ class Warmed(Model):
         return f"{self.damper.sentence}; {' and '.join(self.viscous)} are those at {where}"
 
     @property
-    def told(self) -> float:
+    def oil_temperature(self) -> float:
         """Where a motion does not tell its temperature, degrees Celsius."""
         return self.reference if self.temperature is None else self.temperature
 

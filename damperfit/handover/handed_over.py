@@ -121,7 +121,7 @@ def _at_one_temperature(
     """A damper that follows the temperature, as it is at one: other programs know of none."""
     if not isinstance(damper, Warmed):
         return damper, settings
-    told = damper.told
+    told = damper.oil_temperature
     remarks.append(
         f"resistances as they are at {told:g} degC (fitted at {damper.reference:g} degC)"
     )

@@ -136,7 +136,7 @@ def adjuster_in(
         remarks.append("the motion of the test is not known: the nominal one is used")
     sine, source = _motion(own, amplitude, frequency)
     if isinstance(configuration.damper, Warmed):
-        source += f", at {configuration.damper.told:g} degC"
+        source += f", at {configuration.damper.oil_temperature:g} degC"
     refuse_amplitude(sine.amplitude, configuration.damper.travel)
     return AdjusterResults(
         stages,

@@ -214,7 +214,7 @@ def damper_keys(model: str) -> dict[str, str]:
     return {
         key: _with_unit(value, ranges[key][2] if key in ranges else "")
         for key, value in document.items()
-        if key != "model" and not isinstance(value, dict)
+        if key not in {"model", "reference_temperature"} and not isinstance(value, dict)
     }
 
 
