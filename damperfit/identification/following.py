@@ -49,7 +49,7 @@ __all__ = ["ENOUGH_PERCENT", "Detected", "Way", "declared_way", "detected_way"]
 ENOUGH_PERCENT = 0.02
 _MAX_ROUNDS = 6
 # What no log tells stays within a factor of e^2 of where the settings apart have it.
-_UNTOLD = 0.5
+_NOT_DETERMINED = 0.5
 # A setting that a joint fit meets this much better was in a wrong valley when fitted apart.
 _CLEARLY_BETTER = 0.8
 _NO_GAIN = 1e-9  # rounding
@@ -247,7 +247,7 @@ class _Search:
             rows = self.rows[setting]
             triangle = reduced(rows * residuals, rows[:, None] * jacobian)
             rows, right = triangle[:, :-1], triangle[:, -1]
-            self._curvatures.append(rows.T @ rows + _UNTOLD**2 * np.eye(len(self.names)))
+            self._curvatures.append(rows.T @ rows + _NOT_DETERMINED**2 * np.eye(len(self.names)))
             self._slopes.append(rows.T @ right)
             self._costs.append(float(right @ right))
             numbers = np.array([getattr(at[setting], name) for name in self.names])
