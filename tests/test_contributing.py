@@ -116,3 +116,11 @@ def test_a_decision_has_ten_lines_at_most() -> None:
     each = re.split(r"\n\n(?=\*\*)", decisions.strip())
     assert len(each) > 40
     assert [one[:60] for one in each if len(one.replace("\n\n", "\n").splitlines()) > 10] == []
+
+
+def test_no_module_has_more_than_four_hundred_lines() -> None:
+    lines = {
+        path.relative_to(ROOT).as_posix(): len(path.read_text(encoding="utf-8").splitlines())
+        for path in (ROOT / "damperfit").rglob("*.py")
+    }
+    assert {name: n for name, n in lines.items() if n > 400} == {}

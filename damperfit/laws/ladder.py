@@ -9,10 +9,8 @@
        lag too, if a wrong valley had them taken out
     5  what is left is tried in the other layouts too: those that do as well cannot be told apart
 
-Rungs are compared on settled cycles; the law that is taken ends on the whole logs.
-
-A layout is found by how well it fits and predicts at once; nothing but the declaration of the
-damper's maker proves one.
+Rungs are compared on settled cycles; the law that is taken ends on the whole logs. How well it fits
+and predicts finds a layout; only the maker's declaration proves one.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Log files to traces: patterns expanded, every log read and conditioned, failures kept apart.
-
-A log that cannot be read or evaluated becomes a `Failure`; the others are not touched by it.
-"""
+"""Log files to traces, each read and conditioned; what cannot be becomes a `Failure` by itself."""
 
 from __future__ import annotations
 

@@ -95,10 +95,9 @@ def first_pass(
         except SettingError as error:
             begun = begun.without(error.failure)
     shared = {name: fallback(given, name) for name in wanted}
+    used = ", ".join(f"{n} {v:.4g} (identification.fallback_{n})" for n, v in shared.items())
     return FirstPass({}, shared, status=dict.fromkeys(wanted, Status.FIXED), broken=begun.broken), (
-        "with all parameters free no setting can be fitted: these are used: "
-        + ", ".join(f"{n} {value:.4g} (identification.fallback_{n})" for n, value in shared.items())
-        + ".",
+        f"with all parameters free no setting can be fitted: these are used: {used}.",
     )
 
 
