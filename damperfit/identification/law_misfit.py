@@ -209,7 +209,13 @@ def vanishes_below(one: Quantity) -> bool:
     return one.is_friction or one.name.endswith(_VANISHING)
 
 
-def followed(misfit: LawMisfit, starts: Sequence[Values], *, known: int = 0) -> Minimum[Values]:
+def followed(
+    misfit: LawMisfit,
+    starts: Sequence[Values],
+    *,
+    known: int = 0,
+    hopeless: float = math.inf,
+) -> Minimum[Values]:
     """Return where the best of some starts leads.
 
     Those that fit best are followed for a few evaluations, the better of them to its end.
@@ -222,6 +228,8 @@ def followed(misfit: LawMisfit, starts: Sequence[Values], *, known: int = 0) -> 
         Where to start from.
     known : int
         So many of the first starts are followed however badly they fit.
+    hopeless : float
+        Where the few evaluations leave more than this, nothing is followed to its end.
 
     Raises
     ------
@@ -243,6 +251,8 @@ def followed(misfit: LawMisfit, starts: Sequence[Values], *, known: int = 0) -> 
             break
     if best is None:
         raise SimulationError(f"{misfit.model.name} cannot be simulated from any of its starts.")
+    if best.point.cost > hopeless:
+        return replace(best, evaluations=spent)
     ended = misfit.descend(best.point.extra, COMPARING)
     return replace(ended, evaluations=spent + ended.evaluations)
 

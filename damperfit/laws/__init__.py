@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
-    from damperfit.laws.ladder import Ladder, Rung, climb
+    from damperfit.laws.ladder import climb
     from damperfit.laws.law_fit import UNDETERMINED, LawFit, SettingLogs, fit_law
     from damperfit.laws.open_questions import undecided
     from damperfit.laws.physics import opening_force, physics_seen
     from damperfit.laws.rivalry import rank_rivals
+    from damperfit.laws.rungs import Ladder, Rung
     from damperfit.laws.variants import in_words
 
 __all__ = [
@@ -38,9 +39,9 @@ __all__ = [
 
 _LATE = {
     "ENOUGH_PERCENT": "choosing",
-    "Ladder": "ladder",
+    "Ladder": "rungs",
     "LawFit": "law_fit",
-    "Rung": "ladder",
+    "Rung": "rungs",
     "SettingLogs": "law_fit",
     "Tried": "choosing",
     "UNDETERMINED": "law_fit",

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
 from damperfit.damper.quantity import STIFFNESS
@@ -33,6 +32,7 @@ from damperfit.laws.choosing import (
     times_worse,
 )
 from damperfit.laws.law_fit import fit_law, glimpsed
+from damperfit.laws.rungs import Ladder, Rung
 from damperfit.laws.variants import (
     BOTH,
     KINDS,
@@ -56,63 +56,18 @@ if TYPE_CHECKING:
     from damperfit.damper.valve_dampers import ValveDamper
     from damperfit.laws.law_fit import LawFit, SettingLogs
 
-__all__ = ["Ladder", "Rung", "climb"]
+__all__ = ["climb"]
 
 # What is offered to what is left over, one after the other: quantities, and kinds of valves' parts.
 _DECLARED = ("gas_volume",)
 _FURTHER = ("return_slope", "drag", *KINDS, *PARTS, "free_gas")
 # A larger law that fits worse by more than this has ended in a wrong valley.
 _WORSE = 1.02
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Rung:
-    """One law that was tried.
-
-    Attributes
-    ----------
-    tried : Tried
-        The law with its fits.
-    is_taken : bool
-        Whether it was the law to go on from when it had been judged.
-    reason : str
-        Why, or why not, in one sentence.
-    bic : float
-        Against the law it was compared with, positive where it is for the larger; NaN for none.
-    change : str
-        What it has more or less than the law it was compared with, in words.
-    gain : float
-        MSE of the smaller of the two over that of the larger; NaN where it was compared with none.
-    """
-
-    tried: Tried
-    is_taken: bool
-    reason: str
-    bic: float = math.nan
-    change: str = ""
-    gain: float = math.nan
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Ladder:
-    """All laws tried, in their order, and the one to take.
-
-    Attributes
-    ----------
-    rungs : tuple of Rung
-        As they were tried.
-    chosen : Tried
-        The law that the logs tell.
-    n_eff : float
-        Effective samples of all settings compared.
-    alike : tuple of str
-        Layouts that fit and predict hardly worse than the one that was taken.
-    """
-
-    rungs: tuple[Rung, ...]
-    chosen: Tried
-    n_eff: float
-    alike: tuple[str, ...] = ()
+# A law without a part that leaves so many times as much after a few steps lacks what is needed.
+_HOPELESS = 20.0
+# The same parts in another layout that fitted and predicted so many times worse are not fitted
+# again from the law that was taken.
+_FAR_WORSE = 8.0
 
 
 def climb(
@@ -184,9 +139,12 @@ class _Course:
         freed: tuple[str, ...] = (),
         near: Tried | None = None,
         is_whole: bool = False,
+        hopeless_percent: float = math.inf,
     ) -> Tried | None:
         """Fit a law to every setting; None where it cannot be simulated."""
-        return self.all_fitted([model], freed=freed, near=near, is_whole=is_whole)[0]
+        return self.all_fitted(
+            [model], freed=freed, near=near, is_whole=is_whole, hopeless_percent=hopeless_percent
+        )[0]
 
     def all_fitted(
         self,
@@ -195,6 +153,7 @@ class _Course:
         freed: tuple[str, ...] = (),
         near: Tried | None = None,
         is_whole: bool = False,
+        hopeless_percent: float = math.inf,
     ) -> list[Tried | None]:
         """Fit laws to every setting, several fits at a time."""
 
@@ -209,6 +168,7 @@ class _Course:
                     near=start,
                     solver=self.solver,
                     is_whole=is_whole,
+                    hopeless_percent=hopeless_percent,
                 )
             except SimulationError:
                 return None
@@ -265,7 +225,10 @@ class _Course:
     ) -> Tried:
         """The law without a part, where it does not need it."""
         model = smaller(_valve_damper(law))
-        one = None if model is None else self.fitted(model, freed=_freed(law), near=law)
+        if model is None:
+            return law
+        hopeless = _HOPELESS * max(law.mse_percent, ENOUGH_PERCENT)
+        one = self.fitted(model, freed=_freed(law), near=law, hopeless_percent=hopeless)
         if one is None:
             return law
         law = self.no_worse(law, one)
@@ -335,8 +298,10 @@ class _Course:
         """The law in the layout that fits and predicts it best; which others do as well is kept."""
         own = _valve_damper(law)
         models = [laid_out_as(own, one) for one in layouts if one.name != own.name]
-        fits = self.all_fitted(models, freed=_freed(law), near=law)
-        others = [one for one in fits if one is not None]
+        known = [self.known_worse(law, model) for model in models]
+        left = [model for model, one in zip(models, known, strict=True) if one is None]
+        fits = self.all_fitted(left, freed=_freed(law), near=law)
+        others = [one for one in (*known, *fits) if one is not None]
         first = min((law, *others), key=lambda one: one.score)
         best = law if are_alike(first, law) else first
         alike = [one for one in (law, *others) if one is not best and are_alike(best, one)]
@@ -345,6 +310,15 @@ class _Course:
             self.record(one, reason, is_taken=one is best, change="layout")
         self.alike = tuple(one.fits[0].model.name for one in alike)
         return best
+
+    def known_worse(self, law: Tried, model: ValveDamper) -> Tried | None:
+        """What the same law in another layout gave already, where it is far from the one taken."""
+        for rung in self.rungs:
+            one = rung.tried
+            is_same = one.fits[0].model == model and _freed(one) == _freed(law)
+            if is_same and times_worse(law, one) > _FAR_WORSE:
+                return one
+        return None
 
     def settled(self, simplest: Tried, law: Tried) -> Tried:
         """The paper's model where the other is not worth its quantities."""

@@ -120,7 +120,7 @@ class LawFit:
     undetermined: tuple[str, ...] = ()
 
 
-def fit_law(
+def fit_law(  # noqa: PLR0913 - what a climb may ask of it
     model: Model,
     evidence: SettingLogs,
     *,
@@ -128,6 +128,7 @@ def fit_law(
     near: Values | None = None,
     solver: SolverOptions = SolverOptions(),
     is_whole: bool = True,
+    hopeless_percent: float = math.inf,
 ) -> LawFit:
     """Fit a law to the logs of a setting and predict those that were held out.
 
@@ -146,6 +147,8 @@ def fit_law(
     is_whole : bool
         Whether the descent ends on the whole logs; else on their settled cycles, for comparing.
         What is said of the fit is of the whole logs in both cases.
+    hopeless_percent : float
+        MSE that a few evaluations must come below; a fit that does not is left where it is.
 
     Raises
     ------
@@ -154,7 +157,8 @@ def fit_law(
     """
     held, misfit = _misfit(model, evidence, freed, solver)
     free, coarse = misfit.free, misfit.on_cycles()
-    ended, spent = _descended(coarse, near, held, evidence.more_start)
+    hopeless = hopeless_percent / 100.0
+    ended, spent = _descended(coarse, near, held, evidence.more_start, hopeless)
     if is_whole:
         ended = misfit.descend(ended.point.extra, COMPARING)
         spent += ended.evaluations
@@ -267,6 +271,7 @@ def _descended(
     near: Values | None,
     held: Mapping[str, float],
     more_start: Mapping[str, float],
+    hopeless: float,
 ) -> tuple[Minimum[Values], int]:
     """Where the law's own starts, what was given and a law fitted before lead, and evaluations."""
     starts = misfit.model.start(misfit.traces, held)
@@ -278,7 +283,7 @@ def _descended(
         return ended, ended.evaluations
     shared, absent = _beside(misfit, near)
     inside = starts[0].replace(shared | absent)
-    ended = followed(misfit, (starts[0].replace(shared), *starts), known=1)
+    ended = followed(misfit, (starts[0].replace(shared), *starts), known=1, hopeless=hopeless)
     spent = ended.evaluations
     # A law that holds the other one fits no worse than that; if it does, it starts from there.
     try:

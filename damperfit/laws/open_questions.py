@@ -13,8 +13,8 @@ from damperfit.identification.sharing import listed_settings
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from damperfit.laws.ladder import Ladder
     from damperfit.laws.law_fit import LawFit, SettingLogs
+    from damperfit.laws.rungs import Ladder
     from damperfit.tested.setting import Setting
 
 __all__ = ["undecided"]

@@ -1,0 +1,62 @@
+"""What a climb has tried, law by law, and the one that it took."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from damperfit.laws.choosing import Tried
+
+__all__ = ["Ladder", "Rung"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rung:
+    """One law that was tried.
+
+    Attributes
+    ----------
+    tried : Tried
+        The law with its fits.
+    is_taken : bool
+        Whether it was the law to go on from when it had been judged.
+    reason : str
+        Why, or why not, in one sentence.
+    bic : float
+        Against the law it was compared with, positive where it is for the larger; NaN for none.
+    change : str
+        What it has more or less than the law it was compared with, in words.
+    gain : float
+        MSE of the smaller of the two over that of the larger; NaN where it was compared with none.
+    """
+
+    tried: Tried
+    is_taken: bool
+    reason: str
+    bic: float = math.nan
+    change: str = ""
+    gain: float = math.nan
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ladder:
+    """All laws tried, in their order, and the one to take.
+
+    Attributes
+    ----------
+    rungs : tuple of Rung
+        As they were tried.
+    chosen : Tried
+        The law that the logs tell.
+    n_eff : float
+        Effective samples of all settings compared.
+    alike : tuple of str
+        Layouts that fit and predict hardly worse than the one that was taken.
+    """
+
+    rungs: tuple[Rung, ...]
+    chosen: Tried
+    n_eff: float
+    alike: tuple[str, ...] = ()

@@ -1,0 +1,56 @@
+"""Fits that a climb is spared: a law that stays hopeless, a layout that was far worse before."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from damperfit.identification.law_misfit import followed
+from damperfit.identification.minimiser import Minimum
+from damperfit.laws.ladder import _Course
+from damperfit.simulation import SolverOptions
+
+
+class Descending:
+    """A misfit whose short descents leave 0.5, and whose long ones 0.1."""
+
+    scatter = 0.0
+    model = SimpleNamespace(name="made up")
+
+    def __init__(self) -> None:
+        self.n_long = 0
+
+    def descend(self, start, stopping):
+        is_short = stopping.max_evaluations < 60
+        self.n_long += not is_short
+        point = SimpleNamespace(cost=0.5 if is_short else 0.1, extra=start)
+        return _end(point)
+
+
+def _end(point):
+    names = [one for one in Minimum.__dataclass_fields__ if one not in {"point", "evaluations"}]
+    return Minimum(point=point, evaluations=5, **dict.fromkeys(names, 0))
+
+
+@pytest.mark.parametrize(("hopeless", "cost", "n_long"), [(0.49, 0.5, 0), (0.51, 0.1, 1)])
+def test_a_hopeless_descent_ends_after_its_short_ones(hopeless, cost, n_long) -> None:
+    misfit = Descending()
+    assert followed(misfit, ["start"], known=1, hopeless=hopeless).point.cost == cost
+    assert misfit.n_long == n_long
+
+
+def tried(layout: str, percent: float):
+    fit = SimpleNamespace(model=layout, free=())
+    return SimpleNamespace(fits=(fit,), score=math.log(percent))
+
+
+@pytest.mark.parametrize(("times", "is_known"), [(7.9, False), (8.1, True)])
+def test_a_layout_that_was_far_worse_is_not_fitted_again(times, is_known) -> None:
+    course = _Course([], SolverOptions(), lambda _: None, 1)
+    law, other = tried("through flow", 0.01), tried("twin tube", 0.01 * times)
+    course.record(law, "", is_taken=True)
+    course.record(other, "", is_taken=False)
+    assert (course.known_worse(law, "twin tube") is other) is is_known
+    assert course.known_worse(law, "monotube") is None
