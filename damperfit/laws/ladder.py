@@ -9,8 +9,7 @@
        lag too, if a wrong valley had them taken out
     5  what is left is tried in the other layouts too: those that do as well cannot be told apart
 
-Rungs are compared on settled cycles; the law that is taken ends on the whole logs. How well it fits
-and predicts finds a layout; only the maker's declaration proves one.
+Rungs are compared on settled cycles; the law that is taken ends on the whole logs.
 """
 
 from __future__ import annotations
