@@ -10,7 +10,7 @@ import pytest
 from damperfit.report.evaluated_log import _evaluate
 from damperfit.report.page.log_section import log_section
 from damperfit.report.plots.all_settings import campaign_plots
-from damperfit.report.plots.branches import mean_branches
+from damperfit.report.plots.branches import mean_branches, mean_strokes
 from damperfit.report.plots.one_log import setting_plots
 from damperfit.report.sheets.stretch_sheet import measured_stretch_sheet
 from damperfit.tables import LogSignals
@@ -204,6 +204,48 @@ def test_a_road_s_own_force_against_velocity_is_of_means() -> None:
     assert [line.label for line in plot.panels[0].lines] == [*["simulated"] * 2, *["measured"] * 2]
     assert max(len(line.x) for line in plot.panels[0].lines) <= 24
     assert plot.caption.startswith("Mean of the opening and of the closing branch; rebound")
+
+
+def test_a_road_s_force_against_displacement_is_of_means_and_ranges() -> None:
+    plot = setting_plots(road(), name="setting_03", colour="#000000")[1]
+    lines = plot.panels[0].lines
+    told = "measured, 5 and 95 %"
+    strokes = ["measured", told, told]
+    assert [line.label for line in lines] == [*["simulated"] * 2, *strokes, *strokes]
+    assert [line.label for line in lines if line.in_legend] == ["simulated", "measured", told]
+    assert max(len(line.x) for line in lines) <= 24
+    rebound, bump = lines[:2]
+    assert np.all(rebound.y > 0.0)
+    assert np.all(bump.y < 0.0)
+    for line in (rebound, bump):
+        assert np.all((line.low <= line.y) & (line.y <= line.high))
+    assert plot.caption.startswith("Mean over the samples of each stroke")
+
+
+def test_a_road_beside_steady_runs_does_not_cover_their_loops() -> None:
+    view = _evaluate(*log(moving=True))
+    for plot in setting_plots(view, name="setting_03", colour="#000000")[:2]:
+        assert len(plot.panels[0].lines) == 2 * 2
+        assert plot.caption.startswith("Last cycle of each steady stretch")
+
+
+def test_a_range_leaves_out_a_tenth_of_the_samples() -> None:
+    x = np.tile(np.linspace(0.0, 0.024, 25)[:-1] + 5e-4, 101)
+    force = np.repeat(np.arange(101.0), 24)
+    (rebound,) = mean_strokes(x, np.ones(len(x)), force)
+    assert rebound.word == "rebound"
+    np.testing.assert_allclose(rebound.mean, 50.0)
+    np.testing.assert_allclose(rebound.low, 5.0)
+    np.testing.assert_allclose(rebound.high, 95.0)
+
+
+@pytest.mark.parametrize(("n", "n_bins"), [(19, 0), (20, 1)])
+def test_a_range_takes_twenty_samples(n, n_bins) -> None:
+    x = np.concatenate([np.linspace(0.0, 1e-3, n), np.full(200, 0.1)])
+    stroke, *other = mean_strokes(x, np.full(len(x), -0.1), np.ones(len(x)))
+    assert stroke.word == "bump"
+    assert not other
+    assert int(np.sum(stroke.displacement < 0.01)) == n_bins
 
 
 @pytest.mark.parametrize(("n", "n_bins"), [(2, 0), (3, 1)])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.signals import PRESSURES
-from damperfit.report.plots.branches import is_moving, mean_branches
+from damperfit.report.plots.branches import is_moving, mean_branches, mean_strokes
 from damperfit.report.plots.colours import CHAMBER_COLOURS, CHAMBER_STYLES
 from damperfit.report.plots.description import Line, Panel, Plot, thin
 
@@ -60,9 +60,10 @@ def _title(view: EvaluatedLog, words: str) -> str:
 def _loops(view: EvaluatedLog, signal: FloatArray, colour: str) -> tuple[Line, ...]:
     """Return the last cycle: simulated in the setting's colour, measured thin on top of it.
 
-    Of a log with several stretches the last cycle of each.
+    Of a log with several stretches the last cycle of each that is steady: what does not repeat
+    beside them would cover their loops.
     """
-    cycles = [one.cycle for one in view.stretches] or [view.cycle]
+    cycles = [one.cycle for one in view.stretches if one.n_cycles] or [view.cycle]
     simulated: list[Line] = []
     measured: list[Line] = []
     for cycle in cycles:
@@ -104,8 +105,43 @@ def _mean_forces(view: EvaluatedLog, colour: str) -> tuple[Line, ...]:
     return tuple(lines)
 
 
+def _stroke_forces(view: EvaluatedLog, colour: str) -> tuple[Line, ...]:
+    """Return mean and range of the force by place where nothing repeats, simulated below measured.
+
+    The range is the simulated one; the ends of the measured one are dotted lines on top of it.
+    """
+    signals = view.signals
+    setting = signals.setting
+    where = 1e3 * signals.displacement, signals.velocity
+    simulated = [
+        Line(
+            *(one.displacement, one.mean, "simulated", colour),
+            setting=setting,
+            style="wide",
+            in_legend=one.word == "rebound",
+            low=one.low,
+            high=one.high,
+        )
+        for one in mean_strokes(*where, signals.force)
+    ]
+    measured = []
+    for one in mean_strokes(*where, signals.force_measured):
+        for y, word, style in (
+            (one.mean, "measured", "thin"),
+            (one.low, "measured, 5 and 95 %", "dotted"),
+            (one.high, "measured, 5 and 95 %", "dotted"),
+        ):
+            is_first = one.word == "rebound" and y is not one.high
+            line = Line(one.displacement, y, word, "ink", setting, style, in_legend=is_first)
+            measured.append(line)
+    return (*simulated, *measured)
+
+
 def _last_cycle(view: EvaluatedLog) -> str:
-    return "Last cycle of each stretch" if view.stretches else "Last cycle"
+    if not view.stretches:
+        return "Last cycle"
+    is_steady = all(one.n_cycles for one in view.stretches)
+    return "Last cycle of each stretch" if is_steady else "Last cycle of each steady stretch"
 
 
 def _peaks(view: EvaluatedLog, name: str, colour: str) -> tuple[Plot, ...]:
@@ -144,9 +180,16 @@ def _force_velocity(view: EvaluatedLog, name: str, colour: str) -> Plot:
 
 
 def _force_displacement(view: EvaluatedLog, name: str, colour: str) -> Plot:
-    lines = _loops(view, 1e3 * view.signals.displacement, colour)
+    if is_moving(view):
+        lines = _stroke_forces(view, colour)
+        caption = (
+            "Mean over the samples of each stroke, rebound above and bump below; nine of ten "
+            "samples lie within the shaded range, for the speeds differ that pass a place."
+        )
+    else:
+        lines = _loops(view, 1e3 * view.signals.displacement, colour)
+        caption = f"{_last_cycle(view)}."
     panel = Panel("displacement", "mm", "force", "N", lines)
-    caption = f"{_last_cycle(view)}."
     if view.measured and view.simulated and not view.stretches:
         caption = (
             f"Last cycle. Energy per cycle: {view.measured.energy:.4g} J measured, "
