@@ -112,6 +112,7 @@ def values_type(quantities: tuple[Quantity, ...]) -> type[Values]:
 
     Examples
     --------
+    >>> from damperfit.damper.quantity import Quantity
     >>> c = Quantity("c", "c", "damping", "viscous damping", "N s/m", (1.0, 1e6))
     >>> values_type((c,))(1.5e3)
     Values(c=1500.0)

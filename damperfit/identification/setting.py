@@ -206,10 +206,11 @@ def lacks_stiffness_alone(judged: Judged) -> bool:
 
 
 def _unspoken(judged: Judged, names: tuple[str, ...]) -> Judged:
-    """The same, of parameters that these logs cannot tell."""
-    lost = {name: Status.NOT_IDENTIFIABLE for name in names if judged.status[name] is Status.FITTED}
+    """The same, of parameters that these logs cannot separate; at a bound one is by accident."""
+    loose = {Status.FITTED, Status.AT_BOUND}
+    lost = {name: Status.NOT_IDENTIFIABLE for name in names if judged.status[name] in loose}
     outcome = judged.outcome
-    if outcome in {Outcome.CONVERGED, Outcome.CAVITATING}:
+    if outcome in {Outcome.CONVERGED, Outcome.CAVITATING, Outcome.AT_BOUND}:
         outcome = Outcome.NOT_IDENTIFIABLE
     return replace(judged, status=judged.status | lost, outcome=outcome)
 
