@@ -115,8 +115,6 @@ def _length(displacement: FloatArray, guess: float) -> float:
         slope = spline(place + length, 1)
         step = float(slope @ (here - spline(place + length)) / (slope @ slope))
         length = float(np.clip(length + step, 0.95 * guess, 1.05 * guess))
-        if abs(step) < 1e-9 * guess:
-            break
     return length
 
 

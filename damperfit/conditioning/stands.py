@@ -103,6 +103,6 @@ def catches_up(values: FloatArray, stop: int) -> bool:
         First sample behind the stand.
     """
     steps = np.abs(np.diff(values[stop : stop + 12]))
-    if stop >= len(values) or not len(steps):
+    if not len(steps):
         return False
     return bool(abs(values[stop] - values[stop - 1]) > _JUMP * median(steps))

@@ -102,18 +102,20 @@ def find_runs(
         one = _of_run(run, displacement, velocity, interval=interval, edges=edges)
         if one is None:
             continue
-        overlap = found[-1].stretch.stop - one.stretch.first if found else 0
-        if 0 < overlap <= 2.0 * _ROUNDING * run.period + 1.0:
-            # The same passage, a little off in both.
-            one = replace(one, stretch=replace(one.stretch, first=found[-1].stretch.stop))
-            overlap = 0
-        # Two runs may both claim the cycle that leads over from one to the other.
-        if overlap > 0:
-            longer = max(one, found.pop(), key=lambda each: each.stretch.n_samples)
-            found.append(longer)
-        else:
-            found.append(one)
+        if found:
+            one = _apart(one, found, run.period)
+        found.append(one)
     return tuple(found), n_passages // 2
+
+
+def _apart(one: Found, found: list[Found], period: float) -> Found:
+    """Return a stretch that shares no sample with the last one; or that one, which is taken."""
+    first, stop = one.stretch.first, found[-1].stretch.stop
+    if stop - first > 2.0 * _ROUNDING * period + 1.0:
+        # Two runs may both claim the cycle that leads over from one to the other.
+        return max(one, found.pop(), key=lambda each: each.stretch.n_samples)
+    # The same passage may be a little off in both.
+    return replace(one, stretch=replace(one.stretch, first=max(first, stop)))
 
 
 def _of_run(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -21,6 +22,7 @@ from damperfit.adjustment.selection import (
     choose,
 )
 from damperfit.adjustment.trends import _usual_scatter
+from damperfit.statistics import student_quantile
 from tests.adjustment import ladders
 from tests.adjustment.test_wanted import ladder
 
@@ -320,3 +322,24 @@ def test_a_scatter_of_three_errors_and_two_per_cent_is_erratic(
 @pytest.mark.parametrize(("scatter", "direction"), [(0.19, "flat"), (0.21, None)])
 def test_no_direction_is_told_of_what_scatters_by_a_fifth(monkeypatch, scatter, direction) -> None:
     assert with_scatter(monkeypatch, scatter, 0.1 * scatter, name="k_e").direction == direction
+
+
+@pytest.mark.parametrize(
+    ("steps", "direction"),
+    [
+        ([0.98], "flat"),
+        ([1.02], "rising"),
+        ([-0.98], "flat"),
+        ([-1.02], "falling"),
+        ([1.02, -1.02], "mixed"),
+        ([0.7, 0.7], "rising"),  # from the first to the last
+        ([-0.7, -0.7], "falling"),
+    ],
+)
+def test_values_rise_or_fall_by_what_chance_makes_once_in_twenty(steps, direction) -> None:
+    logs = np.cumsum([0.0, *steps])
+    n = len(logs)
+    reach = student_quantile(10.0, 1.0 - 0.025 / (n * (n - 1) / 2)) * math.hypot(0.5, 0.5)
+    points = Points(np.arange(1.0, n + 1), logs * reach, np.full(n, 0.4), 1.0, float(n))
+    found = trends._direction_of_values(points, SimpleNamespace(freedom=10), scatter=0.3)
+    assert found == direction

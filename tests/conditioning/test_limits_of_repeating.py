@@ -65,6 +65,29 @@ def test_three_whole_cycles_make_a_test(n, suffices) -> None:
 # A log continued by its own cycles
 
 
+@pytest.mark.parametrize(("more", "is_continued"), [(2, False), (3, True)])
+def test_a_log_is_continued_for_more_cycles_only(more, is_continued, monkeypatch) -> None:
+    def found(n):
+        return stretches.Found(SimpleNamespace(n_cycles=n), -math.inf, math.inf)
+
+    log = SimpleNamespace(displacement=None, interval=0.01)
+    seen = SimpleNamespace(log=log, displacement=None, velocity=None)
+    longer = SimpleNamespace(log=log, first=10, stop=90)
+    monkeypatch.setattr(compared_part, "ends_in_motion", lambda *_: ("a run", None))
+    monkeypatch.setattr(compared_part, "continue_log", lambda *_, **__: longer)
+    monkeypatch.setattr(compared_part, "behind_filter", lambda *_: seen)
+    monkeypatch.setattr(compared_part, "_edge", lambda _: 5)
+    monkeypatch.setattr(compared_part, "_edges", lambda _: EDGES)
+    monkeypatch.setattr(compared_part, "find_runs", lambda *_, **__: ((found(more),), more))
+    monkeypatch.setattr(
+        compared_part,
+        "_kept",
+        lambda seen, runs, n, cycles: compared_part.Compared(seen, runs, n, cycles, slice(0, 9)),
+    )
+    made = compared_part._continued("a.csv", seen, (found(2),), 2, None, OPTIONS)
+    assert (made is not None) is is_continued
+
+
 def settled(force, length=200.0, *, off, at):
     force = force.copy()
     force[at] += off
@@ -90,7 +113,7 @@ def test_a_beginning_begins_with_the_log(first, run_in) -> None:
     assert settled(wave, off=20.0, at=slice(first, 21)) == run_in
 
 
-@pytest.mark.parametrize(("rows", "run_in"), [(88, 88), (92, 0)])
+@pytest.mark.parametrize(("rows", "run_in"), [(88, 88), (89, 89), (90, 0), (92, 0)])
 def test_what_differs_for_most_of_half_a_cycle_is_no_beginning(rows, run_in) -> None:
     wave = 100.0 * np.sin(2.0 * np.pi * np.arange(800) / 200.0)
     assert settled(wave, off=20.0, at=slice(0, rows)) == run_in
@@ -282,6 +305,36 @@ def test_runs_are_the_test_from_a_third_of_all_cycles_on(passages, found, monkey
     assert len(runs) == found
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "expected"),
+    [
+        (305, 500, [(100, 300), (305, 500)]),
+        (300, 500, [(100, 300), (300, 500)]),
+        (299, 500, [(100, 300), (300, 500)]),
+        (297, 500, [(100, 300), (300, 500)]),  # the same passage, a little off in both
+        (296, 500, [(296, 500)]),  # a cycle that both claim: the longer has it
+        (296, 400, [(100, 300)]),
+    ],
+)
+def test_stretches_beside_one_another_share_no_sample(first, second, expected, monkeypatch) -> None:
+    ends = {0: (100, 300), 20: (first, second)}
+    monkeypatch.setattr(stretches, "cycles_of", lambda _: SimpleNamespace(passages=np.zeros(60)))
+    monkeypatch.setattr(stretches, "runs_of", lambda *_, **__: [(0, 20), (20, 40)])
+    monkeypatch.setattr(
+        stretches, "run_of", lambda _, begin, __: SimpleNamespace(period=100.0, ends=ends[begin])
+    )
+
+    def found_in(run, *_, **__):
+        one = replace(stretch_of(), first=run.ends[0], stop=run.ends[1])
+        return stretches.Found(one, -math.inf, math.inf)
+
+    monkeypatch.setattr(stretches, "_of_run", found_in)
+    runs, _ = stretches.find_runs(
+        np.zeros(9), np.zeros(9), interval=0.01, steadiness=0.05, edges=EDGES
+    )
+    assert [(one.stretch.first, one.stretch.stop) for one in runs] == expected
+
+
 @pytest.mark.parametrize(("off", "n"), [(4.8, 4), (5.2, 3)])
 def test_one_more_passage_is_half_a_hundredth_of_a_cycle_off_at_most(off, n) -> None:
     run = Run(2000.0, 4000.0, 1000.0, 1.0, 0.0)
@@ -404,3 +457,16 @@ def test_a_single_passage_is_no_cycle() -> None:
     none = np.empty(0)
     assert stretches._whole(np.array([50.0]), none, 100.0, (10.0, 90.0)) is None
     assert len(stretches._whole(np.array([10.0, 110.0]), none, 100.0, (10.0, 110.0))) == 2
+
+
+@pytest.mark.parametrize(("lines", "width"), [(199, 1), (200, 2), (299, 2)])
+def test_motion_is_sought_in_bands_of_a_hundredth_of_the_spectrum(lines, width) -> None:
+    """A single line is spread over its band, less what noise may make of that."""
+    rest = np.zeros(2 * lines - 1)
+    rest[lines] = 1.0
+    tone = rest + np.sin(2.0 * np.pi * 20.0 / len(rest) * np.arange(len(rest)))
+    seen = drive._of_motion(tone, 1.0)
+    assert len(seen.frequency) == lines
+    size = seen.motion[1:] / (2.0 * np.pi * seen.frequency[1:]) ** 2
+    assert size[19] == pytest.approx(size[20]) if width == 2 else size[19] != size[20]
+    assert np.count_nonzero(np.diff(size) > 1e-9 * size.max()) > 0

@@ -169,6 +169,21 @@ def test_minima_are_one_within_a_hundredth_or_an_error(apart, error, is_same, mo
     assert multistart._is_same(one, other, misfit(("r_m1",))) is is_same
 
 
+@pytest.mark.parametrize(
+    ("apart", "error", "is_same"),
+    [(0.0096, 1e-6, True), (0.0104, 1e-6, False), (0.048, 0.05, True), (0.052, 0.05, False)],
+)
+def test_offsets_are_one_within_a_hundredth_of_their_size_or_an_error(
+    apart, error, is_same, monkeypatch
+) -> None:
+    """An offset may be nothing: its errors are shares of the force's deviation, here its size."""
+    monkeypatch.setattr(multistart, "relative_errors", lambda _: np.array([error]))
+    size = PURDY_DAMPER.quantity("f_0").size
+    given = SimpleNamespace(free=("f_0",), deviation=size)
+    one, other = judged(f_0=0.0), judged(f_0=apart * size)
+    assert multistart._is_same(one, other, given) is is_same
+
+
 @pytest.mark.parametrize(("chi", "is_level"), [(3.7, True), (3.98, False)])
 def test_noise_makes_a_rise_of_384_once_in_twenty(chi, is_level) -> None:
     assert multistart._is_level(judged(1.0), judged(1.0 + chi / 1000.0)) is is_level
@@ -404,3 +419,64 @@ def test_one_empty_chamber_is_cavitation_where_it_is_compared(
     )  # fmt: skip
     cycles = SimpleNamespace(cycles=[cycle], scatter=0.0)
     assert evaluation._on_cycles(misfit(), cycles, TRUTH, 1.0)[2] is is_empty
+
+
+def test_a_doubted_fit_begins_again_with_one_quantity_elsewhere_or_two(monkeypatch) -> None:
+    """Oil ten times as stiff or soft alone, friction with the valves, and so on."""
+    monkeypatch.setattr(restarts, "_own_starts", lambda *_: [])
+    start = TRUTH.replace({"r_m1": 2e4, "r_m2": 2e6, "k_e": 2e8, "f_f": 40.0})
+    names = ("k_e", "f_f", "r_m1", "r_m2")
+    places = restarts._places(misfit(names), start)
+    factors = [
+        tuple(round(getattr(one, name) / getattr(start, name), 9) for name in names)
+        for one in places
+    ]
+    assert factors == [
+        (1.0, 1.0, 1.0, 10.0),
+        (0.1, 1.0, 1.0, 1.0),
+        (10.0, 1.0, 1.0, 1.0),
+        (1.0, 10.0, 0.5, 1.0),
+        (1.0, 0.1, 2.0, 1.0),
+        (0.3, 1.0, 5.0, 1.0),
+        (3.0, 1.0, 0.2, 1.0),
+    ]
+
+
+def test_what_no_log_determines_costs_one_deviation_at_a_factor_of_e_squared(monkeypatch) -> None:
+    residuals, slopes = np.ones(4), np.zeros((4, 1))
+    monkeypatch.setattr(following, "linearise", lambda *_: (residuals, slopes))
+    monkeypatch.setattr(following, "_forces", lambda _: (residuals, residuals > 0.0))
+    monkeypatch.setattr(
+        following, "common_variables", lambda _: SimpleNamespace(pack=lambda numbers: numbers)
+    )
+    one = Setting.of(1)
+    given = SimpleNamespace(free=("k_e",), traces=(), whole=None)
+    (curvature,) = following._Search({one: given}, {one: TRUTH}, None)._curvatures
+    off = math.log(math.e**2)
+    assert off * float(curvature[0, 0]) * off == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("law", ["free", "appendix1"])
+def test_a_gas_content_is_fitted_where_it_is_asked_for(law, monkeypatch) -> None:
+    def ended(mean_square):
+        return SimpleNamespace(
+            evaluations=5, is_converged=True, parameters={}, gas=None, unknowns=(),
+            mean_squares={1: mean_square, 2: mean_square}, n_independent={1: 100.0, 2: 100.0},
+            weights={1: 1.0, 2: 1.0},
+        )  # fmt: skip
+
+    monkeypatch.setattr(joint_procedure, "JointProblem", lambda *_, **__: None)
+    monkeypatch.setattr(joint_procedure, "_common_starts", lambda *_: {})
+    monkeypatch.setattr(joint_procedure, "fit_jointly", lambda *_: ended(1.0))
+    monkeypatch.setattr(joint_procedure, "_with_gas", lambda *_: (ended(1.5), 7))
+    monkeypatch.setattr(joint_procedure, "_statuses", lambda *_, **__: {})
+    given = SimpleNamespace(
+        options=SimpleNamespace(bulk_modulus=law), jobs=1, ordered=tuple,
+        misfit=lambda *_: None,
+    )  # fmt: skip
+    way = following.Way(own=(), shared=("f_f",), follows={})
+    found = joint_procedure._fit_sound(given, {1: None, 2: None}, way, ("f_f",))
+    is_gas = law == "appendix1"
+    assert found.evaluations == (12 if is_gas else 5)
+    assert found.sharing.gas_rises == ({1: 50.0, 2: 50.0} if is_gas else {})
+    assert len(found.warnings) == is_gas  # of two settings

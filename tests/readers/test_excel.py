@@ -102,6 +102,14 @@ def test_text_counts_for_each_cell_that_names_it(tmp_path) -> None:
     assert f"claims {claimed} bytes" in refusal(path, claimed - 1)
 
 
+def test_the_longest_text_decides_whether_cells_are_looked_at() -> None:
+    """One long text among short ones, named by each of fifty cells."""
+    data = log(*["x" * 1000] * 50)
+    with pytest.raises(LogError, match=r"claims \d{5} bytes, more than the limit of 50000"):
+        excel._check_cells(data, 50_000)
+    assert excel._check_cells(data, 60_000) == 0
+
+
 _MEASURE = """
 import resource, sys
 from damperfit.errors import LogError

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from damperfit.adjustment import compare_settings
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.identification import Outcome, Sharing
+from damperfit.identification import FitOptions, Outcome, Sharing
 from damperfit.recording import Finding
-from damperfit.uncertainty import Prediction, assessment, residuals
+from damperfit.uncertainty import (
+    Prediction,
+    assess,
+    assessment,
+    linearise_settings,
+    predict,
+    residuals,
+)
 from damperfit.uncertainty.flaws import seek_flaws
 from damperfit.uncertainty.linearisation import Linearisation, LogLinearisation
 from damperfit.uncertainty.prediction import prediction_warnings
+from damperfit.uncertainty.profiles import Bench
 from damperfit.uncertainty.residuals import _independent_phases, diagnose
 from tests import fakes
 from tests.uncertainty.test_words import known
@@ -255,3 +265,9 @@ def test_a_correlation_at_a_cycle_takes_more_than_two_cycles(
     assert (
         math.isfinite(diagnose(repeating(0.0, noise=1.0, cycles=cycles)).correlation) is is_reported
     )
+
+
+@pytest.mark.parametrize("asked", [assess, linearise_settings, predict, compare_settings, Bench])
+def test_a_fit_is_judged_by_the_integration_that_it_was_fitted_with(asked) -> None:
+    """Coarser, its minimum would seem to lie elsewhere; finer, it would cost more for nothing."""
+    assert inspect.signature(asked).parameters["solver"].default == FitOptions().solver
