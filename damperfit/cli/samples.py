@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from damperfit.cli.console import print_json, print_lines
+from damperfit.cli.console import print_json, print_lines, say
 from damperfit.cli.option_values import configured
 from damperfit.cli.options import ConfigOption, DebugOption, JsonOption, QuietOption, VersionOption
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Values
 
 __all__ = ["samples"]
@@ -27,7 +28,11 @@ def samples(
     ] = "1-20",
     parameters: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="True values; default: the shipped reference set."),
+        typer.Option(
+            metavar="FILE",
+            help="True values, with damper and motion: parameters table (.parquet, .csv) or "
+            "results folder; default: the shipped reference set.",
+        ),
     ] = None,
     cycles: Annotated[float, typer.Option(metavar="N", help="Cycles in a log.")] = 15.0,
     sample_rate: Annotated[
@@ -60,6 +65,9 @@ def samples(
     from damperfit.units.quantities import parse_quantity
 
     loaded = configured(config, ("--model", "damper.model", model))
+    truth, damper = None, loaded.damper_sentence
+    if parameters is not None:
+        truth, loaded, damper = _truth(parameters, loaded, config)
     options = SampleOptions(
         settings=_numbers(settings),
         cycles=cycles,
@@ -72,10 +80,11 @@ def samples(
         seed=seed,
         damper=loaded.damper,
     )
-    truth = None if parameters is None else _truth(parameters)
     with progress(is_wanted=not quiet) as bar:
         bar.start(len(options.settings))
         logs = make_samples(folder, options, parameters=truth, on_log=bar.advance)
+    if not quiet:
+        say(f"damperfit: {damper}")
     written = [*(str(log) for log in logs), str(folder / "truth.csv"), str(folder / "README.md")]
     if json:
         print_json({"logs": [str(log) for log in logs], "files": written})
@@ -84,11 +93,19 @@ def samples(
     return 0
 
 
-def _truth(path: Path) -> dict[int, Values]:
+def _truth(
+    given: Path, configuration: Configuration, config: Path | None
+) -> tuple[dict[int, Values], Configuration, str]:
+    """Return the values of a table, and the configuration and line of the damper they hold for."""
+    from damperfit.queries.one_simulation import table_meant
+    from damperfit.queries.origin import damper_of_table
     from damperfit.tables import read_parameters
 
+    path = table_meant(given)
+    meant, damper = damper_of_table(path, configuration, config=config)
     known = {setting.cell: parameters for setting, parameters in read_parameters(path).items()}
-    return {setting: values for setting, values in known.items() if isinstance(setting, int)}
+    truth = {setting: values for setting, values in known.items() if isinstance(setting, int)}
+    return truth, meant, damper
 
 
 def _numbers(text: str) -> tuple[int, ...]:

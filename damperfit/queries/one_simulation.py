@@ -23,7 +23,7 @@ from damperfit.errors import (
 )
 from damperfit.identification import put_together
 from damperfit.queries.fleet_part import is_part, part_in
-from damperfit.queries.origin import configured_as, origin_of
+from damperfit.queries.origin import damper_of_table
 from damperfit.readers import read_log
 from damperfit.simulation import (
     Characteristics,
@@ -47,10 +47,18 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.simulation import Motion
 
-__all__ = ["Choice", "SimulatedTest", "choose_parameters", "damper_of", "simulate_test"]
+__all__ = [
+    "Choice",
+    "SimulatedTest",
+    "choose_parameters",
+    "damper_of",
+    "simulate_test",
+    "table_meant",
+]
 
 _FEW_SAMPLES = 200  # a cycle: at 33 the force at 0.05 m/s is 5 N off, at 333 it is not
 _PILOT_SAMPLES = 100  # of one cycle: the integrator's own steps are more
+_TABLES = ("parameters.parquet", "parameters.csv")
 _WAVES = {"sine": sine_motion, "triangle": triangle_motion}
 
 
@@ -224,18 +232,34 @@ def _meant(setting: Setting | int | str, known: Collection[Setting] = ()) -> Set
 
 
 def _table(given: Path | None, folder: Path) -> Path | None:
-    """Return the parameters table that is meant; a folder means the one in it, or the part."""
-    names = ("parameters.parquet", "parameters.csv")
-    if given is not None and is_part(given):
+    """Return the parameters table that is meant; by default the one in a folder, if it is there."""
+    if given is not None:
+        return table_meant(given)
+    settle(folder)
+    return _table_in(folder)
+
+
+def table_meant(given: Path) -> Path:
+    """Return the parameters table that is meant; a folder means the one in it, or the part.
+
+    Raises
+    ------
+    ConfigurationError
+        A folder without one.
+    """
+    if is_part(given):
         return part_in(given)
-    if given is None or given.is_dir():
-        settle(given or folder)  # what an interrupted run put there may be none of the results
-        there = (given or folder) / names[0], (given or folder) / names[1]
-        found = next((path for path in there if path.exists()), None)
-        if found is None and given is not None:
-            raise ConfigurationError(f"{given}: no {names[0]} in this folder")
-        return found
-    return given
+    if not given.is_dir():
+        return given
+    settle(given)  # what an interrupted run put there may be none of the results
+    found = _table_in(given)
+    if found is None:
+        raise ConfigurationError(f"{given}: no {_TABLES[0]} in this folder")
+    return found
+
+
+def _table_in(folder: Path) -> Path | None:
+    return next((folder / name for name in _TABLES if (folder / name).exists()), None)
 
 
 def damper_of(
@@ -259,12 +283,7 @@ def damper_of(
     """
     if choice.table is None:
         return configuration, configuration.damper_sentence
-    origin = origin_of(choice.table)
-    meant = configured_as(configuration, origin, config=config)
-    sentence = meant.damper_sentence.rstrip(".")
-    if origin.damper is None:
-        return meant, f"{sentence}; {origin.place} does not say whose parameters these are."
-    return meant, f"{sentence}, that of {origin.place}."
+    return damper_of_table(choice.table, configuration, config=config)
 
 
 def simulate_test(

@@ -25,6 +25,7 @@ __all__ = [
     "Origin",
     "configuration_of_run",
     "configured_as",
+    "damper_of_table",
     "motion_of_tests",
     "origin_of",
     "warmed_to",
@@ -146,9 +147,11 @@ def configured_as(
             f"the damper in {origin.place} cannot be used ({error}); give --config"
         ) from error
     if "damper.model" in configuration.declared and configuration.damper.name != own.name:
+        option = "--model" if config is None else "--config"
+        who = option if config is None else f"{option} {config}"
         raise ConfigurationError(
-            f"--config {config}: damper.model is {configuration.damper.name}, but the parameters "
-            f"of {origin.place} are of {own.name}; leave --config out, or run identify again with "
+            f"{who}: damper.model is {configuration.damper.name}, but the parameters "
+            f"of {origin.place} are of {own.name}; leave {option} out, or run identify again with "
             "it"
         )
     if configuration.damper.name != own.name:
@@ -163,6 +166,33 @@ def configured_as(
                 "alone; leave --config out, or run identify again with it"
             )
     return _redeclared(configuration, origin)
+
+
+def damper_of_table(
+    table: Path, configuration: Configuration, *, config: Path | None = None
+) -> tuple[Configuration, str]:
+    """Return the configuration with the damper that a table belongs to, and a line on it.
+
+    Parameters
+    ----------
+    table : pathlib.Path
+        Of parameters.
+    configuration : Configuration
+        As the user gave it.
+    config : pathlib.Path, optional
+        The file it came from, for the message.
+
+    Raises
+    ------
+    ConfigurationError
+        The user declares another damper than the one that was fitted.
+    """
+    origin = origin_of(table)
+    meant = configured_as(configuration, origin, config=config)
+    sentence = meant.damper_sentence.rstrip(".")
+    if origin.damper is None:
+        return meant, f"{sentence}; {origin.place} does not say whose parameters these are."
+    return meant, f"{sentence}, that of {origin.place}."
 
 
 def _redeclared(configuration: Configuration, origin: Origin) -> Configuration:

@@ -195,3 +195,32 @@ def test_every_damper_key_is_in_the_sentence_of_what_is_left() -> None:
     assert loaded.undeclared == tuple(name for name in DAMPER_RANGES if name != "rod_diameter")
     assert load_configuration().undeclared == tuple(DAMPER_RANGES)
     assert load_configuration(SLIM).undeclared == ()
+
+
+@pytest.mark.parametrize("table", ["parameters.parquet", "parameters.csv", ""])
+def test_samples_of_results_are_of_their_damper(run, slim, tmp_path, table) -> None:
+    """They took the paper's geometry and motion: 828 N for 10117 N, with code 0."""
+    noiseless = ("--cycles", "3", "--force-noise", "0N", "--displacement-noise", "0um")
+    ended = run("samples", "s", "--settings", "2", "--parameters", slim / table, *noiseless)
+    assert ended.code == 0, ended.err
+    assert ended.err.startswith("damperfit: Damper: rod 12 mm, piston 36 mm")
+    assert "Drive: sine, 15 mm, 2 Hz" in (tmp_path / "s" / "README.md").read_text()
+    rows = (tmp_path / "s" / "setting_02.csv").read_text().splitlines()[4:]
+    peak = max(float(row.split(",")[2]) for row in rows)
+    simulated = run("simulate", "--setting", "2", "--parameters", slim, "--json")
+    assert peak == pytest.approx(_peak(simulated), rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "says"),
+    [
+        ("--config", CONFIGS / "purdy2000.toml", "damper.rod_diameter is 0.019 m, but"),
+        ("--model", "monotube", "--model: damper.model is monotube, but the parameters of"),
+    ],
+)
+def test_samples_of_another_damper_are_refused(run, slim, tmp_path, option, value, says) -> None:
+    ended = run("samples", "s", "--settings", "2", "--parameters", slim, option, value)
+    assert ended.code == 2
+    assert says in ended.err
+    assert f"leave {option} out" in ended.err
+    assert list(tmp_path.iterdir()) == []
