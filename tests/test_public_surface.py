@@ -867,11 +867,13 @@ SURFACE = {
         "choose_parameters",
         "damper_of",
         "simulate_test",
+        "table_meant",
     ],
     "damperfit.queries.origin": [
         "Origin",
         "configuration_of_run",
         "configured_as",
+        "damper_of_table",
         "motion_of_tests",
         "origin_of",
         "warmed_to",
