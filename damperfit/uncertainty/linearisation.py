@@ -12,6 +12,7 @@ A fit of any subset of the parameters has, to first order, the error H_ff^-1 (su
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -50,6 +51,10 @@ _LONGEST_CORRELATION = 0.25
 _LONGEST_MOVING = 1.0
 # Samples in which a chamber that was empty is full again.
 _REFILLING = 2
+# Of that, the share of the information that counts, measured on two roads: with all of it 79 to
+# 87 % of the intervals of R_m3 hold, with half 86 to 91, with a quarter 90 to 96, with none up to
+# 100.
+_SEEN = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -227,11 +232,11 @@ def _ignorance(fit: Fit) -> FloatArray:
 
 
 def _sensitivities(trace: Trace, seen: Comparison) -> FloatArray:
-    """Return the sensitivities behind the filter, without what one sample sees of a refilling.
+    """Return the sensitivities behind the filter, with part of what a sample sees of a refilling.
 
     A chamber that has been empty fills within a millisecond. Whether a sample falls into that, and
     then shows the moment to some microseconds, changes with the parameters by less than their
-    errors: a slope of that one point would promise what holds for no other.
+    errors: the slope of that one point promises too much, and without it too little is promised.
     """
     empty = seen.response.pressures[:2] <= 0.0
     filled = np.flatnonzero((empty[:, :-1] & ~empty[:, 1:]).any(axis=0)) + 1
@@ -242,7 +247,8 @@ def _sensitivities(trace: Trace, seen: Comparison) -> FloatArray:
     luck = luck[luck < rows.shape[1] - 1]
     known = np.setdiff1d(np.arange(rows.shape[1]), luck)
     for row in rows:
-        row[luck] = np.interp(luck, known, row[known])
+        beside = np.interp(luck, known, row[known])
+        row[luck] = beside + math.sqrt(_SEEN) * (row[luck] - beside)
     return apply_filter(trace.model_filter, rows)
 
 

@@ -7,8 +7,10 @@ are raw: what the sensors saw, with their noise, and no filter.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -151,6 +153,26 @@ def triangles(
     return Drive(displacement, velocity, begins[-1], tuple(corners))
 
 
+def rounded(sharp: Drive, width: float = 4e-3) -> Drive:
+    """The same with each corner turned at an even acceleration, within a time, as a rig does it."""
+    corners = [*sharp.corners, sharp.duration]
+
+    def displacement(t: float) -> float:
+        low, high = t - 0.5 * width, t + 0.5 * width
+        edges = [low, *corners[bisect_right(corners, low) : bisect_left(corners, high)], high]
+        # Even speed between corners: the middle is the mean.
+        parts = ((b - a) * sharp.displacement(0.5 * (a + b)) for a, b in pairwise(edges))
+        return sum(parts) / width
+
+    def velocity(t: float) -> float:
+        ends = (sharp.displacement(t + 0.5 * width), sharp.displacement(t - 0.5 * width))
+        return (ends[0] - ends[1]) / width
+
+    # The third keeps the middle between two away from the turn, which is no rest.
+    turns = [corner + part * width for corner in sharp.corners for part in (-0.5, 0.25, 0.5)]
+    return Drive(displacement, velocity, sharp.duration - width, tuple(turns))
+
+
 MOTIONS: dict[str, Callable[[], Drive]] = {
     "steps": steps,
     "sweep": sweep,
@@ -159,6 +181,7 @@ MOTIONS: dict[str, Callable[[], Drive]] = {
     "rough road": lambda: road(high=6.0),
     "triangle": lambda: triangles(0.2, cycles=15),
     "two triangles": lambda: triangles(0.1, 0.25),
+    "rounded triangles": lambda: rounded(triangles(0.1, 0.25, rest=1.0)),
     "sine": lambda: steps((2.0 * math.pi * 1.5 * AMPLITUDE,), cycles=15, rest=0.0),
 }
 

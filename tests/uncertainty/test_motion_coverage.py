@@ -11,7 +11,8 @@ from tests.uncertainty.motion_coverage import NAMES, covered, quickly_covered
 def test_95_percent_intervals_hold_on_a_road_that_cavitates():
     """Neither a refilling that one sample happens to see nor few residuals make an error too small.
 
-    With the slopes and scores as they were 39 intervals of R_m3 held, and 219 of the 250.
+    With the slopes and scores as they were 39 intervals of R_m3 held, and 219 of the 250. With 400
+    campaigns 382 to 391 hold; 322 of R_m3 where all that a sample sees of a refilling counts.
     """
     hits, ratio, bias = quickly_covered(50)
     assert np.all(hits >= 43), dict(zip(NAMES, hits, strict=True))
@@ -21,13 +22,15 @@ def test_95_percent_intervals_hold_on_a_road_that_cavitates():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("motion", ["steps", "sweep", "road", "rough road", "two triangles"])
+@pytest.mark.parametrize(
+    "motion", ["steps", "sweep", "road", "rough road", "rounded triangles", "two triangles"]
+)
 def test_95_percent_intervals_cover_90_to_98_of_100(motion):
     hits, ratio, bias = covered(motion, 50, jobs=2)
     # 45 to 49 of 50, and what chance makes of that: fewer than 41 come once in a thousand.
     assert np.all(hits >= 41), dict(zip(NAMES, hits, strict=True))
     assert 0.90 <= hits.sum() / (50 * len(NAMES)) <= 0.99
     assert np.all(ratio > 0.7)
-    # Of triangles K_e comes out 0.35 % low, within its error and on whole logs alike.
+    # A speed that jumps between two samples is in no log: K_e is 0.35 % low, without noise too.
     limits = np.where(np.equal(NAMES, "k_e") & (motion == "two triangles"), 0.005, 0.001)
     assert np.all(np.abs(bias) < limits), dict(zip(NAMES, bias, strict=True))
