@@ -31,7 +31,9 @@ _NO_CLICKS = {
     "f", "freq", "frequency", "hz", "a", "amp", "amplitude", "stroke", "speed", "vel", "temp",
     "p", "pressure", "gas", "psi", "bar",
 }  # fmt: skip
-_LONGEST_NUMBER = 3  # digits; more is a serial number or a date
+# More than three digits are a serial number or a date; half clicks have the word before them.
+_NUMBER = r"\d{1,3}"
+_CLICK = r"\d{1,3}(\.\d)?"
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +76,9 @@ class _Field:
     @property
     def may_be(self) -> bool:
         """Whether nothing says that it counts something else than clicks."""
-        is_short = all(len(value) <= _LONGEST_NUMBER and "." not in value for value in self.values)
-        has_unit = bool(self.after) and (is_unit(self.after) or self.after in _NO_CLICKS)
+        digits = _CLICK if self.is_clicks else _NUMBER
+        is_short = all(re.fullmatch(digits, value) for value in self.values)
+        has_unit = _is_unit(self.after) or self.after.casefold() in _NO_CLICKS
         return is_short and not has_unit and self.word not in _NO_CLICKS
 
 
@@ -153,12 +156,21 @@ def _fields(texts: Sequence[str], names: Sequence[str]) -> list[_Field]:
     found = []
     for k in range(len(texts) - 1):
         word = re.search(r"([^\W\d_]+)[ _=.-]*$", texts[k])
-        after = re.match(r" ?([^\W\d_]+)", texts[k + 1])
+        after = re.match(r" ?([^\W\d_]+)", first[k + 1])  # as written: degC and kN are units
         values = tuple(row[k] for row in numbers)
+        # What stands at a number is its unit, and no word of the next one: 1.5Hz_3.
+        unit = re.fullmatch(r" ?([^\W\d_]+)[ _=.-]+", first[k]) if k else None
+        is_word = not (unit and _is_unit(unit[1]))
         found.append(
-            _Field(k, first[k], word[1] if word else "", after[1] if after else "", values)
+            _Field(
+                k, first[k], word[1] if word and is_word else "", after[1] if after else "", values
+            )
         )
     return found
+
+
+def _is_unit(word: str) -> bool:
+    return is_unit(word) or is_unit(word.casefold())
 
 
 def _chosen(fields: Sequence[_Field]) -> _Field | None:
@@ -185,7 +197,8 @@ def _pattern(chosen: _Field, names: Sequence[str]) -> str:
     r"""Return an expression that finds the number, and nothing else, in every name."""
     ending = re.search(r"[^\W\d_]+[ _=.-]*$|[ _=.-]+$", chosen.before)
     short = ending[0] if ending else ""
-    number = r"(?P<setting>\d+)"
+    has_halves = any("." in value for value in chosen.values)
+    number = r"(?P<setting>\d+(?:\.\d)?)" if has_halves else r"(?P<setting>\d+)"
     for start in (short, chosen.before):
         pattern = f"{re.escape(start)}{number}".replace(r"\ ", " ").replace(r"\-", "-")
         if start and all(

@@ -21,6 +21,10 @@ LOG = "time_s,displacement_mm,force_N\n0,1,2\n1,2,3\n"
         (["R12_C08.csv", "R12_C10.csv"], [8, 10], r"C(?P<setting>\d+)"),
         (["run1_a3_32mm.txt", "run2_a3_32mm.txt", "run3_a5_32mm.txt"], [], r"a(?P<setting>\d+)"),
         (["D7_b3.csv.gz", "D7_b4.csv.gz"], [3, 4], r"b(?P<setting>\d+)"),
+        (["23degC_3.csv", "24degC_4.csv"], [3, 4], r"degC_(?P<setting>\d+)"),
+        (["5kN_3.csv", "6kN_4.csv"], [3, 4], r"kN_(?P<setting>\d+)"),
+        (["1.5Hz_3.csv", "2.5Hz_4.csv"], [3, 4], r"Hz_(?P<setting>\d+)"),
+        (["klick_0.5.csv", "klick_1.csv"], [0.5, 1], r"klick_(?P<setting>\d+(?:\.\d)?)"),
         (["s1234_2.csv", "s1234_4.csv"], [2, 4], r"_(?P<setting>\d+)"),
         (["lot999_7.csv", "lot999_9.csv"], [7, 9], r"_(?P<setting>\d+)"),
     ],
@@ -28,11 +32,11 @@ LOG = "time_s,displacement_mm,force_N\n0,1,2\n1,2,3\n"
 def test_what_differs_is_the_setting(names, cells, pattern) -> None:
     guess = guess_settings(names)
     if cells:
-        assert [guess.settings[name].cell for name in names] == cells
+        assert [guess.settings[name].places[0][1] for name in names] == cells
         assert "guessed from the file names" in guess.sentence
         assert guess.sentence.endswith(f"--rig 'setting_pattern={pattern}'")
         # What is to be copied finds the same.
-        found = [int(list(re.finditer(pattern, name))[-1]["setting"]) for name in names]
+        found = [float(list(re.finditer(pattern, name))[-1]["setting"]) for name in names]
         assert found == cells
 
 
@@ -43,6 +47,7 @@ def test_what_differs_is_the_setting(names, cells, pattern) -> None:
         ["t1_2_2_24_24_x5_100psi.csv", "t2_4_4_24_24_x5_100psi.csv"],
         ["D7_C08.csv"],  # one log: nothing differs
         ["run_1Hz.csv", "run_2Hz.csv"],  # a speed
+        ["a_0.5.csv", "a_1.5.csv"],  # without a word no half clicks
         ["test1.csv", "test2.csv"],  # a count
         ["SN1234.csv", "SN1235.csv"],
         ["b_1234.csv", "b_1235.csv"],  # four digits
