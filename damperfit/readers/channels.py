@@ -51,6 +51,7 @@ _WORDS = {
 }  # fmt: skip
 _OPTIONAL = (*EXTRAS, "setting")
 _IN_BRACKETS = re.compile(r"(?P<base>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]]\s*", re.DOTALL)
+_BEFORE_UNIT = re.compile(r"[_/, ]")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
@@ -97,13 +98,10 @@ def split_name(name: str) -> tuple[str, str | None]:
     """
     if found := _IN_BRACKETS.fullmatch(name):
         return found["base"], found["unit"] or None
-    for mark in ("_", "/", ",", " "):
-        start = name.find(mark)
-        while start > 0:
-            unit = name[start + 1 :].strip()
-            if is_unit(unit):
-                return name[:start].strip(), unit
-            start = name.find(mark, start + 1)
+    for mark in _BEFORE_UNIT.finditer(name, 1):  # from the left, as "mm/s" holds "s"
+        unit = name[mark.end() :].strip()
+        if is_unit(unit):
+            return name[: mark.start()].strip(), unit
     return name, None
 
 

@@ -2,7 +2,7 @@
 
 Columns say which is which: a speed, a force, or the force of a stroke (`Rebound`, `C`, `R`), each
 stroke with a speed of its own or all with one; `(25-4.3) V-C, C, V-R, R` begins the columns of a
-setting that the maker calls 25-4.3. A column `setting` parts the rows.
+setting that the maker calls 25-4.3. A column `setting` or `click` parts the rows.
 
 Traps. Makers write bump as positive numbers. Points that were not measured are blank cells. A speed
 without a sign leaves the stroke to the force's sign.
@@ -50,6 +50,10 @@ _LABEL = re.compile(r"\s*\((?P<label>[^()]{1,40})\)\s*(?P<rest>\S.*)", re.DOTALL
 _NUMBERED = re.compile(r"\.\d+$")  # "C.1": a name that some tools give to the second "C"
 _LOOP = 50  # points of a stroke; fewer are points in any order
 _MAX_CURVES = 500
+_SETTING = {
+    "setting", "click", "clicks", "detent", "notch", "klick", "klicks", "raste", "stufe", "clic",
+    "clics", "cran", "crans",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,7 +202,7 @@ def _heading(column: Column) -> _Heading:
     words = set(words_of(base))
     unit = column.unit or unit
     stroke = "rebound" if words & _REBOUND else "bump" if words & _BUMP else ""
-    if words == {"setting"}:
+    if len(words) == 1 and words <= _SETTING:
         return _Heading(label, "", "setting")
     if words & _SPEED or _is_in(unit, "velocity"):
         return _Heading(label, stroke, "speed")

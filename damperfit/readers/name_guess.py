@@ -8,6 +8,7 @@ are no guess but a question, with an option to copy.
 from __future__ import annotations
 
 import re
+import unicodedata
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import TYPE_CHECKING
@@ -22,7 +23,8 @@ __all__ = ["Guess", "guess_settings", "one_of_several"]
 
 _CLICKS = {
     "click", "clicks", "clk", "clicked", "setting", "set", "pos", "position", "adj", "adjuster",
-    "detent", "notch", "klick", "klicks", "raste", "stufe",
+    "detent", "notch", "klick", "klicks", "raste", "rasten", "stufe", "stellung", "einstellung",
+    "clic", "clics", "cran", "crans", "reglage",
 }  # fmt: skip
 _NO_CLICKS = {
     "sn", "serial", "ser", "nr", "no", "id", "d", "damper", "unit", "customer", "rig",
@@ -30,10 +32,17 @@ _NO_CLICKS = {
     "v", "ver", "version", "rev", "cycle", "cycles", "n", "date", "time", "day",
     "f", "freq", "frequency", "hz", "a", "amp", "amplitude", "stroke", "speed", "vel", "temp",
     "p", "pressure", "gas", "psi", "bar",
+    "lauf", "versuch", "messung", "wiederholung", "wdh", "nummer", "seriennummer", "prufling",
+    "pruefling", "dampfer", "daempfer", "teil", "datei", "zyklus", "datum", "hub", "frequenz",
+    "essai", "mesure", "numero", "serie", "amortisseur", "piece", "fichier", "course",
+    "frequence", "vitesse", "temperature", "temperatur",
 }  # fmt: skip
+_MAY_BE_DEGREES = "c"  # 25c is as well 25 clicks of compression
+# A hyphen behind a blank or "_" is a minus, as in a label; behind a word it parts.
+_NUMBERS = re.compile(r"((?:(?<=[\s_=])-)?\d+(?:\.\d+)?)")
 # More than three digits are a serial number or a date; half clicks have the word before them.
-_NUMBER = r"\d{1,3}"
-_CLICK = r"\d{1,3}(\.\d)?"
+_NUMBER = r"-?\d{1,3}"
+_CLICK = r"-?\d{1,3}(\.\d)?"
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +88,7 @@ class _Field:
         digits = _CLICK if self.is_clicks else _NUMBER
         is_short = all(re.fullmatch(digits, value) for value in self.values)
         has_unit = _is_unit(self.after) or self.after.casefold() in _NO_CLICKS
+        has_unit = has_unit or self.after.casefold() == _MAY_BE_DEGREES
         return is_short and not has_unit and self.word not in _NO_CLICKS
 
 
@@ -142,12 +152,18 @@ def _texts(name: str) -> tuple[str, ...]:
     return tuple(part.casefold() for part in _parts(name)[::2])
 
 
+def _plain(text: str) -> str:
+    """Return the text without accents, however a file system wrote them."""
+    letters = unicodedata.normalize("NFD", text)
+    return "".join(one for one in letters if not unicodedata.combining(one))
+
+
 def _parts(name: str) -> list[str]:
     """Return text and numbers of a name in turn, text first; the suffixes are left out."""
     path = PurePath(name)
     while re.fullmatch(r"\.[A-Za-z]\w{0,7}", path.suffix):
         path = path.with_suffix("")
-    return re.split(r"(\d+(?:\.\d+)?)", path.name)
+    return _NUMBERS.split(path.name)
 
 
 def _fields(texts: Sequence[str], names: Sequence[str]) -> list[_Field]:
@@ -155,8 +171,9 @@ def _fields(texts: Sequence[str], names: Sequence[str]) -> list[_Field]:
     first = _parts(names[0])[::2]
     found = []
     for k in range(len(texts) - 1):
-        word = re.search(r"([^\W\d_]+)[ _=.-]*$", texts[k])
-        after = re.match(r" ?([^\W\d_]+)", first[k + 1])  # as written: degC and kN are units
+        word = re.search(r"([^\W\d_]+)[ _=.-]*$", _plain(texts[k]))
+        # As written: degC and kN are units.
+        after = re.match(r" ?(?:[\u00b0\u00ba\u02da] ?)?([^\W\d_]+)", first[k + 1])
         values = tuple(row[k] for row in numbers)
         # What stands at a number is its unit, and no word of the next one: 1.5Hz_3.
         unit = re.fullmatch(r" ?([^\W\d_]+)[ _=.-]+", first[k]) if k else None
@@ -197,15 +214,16 @@ def _pattern(chosen: _Field, names: Sequence[str]) -> str:
     r"""Return an expression that finds the number, and nothing else, in every name."""
     ending = re.search(r"[^\W\d_]+[ _=.-]*$|[ _=.-]+$", chosen.before)
     short = ending[0] if ending else ""
-    has_halves = any("." in value for value in chosen.values)
-    number = r"(?P<setting>\d+(?:\.\d)?)" if has_halves else r"(?P<setting>\d+)"
+    sign = "-?" if any(value.startswith("-") for value in chosen.values) else ""
+    half = r"(?:\.\d)?" if any("." in value for value in chosen.values) else ""
+    number = rf"(?P<setting>{sign}\d+{half})"
     for start in (short, chosen.before):
         pattern = f"{re.escape(start)}{number}".replace(r"\ ", " ").replace(r"\-", "-")
         if start and all(
             _finds(pattern, name, value) for name, value in zip(names, chosen.values, strict=True)
         ):
             return pattern
-    return "^" + r"\D*\d+" * chosen.place + r"\D*" + number
+    return "^" + r"\D*\d+" * chosen.place + (r"\D*?" if sign else r"\D*") + number
 
 
 def _finds(pattern: str, name: str, value: str) -> bool:

@@ -135,10 +135,10 @@ _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
         "K": (1.0, -273.15),
     },
     "velocity": {
-        "m/s m_per_s": 1.0,
-        "mm/s mm_per_s": 1e-3,
-        "cm/s cm_per_s": 1e-2,
-        "in/s in_per_s": _INCH,
+        "m/s m_per_s m_s": 1.0,
+        "mm/s mm_per_s mm_s": 1e-3,
+        "cm/s cm_per_s cm_s": 1e-2,
+        "in/s in_per_s in_s": _INCH,
     },
     "density": {"kg/m3 kg/m^3 kg/m³": 1.0, "g/cm3 g/cm^3 g/cm³": 1e3},
     "area": {"m2 m^2 m²": 1.0, "cm2 cm^2 cm²": 1e-4, "mm2 mm^2 mm²": 1e-6},
@@ -214,7 +214,8 @@ def find_unit(name: str, dimension: str) -> Unit:
     if unit is None:
         known = ", ".join(units_of(dimension))
         hint = _hint(name.strip(), units)
-        raise QuantityError(f"no unit of {dimension} {name.strip()!r}; expected {known}.{hint}")
+        more = f".{hint}" if hint else ""
+        raise QuantityError(f"no unit of {dimension} {name.strip()!r}; expected {known}{more}")
     return unit
 
 

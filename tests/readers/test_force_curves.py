@@ -85,6 +85,26 @@ def test_a_column_of_settings_parts_the_rows(put) -> None:
     assert _points(curves[1], "bump") == [(0.1, -250.0)]
 
 
+@pytest.mark.parametrize("name", ["click", "Clicks", "Klick", "Raste", "cran"])
+def test_a_column_of_clicks_does_too(put, name) -> None:
+    """All clicks were one curve, whose forces were their mean."""
+    head = f"{name};speed mm/s;rebound_N;compression_N\n"
+    curves = read_curves(put(head + "3;100;300;-200\n3;200;500;-350\n7;100;400;-250\n"))
+    assert [curve.label for curve in curves] == ["3", "7"]
+    assert _points(curves[0], "rebound") == [(0.1, 300.0), (0.2, 500.0)]
+    assert _points(curves[1], "bump") == [(0.1, -250.0)]
+
+
+@pytest.mark.parametrize("speed", ["speed mm/s", "velocity_mm_s", "Speed, mm/s", "vel_mm/s"])
+def test_a_speeds_unit_is_the_whole_of_it(put, speed) -> None:
+    """The s of mm/s was taken for seconds, and the speed had no unit."""
+    separator = "\t" if "," in speed else ","
+    text = separator.join([speed, "force N"]) + "\n"
+    text += "\n".join(separator.join(row) for row in (("100", "300"), ("-200", "-500"))) + "\n"
+    (curve,) = read_curves(put(text))
+    assert _points(curve, "rebound") == [(0.1, 300.0)]
+
+
 def test_columns_may_be_declared(put) -> None:
     path = put("a,b\n-0.1,-200\n0.1,300\n0.2,500\n")
     with pytest.raises(LogError, match="no speed with a force beside it"):

@@ -27,6 +27,16 @@ LOG = "time_s,displacement_mm,force_N\n0,1,2\n1,2,3\n"
         (["klick_0.5.csv", "klick_1.csv"], [0.5, 1], r"klick_(?P<setting>\d+(?:\.\d)?)"),
         (["s1234_2.csv", "s1234_4.csv"], [2, 4], r"_(?P<setting>\d+)"),
         (["lot999_7.csv", "lot999_9.csv"], [7, 9], r"_(?P<setting>\d+)"),
+        (["few_5_reglage8.csv", "few_7_reglage8.csv"], [8, 8], r"reglage(?P<setting>\d+)"),
+        (["x5_Réglage 8.csv", "x7_Réglage 8.csv"], [8, 8], r"Réglage (?P<setting>\d+)"),
+        (["5_Re\u0301glage8.csv", "7_Re\u0301glage8.csv"], [8, 8], r"glage(?P<setting>\d+)"),
+        (["b5_cran2.csv", "b7_cran4.csv"], [2, 4], r"cran(?P<setting>\d+)"),
+        (["Versuch1_3.csv", "Versuch2_4.csv"], [3, 4], r"_(?P<setting>\d+)"),
+        (["b_3_25°C.csv", "b_4_35°C.csv"], [3, 4], r"b_(?P<setting>\d+)"),
+        (["front -3.csv", "front 0.csv"], [-3, 0], r"front (?P<setting>-?\d+)"),
+        (["front-3.csv", "front-4.csv"], [3, 4], r"front-(?P<setting>\d+)"),
+        (["Links - 3.csv", "Links - 4.csv"], [3, 4], r"Links - (?P<setting>\d+)"),
+        (["-3_5.csv", "-4_5.csv"], [3, 4], r"-(?P<setting>\d+)"),
     ],
 )
 def test_what_differs_is_the_setting(names, cells, pattern) -> None:
@@ -52,6 +62,12 @@ def test_what_differs_is_the_setting(names, cells, pattern) -> None:
         ["SN1234.csv", "SN1235.csv"],
         ["b_1234.csv", "b_1235.csv"],  # four digits
         ["a_3.csv", "b_x_4.csv"],  # names of two kinds
+        ["test_1_25C.csv", "test_2_35C.csv"],  # clicks, or degrees
+        ["test_1_25 °C.csv", "test_2_35 °C.csv"],
+        ["Lauf_1.csv", "Lauf_2.csv"],
+        ["Essai1.csv", "Essai2.csv"],
+        ["Prüfling_1.csv", "Prüfling_2.csv"],
+        ["Amort_série_12.csv", "Amort_série_13.csv"],
         ["log.csv"],
         [],
     ],
