@@ -18,6 +18,7 @@ from damperfit.checks import (
     missed_gates,
     run_checks,
 )
+from damperfit.checks.physical_checks import _every_grade_stands
 from damperfit.damper.model import values_type
 from damperfit.damper.purdy.parameters import DAMPER_RANGES
 from damperfit.damper.quantity import Quantity
@@ -359,3 +360,9 @@ def test_a_list_goes_without_what_the_test_declares_pointless() -> None:
     assert expand_checks(pointless, pointless=pointless) == pointless  # asked for by its own name
     both = ["purdy2000", "-temperature_in_window"]
     assert expand_checks(both, pointless=pointless) == CHECK_LISTS["purdy2000"][:-1]
+
+
+@pytest.mark.parametrize(("count", "words"), [(1, "setting 1"), (2, "settings 1, 2")])
+def test_grades_that_stand_are_told_by_setting(count: int, words: str) -> None:
+    fits = [fit(n + 1) for n in range(count)]
+    assert _every_grade_stands(fits, {}) == (True, f"no objection to the grade of {words}")

@@ -35,7 +35,7 @@ def _every_grade_stands(fits: Sequence[Fit], said: Objections) -> Verdict:
             f"grades are withheld at {_listed(said)}; setting {first}: "
             f"{'; '.join(one.sentence for one in said[first])}"
         )
-    return True, f"no objection to the grades of {len(fits)} settings"
+    return True, f"no objection to the grade of {_listed([fit.setting for fit in fits])}"
 
 
 def _bulk_modulus_of_oil(fits: Sequence[Fit], said: Objections) -> Verdict:

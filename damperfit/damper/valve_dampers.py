@@ -167,7 +167,7 @@ class ValveDamper(Cylinder, OilModel):
     def valves_said(self) -> str:
         """What its valves are, in words."""
         return ", ".join(
-            f"{stroke} {valve.bleed} bleed and {valve.blow_off} blow-off"
+            f"{stroke} {valve.bleed} bleed and {valve.blow_off} blow-off".replace("none ", "no ")
             for stroke, valve in (("rebound", self.rebound), ("compression", self.compression))
         )
 

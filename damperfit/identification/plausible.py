@@ -45,7 +45,7 @@ def edge_of(parameters: Values, name: str) -> tuple[str, float]:
     """
     low, high = parameters.quantity(name).plausible
     value = getattr(parameters, name)
-    if value * value < low * high:  # nearer to the lower edge by its logarithm
+    if value < 0.99 * high:  # a friction within its range that is nothing beside the noise, too
         return "below", max(value, low)
     return "above", min(value, high)
 

@@ -121,7 +121,7 @@ class Prediction:
         if not self.is_failed:
             return "predicted as well as fitted"
         if self.ratio >= _NOT_PREDICTED:
-            return f"not predicted: {self.ratio:.2g} times the expected MSE"
+            return f"not predicted: {_rounded(self.ratio)} times the expected MSE"
         # 9.96 rounded up would say that the log is not predicted.
         return f"worse than fitted: {min(self.ratio, 9.9):.2g} times the expected MSE"
 
@@ -141,6 +141,11 @@ class Prediction:
             "is_unseen": self.is_unseen,
             "verdict": self.verdict,
         }
+
+
+def _rounded(ratio: float) -> str:
+    """Two digits without an exponent."""
+    return f"{float(f'{ratio:.2g}'):.0f}"
 
 
 def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[str, ...]:

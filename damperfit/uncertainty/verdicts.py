@@ -13,6 +13,7 @@ from damperfit.identification.sharing import listed_settings
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from damperfit.damper.quantity import Quantity
     from damperfit.identification import Fit, Sharing
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty.intervals import Uncertainty
@@ -145,7 +146,7 @@ def _verdict(
     tied = _tied(name, known) if is_tied else ""
     whose = sharing.whose(name, fit.setting) if name in sharing.found_at(fit.setting) else ""
     where = (
-        f"95 % from {interval.low:.4g} to {interval.high:.4g} {unit}"
+        _span(interval.low, interval.high, fit.parameters.quantity(name))
         if profile is None or not profile.is_complete or (interval.misfit and not profile.is_flat)
         else _seen(profile, unit)
     )
@@ -174,6 +175,18 @@ def _verdict(
         )
     found = f"shared by {whose or 'all settings'}" if status == Status.SHARED else "fitted"
     return f"{found}, {where}{tied}"
+
+
+def _span(low: float, high: float, quantity: Quantity) -> str:
+    """Its 95 %; an end beyond the plausible range is no limit."""
+    has_low, has_high = low >= quantity.plausible[0], high <= quantity.plausible[1]
+    if has_low and has_high:
+        return f"95 % from {low:.4g} to {high:.4g} {quantity.unit}"
+    if has_low:
+        return f"95 % above {low:.4g} {quantity.unit}"
+    if has_high:
+        return f"95 % below {high:.4g} {quantity.unit}"
+    return "no value of its plausible range is excluded"
 
 
 def _seen(profile: MisfitProfile, unit: str) -> str:

@@ -174,3 +174,11 @@ def test_no_damper_is_refused_in_a_sentence():
         TwinTube(gas_volume=20.0)
     with pytest.raises(ConfigurationError, match="less than piston_diameter"):
         TwinTube(rod_diameter=0.03)
+
+
+def test_a_valve_without_a_bleed_is_said_to_have_none_in_english():
+    closed = dataclasses.replace(
+        TwinTube(), rebound=dataclasses.replace(TwinTube().rebound, bleed="none")
+    )
+    said = closed.valves_said
+    assert said.startswith("rebound no bleed and linear blow-off, compression orifice bleed")

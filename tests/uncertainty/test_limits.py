@@ -165,6 +165,7 @@ def test_a_misfit_of_less_than_the_integrator_makes_is_none(share, *, is_structu
 
 def test_a_misfit_points_to_the_first_fault_of_its_log_and_counts_the_others() -> None:
     seen = repeating(2.0, noise=0.1)
+    seen = replace(seen, fit=replace(seen.fit, mse_percent=1.5))  # direction explains no good fit
     log = seen.fit.logs[0]
     faults = tuple(
         Finding(name, severity, "a sentence")
@@ -191,6 +192,7 @@ def prediction(ratio: float, **more) -> Prediction:
         (2.04, "worse than fitted: 2 times the expected MSE"),
         (9.8, "worse than fitted: 9.8 times the expected MSE"),
         (10.4, "not predicted: 10 times the expected MSE"),
+        (108.0, "not predicted: 110 times the expected MSE"),
     ],
 )
 def test_a_prediction_is_worse_from_twice_and_none_from_ten_times(ratio, verdict) -> None:

@@ -90,6 +90,12 @@ def test_that_a_damper_yields_is_news_where_its_model_does_not_or_misses_it(
     assert "holds 60 % of its force" in said
 
 
+@pytest.mark.parametrize(("share", "is_new"), [(0.37, False), (0.36, True)])
+def test_a_model_that_holds_nearly_what_the_log_does_misses_nothing(share, *, is_new) -> None:
+    told = diagnosis(1, held_share=0.405, modelled_share=share, mse_percent=0.01)
+    assert ("the model misses that" in _sentence(told)) is is_new
+
+
 @pytest.mark.parametrize(("mse", "is_said"), [(0.99, False), (1.01, True)])
 def test_that_a_damper_yields_is_said_beside_a_flaw_where_the_logs_are_not_met(
     mse, *, is_said
@@ -163,6 +169,22 @@ def test_noise_of_the_displacement_is_blamed_where_it_makes_a_third() -> None:
     other = linearised(Finding("force_clipping", "warning", "clipped"))
     assert "force_clipping" in _warned(other, diagnosis(1, noise_percent=0.01))
     assert _warned(other, diagnosis(1, is_structured=False)) == ""
+
+
+@pytest.mark.parametrize(
+    ("changes", "family", "is_said"),
+    [({"mse_percent": 1.01}, "", True), ({"mse_percent": 0.99}, "", False),
+     ({"mse_percent": 4.0, "held_share": YIELDS}, "", False),
+     ({"mse_percent": 4.0, "held_share": 0.99 * YIELDS}, "", True),
+     ({"mse_percent": 4.0}, "v squared", False), ({"mse_percent": 0.5}, "position", True)],
+)  # fmt: skip
+def test_an_untold_direction_is_pointed_to_only_where_it_may_be_the_cause(
+    changes, family, *, is_said
+) -> None:
+    untold = linearised(Finding("direction", "warning", "no gas force tells the strokes apart"))
+    hints = (replace(hint("gas_pressure", 50.0), family=family),) if family else ()
+    said = _warned(untold, diagnosis(1, *hints, **changes))
+    assert ("see the warning direction" in said) is is_said
 
 
 def test_an_assessment_without_settings_has_nothing_to_reconcile() -> None:

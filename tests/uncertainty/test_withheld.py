@@ -80,6 +80,11 @@ def test_the_edge_that_a_value_ran_into() -> None:
     assert edge_of(tiny, "f_f") == ("below", 1e-3)
     assert edge_of(tiny, "r_m2") == ("above", 1e10)
     assert edge_of(having(f_f=0.5).parameters, "f_f") == ("below", 0.5)
+    # Friction that is nothing beside the noise, and an offset, which has no logarithm.
+    assert edge_of(having(f_f=10.9).parameters, "f_f") == ("below", 10.9)
+    low, high = having().parameters.quantity("f_0").plausible
+    assert edge_of(having(f_0=low).parameters, "f_0") == ("below", low)
+    assert edge_of(having(f_0=high).parameters, "f_0") == ("above", high)
 
 
 @pytest.mark.parametrize(

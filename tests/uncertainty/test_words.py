@@ -11,6 +11,7 @@ import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, Outcome, Sharing
+from damperfit.identification.outcome import Status
 from damperfit.recording import Finding
 from damperfit.run.trust import _profile, confidence_record, unconfirmed_tares
 from damperfit.uncertainty import (
@@ -29,7 +30,7 @@ from damperfit.uncertainty.gas import GasContent
 from damperfit.uncertainty.intervals import make_interval
 from damperfit.uncertainty.profiles import MisfitProfile, ProfilePoint, signed_root
 from damperfit.uncertainty.residuals import scatter_between_cycles
-from damperfit.uncertainty.verdicts import doubts, undetermined, verdicts
+from damperfit.uncertainty.verdicts import _span, doubts, undetermined, verdicts
 from tests import fakes
 
 
@@ -327,3 +328,23 @@ def test_a_fit_is_judged_by_the_integrator_that_has_made_it() -> None:
         solver = inspect.signature(function).parameters["solver"]
         assert solver.default == fitted, function.__name__
     assert Bench(PURDY_DAMPER).solver == fitted
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [(1.0, 1e10, "95 % from 1 to 1e+10"), (0.99, 1e9, "95 % below 1e+09"),
+     (1.01, 1.01e10, "95 % above 1.01"), (9.9e-302, 1e307, "no value of its plausible range")],
+)  # fmt: skip
+def test_an_end_of_an_interval_beyond_the_plausible_range_is_no_limit(low, high, words) -> None:
+    wide = replace(PURDY_DAMPER.quantities[0], plausible=(1.0, 1e10))
+    assert _span(low, high, wide).startswith(words)
+
+
+def test_what_the_logs_do_not_determine_is_told_without_endless_ends() -> None:
+    fit, seen = fakes.fit(1), known()
+    fit = replace(fit, status={**fit.status, "r_m2": Status.NOT_IDENTIFIABLE})
+    endless = replace(seen.intervals["r_m2"], low=9.9e-302, high=1e307)
+    seen = replace(seen, intervals={**seen.intervals, "r_m2": endless})
+    said = verdicts(fit, seen, Sharing(), {})["r_m2"]
+    assert said.startswith("these logs do not determine it (no value of its plausible range")
+    assert "e-302" not in said
