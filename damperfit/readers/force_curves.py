@@ -11,6 +11,7 @@ without a sign leaves the stroke to the force's sign.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +49,7 @@ _SPEED = {"velocity", "vel", "speed", "v", "geschwindigkeit", "vitesse", "veloci
 _FORCE = {"force", "load", "f", "kraft", "effort", "forza", "fuerza", "pvp", "peak"}
 _LABEL = re.compile(r"\s*\((?P<label>[^()]{1,40})\)\s*(?P<rest>\S.*)", re.DOTALL)
 _NUMBERED = re.compile(r"\.\d+$")  # "C.1": a name that some tools give to the second "C"
+_WORD = re.compile(r"[^\W\d_]+")
 _LOOP = 50  # points of a stroke; fewer are points in any order
 _MAX_CURVES = 500
 _SETTING = {
@@ -198,7 +200,7 @@ def _parted(name: str) -> tuple[str, str]:
 
 def _heading(column: Column) -> _Heading:
     label, rest = _parted(column.name)
-    base, unit = split_name(rest)
+    base, unit = _split(rest)
     words = set(words_of(base))
     unit = column.unit or unit
     stroke = "rebound" if words & _REBOUND else "bump" if words & _BUMP else ""
@@ -208,6 +210,12 @@ def _heading(column: Column) -> _Heading:
         return _Heading(label, stroke, "speed")
     is_force = words & _FORCE or stroke or _is_in(unit, "force")
     return _Heading(label, stroke, "force" if is_force else "")
+
+
+def _split(name: str) -> tuple[str, str | None]:
+    """Return name and unit; the C of "4 clicks C" is a stroke, and no degree."""
+    base, unit = split_name(name)
+    return (base, unit) if _is_in(unit, "velocity") or _is_in(unit, "force") else (name, None)
 
 
 def _is_in(unit: str | None, dimension: str) -> bool:
@@ -244,7 +252,33 @@ def _pairs(columns: Sequence[Column], options: ReadOptions) -> list[_Pair]:
             else pair
             for pair in pairs
         ]
-    return pairs
+    return _told_apart(pairs, columns)
+
+
+def _told_apart(pairs: Sequence[_Pair], columns: Sequence[Column]) -> list[_Pair]:
+    """Return the pairs with what their names say beside the stroke, where a stroke is there twice.
+
+    Else "0 clicks R" and "4 clicks R" were one curve.
+    """
+    bare = Counter(pair.stroke for pair in pairs if not pair.label and pair.stroke)
+    if max(bare.values(), default=0) < 2:
+        return list(pairs)
+    seen: Counter[str] = Counter()
+    told = []
+    for pair in pairs:
+        label = pair.label
+        if pair.stroke and not label:
+            seen[pair.stroke] += 1
+            name = _split(_parted(columns[pair.force].name)[1])[0]
+            label = _beside_stroke(name) or f"curve {seen[pair.stroke]}"
+        told.append(replace(pair, label=label))
+    return told
+
+
+def _beside_stroke(name: str) -> str:
+    known = _REBOUND | _BUMP | _FORCE
+    rest = _WORD.sub(lambda word: "" if word[0].casefold() in known else word[0], name)
+    return " ".join(rest.replace("_", " ").split()).strip(" -,;:/()")
 
 
 def _table_curves(table: Table, source: Source, options: ReadOptions) -> list[ForceCurve]:

@@ -95,6 +95,24 @@ def test_a_column_of_clicks_does_too(put, name) -> None:
     assert _points(curves[1], "bump") == [(0.1, -250.0)]
 
 
+@pytest.mark.parametrize(
+    ("names", "labels"),
+    [
+        ("0 clicks R,0 clicks C,4 clicks R,4 clicks C", ["0 clicks", "4 clicks"]),
+        ("R_soft_N,C_soft_N,R_hard_N,C_hard_N", ["soft", "hard"]),
+        ("Zug 3 (N),Druck 3 (N),Zug 7 (N),Druck 7 (N)", ["3", "7"]),
+        ("rebound_N,bump_N,rebound_N.1,bump_N.1", ["curve 1", "curve 2"]),
+    ],
+)
+def test_a_stroke_that_is_there_twice_is_two_curves(put, names, labels) -> None:
+    """Both were one curve, the mean of both; and the C of "clicks C" was a degree."""
+    text = f"speed mm/s,{names}\n100,300,-200,400,-250\n200,500,-350,600,-400\n"
+    curves = read_curves(put(text), ReadOptions(units={"force": "N"}))
+    assert [curve.label for curve in curves] == labels
+    assert _points(curves[0], "rebound") == [(0.1, 300.0), (0.2, 500.0)]
+    assert _points(curves[1], "bump") == [(0.1, -250.0), (0.2, -400.0)]
+
+
 @pytest.mark.parametrize("speed", ["speed mm/s", "velocity_mm_s", "Speed, mm/s", "vel_mm/s"])
 def test_a_speeds_unit_is_the_whole_of_it(put, speed) -> None:
     """The s of mm/s was taken for seconds, and the speed had no unit."""
