@@ -54,12 +54,16 @@ def test_peaks_and_named_speeds_of_a_viscous_damper_are_known() -> None:
 def test_hysteresis_is_opening_less_closing_force_in_both_strokes() -> None:
     log = trace(7)
     acceleration = np.gradient(log.velocity, log.interval)
-    peak, *_ = rows_of(replace(log, force=2500.0 * log.velocity + 10.0 * acceleration))
+    peak, *named = rows_of(replace(log, force=2500.0 * log.velocity + 10.0 * acceleration))
     omega = 2 * math.pi * 1.5
     there = 10.0 * omega * math.sqrt(SPEED**2 - peak["hysteresis_speed_m_per_s"] ** 2)
     # Opening: speed rises; in bump the acceleration is then downwards.
     assert peak["measured_hysteresis_rebound_N"] == pytest.approx(2.0 * there, rel=1e-3)
     assert peak["measured_hysteresis_bump_N"] == pytest.approx(-2.0 * there, rel=1e-3)
+    for row in named[:4]:
+        there = 10.0 * omega * math.sqrt(SPEED**2 - row["speed_rebound_m_per_s"] ** 2)
+        assert row["measured_hysteresis_rebound_N"] == pytest.approx(2.0 * there, rel=1e-2)
+        assert row["measured_hysteresis_bump_N"] == pytest.approx(-2.0 * there, rel=1e-2)
 
 
 def test_at_a_speed_where_the_gas_pushes_both_strokes_down_there_is_no_ratio() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,8 +26,12 @@ from damperfit.report.mse_report import escape
 from damperfit.report.page.log_section import log_section
 from damperfit.report.page.summary import setting_verdict, summary
 from damperfit.report.plots.colours import setting_colours
+from damperfit.report.plots.compared_runs import _points
 from damperfit.report.plots.one_log import setting_plots
 from damperfit.report.plots.parameters import parameter_plots
+from damperfit.report.sheets import comparison_sheet
+from damperfit.report.sheets.comparison_sheet import NOTHING, _change
+from damperfit.report.sheets.inspection_sheet import _note_lines
 from damperfit.report.sheets.mse_sheet import grade_counts
 from damperfit.report.sheets.rounding import number, percent, with_interval
 from damperfit.report.sheets.sheet import sheet_width
@@ -509,3 +514,50 @@ def test_six_trends_have_a_legend(n, is_named):
     trends = [_along("rebound", f"compression {8 + k}", {2: 5e8, 4: 6e8}) for k in range(n)]
     lines = [line for line in _k_e_of_two(trends, n=n).panels[0].lines if line.colour == "muted"]
     assert [line.in_legend for line in lines] == [is_named] * n
+
+
+@pytest.mark.parametrize("values", [(None, None), (0.001, 0.003)])
+def test_notes_that_differ_are_their_range_or_the_first_of_them(values) -> None:
+    logs = [
+        {
+            "name": f"{k}.csv",
+            "findings": [
+                {"name": "skew", "severity": "note", "sentence": f"said {k}", "value": value,
+                 "unit": "s"}
+            ],
+        }
+        for k, value in enumerate(values)
+    ]  # fmt: skip
+    *_, line = _note_lines(logs)
+    said = "said 0" if values[0] is None else "1 to 3 ms"
+    assert line.strip() == f"skew: {said} (2 of 2 logs)"
+
+
+def test_a_change_in_units_has_its_interval_from_low_to_high() -> None:
+    line = SimpleNamespace(
+        percent=math.nan, difference=1.2, low=-3.1, high=5.5, subject=SimpleNamespace(unit="N")
+    )
+    assert _change(line) == ("+1.2 N", "-3.1 to +5.5")
+    line.low = math.nan
+    assert _change(line) == ("+1.2 N", NOTHING)
+
+
+def test_numbers_of_compared_figures_stand_below_one_another(monkeypatch) -> None:
+    monkeypatch.setattr(comparison_sheet, "verdict_of", lambda _: "different")
+    subject = SimpleNamespace(setting=3, label="energy", unit="J")
+    line = SimpleNamespace(
+        subject=subject, difference=1.5, high=2.0,
+        first=SimpleNamespace(value=10.0), second=SimpleNamespace(value=11.5),
+    )  # fmt: skip
+    sheet = comparison_sheet.comparison_figure_sheet(SimpleNamespace(of=lambda _: [line]))
+    ((*cells,),) = sheet.rows
+    assert sheet.is_number == tuple(cell.lstrip("+")[0].isdigit() for cell in cells)
+
+
+def test_curves_without_time_are_force_over_velocity() -> None:
+    test = SimpleNamespace(velocity=np.arange(3.0), force=5.0 * np.arange(3.0))
+    plot = _points([SimpleNamespace(name="A")], [(test,)], Setting.of(3), "a")
+    (panel,) = plot.panels
+    assert (panel.x_label, panel.x_unit, panel.y_label, panel.y_unit) == (
+        "velocity", "m/s", "force", "N",
+    )  # fmt: skip

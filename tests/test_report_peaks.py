@@ -150,6 +150,9 @@ def test_tables_of_peaks_and_clicks_carry_the_units(results) -> None:
     assert mine.measured.peak_force_bump * POUND == pytest.approx(plain.measured.peak_force_bump)
     assert mine.measured.hysteresis_speed * 0.0254 == pytest.approx(plain.measured.hysteresis_speed)
     assert mine.measured.energy == plain.measured.energy
+    assert mine.simulated.peak_force_bump * POUND == pytest.approx(plain.simulated.peak_force_bump)
+    bare = log_in_units(replace(plain, measured=None, simulated=None), SHOWN)
+    assert (bare.measured, bare.simulated) == (None, None)
     assert mine.measured.speed_forces[0].rebound * POUND == pytest.approx(
         plain.measured.speed_forces[0].rebound
     )

@@ -131,3 +131,14 @@ def test_errors_in_tables_are_of_noise_and_misfit_together() -> None:
     assert any("what repeats in the residual" in note for note in parameter_sheet([row]).notes)
     assert total_error(row | {"r_m1_misfit_se": None}, "r_m1") == 30.0
     assert total_error(row | {"r_m1_se": None}, "r_m1") is None
+
+
+def test_a_parameter_without_a_number_hides_none_behind_it() -> None:
+    status = {"k_e": "not_identifiable", "f_f": "at_bound", "r_m2": "absent"}
+    one = fit(1, status=status, f_0=5.0)
+    one = replace(one, parameters=one.parameters.replace(f_f=2.65e-261))
+    (row,) = make_tables(campaign(one)).parameters.to_pylist()
+    assert parameter_line(row | {"r_m1": None}) == (
+        f"no {PURDY_DAMPER.quantity('r_m2').label}, R_m3 = 2.5970e6 N s/(m2 kg) (shared), "
+        "K_e cannot be determined, f_f below 0.001 N (at bound), f_0 = 5.0000 N (fixed)."
+    )

@@ -8,6 +8,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -18,6 +19,7 @@ from damperfit.identification import Outcome, compare
 from damperfit.simulation import simulate, sine_motion
 from damperfit.tables import (
     MISSING,
+    PAPER_QUANTITIES,
     WITHHELD,
     describe_tables,
     grade,
@@ -28,8 +30,14 @@ from damperfit.tables import (
     write_responses,
     write_table,
 )
+from damperfit.tables.columns import _setting_columns, read_setting
+from damperfit.tables.files import read_facts, table_quantities
+from damperfit.tables.quantities import quantity_records
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, Objection
 from tests.fakes import campaign, fit
+
+PDQ = PURDY_DAMPER.quantities
 
 CONTRACT_PARAMETERS = [
     "setting",
@@ -334,3 +342,55 @@ def test_a_change_of_force_stands_in_the_row_of_the_harder_setting_number_by_num
         84.0,
         96.0,
     ]
+
+
+@pytest.mark.parametrize(
+    ("table", "adjusters", "columns"),
+    [
+        ("adjustment", ("rebound",), ["setting", "rebound"]),
+        ("adjustment", ("rebound", "bump"), ["setting", "rebound", "bump", "changed"]),
+        ("mse", ("rebound", "bump"), ["setting", "rebound", "bump"]),
+    ],
+)
+def test_the_adjuster_that_changes_is_named_where_there_are_several(
+    table, adjusters, columns
+) -> None:
+    settings = [Setting(tuple((name, place) for name in adjusters)) for place in (1, 2)]
+    assert [one.name for one in _setting_columns(table, settings)] == columns
+
+
+def test_a_click_of_forty_letters_is_read_as_one() -> None:
+    for n, expected in ((40, ValueError), (41, None)):
+        text = "7" * n
+        if expected is None:  # a sentence, taken as it stands
+            assert read_setting({"setting": text}) == Setting.of(text)
+        else:
+            with pytest.raises(expected, match="expected clicks"):
+                read_setting({"setting": text})
+
+
+def test_a_table_s_own_quantities_come_before_those_of_run_json(tmp_path) -> None:
+    own, beside = PDQ[:2], PDQ[2:4]
+    path = tmp_path / "parameters.parquet"
+
+    def put(facts) -> None:
+        table = pa.table({"setting": [1]})
+        entry = {b"damperfit": json.dumps(facts).encode()}
+        pq.write_table(table.replace_schema_metadata(entry), path)
+
+    put({})
+    assert table_quantities(path) == PAPER_QUANTITIES
+    record = {"quantities": quantity_records(beside)}
+    (tmp_path / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    assert [one.name for one in table_quantities(path)] == [one.name for one in beside]
+    put({"quantities": quantity_records(own)})
+    assert [one.name for one in table_quantities(path)] == [one.name for one in own]
+
+
+def test_responses_of_a_campaign_without_quantities_are_of_the_paper_s(tmp_path) -> None:
+    path = tmp_path / "responses.parquet"
+    done = campaign()
+    assert not done.quantities
+    write_responses(path, done, [])
+    names = [one["name"] for one in read_facts(path)["quantities"]]
+    assert names == [one.name for one in PAPER_QUANTITIES]

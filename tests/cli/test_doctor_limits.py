@@ -24,3 +24,11 @@ def test_a_fit_is_right_within_a_thousandth(monkeypatch, off, is_right) -> None:
     else:
         with pytest.raises(SimulationError, match=r"R_m1 of a made-up log is 0.1 % off"):
             _fit()
+
+
+def test_the_time_of_the_fit_is_its_own(monkeypatch) -> None:
+    found = SimpleNamespace(parameters=reference_parameters(10))
+    monkeypatch.setattr(identification, "identify", lambda *_: SimpleNamespace(fits=[found]))
+    clock = iter((100.0, 101.5))
+    monkeypatch.setattr("damperfit.cli.doctor.time", SimpleNamespace(perf_counter=clock.__next__))
+    assert _fit().endswith(" %, 1.5 s")

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import sys
 
 import pytest
 
 from tests.report_folder import make_results
+
+export = sys.modules["damperfit.cli.export"]
 
 
 @pytest.fixture(scope="module")
@@ -79,3 +82,12 @@ def test_what_a_table_loses_is_told(run, results, tmp_path) -> None:
     ended = run("export", results, "--to", "carsim", "--out", tmp_path / "there", "--extend", "0.4")
     assert "note: against the model on a class B road" in ended.err
     assert "the tables are untested" in ended.err
+
+
+def test_files_and_units_that_were_written_are_named(run, results, tmp_path, monkeypatch) -> None:
+    path = tmp_path / "damper.csv"
+    for n, more in ((1, ""), (2, " and 1 more"), (4, " and 3 more")):
+        monkeypatch.setattr(export, "_write", lambda *_, n=n, **__: [path] * n)
+        assert f"{path} written{more}; m/s, N; " in run("export", results, "--to", "csv").err
+    said = run("export", results, "--to", "csv", "--units", "in/s,lbf").err
+    assert " written and 3 more; in/s, lbf; " in said

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from damperfit.cli.fleet import _say
+from damperfit.cli.fleet import _collect, _say
 
 
 @pytest.mark.parametrize(("n", "more"), [(20, 0), (21, 1), (22, 2)])
@@ -18,3 +18,16 @@ def test_twenty_failures_are_told_one_by_one(capsys, n, more) -> None:
     said = capsys.readouterr().err
     assert said.count(".csv: empty") == 20
     assert (f"and {more} more failures" in said) is bool(more)
+
+
+@pytest.mark.parametrize("bands", [None, "bands"])
+def test_a_fleet_is_held_against_the_bands_that_are_given(bands, monkeypatch, tmp_path) -> None:
+    pages = []
+    table = SimpleNamespace(num_rows=3)
+    monkeypatch.setattr("damperfit.fleet.parts.collect", lambda _: table)
+    monkeypatch.setattr("damperfit.fleet.survey.survey", lambda _: "survey")
+    monkeypatch.setattr("damperfit.fleet.bands.held_against", lambda *given: given)
+    monkeypatch.setattr("damperfit.fleet.page.write_page", lambda *given: pages.append(given))
+    held = _collect(tmp_path, bands, is_reported=True, is_quiet=True)
+    assert held == (None if bands is None else ("survey", "bands"))
+    assert pages == [(tmp_path, "survey", held)]

@@ -13,6 +13,7 @@ from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import DAMPER_RANGES
 from damperfit.errors import ConfigurationError
+from damperfit.run.earlier import BESIDE
 from damperfit.samples import SampleOptions, make_samples
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 
@@ -36,6 +37,12 @@ def slim(tmp_path_factory) -> Path:
     )
     assert code in {0, 1}  # the configuration expects a third setting
     return folder / "results"
+
+
+def test_results_of_one_damper_name_no_folders_beside_them(slim) -> None:
+    record = json.loads((slim / "run.json").read_text(encoding="utf-8"))
+    assert BESIDE not in record
+    assert record["held_out"] == []
 
 
 def _peak(ended) -> float:

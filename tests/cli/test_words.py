@@ -9,6 +9,7 @@ import pytest
 
 from damperfit.cli import github, main
 from damperfit.damper.purdy.figures import FAMILIES
+from damperfit.errors import ConfigurationError
 from damperfit.identification import Outcome
 from tests.fakes import campaign, fit
 
@@ -80,3 +81,36 @@ def test_pressures_are_drawn_of_the_member_that_cavitates_most(shares, title, mo
         ((one, said),) = drawn
         assert (one.factor, said["title"]) == (1.0, f"Chamber pressures, r_m1 {title}")
         assert said["file_name"] == "sweep_r_m1_pressures"
+
+
+def test_an_option_that_is_not_given_leaves_the_configuration_alone(run, monkeypatch) -> None:
+    seen = {}
+
+    def caught(_, *options):
+        seen.update({name: value for name, _, value in options})
+        raise ConfigurationError("seen")
+
+    monkeypatch.setattr(identify, "configured", caught)
+    assert "seen" in run("identify", "a.csv").err
+    assert "--fix" in seen
+    assert not [name for name, value in seen.items() if value is not None]
+
+
+@pytest.mark.parametrize(("is_quiet", "rivals"), [(False, True), (False, False), (True, True)])
+def test_laws_are_named_as_they_are_tried_unless_quiet(
+    is_quiet, rivals, monkeypatch, capsys
+) -> None:
+    def choose(*_, on_rung, on_rival, **__):
+        on_rung(SimpleNamespace(tried=SimpleNamespace(title="a rung")))
+        if on_rival is not None:
+            on_rival(SimpleNamespace(title="a rival"))
+        raise ConfigurationError("enough")
+
+    monkeypatch.setattr("damperfit.run.law_choice.choose_law", choose)
+    monkeypatch.setattr("damperfit.run.given_starts.start_of_laws", lambda *_: None)
+    monkeypatch.setattr(identify, "declared_setting", lambda *_: None)
+    with pytest.raises(ConfigurationError, match="enough"):
+        identify._with_law(None, [], None, {}, jobs=1, rivals=rivals, is_quiet=is_quiet)
+    said = capsys.readouterr().err
+    assert ("tried a rung" in said) is not is_quiet
+    assert ("tried a rival" in said) is (rivals and not is_quiet)

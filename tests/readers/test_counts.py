@@ -113,6 +113,8 @@ def test_a_channel_of_text_hides_none_behind_it(put) -> None:
         )
         sink = io.BytesIO()
         file.save(sink)
+    (group,) = mdf.answer(sink.getvalue(), 10_000).said
+    assert [name for name, *_ in group["channels"]] == ["time", "displacement", "force"]
     recording = read_log(put(sink.getvalue(), "a_s1.mf4"))
     np.testing.assert_array_equal(recording.time, time)
     np.testing.assert_array_equal(recording.force, 3.0 * time)

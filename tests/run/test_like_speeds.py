@@ -10,9 +10,10 @@ import pytest
 from damperfit.conditioning import condition
 from damperfit.configuration.loading import load_configuration
 from damperfit.readers import read_log
-from damperfit.run.like_speeds import _meeting, without_contradictory_motions
+from damperfit.run.like_speeds import _meeting, _power, without_contradictory_motions
 from damperfit.run.logs import LogBatch
 from damperfit.tested.setting import Setting
+from tests import fakes
 from tests.conditioning.logs import sine_log, static_force
 from tests.identification.rig import trace
 from tests.laws.valve_logs import VALUES, damper, log_text, moved
@@ -95,3 +96,10 @@ def test_five_per_cent_are_a_difference(more, differs):
     half = 0.5 * (static_force(np.array([speed])) - static_force(np.array([-speed])))[0]
     assert met.forces[0] == pytest.approx(half, rel=0.01)
     assert met.differs is differs
+
+
+def test_what_is_left_over_is_a_share_of_the_force_s_variance():
+    one = fakes.trace(1)
+    force = one.force - np.mean(one.force[one.compared])
+    assert _power(one, force) == pytest.approx(1.0)
+    assert _power(one, 0.5 * force) == pytest.approx(0.25)

@@ -59,6 +59,34 @@ def test_many_copies_are_one_line():
     assert found.remarks == ("1.csv and 3 other logs: the same test as 0.csv; it counts once",)
 
 
+def test_one_more_copy_is_one_log():
+    first = log("0.csv")
+    copies = [replace(first, name=f"{n}.csv") for n in (1, 2)]
+    found = once_each(batch(first, *copies))
+    assert found.remarks == ("1.csv and 1 other log: the same test as 0.csv; it counts once",)
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 0, 2)])
+def test_the_two_logs_that_are_furthest_apart_are_named(order):
+    logs = [log(f"{n}.csv", rebound=force) for n, force in enumerate((1000.0, 1100.0, 1400.0))]
+    found = without_contradictions(batch(*(logs[k] for k in order)), is_averaging=False)
+    for failure in found.failures:
+        assert "0.csv" in failure.message
+        assert "2.csv" in failure.message
+        assert "1.csv" not in failure.message
+    assert found.failures
+
+
+def test_a_log_at_another_gas_pressure_hides_no_contradiction():
+    first = replace(log("a.csv"), gas_pressure=5e5)
+    others = (log("b.csv"), log("c.csv", rebound=1400.0))
+    found = without_contradictions(batch(first, *others), is_averaging=False)
+    (failure, *_) = found.failures
+    assert "b.csv" in failure.message
+    assert "c.csv" in failure.message
+    assert "a.csv" not in failure.message
+
+
 @pytest.mark.parametrize(("n", "lines"), [(20, 20), (21, 21), (40, 21)])
 def test_many_sets_of_twins_are_a_few_lines(n, lines):
     pairs = [(one, replace(one, name=f"b{k}.csv")) for k in range(n) for one in [log(f"a{k}.csv")]]

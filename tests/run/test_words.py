@@ -15,7 +15,9 @@ from damperfit.damper.model import values_type
 from damperfit.identification import Outcome, Sharing, Status
 from damperfit.recording import Finding, natural_order
 from damperfit.report.failures_and_warnings import Failure
-from damperfit.run import hold_out
+from damperfit.run import hold_out, labelling
+from damperfit.run.dampers import _nameless
+from damperfit.run.labelling import Labels
 from damperfit.run.logs import LogBatch, LogFacts, _distinct_names
 from damperfit.run.mishaps import Mishaps
 from damperfit.run.reading_account import json_values
@@ -280,3 +282,45 @@ def test_a_tare_is_judged_of_a_model_without_an_offset_too() -> None:
     sound = SimpleNamespace(setting=1, is_structured=False, noise_percent=0.1)
     (said,) = unconfirmed_tares(campaign(bare), SimpleNamespace(diagnoses=(sound,)))
     assert said.startswith("setting 1: the warning tare is not confirmed")
+
+
+def test_failures_of_logs_without_a_serial_number_are_told_apart() -> None:
+    failures = [SimpleNamespace(log=name) for name in ("a.csv", "b.csv")]
+    batch = SimpleNamespace(failures=failures)
+    assert [one.log for one in _nameless(batch, ["b.csv"])] == ["b.csv"]
+
+
+@pytest.mark.parametrize(
+    ("has_pattern", "adjusters", "says"),
+    [
+        (False, ("adjuster",), True),
+        (True, ("adjuster",), False),
+        (False, ("rebound", "bump"), False),
+    ],
+)
+def test_a_number_of_several_is_named_where_it_was_guessed(
+    has_pattern, adjusters, says, monkeypatch
+) -> None:
+    monkeypatch.setattr(labelling, "one_of_several", lambda _: "3 of 3 and 4")
+    labels = SimpleNamespace(has_pattern=has_pattern, adjusters=adjusters)
+    said = Labels.one_of_several(labels, "s3_4.csv")
+    assert said.startswith("s3_4.csv: of its numbers ") is says
+    assert bool(said) is says
+
+
+def test_a_table_of_tests_elsewhere_hides_none_beside_the_log(tmp_path) -> None:
+    """Where tables speak for the logs beside them only; the one that names most of a path wins."""
+    log = tmp_path / "here" / "day1" / "a.csv"
+    tables = [
+        SimpleNamespace(path=tmp_path / place / "tests.csv", rows=rows)
+        for place, rows in (
+            ("there", {"a.csv": "elsewhere"}),
+            ("here", {"day1/a.csv": "most", "a.csv": "less", "b.csv": "another"}),
+        )
+    ]
+    for is_beside, only, row in (
+        (True, tables, "most"),
+        (True, tables[:1], None),
+        (False, tables[:1], "elsewhere"),
+    ):
+        assert Labels.row(SimpleNamespace(is_beside=is_beside, tables=only), log) == row
