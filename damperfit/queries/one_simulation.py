@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from damperfit.atomic import settle
-from damperfit.conditioning import condition
 from damperfit.configuration.options import parameter_value
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import REFERENCE_SOURCE, reference_parameters
+from damperfit.damper.warmed import BETA, Warmed
 from damperfit.errors import (
     ConfigurationError,
     DamperfitError,
@@ -25,6 +25,8 @@ from damperfit.identification import put_together
 from damperfit.queries.fleet_part import is_part, part_in
 from damperfit.queries.origin import damper_of_table
 from damperfit.readers import read_log
+from damperfit.run.labelling import labels_for
+from damperfit.run.tested_at import conditioned_as_tested, facts_of
 from damperfit.simulation import (
     Characteristics,
     Response,
@@ -279,11 +281,18 @@ def damper_of(
     Raises
     ------
     ConfigurationError
-        The user declares another damper than the one that was fitted.
+        The user declares another damper than the one that was fitted, or asks what temperature does
+        to one that was fitted without it.
     """
-    if choice.table is None:
-        return configuration, configuration.damper_sentence
-    return damper_of_table(choice.table, configuration, config=config)
+    meant, line = configuration, configuration.damper_sentence
+    if choice.table is not None:
+        meant, line = damper_of_table(choice.table, configuration, config=config)
+    if isinstance(meant.damper, Warmed) and BETA.name not in choice.parameters.names:
+        raise ConfigurationError(
+            f"damper.reference_temperature: {choice.source.partition(': ')[2]}, has no beta; leave "
+            "the key out, or take results of damperfit identify --covariate temperature"
+        )
+    return meant, line
 
 
 def simulate_test(
@@ -320,9 +329,10 @@ def simulate_test(
         frequency, steady = configuration.rig.frequency, response
     else:
         trace = _trace(log, configuration)
-        response = simulate(
-            choice.parameters, configuration.damper, motion_of(trace), options=solver
-        )
+        motion, asked = motion_of(trace), getattr(configuration.damper, "temperature", None)
+        if asked is not None:  # before what the log says
+            motion = replace(motion, temperature=asked)
+        response = simulate(choice.parameters, configuration.damper, motion, options=solver)
         frequency, steady = trace.frequency, _part(response, trace.fastest.window)
         words = f"displacement of {trace.name}, last of {trace.fastest.n_cycles} steady cycles"
     figures = characterise(steady, frequency)
@@ -336,7 +346,10 @@ def simulate_test(
 
 def _trace(log: Path, configuration: Configuration) -> Trace:
     try:
-        return condition(read_log(log, configuration.reading), configuration.conditioning)
+        recording = read_log(log, configuration.reading)
+        row = labels_for([log], configuration, setting=None).row(log)
+        facts, _ = facts_of(recording, log, configuration, row)
+        return conditioned_as_tested(recording, configuration.conditioning, facts)
     except (DamperfitError, MemoryError):
         raise
     except Exception as error:
@@ -380,12 +393,5 @@ def _refuse_work(parameters: Values, configuration: Configuration) -> None:
 
 
 def _part(response: Response, window: slice) -> Response:
-    return replace(
-        response,
-        time=response.time[window],
-        displacement=response.displacement[window],
-        velocity=response.velocity[window],
-        force=response.force[window],
-        pressures=response.pressures[:, window],
-        masses=response.masses[:, window],
-    )
+    signals = ("time", "displacement", "velocity", "force", "pressures", "masses")
+    return replace(response, **{name: getattr(response, name)[..., window] for name in signals})

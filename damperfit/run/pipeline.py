@@ -260,7 +260,7 @@ def _read(
             left, held_out = without_copies(left, parted.held_out)
             left = with_rod_remark(left, configuration.damper)
             parted = with_transients(replace(parted, batch=left, held_out=held_out), options)
-        own = with_reference(configuration, parted.batch.traces)
+        own = with_reference(configuration, parted.batch.traces, parted.held_out)
         if len(groups) > 1:
             output = replace(configuration.output, folder=folder / folder_name(owner))
             own = replace(own, output=output)

@@ -24,7 +24,9 @@ LEAST_WARMTH = 3.0
 _ALIKE = 0.5
 
 
-def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Configuration:
+def with_reference(
+    configuration: Configuration, traces: Sequence[Trace], held_out: Sequence[Trace] = ()
+) -> Configuration:
     """Return the configuration with the temperature that the damper's resistances are told for.
 
     Parameters
@@ -33,6 +35,8 @@ def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Con
         Of a damper that follows the temperature, or of any other, which stays as it is.
     traces : sequence of Trace
         What is fitted.
+    held_out : sequence of Trace
+        What is predicted, each at its own temperature.
 
     Raises
     ------
@@ -42,7 +46,7 @@ def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Con
     damper = configuration.damper
     if not isinstance(damper, Warmed) or not traces:
         return configuration
-    lacking = [trace.name for trace in traces if trace.temperature is None]
+    lacking = [trace.name for trace in (*traces, *held_out) if trace.temperature is None]
     if lacking:
         more = f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""
         raise ConfigurationError(

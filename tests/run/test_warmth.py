@@ -23,6 +23,8 @@ from damperfit.identification import FitOptions, Outcome, Status, identify
 from damperfit.identification.first_beta import with_first_beta
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.queries.adjuster_results import read_adjuster
+from damperfit.queries.one_simulation import choose_parameters, damper_of, simulate_test
+from damperfit.queries.origin import warmed_to
 from damperfit.recording import Recording
 from damperfit.run.pipeline import run
 from damperfit.run.same_setting import without_contradictions
@@ -314,3 +316,49 @@ def test_other_programs_get_it_at_one_temperature(results, asked, there: float) 
         for name in ("r_m2", "r_m3"):
             assert getattr(one.values, name) == pytest.approx(getattr(true, name), rel=0.01)
     assert f"resistances as they are at {there:g} degC (fitted at 43 degC)" in handed.remarks
+
+
+def test_a_held_out_log_without_a_temperature_is_named() -> None:
+    held_out = replace(log(10, WARM), temperature=None)
+    with pytest.raises(ConfigurationError, match=f"{held_out.name} has no temperature"):
+        with_reference(asked_for("mean"), logs(COLD, WARM), [held_out])
+    assert (
+        with_reference(asked_for("mean"), logs(COLD, WARM), [log(10, WARM)]).damper.reference
+        == 43.0
+    )
+
+
+def test_a_log_drives_it_at_its_own_temperature_unless_another_is_asked(results) -> None:
+    path = results.parent / recording(1, COLD).name
+    choice = choose_parameters(1, table=results, replaced={})
+    plain, _ = damper_of(choice, load_configuration())
+    peak = {
+        asked: simulate_test(
+            choice, warmed_to(plain, asked), log=path
+        ).characteristics.peak_force_rebound
+        for asked in (None, "26degC", "60degC")
+    }
+    assert peak[None] == peak["26degC"]
+    assert peak["60degC"] < 0.95 * peak[None]
+
+
+def test_a_log_with_a_channel_of_temperature_is_simulated_as_asked(results, tmp_path) -> None:
+    one = recording(1, COLD)
+    path = tmp_path / "channel.csv"
+    rows = zip(one.time, 1e3 * one.displacement, one.force, strict=True)
+    lines = [f"{t:.4f},{x:.5f},{f:.3f},{COLD}" for t, x, f in rows]
+    head = "time_s,displacement_mm,force_N,temperature_degC"
+    path.write_text("\n".join([head, *lines, ""]), encoding="utf-8")
+    choice = choose_parameters(1, table=results, replaced={})
+    plain, _ = damper_of(choice, load_configuration())
+    own, warm = (
+        simulate_test(choice, warmed_to(plain, asked), log=path).characteristics.peak_force_rebound
+        for asked in (None, "60degC")
+    )
+    assert warm < 0.95 * own
+
+
+def test_parameters_without_beta_follow_no_temperature() -> None:
+    choice = choose_parameters(1, table=None, replaced={})
+    with pytest.raises(ConfigurationError, match=r"reference_temperature: .* has no beta; leave"):
+        damper_of(choice, asked_for("mean"))
