@@ -31,6 +31,12 @@ def test_columns_that_are_missing_are_named_and_the_rest_counted(tmp_path, n_mis
     assert remarks[1:] == (told if missing else [])
 
 
+def test_results_of_before_logs_were_held_out_lack_nothing() -> None:
+    """`report` ended with code 1 for them."""
+    assert is_late("role")
+    assert not is_late("log")
+
+
 def test_every_file_of_another_run_is_named_and_what_is_no_table_is_passed_over(tmp_path) -> None:
     for name in ("a.parquet", "b.parquet", "c.parquet", "d.txt"):
         (tmp_path / name).write_bytes(name.encode())

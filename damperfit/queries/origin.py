@@ -93,8 +93,11 @@ def configuration_of_run(
     given = load_configuration(config)
     document = record.get("configuration")
     damper = document.get("damper") if isinstance(document, dict) else None
-    if isinstance(damper, dict):
-        return configured_as(given, Origin(str(folder / "run.json"), damper), config=config)
+    origin = Origin(str(folder / "run.json"), damper if isinstance(damper, dict) else None)
+    if origin.damper is None and (folder / "parameters.parquet").exists():
+        origin = origin_of(folder / "parameters.parquet")
+    if origin.damper is not None:
+        return configured_as(given, replace(origin, motion=None), config=config)
     if config is None:
         remarks.append("the damper of the run is not known: the paper's is assumed; give --config")
     return given

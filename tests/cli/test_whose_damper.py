@@ -204,6 +204,23 @@ def test_every_damper_key_is_in_the_sentence_of_what_is_left() -> None:
     assert load_configuration(SLIM).undeclared == ()
 
 
+def test_settings_know_the_damper_without_run_json(run, slim, tmp_path) -> None:
+    """The table says whose it is; the paper's damper was assumed."""
+    alone = tmp_path / "alone"
+    alone.mkdir()
+    shutil.copy(slim / "parameters.parquet", alone)
+    asked = ("--amplitude", "15mm", "--frequency", "2Hz", "--json")
+    ended, whole = run("settings", alone, *asked), run("settings", slim, *asked)
+    assert "run.json is missing" in ended.err
+    assert "the paper's is assumed" not in ended.err
+    found, wanted = (json.loads(one.out)["forces"] for one in (ended, whole))
+    assert len(found) == len(wanted) > 0
+    for one, other in zip(found, wanted, strict=True):
+        assert one["force_N"] == pytest.approx(other["force_N"], rel=1e-6)
+    (tmp_path / "other.toml").write_text('[damper]\nrod_diameter = "13mm"\n')
+    assert run("settings", alone, *asked, "--config", "other.toml").code == 2
+
+
 @pytest.mark.parametrize("table", ["parameters.parquet", "parameters.csv", ""])
 def test_samples_of_results_are_of_their_damper(run, slim, tmp_path, table) -> None:
     """They took the paper's geometry and motion: 828 N for 10117 N, with code 0."""
