@@ -92,7 +92,7 @@ def export(
         document = {"target": to, "units": target.units, "sign": target.sign}
         names = [str(path) for path in written]
         lost = {"lost_in_a_table": what_is_lost(handed)} if has_table else {}
-        remarks = {"remarks": list(handed.remarks), "notes": list(target.notes())}
+        remarks = {"remarks": list(handed.remarks), "notes": [*handed.notes, *target.notes()]}
         print_json({**document, "files": names, **remarks, **lost})
     elif not quiet:
         more = f" and {len(written) - 1} more" if len(written) > 1 else ""
@@ -102,7 +102,7 @@ def export(
             say(f"note: {what_is_lost(handed)}")
         if speed is not None:
             say(f"note: beyond {handed.motion.peak_speed:.4g} m/s the tables are untested")
-        for note in target.notes():
+        for note in (*handed.notes, *target.notes()):
             say(f"note: {note}")
     return 1 if handed.remarks else 0
 

@@ -98,6 +98,8 @@ class HandedOver:
         SHA-256 of the table of parameters.
     remarks : tuple of str
         What was missing or damaged.
+    notes : tuple of str
+        What else to know of the values.
     folder : pathlib.Path or None
         The results folder itself, for those who hand on its tables.
     """
@@ -112,19 +114,18 @@ class HandedOver:
     version: str = __version__
     digest: str = ""
     remarks: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     folder: Path | None = None
 
 
 def _at_one_temperature(
-    damper: Model, settings: tuple[HandedSetting, ...], remarks: list[str]
+    damper: Model, settings: tuple[HandedSetting, ...], notes: list[str]
 ) -> tuple[Model, tuple[HandedSetting, ...]]:
     """A damper that follows the temperature, as it is at one: other programs know of none."""
     if not isinstance(damper, Warmed):
         return damper, settings
     told = damper.oil_temperature
-    remarks.append(
-        f"resistances as they are at {told:g} degC (fitted at {damper.reference:g} degC)"
-    )
+    notes.append(f"resistances as they are at {told:g} degC (fitted at {damper.reference:g} degC)")
     there = (replace(one, values=damper.at_reference(one.values, told)) for one in settings)
     return damper.plain, tuple(there)
 
@@ -152,7 +153,8 @@ def hand_over(
     results = results_in(folder, parts=("parameters",))
     record, remarks = results.record, list(results.remarks)
     configuration = warmed_to(configuration_of_run(folder, config, record, remarks), temperature)
-    damper, settings = _at_one_temperature(configuration.damper, tuple(_settings(results)), remarks)
+    notes: list[str] = []
+    damper, settings = _at_one_temperature(configuration.damper, tuple(_settings(results)), notes)
     if not settings:
         raise ConfigurationError(
             f"{folder}: no setting has all parameters; run damperfit identify LOGS first"
@@ -177,6 +179,7 @@ def hand_over(
         MappingProxyType(identity),
         digest=_digest(folder),
         remarks=tuple(remarks),
+        notes=tuple(notes),
         folder=folder,
     )
 
