@@ -205,6 +205,10 @@ def test_a_damaged_run_json_is_said(run, folder, damage) -> None:
         path.write_text("[1]" if damage == "no object" else path.read_text()[:500])
     ended = run("settings", folder, "--velocity", "0.2")
     assert ended.code == 1
+    assert "the damper of the run is not known" not in ended.err  # parameters.parquet tells it
+    (folder / "parameters.parquet").unlink()
+    ended = run("settings", folder, "--velocity", "0.2")
+    assert ended.code == 1
     assert "the damper of the run is not known" in ended.err
     assert "the motion of the test is not known" in ended.err
     assert "Traceback" not in ended.err
