@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Skew", "estimate_skew", "take_back"]
+__all__ = ["Skew", "estimate_skew", "stands_still", "take_back"]
 
 _REACH = 0.020  # s beside an end of the stroke; the oil's part is smooth on this scale
 _FARTHEST = 0.010  # s
@@ -53,6 +53,9 @@ _ALIKE = 0.4  # smaller over larger jump
 _FINEST = 4e-4  # s; samples closer than this are averaged, for the time it takes
 _SYSTEMATIC = 1e-4  # s; what the smooth part may lean
 _FEWEST = 40  # samples beside the ends of rebound, and of bump
+# Way left within half of the reach, of that within the reach: of a sine 0.25, of a crank that takes
+# 10 ms to pass its play 0.2, of a dwell 0.
+_STANDS = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,9 +111,12 @@ def estimate_skew(log: UniformLog, trace: Trace) -> Skew:
     trace : Trace
         Of the same log; its velocity tells the ends of the stroke.
     """
-    beside = [_beside(log, ends) for ends in _ends(trace)]
-    if min(len(lag) for lag, _ in beside) < _FEWEST:
-        return Skew(None, reason="too few samples beside the ends of the stroke")
+    ends = _ends(trace)
+    beside = [_beside(log, end) for end in ends]
+    is_short = min(len(lag) for lag, _ in beside) < _FEWEST
+    if is_short or stands_still(log, np.concatenate(ends)):
+        found = "too few samples beside" if is_short else "the displacement stands still at"
+        return Skew(None, reason=f"{found} the ends of the stroke")
     delays = np.arange(-_FARTHEST, _FARTHEST + 0.5 * _STEP, _STEP)
     smooth = [_without_smooth(*side, kink=None) for side in beside]
     kink = float(delays[np.argmin(_scan(smooth, delays, width=0.0).rest)])
@@ -178,6 +184,28 @@ def _ends(trace: Trace) -> tuple[FloatArray, FloatArray]:
     part = v[before] / (v[before] - v[before + 1])
     at = trace.start_time + (before + part) * trace.interval
     return _straight(at[is_out[before]], trace), _straight(at[~is_out[before]], trace)
+
+
+def stands_still(log: UniformLog, ends: FloatArray) -> bool:
+    """Whether a motion rests at its ends: a dwell, or a crank that goes through its play.
+
+    Friction turns anywhere in such a rest, so that its jump tells no delay.
+
+    Parameters
+    ----------
+    log : UniformLog
+        As logged: a filter rounds a short rest off.
+    ends : numpy.ndarray
+        When rebound and bump end, s.
+    """
+    far = int(_REACH / log.interval)
+    at = np.rint((ends - log.start_time) / log.interval).astype(np.int64)
+    at = at[(at >= far) & (at + far < len(log.displacement))]
+    x = log.displacement
+    half, whole = (
+        float(np.mean(np.abs(x[at] - 0.5 * (x[at - n] + x[at + n])))) for n in (far // 2, far)
+    )
+    return half < _STANDS * whole
 
 
 def _straight(at: FloatArray, trace: Trace) -> FloatArray:

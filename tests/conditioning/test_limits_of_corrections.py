@@ -179,6 +179,7 @@ def scanned(monkeypatch):
 
         monkeypatch.setattr(skew, "_ends", lambda _: (np.zeros(1), np.zeros(1)))
         monkeypatch.setattr(skew, "_beside", lambda *_: side)
+        monkeypatch.setattr(skew, "stands_still", lambda *_: False)
         monkeypatch.setattr(skew, "_scan", scaled)
         return estimate_skew(SimpleNamespace(interval=0.001), None)
 

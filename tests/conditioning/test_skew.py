@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning.skew import _around, _beside, estimate_skew, take_back
+from damperfit.conditioning.skew import _around, _beside, estimate_skew, stands_still, take_back
 from damperfit.conditioning.timebase import UniformLog
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
@@ -229,3 +229,31 @@ def test_an_end_counts_where_the_log_holds_all_samples_beside_it(end, is_whole) 
     assert len(lag) == len(force) == 41 * is_whole
     if is_whole:
         assert force[[0, -1]].tolist() == [1e3 * end - 20.0, 1e3 * end + 20.0]
+
+
+def turning(left):
+    """A log at 1 kHz that turns at 50 ms; within 10 ms a share of the way of 20 ms is left."""
+    x = np.interp(np.abs(np.arange(101) - 50.0), [0.0, 10.0, 20.0], [0.0, -left, -1.0])
+    return UniformLog(0.0, 0.001, 1e-3 * x, np.zeros(101))
+
+
+@pytest.mark.parametrize(("left", "is_still"), [(0.0, True), (0.195, True), (0.205, False)])
+def test_a_motion_that_leaves_a_fifth_of_its_way_in_half_the_time_turns(left, is_still) -> None:
+    assert stands_still(turning(left), np.array([0.05])) is is_still
+
+
+def test_a_crank_that_goes_through_its_play_is_late_by_nothing() -> None:
+    """Friction turns where the play begins, 10 ms before the middle of the rest."""
+    rate, crank = 800.0, 4.0 * np.pi * np.arange(16000) / 800.0
+    end = np.cos(np.radians(7.0))
+    x = 0.02 * np.clip(np.sin(crank), -end, end)
+    v = np.where(np.abs(np.sin(crank)) > end, 0.0, 0.08 * np.pi * np.cos(crank))
+    force = simulate(reference_parameters(5), PURDY_DAMPER, Motion(1.0 / rate, x, v)).force
+    noise = np.random.default_rng(5).standard_normal((2, len(x)))
+    log = replace(
+        late_log(5, 0.0),
+        time=np.arange(len(x)) / rate,
+        displacement=x + 2e-6 * noise[0],
+        force=force + 4.0 * noise[1],
+    )
+    assert "stands still" in skew_of(log).sentence
