@@ -115,7 +115,7 @@ def estimate_skew(log: UniformLog, trace: Trace) -> Skew:
     beside = [_beside(log, end) for end in ends]
     is_short = min(len(lag) for lag, _ in beside) < _FEWEST
     if is_short or stands_still(log, np.concatenate(ends)):
-        found = "too few samples beside" if is_short else "the displacement stands still at"
+        found = "too few samples beside" if is_short else "the displacement rests at"
         return Skew(None, reason=f"{found} the ends of the stroke")
     delays = np.arange(-_FARTHEST, _FARTHEST + 0.5 * _STEP, _STEP)
     smooth = [_without_smooth(*side, kink=None) for side in beside]

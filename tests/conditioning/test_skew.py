@@ -256,4 +256,4 @@ def test_a_crank_that_goes_through_its_play_is_late_by_nothing() -> None:
         displacement=x + 2e-6 * noise[0],
         force=force + 4.0 * noise[1],
     )
-    assert "stands still" in skew_of(log).sentence
+    assert "rests at the ends" in skew_of(log).sentence
