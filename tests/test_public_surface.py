@@ -294,7 +294,12 @@ SURFACE = {
     ],
     "damperfit.damper.signals": ["PRESSURES", "Signal"],
     "damperfit.damper.warmed": ["BETA", "Warmed", "at_temperature"],
-    "damperfit.run.warmth": ["LEAST_WARMTH", "are_unlike", "with_reference"],
+    "damperfit.run.warmth": [
+        "LEAST_WARMTH",
+        "are_unlike",
+        "check_temperatures",
+        "with_reference",
+    ],
     "damperfit.damper.model": [
         "FLAWS_OF_FORCE",
         "FLAWS_OF_OIL",

@@ -78,6 +78,7 @@ def simulate(
 
     Example: damperfit simulate --setting 10 --amplitude 32mm --frequency 1.5Hz
     """
+    from damperfit.damper.warmed import Warmed
     from damperfit.queries.one_simulation import choose_parameters, damper_of, simulate_test
     from damperfit.queries.origin import warmed_to
 
@@ -106,8 +107,8 @@ def simulate(
     )
     configuration, damper = damper_of(choice, given, config=config)
     configuration = warmed_to(configuration, temperature)
-    if temperature is not None:
-        damper += f" Simulated at {temperature}."
+    if temperature is not None and isinstance(configuration.damper, Warmed):
+        damper += f" Simulated at {configuration.damper.oil_temperature:g} degC."
     if displacement is not None and not displacement.exists():
         raise ConfigurationError(f"--displacement {displacement}: no such file")
     trial = simulate_test(choice, configuration, log=displacement)

@@ -230,11 +230,15 @@ class Configuration:
     @property
     def damper_sentence(self) -> str:
         """The damper's main figures, and whose they are."""
+        return self.damper_sentence_from("")
+
+    def damper_sentence_from(self, origin: str) -> str:
+        """Return `damper_sentence` with words on where the damper was found, behind its figures."""
         assumed = ""
         if self.keys and len(self.undeclared) == len(self.keys):
             whose = "the paper's" if self.damper.name == "purdy" else "made up"
             assumed = f" ({whose}: [damper] is not declared)"
-        return f"Damper: {self.damper.sentence}{assumed}."
+        return f"Damper: {self.damper.plain.sentence}{assumed}{origin}{self.damper.condition}."
 
     @property
     def _assumed_gas(self) -> str:

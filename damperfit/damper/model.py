@@ -260,6 +260,11 @@ class Model(ABC):
         return None
 
     @property
+    def condition(self) -> str:
+        """What its quantities hold for, to follow its main figures in a sentence."""
+        return ""
+
+    @property
     def plain(self) -> Model:
         """The damper without what temperature does to it."""
         return self

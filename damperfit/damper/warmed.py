@@ -114,8 +114,13 @@ class Warmed(Model):
     @property
     def sentence(self) -> str:
         """The damper's main figures, and at which temperature its resistances hold."""
+        return f"{self.damper.sentence}{self.condition}"
+
+    @property
+    def condition(self) -> str:
+        """At which temperature its resistances hold, to follow its main figures."""
         where = "the mean of the logs" if math.isnan(self.reference) else f"{self.reference:g} degC"
-        return f"{self.damper.sentence}; {' and '.join(self.viscous)} are those at {where}"
+        return f"; {' and '.join(self.viscous)} are those at {where}"
 
     @property
     def oil_temperature(self) -> float:

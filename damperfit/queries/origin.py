@@ -192,10 +192,11 @@ def damper_of_table(
     """
     origin = origin_of(table)
     meant = configured_as(configuration, origin, config=config)
-    sentence = meant.damper_sentence.rstrip(".")
     if origin.damper is None:
-        return meant, f"{sentence}; {origin.place} does not say whose parameters these are."
-    return meant, f"{sentence}, that of {origin.place}."
+        said = f"; {origin.place} does not say whose parameters these are"
+    else:
+        said = f", that of {origin.place}"
+    return meant, meant.damper_sentence_from(said)
 
 
 def _redeclared(configuration: Configuration, origin: Origin) -> Configuration:

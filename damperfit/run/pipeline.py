@@ -39,7 +39,7 @@ from damperfit.run.result import Found, RunResult, UnwrittenError
 from damperfit.run.rod_area import with_rod_remark
 from damperfit.run.run_json import provenance
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
-from damperfit.run.warmth import with_reference
+from damperfit.run.warmth import check_temperatures, with_reference
 from damperfit.run.work import Clock, comparisons, fitted, sha256_of
 from damperfit.tables import table_in_units, write_responses, write_table
 from damperfit.uncertainty import Bench
@@ -254,6 +254,7 @@ def _read(
                 options = fitting(mine, options, named)
             parted = part(mine, options, named)
             once = once_each(parted.batch)
+            check_temperatures(configuration, once.traces, parted.held_out)
             is_warmed = isinstance(configuration.damper, Warmed)
             left = without_contradictions(once, is_averaging=is_averaging, is_warmed=is_warmed)
             left = without_contradictory_motions(left, configuration)

@@ -15,13 +15,47 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.recording import Trace
 
-__all__ = ["LEAST_WARMTH", "are_unlike", "with_reference"]
+__all__ = ["LEAST_WARMTH", "are_unlike", "check_temperatures", "with_reference"]
 
 # K between the coldest and the warmest log. At 1 to 4 % a kelvin the viscosity then changes by 3 to
 # 12 %, where settings repeat within a few per cent.
 LEAST_WARMTH = 3.0
 # K between two logs beyond which their forces need not be the same, where temperature is looked at.
 _ALIKE = 0.5
+
+
+def check_temperatures(
+    configuration: Configuration, traces: Sequence[Trace], held_out: Sequence[Trace] = ()
+) -> None:
+    """Refuse logs without a temperature where the damper follows it.
+
+    Before logs are asked whether they contradict each other: cold and warm ones do, unless it is
+    known that they are.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        Of a damper that follows the temperature, or of any other.
+    traces : sequence of Trace
+        What is fitted.
+    held_out : sequence of Trace
+        What is predicted.
+
+    Raises
+    ------
+    ConfigurationError
+        A log has no temperature.
+    """
+    if not isinstance(configuration.damper, Warmed):
+        return
+    lacking = [trace.name for trace in (*traces, *held_out) if trace.temperature is None]
+    if lacking:
+        more = f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""
+        raise ConfigurationError(
+            f"--covariate temperature: {lacking[0]}{more} {'have' if more else 'has'} no "
+            "temperature; expected a channel, a line '# temperature: 31', a column of tests.csv or "
+            "tested_at in a profile"
+        )
 
 
 def with_reference(
@@ -46,18 +80,15 @@ def with_reference(
     damper = configuration.damper
     if not isinstance(damper, Warmed) or not traces:
         return configuration
-    lacking = [trace.name for trace in (*traces, *held_out) if trace.temperature is None]
-    if lacking:
-        more = f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""
-        raise ConfigurationError(
-            f"--covariate temperature: {lacking[0]}{more} has no temperature; expected a channel, "
-            "a line '# temperature: 31', a column of tests.csv or tested_at in a profile"
-        )
+    check_temperatures(configuration, traces, held_out)
     known = [trace.temperature for trace in traces if trace.temperature is not None]
     reach = max(known) - min(known)
     if reach < LEAST_WARMTH:
+        ends = f"{min(known):.1f} to {max(known):.1f}"
+        if f"{min(known):.1f}" == f"{max(known):.1f}":
+            ends = f"{min(known):.1f}"
         raise ConfigurationError(
-            f"--covariate temperature: the logs are of {min(known):.1f} to {max(known):.1f} degC; "
+            f"--covariate temperature: the logs are {'' if ' ' in ends else 'all '}of {ends} degC; "
             f"what temperature does is not determined by less than {LEAST_WARMTH:g} K: test colder "
             "or warmer too, or leave the option out"
         )

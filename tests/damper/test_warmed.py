@@ -112,7 +112,7 @@ def test_it_has_what_its_damper_has_and_one_quantity_more() -> None:
 
 
 # What it says itself; all else that a model says of itself is its damper's.
-OWN = {"quantities", "names", "values_type", "plain", "sentence", "procedures"}
+OWN = {"quantities", "names", "values_type", "plain", "sentence", "condition", "procedures"}
 
 
 def said_of(model) -> dict[str, object]:

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from damperfit.cli.main import main
 from damperfit.cli.option_values import configured, covaried
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.repeatability import _trend_of_peaks
@@ -24,7 +25,7 @@ from damperfit.identification.first_beta import with_first_beta
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.queries.adjuster_results import read_adjuster
 from damperfit.queries.one_simulation import choose_parameters, damper_of, simulate_test
-from damperfit.queries.origin import warmed_to
+from damperfit.queries.origin import damper_of_table, warmed_to
 from damperfit.recording import Recording
 from damperfit.run.pipeline import run
 from damperfit.run.same_setting import without_contradictions
@@ -194,9 +195,14 @@ def test_less_than_three_kelvin_determine_nothing(reach: float, *, is_refused: b
         with_reference(asked_for("mean"), traces)
 
 
+def test_one_temperature_is_no_range() -> None:
+    with pytest.raises(ConfigurationError, match=r"the logs are all of 26.0 degC; what"):
+        with_reference(asked_for("mean"), [log(1, COLD), log(10, COLD)])
+
+
 def test_a_log_without_a_temperature_is_named() -> None:
     traces = [log(1, COLD), *(replace(log(s, WARM), temperature=None) for s in (1, 10))]
-    says = r"setting_01_60C.csv and 1 more has no temperature; expected a channel, a line '# temp"
+    says = r"setting_01_60C.csv and 1 more have no temperature; expected a channel, a line '# temp"
     with pytest.raises(ConfigurationError, match=says):
         with_reference(asked_for("mean"), traces)
 
@@ -317,6 +323,39 @@ def test_other_programs_get_it_at_one_temperature(results, asked, there: float) 
             assert getattr(one.values, name) == pytest.approx(getattr(true, name), rel=0.01)
     assert f"resistances as they are at {there:g} degC (fitted at 43 degC)" in handed.notes
     assert handed.remarks == ()  # nothing is missing: export ends with code 0
+
+
+def test_the_temperature_of_a_damper_follows_whose_it_is() -> None:
+    said = with_reference(asked_for("mean"), logs(COLD, WARM, settings=(1,))).damper_sentence
+    assert said.endswith("is not declared); r_m2 and r_m3 are those at 43 degC.")
+
+
+def test_the_origin_of_a_damper_is_told_before_the_temperature(results) -> None:
+    meant, said = damper_of_table(results / "parameters.parquet", load_configuration())
+    assert said.endswith("parameters.parquet; r_m2 and r_m3 are those at 43 degC.")
+    assert "kg/m3, that of " in said
+    assert meant.damper.reference == 43.0
+
+
+def test_a_bare_number_is_told_as_the_temperature_it_is_taken_for(results, capsys) -> None:
+    arguments = ["simulate", "--parameters", str(results), "--setting", "1", "--temperature", "30"]
+    assert main(arguments) == 0
+    assert "Simulated at 30 degC." in capsys.readouterr().err
+
+
+def test_logs_without_a_temperature_do_not_contradict_each_other(tmp_path, results) -> None:
+    """It said that cold and warm logs contradict each other, and to leave one out."""
+    for path in results.parent.glob("setting_01_*.csv"):
+        text = path.read_text(encoding="utf-8").splitlines(keepends=True)
+        kept = [line for line in text if not line.startswith("# temperature")]
+        (tmp_path / path.name).write_text("".join(kept), encoding="utf-8")
+    configuration = configured(
+        None,
+        ("--covariate", "damper.reference_temperature", covaried("temperature", model=None)),
+        ("--out", "output.folder", str(tmp_path / "out")),
+    )
+    with pytest.raises(ConfigurationError, match="and 1 more have no temperature"):
+        run(configuration, [str(tmp_path / "setting_01_*.csv")], jobs=1)
 
 
 def test_a_held_out_log_without_a_temperature_is_named() -> None:
