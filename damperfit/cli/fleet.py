@@ -243,7 +243,9 @@ def _say(
             say(f"damperfit: {one.owner or 'logs'}: {gate}")
     n_before = sum(one.n_failures for one in done) - len(lines)
     if n_before and not is_quiet:
-        say(f"damperfit: {n_before} failures of an earlier run count too; its parts hold them")
+        count = "1 failure" if n_before == 1 else f"{n_before} failures"
+        verb, them = ("counts", "it") if n_before == 1 else ("count", "them")
+        say(f"damperfit: {count} of an earlier run {verb} too; the parts hold {them}")
     if is_stopped:
         left = n_tasks - len(done)
         say(

@@ -6,6 +6,7 @@ import errno
 import gc
 import logging
 import os
+import re
 import sys
 import traceback
 from functools import wraps
@@ -185,10 +186,22 @@ def _of_the_machine(error: Exception) -> tuple[str, int] | None:
     return None
 
 
+def _surplus(words: str, context: Any) -> str:
+    """Return that there are more words than a command takes; a lone number is meant as setting."""
+    said = f"unexpected argument{'s' * (' ' in words)} {words}"
+    takes_setting = any("--setting" in one.opts for one in context.command.params)
+    if takes_setting and words.isdecimal():
+        said += f"; for setting {words} give --setting {words}"
+    return said
+
+
 def _usage_message(error: Any) -> str:
     """Return typer's usage error as one sentence, with the command that was misused."""
     context = getattr(error, "ctx", None)
     command = "" if context is None else context.command_path.removeprefix("damperfit").strip()
     place = f"{command}: " if command else ""
     message = " ".join(error.format_message().split()).rstrip(".")
+    surplus = re.fullmatch(r"Got unexpected extra arguments? ?(?:\(s\) )?\((.*)\)", message)
+    if surplus is not None:
+        message = _surplus(surplus[1], context)
     return f"{place}{message}; see damperfit {command + ' ' if command else ''}--help"

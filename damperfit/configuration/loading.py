@@ -281,6 +281,8 @@ def _explain(error: ValidationError, layers: Sequence[_Layer]) -> str:
     first = error.errors(include_url=False)[0]
     keys = [str(part) for part in first["loc"]]
     reason = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
+    if keys == ["rig", "profiles"]:
+        reason = "expected sections named [rig.profiles.NAME]"
     if len(keys) == 1:  # of several keys: the one it begins with, where the last of them was given
         return _explain_section(keys[0], reason, layers)
     # pydantic ends with the branch of a union that it tried, which is no key.

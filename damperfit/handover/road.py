@@ -137,8 +137,12 @@ def road_sentence(errors: Sequence[RoadError], tables: Sequence[ForceTable]) -> 
     road = "a class B road at 20 m/s"
     if most.scale < 1.0:
         road += f" scaled to {most.scale:.0%}, the tested range"
-    size = f"{most.rms:.3g} N rms, {most.peak:.3g} N at most ({most.percent:.2g} % MSE)"
+    size = f"{_short(most.rms)} N rms, {_short(most.peak)} N at most ({most.percent:.2g} % MSE)"
     said = f"against the model on {road} (up to {most.speed:.2g} m/s) the table misses {size}"
     if len(errors) == 1:
         return said
-    return f"{said} at setting {where.setting}, {least.rms:.3g} N rms at the best"
+    return f"{said} at setting {where.setting}, {_short(least.rms)} N rms at the best"
+
+
+def _short(force: float) -> str:
+    return f"{force:.0f}" if force >= 999.5 else f"{force:.3g}"  # 1996 N, not 2e+03 N

@@ -73,6 +73,11 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
     if any(c in pattern for c in "*?["):
         hits = [Path(hit) for hit in glob.glob(pattern, recursive=True)]
         files = [hit for hit in hits if not _is_folder(hit)]
+        if hits and not files:
+            raise ConfigurationError(
+                f"{pattern}: the pattern matches folders only; for the logs in them give "
+                f"{pattern.rstrip('/')}/*.csv"
+            )
         if not files:
             raise ConfigurationError(f"{pattern}: the pattern matches no file")
         return files

@@ -82,7 +82,9 @@ def test_the_version_is_told_everywhere(run, command) -> None:
     [
         (["idntify"], "Did you mean 'identify'"),
         (["--frobnicate"], "No such option: --frobnicate"),
-        (["config", "extra"], "unexpected extra argument"),
+        (["config", "extra"], "config: unexpected argument extra; see damperfit config --help"),
+        (["simulate", "7"], "simulate: unexpected argument 7; for setting 7 give --setting 7; see"),
+        (["sweep", "a", "b"], "sweep: unexpected arguments a b; see damperfit sweep --help"),
         (["samples"], "Missing argument 'DIR'"),
         (["samples", "x", "--settings", "a"], "--settings a: expected a list"),
         (["samples", "x", "--settings", "1-99999999"], "--settings"),

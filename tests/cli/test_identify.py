@@ -194,6 +194,13 @@ def _rows(folder: Path) -> list[str]:
     return (folder / "parameters.csv").read_text().splitlines()[1:]
 
 
+def test_a_pattern_of_folders_is_told_from_one_of_nothing(run, tmp_path) -> None:
+    (tmp_path / "left").mkdir()
+    ended = run("identify", "le*")
+    assert ended.code == 2
+    assert "le*: the pattern matches folders only; for the logs in them give le*/*.csv" in ended.err
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

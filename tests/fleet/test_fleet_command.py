@@ -331,7 +331,7 @@ def test_failures_of_an_earlier_run_are_counted_aloud(three, tmp_path, here, cap
     assert "D2: D2/setting_05.csv: empty file" in said
     assert str(tmp_path) not in said.replace(f"parts in {tmp_path / 'out'}", "")
     assert run(three, "--out", tmp_path / "out") == 1
-    assert "1 failures of an earlier run count too" in capsys.readouterr().err
+    assert "1 failure of an earlier run counts too; the parts hold it" in capsys.readouterr().err
 
 
 @pytest.mark.usefixtures("here")

@@ -233,6 +233,8 @@ def test_what_a_table_loses_is_told_and_grows_with_the_stiffness(handed) -> None
     assert errors[0].scale < 1.0
     said = what_is_lost(handed)
     assert f"{errors[-1].rms:.3g} N rms" in said
+    assert errors[-1].peak > 999.5
+    assert f" {errors[-1].peak:.0f} N at most" in said  # it was 2e+03
     assert "setting 20" in said
 
 

@@ -177,6 +177,15 @@ def test_a_wrong_key_of_a_profile_is_named_with_its_line(tmp_path, text, says) -
         assert str(caught.value).startswith(f"{path}:{1 if 'unknown' in says else 2}: ")
 
 
+def test_profiles_in_a_list_are_told_the_form_they_have(tmp_path) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text("[[rig.profiles]]\nfiles = 'cold_*'\n", encoding="utf-8")
+    with pytest.raises(
+        ConfigurationError, match=r"expected sections named \[rig\.profiles\.NAME\]"
+    ):
+        load_configuration(path)
+
+
 @pytest.mark.parametrize("text", ["profiles = 3", "profiles = {lab = 3}"])
 def test_a_profile_is_a_table(tmp_path, text) -> None:
     path = tmp_path / "rig.toml"

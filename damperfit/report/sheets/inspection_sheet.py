@@ -221,7 +221,7 @@ def _range(values: Sequence[float], unit: str) -> str:
 
 
 def _short(value: float) -> str:
-    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+    return f"{value:.0f}" if abs(value) >= 999.5 else f"{value:.3g}"
 
 
 def _reading_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
