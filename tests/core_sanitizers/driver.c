@@ -4,6 +4,7 @@
  * failure and returns their number (at most 100).
  */
 #include "core.h"
+#include "seen.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -112,6 +113,11 @@ static int none_negative(const double *a, size_t n)
 /* What holds after every simulation that ended well. */
 static void check_result(const run *r, const char *name)
 {
+    see(r->force, r->n);
+    see(r->pressures, 3 * r->n);
+    see(r->masses, 2 * r->n);
+    see(r->sensitivities, (size_t)r->n_which * r->n);
+    see((const double[]){(double)r->work.steps, (double)r->work.newton}, 2);
     check(all_finite(r->force, r->n), name, "a force is not finite");
     check(all_finite(r->pressures, 3 * r->n), name, "a pressure is not finite");
     check(all_finite(r->masses, 2 * r->n), name, "a mass is not finite");
@@ -374,5 +380,6 @@ int main(void)
     anything();
     if (failures)
         printf("%d failures\n", failures);
+    tell_what_was_seen();
     return failures;
 }

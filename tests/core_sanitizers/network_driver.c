@@ -6,6 +6,7 @@
 #include "core.h"
 #include "hysteresis.h"
 #include "network.h"
+#include "seen.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -148,6 +149,11 @@ static int simulate(run *r, df_network *q, const df_options *o)
 
 static void check_result(const run *r, const char *name)
 {
+    see(r->force, r->n);
+    see(r->pressures, 3 * r->n);
+    see(r->masses, 2 * r->n);
+    see(r->sensitivities, (size_t)r->n_which * r->n);
+    see((const double[]){(double)r->work.steps, (double)r->work.newton}, 2);
     check(all_finite(r->force, r->n), name, "a force is not finite");
     check(all_finite(r->pressures, 3 * r->n), name, "a pressure is not finite");
     check(all_finite(r->masses, 2 * r->n), name, "a mass is not finite");
@@ -350,5 +356,6 @@ int main(void)
     states_of_their_own();
     if (failures)
         printf("%d failures\n", failures);
+    tell_what_was_seen();
     return failures;
 }

@@ -1,5 +1,6 @@
 /* The stepping interface: begin, advance, force, retune and evaluate, under sanitizers. */
 #include "stepper.h"
+#include "seen.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -53,6 +54,9 @@ static void a_run_is_the_simulation(void)
         for (int j = 0; j < DF_N_PARAMETERS; j++)
             same = same && slopes[j] == rows[(size_t)j * SAMPLES + i];
     }
+    see(force, SAMPLES);
+    see(P, 3 * SAMPLES);
+    see(rows, DF_N_PARAMETERS * SAMPLES);
     check(same, "step by step the force and its slopes are those of df_simulate, bit for bit");
     check(own.steps == work.steps && own.newton == work.newton, "as many steps");
 }
@@ -162,5 +166,6 @@ int main(void)
     df_begin(&PURDY, &SET, &USUAL, NULL, 0, 0.0, 0.0, &run);
     check(df_evaluate(&run, 0.0, 0.0, 0.2, &rates) == DF_CHAMBER_EMPTY, "no room");
     check(df_evaluate(&run, NAN, 0.0, 0.0, &rates) == DF_NOT_FINITE, "no mass");
+    tell_what_was_seen();
     return failures;
 }

@@ -191,6 +191,8 @@ DF_FOR_EACH_KIND void evaluate(const df_network *q, const int kind, const chambe
         fill_one(q, kind, c, 1, y[1], b);
         b->by_y[2] = 0.0;
     }
+    if (!(kind & DF_IS_ELASTIC))
+        b->by_y[0] = b->by_y[1] = 0.0;
     f->nearest = INFINITY;
     pass_pair(q, kind, DF_1_3, b->P[0] - b->P[2], f);
     pass_pair(q, kind, DF_1_2, b->P[0] - b->P[1], f);
