@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 __all__ = ["JointResult", "fit_together"]
 
 _NO_MINIMUM = "the joint fit stopped before its minimum: the shared values are the best found."
+_WEIGHTS_MOVE = "the weights of the settings had not settled when the joint fit stopped."
 # The working pressure hardly depends on K_e: it moves by less than this in the second round.
 _SAME_PRESSURE = 1e-4
 _MAX_ROUNDS = 5
@@ -172,6 +173,8 @@ def _fit_sound(
     solution = _fairly_weighed(problem, fit_jointly(problem, starts))
     spent, rises = spent + solution.evaluations, {}
     warnings = [] if solution.is_converged else [_NO_MINIMUM]
+    if not _is_fairly_weighed(solution):
+        warnings.append(_WEIGHTS_MOVE)
     if is_gas:
         alone = solution
         solution, more = _with_gas(given, problem, alone.parameters)
@@ -204,12 +207,16 @@ def _fairly_weighed(problem: JointProblem, solution: JointSolution) -> JointSolu
     its noise: a tenth of its weight moves the minimum as a wrong law would.
     """
     for _ in range(_MAX_ROUNDS):
-        shifts = [s * solution.weights[k] for k, s in solution.mean_squares.items()]
-        if max(shifts) <= _SAME_WEIGHT * min(shifts):
+        if _is_fairly_weighed(solution):
             break
         again = fit_jointly(problem, solution.parameters)
         solution = replace(again, evaluations=solution.evaluations + again.evaluations)
     return solution
+
+
+def _is_fairly_weighed(solution: JointSolution) -> bool:
+    shifts = [s * solution.weights[k] for k, s in solution.mean_squares.items()]
+    return max(shifts) <= _SAME_WEIGHT * min(shifts)
 
 
 def _helped(

@@ -227,3 +227,13 @@ def test_a_joint_fit_is_weighed_by_what_its_end_leaves(monkeypatch, shift, n_fit
     ended = joint_procedure._fairly_weighed("problem", first)
     assert asked == ["problem"] * n_fits
     assert ended.evaluations == 4 + 3 * n_fits
+    assert joint_procedure._is_fairly_weighed(ended)
+
+
+def test_weights_that_do_not_settle_are_said(monkeypatch) -> None:
+    logs = traces([3, 12], noise=4.0, duration=4.0)
+    warned = identify(logs, PURDY_DAMPER, FitOptions("joint")).warnings
+    assert joint_procedure._WEIGHTS_MOVE not in warned
+    monkeypatch.setattr(joint_procedure, "_is_fairly_weighed", lambda _: False)
+    warned = identify(logs, PURDY_DAMPER, FitOptions("joint")).warnings
+    assert joint_procedure._WEIGHTS_MOVE in warned
