@@ -35,6 +35,7 @@ from damperfit.report.sheets.click_sheet import click_sheet
 from damperfit.report.sheets.notes_below import over_several_clicks
 from damperfit.simulation import Characteristics, SpeedForce
 from damperfit.tables import Tables, make_tables, read_results, table_schema
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Prediction
 from tests.fakes import campaign, fit, trace
 from tests.report_folder import make_results
@@ -253,6 +254,14 @@ def test_a_change_over_three_clicks_says_so():
         assert "change" in apart.headings
         assert "click" not in apart.headings
         assert f"{said}1 to 4 (3 clicks), 5 to 7 (2 clicks)" in apart.notes
+        assert not any("click: its change" in note for note in apart.notes)
+    # Of several adjusters each one's own: R3 C5 and R6 C1 are no step.
+    pairs = [Setting((("rebound", r), ("compression", c))) for r in (3, 6) for c in (1, 5)]
+    (told,) = over_several_clicks(pairs)
+    assert told.removeprefix(said) == (
+        "R3 C1 to R6 C1 (3 clicks), R3 C5 to R6 C5 (3 clicks), R3 C1 to R3 C5 (4 clicks), "
+        "R6 C1 to R6 C5 (4 clicks)"
+    )
     (told,) = over_several_clicks(range(0, 14, 2))
     assert told.endswith("8 to 10 (2 clicks) and 1 more")
 

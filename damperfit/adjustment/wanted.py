@@ -3,7 +3,10 @@
 Between fitted settings the force follows a monotone cubic (PCHIP), which never leaves the forces of
 the two neighbours. The interval of an answer is where the wanted force lies within the force's
 95 % interval; between settings that are more than one click apart half of that interval is widened
-by the distance of the cubic from the straight line, for nothing was measured there.
+by how far the cubic lies from the straight line in that gap and the two beside it, for nothing was
+measured there. Two settings alone tell no curve, so that the interval is the whole gap. Of the
+shipped set with settings left out 94 to 96 of 100 hold the setting that was left out, by the cubic
+at that place alone 87 to 94, of two settings none (`python -m tests.adjustment.gap_coverage`).
 """
 
 from __future__ import annotations
@@ -34,6 +37,9 @@ __all__ = ["Answer", "Wanted", "which_setting"]
 # Between neighbouring clicks cubic and straight line are a hundredth of a click apart: no answer is
 # shown closer, however narrow its interval.
 _FINEST = 0.01
+# How far truth may lie from the curve: 1.4 of how far it bends makes 90 of 100 intervals 95. A bend
+# grows with the square of the gap; from one much narrower little is foretold: no more than twice.
+_BEND, _WIDER = 1.4, 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,8 +131,14 @@ def _gap(answer: Answer, adjuster: str) -> float:
 def _words(answer: Answer, wanted: float, adjuster: str) -> str:
     interval = ""
     if math.isfinite(answer.low):
+        ends = (answer.below.number(adjuster), answer.above.number(adjuster))
         interval = f" (95 % from {answer.low:.2f} to {answer.high:.2f})"
-        if max(answer.high - answer.position, answer.position - answer.low) < _FINEST:
+        if _gap(answer, adjuster) > 1 and (answer.low, answer.high) == ends:
+            interval = (
+                f" (anywhere from {answer.low:g} to {answer.high:g}: two settings do not show how "
+                "the force changes between them)"
+            )
+        elif max(answer.high - answer.position, answer.position - answer.low) < _FINEST:
             interval = f" (95 % within {_FINEST:g})"
     if answer.below == answer.above:
         return f"setting {answer.below}{interval}, which gives {answer.force_below:.5g} N"
@@ -226,12 +238,13 @@ def _answer(
     nearest = min(below, above, key=lambda stop: abs(stop.force - force))
     share = (position - below.at) / ((above.at - below.at) or 1.0)
     reach = (1.0 - share) * below.reach + share * above.reach
-    if above.at - below.at > 1.0:
-        straight = (1.0 - share) * below.force + share * above.force
-        reach += abs(float(curve(position)) - straight)
-    ends = _crossings(ordered, curve, (force - reach, force + reach))
     first, last = ordered[0].at, ordered[-1].at
     known = math.isfinite(reach)
+    ends = []
+    if above.at - below.at > 1.0:
+        reach += 4.0 * share * (1.0 - share) * _bend(ordered, curve, below, above)
+    if len(ordered) > 2 or above.at - below.at <= 1.0:  # two tell no curve
+        ends = _crossings(ordered, curve, (force - reach, force + reach))
     return Answer(
         position=position,
         low=max((s for s in ends if s < position), default=first) if known else math.nan,
@@ -242,6 +255,20 @@ def _answer(
         force_below=below.force,
         force_above=above.force,
     )
+
+
+def _bend(ordered: Sequence[_Stop], curve: PchipInterpolator, below: _Stop, above: _Stop) -> float:
+    """How far the force may lie from the curve in the middle of a gap, N: see the top."""
+    at = ordered.index(below)
+    beside = ordered[max(at - 1, 0) : at + 3]
+    width = above.at - below.at
+    shares = np.linspace(0.0, 1.0, 41)
+    bends = []
+    for a, b in itertools.pairwise(beside):
+        straight = a.force + shares * (b.force - a.force)
+        off = np.max(np.abs(curve(a.at + shares * (b.at - a.at)) - straight))
+        bends.append(float(off) * min(width / (b.at - a.at), _WIDER) ** 2)
+    return _BEND * max(bends)
 
 
 def _crossings(

@@ -75,8 +75,9 @@ def force_by_speed_sheet(rows: Sequence[Mapping[str, Any]], stroke: str) -> Shee
     }
     places = _places(table)
     gaps = over_several_clicks([setting for setting, _ in places])
+    change = "change" if gaps else "click"
     return Sheet(
-        headings=("set", *(f"{speed:g}" for speed in speeds), "change" if gaps else "click", ""),
+        headings=("set", *(f"{speed:g}" for speed in speeds), change, ""),
         units=("", *("m/s" for _ in speeds), "N", "%"),
         rows=tuple(
             (
@@ -88,7 +89,7 @@ def force_by_speed_sheet(rows: Sequence[Mapping[str, Any]], stroke: str) -> Shee
         ),
         is_number=(True,) * (len(speeds) + 3),
         notes=(
-            stroke_and_click_at(stroke, speeds[-1]),
+            stroke_and_click_at(stroke, speeds[-1], change),
             *gaps,
             *_turned(places),
             DAMPING_SHARE,

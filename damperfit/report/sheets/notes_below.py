@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from typing import TYPE_CHECKING, Any
 
-from damperfit.tested.setting import clicks_between
+from damperfit.tested.setting import clicks_between, lines_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -127,14 +127,18 @@ def force_and_click_at(speed: float) -> str:
     return f"force at {speed:g} m/s and its change by click, with 95 % intervals"
 
 
-def stroke_and_click_at(stroke: str, speed: float) -> str:
-    """Return what a table of one stroke at several speeds shows; speed of the click in m/s."""
-    return f"{stroke}: force in N; click: its change at {speed:g} m/s"
+def stroke_and_click_at(stroke: str, speed: float, change: str = "click") -> str:
+    """Return what a table of one stroke at several speeds shows; speed of the change in m/s."""
+    return f"{stroke}: force in N; {change}: its change at {speed:g} m/s"
 
 
 def over_several_clicks(settings: Sequence[Setting]) -> tuple[str, ...]:
     """Return which changes between tested settings are over more than one click, if any are."""
-    steps = [(a, b, clicks_between(a, b) or 0.0) for a, b in itertools.pairwise(settings)]
+    steps = [
+        (a, b, clicks_between(a, b) or 0.0)
+        for line in lines_of(settings)
+        for a, b in itertools.pairwise(line.settings)
+    ]
     wide = [(a, b, n) for a, b, n in steps if n > 1.0]
     if not wide:
         return ()
