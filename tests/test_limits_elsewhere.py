@@ -21,7 +21,7 @@ from damperfit.comparison import cycles, measured
 from damperfit.comparison.tolerance import Point
 from damperfit.conditioning.measured_characteristics import branch_forces
 from damperfit.configuration.damper_section import _gas_pressure
-from damperfit.configuration.schema import _not_in_mm
+from damperfit.configuration.plain_values import not_in_mhz, not_in_mm
 from damperfit.configuration.what_is_tested import check_adjusters
 from damperfit.damper import valve_curves
 from damperfit.damper.network import BODY_NUMBERS, Network, Passage
@@ -126,7 +126,12 @@ def test_a_low_gas_pressure_is_asked_what_it_counts_from(pressure, asked) -> Non
 
 @pytest.mark.parametrize(("length", "refused"), [(1.95, False), (2.05, True)])
 def test_an_amplitude_of_two_metres_was_meant_in_mm(length, refused) -> None:
-    assert is_refused(_not_in_mm, length, error=ValueError) is refused
+    assert is_refused(not_in_mm, length, error=ValueError) is refused
+
+
+@pytest.mark.parametrize(("frequency", "refused"), [(490.0, False), (510.0, True)])
+def test_a_test_of_500_hz_was_meant_in_mhz(frequency, refused) -> None:
+    assert is_refused(not_in_mhz, frequency, error=ValueError) is refused
 
 
 @pytest.mark.parametrize(("n", "refused"), [(8, False), (9, True)])

@@ -94,6 +94,13 @@ SURFACE = {
         "tasks_of",
     ],
     "damperfit.fleet.whole_fleet": ["planned", "run_fleet"],
+    "damperfit.configuration.plain_values": [
+        "known_or_detect",
+        "not_in_mhz",
+        "not_in_mm",
+        "quantity",
+        "quantity_or_word",
+    ],
     "damperfit.configuration.drawings": ["DRAWINGS", "MEASURED"],
     "damperfit.queries.fleet_part": [
         "RECORD",

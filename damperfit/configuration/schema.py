@@ -35,6 +35,13 @@ from damperfit.configuration.options import (
     parameter_value,
     with_beta,
 )
+from damperfit.configuration.plain_values import (
+    known_or_detect,
+    not_in_mhz,
+    not_in_mm,
+    quantity,
+    quantity_or_word,
+)
 from damperfit.configuration.what_is_tested import (
     AdjusterKey,
     TestSection,
@@ -51,7 +58,6 @@ from damperfit.readers import Profile, ReadOptions
 from damperfit.readers.options import Declarations
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import HoldOutOptions, check_profile_names
-from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import parse_units
 
 if TYPE_CHECKING:
@@ -62,45 +68,15 @@ if TYPE_CHECKING:
 __all__ = ["build_configuration"]
 
 
-def _quantity(dimension: str) -> BeforeValidator:
-    def convert(value: object) -> object:
-        return parse_quantity(value, dimension) if isinstance(value, str) else value
-
-    return BeforeValidator(convert)
-
-
-def _quantity_or_word(dimension: str, word: str) -> BeforeValidator:
-    def convert(value: object) -> object:
-        is_text = isinstance(value, str) and value != word
-        return parse_quantity(str(value), dimension) if is_text else value
-
-    return BeforeValidator(convert)
-
-
-def _known_or_detect(value: object) -> object:
-    if value == "detect" or isinstance(value, bool):
-        return value
-    raise ValueError("expected true, false or 'detect'")
-
-
-_LONGEST = 2.0  # m, beyond any rig's amplitude: mm were meant
-
-
-def _not_in_mm(length: float) -> float:
-    if length > _LONGEST:
-        raise ValueError(f"expected at most {_LONGEST:g} m; a bare number is in m, as in '32mm'")
-    return length
-
-
-_Sign = Annotated[bool | str, BeforeValidator(_known_or_detect)]
+_Sign = Annotated[bool | str, BeforeValidator(known_or_detect)]
 _Positive = Field(gt=0.0, allow_inf_nan=False)
 _NotNegative = Field(ge=0.0, allow_inf_nan=False)
-_Length = Annotated[float, _quantity("length"), _Positive]
-_Dimension = Annotated[float, _quantity("length")]
-_Force = Annotated[float, _quantity("force"), _Positive]
-_Amplitude = Annotated[_Length, AfterValidator(_not_in_mm)]
-_Frequency = Annotated[float, _quantity("frequency"), _Positive]
-_Speed = Annotated[float, _quantity("velocity"), _NotNegative]
+_Length = Annotated[float, quantity("length"), _Positive]
+_Dimension = Annotated[float, quantity("length")]
+_Force = Annotated[float, quantity("force"), _Positive]
+_Amplitude = Annotated[_Length, AfterValidator(not_in_mm)]
+_Frequency = Annotated[float, quantity("frequency"), _Positive]
+_Speed = Annotated[float, quantity("velocity"), _NotNegative]
 
 
 class _Section(BaseModel):
@@ -123,8 +99,8 @@ class _DeclaredKeys(_Section):
     decimal: str
     thousands: str
     skip_lines: int
-    sample_rate: Annotated[float, _quantity("frequency"), _NotNegative]
-    pause: Annotated[float, _quantity("time"), _NotNegative]
+    sample_rate: Annotated[float, quantity("frequency"), _NotNegative]
+    pause: Annotated[float, quantity("time"), _NotNegative]
     restarts: str
     bad_rows: str
     allow_truncated: bool
@@ -166,7 +142,7 @@ _ProfileSection: Any = create_model(
 
 class _RigSection(_DeclaredKeys):
     amplitude: _Amplitude
-    frequency: _Frequency
+    frequency: Annotated[_Frequency, AfterValidator(not_in_mhz)]
     settings: list[int | str]
     contradictions: Literal["refuse", "average"]
     strict: bool
@@ -175,8 +151,8 @@ class _RigSection(_DeclaredKeys):
     filter: Literal["none", "causal", "zero_phase"]
     filter_corner: _Frequency
     filter_order: int
-    centre: Annotated[float | str, _quantity_or_word("length", "mid-stroke")]
-    skew: Annotated[float | str, _quantity_or_word("time", "auto")]
+    centre: Annotated[float | str, quantity_or_word("length", "mid-stroke")]
+    skew: Annotated[float | str, quantity_or_word("time", "auto")]
     max_log_bytes: int
     profile: str
     profiles: dict[str, _ProfileSection]
@@ -203,7 +179,7 @@ class _RigSection(_DeclaredKeys):
 
 class _ConditioningSection(_Section):
     filter: Literal["none", "causal", "zero_phase"]
-    filter_corner: Annotated[float | str, _quantity_or_word("frequency", "auto")]
+    filter_corner: Annotated[float | str, quantity_or_word("frequency", "auto")]
     filter_order: int
     steadiness: float
     spikes: str
@@ -261,7 +237,7 @@ class _IdentificationSection(_Section):
     tolerance: _Force
     dead_band: _Speed
     fallback_r_m3: Annotated[float, _Positive]
-    fallback_f_f: Annotated[float, _quantity("force"), _NotNegative]
+    fallback_f_f: Annotated[float, quantity("force"), _NotNegative]
 
     @field_validator("hold_out_cycles")
     @classmethod

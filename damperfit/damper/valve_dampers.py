@@ -55,7 +55,7 @@ VALVE_RANGES: dict[str, tuple[float, float, str]] = {
     "oil_density": (500.0, 2000.0, "kg/m3"),
     "gas_pressure": (1e4, 1e8, "Pa"),
     "gas_volume": (1e-8, 1.0, "m3"),
-    "gas_exponent": (0.5, 3.0, ""),
+    "gas_exponent": (1.0, 1.67, ""),
     "ambient_pressure": (0.0, 1e7, "Pa"),
 }
 
@@ -343,7 +343,7 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
         ),
         Quantity(
             "gas_exponent", "gamma", "gas exponent", "polytropic exponent of the gas", "1",
-            VALVE_RANGES["gas_exponent"][:2], scope=DAMPER, default=damper.gas_exponent,
+            (0.5, 3.0), scope=DAMPER, default=damper.gas_exponent,
             believable=(0.95, 1.75), belief="gases have 1.0 (slow) to 1.67",
         ),
     ]  # fmt: skip

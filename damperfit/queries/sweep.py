@@ -156,7 +156,10 @@ def run_sweep(
         raise ConfigurationError(f"{variation.name} is 0 here: no factor changes it")
     members = []
     for factor in variation.factors:
-        changed = _changed(choice, configuration, variation.name, value=base * factor)
+        try:
+            changed = _changed(choice, configuration, variation.name, value=base * factor)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"--vary {variation.name}={factor:g}: {error}") from error
         members.append(Member(factor, base * factor, simulate_test(*changed)))
     return tuple(members)
 

@@ -35,6 +35,8 @@ GIVEN = [
         (["simulate", "--setting=?"], "--setting ?: expected clicks"),
         (["sweep", "--setting=?", "--vary", "r_m1=1,2"], "--setting ?: expected clicks"),
         (["identify", "LOG", "--rig", "amplitude=32"], "--rig amplitude: expected at most 2 m"),
+        (["inspect", "LOG", "--rig", "frequency=1500"], "--rig frequency: expected at most 500 Hz"),
+        (["simulate", "--frequency", "1500"], "--frequency: expected at most 500 Hz"),
         (["identify", "LOG", "--procedure", "papre"], "--procedure: no procedure 'papre'"),
         (["identify", "LOG", "--free", "r_m1,ke"], "--free: no parameter 'ke'"),
         (["identify", "LOG", "--fix", "ke=1"], "--fix: no parameter 'ke'"),

@@ -13,6 +13,7 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import DAMPER_RANGES, PURDY_DAMPER, Damper
+from damperfit.damper.valve_dampers import VALVE_RANGES, Monotube
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.simulation import Motion, simulate, sine_motion, triangle_motion
 from tests.oracles.golden import SET_M
@@ -27,7 +28,18 @@ LIMITS = [
     ("gas_length", 1e-3, 5.0),
     ("oil_density", 500.0, 2000.0),
     ("gas_pressure", 1e4, 1e8),
-    ("gas_exponent", 0.5, 3.0),
+    ("gas_exponent", 1.0, 1.67),
+]
+OF_VALVES = [
+    ("rod_diameter", 1e-3, 0.5),
+    ("piston_diameter", 2e-3, 1.0),
+    ("chamber_1_length", 2e-3, 5.0),
+    ("chamber_2_length", 2e-3, 5.0),
+    ("oil_density", 500.0, 2000.0),
+    ("gas_pressure", 1e4, 1e8),
+    ("gas_volume", 1e-8, 1.0),
+    ("gas_exponent", 1.0, 1.67),
+    ("ambient_pressure", 0.0, 1e7),
 ]
 NO_NUMBERS = [math.nan, math.inf, -math.inf, 0.0]
 # In between, so that rod and piston fit each other.
@@ -63,6 +75,19 @@ def test_a_damper_just_outside_is_none(name, low, high) -> None:
     for value in (low * (1 - 1e-9), high * (1 + 1e-9), -low, *NO_NUMBERS):
         with pytest.raises(ConfigurationError, match=rf"^{name}: ") as caught:
             replace(_around(name), **{name: value})
+        _one_sentence(caught.value)
+
+
+@pytest.mark.parametrize(("name", "low", "high"), OF_VALVES)
+def test_a_damper_of_valves_has_the_same_limits(name, low, high) -> None:
+    assert [one for one, *_ in OF_VALVES] == list(VALVE_RANGES)
+    apart = {"rod_diameter": ("piston_diameter", 0.9), "piston_diameter": ("rod_diameter", 1.5e-3)}
+    around = replace(Monotube(), **dict([apart[name]] if name in apart else []))
+    for value in (low, high):
+        assert getattr(replace(around, **{name: value}), name) == value
+    for value in (low * (1 - 1e-9) - 1e-12, high * (1 + 1e-9), math.nan):
+        with pytest.raises(ConfigurationError, match=rf"^{name}: ") as caught:
+            replace(around, **{name: value})
         _one_sentence(caught.value)
 
 

@@ -59,7 +59,7 @@ DAMPER_RANGES: dict[str, tuple[float, float, str]] = {
     "gas_length": (1e-3, 5.0, "m"),
     "oil_density": (500.0, 2000.0, "kg/m3"),
     "gas_pressure": (1e4, 1e8, "Pa"),
-    "gas_exponent": (0.5, 3.0, ""),
+    "gas_exponent": (1.0, 1.67, ""),  # slow compression of any gas, fast of one with single atoms
 }
 
 
