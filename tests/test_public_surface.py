@@ -346,6 +346,7 @@ SURFACE = {
         "physics_seen",
         "rank_rivals",
         "undecided",
+        "yielding_seen",
     ],
     "damperfit.run.given_starts": [
         "start_of_laws",

@@ -351,7 +351,6 @@ def _with_law(
     is_quiet: bool,
 ) -> Configuration:
     """Let the logs choose the law, and say which it is."""
-    from damperfit.laws import physics_seen
     from damperfit.run.given_starts import start_of_laws
     from damperfit.run.law_choice import choose_law, with_chosen_law
 
@@ -369,6 +368,6 @@ def _with_law(
         on_rival=tried if rivals else None,
     )
     if not is_quiet:
-        said = " ".join(physics_seen(choice.fits))
-        say(f"damperfit: the logs support {choice.ladder.chosen.title}. {said}".rstrip())
+        said = " ".join(choice.sentences)
+        say(f"damperfit: the logs support {choice.supported}. {said}".rstrip())
     return with_chosen_law(configuration, choice)

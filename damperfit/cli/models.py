@@ -108,15 +108,13 @@ def models(
 
 
 def _show(choice: LawChoice) -> None:
-    from damperfit.laws import physics_seen
     from damperfit.report import chosen_sheet, ladder_sheet, rival_sheet, terminal_table
 
     width, document = screen_columns(), choice.document()
     print_renderable(terminal_table(ladder_sheet(document, is_narrow=True)))
     reasons = [f"{rung.tried.title}: {rung.reason}" for rung in choice.ladder.rungs]
     print_lines(["", *(line for one in reasons for line in wrap(one, width))])
-    said = " ".join((f"The logs support {choice.ladder.chosen.title}.",
-                     *physics_seen(choice.fits)))  # fmt: skip
+    said = " ".join((f"The logs support {choice.supported}.", *choice.sentences))
     print_lines(["", *wrap(said, width), ""])
     print_renderable(terminal_table(chosen_sheet(choice.fits)))
     if choice.undecided:

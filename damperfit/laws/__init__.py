@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from damperfit.laws.rivalry import rank_rivals
     from damperfit.laws.rungs import Ladder, Rung
     from damperfit.laws.variants import in_words
+    from damperfit.laws.yielding import yielding_seen
 
 __all__ = [
     "ENOUGH_PERCENT",
@@ -35,6 +36,7 @@ __all__ = [
     "physics_seen",
     "rank_rivals",
     "undecided",
+    "yielding_seen",
 ]
 
 _LATE = {
@@ -55,6 +57,7 @@ _LATE = {
     "physics_seen": "physics",
     "rank_rivals": "rivalry",
     "undecided": "open_questions",
+    "yielding_seen": "yielding",
 }
 
 

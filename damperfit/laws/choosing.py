@@ -39,6 +39,7 @@ __all__ = [
     "are_alike",
     "effective_samples",
     "judged",
+    "said_of_layout",
     "times_worse",
 ]
 
@@ -181,6 +182,27 @@ def are_alike(best: Tried, other: Tried) -> bool:
     held = other.held_out_percent
     left = max(other.mse_percent, 0.0 if math.isnan(held) else held)
     return times_worse(best, other) < (SEEN_APART if left > ENOUGH_PERCENT else _NOTHING_APART)
+
+
+def said_of_layout(best: Tried, one: Tried, *, is_alone: bool, is_near: bool) -> str:
+    """Return what is said of a layout beside the best.
+
+    Parameters
+    ----------
+    best, one : Tried
+        The same parts in two layouts, which may be one.
+    is_alone : bool
+        No other layout was tried.
+    is_near : bool
+        It does hardly worse than the best.
+    """
+    what = "fits" if math.isnan(best.held_out_percent) else "fits and predicts"
+    if is_alone:
+        return "the only layout that was tried"
+    if one is best:
+        return f"the layout that {what} best"
+    words = best.fits[0].model.name.replace("_", " ")
+    return f"{words} {what} {'hardly ' if is_near else ''}better"
 
 
 def _more(large: Tried, small: Tried) -> list[str]:

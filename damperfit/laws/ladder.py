@@ -8,6 +8,7 @@
        friction that drags, builds up, falls with the speed or grows with the pressure; to play and
        lag too, if a wrong valley had them taken out
     5  what is left is tried in the other layouts too: those that do as well cannot be told apart
+    6  where the logs yield before they slide, models that yield are held against the valves
 
 Rungs are compared on settled cycles; the law that is taken ends on the whole logs.
 """
@@ -28,6 +29,7 @@ from damperfit.laws.choosing import (
     are_alike,
     effective_samples,
     judged,
+    said_of_layout,
     times_worse,
 )
 from damperfit.laws.law_fit import fit_law, glimpsed
@@ -45,6 +47,7 @@ from damperfit.laws.variants import (
     with_parts,
     words_of,
 )
+from damperfit.laws.yielding import YIELDING, held_against, is_open_to
 from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 
@@ -69,7 +72,7 @@ _HOPELESS = 20.0
 _FAR_WORSE = 8.0
 
 
-def climb(
+def climb(  # noqa: PLR0913 - what a user may ask of it
     plain: Model,
     layouts: Sequence[ValveDamper],
     evidence: Sequence[SettingLogs],
@@ -77,6 +80,7 @@ def climb(
     solver: SolverOptions = SolverOptions(),
     on_rung: Callable[[Rung], None] = lambda _: None,
     jobs: int = 1,
+    held_share: float = math.nan,
 ) -> Ladder:
     """Try laws from the paper's to the richest, and return which one the logs tell.
 
@@ -94,8 +98,11 @@ def climb(
         Called with every law that was judged.
     jobs : int
         Workers; the result does not depend on them.
+    held_share : float
+        Of their force that the logs hold down to a tenth of the speed, where they yield before they
+        slide; NaN where they do not.
     """
-    course = _Course(evidence, solver, on_rung, jobs)
+    course = _Course(evidence, solver, on_rung, jobs, held_share)
     offsets = tuple(one.name for one in plain.quantities if one.is_offset)
     simplest = course.fitted(plain, freed=offsets)
     if simplest is not None and simplest.mse_percent <= ENOUGH_PERCENT:
@@ -112,7 +119,8 @@ def climb(
     of_oil = [one.name for one in lean.fits[0].model.quantities if one.role == STIFFNESS]
     rich = course.enriched(lean, (*of_oil, *_FURTHER))
     rich = course.laid_out(rich, layouts)
-    return course.ended(rich if simplest is None else course.settled(simplest, rich))
+    law = rich if simplest is None else course.settled(simplest, rich)
+    return course.ended(course.yielding(law))
 
 
 class _Course:
@@ -124,12 +132,14 @@ class _Course:
         solver: SolverOptions,
         on_rung: Callable[[Rung], None],
         jobs: int,
+        held_share: float = math.nan,
     ) -> None:
         self.evidence, self.solver = evidence, solver
         self.on_rung, self.jobs = on_rung, jobs
         self.rungs: list[Rung] = []
         self.n_eff = math.nan
         self.alike: tuple[str, ...] = ()
+        self.held_share, self.also = held_share, ""
 
     def fitted(
         self,
@@ -154,7 +164,7 @@ class _Course:
         is_whole: bool = False,
         hopeless_percent: float = math.inf,
     ) -> list[Tried | None]:
-        """Fit laws to every setting, several fits at a time."""
+        """Fit laws to every setting, several fits at a time; each frees what it has of `freed`."""
 
         def fit(job: tuple[Model, int]) -> LawFit | None:
             model, place = job
@@ -163,7 +173,7 @@ class _Course:
                 return fit_law(
                     model,
                     self.evidence[place],
-                    freed=freed,
+                    freed=_had(model, freed),
                     near=start,
                     solver=self.solver,
                     is_whole=is_whole,
@@ -179,7 +189,8 @@ class _Course:
         for row, model in enumerate(models):
             own = [one for one in fits[row * len(places) :][: len(places)] if one is not None]
             is_all = len(own) == len(places)
-            found.append(Tried(in_words(model, freed), tuple(own)) if is_all else None)
+            title = in_words(model, _had(model, freed))
+            found.append(Tried(title, tuple(own)) if is_all else None)
         return found
 
     def record(
@@ -205,7 +216,7 @@ class _Course:
         self.n_eff = effective_samples(best, self.evidence)
         near = [one for one in found if times_worse(best, one) < SEEN_APART]
         for one in found:
-            reason = _against(best, one, is_alone=len(found) == 1, is_near=one in near)
+            reason = said_of_layout(best, one, is_alone=len(found) == 1, is_near=one in near)
             self.record(one, reason, is_taken=one is best, change="layout")
         near = [self.enriched(one, _DECLARED) for one in near]
         return min(near, key=lambda one: one.score)
@@ -305,7 +316,7 @@ class _Course:
         best = law if are_alike(first, law) else first
         alike = [one for one in (law, *others) if one is not best and are_alike(best, one)]
         for one in others:
-            reason = _against(best, one, is_alone=False, is_near=one in alike)
+            reason = said_of_layout(best, one, is_alone=False, is_near=one in alike)
             self.record(one, reason, is_taken=one is best, change="layout")
         self.alike = tuple(one.fits[0].model.name for one in alike)
         return best
@@ -314,7 +325,7 @@ class _Course:
         """What the same law in another layout gave already, where it is far from the one taken."""
         for rung in self.rungs:
             one = rung.tried
-            is_same = one.fits[0].model == model and _freed(one) == _freed(law)
+            is_same = one.fits[0].model == model and _freed(one) == _had(model, _freed(law))
             if is_same and times_worse(law, one) > _FAR_WORSE:
                 return one
         return None
@@ -340,6 +351,24 @@ class _Course:
         self.record(simplest, reason, is_taken=is_taken, change="smallest law", verdict=verdict)
         return simplest if is_taken else law
 
+    def yielding(self, law: Tried) -> Tried:
+        """What yields before it slides, where the logs do and valves tell them less well."""
+        if math.isnan(self.held_share):
+            return law
+        found = [one for one in self.all_fitted([kind() for kind in YIELDING]) if one is not None]
+        best = min(found, key=lambda one: one.score, default=law)
+        taken = law
+        for one in found:
+            is_better, reason = held_against(law, one, self.held_share)
+            is_taken = is_better and one is best
+            taken = one if is_taken else taken
+            self.record(one, reason, is_taken=is_taken, change="what yields")
+        if taken is not law:
+            self.alike = ()
+        elif found and is_open_to(law, best):
+            self.also = best.title
+        return taken
+
     def ended(self, chosen: Tried) -> Ladder:
         """The ladder as it was climbed; what is taken is polished on the whole logs."""
         model, freed = chosen.fits[0].model, _freed(chosen)
@@ -350,24 +379,18 @@ class _Course:
             else dataclasses.replace(one, is_taken=False)
             for one in self.rungs
         )
-        return Ladder(rungs, polished, self.n_eff, self.alike)
+        return Ladder(rungs, polished, self.n_eff, self.alike, self.held_share, self.also)
+
+
+def _had(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Of some quantities those that a law has: a monotube has no return checks."""
+    return tuple(name for name in names if name in model.names)
 
 
 def _freed(law: Tried) -> tuple[str, ...]:
     """What a law's fits have free although it has a default."""
     fit = law.fits[0]
     return tuple(name for name in fit.free if fit.model.quantity(name).default is not None)
-
-
-def _against(best: Tried, one: Tried, *, is_alone: bool, is_near: bool) -> str:
-    """What is said of a layout."""
-    what = "fits" if math.isnan(best.held_out_percent) else "fits and predicts"
-    if is_alone:
-        return "the only layout that was tried"
-    if one is best:
-        return f"the layout that {what} best"
-    words = best.fits[0].model.name.replace("_", " ")
-    return f"{words} {what} {'hardly ' if is_near else ''}better"
 
 
 def _valve_damper(law: Tried) -> ValveDamper:

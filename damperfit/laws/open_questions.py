@@ -66,6 +66,7 @@ def undecided(
     if tests is None:
         return ()
     return (
+        *_of_yielding(ladder, tests),
         *_of_layouts(ladder, tests),
         *_of_mounting(fits[0], tests),
         *_of_quantities(fits, tests),
@@ -93,6 +94,17 @@ def _of_layouts(ladder: Ladder, tests: _Tests) -> Iterator[str]:
         f"The layout, {listed}: they fit and predict alike. The maker's drawing decides it "
         f"(damper.model, or models --layout), or {tests.faster}."
     )
+
+
+def _of_yielding(ladder: Ladder, tests: _Tests) -> Iterator[str]:
+    if ladder.also:
+        yield (
+            f"Whether oil passes valves or something yields before it slides, as a "
+            "magneto-rheological fluid or dry friction does: the logs hold "
+            f"{100.0 * ladder.held_share:.0f} % of their force down to a tenth of the speed, and "
+            f"{ladder.also} fits and predicts that about as well. Another speed decides it, "
+            f"{0.3 * tests.slowest:.2g} m/s, with what moves beside the steady cycles in the log."
+        )
 
 
 def _of_mounting(fit: LawFit, tests: _Tests) -> Iterator[str]:

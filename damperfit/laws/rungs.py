@@ -54,9 +54,16 @@ class Ladder:
         Effective samples of all settings compared.
     alike : tuple of str
         Layouts that fit and predict hardly worse than the one that was taken.
+    held_share : float
+        Of their force that the logs hold down to a tenth of the speed, where they yield before they
+        slide; NaN where they do not.
+    also : str
+        What yields and tells the logs about as well as the law that was taken; empty for none.
     """
 
     rungs: tuple[Rung, ...]
     chosen: Tried
     n_eff: float
     alike: tuple[str, ...] = ()
+    held_share: float = math.nan
+    also: str = ""

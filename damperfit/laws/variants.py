@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, cast
 
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import Valve
+from damperfit.damper.rivals import Rival
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -166,6 +167,8 @@ def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
     """
     if damper.name == "purdy":
         return "the paper's model"
+    if isinstance(damper, Rival):
+        return damper.title
     law = cast("ValveDamper", damper)
     rebound, bump = _of_valve(law.rebound), _of_valve(law.compression)
     valves = rebound if rebound == bump else f"{rebound} in rebound, {bump} in bump"

@@ -13,10 +13,19 @@ from damperfit.configuration.loading import redeclared
 from damperfit.configuration.options import GAS, gas_in_words
 from damperfit.configuration.what_is_tested import unmatched
 from damperfit.damper.purdy.parameters import Damper
+from damperfit.damper.rivals import Rival
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import GivenStart
-from damperfit.laws import SettingLogs, climb, fit_law, physics_seen, rank_rivals, undecided
+from damperfit.laws import (
+    SettingLogs,
+    climb,
+    fit_law,
+    physics_seen,
+    rank_rivals,
+    undecided,
+    yielding_seen,
+)
 from damperfit.parallel import executor
 from damperfit.report import chosen_records, ladder_records, rival_records
 from damperfit.run.dampers import of_one_damper
@@ -25,6 +34,7 @@ from damperfit.run.log_paths import expand
 from damperfit.run.logs import available_cores, read_batch
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
 from damperfit.tested.setting import nearest_setting
+from damperfit.uncertainty.yielding import YIELDS, held_share
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -78,11 +88,24 @@ class LawChoice:
     remarks: tuple[str, ...] = ()
     undecided: tuple[str, ...] = ()
 
+    @property
+    def supported(self) -> str:
+        """What the logs support, in a few words."""
+        also = f" or, as well, {self.ladder.also}" if self.ladder.also else ""
+        return f"{self.ladder.chosen.title}{also}"
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The physics that the chosen law sees; none where something else does as well."""
+        if self.ladder.also:
+            return ()
+        return physics_seen(self.fits) or yielding_seen(self.ladder, self.fits)
+
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values, as it stands in run.json."""
         n_eff = self.ladder.n_eff
         return {
-            "chosen": self.ladder.chosen.title,
+            "chosen": self.supported,
             "model": self.ladder.chosen.fits[0].model.name,
             "compared_settings": [one.cell for one in self.compared],
             "effective_samples": None if math.isnan(n_eff) else n_eff,
@@ -90,7 +113,7 @@ class LawChoice:
             "settings": chosen_records(self.fits),
             "lost_settings": [one.cell for one in self.lost],
             "rivals": rival_records(self.rivals),
-            "sentences": list(physics_seen(self.fits)),
+            "sentences": list(self.sentences),
             "undecided": list(self.undecided),
         }
 
@@ -159,6 +182,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         solver=solver,
         on_rung=on_rung,
         jobs=workers,
+        held_share=_held_share(compared),
     )
     known = {one.setting: one for one in ladder.chosen.fits}
     best = ladder.chosen.fits[0]
@@ -209,11 +233,10 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     """
     best = choice.ladder.chosen.fits[0]
     configuration = replace(configuration, chosen_law=choice.document())
-    if not isinstance(best.model, ValveDamper):
+    if not isinstance(best.model, ValveDamper | Rival):
         return configuration
-    sections: dict[str, dict[str, Any]] = {
-        "damper": {"model": best.model.name, **asdict(best.model)}
-    }
+    own = asdict(best.model) if isinstance(best.model, ValveDamper) else {}
+    sections: dict[str, dict[str, Any]] = {"damper": {"model": best.model.name, **own}}
     if any(best.model.quantity(name).default is not None for name in best.free):
         sections["identification"] = {"free": list(best.free)}
     lost = {*unmatched(configuration.document["adjusters"], best.model)}
@@ -258,6 +281,17 @@ def _softest_and_stiffest(evidence: Sequence[SettingLogs]) -> tuple[SettingLogs,
 
     ranked = sorted(evidence, key=strength)
     return tuple(one for one in evidence if one in (ranked[0], ranked[-1]))
+
+
+def _held_share(evidence: Sequence[SettingLogs]) -> float:
+    """Of their force that the logs hold down to low speed where they yield; NaN where they do not.
+
+    Every setting has to: valves hold more of it the more they are preloaded.
+    """
+    shares = [held_share(log) for one in evidence for log in one.fitted]
+    known = [share for share in shares if math.isfinite(share)]
+    least = min(known, default=math.nan)
+    return least if least >= YIELDS else math.nan
 
 
 def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamper]:

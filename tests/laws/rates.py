@@ -32,6 +32,7 @@ from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, Valv
 from damperfit.laws import SettingLogs, climb
 from damperfit.recording import Recording, Trace
 from damperfit.tested.setting import Setting
+from damperfit.uncertainty.yielding import YIELDS, held_share
 from tests.laws.valve_logs import moved
 
 if TYPE_CHECKING:
@@ -184,7 +185,13 @@ def climbed(one: Drawn, seed: int) -> Ladder:
         **{name: geometry[name] for name in geometry if name != "gas_volume"},
     )
     layouts = [kind(**geometry) for kind in KINDS]
-    return climb(paper, layouts, [SettingLogs(Setting.of(1), (fitted,), (check,))])
+    share = held_share(fitted)
+    return climb(
+        paper,
+        layouts,
+        [SettingLogs(Setting.of(1), (fitted,), (check,))],
+        held_share=share if share >= YIELDS else math.nan,
+    )
 
 
 def parts_of(law: Tried) -> frozenset[str]:

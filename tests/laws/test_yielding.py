@@ -1,0 +1,159 @@
+"""What yields before it slides is told as that, and no valve, mounting or delay in its place."""
+
+from __future__ import annotations
+
+import json
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from damperfit.cli import main
+from damperfit.conditioning import condition
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.rivals import Biviscous, BoucWen, Kwok
+from damperfit.damper.valve_dampers import Monotube, ThroughFlow
+from damperfit.laws import Ladder, SettingLogs, Tried, climb, undecided
+from damperfit.laws.yielding import held_against, is_open_to
+from damperfit.recording import Recording
+from damperfit.run import law_choice
+from damperfit.simulation import simulate
+from damperfit.tested.setting import Setting
+from tests import fakes
+from tests.laws.valve_logs import DAMPER_TOML, VALUES, damper, moved
+from tests.rig_like.dampers import magneto_rheological, text_of
+from tests.rig_like.rig import Logged
+
+OF_VALVES = ("blow-off", "bleed", "elasticity", "play at", " late", "mounting,", "orifice")
+CURRENT = 0.5
+
+
+def rival_log(model, numbers) -> Logged:
+    """Three speeds of a model that yields, with 4 N and 8 um of noise."""
+    motion = moved((0.05, 0.13, 0.26), rate=1000.0)
+    force = simulate(model.values(numbers), model, motion).force
+    noise, n = np.random.default_rng(3), len(force)
+    x = motion.displacement + noise.normal(0.0, 8e-6, n)
+    time = motion.interval * np.arange(n)
+    return Logged(time, x, force + noise.normal(0.0, 4.0, n), np.zeros((3, 0)))
+
+
+LOGS = {
+    "Bouc-Wen": lambda: magneto_rheological(CURRENT, 1.0, 1),
+    "hysteretic bi-viscous": lambda: rival_log(
+        Biviscous(),
+        {"c_pr": 2e4, "v_0": 0.015, "c_r": 900.0, "c_b": 850.0, "f_r": 420.0, "f_b": 400.0,
+         "f_0": 8.0},
+    ),
+    "Kwok's hyperbolic tangent": lambda: rival_log(
+        Kwok(),
+        {"c": 900.0, "k": 800.0, "alpha": 450.0, "beta": 60.0, "delta": 0.6, "f_0": 8.0},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [
+    "Bouc-Wen",
+    pytest.param("hysteretic bi-viscous", marks=pytest.mark.slow),
+    pytest.param("Kwok's hyperbolic tangent", marks=pytest.mark.slow),
+])  # fmt: skip
+def test_a_damper_that_yields_is_told_as_what_it_is(name, tmp_path, capsys) -> None:
+    log, toml, out = tmp_path / "mr.csv", tmp_path / "damper.toml", tmp_path / "results"
+    log.write_text(text_of(LOGS[name](), "1"))
+    toml.write_text(DAMPER_TOML)
+    code = main(["identify", str(log), "--model", "auto", "--config", str(toml), "--out", str(out)])
+    said = " ".join(
+        line
+        for line in capsys.readouterr().err.splitlines()
+        if not line.startswith("damperfit: tried")
+    )
+    assert code == 0
+    assert f"the logs support {name}." in said
+    assert "it yields before it slides" in said
+    told = said.replace("no valve, mounting or delay is told", "")
+    assert not [word for word in OF_VALVES if word in told]
+    record = json.loads((out / "run.json").read_text())
+    assert record["law_choice"]["model"] in {"bouc_wen", "biviscous", "kwok"}
+    (setting,) = record["law_choice"]["settings"]
+    assert setting["held_out_mse_percent"] < 0.1
+    assert setting["mse_percent"] < 0.01
+
+
+def tried(model, mse: float, held: float = math.nan) -> Tried:
+    fit = SimpleNamespace(
+        model=model, mse_percent=mse, held_out_percent=held, free=(), at_bound=(), undetermined=()
+    )
+    return Tried("law", (fit,))
+
+
+@pytest.mark.parametrize(("of_valves", "is_taken", "is_open"), [
+    (1.51, True, True), (1.49, False, True), (1 / 3.9, False, True), (1 / 4.1, False, False),
+])  # fmt: skip
+def test_valves_are_told_where_they_are_clearly_better(of_valves, is_taken, is_open) -> None:
+    valves, other = tried(ThroughFlow(), of_valves), tried(BoucWen(), 1.0)
+    taken, why = held_against(valves, other, 0.6)
+    assert taken is is_taken
+    assert is_open_to(valves, other) is is_open
+    assert why.startswith("the logs hold 60 % of their force down to a tenth of the speed; ")
+    assert ("as well as" in why) is (is_open and not is_taken)
+
+
+def test_what_is_left_open_is_said_and_names_no_physics() -> None:
+    law = tried(ThroughFlow(), 0.1)
+    ladder = Ladder((), law, 20.0, held_share=0.6, also="Bouc-Wen")
+    choice = law_choice.LawChoice(ladder, (), law.fits, ())
+    assert choice.supported == "law or, as well, Bouc-Wen"
+    assert choice.sentences == ()
+    logs = [SettingLogs(Setting.of(1), (fakes.trace(1),))]
+    fit = SimpleNamespace(model=law.fits[0].model, free=(), undetermined=(), at_bound=(),
+                          held_out="logs")  # fmt: skip
+    (said,) = undecided(ladder, [fit], logs)
+    assert said.startswith("Whether oil passes valves or something yields before it slides")
+    assert "hold 60 % of their force" in said
+
+
+@pytest.mark.parametrize(("shares", "expected"), [
+    ((0.7, 0.41), 0.41), ((0.7, 0.39), math.nan), ((0.7, math.nan), 0.7), ((), math.nan),
+])  # fmt: skip
+def test_a_damper_yields_where_all_its_logs_do(monkeypatch, shares, expected) -> None:
+    monkeypatch.setattr(law_choice, "held_share", lambda log: log)
+    evidence = [SimpleNamespace(fitted=shares)]
+    assert law_choice._held_share(evidence) == pytest.approx(expected, nan_ok=True)
+
+
+def test_a_layout_frees_what_it_has(monkeypatch) -> None:
+    """Return checks that a twin tube needs do not stop a monotube from being tried."""
+    from damperfit.laws import ladder
+
+    asked = []
+
+    def fit_law(model, _, *, freed, **__):
+        asked.append(freed)
+        return tried(model, 1.0).fits[0]
+
+    monkeypatch.setattr(ladder, "fit_law", fit_law)
+    course = ladder._Course([SettingLogs(Setting.of(1), ())], None, lambda _: None, 1)
+    found = course.all_fitted([damper(), Monotube()], freed=("return_slope", "drag"))
+    assert asked == [("return_slope", "drag"), ("drag",)]
+    assert found[1].title.endswith("also drag of the seals")
+
+
+def test_preloaded_valves_stay_valves_though_their_force_is_held() -> None:
+    """They are asked whether they yield, and the true valves are far better."""
+    model = damper(has_play_and_lag=False)
+    numbers = {k: v for k, v in VALUES.items() if k in model.names}
+    numbers |= {"rebound_bleed": 5e5, "compression_bleed": 5e5}
+    motion = moved((0.06, 0.24), rate=500.0, cycles=3)
+    force = simulate(model.values(numbers), model, motion).force
+    noise, n = np.random.default_rng(1), len(force)
+    x = motion.displacement + noise.normal(0.0, 8e-6, n)
+    time, force = motion.interval * np.arange(n), force + noise.normal(0.0, 4.0, n)
+    trace = condition(Recording("one.csv", "", "", Setting.of(1), time, x, force))
+    evidence = [SettingLogs(Setting.of(1), (trace,))]
+    share = law_choice._held_share(evidence)
+    assert share > 0.4
+    found = climb(PURDY_DAMPER, [model], evidence, held_share=share)
+    assert found.chosen.fits[0].model.name == "through_flow"
+    assert found.also == ""
+    assert [one.tried.title for one in found.rungs][-3:] == list(LOGS)
