@@ -251,8 +251,7 @@ def reduced(residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
 
 def _triangle(rows: FloatArray) -> FloatArray:
     """R of a QR factorisation, of each matrix of a stack."""
-    found: FloatArray = np.linalg.qr(rows, mode="r")  # type: ignore[assignment]
-    return found
+    return np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64)
 
 
 def _lengths(rows: FloatArray) -> FloatArray:

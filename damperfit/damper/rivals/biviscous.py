@@ -62,14 +62,14 @@ class Biviscous(Rival):
         before = y.c_pr * (v - side * y.v_0)
         high, low = y.c_r * v + y.f_r, y.c_b * v - y.f_b
         above, below = before > high, before < low
-        between = ~above & ~below
-        slopes = {
+        between = np.asarray(~above & ~below, dtype=np.float64)
+        slopes: dict[str, FloatArray] = {
             "c_pr": between * (v - side * y.v_0),
             "v_0": -y.c_pr * between * side,
             "c_r": above * v,
             "c_b": below * v,
-            "f_r": 1.0 * above,
-            "f_b": -1.0 * below,
+            "f_r": np.asarray(above, dtype=np.float64),
+            "f_b": -np.asarray(below, dtype=np.float64),
             "f_0": np.ones_like(v),
         }
         return np.where(above, high, np.where(below, low, before)) + y.f_0, slopes
