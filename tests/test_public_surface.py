@@ -163,6 +163,7 @@ SURFACE = {
     ],
     "damperfit.run.readings": ["Readings"],
     "damperfit.tested.adjuster_words": [
+        "adjuster_of",
         "lettered",
         "letters_of",
         "words_of",

@@ -2,7 +2,7 @@ r"""Which number in the names of logs is the setting, where nobody said so.
 
 Names that differ in numbers alone, as in ``D7_C02.csv`` and ``D7_C08.csv``, show what was turned:
 the one number that differs and is no speed, serial number or count of runs. Several such numbers
-are no guess but a question, with an option to copy.
+are no guess but a question, with what to declare where they are two adjusters.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
+from damperfit.tested.adjuster_words import adjuster_of
 from damperfit.tested.setting import Setting, parse_place
 from damperfit.units.quantities import is_unit
 
@@ -38,6 +39,9 @@ _NO_CLICKS = {
     "frequence", "vitesse", "temperature", "temperatur",
 }  # fmt: skip
 _MAY_BE_DEGREES = "c"  # 25c is as well 25 clicks of compression
+# What several numbers are called that have no word before them, or the same.
+_PLACES = ("first", "second", "third", "fourth")
+_FEWEST = 2  # adjusters
 # A hyphen behind a blank or "_" is a minus, as in a label; behind a word it parts.
 _NUMBERS = re.compile(r"((?:(?<=[\s_=])-)?\d+(?:\.\d+)?)")
 # More than three digits are a serial number or a date; half clicks have the word before them.
@@ -73,6 +77,7 @@ class _Field:
     word: str
     after: str
     values: tuple[str, ...]
+    is_joined: bool = False
 
     @property
     def is_varied(self) -> bool:
@@ -87,8 +92,10 @@ class _Field:
         """Whether nothing says that it counts something else than clicks."""
         digits = _CLICK if self.is_clicks else _NUMBER
         is_short = all(re.fullmatch(digits, value) for value in self.values)
-        has_unit = _is_unit(self.after) or self.after.casefold() in _NO_CLICKS
-        has_unit = has_unit or self.after.casefold() == _MAY_BE_DEGREES
+        after = self.after.casefold()
+        has_unit = _is_unit(self.after) or after in _NO_CLICKS or after == _MAY_BE_DEGREES
+        if self.is_joined and len(after) == 1:
+            has_unit = False  # R12C08: the letter is of the number behind it
         return is_short and not has_unit and self.word not in _NO_CLICKS
 
 
@@ -118,7 +125,8 @@ def guess_settings(names: Iterable[str]) -> Guess:
     chosen = _chosen(fields) if len(groups) == 1 else None
     if chosen is None:
         best = _likely(fields)
-        return Guess(advice=_option(_pattern(best, alike)) if best else "")
+        advice = _option(_pattern(best, alike)) if best else ""
+        return Guess(advice=advice + _of_several(fields, alike))
     pattern = _pattern(chosen, alike)
     settings = {
         name: Setting.of(parse_place(value))
@@ -143,7 +151,7 @@ def one_of_several(name: str) -> str:
     ('5', '')
     """
     fields = _fields(_texts(name), [name])
-    chosen = [one for one in fields if one.word == "s"]
+    chosen = [one for one in fields if one.word == "s" and one.may_be]
     others = any(one.may_be for one in fields if one.word != "s")
     return chosen[-1].values[0] if chosen and others else ""
 
@@ -180,7 +188,12 @@ def _fields(texts: Sequence[str], names: Sequence[str]) -> list[_Field]:
         is_word = not (unit and _is_unit(unit[1]))
         found.append(
             _Field(
-                k, first[k], word[1] if word and is_word else "", after[1] if after else "", values
+                k,
+                first[k],
+                word[1] if word and is_word else "",
+                after[1] if after else "",
+                values,
+                is_joined=after is not None and first[k + 1] == after[1] and k + 2 < len(first),
             )
         )
     return found
@@ -208,6 +221,47 @@ def _likely(fields: Sequence[_Field]) -> _Field | None:
         fields, key=lambda one: (not one.is_clicks, not one.may_be, not one.is_varied, one.place)
     )
     return ranked[0] if ranked else None
+
+
+def _of_several(fields: Sequence[_Field], names: Sequence[str]) -> str:
+    """Return what to declare where several of the numbers that differ are adjusters; or nothing."""
+    varied = [one for one in fields if one.is_varied and one.may_be]
+    if not _FEWEST <= len(varied) <= len(_PLACES):
+        return ""
+    called = [adjuster_of(one.word) or one.word.casefold() for one in varied]
+    if len(set(called)) < len(called) or not all(one.isascii() and one for one in called):
+        called = list(_PLACES[: len(varied)])
+    pattern = _pattern_of_all(dict(zip(varied, called, strict=True)), fields, names)
+    declared = ", ".join(f'{one} = ""' for one in called)
+    return (
+        "; or, where several adjusters were turned, declare them in a configuration, [adjusters] "
+        f"{declared}, and give it with --config and {_option(pattern)}"
+    )
+
+
+def _pattern_of_all(
+    called: Mapping[_Field, str], fields: Sequence[_Field], names: Sequence[str]
+) -> str:
+    """Return an expression that finds each of several numbers under its name."""
+    sign = "-?" if any(value.startswith("-") for one in fields for value in one.values) else ""
+    number = {one.place: rf"(?P<{name}>{sign}\d+)" for one, name in called.items()}
+    varied = list(called)
+    ending = re.search(r"[^\W\d_]+[ _=.-]*$", varied[0].before)
+    texts = [re.escape(one.before).replace(r"\ ", " ").replace(r"\-", "-") for one in fields]
+    short = re.escape(ending[0]).replace(r"\-", "-") if ending else ""
+    parts = [number.get(one.place, rf"{sign}\d+") for one in fields]
+    first, last = varied[0].place, varied[-1].place
+    rest = parts[first] + "".join(texts[k] + parts[k] for k in range(first + 1, last + 1))
+    before = "".join(texts[k] + parts[k] for k in range(first)) + texts[first]
+    is_enough = bool(short) and all(
+        _finds_all(short + rest, name, varied, k) for k, name in enumerate(names)
+    )
+    return short + rest if is_enough else f"^{before}{rest}"
+
+
+def _finds_all(pattern: str, name: str, varied: Sequence[_Field], k: int) -> bool:
+    match = re.search(pattern, name, re.IGNORECASE)
+    return match is not None and match.groups() == tuple(one.values[k] for one in varied)
 
 
 def _pattern(chosen: _Field, names: Sequence[str]) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-__all__ = ["lettered", "letters_of", "words_of"]
+__all__ = ["adjuster_of", "lettered", "letters_of", "words_of"]
 
 # What dampers' makers and tuners call the two strokes.
 _STROKES = (
@@ -52,6 +52,17 @@ def words_of(adjusters: Sequence[str], shorts: Mapping[str, str]) -> dict[str, s
         for word, name in pairs:
             found.setdefault(word, name if counts[word] == 1 else "")
     return {word: name for word, name in found.items() if name}
+
+
+def adjuster_of(word: str) -> str:
+    """Return the stroke whose adjuster a word or letter names; empty where it names none.
+
+    Examples
+    --------
+    >>> adjuster_of("R"), adjuster_of("bump"), adjuster_of("HSC")
+    ('rebound', 'compression', '')
+    """
+    return next((words[0] for words in _STROKES if word.casefold() in words), "")
 
 
 def _alike(name: str) -> Iterable[str]:

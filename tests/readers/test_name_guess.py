@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from damperfit.readers import ReadOptions, guess_settings, read_log
+from damperfit.readers import ReadOptions, guess_settings, one_of_several, read_log
 
 LOG = "time_s,displacement_mm,force_N\n0,1,2\n1,2,3\n"
 
@@ -78,6 +78,50 @@ def test_a_choice_is_no_guess(names) -> None:
     assert guess.sentence == ""
     has_number = any(re.search(r"\d", name) for name in names)
     assert bool(guess.advice) is has_number
+
+
+@pytest.mark.parametrize(
+    ("names", "declared", "pattern", "places"),
+    [
+        (
+            ["c10_r12.csv", "c8_r14.csv"],
+            'compression = "", rebound = ""',
+            r"c(?P<compression>\d+)_r(?P<rebound>\d+)",
+            [("10", "12"), ("8", "14")],
+        ),
+        (
+            ["R12C08.csv", "R12C10.csv", "R10C08.csv"],
+            'rebound = "", compression = ""',
+            r"R(?P<rebound>\d+)C(?P<compression>\d+)",
+            [("12", "08"), ("12", "10"), ("10", "08")],
+        ),
+        (
+            ["D7_LSC-2_HSC-1_1Hz.csv", "D7_LSC-4_HSC-3_1Hz.csv"],
+            'lsc = "", hsc = ""',
+            r"LSC-(?P<lsc>\d+)_HSC-(?P<hsc>\d+)",
+            [("2", "1"), ("4", "3")],
+        ),
+        (
+            ["5_3.csv", "6_4.csv"],
+            'first = "", second = ""',
+            r"^(?P<first>\d+)_(?P<second>\d+)",
+            [("5", "3"), ("6", "4")],
+        ),
+    ],
+)
+def test_two_adjusters_are_offered_a_pattern_for_both(names, declared, pattern, places) -> None:
+    """The pattern to copy read one of the two; R12C08 was taken for C alone, R 12 for degrees."""
+    guess = guess_settings(names)
+    assert guess.settings == {}
+    assert f"[adjusters] {declared}" in guess.advice
+    assert guess.advice.endswith(f"--rig 'setting_pattern={pattern}'")
+    found = [re.search(pattern, name, re.IGNORECASE) for name in names]
+    assert [match.groups() for match in found] == places
+
+
+@pytest.mark.parametrize(("name", "number"), [("s123_x02.csv", "123"), ("s1234_x02.csv", "")])
+def test_a_serial_number_behind_s_is_not_said_to_be_the_setting(name, number) -> None:
+    assert one_of_several(name) == number
 
 
 def test_three_digits_are_clicks_and_four_are_not() -> None:
