@@ -15,7 +15,7 @@ from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.every_setting import with_status
 from damperfit.identification.law_misfit import vanishes_below
 from damperfit.identification.outcome import Status
-from damperfit.identification.plausible import kept_within
+from damperfit.identification.plausible import edge_of, kept_within
 from damperfit.identification.setting import attempt, describe_fit
 from damperfit.parallel import executor
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from damperfit.identification.every_setting import Campaign
     from damperfit.identification.setting import Fit
 
-__all__ = ["does_nothing", "without_idle_parts"]
+__all__ = ["does_nothing", "is_nothing", "without_idle_parts"]
 
 # A valve that lets nothing through, a mounting that does not give.
 _CLOSED = ("_bleed", "_opening", "_slope")
@@ -58,6 +58,20 @@ def does_nothing(values: Values, name: str) -> bool:
     if value <= low:
         return name.endswith(_NEGLIGIBLE)
     return bool(value >= high) and (name.endswith(_CLOSED) or name in _RIGID)
+
+
+def is_nothing(values: Values, name: str) -> bool:
+    """Whether a quantity that ran to an edge is none, rather than what a fit strains for.
+
+    Parameters
+    ----------
+    values : Values
+        Of a fit.
+    name : str
+        One of its quantities, at a bound; a friction also where it is nothing beside the noise.
+    """
+    is_low = edge_of(values, name)[0] == "below"
+    return does_nothing(values, name) or (is_low and vanishes_below(values.quantity(name)))
 
 
 def without_idle_parts(

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
         Assessment,
         assess,
         profile_campaign,
-        reconsider,
     )
     from damperfit.uncertainty.flaws import Hint
     from damperfit.uncertainty.gas import GasContent
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
         linearise_settings,
         uncertainties,
     )
+    from damperfit.uncertainty.last_word import reconsider
     from damperfit.uncertainty.linearisation import (
         Linearisation,
         LogLinearisation,
@@ -104,7 +104,7 @@ _LATE = {
     "predict": "prediction",
     "prediction_warnings": "prediction",
     "profile_campaign": "assessment",
-    "reconsider": "assessment",
+    "reconsider": "last_word",
     "split_cycles": "prediction",
     "uncertainties": "intervals",
 }

@@ -13,9 +13,7 @@ import numpy as np
 from damperfit.errors import SimulationError, sparing
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.descent import FitCancelledError
-from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.paper.shared_values import TAKEN
-from damperfit.identification.setting import NOT_FIT_TO_SHARE
 from damperfit.identification.sharing import listed_settings
 from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
@@ -46,7 +44,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model
     from damperfit.errors import OnError
-    from damperfit.identification import Campaign, Fit
+    from damperfit.identification import Campaign
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty.linearisation import Linearisation
     from damperfit.uncertainty.withheld import Objection
@@ -56,7 +54,6 @@ __all__ = [
     "Assessment",
     "assess",
     "profile_campaign",
-    "reconsider",
 ]
 
 # A jackknife over 15 cycles scatters by a fifth; below this it misses something.
@@ -361,40 +358,3 @@ def _without_curves(linearised: Linearisation) -> Linearisation:
     none = np.empty((0, 0))
     logs = (replace(log, jacobian=none, gas=none, force=none) for log in linearised.logs)
     return replace(linearised, logs=tuple(logs))
-
-
-def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
-    """Return the campaign with the status that the errors and profiles of its parameters allow.
-
-    The fit itself judges by rough errors. A profile that sets no limit has the last word, and so
-    has the printed error of a value that all settings share.
-    """
-    known = {one.setting: one for one in assessment.uncertainties}
-    fits = []
-    for fit in campaign.fits:
-        flat = {
-            name
-            for name, profile in assessment.telling(fit.setting).items()
-            if profile.is_flat and fit.status[name] in {Status.FITTED, Status.SHARED}
-        }
-        flat |= {
-            name
-            for name in campaign.sharing.found
-            if fit.status[name] == Status.SHARED and _is_unfit(fit, name, known.get(fit.setting))
-        }
-        own = {name for name in flat if fit.status[name] == Status.FITTED}
-        outcome = fit.outcome
-        if own and outcome is Outcome.CONVERGED:
-            outcome = Outcome.NOT_IDENTIFIABLE
-        status = {**fit.status, **dict.fromkeys(flat, Status.NOT_IDENTIFIABLE)}
-        fits.append(replace(fit, status=status, outcome=outcome))
-    return replace(campaign, fits=tuple(fits))
-
-
-def _is_unfit(fit: Fit, name: str, known: Uncertainty | None) -> bool:
-    """Whether a positive value is less than three errors away from nothing."""
-    is_logarithmic = fit.parameters.quantity(name).is_logarithmic
-    if known is None or name not in known.names or not is_logarithmic:
-        return False
-    place = known.names.index(name)
-    return bool(known.covariance[place, place] > NOT_FIT_TO_SHARE**2)

@@ -142,7 +142,7 @@ def _verdict(
         return f"ran to the edge of its plausible range{seen}; fix it, or check units and signs"
     interval = known.intervals.get(name)
     if interval is None:
-        return "no interval: the fit did not end at a minimum"
+        return _without_interval(status, profile, unit)
     tied = _tied(name, known) if is_tied else ""
     whose = sharing.whose(name, fit.setting) if name in sharing.found_at(fit.setting) else ""
     where = (
@@ -175,6 +175,13 @@ def _verdict(
         )
     found = f"shared by {whose or 'all settings'}" if status == Status.SHARED else "fitted"
     return f"{found}, {where}{tied}"
+
+
+def _without_interval(status: Status, profile: MisfitProfile | None, unit: str) -> str:
+    if status != Status.NOT_IDENTIFIABLE:
+        return "no interval: the fit did not end at a minimum"
+    seen = f" ({_seen(profile, unit)})" if profile is not None else ""
+    return f"these logs do not tell it from none{seen}: the law may as well lack this part"
 
 
 def _span(low: float, high: float, quantity: Quantity) -> str:

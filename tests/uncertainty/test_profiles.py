@@ -15,6 +15,7 @@ from damperfit.identification import Campaign, FitOptions, Outcome, identify
 from damperfit.identification.descent import Misfit, descend
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty import (
     Assessment,
     Bench,
@@ -26,6 +27,7 @@ from damperfit.uncertainty import (
     profile_campaign,
     reconsider,
 )
+from damperfit.uncertainty.withheld import objections
 from tests.identification.rig import short_trace as trace
 from tests.identification.rig import short_traces as traces
 
@@ -184,6 +186,14 @@ def test_no_friction_has_an_upper_limit() -> None:
     assert low is None
     assert 0.01 < high < 2.0
     assert "flat downward" in judged.verdicts(campaign)[4]["f_f"]
+    again = reconsider(campaign, judged)
+    assert again.fits[0].status["f_f"] == "not_identifiable"
+    assert again.fits[0].outcome is Outcome.NOT_IDENTIFIABLE
+    assert judged.verdicts(again)[4]["f_f"] == (
+        "these logs do not tell it from none (flat downward, only an upper limit: 95 % below "
+        f"{high:.4g} N): the law may as well lack this part"
+    )
+    assert "bound" not in {one.kind for one in objections(again, judged).get(Setting.of(4), ())}
 
 
 def test_what_is_well_told_costs_nothing_more() -> None:

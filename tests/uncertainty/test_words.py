@@ -151,6 +151,30 @@ def test_a_profile_without_a_limit_has_the_last_word(shape, before, after, outco
     assert found.outcome is Outcome[outcome]
 
 
+@pytest.mark.parametrize(("friction", "stiffness", "after", "outcome"), [
+    ("at_bound", "fitted", "not_identifiable", Outcome.NOT_IDENTIFIABLE),
+    ("at_bound", "at_bound", "not_identifiable", Outcome.AT_BOUND),
+    ("fixed", "at_bound", "fixed", Outcome.AT_BOUND),
+])  # fmt: skip
+def test_what_ran_to_none_is_no_bound_and_what_strains_is(
+    friction, stiffness, after, outcome
+) -> None:
+    one = fakes.fit(1, status={"f_f": friction, "k_e": stiffness})
+    values = one.parameters.replace({"f_f": 1e-3, "k_e": 1e6})
+    one = replace(one, outcome=Outcome.AT_BOUND, parameters=values)
+    (found,) = reconsider(fakes.campaign(one), Assessment()).fits
+    assert (found.status["f_f"], found.status["k_e"]) == (after, stiffness)
+    assert found.outcome is outcome
+
+
+@pytest.mark.parametrize("is_none", [True, False])
+def test_a_friction_at_its_upper_edge_is_not_none(is_none) -> None:
+    one = fakes.fit(1, status={"f_f": "at_bound"})
+    values = one.parameters.replace({"f_f": one.parameters.quantity("f_f").plausible[not is_none]})
+    (found,) = reconsider(fakes.campaign(replace(one, parameters=values)), Assessment()).fits
+    assert (found.status["f_f"] == "not_identifiable") is is_none
+
+
 def test_an_error_as_large_as_the_value_unfits_what_is_shared_alone() -> None:
     fit = fakes.fit(1)
     campaign = replace(fakes.campaign(fit), sharing=Sharing(taken={"r_m3": 1}))
