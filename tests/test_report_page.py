@@ -387,7 +387,8 @@ def test_any_other_schema_is_named_and_this_one_is_not(copy, version):
     (said,) = (one for one in read_results(copy).remarks if "schema version" in one)
     assert said == (
         f"the results are of schema version {version} (damperfit 9.9), this damperfit knows 2: "
-        "what is not found is left out"
+        f"what is not found is left out; {'update damperfit, or ' if version == 3 else ''}"
+        "run identify again on the logs"
     )
 
 

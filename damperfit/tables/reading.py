@@ -203,9 +203,11 @@ def _record(path: Path, remarks: list[str]) -> dict[str, Any]:
 def _check_version(record: dict[str, Any], remarks: list[str]) -> None:
     version = record.get("schema_version", SCHEMA_VERSION)
     if version not in _READ_VERSIONS:
+        is_newer = isinstance(version, int) and version > SCHEMA_VERSION
         remarks.append(
             f"the results are of schema version {version} (damperfit {record.get('version')}), "
-            f"this damperfit knows {SCHEMA_VERSION}: what is not found is left out"
+            f"this damperfit knows {SCHEMA_VERSION}: what is not found is left out; "
+            f"{'update damperfit, or ' * is_newer}run identify again on the logs"
         )
 
 
