@@ -78,7 +78,7 @@ def export(
         )
     target = find_target(to)
     shown, mark = _chosen(target, units, decimal)
-    speed = None if extend is None else parse_quantity(extend, "velocity")
+    speed = None if extend is None else parse_quantity(extend, "velocity", option="--extend")
     folder, stem = _destination(results, out, target)
     handed = hand_over(results, config=config, temperature=temperature)
     has_table = target.has_table_of(handed.damper)

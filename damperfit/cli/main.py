@@ -11,6 +11,7 @@ import sys
 import traceback
 from functools import wraps
 from inspect import Parameter, signature
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -149,7 +150,7 @@ def _ended_with(argv: list[str]) -> int:
     except Exception as error:  # noqa: BLE001 - the one place that catches everything
         if "--debug" in argv:
             traceback.print_exc()
-        message, exit_code = _explain(error)
+        message, exit_code = _explain(error, argv)
         if not hasattr(error, "format_message"):  # where an option was mistyped tells nobody
             record(logging.DEBUG, traceback.format_exc())
         say(f"damperfit: {message}", logging.ERROR)
@@ -159,12 +160,12 @@ def _ended_with(argv: list[str]) -> int:
     return int(code or 0)
 
 
-def _explain(error: Exception) -> tuple[str, int]:
+def _explain(error: Exception, argv: Sequence[str]) -> tuple[str, int]:
     """Return what to tell the user, and the exit code."""
     if isinstance(error, DamperfitError):
         return str(error), error.exit_code
     if hasattr(error, "format_message"):  # every usage error of typer, old and new
-        return _usage_message(error), 2
+        return _wrong_number(error.format_message(), argv) or _usage_message(error), 2
     if isinstance(error, typer.Abort):
         return "interrupted", _INTERRUPTED
     return _of_the_machine(error) or (
@@ -184,6 +185,26 @@ def _of_the_machine(error: Exception) -> tuple[str, int] | None:
     if isinstance(error, MemoryError):
         return "out of memory; give fewer or shorter logs at a time", 1
     return None
+
+
+# What typer says of a number that cannot be; it leaves out what was found.
+_WRONG_NUMBER = re.compile(
+    r"Invalid value for '(--[\w-]+)':.*?(?:valid (integer|number|float)|"
+    r"greater than or equal to (-?\d+)|in the range x>=(-?\d+))"
+)
+_NUMBERS = {"integer": "a whole number", "number": "a number", "float": "a number"}
+
+
+def _wrong_number(message: str, argv: Sequence[str]) -> str:
+    """Return the same with the number that was found; empty where it is about none."""
+    told = _WRONG_NUMBER.match(message)
+    if told is None:
+        return ""
+    option, kind, *least = told.groups()
+    typed = [word.partition("=")[2] for word in argv if word.startswith(f"{option}=")]
+    typed += [after for word, after in pairwise(argv) if word == option]
+    wanted = _NUMBERS[kind] if kind else f"{least[0] or least[1]} or more"
+    return f"{option} {typed[-1] if typed else ''}: expected {wanted}"
 
 
 def _surplus(words: str, context: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -68,18 +69,23 @@ def samples(
     truth, damper = None, loaded.damper_sentence
     if parameters is not None:
         truth, loaded, damper = _truth(parameters, loaded, config)
-    options = SampleOptions(
-        settings=_numbers(settings),
-        cycles=cycles,
-        sample_rate=parse_quantity(sample_rate, "frequency"),
-        amplitude=loaded.rig.amplitude,
-        frequency=loaded.rig.frequency,
-        force_noise=parse_quantity(force_noise, "force"),
-        displacement_noise=parse_quantity(displacement_noise, "length"),
-        rig_filter=parse_quantity(rig_filter, "frequency"),
-        seed=seed,
-        damper=loaded.damper,
-    )
+    try:
+        options = SampleOptions(
+            settings=_numbers(settings),
+            cycles=cycles,
+            sample_rate=parse_quantity(sample_rate, "frequency", option="--sample-rate"),
+            amplitude=loaded.rig.amplitude,
+            frequency=loaded.rig.frequency,
+            force_noise=parse_quantity(force_noise, "force", option="--force-noise"),
+            displacement_noise=parse_quantity(
+                displacement_noise, "length", option="--displacement-noise"
+            ),
+            rig_filter=parse_quantity(rig_filter, "frequency", option="--rig-filter"),
+            seed=seed,
+            damper=loaded.damper,
+        )
+    except ConfigurationError as error:
+        raise ConfigurationError(_as_typed(str(error))) from error
     with progress(is_wanted=not quiet) as bar:
         bar.start(len(options.settings))
         logs = make_samples(folder, options, parameters=truth, on_log=bar.advance)
@@ -106,6 +112,22 @@ def _truth(
     known = {setting.cell: parameters for setting, parameters in read_parameters(path).items()}
     truth = {setting: values for setting, values in known.items() if isinstance(setting, int)}
     return truth, meant, damper
+
+
+def _as_typed(said: str) -> str:
+    """Return what options make no log, by the options of the command line.
+
+    Examples
+    --------
+    >>> _as_typed("samples: force_noise is -1.0; expected 0 or more")
+    '--force-noise -1.0: expected 0 or more'
+    """
+    told = re.fullmatch(r"samples: (\w+) is (.+); (expected .+)", said)
+    if told is None:
+        return said
+    name = told[1].replace("_", "-")
+    is_of_rig = told[1] in {"amplitude", "frequency"}
+    return f"{f'rig.{name} =' if is_of_rig else f'--{name}'} {told[2]}: {told[3]}"
 
 
 def _numbers(text: str) -> tuple[int, ...]:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from damperfit.configuration.blamed_places import with_place
 from damperfit.configuration.damper_section import damper_defaults
 from damperfit.configuration.schema import build_configuration
 from damperfit.damper.models import model_named
@@ -102,7 +103,7 @@ def load_configuration(
     except ValidationError as error:
         raise ConfigurationError(_explain(error, layers)) from error
     except ConfigurationError as error:
-        raise ConfigurationError(_with_place(str(error), layers)) from error
+        raise ConfigurationError(with_place(str(error), layers[1:])) from error
 
 
 def _model_of(layers: Sequence[_Layer]) -> str:
@@ -316,29 +317,6 @@ def _source(layers: Sequence[_Layer], section: str, key: str) -> _Layer:
     """Return the last layer that gives a key."""
     giving = [layer for layer in layers if key in layer.values.get(section, {})]
     return (giving or layers)[-1 if giving else 0]
-
-
-def _with_place(message: str, layers: Sequence[_Layer]) -> str:
-    """Return a mistake that only shows when values meet, with the place of the value it quotes."""
-    quoted = {word for pair in re.findall(r"'([^']*)'|= (\S+?):", message) for word in pair if word}
-    for layer in reversed(layers[1:]):
-        for section, values in layer.values.items():
-            for key, value in values.items():
-                if quoted & set(_leaves(value)):
-                    return f"{layer.name_of(section, key)}: {message}"
-    return message
-
-
-def _leaves(value: object) -> Iterator[str]:
-    """Yield the texts that a value consists of, keys too."""
-    if isinstance(value, dict):
-        for key, item in value.items():
-            yield from (str(key), *_leaves(item))
-    elif isinstance(value, list | tuple):
-        for item in value:
-            yield from _leaves(item)
-    else:
-        yield str(value)
 
 
 def configuration_toml(configuration: Configuration) -> str:

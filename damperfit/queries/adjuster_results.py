@@ -216,8 +216,8 @@ def _stage(
 
 def _motion(own: Sine | None, amplitude: str | None, frequency: str | None) -> tuple[Sine, str]:
     """Return the motion asked for, else the test's own."""
-    size = parse_quantity(amplitude, "length") if amplitude else None
-    rate = parse_quantity(frequency, "frequency") if frequency else None
+    size = parse_quantity(amplitude, "length", option="--amplitude") if amplitude else None
+    rate = parse_quantity(frequency, "frequency", option="--frequency") if frequency else None
     for option, value in (("--amplitude", size), ("--frequency", rate)):
         if value is not None and value <= 0.0:
             raise ConfigurationError(f"{option} {value:g}: expected more than 0")

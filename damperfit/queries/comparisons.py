@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -75,7 +76,8 @@ def comparison_options(
     ConfigurationError
         A quantity cannot be understood, or amplitude and frequency do not go together.
     """
-    speeds = sorted({abs(parse_quantity(text, "velocity")) for text in velocities})
+    read = partial(parse_quantity, option="--velocity")
+    speeds = sorted({abs(read(text, "velocity")) for text in velocities})
     if speeds and speeds[0] == 0.0:
         raise ConfigurationError("--velocity 0: expected a speed other than zero")
     if (amplitude is None) != (frequency is None):
@@ -89,7 +91,10 @@ def comparison_options(
                 f"--amplitude {amplitude} cannot be combined with --measured: measured forces are "
                 "of the motions that were run; leave one of the two out"
             )
-        sine = Sine(parse_quantity(amplitude, "length"), parse_quantity(frequency, "frequency"))
+        sine = Sine(
+            parse_quantity(amplitude, "length", option="--amplitude"),
+            parse_quantity(frequency, "frequency", option="--frequency"),
+        )
         for option, value in (("--amplitude", sine.amplitude), ("--frequency", sine.frequency)):
             if value <= 0.0:
                 raise ConfigurationError(f"{option} {value:g}: expected more than 0")

@@ -260,5 +260,5 @@ def check_damper(model: str, given: Mapping[str, str]) -> None:
     ConfigurationError
         One of them is wrong.
     """
-    options = {f"damper.{key}": f"--set {key}" for key in given}
+    options = {f"damper.{key}": f"--set {key}" for key in given} | {"damper.model": "--model"}
     load_configuration(overlay={"damper": {"model": model, **given}}, options=options)

@@ -108,13 +108,13 @@ def parse_question(
         )
     if velocity is None:
         return Question(stroke=stroke)
-    speed = parse_quantity(velocity, "velocity")
+    speed = parse_quantity(velocity, "velocity", option="--velocity")
     if speed == 0.0:
         raise ConfigurationError(f"--velocity {velocity}: expected a speed other than zero")
     if force is None:
         side = "bump" if speed < 0.0 and stroke is None else stroke
         return Question(abs(speed), None, side)
-    wanted = parse_quantity(force, "force")
+    wanted = parse_quantity(force, "force", option="--force")
     if stroke is None:
         stroke = "bump" if speed < 0.0 or wanted < 0.0 else "rebound"
     return Question(abs(speed), -abs(wanted) if stroke == "bump" else wanted, stroke)

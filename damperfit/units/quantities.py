@@ -241,7 +241,7 @@ def _hint(name: str, units: dict[str, Unit]) -> str:
     return f" Did you mean {near[0]!r}?" if near else ""
 
 
-def parse_quantity(text: str | float, dimension: str) -> float:
+def parse_quantity(text: str | float, dimension: str, *, option: str = "") -> float:
     """Return a number with an optional unit as a float in SI (temperature: degrees Celsius).
 
     Parameters
@@ -250,6 +250,8 @@ def parse_quantity(text: str | float, dimension: str) -> float:
         As in "32mm", "1.5 Hz" or "0.032"; a bare number is SI.
     dimension : str
         As in `find_unit`.
+    option : str
+        Where it was given, to be named where it cannot be read.
 
     Raises
     ------
@@ -265,6 +267,15 @@ def parse_quantity(text: str | float, dimension: str) -> float:
     >>> parse_quantity("0.032", "length")
     0.032
     """
+    try:
+        return _parsed(text, dimension)
+    except QuantityError as error:
+        if option:
+            raise QuantityError(f"{option}: {error}") from error
+        raise
+
+
+def _parsed(text: str | float, dimension: str) -> float:
     if isinstance(text, str):
         found = _QUANTITY.fullmatch(text)
         if found is None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import damperfit
 from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
 from damperfit.configuration.loading import _read, configuration_toml, load_configuration
 from damperfit.configuration.options import offset_facts
@@ -245,3 +246,27 @@ def test_a_configuration_is_no_larger_than_a_megabyte(tmp_path, size, is_read):
     else:
         with pytest.raises(ConfigurationError, match="larger than 1 MB"):
             _read(path)
+
+
+SECTIONS = tomllib.loads(
+    (Path(damperfit.__file__).parent / "configuration" / "defaults.toml").read_text("utf-8")
+)
+# Any temperature and any middle of a log are a number.
+ANY_NUMBER = {"temperature", "centre"}
+
+
+@pytest.mark.parametrize("value", ['"\u00a7"', "-1e99", "[[1]]", "{x=1}"])
+@pytest.mark.parametrize("section", SECTIONS)
+def test_every_key_is_blamed_where_it_was_typed(tmp_path: Path, section: str, value: str) -> None:
+    """The library's own words came without a place for skew, filter_corner and steadiness."""
+    path = tmp_path / "mine.toml"
+    for key in SECTIONS[section]:
+        path.write_text(f"\n[{section}]\n{key} = {value}\n", encoding="utf-8")
+        said = ""
+        try:
+            load_configuration(path)
+        except ConfigurationError as error:
+            said = str(error)
+        is_fine = value.startswith('"') or key in ANY_NUMBER
+        assert is_fine if not said else f"mine.toml:3: {section}.{key}" in said, key
+        assert len(said.splitlines()) < 2

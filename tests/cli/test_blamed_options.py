@@ -1,0 +1,80 @@
+"""A value that no option takes is refused by the option that was typed, with what was found."""
+
+from __future__ import annotations
+
+import pytest
+import typer
+
+from damperfit.cli.main import app, main
+
+BAD = "§"
+# What each command needs besides; no log is read and nothing is fitted before its options are.
+BESIDE = {
+    "identify": ["LOG"],
+    "inspect": ["LOG"],
+    "models": ["LOG"],
+    "fleet": ["LOG", "--out", "fleet"],
+    "simulate": ["--setting", "10"],
+    "sweep": ["--setting", "10", "--vary", "r_m1=1,2"],
+    "samples": ["runs"],
+    "export": ["RESULTS", "--to", "csv"],
+    "compare": ["RESULTS", "RESULTS"],
+    "settings": ["RESULTS", "--velocity", "0.1m/s"],
+    "report": ["RESULTS"],
+}
+# Two of them make a motion together.
+TOGETHER = {
+    ("compare", "--amplitude"): ["--frequency", "1Hz"],
+    ("compare", "--frequency"): ["--amplitude", "9mm"],
+}
+# Any text is a file's name there, or a word that names something.
+WRITES = {"--out", "--log-file", "--plot", "--save", "--junit"}
+FILES = {"--config", "--tests", "--parameters", "--displacement", "--repeats", "--hold-out"}
+
+
+def cases():
+    for name, command in typer.main.get_command(app).commands.items():
+        for one in command.params:
+            option = next((text for text in one.opts if text.startswith("--")), "")
+            takes = one.param_type_name == "option" and not one.is_flag and option != "--help"
+            if takes and option not in WRITES | FILES:
+                yield pytest.param(name, option, id=f"{name} {option}")
+
+
+@pytest.fixture(scope="module")
+def results(logs, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results")
+    assert main(["identify", str(logs / "setting_01.csv"), "--out", str(folder), "--quiet"]) == 0
+    return folder
+
+
+@pytest.mark.parametrize(("command", "option"), list(cases()))
+def test_a_value_that_cannot_be_is_refused_by_its_option(
+    run, logs, results, command, option
+) -> None:
+    given = {"LOG": logs / "setting_01.csv", "RESULTS": results}
+    words = (*BESIDE.get(command, []), *TOGETHER.get((command, option), []))
+    ended = run(command, *(given.get(word, word) for word in words), f"{option}={BAD}")
+    assert ended.code == 2, ended.err
+    (line,) = ended.err.splitlines()
+    assert option in line
+    assert BAD in line
+    assert ended.out == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["identify", "LOG", "--jobs", "0"], "--jobs 0: expected 1 or more"),
+        (["identify", "LOG", "--jobs", "two"], "--jobs two: expected a whole number"),
+        (["identify", "LOG", "--jobs=1.5"], "--jobs 1.5: expected a whole number"),
+        (["simulate", "--cycles", "x"], "--cycles x: expected a number"),
+        (["samples", "runs", "--seed", "-1"], "--seed -1: expected 0 or more"),
+        (["samples", "runs", "--sample-rate", "-1"], "--sample-rate -1.0: expected more than 0"),
+    ],
+)
+def test_a_number_that_cannot_be_is_told_as_typed(run, logs, arguments, says) -> None:
+    ended = run(*(str(logs / "setting_01.csv") if a == "LOG" else a for a in arguments))
+    assert ended.code == 2
+    assert ended.err.startswith(f"damperfit: {says}")
+    assert len(ended.err.splitlines()) == 1
