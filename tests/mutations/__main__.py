@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import ast
-import contextlib
 import hashlib
 import json
 import os
@@ -17,20 +16,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from tests.mutations.blocks import instrument
+from tests.mutations.blocks import FOLDER, instrument
 from tests.mutations.mutants import TARGETS, Mutant, draw, known_mutants
 from tests.mutations.running import PLUGINS, Result, Workspace, preload, run_mutants, run_tests
 from tests.mutations.selection import Selection, Trace
-from tests.mutations.tracing import FOLDER
 
 ROOT = Path(__file__).parents[2]
-# Long tests of what no mutant is drawn from. What only they would catch counts as alive.
-_FAR = (
-    "tests/mutations", "tests/fleet", "tests/handover", "tests/manual", "tests/core_sanitizers",
-    "tests/test_interrupted_writing.py", "tests/fuzz", "tests/oracles", "tests/door",
-    "tests/test_readme.py", "tests/test_startup.py", "tests/test_report_browser.py",
-    "tests/test_layers.py", "tests/certificate", "tests/rig_like", "tests/comparison",
-)  # fmt: skip
+# The harness itself would be traced by itself; the others run C, and a browser over a page.
+_NOT_TRACED = ("tests/mutations", "tests/core_sanitizers", "tests/test_report_browser.py")
 Targets = Mapping[str, Sequence[str]]
 
 
@@ -114,7 +107,7 @@ def traced(root: Path, folder: Path, options: argparse.Namespace) -> Selection:
         shutil.rmtree(place, ignore_errors=True)
     now = _hashes(root / "tests")
     seen: dict[str, str] = {}
-    kept = sorted(place.glob("[0-9]*"))
+    kept = sorted(one for one in place.glob("[0-9]*") if (one / "tests.json").exists())
     for one in kept:
         seen |= json.loads((one / "tests.json").read_text(encoding="utf-8"))
     changed = [
@@ -151,12 +144,12 @@ def _trace(root: Path, place: Path, files: Sequence[str], jobs: int) -> None:
     _say(f"tracing {', '.join(files) or 'the suite'}")
     tree = Workspace(root, place / "tree").make().folder
     instrument(tree, place)
-    # The last of them for this plugin, in a toy tree.
-    path = os.pathsep.join([str(place / "site"), str(tree), str(ROOT)])
+    path = os.pathsep.join([str(tree), str(ROOT)])  # the last for this plugin, in a toy tree
     environment = {**os.environ, FOLDER: str(place), "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # or conftest.py compiles it all anew
     command = [sys.executable, "-m", "pytest", "-p", "tests.mutations.tracing", "-q", *files]
     command += [f"-n{jobs if jobs > 1 else 0}", "--dist=loadfile", "--tb=line"]
-    command += ["-p", "no:cacheprovider", *(f"--ignore={name}" for name in _FAR)]
+    command += ["-p", "no:cacheprovider", *(f"--ignore={name}" for name in _NOT_TRACED)]
     done = subprocess.run(command, cwd=tree, env=environment, check=False, stdout=sys.stderr)
     if done.returncode not in {0, 1}:
         raise SystemExit(f"tests.mutations: the suite ended with {done.returncode}")
@@ -166,17 +159,20 @@ def _trace(root: Path, place: Path, files: Sequence[str], jobs: int) -> None:
 
 def collect(place: Path) -> None:
     """Join what the processes of a trace left behind."""
-    times: dict[str, dict[str, object]] = {"tests": {}, "fixtures": {}}
+    times: dict[str, dict[str, object]] = {"tests": {}, "fixtures": {}, "uses": {}}
     for path in place.glob("times.*.json"):
         for name, found in json.loads(path.read_text(encoding="utf-8")).items():
-            times[name] |= found
+            for key, value in found.items():
+                before = times[name].get(key, []) if name == "uses" else []
+                times[name][key] = sorted({*before, *value}) if name == "uses" else value
         path.unlink()
     hits: dict[str, set[int]] = defaultdict(set)
     for path in place.glob("hits.*.json"):
-        with contextlib.suppress(json.JSONDecodeError):  # of a process that was killed meanwhile
-            for name, found in json.loads(path.read_text(encoding="utf-8")).items():
-                hits[name].update(found)
+        for name, found in json.loads(path.read_text(encoding="utf-8")).items():
+            hits[name].update(found)
         path.unlink()
+    if not hits:
+        raise SystemExit(f"tests.mutations: nothing was counted; what is compiled in {place}?")
     whole = {name: sorted(found) for name, found in sorted(hits.items())}
     (place / "hits.json").write_text(json.dumps(whole), encoding="utf-8")
     (place / "times.json").write_text(json.dumps(times), encoding="utf-8")
@@ -256,7 +252,9 @@ def _survives(result: Result) -> bool:
 def _report(mutants: list[Mutant], results: dict[str, Result], *, is_known: bool) -> None:
     survivors = [one for one in mutants if _survives(results[one.key])]
     for mutant in survivors:
-        note = "  (no test runs it)" if results[mutant.key].status == "unseen" else ""
+        found = results[mutant.key]
+        note = "  (no test runs it)" if found.status == "unseen" else ""
+        note = f"  (not run for want of time: {found.cut} tests)" if found.cut else note
         print(f"{mutant.place}  {mutant.kind}{note}\n  - {mutant.before}\n  + {mutant.after}")
     if is_known:
         print(f"{len(mutants) - len(survivors)} of {len(mutants)} known mutants are caught")
@@ -268,6 +266,8 @@ def _report(mutants: list[Mutant], results: dict[str, Result], *, is_known: bool
         print(f"{target:16}{drawn[target]:8}{alive[target]:8}{share:7.1f}")
     share = 100.0 * len(survivors) / max(len(mutants), 1)
     print(f"{'all':16}{len(mutants):8}{len(survivors):8}{share:7.1f}")
+    n_cut = sum(results[one.key].cut > 0 for one in survivors)
+    print(f"of those that survive, the budget cut the tests of {n_cut}")
 
 
 if __name__ == "__main__":

@@ -14,27 +14,35 @@ import marshal
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["COUNTER", "compile_kept", "instrument"]
+__all__ = ["COUNTER", "FOLDER", "OWNER", "compile_kept", "instrument"]
 
 COUNTER = "__hits__"
+FOLDER, OWNER = "DAMPERFIT_TRACE", "DAMPERFIT_TRACE_OWNER"
 _CHECKED, _UNCHECKED = 0b11, 0b01  # flags of a file of bytecode: held to its source, or not
 
-# For processes that a test starts: on their path, so that Python imports it at its start.
-START = f"""
-import atexit, builtins, json, os
-folder = os.environ.get("DAMPERFIT_TRACE")
-if folder and not hasattr(builtins, "{COUNTER}"):
-    builtins.{COUNTER} = bytearray(os.path.getsize(os.path.join(folder, "size")))
+# Runs before anything else of the package, in each process that imports it. What is counted stands
+# in a file that the tests' process reads whenever a test ends: of children that live on, are killed
+# or forked too. A test may start them without our environment: then their parent is the tests'.
+START = """
+def _count_into_a_file(folder):
+    import builtins, mmap, os, time
 
-    def tell(mine=os.getpid()):
-        found = [k for k, one in enumerate(builtins.{COUNTER}) if one]
-        if found:
-            text = json.dumps({{os.environ.get("DAMPERFIT_TRACE_CONTEXT", ""): found}})
-            with open(os.path.join(folder, f"hits.{{os.getpid()}}.json"), "w") as file:
-                file.write(text)
+    if hasattr(builtins, "__hits__") or not os.path.exists(os.path.join(folder, "size")):
+        return
+    size = os.path.getsize(os.path.join(folder, "size"))
+    owner = os.environ.get("DAMPERFIT_TRACE_OWNER") or os.getppid()
+    path = os.path.join(folder, "live", f"{owner}.{os.getpid()}.{time.monotonic_ns()}")
+    builtins.__hits__ = bytearray(size)
+    try:
+        with open(path + ".new", "wb+") as file:
+            file.truncate(size)
+            builtins.__hits__ = mmap.mmap(file.fileno(), size)
+        os.rename(path + ".new", path)
+    except OSError:  # a test of a full disk
+        pass
 
-    atexit.register(tell)
-"""
+
+_count_into_a_file"""
 
 
 def instrument(tree: Path, folder: Path) -> None:
@@ -47,11 +55,20 @@ def instrument(tree: Path, folder: Path) -> None:
         for node in ast.walk(found):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 blocks += [(name, lines) for lines in _count(node, len(blocks))]
+        if path.parent == tree / "damperfit" and path.name == "__init__.py":
+            _put_first(found, f"{START}({str(folder.resolve())!r})\ndel _count_into_a_file\n")
         _keep(path, compile(ast.fix_missing_locations(found), str(path), "exec"), _UNCHECKED)
     (folder / "blocks.json").write_text(json.dumps(blocks), encoding="utf-8")
     (folder / "size").write_bytes(bytes(len(blocks)))
-    (folder / "site").mkdir(exist_ok=True)
-    (folder / "site" / "sitecustomize.py").write_text(START, encoding="utf-8")
+    (folder / "live").mkdir(exist_ok=True)
+
+
+def _put_first(module: ast.Module, text: str) -> None:
+    """Put statements before all others of a module, behind what must stand first."""
+    place = sum(
+        isinstance(one, ast.ImportFrom) and one.module == "__future__" for one in module.body
+    ) + int(ast.get_docstring(module, clean=False) is not None)
+    module.body[place:place] = ast.parse(text).body
 
 
 def compile_kept(tree: Path) -> None:

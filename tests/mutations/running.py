@@ -72,6 +72,7 @@ class Result:
     killer: str = ""
     seconds: float = 0.0
     tests: int = 0
+    cut: int = 0  # tests that run its line, for which the budget left no time
 
 
 @dataclass
@@ -180,12 +181,9 @@ def _child(folder: Path, names: Sequence[str], log: Path, more: Sequence[str]) -
         os.dup2(out.fileno(), 1)
         os.dup2(out.fileno(), 2)
     os.chdir(folder)
-    sys.dont_write_bytecode = True
-    os.environ |= {
-        "PYTHONPATH": str(folder),
-        "PYTHONDONTWRITEBYTECODE": "1",
-        "OMP_NUM_THREADS": "1",
-    }
+    sys.dont_write_bytecode = False  # what is kept is held to its source
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    os.environ |= {"PYTHONPATH": str(folder), "OMP_NUM_THREADS": "1"}
     sys.path[:] = [str(folder), *(p for p in sys.path if p and not Path(p, "damperfit").is_dir())]
     for name in [n for n in sys.modules if n.split(".")[0] in {"tests", "damperfit"}]:
         del sys.modules[name]
@@ -290,7 +288,10 @@ class _Slot:
         assert mutant is not None
         self.space.restore(mutant)
         self.mutant, self.running = None, None
-        return Result(mutant.key, status, killer, round(time.monotonic() - self.began, 1), self.ran)
+        seconds, cut = round(time.monotonic() - self.began, 1), len(self.seconds) - self.ran
+        return Result(
+            mutant.key, status, killer, seconds, self.ran, cut if status == "survived" else 0
+        )
 
 
 def run_mutants(

@@ -1,4 +1,4 @@
-"""Which tests may notice a mutant: those that run its line, the fastest and the nearest first.
+"""Which tests may notice a mutant: those that run its line, the nearest and the fastest first.
 
 A line at the top of a module or class runs when the module is imported, by whichever test comes
 first. Its tests are those that run a function in which the name is read that the line defines, or
@@ -18,9 +18,11 @@ from pathlib import Path
 
 __all__ = ["Plan", "Selection", "Trace"]
 
-_ABROAD = 3.0  # a test of another package counts as so much slower
+# A test counts as so much slower by where it stands: it names what has changed, its file has the
+# module's name, the package's, or another one.
+_NAMED, _SAME, _NEAR, _ABROAD = 0.1, 0.3, 1.0, 4.0
+_ONE_MORE = 0.5  # of the cases of one test each counts as so much slower than the one before
 _IMPORT = "import "
-_CACHED = ("@cache", "lru_cache")  # what one test has made, the next one finds
 
 
 @dataclass(frozen=True)
@@ -30,13 +32,13 @@ class Plan:
     tests: tuple[tuple[str, float], ...]
 
     def batches(self, budget: float) -> list[list[str]]:
-        """Return the tests in three heaps of rising cost, no more than the budget in all."""
-        limits, heaps, spent = [2.0, 10.0, budget], [[], [], []], 0.0
+        """Return the tests in heaps of rising cost, up to the budget, but at least one."""
+        limits, heaps, spent = (2.0, 10.0, 40.0, budget), [[], [], [], []], 0.0
         for name, seconds in self.tests:
+            if spent + seconds > budget and spent > 0.0:
+                continue  # a later one may be quick
             spent += seconds
-            if spent > budget and heaps[0]:
-                break
-            place = next((k for k, limit in enumerate(limits) if spent <= limit), 2)
+            place = next((k for k, limit in enumerate(limits) if spent <= limit), 3)
             heaps[place].append(name)
         return [heap for heap in heaps if heap]
 
@@ -63,11 +65,28 @@ class Trace:
         return {name.split("::")[0] for name in self.times["tests"]}
 
     @cached_property
-    def by_fixture(self) -> dict[str, set[str]]:
+    def users(self) -> dict[str, set[str]]:
+        """Who asks for what serves several: tests for fixtures, all of them for kept results."""
         found = defaultdict(set)
         for name, test in self.times["tests"].items():
             for fixture in test["fixtures"]:
                 found[fixture].add(name)
+        for user, kept in self.times["uses"].items():
+            for key in kept:
+                found[key].add(user)
+        return found
+
+    def asking(self, context: str) -> set[str]:
+        """Return the tests, and the imports of test files, for which a context was run."""
+        found, seen, waiting = set(), set(), [context]
+        while waiting:
+            one = waiting.pop()
+            if one in seen:
+                continue
+            seen.add(one)
+            if one in self.times["tests"] or one.startswith(_IMPORT):
+                found.add(one)
+            waiting += self.users.get(one, ())
         return found
 
     @cached_property
@@ -144,15 +163,6 @@ class Selection:
             found[name.split("::")[0]].add(name)
         return found
 
-    @cached_property
-    def cached(self) -> set[str]:
-        """Files of tests that keep what they once made."""
-        return {
-            file
-            for file in self.by_file
-            if any(word in (self.root / file).read_text(encoding="utf-8") for word in _CACHED)
-        }
-
     def contexts(self, path: str) -> dict[int, set[str]]:
         """Return, by line, the tests that run it, and "import FILE" for files that do so."""
         if path not in self._contexts:
@@ -167,8 +177,7 @@ class Selection:
     def _owned(self, trace: Trace, contexts: set[str]) -> set[str]:
         found = set()
         for context in contexts:
-            names = trace.by_fixture.get(context, {context})
-            for name in names:
+            for name in trace.asking(context):
                 file = name.removeprefix(_IMPORT).split("::")[0]
                 if self.owner.get(file) is trace:
                     found.add(name)
@@ -184,8 +193,6 @@ class Selection:
                     found.add(context)
                 elif context.startswith(_IMPORT) and is_body:
                     found |= self.by_file.get(context.removeprefix(_IMPORT), set())
-        for file in {name.split("::")[0] for name in found} & self.cached:
-            found |= self.by_file[file]
         return found
 
     def plan(self, path: str, first: int, last: int) -> Plan:
@@ -196,7 +203,10 @@ class Selection:
         function = _function_at(tree, first)
         if function is not None:
             own = self.of_lines(path, first, last)
-            return self._ordered(own or self._by_a_child(tree), path)
+            if self._is_called_at_import(path, function.name):
+                readers = self._readers(path, {function.name})
+                own = self.of_lines(path, first, last, is_body=False) | readers or own
+            return self._ordered(own, path, function.name)
         names = _defined(tree, first)
         if any(name.startswith("def ") for name in names):  # a default, or a decorator
             own = {
@@ -204,20 +214,22 @@ class Selection:
                 for start, stop in self._bodies(tree, names)
                 for name in self.of_lines(path, start, stop)
             }
-            return self._ordered(own, path)
+            return self._ordered(own, path, *(name.removeprefix("def ") for name in names))
         found = self._readers(path, names) | self.of_lines(path, first, last, is_body=False)
-        return self._ordered(found | self._naming(names), path)
+        return self._ordered(found | self._naming(names), path, *names)
 
-    def _by_a_child(self, tree: ast.Module) -> set[str]:
-        """Return the tests that ask a child process, where it may run this module for them.
+    def _is_called_at_import(self, path: str, name: str) -> bool:
+        """Whether a module calls the function where it defines its constants: then it runs once."""
+        return any(
+            not isinstance(part, ast.FunctionDef | ast.AsyncFunctionDef)
+            and _reads(part, {name}, set())
+            for file in {path, *self._importing(name)}
+            for statement in self._modules[file].body
+            for part in _parts(statement)
+        )
 
-        Such a child is killed when it is no longer asked, and leaves no trace.
-        """
-        if not self._bodies(tree, {"def answer"}):
-            return set()
-        door = "damperfit/readers/child_process.py"
-        spans = self._bodies(self._modules[door], {"def ask_child"})
-        return {name for span in spans for name in self.of_lines(door, *span)}
+    def _importing(self, name: str) -> list[str]:
+        return [file for file, tree in self._modules.items() if name in _imported(tree)]
 
     def _naming(self, names: set[str]) -> set[str]:
         """Return the tests of files that name a constant themselves."""
@@ -255,13 +267,7 @@ class Selection:
             more = set()
             for file, tree in self._modules.items():
                 is_own = file == path
-                imported = {
-                    alias.name
-                    for node in ast.walk(tree)
-                    if isinstance(node, ast.ImportFrom)
-                    for alias in node.names
-                }
-                seen = names if is_own else names & imported
+                seen = names if is_own else names & _imported(tree)
                 attributes = {name for name in names if name.islower()}
                 for statement in tree.body:
                     for part in _parts(statement):
@@ -280,25 +286,50 @@ class Selection:
             names |= more
         return found
 
-    def _ordered(self, names: set[str], path: str) -> Plan:
-        area = path.split("/")[1].removesuffix(".py")
-        stem = Path(path).stem
-        paid: set[str] = set()
+    def _ordered(self, names: set[str], path: str, *changed: str) -> Plan:
+        """Put the tests in order: nearest and fastest first, of the cases of one test not all."""
+        area, stem = path.split("/")[1].removesuffix(".py"), Path(path).stem
+        places: dict[str, float] = {}
+
+        def place(file: str) -> float:
+            if file not in places:
+                text = self._text(file)
+                said = [name for name in changed if len(name) > 3 and name in text]
+                places[file] = (
+                    _NAMED if said
+                    else _SAME if stem in file or f".{stem} import" in text
+                    else _NEAR if area in file
+                    else _ABROAD
+                )  # fmt: skip
+            return places[file]
 
         def cost(name: str) -> float:
             test = self.tests[name]
             fixtures = sum(self.fixtures.get(key, 0.0) for key in test["fixtures"])
-            file = name.partition("::")[0]
-            is_near = area in file or stem in file
-            return (test["seconds"] + 0.5 * fixtures) * (1.0 if is_near else _ABROAD) + 0.02
+            return (test["seconds"] + 0.5 * fixtures + 0.02) * place(name.partition("::")[0])
 
-        rows = []
-        for name in sorted(names, key=cost):
+        costs, seen = {}, defaultdict(int)
+        for one in sorted((cost(name), name) for name in names):
+            grid = one[1].partition("[")[0]
+            costs[one[1]] = one[0] * (1.0 + _ONE_MORE * seen[grid])
+            seen[grid] += 1
+        rows, paid = [], set()
+        for name in sorted(names, key=lambda name: (costs[name], name)):
             test = self.tests[name]
             fresh = set(test["fixtures"]) - paid
             paid |= fresh
             rows.append((name, test["seconds"] + sum(self.fixtures.get(key, 0.0) for key in fresh)))
         return Plan(tuple(rows))
+
+
+@cache
+def _imported(tree: ast.Module) -> frozenset[str]:
+    return frozenset(
+        alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    )
 
 
 def _function_at(tree: ast.Module, line: int) -> ast.AST | None:

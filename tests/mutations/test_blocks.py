@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("cosmic_ray", reason="comes with the extra `mutation`")
 
-from tests.mutations.blocks import compile_kept, instrument
+from tests.mutations.blocks import OWNER, compile_kept, instrument
 
 SOURCE = '''\
 def f(x):
@@ -82,21 +82,12 @@ def printed(tree: Path, code: str, **more: str) -> str:
 def test_lines_are_those_of_the_blocks_that_run(tree, tmp_path, x, more) -> None:
     """A header counts with what stands before it, and what only stands beside a block does not."""
     instrument(tree, tmp_path)
-    printed(
-        tree, f"from damperfit.one import f; f({x})",
-        PYTHONPATH=str(tmp_path / "site"), DAMPERFIT_TRACE=str(tmp_path),
-        DAMPERFIT_TRACE_CONTEXT="a test",
-    )  # fmt: skip
+    printed(tree, f"from damperfit.one import f; f({x})", **{OWNER: "1"})
     blocks = json.loads((tmp_path / "blocks.json").read_text(encoding="utf-8"))
-    (hits,) = (json.loads(path.read_text(encoding="utf-8")) for path in tmp_path.glob("hits.*"))
-    assert hits.keys() == {"a test"}
-    assert {blocks[k][0] for k in hits["a test"]} == {"damperfit/one.py"}
-    lines = {
-        line
-        for k in hits["a test"]
-        for first, last in blocks[k][1]
-        for line in range(first, last + 1)
-    }
+    (counted,) = (path.read_bytes() for path in (tmp_path / "live").glob("1.*"))
+    hits = [k for k, one in enumerate(counted) if one]
+    assert {blocks[k][0] for k in hits} == {"damperfit/one.py"}
+    lines = {line for k in hits for first, last in blocks[k][1] for line in range(first, last + 1)}
     assert ALWAYS <= lines
     bodies = {5, 7, 9, 14, 16, 20, 23, 25, 27}
     assert lines & bodies == more & bodies

@@ -61,7 +61,7 @@ def test_what_is_held_is_killed_and_what_is_only_run_survives(toy) -> None:
     }
     assert {line.split(":")[1].split()[0] for line in alive if "no test runs it" in line} == {"14"}
     assert "  - return n * 3" in done.stdout
-    drawn, survive = done.stdout.splitlines()[-1].split()[1:3]
+    drawn, survive = done.stdout.splitlines()[-2].split()[1:3]
     assert (int(drawn), int(survive)) == (4, 2)  # one a line: LIMIT, is_wide, size, never
 
 
