@@ -176,7 +176,7 @@ class _Chosen:
 
 
 def _child(folder: Path, names: Sequence[str], log: Path, more: Sequence[str]) -> None:
-    os.setsid()
+    os.setpgid(0, 0)  # a group that can be killed, of the session that may be favoured
     with log.with_suffix(".out").open("wb") as out:
         os.dup2(out.fileno(), 1)
         os.dup2(out.fileno(), 2)
