@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from damperfit.report.evaluated_log import _evaluate
+from damperfit.report import evaluated_log
+from damperfit.report.evaluated_log import _evaluate, _stretches
 from damperfit.report.page.log_section import log_section
 from damperfit.report.plots.all_settings import campaign_plots
 from damperfit.report.plots.branches import mean_branches, mean_strokes
@@ -262,3 +263,12 @@ def test_fewer_samples_than_bins_have_no_means(n, is_drawn) -> None:
     # All but the last in the first bin.
     v = np.append(np.linspace(1.0, 1.001, n - 1), 2.0)
     assert bool(list(mean_branches(v, v))) is is_drawn
+
+
+@pytest.mark.parametrize(
+    ("kinds", "n"), [(["steady"], 0), (["moving"], 1), (["steady", "steady"], 2)]
+)
+def test_one_steady_run_is_the_log_itself(monkeypatch, kinds, n) -> None:
+    monkeypatch.setattr(evaluated_log, "_stretch", lambda _, one: one["kind"])
+    facts = {"stretches": [{"kind": kind} for kind in kinds]}
+    assert len(_stretches(None, facts)) == n

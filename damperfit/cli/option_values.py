@@ -103,18 +103,19 @@ def quantity_names(texts: Iterable[str] | None) -> list[str] | None:
 def rig_entries(texts: Iterable[str] | None) -> list[tuple[str, str, Any]]:
     """Return KEY=VALUE texts as entries of [rig] for `configured`; KEY may be dotted.
 
-    A value is what it would be in TOML; what is no TOML (kN) is text.
+    A value is what it would be in TOML; what is no TOML (kN, or nothing) is text.
 
     Raises
     ------
     ConfigurationError
-        A text has no key, no ``=`` or no value, or a key is given twice.
+        A text has no key or no ``=``, or a key is given twice.
     """
     import json
     import tomllib
 
     keys: dict[str, Any] = {}
-    for key, value in assignments(texts or [], option="--rig").items():
+    given = assignments(texts or [], option="--rig", example="units.force=kN", may_be_empty=True)
+    for key, value in given.items():
         for text in (value, json.dumps(value)):
             with suppress(tomllib.TOMLDecodeError):
                 found = tomllib.loads(f"{key} = {text}")
@@ -147,18 +148,20 @@ def covaried(word: str | None, *, model: str | None) -> str | None:
     return "mean"
 
 
-def assignments(texts: Iterable[str], *, option: str, example: str = "k_e=5e8") -> dict[str, str]:
+def assignments(
+    texts: Iterable[str], *, option: str, example: str = "k_e=5e8", may_be_empty: bool = False
+) -> dict[str, str]:
     """Return NAME=VALUE texts as a dictionary.
 
     Raises
     ------
     ConfigurationError
-        A text has no name, no ``=`` or no value, or a name is given twice.
+        A text has no name, no ``=`` or no value (unless it may be empty), or a name is given twice.
     """
     values: dict[str, str] = {}
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
-        if not (name and equals and value):
+        if not (name and equals and (value or may_be_empty)):
             raise ConfigurationError(f"{option} {text}: expected NAME=VALUE, such as {example}")
         if name in values:
             raise ConfigurationError(f"{option} {text}: {name} is given twice")

@@ -343,3 +343,11 @@ def test_values_rise_or_fall_by_what_chance_makes_once_in_twenty(steps, directio
     points = Points(np.arange(1.0, n + 1), logs * reach, np.full(n, 0.4), 1.0, float(n))
     found = trends._direction_of_values(points, SimpleNamespace(freedom=10), scatter=0.3)
     assert found == direction
+
+
+def test_a_curve_is_drawn_at_whole_clicks_and_at_the_settings_and_ends_with_the_last() -> None:
+    curve = SimpleNamespace(logs=lambda at: 0.1 * at, errors=lambda at: 0.0 * at, freedom=3)
+    tested = points([0.1, 0.2, 0.3, 0.4, 0.55], settings=[1, 2, 3, 4, 5.5])
+    drawn = trends._curve_points(tested, curve)
+    assert [one.setting for one in drawn] == [1, 2, 3, 4, 5, 5.5]
+    assert [one.found is None for one in drawn] == [False] * 4 + [True, False]

@@ -212,7 +212,7 @@ def test_what_goes_into_a_file_is_utf_8_whatever_the_locale(tmp_path) -> None:
         (("--rig", "units.forse=kN"), "no channel 'forse'"),
         (("--rig", "skip_lines=a"), "--rig skip_lines: expected a valid integer, found 'a'"),
         (("--rig", "a b=1"), "'a b' is not a key"),
-        (("--rig", "decimal"), "expected NAME=VALUE"),
+        (("--rig", "decimal"), "expected NAME=VALUE, such as units.force=kN"),
         (("--rig", "decimal=,", "--rig", "decimal=."), "given twice"),
         (("--rig-profile", "mine"), "no profile 'mine'; there are none"),
     ],
@@ -222,6 +222,17 @@ def test_a_wrong_declaration_is_code_2_and_one_line(run, logs, arguments, says) 
     assert ended.code == 2
     assert says in ended.err
     assert len(ended.err.splitlines()) == 1
+
+
+def test_nothing_behind_the_equals_sign_gives_the_default_back(run, logs, tmp_path) -> None:
+    """As a shell hands over --rig decimal="" as well."""
+    profile = '[rig.profiles.lab]\nfiles = "*.csv"\ndecimal = ","\nunits = {force = "lbf"}\n'
+    (tmp_path / "lab.toml").write_text(profile, encoding="utf-8")
+    log, given = logs / "setting_01.csv", ("--config", "lab.toml")
+    assert run("inspect", log, *given).code != 0
+    ended = run("inspect", log, *given, "--rig", "units.force=", "--rig", "decimal=")
+    assert ended.code == 0
+    assert ended.out.splitlines()[:5] == run("inspect", log).out.splitlines()[:5]
 
 
 def test_declarations_on_the_command_line_read_the_log(run, logs, tmp_path) -> None:

@@ -234,6 +234,12 @@ def test_a_fiftieth_of_the_fastest_speed_is_rest(share, n) -> None:
     assert len(moved(x, v)) == n
 
 
+def test_a_shove_before_a_motion_does_not_end_the_search() -> None:
+    x = np.concatenate([np.linspace(0.0, 1.0, 40), np.ones(80), 1.0 + swings(20)])
+    (found,) = moved(x)
+    assert found.stretch.first > 100
+
+
 # Passages and runs
 
 

@@ -17,6 +17,7 @@ from damperfit.conditioning import (
     differentiate,
     examine_raw,
 )
+from damperfit.conditioning.quality import bridge_spikes
 from damperfit.damper.purdy.closed_forms import incompressible_force
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
@@ -290,6 +291,14 @@ def test_spikes_are_bridged_only_when_declared():
 
     assert off(bridged) < 3.0
     assert off(kept) > 60.0
+
+
+@pytest.mark.parametrize("offset", [-20e3, 20e3])
+def test_an_offset_hides_no_spike_from_being_bridged(offset):
+    recording, _, _ = FAULTS["spikes in force"]
+    shifted = replace(recording, force=recording.force + offset)
+    found = bridge_spikes(shifted, condition(recording, OPTIONS)).findings
+    assert [one.value for one in found if one.name == "force_spikes_bridged"] == [3.0]
 
 
 def test_a_force_spike_beyond_the_limits_of_a_log_is_bridged_too():

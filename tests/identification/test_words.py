@@ -68,6 +68,11 @@ FULL = Cavitation(0.0, 1.25e5, 2, -0.012, 0.3, 0.176, 3.9e5)
 EMPTY = Cavitation(0.054, 0.0, 2, 0.012, -0.28, -0.21, 5.8e5)
 
 
+def test_a_fit_tells_what_its_cavitation_is() -> None:
+    one = replace(fakes.fit(1), cavitation=FULL)
+    assert (one.cavitation_fraction, one.cavitation_margin) == (0.0, FULL.margin)
+
+
 def test_how_near_a_chamber_is_to_cavitation_is_told_for_the_nearest_setting() -> None:
     far = replace(FULL, lowest_pressure=3e5, r_m3_margin=0.9)
     assert describe_cavitation({1: far, 7: FULL}) == (

@@ -6,8 +6,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from damperfit.laws import ladder
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.laws import LawFit, ladder, law_fit
 from damperfit.laws.physics import _where
+from damperfit.tested.setting import Setting
 
 
 def tried(mse: float, *, score: float = 0.0, name: str = "twin_tube") -> SimpleNamespace:
@@ -31,3 +34,25 @@ def test_three_settings_that_determine_a_number_are_named(n, said) -> None:
         for k in range(5)
     ]
     assert _where(fits, "lag").startswith(f" {said}; the logs of the others")
+
+
+@pytest.mark.parametrize(("gain", "is_worth_a_fit"), [(1.095, False), (1.105, True)])
+def test_a_part_is_worth_a_fit_that_gains_a_tenth_in_a_few_steps(
+    monkeypatch, gain, is_worth_a_fit
+) -> None:
+    values = reference_parameters(5)
+    short = SimpleNamespace(point=SimpleNamespace(cost=2.0, extra=values), evaluations=4)
+    misfit = SimpleNamespace(
+        model=SimpleNamespace(start=lambda *_: [values]), traces=(), free=("r_m1",),
+        glimpse=lambda _: short, cost=lambda _: gain * 2.0, is_at_edge=lambda *_: False,
+    )  # fmt: skip
+    misfit.on_cycles = lambda: misfit
+    monkeypatch.setattr(law_fit, "_misfit", lambda *_: ({}, misfit))
+    monkeypatch.setattr(law_fit, "_beside", lambda *_: ({}, {}))
+    near = LawFit(
+        Setting.of(5), PURDY_DAMPER, values, (), (), 3.0 * gain, (), float("nan"), "", (), 1
+    )
+    found = law_fit.glimpsed(PURDY_DAMPER, SimpleNamespace(), near)
+    assert (found is None) is is_worth_a_fit
+    if found is not None:
+        assert (found.mse_percent, found.evaluations) == (pytest.approx(3.0), 4)

@@ -213,7 +213,7 @@ class Selection:
                 name
                 for start, stop in self._bodies(tree, names)
                 for name in self.of_lines(path, start, stop)
-            }
+            } | self._looking_at(names)
             return self._ordered(own, path, *(name.removeprefix("def ") for name in names))
         found = self._readers(path, names) | self.of_lines(path, first, last, is_body=False)
         return self._ordered(found | self._naming(names), path, *names)
@@ -230,6 +230,17 @@ class Selection:
 
     def _importing(self, name: str) -> list[str]:
         return [file for file, tree in self._modules.items() if name in _imported(tree)]
+
+    def _looking_at(self, names: set[str]) -> set[str]:
+        """Return the tests of files that may look at a default without a call."""
+        functions = {name.removeprefix("def ") for name in names}
+        return {
+            name
+            for file, tests in self.by_file.items()
+            if "signature(" in self._text(file)
+            and any(function in self._text(file) for function in functions)
+            for name in tests
+        }
 
     def _naming(self, names: set[str]) -> set[str]:
         """Return the tests of files that name a constant themselves."""

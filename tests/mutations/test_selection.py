@@ -62,6 +62,12 @@ TABLE = of_a_table(3)
 
 def looked_up(n):
     return TABLE[n]
+
+
+def never_called(
+    n=5,
+):
+    return n
 """
 TESTS = """\
 import functools, os, signal, subprocess, sys, time
@@ -132,11 +138,19 @@ def test_other():
 def test_looked_up():
     assert parts.looked_up(3) == 3
 """
+SIGNATURES = """\
+import inspect
+from damperfit import parts
+
+def test_default():
+    assert inspect.signature(parts.never_called).parameters["n"].default == 5
+"""
 FILES = {
     "pyproject.toml": "[tool.pytest.ini_options]\naddopts = ['--import-mode=importlib']\n",
     "damperfit/__init__.py": "",
     "damperfit/parts.py": PACKAGE,
     "tests/test_some.py": TESTS,
+    "tests/test_signatures.py": SIGNATURES,
 }
 
 
@@ -166,6 +180,7 @@ def chosen(selection, line: str) -> list[str]:
         ("    return n + 4", {"first", "second", "third", "fourth"}),
         ("    return {n: n}", {"looked_up", "killed", "starts", "asks", "ends"}),  # these import
         ("    return TABLE[n]", {"looked_up"}),
+        ("    n=5,", {"default"}),
     ],
 )
 def test_those_are_chosen_for_which_the_line_runs(selection, line, tests) -> None:

@@ -15,6 +15,7 @@ from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import SpeedForces, assess
+from damperfit.uncertainty.speed_forces import _at_speeds
 from tests.identification.rig import AMPLITUDE, FREQUENCY, recording
 from tests.uncertainty.flaws import speed
 
@@ -100,6 +101,16 @@ def test_intervals_for_a_wrong_model_hold_what_another_stroke_finds(both) -> Non
         whole = math.hypot(noise, a.misfit / at[0], b.misfit / at[1])
         assert apart < 1.96 * whole
         assert apart > 1.2 * noise
+
+
+def test_the_error_at_a_speed_is_that_of_the_mean_of_both_branches() -> None:
+    """Passed four times each way, by the mean of the samples before and behind."""
+    velocity = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+    missed = np.array([0.0, 2.0, 2.0, -4.0, 0.0, 2.0, 2.0, -4.0, 0.0])  # 1, 2, -1, -2 twice
+    (at_rest, never) = _at_speeds(velocity, 100.0 + missed, missed, (0.0, 3.0))
+    error = 0.5 * math.sqrt((4.0 / 3.0 + 16.0 / 3.0) / 4.0)
+    assert at_rest.tolist() == pytest.approx([100.0, error, 0.0])
+    assert np.isnan(never).all()
 
 
 def level(difference: float, *, measured: float = 1000.0, error: float = 0.0, **more) -> Level:
