@@ -119,6 +119,12 @@ def test_two_adjusters_are_offered_a_pattern_for_both(names, declared, pattern, 
     assert [match.groups() for match in found] == places
 
 
+def test_one_number_that_differs_is_not_several_adjusters() -> None:
+    guess = guess_settings(["a_3.csv", "a_4.csv", "b_x_5.csv"])
+    assert guess.advice.endswith(r"--rig 'setting_pattern=a_(?P<setting>\d+)'")
+    assert "[adjusters]" not in guess.advice
+
+
 @pytest.mark.parametrize(("name", "number"), [("s123_x02.csv", "123"), ("s1234_x02.csv", "")])
 def test_a_serial_number_behind_s_is_not_said_to_be_the_setting(name, number) -> None:
     assert one_of_several(name) == number
