@@ -344,6 +344,7 @@ SURFACE = {
         "fit_law",
         "in_words",
         "judged",
+        "not_told_apart",
         "opening_force",
         "physics_seen",
         "rank_rivals",

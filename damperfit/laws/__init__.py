@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
     from damperfit.laws.ladder import climb
     from damperfit.laws.law_fit import UNDETERMINED, LawFit, SettingLogs, fit_law
-    from damperfit.laws.open_questions import undecided
+    from damperfit.laws.open_questions import not_told_apart, undecided
     from damperfit.laws.physics import opening_force, physics_seen
     from damperfit.laws.rivalry import rank_rivals
     from damperfit.laws.rungs import Ladder, Rung
@@ -32,6 +32,7 @@ __all__ = [
     "fit_law",
     "in_words",
     "judged",
+    "not_told_apart",
     "opening_force",
     "physics_seen",
     "rank_rivals",
@@ -53,6 +54,7 @@ _LATE = {
     "fit_law": "law_fit",
     "in_words": "variants",
     "judged": "choosing",
+    "not_told_apart": "open_questions",
     "opening_force": "physics",
     "physics_seen": "physics",
     "rank_rivals": "rivalry",

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from damperfit.laws.rungs import Ladder
     from damperfit.tested.setting import Setting
 
-__all__ = ["undecided"]
+__all__ = ["not_told_apart", "undecided"]
 
 # Frequencies within this factor of each other are one.
 _ONE_FREQUENCY = 1.25
@@ -66,12 +66,34 @@ def undecided(
     if tests is None:
         return ()
     return (
-        *_of_yielding(ladder, tests),
-        *_of_layouts(ladder, tests),
-        *_of_mounting(fits[0], tests),
+        *not_told_apart(ladder, fits, evidence),
         *_of_quantities(fits, tests),
         *_of_refused(ladder, tests),
         *_of_prediction(fits, tests),
+    )
+
+
+def not_told_apart(
+    ladder: Ladder, fits: Sequence[LawFit], evidence: Sequence[SettingLogs]
+) -> tuple[str, ...]:
+    """Return of these sentences those on parts of the law that may be taken for each other.
+
+    Parameters
+    ----------
+    ladder : Ladder
+        The laws that were tried.
+    fits : sequence of LawFit
+        The law that was taken, at every setting.
+    evidence : sequence of SettingLogs
+        The logs of these settings.
+    """
+    tests = _tests(evidence)
+    if tests is None:
+        return ()
+    return (
+        *_of_yielding(ladder, tests),
+        *_of_layouts(ladder, tests),
+        *_of_mounting(fits[0], tests),
     )
 
 

@@ -21,6 +21,7 @@ from damperfit.laws import (
     SettingLogs,
     climb,
     fit_law,
+    not_told_apart,
     physics_seen,
     rank_rivals,
     undecided,
@@ -77,6 +78,8 @@ class LawChoice:
         What was done with the logs: copies left out, contradictions averaged.
     undecided : tuple of str
         What the logs leave open, and which test would decide it.
+    alike : tuple of str
+        Of these, what may be taken for each other: layouts, a lag and an elasticity.
     """
 
     ladder: Ladder
@@ -87,6 +90,7 @@ class LawChoice:
     rivals: tuple[Tried, ...] = ()
     remarks: tuple[str, ...] = ()
     undecided: tuple[str, ...] = ()
+    alike: tuple[str, ...] = ()
 
     @property
     def supported(self) -> str:
@@ -218,6 +222,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         rivals,
         (*parted.batch.remarks, *_assumed(configuration)),
         undecided(ladder, found, evidence),
+        not_told_apart(ladder, found, evidence),
     )
 
 

@@ -10,7 +10,15 @@ import pytest
 
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.valve_dampers import TwinTube
-from damperfit.laws import Ladder, LawFit, Rung, SettingLogs, Tried, undecided
+from damperfit.laws import (
+    Ladder,
+    LawFit,
+    Rung,
+    SettingLogs,
+    Tried,
+    not_told_apart,
+    undecided,
+)
 from damperfit.recording import Trace
 from damperfit.tested.setting import Setting
 from tests import fakes
@@ -100,3 +108,15 @@ def test_without_a_held_out_log_one_more_is_asked_for(kind: str, words: str) -> 
     (said,) = told([fit(held_out=kind, held_out_percent=held)], 1.0, 2.0)
     assert words in said
     assert "0.18 m/s at a stroke of 12 mm" in said
+
+
+@pytest.mark.parametrize(("second", "n_alike"), [(1.0, 2), (2.0, 1)])
+def test_what_may_be_taken_for_each_other_stands_apart(second: float, n_alike: int) -> None:
+    one = fit(undetermined=("f_f",))
+    ladder = Ladder((), Tried("law", (one,)), 60.0, ("monotube",))
+    evidence = [SettingLogs(one.setting, (log(1.0, second),))]
+    alike = not_told_apart(ladder, [one], evidence)
+    assert len(alike) == n_alike
+    assert alike[0].startswith("The layout, twin tube or monotube: they fit and predict alike.")
+    assert undecided(ladder, [one], evidence)[:n_alike] == alike
+    assert len(undecided(ladder, [one], evidence)) == n_alike + 1

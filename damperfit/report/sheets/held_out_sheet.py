@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 __all__ = ["held_out_sheet"]
 
+_NO_ONE = "varies"
+
 
 def held_out_sheet(predictions: Iterable[Prediction], *, is_narrow: bool = False) -> Sheet:
     """Return one row per prediction: the motion, its MSE beside the fitted logs', the verdict.
@@ -27,9 +29,11 @@ def held_out_sheet(predictions: Iterable[Prediction], *, is_narrow: bool = False
     """
     rows = []
     for one in predictions:
+        # What moves beside the steady cycles has no frequency of its own.
+        has_one = one.trace.frequency > 0.0
         motion = (
             number(1e3 * one.trace.amplitude, digits=3),
-            number(one.trace.frequency, digits=3),
+            number(one.trace.frequency, digits=3) if has_one else _NO_ONE,
         )
         rows.append(
             (
