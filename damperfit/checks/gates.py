@@ -75,8 +75,8 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
     absent = [name for name in left_out if name not in found and name not in set(pointless)]
     if absent:
         raise ConfigurationError(
-            f"check '-{absent[0]}' leaves out what was not asked for; expected it beside a list "
-            f"that has it, as in {next(iter(CHECK_LISTS))},-{absent[0]}"
+            f"check '-{absent[0]}' excludes a check that was not requested; expected it after a "
+            f"list that includes it, as in {next(iter(CHECK_LISTS))},-{absent[0]}"
         )
     return tuple(dict.fromkeys(name for name in found if name not in left_out))
 

@@ -112,7 +112,7 @@ def _without_fits(name: str, subject: Subject) -> Check:
 
 def unchecked() -> tuple[Check, ...]:
     """Return the result of every check when an error of damperfit's kept it from looking."""
-    return tuple(Check(name, None, "not evaluated for an internal error") for name in CHECKS)
+    return tuple(Check(name, None, "not evaluated because of an internal error") for name in CHECKS)
 
 
 def _mse_below_1_percent(subject: Subject) -> _Verdict:
@@ -182,7 +182,7 @@ def _trend_monotone(subject: Subject) -> _Verdict:
     return True, f"with {said}, within errors and scatter{''.join(undetermined)}"
 
 
-_DIRECTIONS = {"rising": "rises", "falling": "falls", "flat": "stays"}
+_DIRECTIONS = {"rising": "rises", "falling": "falls", "flat": "stays constant"}
 
 
 def _no_outlier_setting(subject: Subject) -> _Verdict:
@@ -307,7 +307,7 @@ def _damper_declared(subject: Subject) -> _Verdict:
         return None, f"{said}it with --config"
     if names:
         return False, (
-            f"[damper] is declared, but not {', '.join(names)}: there the default is used"
+            f"[damper] is declared without {', '.join(names)}: defaults are used for these"
         )
     return True, "every key of [damper] is declared"
 
@@ -331,7 +331,7 @@ def _fits_converged(subject: Subject) -> _Verdict:
     if bad:
         said = (f"setting {fit.setting} ({fit.outcome.value})" for fit in bad)
         return False, f"no minimum was reached at {', '.join(said)}"
-    return True, "every fit ended at a minimum"
+    return True, "every fit converged to a minimum"
 
 
 def _no_log_warnings(subject: Subject) -> _Verdict:

@@ -41,7 +41,7 @@ def _every_grade_stands(fits: Sequence[Fit], said: Objections) -> Verdict:
 def _bulk_modulus_of_oil(fits: Sequence[Fit], said: Objections) -> Verdict:
     names = _quantities(fits, lambda one: one.unit == "Pa" and math.isfinite(one.believable[1]))
     if not names:
-        return None, "the model has no oil that gives"
+        return None, "the oil of the model is incompressible"
     return _judged(fits, said, names, "beyond", "that of oil")
 
 
@@ -60,19 +60,19 @@ def _friction_within_jump(fits: Sequence[Fit], said: Objections) -> Verdict:
     if not names:
         return None, "the model has no friction"
     if _quantities(fits, lambda one: one.unit in {"N/m", "s"}):
-        return None, "the mounting gives, which spreads the jump at a reversal"
+        return None, "the mounting is elastic, which spreads the jump at a reversal"
     return _judged(fits, said, names, "friction", "within the jump of the force at the reversals")
 
 
 def _series_stiffness_found(fits: Sequence[Fit], said: Objections) -> Verdict:
     names = _quantities(fits, lambda one: one.unit == "N/m")
     if not names:
-        return None, "the model has no elasticity in series"
+        return None, "the model has no stiffness in series"
     lost = [fit for fit in fits if any(fit.status[name].has_failed for name in names)]
     if lost:
         where = _listed(fit.setting for fit in lost)
         return False, f"{' and '.join(names)} is not determined by the logs at {where}"
-    return _judged(fits, said, names, "beyond", "what rigs have")
+    return _judged(fits, said, names, "beyond", "in the range of test rigs")
 
 
 PHYSICAL_CHECKS: dict[str, Callable[[Sequence[Fit], Objections], Verdict]] = {

@@ -30,7 +30,7 @@ _HOW = {
     ("rig", "filter_order"): ("filter", "order of the filter in the rig"),
     ("rig", "centre"): ("rig", "x = 0"),
     ("rig", "skew"): ("rig", "declared delay of the force"),
-    ("conditioning", "filter"): ("filter", "filter of damperfit"),
+    ("conditioning", "filter"): ("filter", "damperfit's filter"),
     ("conditioning", "filter_corner"): ("filter", "corner of damperfit's filter"),
     ("conditioning", "filter_order"): ("filter", "order of damperfit's filter"),
     ("identification", "procedure"): ("procedure", "procedure"),
@@ -252,6 +252,6 @@ def _version(first: Run, second: Run) -> Iterator[Circumstance]:
             found = _differs("version", words, a, b)
             old = min((one for one in (a, b) if isinstance(one, int)), default=SCHEMA_VERSION)
             if key == "schema_version" and old < SCHEMA_VERSION:
-                said = f"{found.sentence}; what the older run does not contain is not compared"
+                said = f"{found.sentence}; what the older run lacks is not compared"
                 found = Circumstance("version", found.first, found.second, said)
             yield found

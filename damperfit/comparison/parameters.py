@@ -21,7 +21,7 @@ __all__ = ["comparable_quantities", "figure_lines", "parameter_readings"]
 _OBJECTIONS = {
     Status.AT_BOUND.value: "it ended at the edge of its range",
     Status.NOT_IDENTIFIABLE.value: "the logs do not determine it",
-    Status.ABSENT.value: "the law does without it there",
+    Status.ABSENT.value: "the law is fitted without it there",
 }
 
 

@@ -257,7 +257,7 @@ def _judged(line: Difference, *, distance: float, reach: float, share: float) ->
         return replace(line, verdict=Sameness.DIFFERENT)
     # At its passage through zero a force has no per cent to speak of: newtons say it.
     if share > SEEN:
-        said = f"a difference of {100.0 * share:.2g} % would not be seen"
+        said = f"a difference of {100.0 * share:.2g} % would go unnoticed"
         return replace(line, reason=said)
     return replace(line, verdict=Sameness.SAME)
 

@@ -163,7 +163,7 @@ def parse_tolerance(text: str) -> Tolerance:
                 "of a file with nominal forces"
             ) from error
     if not (share > 0.0 or newtons > 0.0) or newtons < 0.0:
-        raise ConfigurationError(f"--tolerance {text}: expected more than nothing")
+        raise ConfigurationError(f"--tolerance {text}: expected a tolerance above zero")
     return Tolerance(text, share, newtons)
 
 
@@ -211,7 +211,7 @@ def _band(cells: Mapping[str, str]) -> Band:
         raise ConfigurationError(f"stroke {cells['stroke']!r}: expected {' or '.join(STROKES)}")
     speed = abs(parse_quantity(cells["speed"], "velocity"))
     if speed == 0.0:
-        raise ConfigurationError("speed 0: expected more")
+        raise ConfigurationError("speed 0: expected a speed above zero")
     if cells.get("low") and cells.get("high"):
         low, high = (parse_quantity(cells[name], "force") for name in ("low", "high"))
     else:

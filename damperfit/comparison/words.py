@@ -34,13 +34,13 @@ def outcome_of(lines: Sequence[Difference], words: str) -> str:
         return f"{words}: all {len(known)} the same within errors{beside}"
     if not sure:
         return (
-            f"{words}: no sure difference: {len(different)} of {len(known)} lie outside their "
-            f"95 % interval, and chance alone puts {0.05 * len(known):.2g} there{beside}"
+            f"{words}: no significant difference: {len(different)} of {len(known)} lie outside "
+            f"their 95 % interval, and chance alone puts {0.05 * len(known):.2g} there{beside}"
         )
     worst = max(sure, key=_weight)
     how_many = "all" if len(sure) == len(different) else str(len(sure))
     return (
-        f"{words}: {len(different)} of {len(known)} differ, {how_many} of them surely; most "
+        f"{words}: {len(different)} of {len(known)} differ, {how_many} of them significantly; most "
         f"{place_of(worst.subject)}: {difference_of(worst)}{beside}"
     )
 

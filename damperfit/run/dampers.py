@@ -39,13 +39,13 @@ def by_damper(batch: LogBatch) -> dict[str, LogBatch]:
         if named and nameless:
             remarks = (
                 *remarks,
-                f"{_listed(nameless)}: assumed to be of damper {named[0]}, as the others",
+                f"{_listed(nameless)}: assumed to belong to damper {named[0]}, like the others",
             )
         return {named[0] if named else "": replace(batch, remarks=remarks)}
     lost = tuple(
         Failure(
             *(log.log, log.path, log.facts.get("setting"), LogError.__name__),
-            f"{log.log}: the log does not say which damper it is of, and there are "
+            f"{log.log}: the log does not say which damper it belongs to, and there are "
             f"{_listed(named)}; give it a line '# serial: {named[0]}' or a row in tests.csv",
         )
         for log in batch.logs

@@ -44,7 +44,7 @@ def with_given_start(configuration: Configuration) -> Configuration:
     named = {name for numbers in known.values() for name in numbers}
     if not named & {one.name for one in damper.quantities if one.role not in _EVERYWHERE}:
         raise ConfigurationError(
-            f"--start {path}: its parameters ({', '.join(sorted(named))}) are of another model "
+            f"--start {path}: its parameters ({', '.join(sorted(named))}) belong to another model "
             f"than {damper.name} ({', '.join(damper.names)}); name that model by --model, or give "
             "--start NAME=VALUE"
         )

@@ -151,8 +151,8 @@ class Labels:
         is_said = self.has_pattern or len(self.adjusters) > 1
         number = "" if is_said else one_of_several(name)
         return number and (
-            f"{name}: of its numbers that after 's' is taken for the setting, {number}; to "
-            "say which it is, name what stands before it: "
+            f"{name}: of the numbers in its name the one after 's', {number}, is taken for the "
+            "setting; if it is another, name what precedes it: "
             "--rig 'setting_pattern=s(?P<setting>\\d+)'"
         )
 

@@ -304,8 +304,8 @@ def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamp
     damper = configuration.damper
     if not isinstance(damper, Damper | ValveDamper):
         raise ConfigurationError(
-            f"models: damper.model = {damper.name} has no geometry that a layout could take; "
-            "declare [damper] as of the paper's model or of real valves"
+            f"models: damper.model = {damper.name} has no geometry from which to build a "
+            "layout; declare [damper] for the paper's model or for real valves"
         )
     kinds = LAYOUTS if layout is None else {layout: LAYOUTS[layout]}
     known = _known(configuration, damper)
@@ -341,7 +341,7 @@ def _assumed(configuration: Configuration) -> tuple[str, ...]:
     if not missing:
         return ()
     said = (
-        f"laws of real valves were tried with {gas_in_words(missing)}, as --model twin_tube and "
-        "the like take it: declare what your damper has"
+        f"laws of real valves were tried with {gas_in_words(missing)}, the defaults of --model "
+        "twin_tube and its like: declare what your damper has"
     )
     return (said,)

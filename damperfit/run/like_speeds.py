@@ -62,9 +62,10 @@ class _Meeting:
     def sentence(self) -> str:
         a, b = self.forces
         return (
-            f"{self.first.name} and {self.second.name} contradict each other: both pass "
-            f"{self.speed:.3g} m/s, there with damping forces of {a:.4g} N and {b:.4g} N, "
-            f"{200.0 * abs(a - b) / (abs(a) + abs(b)):.3g} % apart, also beside a fit of both"
+            f"{self.first.name} and {self.second.name} contradict each other: both reach "
+            f"{self.speed:.3g} m/s, where their damping forces are {a:.4g} N and {b:.4g} N, "
+            f"{200.0 * abs(a - b) / (abs(a) + abs(b)):.3g} % apart, which a fit of both "
+            "does not explain"
         )
 
 

@@ -75,7 +75,7 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
         files = [hit for hit in hits if not _is_folder(hit)]
         if hits and not files:
             raise ConfigurationError(
-                f"{pattern}: the pattern matches folders only; for the logs in them give "
+                f"{pattern}: the pattern matches only folders; for the logs in them give "
                 f"{pattern.rstrip('/')}/*.csv"
             )
         if not files:
@@ -95,12 +95,12 @@ def _logs_in(folder: Path) -> list[Path]:
     found = [one for one in names if one.name.lower().endswith(LOG_SUFFIXES)]
     if found and all(map(is_own_table, found)):
         raise ConfigurationError(
-            f"{folder}: holds what damperfit wrote, no logs; give the folder of the logs"
+            f"{folder}: contains only files that damperfit wrote; give the folder with the logs"
         )
     if not found:
         raise ConfigurationError(
             f"{folder}: no log in this folder; expected files such as "
-            f".csv, .txt, .xlsx, .mat or .tdms; for those of its folders give {folder}/*/*.csv"
+            f".csv, .txt, .xlsx, .mat or .tdms; for logs in its subfolders give {folder}/*/*.csv"
         )
     return found
 

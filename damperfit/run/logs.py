@@ -341,8 +341,9 @@ def _take_test(
     known = replace(known, facts=facts)
     if configuration.rig.is_strict and trace.warnings:
         more = f" (and {len(trace.warnings) - 1} more)" if len(trace.warnings) > 1 else ""
-        text = f"refused for a warning, as strict quality was asked for: {trace.warnings[0]}{more}"
-        return _failed(known, QualityError(f"{recording.name}: {text}"), trace.findings)
+        text = "refused because of a warning, as strict quality was requested"
+        error = QualityError(f"{recording.name}: {text}: {trace.warnings[0]}{more}")
+        return _failed(known, error, trace.findings)
     return _Taken(known, trace, identity=identity)
 
 

@@ -303,4 +303,4 @@ def _friction_spread(campaign: Campaign) -> str:
         return ""
     low, high = campaign.sharing.spread
     word = "it varies" if campaign.sharing.friction_varies else "it hardly varies"
-    return f"; {word}: fitted by themselves the settings have {low:.3g} to {high:.3g} N"
+    return f"; {word}: fitted individually, the settings have {low:.3g} to {high:.3g} N"

@@ -214,7 +214,7 @@ def contradicting(
     failures = [
         Failure(
             *("", "", setting, ContradictionError.__name__),
-            f"setting {setting}: {sentence}, more than they scatter; check whether the setting or "
+            f"setting {setting}: {sentence}, more than their scatter; check whether the setting or "
             "the damper differs, leave one out, or fit them together by "
             "--rig contradictions=average",
         )

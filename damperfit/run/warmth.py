@@ -89,8 +89,8 @@ def with_reference(
             ends = f"{min(known):.1f}"
         raise ConfigurationError(
             f"--covariate temperature: the logs are {'' if ' ' in ends else 'all '}of {ends} degC; "
-            f"what temperature does is not determined by less than {LEAST_WARMTH:g} K: test colder "
-            "or warmer too, or leave the option out"
+            f"the effect of temperature cannot be determined over less than "
+            f"{LEAST_WARMTH:g} K: test colder or warmer too, or leave the option out"
         )
     reference = damper.reference
     if math.isnan(reference):

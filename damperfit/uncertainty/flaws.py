@@ -254,7 +254,7 @@ def _held(linearised: Linearisation) -> tuple[str, ...]:
 
 
 def _held_flaw(name: str, *, is_shared: bool) -> _Flaw:
-    held = "in common to all settings, here" if is_shared else "held at a wrong value,"
+    held = "is shared by all settings and here" if is_shared else "held at a wrong value,"
     return _Flaw(
         name,
         "a shared parameter" if is_shared else "a held parameter",

@@ -111,7 +111,7 @@ class Prediction:
         """The ratio in words, and whether it tests the model at all."""
         words = self._ratio_in_words
         if self.is_unseen:
-            return f"{words}; put together from the clicks of other settings"
+            return f"{words}; parameters combined from settings that share its clicks"
         if not self.is_same_motion:
             return words
         return f"{words}; same stroke and speed as the fitted logs, so no test of the model"
@@ -159,7 +159,9 @@ def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[str, ...]:
         f"ones, most {worst.trace.name}: {worst.verdict}; "
     )
     if worst.is_same_motion:
-        return (f"{said}what repeats a fitted test differs from it: the rig or the damper drifts",)
+        return (
+            f"{said}repeats of fitted tests differ from them: the rig or the damper has drifted",
+        )
     return (f"{said}the parameters hold for the tests that were fitted, not for the damper",)
 
 

@@ -266,12 +266,12 @@ def _yields(diagnosis: Diagnosis) -> str:
     holds = f"the damper holds {share:.0f} % of its force down to a tenth of its "
     if diagnosis.is_met and diagnosis.modelled_share >= min(YIELDS, 0.9 * diagnosis.held_share):
         return (
-            f"{holds}speed, as what yields before it slides does (a preloaded valve, dry friction, "
-            "a magneto-rheological fluid); so does the model, which misses something else"
+            f"{holds}speed, as a preloaded valve, dry friction or a magneto-rheological fluid "
+            "does; the model does so too and is missing something else"
         )
     return (
-        f"{holds}speed: it yields before it slides, as a preloaded valve, dry friction or a "
-        "magneto-rheological fluid does, and the model misses that"
+        f"{holds}speed: it yields before it slides, like a preloaded valve, dry friction or a "
+        "magneto-rheological fluid; the model does not"
     )
 
 

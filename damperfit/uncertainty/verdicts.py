@@ -121,7 +121,7 @@ def doubts(
 
 _NOT_FITTED: dict[Status, str] = {
     Status.FIXED: "held at the value given",
-    Status.ABSENT: "does nothing at this setting: the law is fitted without it",
+    Status.ABSENT: "has no effect at this setting and was left out of the fit",
 }
 
 
@@ -156,11 +156,11 @@ def _verdict(
         used = f"; {getattr(fit.parameters, name):.4g} {unit} is used" + (
             f" for {whose}" if whose else ""
         )
-        rigid = ", as rigid oil would" if fit.parameters.quantity(name).is_open else ""
+        rigid = ", as with rigid oil" if fit.parameters.quantity(name).is_open else ""
         return (
             f"not identifiable upward: at least {profile.low:.4g} {unit} (95 %), and any higher "
-            f"value fits these logs as well{rigid}{tied}{used}; fix it, or fit faster logs of more "
-            "force"
+            f"value fits these logs as well{rigid}{tied}{used}; fix it, or fit faster logs with "
+            "more force"
         )
     if status == Status.NOT_IDENTIFIABLE:
         value = f"{getattr(fit.parameters, name):.4g} {unit}"
@@ -170,8 +170,8 @@ def _verdict(
         return f"these logs do not determine it ({where}{tied}){used}; fix it, or fit more logs"
     if interval.misfit > 0.0:
         where += (
-            f" (standard errors: {interval.error:.2g} {unit} of noise, "
-            f"{interval.misfit:.2g} {unit} for what the model misses)"
+            f" (standard errors: {interval.error:.2g} {unit} from noise, "
+            f"{interval.misfit:.2g} {unit} from what the model misses)"
         )
     found = f"shared by {whose or 'all settings'}" if status == Status.SHARED else "fitted"
     return f"{found}, {where}{tied}"
@@ -179,7 +179,7 @@ def _verdict(
 
 def _without_interval(status: Status, profile: MisfitProfile | None, unit: str) -> str:
     if status != Status.NOT_IDENTIFIABLE:
-        return "no interval: the fit did not end at a minimum"
+        return "no interval: the fit did not converge to a minimum"
     seen = f" ({_seen(profile, unit)})" if profile is not None else ""
     return f"these logs do not tell it from none{seen}: the law may as well lack this part"
 
@@ -200,7 +200,7 @@ def _seen(profile: MisfitProfile, unit: str) -> str:
     """What the misfit along the parameter says."""
     low, high = profile.low, profile.high
     if not profile.is_complete:
-        return "its profile was not finished, give --profile"
+        return "its profile was not completed; give --profile"
     if low is not None and high is not None:
         return f"95 % from {low:.4g} to {high:.4g} {unit} by its profile"
     if high is not None:

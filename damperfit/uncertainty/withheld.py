@@ -194,7 +194,7 @@ def _cavitation(fit: Fit) -> Iterator[Objection]:
             "cavitation",
             "",
             f"chamber {seen.chamber} cavitates for {100.0 * seen.fraction:.0f} % of the cycle in a "
-            "model that misses the log: nothing supports it",
+            "model that does not match the log: no evidence supports it",
         )
 
 

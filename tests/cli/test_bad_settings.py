@@ -137,7 +137,7 @@ def test_rigid_oil_is_told_everywhere_with_its_lower_limit(run, tmp_path, rigid)
     assert 1e9 < row["k_e_ci_low"] < row["k_e"] <= 1e11
     said = (
         f"k_e at setting 10: not identifiable upward: at least {row['k_e_ci_low']:.4g} Pa (95 %), "
-        "and any higher value fits these logs as well, as rigid oil would"
+        "and any higher value fits these logs as well, as with rigid oil"
     )
     assert f"note: {said}" in " ".join(ended.err.split())
     folder = tmp_path / "results"

@@ -198,7 +198,7 @@ def test_a_pattern_of_folders_is_told_from_one_of_nothing(run, tmp_path) -> None
     (tmp_path / "left").mkdir()
     ended = run("identify", "le*")
     assert ended.code == 2
-    assert "le*: the pattern matches folders only; for the logs in them give le*/*.csv" in ended.err
+    assert "le*: the pattern matches only folders; for the logs in them give le*/*.csv" in ended.err
 
 
 @pytest.mark.parametrize(

@@ -218,7 +218,7 @@ class TestLogsByFolderAndList:
         alone = (results / "parameters.csv").read_bytes()
         capsys.readouterr()
         assert main(["inspect", str(results)]) == 2
-        assert "holds what damperfit wrote, no logs" in capsys.readouterr().err
+        assert "contains only files that damperfit wrote" in capsys.readouterr().err
         # Results in the folder of the logs: the same command finds the same logs again.
         for _ in range(2):
             assert main(["identify", str(logs), "--out", str(logs), "-q"]) == 0

@@ -52,12 +52,13 @@ def test_which_of_several_numbers_is_taken_is_said(run, one_log, tmp_path):
     (tmp_path / name).write_text(one_log)
     ended = run("identify", name, "--out", "out")
     assert (
-        f"warning: {name}: of its numbers that after 's' is taken for the setting, 5; to say "
-        r"which it is, name what stands before it: --rig 'setting_pattern=s(?P<setting>\d+)'"
+        f"warning: {name}: of the numbers in its name the one after 's', 5, is taken for "
+        "the setting; if it is another, name what precedes it: "
+        r"--rig 'setting_pattern=s(?P<setting>\d+)'"
     ) in ended.err
     same = run("identify", name, "--out", "out", "--rig", r"setting_pattern=s(?P<setting>\d+)")
     assert same.code == 0
-    assert "of its numbers" not in same.err
+    assert "of the numbers" not in same.err
 
 
 def test_clicks_with_their_letters_behind_are_understood(run, one_log, repeated, tmp_path):

@@ -137,7 +137,7 @@ def test_among_the_logs_it_is_no_log(run, logs, tmp_path) -> None:
                 in ended.err + ended.out
             )
     (folder / "setting_01.csv").unlink()
-    assert "holds what damperfit wrote, no logs" in run("inspect", folder).err
+    assert "contains only files that damperfit wrote" in run("inspect", folder).err
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes with names")

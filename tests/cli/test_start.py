@@ -115,7 +115,7 @@ def test_a_log_or_another_models_table_is_no_start(run, logs, earlier, tmp_path)
     configuration = load_configuration(
         overlay={"damper": {"model": "twin_tube"}, "identification": {"start": str(earlier)}}
     )
-    with pytest.raises(ConfigurationError, match="are of another model than twin_tube") as found:
+    with pytest.raises(ConfigurationError, match="belong to another model than twin_tube") as found:
         start(configuration)
     assert told not in str(found.value)
     empty = tmp_path / "empty.csv"

@@ -33,7 +33,7 @@ def test_same_is_said_only_where_a_difference_would_be_seen(share, verdict) -> N
     error = share * 0.05 * 1000.0 / 1.959964
     line = compared(FORCE, _reading(1000.0, 0.0), _reading(1000.0, error))
     assert line.verdict is Sameness(verdict)
-    assert ("would not be seen" in line.reason) == (verdict == "untold")
+    assert ("would go unnoticed" in line.reason) == (verdict == "untold")
 
 
 def test_few_cycles_widen_the_interval_by_student_and_welch() -> None:

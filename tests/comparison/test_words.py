@@ -37,15 +37,17 @@ def test_the_outcome_counts_what_differs_and_what_chance_would_do() -> None:
     assert outcome_of(_lines(0.1, 0.2), "forces") == "forces: all 2 the same within errors"
     said = outcome_of(_lines(*[0.0] * 39, 3.0), "forces")
     assert said == (
-        "forces: no sure difference: 1 of 40 lie outside their 95 % interval, and chance alone "
-        "puts 2 there"
+        "forces: no significant difference: 1 of 40 lie outside their 95 % interval, and chance "
+        "alone puts 2 there"
     )
     said = outcome_of(_lines(0.0, -80.0, 40.0, 3.2), "forces")
-    assert said.startswith("forces: 3 of 4 differ, all of them surely; most setting 2, 0.26 m/s")
+    assert said.startswith(
+        "forces: 3 of 4 differ, all of them significantly; most setting 2, 0.26 m/s"
+    )
     assert "+10.00 % (" in said
     assert said.endswith("-80.0 N")
     undetermined = outcome_of(_lines(0.0, 0.0, error=100.0), "forces")
-    assert undetermined == "forces: cannot be determined (a difference of 35 % would not be seen)"
+    assert undetermined == "forces: cannot be determined (a difference of 35 % would go unnoticed)"
 
 
 def test_a_line_says_harder_or_softer_and_whether_it_may_be_chance() -> None:

@@ -63,7 +63,7 @@ def test_an_unseen_setting_is_predicted_with_the_offset_of_its_log() -> None:
     assert found.is_unseen
     assert found.mse_percent < 0.01
     assert found.verdict == (
-        "predicted as well as fitted; put together from the clicks of other settings"
+        "predicted as well as fitted; parameters combined from settings that share its clicks"
     )
     wrong = log(SETTINGS[3], rebound_bleed=4e4)  # a damper that does not keep to its clicks
     (worse,) = predict(fitted, assess(fitted, DAMPER), (wrong,), damper=DAMPER)

@@ -219,7 +219,7 @@ def test_friction_that_varies_neither_bends_r_m3_nor_stays_unnamed(procedure) ->
     assert campaign.fits[0].parameters.r_m3 == pytest.approx(2.597e6, rel=0.03)
     first = assess(campaign, PURDY_DAMPER).diagnoses[0]
     assert first.hints[0].name == "f_f"
-    assert "f_f in common to all settings, here too high" in first.sentence
+    assert "f_f is shared by all settings and here too high" in first.sentence
 
 
 def test_small_frictions_that_noise_moves_are_not_called_different() -> None:

@@ -51,4 +51,4 @@ def test_what_is_only_predicted_stands_in_the_report() -> None:
     assert (str(last["setting"]), last["role"]) == ("LS14 HS3", "held_out")
     text = markdown_report(tables, replace(FACTS, held_out=(unseen,)))
     assert "LS14 HS3" in text
-    assert "put together from the clicks of other settings" in text
+    assert "parameters combined from settings that share its clicks" in text

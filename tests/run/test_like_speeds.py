@@ -48,8 +48,8 @@ def test_a_log_of_the_next_click_is_named(slow_and_fast):
     (failure,) = left.failures
     assert failure.kind == "ContradictionError"
     assert failure.message.startswith(
-        "setting 10: slow.csv and other.csv contradict each other: both pass 0.128 m/s, there with "
-        "damping forces of "
+        "setting 10: slow.csv and other.csv contradict each other: both reach 0.128 m/s, where "
+        "their damping forces are "
     )
     assert "--rig contradictions=average" in failure.message
 

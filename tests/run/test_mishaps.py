@@ -244,7 +244,7 @@ def test_a_gate_that_a_bug_kept_from_being_looked_at_is_not_met(
     monkeypatch.setattr(judging, "run_checks", broken_at(judging.run_checks, lambda *_: True))
     identify(call, samples, "--check", "no_cavitation")
     (gate,) = record_of(tmp_path)["gates_missed"]
-    assert gate == "check not evaluated: no_cavitation: not evaluated for an internal error"
+    assert gate == "check not evaluated: no_cavitation: not evaluated because of an internal error"
 
 
 def test_a_setting_whose_profile_fails_costs_its_profile(

@@ -84,7 +84,7 @@ def test_friction_varies_from_a_fifth_of_its_middle_on(high, certain, jointly, s
     assert said in "".join(told)
     (line,) = (one for one in _procedure(PLAIN, done) if one.startswith("f_f"))
     word = "it varies" if said else "it hardly varies"
-    assert line.endswith(f"; {word}: fitted by themselves the settings have 50 to {high:.3g} N.")
+    assert line.endswith(f"; {word}: fitted individually, the settings have 50 to {high:.3g} N.")
 
 
 def test_the_procedure_is_told_with_every_value_that_holds_for_all() -> None:
@@ -304,7 +304,7 @@ def test_a_number_of_several_is_named_where_it_was_guessed(
     monkeypatch.setattr(labelling, "one_of_several", lambda _: "3 of 3 and 4")
     labels = SimpleNamespace(has_pattern=has_pattern, adjusters=adjusters)
     said = Labels.one_of_several(labels, "s3_4.csv")
-    assert said.startswith("s3_4.csv: of its numbers ") is says
+    assert said.startswith("s3_4.csv: of the numbers ") is says
     assert bool(said) is says
 
 

@@ -240,7 +240,7 @@ def test_a_stretch_of_one_cycle_costs_the_others_nothing(monkeypatch) -> None:
 
 @pytest.mark.parametrize(
     ("spread", "words"),
-    [((20.0, 80.0), "f_f in common to all settings, here too low"), ((50.0, 50.0), None)],
+    [((20.0, 80.0), "f_f is shared by all settings and here too low"), ((50.0, 50.0), None)],
 )
 def test_a_common_friction_is_in_doubt_where_the_settings_own_differ(
     monkeypatch, spread, words

@@ -204,7 +204,7 @@ def test_a_limit_from_below_says_that_any_higher_value_fits() -> None:
     assert verdicts(fit, known(), Sharing(taken={"r_m3": 1}), seen)["r_m3"] == (
         "not identifiable upward: at least 5e+04 N s/(m2 kg) (95 %), and any higher value fits "
         "these logs as well; 2.597e+06 N s/(m2 kg) is used for all settings; fix it, or fit faster "
-        "logs of more force"
+        "logs with more force"
     )
 
 
@@ -249,7 +249,7 @@ def test_what_a_profile_has_seen_is_said(seen, said) -> None:
     shared = verdicts(fakes.fit(1), known(), Sharing(), {})
     assert shared["r_m3"] == "shared by all settings, 95 % from 2.547e+06 to 2.648e+06 N s/(m2 kg)"
     assert shared["f_0"] == "held at the value given"
-    assert shared["f_f"] == "no interval: the fit did not end at a minimum"
+    assert shared["f_f"] == "no interval: the fit did not converge to a minimum"
 
 
 def test_ties_at_several_settings_are_one_sentence_with_their_range() -> None:
