@@ -13,4 +13,6 @@ def printable(text: str) -> str:
     >>> print(printable("run_1\x1b[0m"))
     run_1\x1b[0m
     """
+    if text.isprintable():
+        return text
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)

@@ -267,11 +267,11 @@ def _yields(diagnosis: Diagnosis) -> str:
     if diagnosis.is_met and diagnosis.modelled_share >= min(YIELDS, 0.9 * diagnosis.held_share):
         return (
             f"{holds}speed, as a preloaded valve, dry friction or a magneto-rheological fluid "
-            "does; the model does so too and is missing something else"
+            "does; so does the model, which misses something else"
         )
     return (
         f"{holds}speed: it yields before it slides, like a preloaded valve, dry friction or a "
-        "magneto-rheological fluid; the model does not"
+        "magneto-rheological fluid, and the model misses that"
     )
 
 
