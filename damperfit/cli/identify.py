@@ -197,6 +197,7 @@ def identify(
         ("--check", "output.checks", names_of(check) if check else None),
         ("--units", "output.units", _known(units)),
         ("--out", "output.folder", str(out) if out is not None else None),
+        is_law_open=model == _AUTO,
     )
     if model == _AUTO:
         configuration = _with_law(

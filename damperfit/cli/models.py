@@ -80,6 +80,7 @@ def models(
         ("--rig-profile", "rig.profile", rig_profile),
         ("--hold-out", "identification.hold_out", hold_out or None),
         ("--start", "identification.start", start_file),
+        is_law_open=True,
     )
     if not quiet:
         for note in configuration.notes:

@@ -180,7 +180,9 @@ def names_of(texts: Iterable[str]) -> list[str]:
     return [name.strip() for text in texts for name in text.split(",")]
 
 
-def configured(config: Path | None, *entries: tuple[str, str, Any]) -> Configuration:
+def configured(
+    config: Path | None, *entries: tuple[str, str, Any], is_law_open: bool = False
+) -> Configuration:
     """Return the configuration of a file and the command line.
 
     Parameters
@@ -189,6 +191,8 @@ def configured(config: Path | None, *entries: tuple[str, str, Any]) -> Configura
         TOML file.
     entries : tuple of str, str, any
         Option as typed, key that it sets as in "rig.skew", value; None means not given.
+    is_law_open : bool
+        The logs choose the law.
     """
     from damperfit.configuration.loading import load_configuration
 
@@ -199,7 +203,7 @@ def configured(config: Path | None, *entries: tuple[str, str, Any]) -> Configura
             section, _, key = place.partition(".")
             sections.setdefault(section, {})[key] = value
             options[place] = option
-    return load_configuration(config, overlay=sections, options=options)
+    return load_configuration(config, overlay=sections, options=options, is_law_open=is_law_open)
 
 
 def declared_setting(text: str | None, configuration: Configuration) -> Setting | None:

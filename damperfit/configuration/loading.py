@@ -35,6 +35,11 @@ __all__ = ["configuration_toml", "load_configuration", "redeclared"]
 _MAX_BYTES = 1_000_000  # a configuration is a page; anything larger is some other file
 _COMMAND_LINE = "command line"
 _DEFAULT_MODEL = "purdy"
+_OF_VALVES = "twin_tube"  # whose geometry and gas the other layouts share
+_NAME_A_MODEL = (
+    ' The paper\'s model has none; real valves do: add model = "twin_tube", "monotube" or '
+    '"through_flow", or let the logs choose, with identify --model auto.'
+)
 _TEMPERATURES = {"rig.temperature", "rig.temperature_tolerance"}
 _WHOLE = ("adjusters",)  # a section whose keys are the user's: it takes the place of the one before
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]")
@@ -46,6 +51,7 @@ def load_configuration(
     *,
     overlay: Mapping[str, Mapping[str, Any]] | None = None,
     options: Mapping[str, str] | None = None,
+    is_law_open: bool = False,
 ) -> Configuration:
     """Return the configuration in force.
 
@@ -58,6 +64,8 @@ def load_configuration(
     options : mapping of str to str, optional
         The option that was typed for a key of ``overlay``, as in {"rig.skew": "--skew"}: a mistake
         in its value is named by this name.
+    is_law_open : bool
+        The logs choose the law: where no model is named, [damper] may have what real valves have.
 
     Raises
     ------
@@ -73,7 +81,10 @@ def load_configuration(
         layer.values = _parse(layer)
     if overlay:
         layers.append(_Layer(_COMMAND_LINE, "", overlay, options or {}))
-    known = {**layers[0].values, "damper": damper_defaults(_model_of(layers))}
+    known = {
+        **layers[0].values,
+        "damper": damper_defaults(_model_of(layers, is_law_open=is_law_open)),
+    }
     if known["damper"]["model"] != layers[0].values["damper"]["model"]:
         layers[0].values = known
     for layer in layers:
@@ -106,10 +117,18 @@ def load_configuration(
         raise ConfigurationError(with_place(str(error), layers[1:])) from error
 
 
-def _model_of(layers: Sequence[_Layer]) -> str:
-    """Return the model that the last layer names which names one."""
+def _model_of(layers: Sequence[_Layer], *, is_law_open: bool = False) -> str:
+    """Return the model that the last layer names which names one.
+
+    Where none does and the logs choose the law, keys of real valves are as good as a name.
+    """
     name = _DEFAULT_MODEL
-    for layer in layers:
+    if is_law_open:
+        dampers = [one.values.get("damper") for one in layers[1:]]
+        given = {key for one in dampers if isinstance(one, dict) for key in one}
+        of_valves = given & set(damper_defaults(_OF_VALVES)) - set(damper_defaults(name))
+        name = _OF_VALVES if of_valves else name
+    for layer in layers[int(is_law_open) :]:  # without the default that the file need not take
         damper = layer.values.get("damper")
         found = damper.get("model", name) if isinstance(damper, dict) else name
         if not isinstance(found, str):
@@ -225,6 +244,10 @@ def _check_section(
     for key, value in values.items():
         if key not in known:
             there = f" There are {_listed(known)}."
+            if section == ("damper",) and known.get("model") == _DEFAULT_MODEL:
+                valves = damper_defaults(_OF_VALVES)
+                there = _NAME_A_MODEL if key in valves else there
+                known = known if key not in valves else {}
             raise ConfigurationError(
                 f"{layer.place(*section, key)}: unknown key '{key}' in [{name}]."
                 f"{did_you_mean(key, known) or there}"

@@ -13,7 +13,6 @@ from damperfit.configuration.loading import redeclared
 from damperfit.configuration.options import GAS, gas_in_words
 from damperfit.configuration.what_is_tested import unmatched
 from damperfit.damper.purdy.parameters import Damper
-from damperfit.damper.rivals import Rival
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import GivenStart
@@ -41,6 +40,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from damperfit.configuration.options import Configuration
+    from damperfit.damper.model import Model
     from damperfit.laws import Ladder, LawFit, Rung, Tried
     from damperfit.report import Failure
     from damperfit.run.hold_out import Parted
@@ -180,7 +180,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     solver = configuration.identification.solver
     compared = _softest_and_stiffest(evidence)
     ladder = climb(
-        configuration.damper,
+        _plain(configuration),
         _layouts(configuration, layout),
         compared,
         solver=solver,
@@ -238,9 +238,9 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     """
     best = choice.ladder.chosen.fits[0]
     configuration = replace(configuration, chosen_law=choice.document())
-    if not isinstance(best.model, ValveDamper | Rival):
+    if isinstance(best.model, Damper) and best.model == configuration.damper:
         return configuration
-    own = asdict(best.model) if isinstance(best.model, ValveDamper) else {}
+    own = asdict(best.model) if isinstance(best.model, Damper | ValveDamper) else {}
     sections: dict[str, dict[str, Any]] = {"damper": {"model": best.model.name, **own}}
     if any(best.model.quantity(name).default is not None for name in best.free):
         sections["identification"] = {"free": list(best.free)}
@@ -297,6 +297,18 @@ def _held_share(evidence: Sequence[SettingLogs]) -> float:
     known = [share for share in shares if math.isfinite(share)]
     least = min(known, default=math.nan)
     return least if least >= YIELDS else math.nan
+
+
+def _plain(configuration: Configuration) -> Model:
+    """The damper that laws of valves must beat: the paper's, unless another model is declared."""
+    damper = configuration.damper
+    if not isinstance(damper, ValveDamper) or "damper.model" in configuration.declared:
+        return damper
+    paper = Damper()
+    own = {one.name for one in fields(paper) if one.init}
+    known = {name: getattr(damper, name) for name in own if hasattr(damper, name)}
+    bore = 0.25 * math.pi * paper.gas_piston_diameter**2
+    return replace(paper, **known, gas_length=damper.gas_volume / bore)
 
 
 def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamper]:

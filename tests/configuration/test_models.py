@@ -13,6 +13,7 @@ from damperfit.damper.mounting import Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.errors import ConfigurationError
+from damperfit.run import law_choice
 
 TEXT = """\
 [damper]
@@ -157,3 +158,41 @@ def test_what_follows_an_adjuster_cannot_be_fixed(tmp_path: Path) -> None:
     text = ADJUSTED.format('""') + "\n[identification]\nfix = {rebound_bleed = 3e4}\n"
     with pytest.raises(ConfigurationError, match="rebound_bleed follows an adjuster and is fixed"):
         load_configuration(written(tmp_path, text))
+
+
+OF_VALVES = '[damper]\nrod_diameter = "10mm"\ngas_volume = "21cm3"\n'
+
+
+def test_keys_of_valves_need_a_model_unless_the_logs_choose(tmp_path):
+    path = tmp_path / "damper.toml"
+    path.write_text(OF_VALVES)
+    said = r"damper\.toml:3: unknown key 'gas_volume' in \[damper\]\. The paper's model has none; "
+    with pytest.raises(ConfigurationError, match=said + r"real valves do: add model = \"twin_tube"):
+        load_configuration(path)
+    found = load_configuration(path, is_law_open=True)
+    assert found.damper.name == "twin_tube"
+    assert found.damper.gas_volume == pytest.approx(21e-6)
+    assert "damper.model" not in found.declared
+
+
+@pytest.mark.parametrize(("text", "model"), [
+    ('[damper]\nrod_diameter = "10mm"\n', "purdy"),
+    ('[damper]\ngas_length = "40mm"\n', "purdy"),
+    (OF_VALVES + 'model = "monotube"\n', "monotube"),
+    ("", "purdy"),
+])  # fmt: skip
+def test_an_open_law_takes_the_model_that_the_keys_are_of(text, model, tmp_path):
+    path = tmp_path / "damper.toml"
+    path.write_text(text)
+    assert load_configuration(path, is_law_open=True).damper.name == model
+
+
+def test_an_open_law_is_held_against_the_papers_damper_of_the_same_gas(tmp_path):
+    path = tmp_path / "damper.toml"
+    path.write_text(OF_VALVES)
+    plain = law_choice._plain(load_configuration(path, is_law_open=True))
+    assert plain.name == "purdy"
+    assert plain.rod_diameter == pytest.approx(0.01)
+    assert plain.gas_volume == pytest.approx(21e-6)
+    path.write_text(OF_VALVES + 'model = "monotube"\n')
+    assert law_choice._plain(load_configuration(path, is_law_open=True)).name == "monotube"
