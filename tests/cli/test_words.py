@@ -104,11 +104,10 @@ def test_laws_are_named_as_they_are_tried_unless_quiet(
         on_rung(SimpleNamespace(tried=SimpleNamespace(title="a rung")))
         if on_rival is not None:
             on_rival(SimpleNamespace(title="a rival"))
-        return SimpleNamespace(fits=(), ladder=SimpleNamespace(chosen=SimpleNamespace(title="it")))
+        return SimpleNamespace(supported="it", sentences=("It opens.",), alike=("A or B.",))
 
     monkeypatch.setattr("damperfit.run.law_choice.choose_law", choose)
     monkeypatch.setattr("damperfit.run.law_choice.with_chosen_law", lambda *_: "chosen")
-    monkeypatch.setattr("damperfit.laws.physics_seen", lambda _: ())
     monkeypatch.setattr("damperfit.run.given_starts.start_of_laws", lambda *_: None)
     monkeypatch.setattr(identify, "declared_setting", lambda *_: None)
     how = {"jobs": 1, "rivals": rivals, "is_quiet": is_quiet}
@@ -116,4 +115,5 @@ def test_laws_are_named_as_they_are_tried_unless_quiet(
     said = capsys.readouterr().err
     assert ("tried a rung" in said) is not is_quiet
     assert ("tried a rival" in said) is (rivals and not is_quiet)
-    assert ("the logs support it.\n" in said) is not is_quiet
+    assert ("the logs support it. It opens.\n" in said) is not is_quiet
+    assert ("note: these logs do not tell apart: a or B.\n" in said) is not is_quiet
