@@ -53,8 +53,8 @@ def median(values: ArrayLike) -> float:
         return math.nan
     if len(flat) % 2:
         return float(np.partition(flat, half)[half])
-    order = np.partition(flat, (half - 1, half))
-    return 0.5 * (float(order[half - 1]) + float(order[half]))
+    order = np.partition(flat, half)
+    return 0.5 * (float(order[:half].max()) + float(order[half]))
 
 
 def percentiles(values: ArrayLike, *shares: float) -> tuple[float, ...]:

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.stands import beside, catches_up, is_cut_displacement
 from damperfit.recording import Finding
 from damperfit.statistics import median, percentiles
@@ -119,7 +120,7 @@ def examine_channel(channel: Channel) -> Iterator[Finding]:
     """Yield what is remarkable in one channel."""
     if len(channel.values) < 8:
         return
-    order = np.sort(channel.values)
+    order = np.sort(channel.values, kind="stable")  # by the runs of a motion: a third of the time
     span = float(order[-1] - order[0])
     if span <= 0.0:
         return
@@ -358,10 +359,7 @@ def _repeats(size: FloatArray, row: int, period: float) -> bool:
 
 def _beside(values: FloatArray) -> FloatArray:
     """Return each sample less the median of the five around it; 0 at the ends."""
-    a, b, e, c, d = (values[i : len(values) - 4 + i] for i in range(5))
-    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
-    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
-    middle = np.maximum(np.minimum(low, high), np.minimum(np.maximum(low, high), e))
-    result = np.zeros_like(values)
-    result[2:-2] = e - middle
+    samples = np.ascontiguousarray(values, np.float64)
+    result = np.empty(len(samples))
+    compiled_core().outstanding(samples, result)
     return result

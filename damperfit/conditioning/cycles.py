@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.plateaus import level_share, off_level
 from damperfit.statistics import median, percentiles
 
@@ -209,29 +209,9 @@ def crossings(offset: FloatArray, velocity: FloatArray, hysteresis: float) -> Fl
     hysteresis : float
         h, m.
     """
-    outside = np.flatnonzero(np.abs(offset) > hysteresis)
-    is_above = offset[outside] > 0.0
-    reached = outside[1:][is_above[1:] & ~is_above[:-1]]
-    below = offset < 0.0
-    candidates = np.flatnonzero(below[:-1] & ~below[1:])
-    before = candidates[np.searchsorted(candidates, reached) - 1] if len(reached) else reached
-    return before + _root(
-        offset[before], offset[before + 1], velocity[before], velocity[before + 1]
-    )
-
-
-def _root(y0: FloatArray, y1: FloatArray, v0: FloatArray, v1: FloatArray) -> FloatArray:
-    """Return u in [0, 1] where the Hermite piece from y0 < 0 to y1 >= 0 is zero."""
-    c2 = 3.0 * (y1 - y0) - 2.0 * v0 - v1
-    c3 = 2.0 * (y0 - y1) + v0 + v1
-    chord = y1 - y0
-    u = -y0 / chord
-    for _ in range(4):
-        slope = v0 + u * (2.0 * c2 + 3.0 * c3 * u)
-        # Near a turning point in noise the slope may vanish; the chord's is safe there.
-        slope = np.where(slope > 0.2 * chord, slope, chord)
-        u = np.clip(u - (y0 + u * (v0 + u * (c2 + c3 * u))) / slope, 0.0, 1.0)
-    return np.asarray(u)
+    x, v = (np.ascontiguousarray(values, np.float64) for values in (offset, velocity))
+    at = np.empty(len(x) // 2 + 1)
+    return at[: compiled_core().crossings(x, v, at, hysteresis)].copy()
 
 
 def clean_cycles(stretch: Stretch) -> FloatArray:
@@ -258,17 +238,9 @@ def clean_cycles(stretch: Stretch) -> FloatArray:
 
 def _extremes(offset: FloatArray, velocity: FloatArray, boundaries: FloatArray) -> FloatArray:
     """Return the top of each cycle: that of the Hermite piece beside its highest sample."""
-    cuts = np.ceil(boundaries).astype(np.int64)
-    highest = np.array(
-        [start + np.argmax(offset[start : max(stop, start + 1)]) for start, stop in pairwise(cuts)]
-    )
-    left = np.clip(np.where(velocity[highest] > 0.0, highest, highest - 1), 0, len(offset) - 2)
-    y0, y1, v0, v1 = offset[left], offset[left + 1], velocity[left], velocity[left + 1]
-    c2, c3 = 3.0 * (y1 - y0) - 2.0 * v0 - v1, 2.0 * (y0 - y1) + v0 + v1
-    # Slope v0 + 2 c2 u + 3 c3 u^2 falls through zero here; this form of the root allows c3 = 0.
-    root = np.sqrt(np.maximum(c2 * c2 - 3.0 * c3 * v0, 0.0)) - c2
-    u = np.clip(np.divide(v0, root, out=np.zeros_like(v0), where=root > 0.0), 0.0, 1.0)
-    return np.asarray(np.maximum(offset[highest], y0 + u * (v0 + u * (c2 + c3 * u))))
+    tops = np.empty(len(boundaries) - 1)
+    compiled_core().tops(offset, velocity, boundaries, tops)
+    return tops
 
 
 def _whole_cycles(crossings: FloatArray, period: float, n: int) -> int:

@@ -24,6 +24,7 @@ from damperfit.conditioning.corner import fitting_corner
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.drive import content_beyond
 from damperfit.conditioning.filters import gain_at
+from damperfit.conditioning.harmonics import harmonic_powers
 from damperfit.recording import Finding
 from damperfit.units.quantities import parse_quantity
 
@@ -306,12 +307,9 @@ def _said(metadata: Mapping[str, str], keys: tuple[str, ...], dimension: str) ->
 def _harmonics(trace: Trace) -> Finding:
     starts = clean_cycles(trace.fastest)
     window = slice(round(float(starts[0])), round(float(starts[-1])))
-    turns = np.arange(window.start, window.stop) - starts[0]
-    turns = turns * ((len(starts) - 1) / np.ptp(starts))
-    wave = np.exp(-2j * np.pi * turns)
-    x = trace.displacement[window] - np.mean(trace.displacement[window])
-    first = abs(wave @ x)
-    second, third = (100.0 * abs(wave**k @ x) / first for k in (2, 3))
+    turns = (len(starts) - 1) / float(starts[-1] - starts[0])
+    first, *higher = harmonic_powers(trace.displacement[window], turns, 3).tolist()
+    second, third = (100.0 * math.sqrt(power / first) for power in higher)
     shape = ""
     if second < 2.0 and 9.0 < third < 13.0:
         shape = ", as of a triangle wave"

@@ -10,11 +10,11 @@ changes (`damperfit.conditioning.plateaus`).
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.plateaus import level_parts, like_halves
 from damperfit.statistics import median, percentiles
 
@@ -92,18 +92,15 @@ def cycles_of(x: FloatArray) -> Turns:
         Displacement, shape (n,), m.
     """
     turns = turning_points(x, TURN * float(np.ptp(x)))
-    passages = []
-    for begin, end in pairwise(turns.tolist()):
-        sign = 1.0 if x[end] > x[begin] else -1.0
-        stroke = sign * (x[begin : end + 1] - 0.5 * (x[begin] + x[end]))
-        at = int(np.argmax(stroke >= 0.0))
-        passages.append(begin + at - stroke[at] / (stroke[at] - stroke[at - 1]))
+    passages = np.empty(max(len(turns) - 1, 0))
+    if len(turns):
+        compiled_core().passages(np.ascontiguousarray(x, np.float64), turns, passages)
     at_turns = x[turns]
     strokes = np.abs(np.diff(at_turns))
     return Turns(
         at_turns,
-        np.array(passages),
-        np.asarray(np.array(passages[2:]) - np.array(passages[: max(len(passages) - 2, 0)])),
+        passages,
+        np.asarray(passages[2:] - passages[: max(len(passages) - 2, 0)]),
         0.25 * (strokes[:-2] + strokes[1:-1]),
         0.25 * (at_turns[:-3] + 2.0 * at_turns[1:-2] + at_turns[2:-1]),
     )
@@ -119,27 +116,9 @@ def turning_points(x: FloatArray, reach: float) -> IntArray:
     reach : float
         Way back from a turn from which on it counts, m.
     """
-    steps = np.diff(x)
-    places = np.flatnonzero(steps[:-1] * steps[1:] <= 0.0) + 1
-    places = np.concatenate([[0], places, [len(x) - 1]])
-    values = x[places].tolist()
-    turns: list[int] = []
-    low = high = 0
-    rising = 0
-    for k, value in enumerate(values):
-        if value > values[high]:
-            high = k
-        if value < values[low]:
-            low = k
-        if rising >= 0 and values[high] - value > reach:
-            turns.append(high)
-            rising, low = -1, k
-            high = k
-        elif rising <= 0 and value - values[low] > reach:
-            turns.append(low)
-            rising, high = 1, k
-            low = k
-    return np.asarray(places[turns], dtype=np.int64)
+    samples = np.ascontiguousarray(x, np.float64)
+    turns = np.empty(len(samples), np.int64)
+    return turns[: compiled_core().turns(samples, turns, reach)].copy()
 
 
 def runs_of(seen: Turns, steadiness: float, *, near: float) -> Iterator[tuple[int, int]]:

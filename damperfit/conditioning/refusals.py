@@ -8,6 +8,7 @@ import numpy as np
 
 from damperfit.conditioning.corner import fitting_corner
 from damperfit.conditioning.cycles import clean_cycles
+from damperfit.conditioning.harmonics import harmonic_powers
 from damperfit.errors import ConditioningError
 
 if TYPE_CHECKING:
@@ -116,13 +117,7 @@ def _harmonic_share(trace: Trace, values: FloatArray) -> float:
     """Return the share of a channel's power that is in harmonics 2 to 7 of the motion."""
     stretch = trace.fastest
     first, *_, stop = np.rint(clean_cycles(stretch)).astype(np.int64)
-    turn = 2.0 * np.pi * stretch.frequency * trace.interval * np.arange(stop - first)
-    wave = np.exp(1j * turn)
-    part = values[first:stop] - np.mean(values[first:stop])
-    power = []
-    for _ in range(7):
-        part = part * wave  # turns the next harmonic to rest
-        power.append(float(np.abs(np.mean(part)) ** 2))
+    power = harmonic_powers(values[first:stop], stretch.frequency * trace.interval, 7).tolist()
     return sum(power[1:]) / max(sum(power), 1e-300)
 
 

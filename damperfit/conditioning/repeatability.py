@@ -13,6 +13,7 @@ curve of second degree through them is taken off before they are said to scatter
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -91,8 +92,8 @@ def _peaks(peaks: FloatArray) -> _Peaks:
     deviation = float(np.std(peaks, ddof=1))
     trend = None
     if n >= _ENOUGH:
-        place = np.linspace(-1.0, 1.0, n)
-        line = np.polyval(np.polyfit(place, peaks, degree), place)
+        basis = _polynomials(n, degree)
+        line = basis @ (peaks @ basis)
         rest = float(np.sum((peaks - line) ** 2))
         gain = (float(np.sum((peaks - mean) ** 2)) - rest) / degree
         # A trend goes one way and ends elsewhere: a bend alone is none.
@@ -101,6 +102,12 @@ def _peaks(peaks: FloatArray) -> _Peaks:
             trend = float(line[0]), float(line[-1])
             deviation = math.sqrt(rest / (n - 1 - degree))
     return _Peaks(100.0 * deviation / max(abs(mean), 1e-300), deviation, trend)
+
+
+@lru_cache(maxsize=64)
+def _polynomials(n: int, degree: int) -> FloatArray:
+    """Return polynomials over so many places, square to each other, (n, degree + 1)."""
+    return np.asarray(np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, n), degree + 1))[0])
 
 
 def _scatter(trace: Trace, warming: tuple[float, float] | None = None) -> Iterator[Finding]:

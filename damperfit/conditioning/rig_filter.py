@@ -11,6 +11,8 @@ Lines beside a harmonic are left out: in a short cut of a fast motion none may b
 
 from __future__ import annotations
 
+import math
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
 
 __all__ = ["looks_filtered"]
 
@@ -60,13 +63,25 @@ def looks_filtered(
 
 def _fall(signal: FloatArray, interval: float, motion: float) -> float:
     """Ratio of the spectrum's level near the motion to that far above it; 0 when not known."""
-    frequency = np.fft.rfftfreq(len(signal), interval)
-    near = (frequency > _NEAR[0]) & (frequency < _NEAR[1])
-    order = np.rint(frequency / motion)
-    near &= np.abs(frequency - order * motion) * len(signal) * interval > _LOBE
-    far = (frequency > max(_LEAST_FAR, _FAR[0] / interval)) & (frequency < _FAR[1] / interval)
-    if min(np.count_nonzero(near), np.count_nonzero(far)) < _FEWEST_LINES:
+    length = len(signal) * interval
+    near = _lines(*_NEAR, length, len(signal))
+    order = np.rint(near / (motion * length))
+    near = near[np.abs(near - order * motion * length) > _LOBE]
+    far = _lines(max(_LEAST_FAR, _FAR[0] / interval), _FAR[1] / interval, length, len(signal))
+    if min(len(near), len(far)) < _FEWEST_LINES:
         return 0.0
-    power = np.abs(np.fft.rfft((signal - np.mean(signal)) * np.blackman(len(signal)))) ** 2
-    level = median(power[far])
-    return median(power[near]) / level if level > 0.0 else 0.0
+    spectrum = np.fft.rfft((signal - np.mean(signal)) * _window(len(signal)))
+    level = median(np.abs(spectrum[far]) ** 2)
+    return median(np.abs(spectrum[near]) ** 2) / level if level > 0.0 else 0.0
+
+
+def _lines(above: float, below: float, length: float, n: int) -> IntArray:
+    """Return the lines of the spectrum of a log between two frequencies."""
+    some = np.arange(int(above * length), min(math.ceil(below * length), n // 2) + 1)
+    return some[(some / length > above) & (some / length < below)]
+
+
+@lru_cache(maxsize=2)
+def _window(n: int) -> FloatArray:
+    """Blackman's: logs of one rig are of one length, and its cosines cost more than a spectrum."""
+    return np.blackman(n)

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.channels import noise_of
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.filters import apply_filter, settling_samples
@@ -109,15 +110,11 @@ def scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
     phases = phases[(phases * n_phases >= ahead) & ((1.0 - phases) * n_phases > behind)]
     if len(phases) < _FEWEST_PHASES:
         return math.nan
-    positions = starts[:-1, None] + np.diff(starts)[:, None] * phases
-    weights, index = _cubic(positions, len(trace.force))
-    folded = _at(trace.force, weights, index)
-    scatter = float(np.mean(np.var(folded, axis=0, ddof=1)))
+    folded, lags = _folded(trace.force[np.newaxis], starts, phases)
+    scatter = float(np.mean(np.var(folded[0], axis=0, ddof=1)))
     design = trace.model_filter
     correlation = _autocorrelation(design.sections.tobytes(), design.is_zero_phase)
-    rows = np.stack([weight.ravel() for weight in weights])
-    lags = np.abs(np.subtract.outer(np.arange(4), np.arange(4)))
-    kept = float(np.sum(rows @ rows.T * correlation[lags])) / rows.shape[1]
+    kept = float(lags @ correlation) / folded.size
     return float(scatter / kept)
 
 
@@ -132,40 +129,29 @@ def noise_beside_motion(trace: Trace) -> float:
     if len(starts) < 3 or not variance > 0.0:
         return math.nan
     n_phases = max(8, round(float(np.mean(np.diff(starts)))))
-    positions = starts[:-1, None] + np.diff(starts)[:, None] * (np.arange(n_phases) / n_phases)
-    weights, index = _cubic(positions, len(trace.force))
-
-    def off_mean(values: FloatArray) -> FloatArray:
-        folded = _at(values, weights, index)
-        return np.asarray((folded - folded.mean(axis=0)).ravel())
-
     x, v, f = trace.displacement, trace.velocity, trace.force
-    columns = [off_mean(x), off_mean(v), off_mean(v * np.abs(v))]
-    basis = np.stack([one / max(float(np.abs(one).max()), 1e-300) for one in columns], axis=-1)
-    force = off_mean(f)
-    rest = force - basis @ np.linalg.lstsq(basis.T @ basis, basis.T @ force, rcond=None)[0]
+    channels = np.stack([x, v, v * np.abs(v), f])
+    folded, _ = _folded(channels, starts, np.arange(n_phases) / n_phases)
+    folded -= folded.mean(axis=1, keepdims=True)
+    *basis, force = folded.reshape(len(channels), -1)
+    rows = np.stack([one / max(float(np.abs(one).max()), 1e-300) for one in basis])
+    rest = force - np.linalg.lstsq(rows @ rows.T, rows @ force, rcond=None)[0] @ rows
     whole = float(force @ force)
     return noise_floor(trace) * (float(rest @ rest) / whole if whole > 0.0 else 1.0)
 
 
-def _at(values: FloatArray, weights: list[FloatArray], index: NDArray[np.int64]) -> FloatArray:
-    """Return values between samples, by the weights of four neighbours."""
-    found = weights[0] * values[index]
-    for k, weight in enumerate(weights[1:], start=1):
-        found += weight * values[index + k]
-    return np.asarray(found)
+def _folded(
+    channels: FloatArray, starts: FloatArray, phases: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return channels at each phase of each cycle, (rows, cycles, phases), by a cubic of four.
 
-
-def _cubic(positions: FloatArray, n: int) -> tuple[list[FloatArray], NDArray[np.int64]]:
-    """Return Lagrange weights of four neighbours and the index of the first."""
-    index = np.clip(np.floor(positions).astype(np.int64), 1, n - 3) - 1
-    u = positions - index - 1
-    return [
-        -u * (u - 1.0) * (u - 2.0) / 6.0,
-        (u + 1.0) * (u - 1.0) * (u - 2.0) / 2.0,
-        -(u + 1.0) * u * (u - 2.0) / 2.0,
-        (u + 1.0) * u * (u - 1.0) / 6.0,
-    ], index
+    And the sums of the products of its weights that stand 0, 1, 2, 3 samples apart.
+    """
+    folded, lags = np.empty((len(channels), len(starts) - 1, len(phases))), np.empty(4)
+    compiled_core().fold(
+        np.ascontiguousarray(channels), starts, phases, folded, lags, len(channels)
+    )
+    return folded, lags
 
 
 @lru_cache(maxsize=64)

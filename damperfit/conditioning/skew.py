@@ -87,7 +87,7 @@ class _Side:
     """The samples beside the ends of rebound, or of bump: what the smooth part leaves of them."""
 
     lag: FloatArray
-    basis: FloatArray
+    columns: FloatArray  # of the smooth part, each of size 1 and square to the others; the force
     force: FloatArray
 
 
@@ -234,29 +234,45 @@ def _beside(log: UniformLog, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _without_smooth(lag: FloatArray, force: FloatArray, *, kink: float | None) -> _Side:
     """Project the hydraulic force beside an end out: 4 smooth columns, 6 with a kink."""
     z = lag / _REACH
-    columns = [np.ones_like(z), z, z**2, z**3]
+    columns = [np.ones_like(z), z, z * z, z * z * z]
     if kink is not None:
         bent = z - kink / _REACH
         columns += [np.abs(bent), bent * np.abs(bent)]
-    basis = np.linalg.qr(np.stack(columns, axis=-1))[0]
-    return _Side(lag, basis, force - basis @ (basis.T @ force))
+    basis = np.linalg.qr(np.stack(columns).T)[0]
+    rest = force - basis @ (basis.T @ force)
+    return _Side(lag, np.concatenate([basis, rest[:, np.newaxis]], axis=1), rest)
 
 
 def _scan(sides: Sequence[_Side], delays: FloatArray, *, width: float) -> _Scan:
     """Return what is left of the force for each delay."""
     rest, total, jumps, n = np.zeros(len(delays)), 0.0, [], 0
     for sign, side in zip((-1.0, 1.0), sides, strict=True):
-        since = side.lag[:, np.newaxis] - delays
-        step = np.sign(since) if width == 0.0 else np.tanh(since / width)
-        step -= side.basis @ (side.basis.T @ step)
-        size = np.maximum(np.einsum("ij,ij->j", step, step), 1e-9 * len(side.force))
-        share = side.force @ step
+        power_of_step, along = _steps(side, delays, width)
+        smooth, share = along[:-1], along[-1]
+        # What the smooth part takes of the step, by Pythagoras.
+        size = power_of_step - np.einsum("ij,ij->j", smooth, smooth)
+        size = np.maximum(size, 1e-9 * len(side.force))
         power = float(side.force @ side.force)
         rest += power - share**2 / size
         total += power
         jumps.append(sign * share / size)
         n += len(side.force)
     return _Scan(np.maximum(rest, 1e-15 * total), total, np.stack(jumps), n)
+
+
+def _steps(side: _Side, delays: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
+    """Return the power of each step, (m,), and what it is along the columns of a side, (k, m)."""
+    if width > 0.0:
+        step = np.tanh((side.lag[:, np.newaxis] - delays) / width)
+        return np.einsum("ij,ij->j", step, step), side.columns.T @ step
+    # A sharp step is -1 before a delay and 1 behind it: sums over the samples in their order.
+    order = np.argsort(side.lag)
+    lag = side.lag[order]
+    sums = np.concatenate([np.zeros((1, side.columns.shape[1])), side.columns[order]])
+    np.cumsum(sums, axis=0, out=sums)
+    before, behind = np.searchsorted(lag, delays, "left"), np.searchsorted(lag, delays, "right")
+    along = sums[-1] - sums[behind] - sums[before]
+    return np.asarray(len(lag) - (behind - before), np.float64), along.T
 
 
 def take_back(log: UniformLog, delay: float) -> UniformLog:

@@ -284,6 +284,21 @@ static PyMethodDef METHODS[] = {
      "spline_slopes(samples, slopes, scratch)\nFills the slopes of the spline, by sample."},
     {"between", df_py_between, METH_VARARGS,
      "between(signal, positions, values, rows)\nFills each row's values at fractional samples."},
+    {"crossings", df_py_crossings, METH_VARARGS,
+     "crossings(x, v, at, reach) -> n. Fills the fractional samples at which x rises through 0."},
+    {"tops", df_py_tops, METH_VARARGS,
+     "tops(x, v, boundaries, tops)\nFills the top of each cycle between boundaries."},
+    {"turns", df_py_turns, METH_VARARGS,
+     "turns(x, turns, reach) -> n. Fills the samples (64-bit integers) at which x turns."},
+    {"passages", df_py_passages, METH_VARARGS,
+     "passages(x, turns, at)\nFills where the way between two turns passes its middle."},
+    {"fold", df_py_fold, METH_VARARGS,
+     "fold(y, starts, phases, folded, lags, rows)\n"
+     "Fills each row at each phase of each cycle, and the products of weights by lag."},
+    {"outstanding", df_py_outstanding, METH_VARARGS,
+     "outstanding(y, result)\nFills each sample less the median of five around it."},
+    {"harmonics", df_py_harmonics, METH_VARARGS,
+     "harmonics(y, powers, mean, angle)\nFills the squares of the means of y turned k angles."},
     {NULL, NULL, 0, NULL}};
 
 /* Two phases, so that every interpreter of a process has a module of its own. From 3.12 on one with

@@ -7,5 +7,12 @@
 PyObject *df_py_filter(PyObject *self, PyObject *args);
 PyObject *df_py_spline_slopes(PyObject *self, PyObject *args);
 PyObject *df_py_between(PyObject *self, PyObject *args);
+PyObject *df_py_crossings(PyObject *self, PyObject *args);
+PyObject *df_py_tops(PyObject *self, PyObject *args);
+PyObject *df_py_turns(PyObject *self, PyObject *args);
+PyObject *df_py_passages(PyObject *self, PyObject *args);
+PyObject *df_py_fold(PyObject *self, PyObject *args);
+PyObject *df_py_outstanding(PyObject *self, PyObject *args);
+PyObject *df_py_harmonics(PyObject *self, PyObject *args);
 
 #endif

@@ -1,0 +1,190 @@
+/* Passages, turns, folded cycles and harmonics. No allocation, no globals, re-entrant. */
+#include "cycles.h"
+
+#include <math.h>
+
+enum { NEWTON = 4, WEIGHTS = 4, TRUED = 64 };
+
+static double within(double value, double low, double high)
+{
+    return value < low ? low : value > high ? high : value;
+}
+
+static double larger(double a, double b)
+{
+    return a > b ? a : b;
+}
+
+static double smaller(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+/* Part of the sample in which the Hermite piece from y0 < 0 to y1 >= 0 is zero. */
+static double root(double y0, double y1, double v0, double v1)
+{
+    const double c2 = 3.0 * (y1 - y0) - 2.0 * v0 - v1, c3 = 2.0 * (y0 - y1) + v0 + v1;
+    const double chord = y1 - y0;
+    double u = -y0 / chord;
+    for (int k = 0; k < NEWTON; k++) {
+        /* Near a turning point in noise the slope may vanish; the chord's is safe there. */
+        double slope = v0 + u * (2.0 * c2 + 3.0 * c3 * u);
+        slope = slope > 0.2 * chord ? slope : chord;
+        u = within(u - (y0 + u * (v0 + u * (c2 + c3 * u))) / slope, 0.0, 1.0);
+    }
+    return u;
+}
+
+size_t df_crossings(size_t n, const double *x, const double *v, double reach, double *at)
+{
+    size_t found = 0, before = 0;
+    int was_below = 0, has_risen = 0;
+    for (size_t k = 0; k < n; k++) {
+        if (k && x[k - 1] < 0.0 && !(x[k] < 0.0)) {
+            before = k - 1;
+            has_risen = 1;
+        }
+        if (!(fabs(x[k]) > reach))
+            continue;
+        if (x[k] > 0.0 && was_below && has_risen) {
+            const double u = root(x[before], x[before + 1], v[before], v[before + 1]);
+            at[found++] = (double)before + u;
+        }
+        was_below = !(x[k] > 0.0);
+    }
+    return found;
+}
+
+/* A sample of n >= 1, whatever the number: what is no number is the first. */
+static size_t sample_of(double at, size_t n)
+{
+    return at > 0.0 ? at < (double)(n - 1) ? (size_t)at : n - 1 : 0;
+}
+
+void df_tops(size_t n, const double *x, const double *v, size_t n_tops, const double *boundaries,
+             double *tops)
+{
+    for (size_t cycle = 0; cycle < n_tops; cycle++) {
+        size_t highest = sample_of(ceil(boundaries[cycle]), n);
+        const double last = ceil(boundaries[cycle + 1]);
+        for (size_t k = highest + 1; k < n && (double)k < last; k++)
+            if (x[k] > x[highest])
+                highest = k;
+        size_t left = v[highest] > 0.0 ? highest : highest ? highest - 1 : 0;
+        left = left < n - 2 ? left : n - 2;
+        const double y0 = x[left], y1 = x[left + 1], v0 = v[left], v1 = v[left + 1];
+        const double c2 = 3.0 * (y1 - y0) - 2.0 * v0 - v1, c3 = 2.0 * (y0 - y1) + v0 + v1;
+        /* Slope v0 + 2 c2 u + 3 c3 u^2 falls through zero here; this root allows c3 = 0. */
+        const double below = sqrt(larger(c2 * c2 - 3.0 * c3 * v0, 0.0)) - c2;
+        const double u = below > 0.0 ? within(v0 / below, 0.0, 1.0) : 0.0;
+        tops[cycle] = larger(x[highest], y0 + u * (v0 + u * (c2 + c3 * u)));
+    }
+}
+
+size_t df_turns(size_t n, const double *x, double reach, int64_t *turns)
+{
+    size_t found = 0, low = 0, high = 0;
+    int rising = 0; /* 1, -1; 0 until the first turn */
+    for (size_t k = 0; k < n; k++) {
+        const int is_inside = k && k + 1 < n;
+        if (is_inside && !((x[k] - x[k - 1]) * (x[k + 1] - x[k]) <= 0.0))
+            continue;
+        if (x[k] > x[high])
+            high = k;
+        if (x[k] < x[low])
+            low = k;
+        if (rising >= 0 && x[high] - x[k] > reach) {
+            turns[found++] = (int64_t)high;
+            rising = -1;
+            low = high = k;
+        } else if (rising <= 0 && x[k] - x[low] > reach) {
+            turns[found++] = (int64_t)low;
+            rising = 1;
+            low = high = k;
+        }
+    }
+    return found;
+}
+
+void df_passages(const double *x, size_t n_turns, const int64_t *turns, double *at)
+{
+    for (size_t way = 0; way + 1 < n_turns; way++) {
+        const size_t begin = (size_t)turns[way], end = (size_t)turns[way + 1];
+        const double sign = x[end] > x[begin] ? 1.0 : -1.0, middle = 0.5 * (x[begin] + x[end]);
+        size_t k = begin + 1;
+        while (k < end && !(sign * (x[k] - middle) >= 0.0))
+            k++;
+        const double here = sign * (x[k] - middle), before = sign * (x[k - 1] - middle);
+        at[way] = (double)k - here / (here - before);
+    }
+}
+
+void df_fold(size_t n, size_t rows, const double *y, size_t n_cycles, const double *starts,
+             size_t n_phases, const double *phases, double *folded, double *lags)
+{
+    for (int lag = 0; lag < DF_LAGS; lag++)
+        lags[lag] = 0.0;
+    for (size_t cycle = 0; cycle < n_cycles; cycle++) {
+        const double length = starts[cycle + 1] - starts[cycle];
+        double sums[DF_LAGS] = {0.0, 0.0, 0.0, 0.0};
+        for (size_t k = 0; k < n_phases; k++) {
+            const double at = starts[cycle] + length * phases[k];
+            /* So written, what is no number ends inside. */
+            const size_t from = (size_t)(at > 1.0 ? smaller(at, (double)(n - 3)) : 1.0) - 1;
+            const double u = at - (double)from - 1.0;
+            const double w[WEIGHTS] = {
+                -u * (u - 1.0) * (u - 2.0) / 6.0, (u + 1.0) * (u - 1.0) * (u - 2.0) / 2.0,
+                -(u + 1.0) * u * (u - 2.0) / 2.0, (u + 1.0) * u * (u - 1.0) / 6.0};
+            sums[0] += w[0] * w[0] + w[1] * w[1] + w[2] * w[2] + w[3] * w[3];
+            sums[1] += 2.0 * (w[0] * w[1] + w[1] * w[2] + w[2] * w[3]);
+            sums[2] += 2.0 * (w[0] * w[2] + w[1] * w[3]);
+            sums[3] += 2.0 * w[0] * w[3];
+            const size_t to = cycle * n_phases + k;
+            for (size_t row = 0; row < rows; row++) {
+                const double *near = y + row * n + from;
+                folded[row * n_cycles * n_phases + to] =
+                    w[0] * near[0] + w[1] * near[1] + w[2] * near[2] + w[3] * near[3];
+            }
+        }
+        for (int lag = 0; lag < DF_LAGS; lag++)
+            lags[lag] += sums[lag];
+    }
+}
+
+void df_outstanding(size_t n, const double *y, double *outstanding)
+{
+    for (size_t k = 0; k < n; k++)
+        outstanding[k] = 0.0;
+    for (size_t k = 2; k + 2 < n; k++) {
+        const double a = y[k - 2], b = y[k - 1], e = y[k], c = y[k + 1], d = y[k + 2];
+        const double low = larger(smaller(a, b), smaller(c, d));
+        const double high = smaller(larger(a, b), larger(c, d));
+        outstanding[k] = e - larger(smaller(low, high), smaller(larger(low, high), e));
+    }
+}
+
+void df_harmonics(size_t n, const double *y, double mean, double angle, int n_powers,
+                  double *powers)
+{
+    const double step[2] = {cos(angle), sin(angle)};
+    double re[DF_MOST_HARMONICS] = {0.0}, im[DF_MOST_HARMONICS] = {0.0}, c = 1.0, s = 0.0;
+    for (size_t k = 0; k < n; k++) {
+        if (k % TRUED == 0) { /* or rounding would add up from product to product */
+            c = cos(angle * (double)k);
+            s = sin(angle * (double)k);
+        }
+        double a = y[k] - mean, b = 0.0;
+        for (int one = 0; one < n_powers; one++) {
+            const double turned = a * c - b * s;
+            b = a * s + b * c;
+            a = turned;
+            re[one] += a;
+            im[one] += b;
+        }
+        const double next = c * step[0] - s * step[1];
+        s = c * step[1] + s * step[0];
+        c = next;
+    }
+    for (int one = 0; one < n_powers; one++)
+        powers[one] = (re[one] * re[one] + im[one] * im[one]) / ((double)n * (double)n);
+}
