@@ -31,6 +31,7 @@ NORMAL_95 = 1.959964
 # Below lies a chi-square of one freedom in 95 of 100 cases: NORMAL_95 squared.
 CHI_SQUARED_95 = 3.84
 
+_FEW = 64  # values; so many are in order sooner than an array is parted
 _EXACT = 1e-15  # of a double, for series that end
 _NEAR = 1e-9  # what a step of Newton leaves over is its square
 _TINY = 1e-300
@@ -51,10 +52,13 @@ def median(values: ArrayLike) -> float:
     half = len(flat) // 2
     if not len(flat):
         return math.nan
+    if len(flat) <= _FEW:
+        order = sorted(flat.tolist())
+        return order[half] if len(order) % 2 else 0.5 * (order[half - 1] + order[half])
     if len(flat) % 2:
         return float(np.partition(flat, half)[half])
-    order = np.partition(flat, half)
-    return 0.5 * (float(order[:half].max()) + float(order[half]))
+    halves = np.partition(flat, half)
+    return 0.5 * (float(halves[:half].max()) + float(halves[half]))
 
 
 def percentiles(values: ArrayLike, *shares: float) -> tuple[float, ...]:

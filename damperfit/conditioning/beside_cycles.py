@@ -8,7 +8,6 @@ that has the stroke and the speed of a steady one: more of the same cycles says 
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -97,16 +96,19 @@ def _is_steady(trace: Trace) -> NDArray[np.bool_]:
     last = len(trace.force) - 1
     found = np.zeros(last + 1, dtype=bool)
     turns = turning_points(trace.displacement, TURN * float(np.ptp(trace.displacement)))
-    for first, stop in pairwise([0, *turns.tolist(), last]):
-        is_part = first == 0 or stop == last
-        stroke = abs(float(trace.displacement[stop] - trace.displacement[first]))
-        speed = float(np.max(np.abs(trace.velocity[first : stop + 1])))
-        found[first:stop] = any(
-            (is_part or abs(0.5 * stroke / one.amplitude - 1.0) < _ALIKE)
-            and abs(speed / one.peak_speed - 1.0) < _ALIKE
-            for one in trace.stretches
-            if one.n_cycles
-        )
+    ends = np.concatenate([[0], turns, [last]])
+    ends = ends[np.concatenate([[True], np.diff(ends) > 0])]
+    strokes = np.abs(np.diff(trace.displacement[ends]))
+    speed = np.abs(trace.velocity)
+    fastest = np.maximum(np.maximum.reduceat(speed[:last], ends[:-1]), speed[ends[1:]])
+    is_part = np.zeros(len(strokes), dtype=bool)
+    is_part[[0, -1]] = True
+    is_like = np.zeros(len(strokes), dtype=bool)
+    for one in trace.stretches:
+        if one.n_cycles:
+            has_its_stroke = is_part | (np.abs(0.5 * strokes / one.amplitude - 1.0) < _ALIKE)
+            is_like |= has_its_stroke & (np.abs(fastest / one.peak_speed - 1.0) < _ALIKE)
+    found[:last] = np.repeat(is_like, np.diff(ends))
     return found
 
 

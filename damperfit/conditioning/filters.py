@@ -252,7 +252,7 @@ def _run(sections: FloatArray, signal: FloatArray, *, pad: int, way: int) -> Flo
     result = np.empty_like(rows)
     steady = _constants(sections.tobytes())[0]
     compiled_core().run_filter(
-        np.ascontiguousarray(sections), steady, rows, result, np.empty(n + 2 * pad),
+        np.ascontiguousarray(sections), steady, rows, result, np.empty(2 * (n + 2 * pad)),
         rows.size // n, pad, way,
     )  # fmt: skip
     return result

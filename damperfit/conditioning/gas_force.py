@@ -116,12 +116,16 @@ def _branches(x: FloatArray, v: FloatArray, f: FloatArray) -> tuple[float, float
     """Return the constant, and the force in v^2 at peak speed of rebound and bump, N."""
     u = v / np.abs(v).max()
     out, into = np.maximum(u, 0.0), np.minimum(u, 0.0)
-    columns = np.stack([np.ones_like(u), x / np.ptp(x), np.sign(u), out, into, out**2, into**2])
+    columns = np.empty((7, len(u)))
+    for row, column in enumerate(
+        (1.0, x / np.ptp(x), np.sign(u), out, into, out * out, into * into)
+    ):
+        columns[row] = column
     # The products of the columns have the square of their condition; what that costs in digits, a
     # second step on what is left gives back. On the columns themselves it takes five times as long.
-    products = columns @ columns.T
-    found = np.linalg.lstsq(products, columns @ f, rcond=None)[0]
-    found += np.linalg.lstsq(products, columns @ (f - found @ columns), rcond=None)[0]
+    inverse = np.linalg.pinv(columns @ columns.T, hermitian=True)
+    found = inverse @ (columns @ f)
+    found += inverse @ (columns @ (f - found @ columns))
     return float(found[0]), float(found[5]), -float(found[6])
 
 

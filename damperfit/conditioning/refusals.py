@@ -117,8 +117,8 @@ def _harmonic_share(trace: Trace, values: FloatArray) -> float:
     """Return the share of a channel's power that is in harmonics 2 to 7 of the motion."""
     stretch = trace.fastest
     first, *_, stop = np.rint(clean_cycles(stretch)).astype(np.int64)
-    power = harmonic_powers(values[first:stop], stretch.frequency * trace.interval, 7).tolist()
-    return sum(power[1:]) / max(sum(power), 1e-300)
+    power = harmonic_powers(values[first:stop], stretch.frequency * trace.interval, 7)
+    return float(np.sum(power[1:])) / max(float(np.sum(power)), 1e-300)
 
 
 def _chambers(options: ConditionOptions) -> str:

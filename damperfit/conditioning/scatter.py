@@ -133,11 +133,13 @@ def noise_beside_motion(trace: Trace) -> float:
     channels = np.stack([x, v, v * np.abs(v), f])
     folded, _ = _folded(channels, starts, np.arange(n_phases) / n_phases)
     folded -= folded.mean(axis=1, keepdims=True)
-    *basis, force = folded.reshape(len(channels), -1)
-    rows = np.stack([one / max(float(np.abs(one).max()), 1e-300) for one in basis])
-    rest = force - np.linalg.lstsq(rows @ rows.T, rows @ force, rcond=None)[0] @ rows
-    whole = float(force @ force)
-    return noise_floor(trace) * (float(rest @ rest) / whole if whole > 0.0 else 1.0)
+    rows = folded.reshape(len(channels), -1)
+    products = rows @ rows.T
+    size = np.maximum(np.sqrt(np.diag(products)), 1e-300)
+    alike = products / size / size[:, np.newaxis]
+    explained = alike[:3, 3] @ np.linalg.lstsq(alike[:3, :3], alike[:3, 3], rcond=None)[0]
+    share = min(max(1.0 - float(explained), 0.0), 1.0) if products[3, 3] > 0.0 else 1.0
+    return noise_floor(trace) * share
 
 
 def _folded(

@@ -52,6 +52,7 @@ _ROUNDED = 1.5  # misfit of the sharp jump over that of the best one
 _ALIKE = 0.4  # smaller over larger jump
 _FINEST = 4e-4  # s; samples closer than this are averaged, for the time it takes
 _SYSTEMATIC = 1e-4  # s; what the smooth part may lean
+_MADE_UP = 1e-9  # of a step's power, left over where rounding is all that is left
 _FEWEST = 40  # samples beside the ends of rebound, and of bump
 # Way left within half of the reach, of that within the reach: of a sine 0.25, of a crank that takes
 # 10 ms to pass its play 0.2, of a dwell 0.
@@ -86,9 +87,10 @@ class Skew:
 class _Side:
     """The samples beside the ends of rebound, or of bump: what the smooth part leaves of them."""
 
-    lag: FloatArray
+    lag: FloatArray  # rising
     columns: FloatArray  # of the smooth part, each of size 1 and square to the others; the force
-    force: FloatArray
+    sums: FloatArray  # of the columns up to each sample, by rising lag
+    power: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,7 +114,7 @@ def estimate_skew(log: UniformLog, trace: Trace) -> Skew:
         Of the same log; its velocity tells the ends of the stroke.
     """
     ends = _ends(trace)
-    beside = [_beside(log, end) for end in ends]
+    beside = [_in_order(*_beside(log, end)) for end in ends]
     is_short = min(len(lag) for lag, _ in beside) < _FEWEST
     if is_short or stands_still(log, np.concatenate(ends)):
         found = "too few samples beside" if is_short else "the displacement rests at"
@@ -214,7 +216,8 @@ def _straight(at: FloatArray, trace: Trace) -> FloatArray:
     cycle = np.rint((at - at[0]) * trace.frequency)
     if np.ptp(cycle) == 0.0:  # a dwell crosses the end of one cycle several times
         return at
-    return np.asarray(at[0] + np.polyval(np.polyfit(cycle, at - at[0], 1), cycle))
+    off = cycle - np.mean(cycle)
+    return np.asarray(np.mean(at) + (float(off @ (at - at[0])) / float(off @ off)) * off)
 
 
 def _beside(log: UniformLog, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -234,13 +237,21 @@ def _beside(log: UniformLog, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _without_smooth(lag: FloatArray, force: FloatArray, *, kink: float | None) -> _Side:
     """Project the hydraulic force beside an end out: 4 smooth columns, 6 with a kink."""
     z = lag / _REACH
-    columns = [np.ones_like(z), z, z * z, z * z * z]
+    smooth = [np.ones_like(z), z, z * z, z * z * z]
     if kink is not None:
         bent = z - kink / _REACH
-        columns += [np.abs(bent), bent * np.abs(bent)]
-    basis = np.linalg.qr(np.stack(columns).T)[0]
+        smooth += [np.abs(bent), bent * np.abs(bent)]
+    basis = np.linalg.qr(np.stack(smooth).T)[0]
     rest = force - basis @ (basis.T @ force)
-    return _Side(lag, np.concatenate([basis, rest[:, np.newaxis]], axis=1), rest)
+    columns = np.concatenate([basis, rest[:, np.newaxis]], axis=1)
+    sums = np.zeros((len(lag) + 1, columns.shape[1]))
+    np.cumsum(columns, axis=0, out=sums[1:])
+    return _Side(lag, columns, sums, float(rest @ rest))
+
+
+def _in_order(lag: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
+    order = np.argsort(lag)
+    return lag[order], force[order]
 
 
 def _scan(sides: Sequence[_Side], delays: FloatArray, *, width: float) -> _Scan:
@@ -251,28 +262,26 @@ def _scan(sides: Sequence[_Side], delays: FloatArray, *, width: float) -> _Scan:
         smooth, share = along[:-1], along[-1]
         # What the smooth part takes of the step, by Pythagoras.
         size = power_of_step - np.einsum("ij,ij->j", smooth, smooth)
-        size = np.maximum(size, 1e-9 * len(side.force))
-        power = float(side.force @ side.force)
-        rest += power - share**2 / size
-        total += power
+        # A step that the smooth part makes up tells nothing: what is left of both is rounding.
+        share = np.where(size > _MADE_UP * len(side.lag), share, 0.0)
+        size = np.maximum(size, _MADE_UP * len(side.lag))
+        rest += side.power - share**2 / size
+        total += side.power
         jumps.append(sign * share / size)
-        n += len(side.force)
+        n += len(side.lag)
     return _Scan(np.maximum(rest, 1e-15 * total), total, np.stack(jumps), n)
 
 
 def _steps(side: _Side, delays: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
     """Return the power of each step, (m,), and what it is along the columns of a side, (k, m)."""
     if width > 0.0:
-        step = np.tanh((side.lag[:, np.newaxis] - delays) / width)
+        step = (side.lag / width)[:, np.newaxis] - delays / width
+        np.tanh(step, out=step)
         return np.einsum("ij,ij->j", step, step), side.columns.T @ step
-    # A sharp step is -1 before a delay and 1 behind it: sums over the samples in their order.
-    order = np.argsort(side.lag)
-    lag = side.lag[order]
-    sums = np.concatenate([np.zeros((1, side.columns.shape[1])), side.columns[order]])
-    np.cumsum(sums, axis=0, out=sums)
-    before, behind = np.searchsorted(lag, delays, "left"), np.searchsorted(lag, delays, "right")
-    along = sums[-1] - sums[behind] - sums[before]
-    return np.asarray(len(lag) - (behind - before), np.float64), along.T
+    # A sharp step is -1 before a delay and 1 behind it.
+    before, behind = (np.searchsorted(side.lag, delays, end) for end in ("left", "right"))
+    along = side.sums[-1] - side.sums[behind] - side.sums[before]
+    return np.asarray(len(side.lag) - (behind - before), np.float64), along.T
 
 
 def take_back(log: UniformLog, delay: float) -> UniformLog:

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-enum { NEWTON = 4, WEIGHTS = 4, TRUED = 64 };
+enum { NEWTON = 4, WEIGHTS = 4, TRUED = 64, THREES = 3 };
 
 static double within(double value, double low, double high)
 {
@@ -161,6 +161,46 @@ void df_outstanding(size_t n, const double *y, double *outstanding)
         const double high = smaller(larger(a, b), larger(c, d));
         outstanding[k] = e - larger(smaller(low, high), smaller(larger(low, high), e));
     }
+}
+
+/* Brings values below a bar, or those not above it, ahead of the others; no branch hangs on them. */
+static size_t parted(double *values, size_t first, size_t stop, double bar, int with_equal)
+{
+    size_t ahead = first;
+    for (size_t k = first; k < stop; k++) {
+        const double value = values[k];
+        values[k] = values[ahead];
+        values[ahead] = value;
+        ahead += (size_t)(with_equal ? value <= bar : value < bar);
+    }
+    return ahead;
+}
+
+static double middle_of_three(double a, double b, double c)
+{
+    return larger(smaller(a, b), smaller(larger(a, b), c));
+}
+
+double df_rank(size_t n, double *values, size_t rank)
+{
+    size_t first = 0, stop = n;
+    while (stop - first > 1) {
+        double of[THREES];
+        for (size_t k = 0; k < THREES; k++) {
+            const size_t at = first + (stop - first - 1) * k / THREES, apart = (stop - first) / 12;
+            of[k] = middle_of_three(values[at], values[at + apart], values[at + 2 * apart]);
+        }
+        const double bar = middle_of_three(of[0], of[1], of[2]);
+        const size_t below = parted(values, first, stop, bar, 0);
+        if (rank < below) {
+            stop = below;
+            continue;
+        }
+        first = parted(values, below, stop, bar, 1);
+        if (rank < first)
+            return bar;
+    }
+    return values[rank];
 }
 
 void df_harmonics(size_t n, const double *y, double mean, double angle, int n_powers,

@@ -37,6 +37,10 @@ void df_fold(size_t n, size_t rows, const double *y, size_t n_cycles, const doub
 /* Each sample less the median of the five around it; 0 at both ends. */
 void df_outstanding(size_t n, const double *y, double *outstanding);
 
+/* The value of a rank, 0 the least; reorders values, those before the rank are not above it.
+   rank < n, and no value that is no number. */
+double df_rank(size_t n, double *values, size_t rank);
+
 /* Square of the mean of y - mean turned by k angles a sample, k = 1 to n_powers. */
 void df_harmonics(size_t n, const double *y, double mean, double angle, int n_powers,
                   double *powers);

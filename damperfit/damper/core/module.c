@@ -297,6 +297,8 @@ static PyMethodDef METHODS[] = {
      "Fills each row at each phase of each cycle, and the products of weights by lag."},
     {"outstanding", df_py_outstanding, METH_VARARGS,
      "outstanding(y, result)\nFills each sample less the median of five around it."},
+    {"rank", df_py_rank, METH_VARARGS,
+     "rank(values, rank) -> value. Reorders values; those before the rank are not above it."},
     {"harmonics", df_py_harmonics, METH_VARARGS,
      "harmonics(y, powers, mean, angle)\nFills the squares of the means of y turned k angles."},
     {NULL, NULL, 0, NULL}};

@@ -44,6 +44,53 @@ void df_filter_both(const df_sections *f, size_t n, size_t pad, const double *in
         out[k] = scratch[pad + k];
 }
 
+/* As df_filter_once, two signals side by side: one waits for its own last sample, two do not. */
+static void filter_two(const df_sections *f, size_t n, double *both, int backward)
+{
+    double z[DF_MOST_SECTIONS][2][2];
+    const double *first = both + (backward ? 2 * (n - 1) : 0);
+    for (int k = 0; k < f->n; k++)
+        for (int one = 0; one < 2; one++) {
+            z[k][0][one] = f->steady[DF_STEADY_ROW * k] * first[one];
+            z[k][1][one] = f->steady[DF_STEADY_ROW * k + 1] * first[one];
+        }
+    for (size_t step = 0; step < n; step++) {
+        double *at = both + 2 * (backward ? n - 1 - step : step);
+        double x[2] = {at[0], at[1]};
+        for (int k = 0; k < f->n; k++) {
+            const double *s = f->rows + DF_SECTION_ROW * k;
+            for (int one = 0; one < 2; one++) {
+                const double y = s[0] * x[one] + z[k][0][one];
+                z[k][0][one] = s[1] * x[one] - s[4] * y + z[k][1][one];
+                z[k][1][one] = s[2] * x[one] - s[5] * y;
+                x[one] = y;
+            }
+        }
+        at[0] = x[0];
+        at[1] = x[1];
+    }
+}
+
+void df_filter_two_both(const df_sections *f, size_t n, size_t pad, const double *in, double *out,
+                        double *scratch)
+{
+    for (size_t one = 0; one < 2; one++) {
+        const double *y = in + one * n;
+        for (size_t k = 0; k < pad; k++) {
+            scratch[2 * k + one] = 2.0 * y[0] - y[pad - k];
+            scratch[2 * (pad + n + k) + one] = 2.0 * y[n - 1] - y[n - 2 - k];
+        }
+        for (size_t k = 0; k < n; k++)
+            scratch[2 * (pad + k) + one] = y[k];
+    }
+    filter_two(f, n + 2 * pad, scratch, 0);
+    filter_two(f, n + 2 * pad, scratch, 1);
+    for (size_t k = 0; k < n; k++) {
+        out[k] = scratch[2 * (pad + k)];
+        out[n + k] = scratch[2 * (pad + k) + 1];
+    }
+}
+
 void df_spline_slopes(size_t n, const double *y, double *slopes, double *scratch)
 {
     /* s0 + 2 s1 = (5 m0 + m1)/2, s(i-1) + 4 s(i) + s(i+1) = 3 (y(i+1) - y(i-1)), and the first

@@ -77,8 +77,12 @@ PyObject *df_py_filter(PyObject *self, PyObject *args)
     const double *in = v[IN].buf;
     double *out = v[OUT].buf;
     Py_BEGIN_ALLOW_THREADS
+    const int has_room = count(&v[SCRATCH]) >= 2 * (n + 2 * pad);
     for (Py_ssize_t k = 0; k < rows; k++) {
-        if (way == 0)
+        if (way == 0 && has_room && k + 1 < rows) {
+            df_filter_two_both(&f, (size_t)n, (size_t)pad, in + k * n, out + k * n, v[SCRATCH].buf);
+            k++;
+        } else if (way == 0)
             df_filter_both(&f, (size_t)n, (size_t)pad, in + k * n, out + k * n, v[SCRATCH].buf);
         else
             df_filter_once(&f, (size_t)n, in + k * n, out + k * n, way < 0);
@@ -289,4 +293,25 @@ PyObject *df_py_harmonics(PyObject *self, PyObject *args)
     df_harmonics((size_t)count(&v[Y]), v[Y].buf, mean, angle, (int)n_powers, v[POWERS].buf);
     Py_END_ALLOW_THREADS
     return done(&b);
+}
+
+PyObject *df_py_rank(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *o[1];
+    Py_ssize_t rank;
+    if (!PyArg_ParseTuple(args, "On:rank", &o[0], &rank))
+        return NULL;
+    buffers b;
+    if (!borrow(&b, o, 1, 0))
+        return NULL;
+    const Py_ssize_t n = count(&b.view[0]);
+    if (rank < 0 || rank >= n)
+        return refused(&b, "rank: a rank below the count of values");
+    double found;
+    Py_BEGIN_ALLOW_THREADS
+    found = df_rank((size_t)n, b.view[0].buf, (size_t)rank);
+    Py_END_ALLOW_THREADS
+    release(&b);
+    return PyFloat_FromDouble(found);
 }

@@ -1,0 +1,108 @@
+/* Drives cycles.c at its smallest and its oddest sizes; a sanitizer ends the program. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "cycles.h"
+#include "signals.h"
+
+enum { MOST = 40, ODD = 4 };
+
+static const double ODDITIES[ODD] = {NAN, INFINITY, -INFINITY, 1e300};
+
+static double *wave(size_t n, int odd)
+{
+    double *y = malloc((n ? n : 1) * sizeof *y);
+    for (size_t k = 0; k < n; k++)
+        y[k] = odd && k % 7 == 3 ? ODDITIES[k / 7 % ODD] : sin(1.3 * (double)k);
+    return y;
+}
+
+static void marks(size_t n, int odd)
+{
+    double *x = wave(n, odd), *v = wave(n, 0), *at = malloc((n / 2 + 1) * sizeof *at);
+    int64_t *turns = malloc((n ? n : 1) * sizeof *turns);
+    if (df_crossings(n, x, v, 0.1, at) > n / 2)
+        abort();
+    const size_t n_turns = df_turns(n, x, 0.1, turns);
+    if (n_turns > n)
+        abort();
+    double *passed = malloc(n * sizeof *passed + 1);
+    for (size_t k = 0; k < n_turns; k++)
+        turns[k] = (int64_t)k;
+    if (n_turns)
+        df_passages(x, n_turns, turns, passed);
+    free(passed);
+    if (n >= 2) {
+        const double boundaries[] = {-3.0, 0.5, 0.5, (double)n - 1.0, (double)n + 9.0, NAN, INFINITY};
+        double tops[sizeof boundaries / sizeof *boundaries - 1];
+        df_tops(n, x, v, sizeof tops / sizeof *tops, boundaries, tops);
+    }
+    free(x);
+    free(v);
+    free(at);
+    free(turns);
+}
+
+static void folds(size_t n, int odd)
+{
+    const double starts[] = {-9.0, 1.5, (double)n - 2.0, (double)n + 20.0, NAN, INFINITY};
+    const double phases[] = {0.0, 0.4, 0.999, NAN};
+    enum { CYCLES = sizeof starts / sizeof *starts - 1, PHASES = sizeof phases / sizeof *phases };
+    double *y = wave(2 * n, odd), folded[2 * CYCLES * PHASES], lags[DF_LAGS];
+    df_fold(n, 2, y, CYCLES, starts, PHASES, phases, folded, lags);
+    df_fold(n, 0, y, CYCLES, starts, PHASES, phases, folded, lags);
+    free(y);
+}
+
+static void others(size_t n)
+{
+    double *y = wave(n, 0), *out = malloc(n * sizeof *out), powers[DF_MOST_HARMONICS];
+    df_outstanding(n, y, out);
+    df_harmonics(n, y, 0.1, 0.3, DF_MOST_HARMONICS, powers);
+    for (size_t rank = 0; rank < n; rank++) {
+        size_t below = 0;
+        const double found = df_rank(n, y, rank);
+        for (size_t k = 0; k < n; k++)
+            below += y[k] < found;
+        if (below > rank)
+            abort();
+    }
+    free(y);
+    free(out);
+}
+
+static void two_filtered(size_t n, size_t pad)
+{
+    static const double rows[] = {0.1, 0.2, 0.1, 1.0, -1.2, 0.5, 1.0, 1.0, 0.0, 1.0, -0.3, 0.0};
+    static const double steady[] = {1.2, -0.4, 2.0, 0.0};
+    const df_sections f = {2, rows, steady};
+    double *in = wave(2 * n, 0), *out = malloc(2 * n * sizeof *out), *one = malloc(n * sizeof *one);
+    double *scratch = malloc(2 * (n + 2 * pad) * sizeof *scratch);
+    df_filter_two_both(&f, n, pad, in, out, scratch);
+    df_filter_both(&f, n, pad, in + n, one, scratch);
+    for (size_t k = 0; k < n; k++)
+        if (one[k] != out[n + k])
+            abort();
+    free(in);
+    free(out);
+    free(one);
+    free(scratch);
+}
+
+int main(void)
+{
+    for (int odd = 0; odd < 2; odd++)
+        for (size_t n = 0; n < MOST; n++) {
+            marks(n, odd);
+            if (n >= 4)
+                folds(n, odd);
+            if (n)
+                others(n);
+        }
+    for (size_t n = 2; n < MOST; n++)
+        for (size_t pad = 0; pad < n; pad++)
+            two_filtered(n, pad);
+    puts("ok");
+    return 0;
+}
