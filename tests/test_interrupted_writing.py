@@ -100,9 +100,9 @@ def in_a_child(work, n: int, ending) -> bool:
     return True
 
 
-def deaths(work, prepare, ending):
-    """Yield after each death of ``work``, at its first call, its second, and so on."""
-    for n in range(1, 1000):
+def deaths(work, prepare, ending, every=1):
+    """Yield after each death of ``work``, at its first call, its second or a later one, ...."""
+    for n in range(1, 1000, every):
         prepare()
         if in_a_child(work, n, ending):
             assert n > 20  # it was looked at
@@ -501,10 +501,11 @@ def test_a_killed_run_holds_nothing(tmp_path) -> None:
     assert contents(folder) == {"a.csv": "whole"}
 
 
-@pytest.mark.parametrize("ending", [die_before])
+# Every third call; each of them is slow.
+@pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("lacking", ["locks", "links"])
 def test_a_file_system_without_locks_or_links_keeps_the_promise(
-    tmp_path, monkeypatch, ending, lacking
+    tmp_path, monkeypatch, every, lacking
 ) -> None:
     import fcntl
 
@@ -518,6 +519,6 @@ def test_a_file_system_without_locks_or_links_keeps_the_promise(
         shutil.rmtree(folder, ignore_errors=True)
         first_set(folder, OLD)
 
-    for n in deaths(lambda: exchange(folder), prepare, ending):
+    for n in deaths(lambda: exchange(folder), prepare, die_before, every):
         settle(folder)
         assert contents(folder) in (OLD, NEW), n

@@ -25,6 +25,7 @@ from damperfit.report.evaluated_log import evaluate_logs
 from damperfit.report.page.plot_data import PlotData
 from damperfit.report.plots.colours import setting_colours
 from damperfit.report.plots.description import setting_axis, thin
+from damperfit.report.plots.figure_files import FIXED_METADATA
 from damperfit.report.plots.one_log import setting_plots
 from damperfit.report.sheets.cavitation_sheet import cavitation_sheet
 from damperfit.tables import read_results
@@ -179,6 +180,16 @@ def test_figures_are_the_same_bytes_each_time(shown, tmp_path, kind):
     first, second = (path.read_bytes() for path in paths)
     assert first == second
     assert len(first) > 2000
+
+
+@pytest.mark.parametrize("kind", ["svg", "pdf"])
+def test_no_figure_has_a_date(tmp_path, kind):
+    """Two figures of one second would be alike with a date too."""
+    from matplotlib.figure import Figure
+
+    path = tmp_path / f"a.{kind}"
+    Figure(figsize=(1.0, 1.0)).savefig(path, format=kind, metadata=FIXED_METADATA[kind])
+    assert not re.search(rb"CreationDate|<dc:date>", path.read_bytes())
 
 
 def test_figures_do_not_heed_the_readers_own_style(shown, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,10 +23,17 @@ from tests.oracles.motions import logged
 WITHIN = {"r_m1": 0.002, "r_m2": 0.005, "r_m3": 0.01, "k_e": 0.02, "f_f": 0.03}
 
 
+@cache
 def fitted(name, *, seed=1, setting=10):
     trace = condition(logged(name, setting, seed=seed), ConditionOptions(centre=0.0))
     campaign = identify([trace], PURDY_DAMPER, FitOptions(procedure="plain"))
     return trace, campaign
+
+
+@cache
+def assessed(name):
+    _, campaign = fitted(name)
+    return assess(campaign, PURDY_DAMPER)
 
 
 @pytest.mark.parametrize(
@@ -42,7 +50,7 @@ def test_the_parameters_are_found(name):
     assert fit.mse_percent < 0.001
     assert fit.mse_percent == pytest.approx(fit.noise_floor_percent, rel=0.4)
     assert fit.n_samples == trace.n_samples
-    (diagnosis,) = assess(campaign, PURDY_DAMPER).diagnoses
+    (diagnosis,) = assessed(name).diagnoses
     assert not diagnosis.is_structured
     assert diagnosis.noise_percent == pytest.approx(fit.mse_percent, rel=0.3)
 
@@ -53,8 +61,8 @@ def test_the_parameters_are_found(name):
 def test_intervals_hold_for_each_motion(name):
     """One log in twenty may be out; three errors none is."""
     truth = reference_parameters(10)
-    _, campaign = fitted(name, seed=2)
-    (known,) = assess(campaign, PURDY_DAMPER).uncertainties
+    _, campaign = fitted(name)
+    (known,) = assessed(name).uncertainties
     for parameter, interval in known.intervals.items():
         off = getattr(campaign.fits[0].parameters, parameter) - getattr(truth, parameter)
         assert abs(off) < 3.5 * interval.error, parameter

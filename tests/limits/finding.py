@@ -57,7 +57,7 @@ def find_limits(root: Path) -> dict[str, Limit]:
     found: dict[str, Limit] = {}
     for path, tree in trees.items():
         names = {**names_in(tree, constants), **constants[path]}
-        for name in _compared(tree, names):
+        for name in _compared(tree, names) if names else ():
             found[names[name].name] = names[name]
     return {name: found[name] for name in sorted(found)}
 
