@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 __all__ = ["is_json", "read_json"]
 
 # "[Data]" begins a text of entries, and no JSON.
+# Two numbers in a row that are text.
+_QUOTED = re.compile(rb'"\s*[-+]?\d[\d.eE+-]*\s*"\s*,\s*"\s*[-+]?\d[\d.eE+-]*\s*"\s*[,\]]')
 _BEGINS = re.compile(r'\s*(?:\{\s*(?:["}]|$)|\[\s*(?:[\[{"\d\]-]|$))')
 _VALUE_BYTES, _LIST_BYTES = 32, 64  # what a number and a list or object take in memory
 _MAX_TABLES = 1_000
@@ -72,6 +74,11 @@ def read_json(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     check_size(claimed, limit=options.max_bytes, what="the JSON", name=name)
     document = _parsed(data.decode("utf-8", "replace"), name)
     tables = list(_tables(document, {}, name))
+    if not tables and _QUOTED.search(data):
+        raise LogError(
+            f"{name}: the numbers of this JSON are in quotes and so are text; write them "
+            "without, as in 0.012"
+        )
     if not tables:
         raise LogError(f"{name}: this is JSON without columns or rows of numbers; {_EXPECTED}")
     if len(tables) > _MAX_TABLES:

@@ -134,6 +134,10 @@ def test_null_is_blank(put) -> None:
 
 
 REFUSED = {
+    "numbers in quotes": (
+        {"time_s": ["0.0", "0.1"], "displacement_mm": ["1", "2"], "force_N": ["-3", "4e0"]},
+        "the numbers of this JSON are in quotes",
+    ),
     "facts alone": ({"setting": 3, "force": "N"}, "this is JSON without columns or rows"),
     "empty list": ("[]", "this is JSON without columns"),
     "empty object": ("{}", "this is JSON without columns"),
