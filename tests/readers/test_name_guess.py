@@ -120,8 +120,8 @@ def test_two_adjusters_are_offered_a_pattern_for_both(names, declared, pattern, 
 
 
 def test_one_number_that_differs_is_not_several_adjusters() -> None:
-    guess = guess_settings(["a_3.csv", "a_4.csv", "b_x_5.csv"])
-    assert guess.advice.endswith(r"--rig 'setting_pattern=a_(?P<setting>\d+)'")
+    guess = guess_settings(["b_3.csv", "b_4.csv", "x_y_5.csv"])
+    assert guess.advice.endswith(r"--rig 'setting_pattern=b_(?P<setting>\d+)'")
     assert "[adjusters]" not in guess.advice
 
 
