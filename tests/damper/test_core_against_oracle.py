@@ -242,7 +242,8 @@ def test_sensitivities_against_central_differences_over_eight_steps(name):
     size = scale_of(SET_M, PURDY_DAMPER, name)
     slope = exact.sensitivities[name]
     gaps = []
-    for step in np.geomspace(0.5, 1e-5, 8) * size:
+    largest = 0.18 if name == "gas_exponent" else 0.5  # a gas's lies between 1 and 1.67
+    for step in np.geomspace(largest, 1e-5, 8) * size:
         up, down = (
             simulate(*shifted(SET_M, PURDY_DAMPER, name, s), motion, options=TIGHT).force
             for s in (step, -step)
