@@ -234,10 +234,11 @@ def test_a_fiftieth_of_the_fastest_speed_is_rest(share, n) -> None:
     assert len(moved(x, v)) == n
 
 
-def test_a_shove_before_a_motion_does_not_end_the_search() -> None:
-    x = np.concatenate([np.linspace(0.0, 1.0, 40), np.ones(80), 1.0 + swings(20)])
-    (found,) = moved(x)
-    assert found.stretch.first > 100
+def test_a_shove_between_two_motions_does_not_end_the_search() -> None:
+    one = swings(20)
+    shove = one[-1] + np.concatenate([np.zeros(80), np.linspace(0.0, 0.5, 40), np.full(80, 0.5)])
+    first, second = moved(np.concatenate([one, shove, shove[-1] + 1.0 + swings(20)]))
+    assert first.stretch.stop <= len(one) < len(one) + len(shove) <= second.stretch.first
 
 
 # Passages and runs
