@@ -318,8 +318,10 @@ def known_mutants(root: Path, path: Path | None = None) -> list[Mutant]:
                 f"known.toml: {row['name']}: {row['before']!r} stands in {count} places, not in one"
             )
         file, text = places[0]
-        line = text[: text.index(row["before"])].count("\n") + 1
-        last = line + row["before"].count("\n")
+        begin = text.index(row["before"])
+        blank = len(row["before"]) - len(row["before"].lstrip())  # a line's end that says where
+        line = text[: begin + blank].count("\n") + 1
+        last = text[: begin + len(row["before"].rstrip())].count("\n") + 1
         found.append(
             Mutant(
                 key=hashlib.sha256(row["name"].encode()).hexdigest()[:12],

@@ -134,6 +134,10 @@ def test_a_known_mutant_that_is_no_longer_there_is_told(tmp_path) -> None:
     rows.write_text(text.format("2.0"), encoding="utf-8")
     (found,) = mutants.known_mutants(tmp_path, rows)
     assert (found.place, found.text) == ("damperfit/one.py:1", "LIMIT = 4.0\n")
+    (tmp_path / "damperfit" / "one.py").write_text("A = 1\nLIMIT = 2.0\n", encoding="utf-8")
+    rows.write_text(text.replace("'LIMIT = {}'", '"\\nLIMIT = 2.0\\n"'), encoding="utf-8")
+    (found,) = mutants.known_mutants(tmp_path, rows)
+    assert (found.line, found.last_line) == (2, 2)
     rows.write_text(text.format("3.0"), encoding="utf-8")
     with pytest.raises(SystemExit, match=r"wide: 'LIMIT = 3\.0' stands in 0 places"):
         mutants.known_mutants(tmp_path, rows)
