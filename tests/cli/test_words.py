@@ -86,7 +86,7 @@ def test_pressures_are_drawn_of_the_member_that_cavitates_most(shares, title, mo
 def test_an_option_that_is_not_given_leaves_the_configuration_alone(run, monkeypatch) -> None:
     seen = {}
 
-    def caught(_, *options):
+    def caught(_, *options, **_more):
         seen.update({name: value for name, _, value in options})
         raise ConfigurationError("seen")
 
