@@ -101,7 +101,9 @@ def report_facts(
             *run_warnings(batch, campaign),
             *unconfirmed_tares(campaign, assessment),
             *assessment.warnings,
-            *ladder_advice(assessment, configuration.damper),
+            *ladder_advice(
+                assessment, configuration.damper, was_climbed=bool(configuration.chosen_law)
+            ),
             *prediction_warnings(judgement.predictions),
         ),
         trust=assessment.sentences,

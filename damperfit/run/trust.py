@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.identification import Status
 from damperfit.identification.sharing import listed_settings
 from damperfit.report import to_record
@@ -23,10 +22,10 @@ __all__ = ["confidence_record", "ladder_advice", "unconfirmed_tares"]
 _OF_LAWS = frozenset({"bound", "beyond", "cavitation", "friction", "misfit"})
 
 
-def ladder_advice(assessment: Assessment, damper: Model) -> Iterator[str]:
+def ladder_advice(
+    assessment: Assessment, damper: Model, *, was_climbed: bool = False
+) -> Iterator[str]:
     """Say where a grade is withheld that the ladder of models is worth climbing.
-
-    Not of a damper whose law the ladder has chosen, or its user has declared valve by valve.
 
     Parameters
     ----------
@@ -34,13 +33,15 @@ def ladder_advice(assessment: Assessment, damper: Model) -> Iterator[str]:
         With what speaks against the grades.
     damper : Model
         The model that was fitted.
+    was_climbed : bool
+        The ladder has chosen it: there is nothing to advise.
     """
     withheld = [
         setting
         for setting, why in assessment.objections.items()
         if any(one.kind in _OF_LAWS for one in why)
     ]
-    if withheld and not isinstance(damper, ValveDamper):
+    if withheld and not was_climbed:
         yield (
             f"model {damper.name} does not describe setting {listed_settings(withheld)}: "
             "try the ladder of models: damperfit identify LOGS --model auto"
