@@ -24,14 +24,15 @@ from tests.rig_like.dampers import (
     written_second_rig,
 )
 
-__all__ = ["Bar", "adjustable_bars", "second_rig_bars"]
+__all__ = ["Bar", "adjustable_bars", "adjusted", "identified", "second_rig_bars"]
 
-SHARED = """[damper.mounting]
-lag = "fit"
-[adjusters]
+ADJUSTERS = """[adjusters]
 l = ["rebound.bleed", "compression.bleed"]
 h = ["rebound.opening", "compression.opening"]
 """
+SHARED = f"""[damper.mounting]
+lag = "fit"
+{ADJUSTERS}"""
 UNSEEN = "damper_L14_H2.csv"
 
 
@@ -56,8 +57,13 @@ class Bar:
         )
 
 
-def _identified(folder: Path, *options: str) -> list[dict[str, str]]:
-    """Rows of mse.csv of a run; empty settings are those of whole settings."""
+def adjusted(toml: str) -> str:
+    """Return a configuration with what its two adjusters turn."""
+    return f"{toml}\n{ADJUSTERS}"
+
+
+def identified(folder: Path, *options: str) -> list[dict[str, str]]:
+    """Rows of mse.csv of a run, those of whole settings left out."""
     out = folder / "results"
     command = [
         sys.executable,
@@ -91,7 +97,7 @@ def adjustable_bars(folder: Path) -> list[Bar]:
     text = ADJUSTABLE_TOML.format(model="through_flow") + SHARED
     (logs / "damper.toml").write_text(text, encoding="utf-8")
     held = ("--hold-out", "*_slow.csv", "--hold-out", UNSEEN)
-    rows = _identified(logs, "*.csv", *held, "--procedure", "joint", "--config", "damper.toml")
+    rows = identified(logs, "*.csv", *held, "--procedure", "joint", "--config", "damper.toml")
     fitted = [float(row["mse_percent"]) for row in rows if row["role"] == "fitted"]
     told = {row["log"]: float(row["mse_percent"]) for row in rows if row["role"] == "held_out"}
     slow = max(mse for name, mse in told.items() if name != UNSEEN)
@@ -108,7 +114,7 @@ def apart_bars(folder: Path) -> list[Bar]:
     """Each log by itself, the law chosen by evidence."""
     logs = folder / "adjustable"
     held = ("--hold-out", "*_slow.csv")
-    rows = _identified(logs, "*.csv", *held, "--model", "auto", "--config", "damper.toml")
+    rows = identified(logs, "*.csv", *held, "--model", "auto", "--config", "damper.toml")
     fitted = [float(row["mse_percent"]) for row in rows if row["role"] == "fitted"]
     return [
         Bar("log by log with --model auto, worst of 12, %", max(fitted), 0.12),
@@ -121,7 +127,7 @@ def second_rig_bars(folder: Path) -> list[Bar]:
     logs = written_second_rig(folder / "second_rig")
     text = RIG_TOML.format(model="twin_tube") + '[damper.mounting]\nplay = "fit"\n'
     (logs / "damper.toml").write_text(text, encoding="utf-8")
-    rows = _identified(logs, "*.csv", "--config", "damper.toml")
+    rows = identified(logs, "*.csv", "--config", "damper.toml")
     worst = max(float(row["mse_percent"]) for row in rows)
     return [
         Bar("second rig, one parameter set for 13 speeds, worst, %", worst, 0.5),
