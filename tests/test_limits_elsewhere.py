@@ -28,9 +28,9 @@ from damperfit.damper.network import BODY_NUMBERS, Network, Passage
 from damperfit.damper.purdy.cavitation import _root
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError, OutputError
-from damperfit.handover.account import _mse
 from damperfit.handover.fmu.archive import _data
 from damperfit.handover.force_table import _speeds_beyond
+from damperfit.handover.provenance import _mse
 from damperfit.identification import Status
 from damperfit.queries.one_simulation import SimulatedTest
 from damperfit.readers import write_buffers

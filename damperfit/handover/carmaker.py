@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from damperfit.handover.account import account, commented, gas_line
 from damperfit.handover.force_table import force_tables
+from damperfit.handover.provenance import commented, gas_line, provenance
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -32,7 +32,7 @@ def write_carmaker(handed: HandedOver, options: ExportOptions) -> Mapping[str, b
     for table in force_tables(handed, extend=options.extend):
         gas = gas_line(table, place="add it to the spring")
         text = "#INFOFILE1.1 (UTF-8) - Do not remove this line!\n"
-        text += commented(account(handed, [table], sign=_SIGN, gas=gas), "##")
+        text += commented(provenance(handed, [table], sign=_SIGN, gas=gas), "##")
         text += _side(table, "Damp_Push", -1.0) + _side(table, "Damp_Pull", 1.0)
         name = f"{options.stem}_s{table.slug}.txt"
         files[name] = text.encode("utf-8", "replace")

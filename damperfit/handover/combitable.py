@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.handover.account import account, commented, gas_line
 from damperfit.handover.force_table import force_tables
+from damperfit.handover.provenance import commented, gas_line, provenance
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -35,7 +35,7 @@ def write_combitable(handed: HandedOver, options: ExportOptions) -> Mapping[str,
     """Return one file with the matrices of all settings."""
     tables = force_tables(handed, extend=options.extend)
     gas = gas_line(tables[0], place="matrix gas, by displacement; add it to the table's force")
-    text = "#1\n" + commented(account(handed, tables, sign=_SIGN, gas=gas), "#")
+    text = "#1\n" + commented(provenance(handed, tables, sign=_SIGN, gas=gas), "#")
     for table in tables:
         pairs = np.column_stack([table.speeds, table.forces])
         said = f"setting {table.setting}: velocity m/s, force N"
