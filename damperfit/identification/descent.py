@@ -168,6 +168,11 @@ def descend(misfit: Misfit, start: Values) -> Solution:
     FitCancelledError
         When the caller asked to stop.
     """
+    return _ended(misfit, start).condensed
+
+
+def _ended(misfit: Misfit, start: Values) -> Solution:
+    """Where a descent ends, with the Jacobian that was at hand."""
     if misfit.cycles is None or misfit.max_evaluations == 1:
         return _to_the_end(misfit.whole, start)
     try:  # one evaluation is left to the logs

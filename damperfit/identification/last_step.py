@@ -80,7 +80,7 @@ def last_step(misfit: Misfit, near: Values, *, least_percent: float) -> Solution
     return Solution(
         parameters=parameters,
         mse_percent=100.0 * left,
-        jacobian=jacobian,
+        jacobian=triangle[: len(free), : len(free)],
         evaluations=1,
         failed_trials=0,
         status=_MET_COST,

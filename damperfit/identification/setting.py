@@ -331,7 +331,7 @@ def describe_fit(setting: Setting, judged: Judged, misfit: Misfit) -> Fit:
             misfit.damper,
             misfit.solver,
             comparison.force.copy(),  # not a view that keeps more
-            comparison.response.pressures,
+            comparison.response.pressures.astype(np.float32),
             tuple(islice(cycles, len(trace.stretches))),
         )
         logs.append(LogFit(trace, mse, noise_floor(trace), alone, kept))

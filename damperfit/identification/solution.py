@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Values
@@ -27,7 +28,9 @@ class Solution:
     mse_percent : float
         Eq. (22) there, each stretch with its weight.
     jacobian : numpy.ndarray
-        Shape (n, k): derivative of the residuals by u, in the order of the free parameters.
+        Shape (n, k): derivative J of the residuals by u, in the order of the free parameters. Of a
+        descent that has ended the triangle R, at most (k, k): R^T R = J^T J, and J is as long as the
+        logs, of which a run keeps many.
     evaluations, failed_trials : int
         Simulations of the whole setting, and those that could not be integrated.
     status : int
@@ -51,3 +54,12 @@ class Solution:
     gradient_cosine: float
     n_independent: float
     is_cavitating: bool
+
+    @property
+    def condensed(self) -> Solution:
+        """The same with no more of the Jacobian than its triangle."""
+        n, k = self.jacobian.shape
+        if n <= k:
+            return self
+        triangle = np.asarray(np.linalg.qr(self.jacobian, mode="r"))
+        return replace(self, jacobian=triangle)

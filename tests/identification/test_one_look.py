@@ -96,7 +96,8 @@ def test_judging_simulates_a_cycle_of_each_log_and_writing_nothing(
         assert one is not None
         motion = motion_of(fit.logs[0].trace)
         anew = simulate(fit.parameters, PURDY_DAMPER, motion, options=SOLVER)
-        assert np.array_equal(one.response.pressures, anew.pressures)
+        kept = anew.pressures.astype(np.float32)  # in single precision, an empty chamber as zero
+        assert np.array_equal(one.response.pressures, kept)
         assert np.array_equal(one.response.time, anew.time)
 
 
