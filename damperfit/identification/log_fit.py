@@ -38,8 +38,8 @@ class SeenLog:
     force : numpy.ndarray
         Shape (n,), behind the trace's model filter, N.
     pressures : numpy.ndarray
-        Shape (3, n), Pa, in single precision: what is kept of every log of a run is held to 50 bytes
-        a sample, and 0.03 Pa are less than the integrator's error. An empty chamber stays empty.
+        Shape (3, n), Pa, in single precision: of every log of a run no more is kept than 50 bytes a
+        sample, and 0.03 Pa are less than the integrator's error. An empty chamber stays empty.
     cycles : tuple of SettledCycle
         Of each stretch, where the fit has gone down on them.
     """

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -262,6 +263,7 @@ def _gain(trace: Trace, period: float, n: int) -> NDArray[np.complex128]:
     return np.asarray(np.abs(one_pass) ** 2 + 0j if design.is_zero_phase else one_pass)
 
 
+@lru_cache(maxsize=1024)
 def fast_length(n: int) -> int:
     """Return the least length from n on with no prime factor but 2, 3 and 5."""
     best = 1 << max(n - 1, 0).bit_length()

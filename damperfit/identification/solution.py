@@ -29,8 +29,8 @@ class Solution:
         Eq. (22) there, each stretch with its weight.
     jacobian : numpy.ndarray
         Shape (n, k): derivative J of the residuals by u, in the order of the free parameters. Of a
-        descent that has ended the triangle R, at most (k, k): R^T R = J^T J, and J is as long as the
-        logs, of which a run keeps many.
+        descent that has ended the triangle R, at most (k, k): R^T R = J^T J, and J is as long as
+        the logs, of which a run keeps many.
     evaluations, failed_trials : int
         Simulations of the whole setting, and those that could not be integrated.
     status : int

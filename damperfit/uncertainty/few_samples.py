@@ -21,11 +21,13 @@ runs. Where noise of the displacement is all there is, 83 to 92 hold it
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.conditioning import apply_filter
+from damperfit.recording import FilterDesign
 from damperfit.statistics import student_quantile
 from damperfit.uncertainty.correlated_noise import (
     autocorrelation,
@@ -39,14 +41,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.recording import FilterDesign
-
     FloatArray = NDArray[np.float64]
 
 __all__ = ["ENOUGH", "ShortStretch", "filter_correlation", "widening"]
 
 # Independent samples a parameter; with more, errors are less than 2 % short.
 ENOUGH = 50.0
+# Samples to which lengths are rounded up: what a filter keeps of an impulse ends long before.
+_LIKE_LONG = 1024
 _NORMAL = 1.959963984540054  # what Student's t comes to with many freedoms, at 97.5 %
 
 
@@ -77,9 +79,19 @@ class ShortStretch:
 
 def filter_correlation(design: FilterDesign, n: int) -> FloatArray:
     """Return the autocorrelation of white noise behind a filter at lags 0 to n - 1, shape (n,)."""
+    sections = np.ascontiguousarray(design.sections, dtype=np.float64)
+    longer = -(-n // _LIKE_LONG) * _LIKE_LONG
+    return _correlation(sections.tobytes(), longer, is_zero_phase=design.is_zero_phase)[:n]
+
+
+@lru_cache(maxsize=16)  # logs of one rig have one filter, and are as long to a few cycles
+def _correlation(sections: bytes, n: int, *, is_zero_phase: bool) -> FloatArray:
+    design = FilterDesign(np.frombuffer(sections).reshape(-1, 6), is_zero_phase, "")
     impulse = np.zeros(2 * n + 1)
     impulse[n] = 1.0
-    return autocorrelation(apply_filter(design, impulse), n - 1)
+    found = autocorrelation(apply_filter(design, impulse), n - 1)
+    found.flags.writeable = False
+    return found
 
 
 def widening(stretches: Sequence[ShortStretch]) -> float:

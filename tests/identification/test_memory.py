@@ -1,8 +1,9 @@
-"""What a run keeps of a log: counted in bytes of arrays, not by the clock or the system's figures."""
+"""What a run keeps of a log, counted in bytes of arrays."""
 
 from __future__ import annotations
 
 import gc
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.identification.descent import descend
+from damperfit.identification.descent import Misfit, descend
 from damperfit.identification.evaluation import evaluate, transformation, values_of
 from damperfit.identification.setting import relative_errors
 from damperfit.uncertainty import assess
@@ -54,13 +55,13 @@ def test_a_log_that_is_judged_keeps_half_a_megabyte() -> None:
     assert kept > sum(log.force.nbytes + log.displacement.nbytes for log in logs)
 
 
-@pytest.mark.parametrize("is_on_cycles", [True, False])
+@pytest.mark.parametrize("way", [on_cycles, lambda whole: whole], ids=["cycles", "logs"])
 def test_a_descent_keeps_a_triangle_that_gives_the_errors_of_the_whole(
-    is_on_cycles: bool,
+    way: Callable[[Misfit], Misfit],
 ) -> None:
     """A Jacobian as long as the log would stay through the first pass of all settings."""
     whole = misfit([trace(10, noise=4.0)])
-    found = descend(on_cycles(whole) if is_on_cycles else whole, reference_parameters(10))
+    found = descend(way(whole), reference_parameters(10))
     assert found.jacobian.shape == (len(whole.free), len(whole.free))
     _, slopes, _ = evaluate(whole, found.parameters, whole.scale)
     values = values_of(whole.free, found.parameters)

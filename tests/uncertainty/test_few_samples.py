@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from damperfit.conditioning import apply_filter
 from damperfit.conditioning.filters import design_filter
-from damperfit.uncertainty.correlated_noise import correlation_length, score_covariance
+from damperfit.recording import FilterDesign
+from damperfit.uncertainty import few_samples
+from damperfit.uncertainty.correlated_noise import (
+    autocorrelation,
+    correlation_length,
+    score_covariance,
+)
 from damperfit.uncertainty.few_samples import ENOUGH, ShortStretch, filter_correlation, widening
 
 RATE, CORNER = 1024.0, 30.0
@@ -103,3 +111,37 @@ def test_a_log_of_many_samples_keeps_its_errors(share, is_wider):
 def test_a_fit_of_nothing_has_nothing_to_widen():
     assert widening([]) == 1.0
     assert widening([ShortStretch(np.zeros((50, 0)), np.eye(1, 50)[0], 0)]) == 1.0
+
+
+@pytest.mark.parametrize("kind", ["zero_phase", "causal", "none"])
+@pytest.mark.parametrize("n", [700, 1024, 1025])
+def test_the_correlation_is_that_of_white_noise_behind_the_filter(kind: str, n: int) -> None:
+    design = design_filter(kind, CORNER, sample_rate=RATE, order=4)
+    impulse = np.zeros(2 * n + 1)
+    impulse[n] = 1.0
+    own = autocorrelation(apply_filter(design, impulse), n - 1)
+    found = filter_correlation(design, n)
+    assert found.shape == (n,)
+    assert found == pytest.approx(own, abs=1e-9)
+
+
+def test_logs_of_one_filter_share_its_correlation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lengths are rounded up: fifteen cycles are not as many samples in every log."""
+    asked: list[float] = []
+
+    def counted(design: FilterDesign, signal: np.ndarray) -> np.ndarray:
+        asked.append(len(signal))
+        return apply_filter(design, signal)
+
+    monkeypatch.setattr(few_samples, "apply_filter", counted)
+    designs = [
+        design_filter("zero_phase", c, sample_rate=RATE, order=4) for c in (31.7, 31.7, 45.3)
+    ]
+    for design in designs[:2]:
+        for n in (9001, 9013, 9100):
+            filter_correlation(design, n)
+    assert len(asked) == 1
+    filter_correlation(designs[2], 9001)
+    filter_correlation(replace(designs[0], is_zero_phase=False), 9001)
+    filter_correlation(designs[0], 9300)
+    assert len(asked) == 4
