@@ -68,7 +68,8 @@ RIGHT_ANGLE = 1e-3
 # Where the misfit has kinks a descent may stop among them, at so many times the cosine that the
 # promised fall would have.
 _AMONG_KINKS = 1.5
-# Below this misfit (times the solver's tolerance, N) the solver's own error is what is left.
+# Below this misfit (times the solver's tolerance, N) the solver's own error moves what is found.
+# It is then kept to this share of the misfit, or of the tolerance where less than that is left.
 _POLISH_BELOW = 100.0
 _POLISH_FACTOR = 0.003
 
@@ -198,7 +199,9 @@ def _to_the_end(misfit: Misfit, start: Values) -> Solution:
     solution = _minimise(misfit, start)
     if solution.mse_percent > _solvers_percent(misfit):
         return solution
-    tighter = replace(misfit.solver, tolerance=_POLISH_FACTOR * misfit.solver.tolerance)
+    left = misfit.deviation * math.sqrt(solution.mse_percent / 100.0)
+    tolerance = _POLISH_FACTOR * max(misfit.solver.tolerance, left)
+    tighter = replace(misfit.solver, tolerance=tolerance)
     try:
         refined = _minimise(replace(misfit, solver=tighter), solution.parameters)
     except SimulationError:
