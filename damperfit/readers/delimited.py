@@ -20,8 +20,9 @@ from typing import TYPE_CHECKING
 from damperfit.errors import LogError
 from damperfit.readers.channels import visible
 from damperfit.readers.clock import is_stamp
-from damperfit.readers.dialect import Dialect, fields_of, find_dialect, metadata_of
+from damperfit.readers.dialect import Dialect, fields_of, metadata_of
 from damperfit.readers.encoding import to_utf8
+from damperfit.readers.known_dialects import dialect_of
 from damperfit.readers.rows import TextRows, load_rows
 from damperfit.readers.table import Column, Table
 from damperfit.readers.title_time import with_time_of_titles
@@ -127,7 +128,7 @@ def _count_lines(data: bytes) -> int:
 
 def _read_block(block: _Block, notes: tuple[str, ...], options: ReadOptions) -> Table:
     name = block.name
-    dialect = find_dialect(block.data, options, name=name, first_line=block.first_line)
+    dialect = dialect_of(block.data, options, name=name, first_line=block.first_line)
     if block.decimal and not options.decimal and block.decimal != dialect.decimal:
         dialect = replace(dialect, decimal=block.decimal)
     start = dialect.data_offset
