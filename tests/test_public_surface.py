@@ -808,6 +808,7 @@ SURFACE = {
         "table_quantities",
         "table_schema",
         "time_series_table",
+        "unknown_schema",
         "values_from",
         "valve_rows",
         "write_responses",

@@ -12,7 +12,7 @@ from damperfit.configuration.loading import load_configuration, redeclared
 from damperfit.damper.warmed import at_temperature
 from damperfit.errors import ConfigurationError
 from damperfit.queries.fleet_part import is_part, record_of
-from damperfit.tables import read_facts
+from damperfit.tables import read_facts, unknown_schema
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
@@ -47,11 +47,14 @@ class Origin:
         Its [damper], as it was written; None: it does not tell.
     motion : Sine or None
         The motion that was tested.
+    unknown_schema : str or None
+        A sentence where the table is of a schema that is not known here.
     """
 
     place: str
     damper: Mapping[str, Any] | None = None
     motion: Sine | None = None
+    unknown_schema: str | None = None
 
 
 def origin_of(table: Path) -> Origin:
@@ -60,13 +63,14 @@ def origin_of(table: Path) -> Origin:
     beside = _record(table.parent / "run.json")
     if is_part(table):
         facts = beside = record_of(table)
+    schema = unknown_schema(facts or beside)
     for place, known in ((table, facts), (table.parent / "run.json", beside)):
         document = known.get("configuration")
         damper = document.get("damper") if isinstance(document, dict) else None
         if isinstance(document, dict) and isinstance(damper, dict):
             motion = motion_of_tests(beside) or _nominal(document.get("rig"))
-            return Origin(str(place), damper, motion)
-    return Origin(str(table))
+            return Origin(str(place), damper, motion, schema)
+    return Origin(str(table), unknown_schema=schema)
 
 
 def configuration_of_run(
@@ -196,6 +200,8 @@ def damper_of_table(
         said = f"; {origin.place} does not say whose parameters these are"
     else:
         said = f", that of {origin.place}"
+    if origin.unknown_schema:
+        said = f"{said}; {origin.unknown_schema}"
     return meant, meant.damper_sentence_from(said)
 
 

@@ -13,7 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from damperfit.tables.characteristics import characteristic_rows
-    from damperfit.tables.columns import SCHEMA_VERSION, column_names, describe_tables, table_schema
+    from damperfit.tables.columns import (
+        SCHEMA_VERSION,
+        column_names,
+        describe_tables,
+        table_schema,
+        unknown_schema,
+    )
     from damperfit.tables.files import (
         read_facts,
         read_known_numbers,
@@ -71,6 +77,7 @@ __all__ = [
     "table_quantities",
     "table_schema",
     "time_series_table",
+    "unknown_schema",
     "values_from",
     "valve_rows",
     "write_responses",
@@ -104,6 +111,7 @@ _LATE = {
     "table_quantities": "files",
     "table_schema": "columns",
     "time_series_table": "results",
+    "unknown_schema": "columns",
     "values_from": "quantities",
     "valve_rows": "valves",
     "write_responses": "files",

@@ -28,9 +28,12 @@ __all__ = [
     "read_setting",
     "setting_cells",
     "table_schema",
+    "unknown_schema",
 ]
 
 SCHEMA_VERSION = 2
+# 1 did not tell the quantities: they are the paper's.
+_READ_VERSIONS = (1, SCHEMA_VERSION)
 # Results of before these were added lack nothing that a reader must know of.
 _LATE = frozenset(
     {
@@ -367,3 +370,16 @@ def describe_tables(
         for table in _TABLES
         if table != "time_series"
     }
+
+
+def unknown_schema(record: Mapping[str, Any]) -> str | None:
+    """Return a sentence where results, by their record, are of a schema that is not known here."""
+    version = record.get("schema_version", SCHEMA_VERSION)
+    if version in _READ_VERSIONS:
+        return None
+    is_newer = isinstance(version, int) and version > SCHEMA_VERSION
+    return (
+        f"the results are of schema version {version} (damperfit {record.get('version')}), "
+        f"this damperfit knows {SCHEMA_VERSION}: what is not found is left out; "
+        f"{'update damperfit, or ' * is_newer}run identify again on the logs"
+    )

@@ -22,11 +22,11 @@ from damperfit.atomic import settle
 from damperfit.errors import ConfigurationError
 from damperfit.recording import natural_order
 from damperfit.tables.columns import (
-    SCHEMA_VERSION,
     adjusters_in,
     column_kinds,
     is_late,
     read_setting,
+    unknown_schema,
 )
 from damperfit.tables.quantities import PAPER_QUANTITIES, quantities_in
 from damperfit.tested.setting import Setting
@@ -44,8 +44,6 @@ if TYPE_CHECKING:
 __all__ = ["LogSignals", "Results", "read_results"]
 
 _BROKEN = (OSError, ValueError, TypeError, KeyError, csv.Error, pa.ArrowException)
-# 1 did not tell the quantities: they are the paper's.
-_READ_VERSIONS = (1, SCHEMA_VERSION)
 _MANY = 6  # columns that are named when they are missing
 _SIGNALS = (
     "time_s",
@@ -140,7 +138,7 @@ def read_results(
     settle(folder)
     remarks: list[str] = []
     record = _record(folder / "run.json", remarks)
-    _check_version(record, remarks)
+    remarks.extend(filter(None, [unknown_schema(record)]))
     _check_files(folder, record, remarks, parts)
     quantities = _quantities(folder, record)
     parameters: tuple[dict[str, Any], ...] = ()
@@ -198,17 +196,6 @@ def _record(path: Path, remarks: list[str]) -> dict[str, Any]:
             return document
         remarks.append("run.json is not a JSON object: rig, inputs and warnings are not known")
     return {}
-
-
-def _check_version(record: dict[str, Any], remarks: list[str]) -> None:
-    version = record.get("schema_version", SCHEMA_VERSION)
-    if version not in _READ_VERSIONS:
-        is_newer = isinstance(version, int) and version > SCHEMA_VERSION
-        remarks.append(
-            f"the results are of schema version {version} (damperfit {record.get('version')}), "
-            f"this damperfit knows {SCHEMA_VERSION}: what is not found is left out; "
-            f"{'update damperfit, or ' * is_newer}run identify again on the logs"
-        )
 
 
 def _check_files(

@@ -7,6 +7,7 @@ import shutil
 import tomllib
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 
 from damperfit.cli import main
@@ -15,6 +16,7 @@ from damperfit.damper.purdy.parameters import DAMPER_RANGES
 from damperfit.errors import ConfigurationError
 from damperfit.run.earlier import BESIDE
 from damperfit.samples import SampleOptions, make_samples
+from damperfit.tables import SCHEMA_VERSION
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -43,6 +45,26 @@ def test_results_of_one_damper_name_no_folders_beside_them(slim) -> None:
     record = json.loads((slim / "run.json").read_text(encoding="utf-8"))
     assert BESIDE not in record
     assert record["held_out"] == []
+
+
+@pytest.mark.parametrize("table", ["parameters.parquet", "parameters.csv"])
+@pytest.mark.parametrize(("version", "is_known"), [(SCHEMA_VERSION, True), (99, False)])
+def test_a_table_of_another_schema_is_said(run, slim, tmp_path, table, version, is_known) -> None:
+    folder = Path(shutil.copytree(slim, tmp_path / "later"))
+    record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    (folder / "run.json").write_text(json.dumps({**record, "schema_version": version}))
+    known = pq.read_table(folder / "parameters.parquet")
+    facts = {**json.loads(known.schema.metadata[b"damperfit"]), "schema_version": version}
+    said = known.replace_schema_metadata({"damperfit": json.dumps(facts)})
+    pq.write_table(said, folder / "parameters.parquet")
+    for command in (
+        ("simulate", "--setting", "1"),
+        ("sweep", "--setting", "1", "--vary", "k_e=1,1.1"),
+    ):
+        ended = run(*command, "--parameters", folder / table, "--json")
+        assert ended.code == 0, ended.err
+        first = ended.err.splitlines()[0]
+        assert ("schema version 99" in first and "update damperfit" in first) is not is_known
 
 
 def _peak(ended) -> float:
