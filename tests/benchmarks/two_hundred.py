@@ -2,6 +2,7 @@
 
     python -m tests.benchmarks.two_hundred DIR                  # 200 logs of 10 s at 1 kHz
     python -m tests.benchmarks.two_hundred DIR --logs 20 --profile
+    python -m tests.benchmarks.two_hundred DIR --logs 40 --reading  # reading, conditioning alone
 
 The logs are of as many settings, whose parameters lie evenly between those of the reference set, so
 that no two are the same test. They are made in DIR where it holds none. With ``--profile`` what the
@@ -79,6 +80,26 @@ def _profile(arguments: list[str]) -> None:
     told.sort_stats("cumtime").print_stats(120)
 
 
+def _tell_reading(pattern: str, rounds: int) -> None:
+    """Tell what reading and conditioning, findings included, take of a log once all is loaded."""
+    from damperfit.conditioning import condition
+    from damperfit.configuration.loading import load_configuration
+    from damperfit.readers import read_log
+
+    configuration = load_configuration()
+    paths = sorted(Path(pattern).parent.glob(Path(pattern).name))
+    for _ in range(1 + rounds):  # the first warms up
+        spent = []
+        for path in paths:
+            begin = time.process_time()
+            log = read_log(path, configuration.reading)
+            between = time.process_time()
+            condition(log, configuration.conditioning)
+            spent.append((between - begin, time.process_time() - between))
+        read, conditioned = 1e3 * np.median(spent, axis=0)
+    print(f"ms of processor a log, medians: reading {read:.2f}, conditioning {conditioned:.2f}")
+
+
 def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description="Processor time of identify over many logs.")
@@ -86,8 +107,12 @@ def main() -> None:
     parser.add_argument("--logs", type=int, default=200)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--profile", action="store_true")
+    parser.add_argument("--reading", action="store_true")
     chosen = parser.parse_args()
     pattern = make_logs(chosen.folder.resolve(), chosen.logs)
+    if chosen.reading:
+        _tell_reading(pattern, chosen.rounds)
+        return
     results = chosen.folder.resolve() / "results"
     command = ["identify", pattern, "--out", str(results), "--quiet"]
     if chosen.profile:
