@@ -254,4 +254,6 @@ def parse_bands(text: str | None) -> Tolerance | None:
     if text is None:
         return None
     path = Path(text)
-    return read_bands(path) if path.is_file() or path.suffix else parse_tolerance(text)
+    # "2.5%" has a suffix too, as pathlib sees it.
+    is_file = path.is_file() or path.suffix[1:2].isalpha()
+    return read_bands(path) if is_file else parse_tolerance(text)

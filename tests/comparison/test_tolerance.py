@@ -18,6 +18,7 @@ from damperfit.comparison import (
     tolerated,
 )
 from damperfit.errors import ConfigurationError
+from damperfit.queries.comparisons import parse_bands
 from damperfit.report import junit_report, tolerance_outcome, tolerance_sheet
 from tests.comparison.runs import DAMPING, GAS, measured, run
 
@@ -38,6 +39,21 @@ def _table(text: str) -> Path:
 def test_a_tolerance_is_per_cent_or_newtons_or_both(text, share, newtons) -> None:
     found = parse_tolerance(text)
     assert (found.share, found.newtons) == (pytest.approx(share), newtons)
+
+
+@pytest.mark.parametrize(
+    ("text", "share", "newtons"),
+    [("2.5%", 0.025, 0.0), ("0.5%,12.5N", 0.005, 12.5), ("0.1kN", 0.0, 100.0), ("7.5", 0.0, 7.5)],
+)
+def test_a_decimal_point_makes_no_file_of_a_tolerance(text, share, newtons) -> None:
+    found = parse_bands(text)
+    assert (found.share, found.newtons) == (pytest.approx(share), newtons)
+
+
+@pytest.mark.parametrize("text", ["nominal.csv", "nominal.h5", "bands 2.5.csv"])
+def test_what_is_named_like_a_file_is_one(text) -> None:
+    with pytest.raises(ConfigurationError, match="cannot be read"):
+        parse_bands(text)
 
 
 @pytest.mark.parametrize("text", ["", "5 mm", "0%", "-3N", "half"])
