@@ -230,6 +230,27 @@ def test_no_column_is_cut_at_1400_pixels(browser):
     assert browser.execute_script("return document.body.scrollWidth <= innerWidth")
 
 
+def test_the_tools_of_a_plot_are_not_over_its_heading_however_long_it_is(browser):
+    over = browser.execute_script(
+        """
+        const over = [];
+        for (const d of document.querySelectorAll('.plot')) {
+          const heading = d.parentElement.querySelector('h3');
+          const title = heading.textContent, range = document.createRange();
+          heading.textContent = 'Setting 10: force against velocity '.repeat(6);
+          range.selectNodeContents(heading);
+          const bar = d.querySelector('.modebar').getBoundingClientRect();
+          for (const line of range.getClientRects())
+            if (line.right > bar.left && line.bottom > bar.top && line.top < bar.bottom)
+              over.push(d.dataset.name);
+          heading.textContent = title;
+        }
+        return over;
+        """
+    )
+    assert over == []
+
+
 def test_the_tools_of_a_plot_are_not_over_its_legend_or_its_curves(browser):
     over = browser.execute_script(
         "return [...document.querySelectorAll('.plot')].filter(d => {"
