@@ -372,5 +372,5 @@ def _with_law(
         said = " ".join(choice.sentences)
         say(f"damperfit: the logs support {choice.supported}. {said}".rstrip())
         for one in choice.alike:
-            say(f"note: these logs do not tell apart: {one[0].lower()}{one[1:]}")
+            say(f"note: these logs cannot tell apart: {one[0].lower()}{one[1:]}")
     return with_chosen_law(configuration, choice)

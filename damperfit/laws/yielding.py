@@ -41,7 +41,7 @@ def held_against(law: Tried, other: Tried, share: float) -> tuple[bool, str]:
     if times_worse(other, law) > 1.0 and not are_alike(other, law):
         return True, f"{holds}; it {_better(other, law)} than the law of valves"
     if is_open_to(law, other):
-        return False, f"{holds}; it tells that about as well as the law of valves"
+        return False, f"{holds}; it fits them about as well as the law of valves"
     return False, f"{holds}; the law of valves {_better(law, other)}"
 
 
@@ -76,7 +76,10 @@ def yielding_seen(ladder: Ladder, fits: Sequence[LawFit]) -> tuple[str, ...]:
             "it slides, as a magneto-rheological fluid or dry friction does."
         ),
         f"{_numbers(fits)}.",
-        f"{model.title} tells that better than any valves, so no valve, mounting or delay is told.",
+        (
+            f"{model.title} fits that better than any valves do, so no valve, mounting or delay is "
+            "named."
+        ),
     )
 
 

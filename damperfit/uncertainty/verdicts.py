@@ -181,7 +181,7 @@ def _without_interval(status: Status, profile: MisfitProfile | None, unit: str) 
     if status != Status.NOT_IDENTIFIABLE:
         return "no interval: the fit did not converge to a minimum"
     seen = f" ({_seen(profile, unit)})" if profile is not None else ""
-    return f"these logs do not tell it from none{seen}: the law may as well lack this part"
+    return f"these logs cannot tell it from none{seen}: the law may as well lack this part"
 
 
 def _span(low: float, high: float, quantity: Quantity) -> str:

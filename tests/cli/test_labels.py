@@ -193,7 +193,8 @@ def test_several_dampers_get_a_result_each(bodies, run, tmp_path):
     ended = run("identify", tmp_path / "*.csv", "--out", tmp_path / "out", "--json")
     assert ended.code == 1
     assert (
-        "stray.csv: the log does not say which damper it is of, and there are A1, B 2" in ended.err
+        "stray.csv: the log does not say which damper it belongs to, and there are A1, B 2"
+        in ended.err
     )
     document = json.loads(ended.out)
     assert list(document["dampers"]) == ["A1", "B 2"]

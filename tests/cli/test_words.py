@@ -116,4 +116,4 @@ def test_laws_are_named_as_they_are_tried_unless_quiet(
     assert ("tried a rung" in said) is not is_quiet
     assert ("tried a rival" in said) is (rivals and not is_quiet)
     assert ("the logs support it. It opens.\n" in said) is not is_quiet
-    assert ("note: these logs do not tell apart: a or B.\n" in said) is not is_quiet
+    assert ("note: these logs cannot tell apart: a or B.\n" in said) is not is_quiet

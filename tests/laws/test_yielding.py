@@ -71,7 +71,7 @@ def test_a_damper_that_yields_is_told_as_what_it_is(name, tmp_path, capsys) -> N
     assert code == 0
     assert f"the logs support {name}." in said
     assert "it yields before it slides" in said
-    told = said.replace("no valve, mounting or delay is told", "")
+    told = said.replace("no valve, mounting or delay is named", "")
     assert not [word for word in OF_VALVES if word in told]
     record = json.loads((out / "run.json").read_text())
     assert record["law_choice"]["model"] in {"bouc_wen", "biviscous", "kwok"}

@@ -191,12 +191,12 @@ def test_less_than_three_kelvin_determine_nothing(reach: float, *, is_refused: b
     if not is_refused:
         assert with_reference(asked_for("mean"), traces).damper.reference == pytest.approx(27.6)
         return
-    with pytest.raises(ConfigurationError, match=r"of 26.0 to 28.9 degC; .* by less than 3 K"):
+    with pytest.raises(ConfigurationError, match=r"of 26.0 to 28.9 degC; .* over less than 3 K"):
         with_reference(asked_for("mean"), traces)
 
 
 def test_one_temperature_is_no_range() -> None:
-    with pytest.raises(ConfigurationError, match=r"the logs are all of 26.0 degC; what"):
+    with pytest.raises(ConfigurationError, match=r"the logs are all of 26.0 degC; the effect"):
         with_reference(asked_for("mean"), [log(1, COLD), log(10, COLD)])
 
 
