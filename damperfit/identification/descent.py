@@ -21,7 +21,7 @@ from damperfit.identification.evaluation import (
     values_of,
     with_values,
 )
-from damperfit.identification.last_step import last_step
+from damperfit.identification.last_step import known_step, last_step
 from damperfit.identification.minimiser import Minimum, Transformation, minimise
 from damperfit.identification.plausible import (
     first_edge,
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Values
     from damperfit.identification.settled import SettledLogs
+    from damperfit.identification.solution import Earlier
     from damperfit.recording import Trace
     from damperfit.simulation import SolverOptions
 
@@ -100,6 +101,8 @@ class Misfit:
         Asked before each evaluation.
     cycles : SettledLogs, optional
         What a descent goes down on before it ends on the logs; None: on the logs alone.
+    earlier : Earlier, optional
+        Where a descent with more free ended, which knows how far logs and mean cycles lie apart.
     """
 
     traces: tuple[Trace, ...]
@@ -109,6 +112,7 @@ class Misfit:
     max_evaluations: int
     cancelled: Callable[[], bool]
     cycles: SettledLogs | None = None
+    earlier: Earlier | None = None
 
     @property
     def whole(self) -> Misfit:
@@ -185,7 +189,12 @@ def _ended(misfit: Misfit, start: Values) -> Solution:
         raise FitCancelledError("stopped while a fit was running.")
     ended = None
     if there.status != _LIMIT:
-        ended = last_step(left, there.parameters, least_percent=_solvers_percent(misfit))
+        least = _solvers_percent(misfit)
+        ended = known_step(left, there, least_percent=least)
+        if ended is None:
+            ended = last_step(left, there.parameters, least_percent=least)
+            if ended is not None and ended.apart is not None:
+                ended = replace(ended, apart=ended.apart - there.promised)
     ended = ended or _to_the_end(left, there.parameters)
     return replace(
         ended,
@@ -373,5 +382,6 @@ def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping:
         gradient_cosine=ended.gradient_cosine,
         n_independent=n_independent(point.residuals),
         is_cavitating=point.extra.is_cavitating,
+        gradient=None if misfit.cycles is None else jacobian.T @ point.residuals,
     )
     return _End(solution, moving, variables.scales, ended, beyond > 0)

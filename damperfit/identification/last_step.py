@@ -3,10 +3,15 @@
 Noise of the displacement drives the model in the logs and is averaged out of the mean cycle, so
 that the minima lie up to half an error apart. That is far within where residuals are linear, and
 the full step of Gauss and Newton ends where a descent on the logs would end.
+
+How far the minima lie apart hardly changes as some of what was free is held a little aside: with
+D the way from the cycles' minimum to the logs' and H = J^T J of the logs, all of a descent with
+more free, it is then D_f + H_ff^-1 H_fh D_h. One look without derivatives tells the misfit there.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,23 +24,29 @@ from damperfit.identification.evaluation import (
     values_of,
     with_values,
 )
+from damperfit.identification.model_versus_log import compare
 from damperfit.identification.plausible import is_at_edge, is_within
 from damperfit.identification.solution import Solution
+from damperfit.identification.weights import weights
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Values
     from damperfit.identification.descent import Misfit
+    from damperfit.identification.model_versus_log import Comparison
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["last_step"]
+__all__ = ["known_step", "last_step"]
 
 # Chi-squared of one error, and the largest relative change of a value: what the step leaves out is
 # its square, 4e-4, which is a twentieth of an error of 1 %.
 _AN_ERROR = 1.0
 _SMALL = 0.02
+# Relative change of a value from a descent to the next from which on the way between the minima is
+# found anew: it changes by as much of itself, and is half an error.
+_NEAR = 0.1
 _MET_COST = 2  # as `Solution` has it: no step makes the sum of squares smaller
 
 
@@ -87,4 +98,102 @@ def last_step(misfit: Misfit, near: Values, *, least_percent: float) -> Solution
         gradient_cosine=float(np.max(np.abs(jacobian.T @ rest) / np.maximum(lengths, 1e-300))),
         n_independent=independent,
         is_cavitating=is_cavitating,
+        apart=step,
     )
+
+
+def known_step(misfit: Misfit, there: Solution, *, least_percent: float) -> Solution | None:
+    """Return the minimum beside that of the mean cycles, by the way that an earlier descent knows.
+
+    None where no descent with more free ended near.
+
+    Parameters
+    ----------
+    misfit : Misfit
+        Of the logs themselves.
+    there : Solution
+        The end of the descent on their mean cycles.
+    least_percent : float
+        MSE below which the integrator's error is what is left, and no step is taken.
+    """
+    step = _way(misfit, there)
+    free, near = misfit.free, there.parameters
+    if step is None or there.gradient is None or np.max(np.abs(step)) > _SMALL:
+        return None
+    jacobian = there.condensed.jacobian
+    moved = jacobian @ step
+    if float(moved @ moved) * there.n_independent > _AN_ERROR * there.mse_percent / 100.0:
+        return None
+    variables = transformation(misfit, free)
+    moved_to = variables.unpack(variables.pack(values_of(free, near)) + step)
+    parameters = with_values(near, free, moved_to)
+    if not is_within(parameters, free):
+        return None
+    try:
+        looked = _looked(misfit, parameters)
+    except SimulationError:
+        return None
+    cost = float(looked.residuals @ looked.residuals)
+    if not 100.0 * cost > least_percent:
+        return None
+    left = np.abs(there.gradient + jacobian.T @ (jacobian @ there.promised))
+    lengths = np.sqrt(np.sum(jacobian**2, axis=0) * cost)
+    return Solution(
+        parameters=parameters,
+        mse_percent=100.0 * cost,
+        jacobian=jacobian,
+        evaluations=1,
+        failed_trials=0,
+        status=_MET_COST,
+        gradient_cosine=float(np.max(left / np.maximum(lengths, 1e-300))),
+        n_independent=n_independent(looked.residuals),
+        is_cavitating=looked.is_cavitating,
+        seen=looked.seen,
+    )
+
+
+def _way(misfit: Misfit, there: Solution) -> FloatArray | None:
+    """The step in u from the end of a descent on cycles to the logs' minimum, if it is known."""
+    free, near, earlier = misfit.free, there.parameters, misfit.earlier
+    if earlier is None or earlier.solution.apart is None or there.gradient is None:
+        return None
+    if not free or not set(free) < set(earlier.free) or any(is_at_edge(near, one) for one in free):
+        return None
+    first, triangle, apart = earlier.solution, earlier.solution.jacobian, earlier.solution.apart
+    fixed = tuple(name for name in near.names if name not in earlier.free)
+    is_same = all(getattr(near, one) == getattr(first.parameters, one) for one in fixed)
+    if not is_same or triangle.shape != (len(earlier.free), len(earlier.free)):
+        return None
+    variables = transformation(misfit, earlier.free)
+    here, before = (
+        variables.pack(values_of(earlier.free, one)) for one in (near, first.parameters)
+    )
+    if np.max(np.abs(here - before)) > _NEAR:
+        return None
+    own = [earlier.free.index(name) for name in free]
+    held = [place for place, name in enumerate(earlier.free) if name not in free]
+    follows = np.linalg.lstsq(triangle[:, own], triangle[:, held] @ apart[held], rcond=None)[0]
+    return np.asarray(there.promised + apart[own] + follows)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Look:
+    """The logs beside the model, without derivatives; residuals scaled as a misfit's."""
+
+    residuals: FloatArray
+    is_cavitating: bool
+    seen: tuple[Comparison, ...]
+
+
+def _looked(misfit: Misfit, parameters: Values) -> _Look:
+    parts, seen = [], []
+    is_cavitating = False
+    for trace, weight in zip(misfit.traces, weights(misfit.traces), strict=True):
+        part = trace.compared
+        one = compare(parameters, trace, misfit.damper, solver=misfit.solver)
+        residuals = misfit.scale * (one.force[part] - trace.force[part])
+        is_empty = (one.response.pressures[:2, part] <= 0.0).any(axis=0)
+        parts.append(residuals if weight is None else residuals * weight)
+        is_cavitating |= bool((is_empty if weight is None else is_empty & (weight > 0.0)).any())
+        seen.append(one)
+    return _Look(np.concatenate(parts), is_cavitating, tuple(seen))

@@ -319,8 +319,10 @@ def describe_fit(setting: Setting, judged: Judged, misfit: Misfit) -> Fit:
     parameters = judged.solution.parameters
     logs, seen, misses, floors = [], [], [], []
     cycles = iter(misfit.cycles.cycles if misfit.cycles is not None else ())
-    for trace in misfit.traces:
-        comparison = compare(parameters, trace, misfit.damper, solver=misfit.solver)
+    compared = judged.solution.seen or tuple(
+        compare(parameters, trace, misfit.damper, solver=misfit.solver) for trace in misfit.traces
+    )
+    for trace, comparison in zip(misfit.traces, compared, strict=True):
         part = trace.compared
         measured, simulated = trace.force[part], comparison.force[part]
         alone = tuple(normalised_mse(measured[at], simulated[at]) for at in trace.places)

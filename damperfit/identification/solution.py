@@ -11,10 +11,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Values
+    from damperfit.identification.model_versus_log import Comparison
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Solution"]
+__all__ = ["Earlier", "Solution"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +44,13 @@ class Solution:
         2 B samples a second are independent.
     is_cavitating : bool
         Whether a chamber is at zero pressure somewhere in what is compared.
+    gradient : numpy.ndarray or None
+        Shape (k,): J^T r at the end of a descent on mean cycles.
+    apart : numpy.ndarray or None
+        Shape (k,): in u, from the minimum of the mean cycles to that of the logs; None where the
+        descent was on the logs.
+    seen : tuple of Comparison
+        The logs beside the model at `parameters`, where the end was looked at just there.
     """
 
     parameters: Values
@@ -54,6 +62,17 @@ class Solution:
     gradient_cosine: float
     n_independent: float
     is_cavitating: bool
+    gradient: FloatArray | None = None
+    apart: FloatArray | None = None
+    seen: tuple[Comparison, ...] = ()
+
+    @property
+    def promised(self) -> FloatArray:
+        """The step in u that is left on the mean cycles, shape (k,)."""
+        assert self.gradient is not None
+        triangle = self.condensed.jacobian
+        half = np.linalg.lstsq(triangle.T, -self.gradient, rcond=None)[0]
+        return np.asarray(np.linalg.lstsq(triangle, half, rcond=None)[0])
 
     @property
     def condensed(self) -> Solution:
@@ -63,3 +82,19 @@ class Solution:
             return self
         triangle = np.asarray(np.linalg.qr(self.jacobian, mode="r"))
         return replace(self, jacobian=triangle)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Earlier:
+    """Where a descent on the same logs has ended that had more free.
+
+    Attributes
+    ----------
+    free : tuple of str
+        What was free, in the order of the solution's derivatives.
+    solution : Solution
+        Where it ended.
+    """
+
+    free: tuple[str, ...]
+    solution: Solution

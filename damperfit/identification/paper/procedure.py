@@ -16,8 +16,10 @@ from damperfit.identification.outcome import Status
 from damperfit.identification.paper.first_pass import first_pass
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import Fit, describe_fit
+from damperfit.identification.solution import Earlier
 
 if TYPE_CHECKING:
+    from damperfit.identification.paper.first_pass import FirstPass
     from damperfit.tested.setting import Setting
 
 __all__ = ["as_in_the_paper"]
@@ -41,6 +43,7 @@ def as_in_the_paper(given: ProcedureInput) -> Campaign:
 
     def fit(setting: Setting) -> tuple[Fit, Search | None]:
         misfit = given.misfit(setting, given.ordered(free))
+        misfit = replace(misfit, earlier=_earlier(first, setting))
         start = (first.start(setting) or given.start(setting, misfit, held)).replace(held)
         judged, found = fit_from(given, setting, misfit, start, spent=first.evaluations(setting))
         named = dict.fromkeys(first.sharing.found, Status.SHARED) | dict(first.status)
@@ -50,3 +53,11 @@ def as_in_the_paper(given: ProcedureInput) -> Campaign:
     return replace(
         collected, sharing=first.sharing, searches=(*first.searches, *collected.searches)
     )
+
+
+def _earlier(first: FirstPass, setting: Setting) -> Earlier | None:
+    """Where the first pass has ended at a setting, if the second starts there."""
+    if first.start(setting) is None:
+        return None
+    judged = first.judged[setting]
+    return Earlier(tuple(judged.errors), judged.solution)

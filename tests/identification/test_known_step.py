@@ -1,0 +1,157 @@
+"""A second descent with less free ends by what the first knows, beside its slow twins.
+
+Twins are the descent on the logs alone, which the parameters are held to within a tenth of their
+errors, and the mean cycles' own look at the whole log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.errors import SimulationError
+from damperfit.identification.descent import descend
+from damperfit.identification.last_step import known_step
+from damperfit.identification.model_versus_log import compare
+from damperfit.identification.setting import relative_errors
+from damperfit.identification.solution import Earlier, Solution
+from damperfit.recording import Trace
+from tests.identification.rig import trace
+from tests.identification.test_mean_cycle import ALL, LOGS, NEAR, THREE, misfit, on_cycles
+
+TRUTH = reference_parameters(10)
+START = TRUTH.replace({name: 1.2 * getattr(TRUTH, name) for name in ALL})
+R_M3, F_F = ALL.index("r_m3"), ALL.index("f_f")
+
+
+def first_pass(logs: Sequence[Trace]) -> Solution:
+    found = descend(on_cycles(misfit(logs, ALL)), START)
+    assert found.apart is not None
+    return found
+
+
+@pytest.fixture(scope="module")
+def logs() -> list[Trace]:
+    return [trace(10, noise=4.0, rate=500.0)]
+
+
+@pytest.fixture(scope="module")
+def first(logs: list[Trace]) -> Solution:
+    return first_pass(logs)
+
+
+@pytest.mark.parametrize("away", [0.0, 2.0])
+@pytest.mark.parametrize(
+    "name", ["setting 1", "setting 20", "drift", "causal", "zero phase", "two logs", "whole cycles"]
+)
+def test_the_second_pass_ends_where_it_would_on_the_logs(name: str, away: float) -> None:
+    """With R_m3 and f_f held up to two errors from where this setting's logs have them."""
+    logs = LOGS[name]()
+    before = first_pass(logs)
+    errors = away * relative_errors(before)
+    held = before.parameters.replace(
+        r_m3=before.parameters.r_m3 * (1.0 + min(errors[R_M3], 0.09)),
+        f_f=before.parameters.f_f * (1.0 - min(errors[F_F], 0.09)),
+    )
+    whole = misfit(logs)
+    slow = descend(whole, held)
+    fast = descend(replace(on_cycles(whole), earlier=Earlier(ALL, before)), held)
+    assert fast.seen
+    assert not slow.seen
+    own = relative_errors(slow)
+    for one, error in zip(THREE, own, strict=True):
+        apart = np.log(getattr(fast.parameters, one) / getattr(slow.parameters, one))
+        assert abs(apart) < NEAR * error, one
+    assert relative_errors(fast) == pytest.approx(own, rel=0.02)
+    assert fast.mse_percent == pytest.approx(slow.mse_percent, rel=1e-4)
+    assert fast.n_independent == pytest.approx(slow.n_independent, rel=0.02)
+    assert fast.is_cavitating == slow.is_cavitating
+
+
+def test_without_the_way_it_would_end_elsewhere(logs: list[Trace]) -> None:
+    """The minima of a log of setting 20 and of its mean cycle differ by more than is allowed."""
+    few = LOGS["setting 20"]()
+    before = first_pass(few)
+    assert before.apart is not None
+    no_way = replace(before, apart=np.zeros(len(ALL)))
+    found = [
+        descend(replace(on_cycles(misfit(few)), earlier=Earlier(ALL, one)), before.parameters)
+        for one in (before, no_way)
+    ]
+    errors = relative_errors(found[0])
+    apart = [
+        np.log(getattr(found[1].parameters, one) / getattr(found[0].parameters, one))
+        for one in THREE
+    ]
+    assert np.max(np.abs(apart) / errors) > NEAR
+
+
+def test_what_was_seen_is_of_the_parameters(logs: list[Trace], first: Solution) -> None:
+    one = replace(on_cycles(misfit(logs)), earlier=Earlier(ALL, first))
+    found = descend(one, first.parameters)
+    anew = compare(found.parameters, logs[0], PURDY_DAMPER, solver=one.solver)
+    assert np.array_equal(found.seen[0].force, anew.force)
+    assert np.array_equal(found.seen[0].response.pressures, anew.response.pressures)
+
+
+@pytest.mark.parametrize(("away", "is_near"), [(0.098, True), (0.102, False)])
+def test_a_value_held_a_tenth_away_is_looked_at_anew(
+    *, logs: list[Trace], first: Solution, away: float, is_near: bool
+) -> None:
+    held = first.parameters.replace(f_f=first.parameters.f_f * np.exp(away))
+    one = replace(on_cycles(misfit(logs)), earlier=Earlier(ALL, first))
+    assert bool(descend(one, held).seen) is is_near
+
+
+@pytest.mark.parametrize(
+    "earlier",
+    [
+        lambda first: Earlier(ALL, replace(first, apart=None)),
+        lambda first: Earlier(("r_m1", "r_m2", "r_m3", "f_f"), first),
+        lambda first: Earlier(THREE, first),
+        lambda first: Earlier(ALL, replace(first, jacobian=first.jacobian[:2])),
+        lambda first: Earlier(ALL, replace(first, apart=np.full(len(ALL), 0.03))),
+    ],
+    ids=["on the logs", "without K_e", "nothing held", "too few samples", "far apart"],
+)
+def test_what_does_not_know_the_way_is_not_asked(
+    logs: list[Trace], first: Solution, earlier: object
+) -> None:
+    assert callable(earlier)
+    one = on_cycles(misfit(logs))
+    found = descend(replace(one, earlier=earlier(first)), first.parameters)
+    assert not found.seen
+    assert found.parameters == descend(one, first.parameters).parameters
+
+
+def test_another_value_of_what_was_never_free_is_another_fit(logs: list[Trace]) -> None:
+    four = ("r_m1", "r_m2", "k_e", "r_m3")
+    before = descend(on_cycles(misfit(logs, four)), TRUTH)
+    one = replace(on_cycles(misfit(logs)), earlier=Earlier(four, before))
+    assert descend(one, before.parameters).seen
+    assert not descend(one, before.parameters.replace(f_f=1.001 * TRUTH.f_f)).seen
+
+
+def test_a_misfit_of_the_integrator_or_a_failed_look_is_left_to_others(
+    logs: list[Trace], first: Solution, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = replace(misfit(logs), earlier=Earlier(ALL, first))
+    there = replace(
+        descend(replace(on_cycles(whole), earlier=None), first.parameters),
+        gradient=np.zeros(len(THREE)),
+    )
+    found = known_step(whole, there, least_percent=0.0)
+    assert found is not None
+    assert known_step(whole, there, least_percent=0.99 * found.mse_percent) is not None
+    assert known_step(whole, there, least_percent=1.01 * found.mse_percent) is None
+
+    def refused(*_: object, **__: object) -> None:
+        raise SimulationError("no")
+
+    monkeypatch.setattr("damperfit.identification.last_step.compare", refused)
+    assert known_step(whole, there, least_percent=0.0) is None
