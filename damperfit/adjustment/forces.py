@@ -257,9 +257,10 @@ def _levels_of(
     last = response.pressures[:, response.pressures.shape[1] // _CYCLES :]
     is_cavitating = bool(last.min() <= 0.0)
     found = []
+    parts = _parts(stage)
     for j, speed in enumerate(speeds):
         for k, stroke in enumerate(STROKES):
-            rest, carried = _split(stage, slopes[:, j, k])
+            rest, carried = _split(stage, parts, slopes[:, j, k])
             error = math.sqrt(rest**2 + float(carried @ carried))
             force = float(values[0, j, k])
             found.append(
@@ -268,23 +269,39 @@ def _levels_of(
     return found
 
 
-def _split(stage: Stage, slopes: FloatArray) -> tuple[float, FloatArray]:
-    """Return the standard error that is the setting's alone, and what the shared ones carry."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Parts:
+    """The covariance of a stage parted: what is its alone, and how its own follow the shared."""
+
+    rest: FloatArray
+    follow: FloatArray
+    root: FloatArray
+
+
+def _parts(stage: Stage) -> _Parts | None:
     n = len(stage.own)
     if stage.covariance is None:
-        return math.nan, np.zeros(len(stage.shared))
+        return None
     own, cross, theta = (
         stage.covariance[:n, :n],
         stage.covariance[:n, n:],
         stage.covariance[n:, n:],
     )
     follow = cross @ np.linalg.pinv(theta, hermitian=True)
-    rest = own - follow @ cross.T
     values, directions = np.linalg.eigh(theta)
     # The symmetric root is unique; signs of directions, and like ones themselves, hang on rounding.
     root = directions * np.sqrt(np.maximum(values, 0.0)) @ directions.T
-    carried = (slopes[n:] + slopes[:n] @ follow) @ root
-    return math.sqrt(max(float(slopes[:n] @ rest @ slopes[:n]), 0.0)), np.asarray(carried)
+    return _Parts(own - follow @ cross.T, follow, root)
+
+
+def _split(stage: Stage, parts: _Parts | None, slopes: FloatArray) -> tuple[float, FloatArray]:
+    """Return the standard error that is the setting's alone, and what the shared ones carry."""
+    n = len(stage.own)
+    if parts is None:
+        return math.nan, np.zeros(len(stage.shared))
+    carried = (slopes[n:] + slopes[:n] @ parts.follow) @ parts.root
+    rest = float(slopes[:n] @ parts.rest @ slopes[:n])
+    return math.sqrt(max(rest, 0.0)), np.asarray(carried)
 
 
 def clicks(found: Sequence[Level], damper: Model) -> tuple[Click, ...]:

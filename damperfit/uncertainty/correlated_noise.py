@@ -41,6 +41,7 @@ __all__ = [
     "correlation_length",
     "cycle_covariance",
     "flat_topped",
+    "lagged_products",
     "larger",
     "lost_share",
     "score_covariance",
@@ -134,15 +135,37 @@ def lost_share(window: FloatArray, n: int) -> float:
 
 def smoothed(columns: FloatArray, kernel: FloatArray) -> FloatArray:
     """Return columns, shape (n, k), convolved with a symmetric kernel that is given from lag 0."""
-    n, reach = len(columns), len(kernel)
-    length = fast_length(n + reach)
-    whole = np.zeros(length)
-    whole[:reach] = kernel
-    whole[length - reach + 1 :] = kernel[:0:-1]
-    gain = np.fft.rfft(whole).real
+    n = len(columns)
+    length = fast_length(n + len(kernel))
+    gain = _gain(kernel, length)
     return np.asarray(
         np.fft.irfft(np.fft.rfft(columns, length, axis=0) * gain[:, None], length, axis=0)[:n]
     )
+
+
+def lagged_products(columns: FloatArray, kernel: FloatArray) -> FloatArray:
+    """Return the products of columns, shape (n, k), with themselves `smoothed`, shape (k, k).
+
+    They are sums over frequencies too, for which nothing has to be brought back.
+    """
+    length = fast_length(len(columns) + len(kernel))
+    weight = 2.0 * _gain(kernel, length)
+    weight[0] *= 0.5
+    if length % 2 == 0:
+        weight[-1] *= 0.5
+    rows = np.fft.rfft(np.ascontiguousarray(columns.T), length, axis=1)
+    real, imaginary = np.ascontiguousarray(rows.real), np.ascontiguousarray(rows.imag)
+    total = (real * weight) @ real.T + (imaginary * weight) @ imaginary.T
+    return np.asarray(total / length)
+
+
+def _gain(kernel: FloatArray, length: int) -> FloatArray:
+    """What a symmetric kernel, given from lag 0, makes of each frequency."""
+    reach = len(kernel)
+    whole = np.zeros(length)
+    whole[:reach] = kernel
+    whole[length - reach + 1 :] = kernel[:0:-1]
+    return np.asarray(np.fft.rfft(whole).real)
 
 
 def stationary_covariance(jacobian: FloatArray, residuals: FloatArray, lag: int) -> FloatArray:
@@ -167,11 +190,8 @@ def stationary_covariance(jacobian: FloatArray, residuals: FloatArray, lag: int)
     window = np.clip(2.0 - np.arange(reach) / max(lag, 1), 0.0, 1.0)
     covariance = autocorrelation(residuals, reach - 1) * float(residuals @ residuals) / n * window
     length = fast_length(2 * n)
-    kernel = np.zeros(length)
-    kernel[:reach] = covariance
-    kernel[length - reach + 1 :] = covariance[:0:-1]
     # No frequency has less noise than none; the window alone would let some.
-    gain = np.maximum(np.fft.rfft(kernel).real, 0.0)
+    gain = np.maximum(_gain(covariance, length), 0.0)
     seen = np.fft.rfft(jacobian, length, axis=0) * gain[:, None]
     smooth = np.fft.irfft(seen, length, axis=0)[:n]
     total = jacobian.T @ smooth
@@ -209,7 +229,7 @@ def larger(one: FloatArray, other: FloatArray) -> FloatArray:
 
 def _windowed(scores: FloatArray, window: FloatArray) -> FloatArray:
     """Sum over lags of window times lagged products; the window holds the lags from 0."""
-    total = scores.T @ smoothed(scores, window)
+    total = lagged_products(scores, window)
     return np.asarray(0.5 * (total + total.T) / (1.0 - lost_share(window, len(scores))))
 
 

@@ -23,8 +23,10 @@ from damperfit.uncertainty.correlated_noise import (
     autocorrelation,
     correlation_length,
     cycle_covariance,
+    lagged_products,
     larger,
     score_covariance,
+    smoothed,
     stationary_covariance,
 )
 from damperfit.uncertainty.intervals import make_interval
@@ -47,6 +49,20 @@ def test_autocorrelation_is_that_of_the_definition() -> None:
     expected = [r[: 200 - k] @ r[k:] / (r @ r) for k in range(6)]
     assert autocorrelation(r, 5) == pytest.approx(expected, abs=1e-12)
     assert autocorrelation(np.zeros(9), 2).tolist() == [1.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("n", [59, 60, 61])
+@pytest.mark.parametrize("reach", [1, 4, 15])
+def test_lagged_products_are_those_of_the_definition(n: int, reach: int) -> None:
+    """Of lengths with and without a highest frequency of its own."""
+    rng = np.random.default_rng(11)
+    columns, kernel = rng.standard_normal((n, 3)), rng.standard_normal(reach)
+    expected = kernel[0] * columns.T @ columns
+    for lag in range(1, reach):
+        one = columns[:-lag].T @ columns[lag:]
+        expected += kernel[lag] * (one + one.T)
+    assert lagged_products(columns, kernel) == pytest.approx(expected, abs=1e-11)
+    assert columns.T @ smoothed(columns, kernel) == pytest.approx(expected, abs=1e-11)
 
 
 def test_white_residuals_have_no_correlation_length_and_the_textbook_sum() -> None:
