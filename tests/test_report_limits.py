@@ -38,6 +38,7 @@ from damperfit.report.sheets.sheet import sheet_width
 from damperfit.report.sheets.sparkline import differ
 from damperfit.tables import Results, grade, make_tables, read_results
 from damperfit.tested.setting import Setting
+from damperfit.units.shown_units import SI
 from tests.fakes import campaign, fit
 from tests.report_folder import make_results
 from tests.test_report import FACTS
@@ -552,13 +553,13 @@ def test_a_change_in_units_has_its_interval_from_low_to_high() -> None:
 
 
 def test_numbers_of_compared_figures_stand_below_one_another(monkeypatch) -> None:
-    monkeypatch.setattr(comparison_sheet, "verdict_of", lambda _: "different")
+    monkeypatch.setattr(comparison_sheet, "verdict_of", lambda *_: "different")
     subject = SimpleNamespace(setting=3, label="energy", unit="J")
     line = SimpleNamespace(
         subject=subject, difference=1.5, high=2.0,
         first=SimpleNamespace(value=10.0), second=SimpleNamespace(value=11.5),
     )  # fmt: skip
-    sheet = comparison_sheet.comparison_figure_sheet(SimpleNamespace(of=lambda _: [line]))
+    sheet = comparison_sheet.comparison_figure_sheet(SimpleNamespace(of=lambda _: [line], units=SI))
     ((*cells,),) = sheet.rows
     assert sheet.is_number == tuple(cell.lstrip("+")[0].isdigit() for cell in cells)
 
@@ -570,3 +571,17 @@ def test_curves_without_time_are_force_over_velocity() -> None:
     assert (panel.x_label, panel.x_unit, panel.y_label, panel.y_unit) == (
         "velocity", "m/s", "force", "N",
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("value", "reach", "said"),
+    [
+        (51.13, 0.37, "+51.1 ± 0.4"),
+        (0.512, 0.0051, "+0.51 ± 0.01"),
+        (0.5123, 0.0049, "+0.512 ± 0.005"),
+        (0.00021, 0.0003, "+0.0002 ± 0.0003"),
+        (0.0, 0.0, "+0.00 ± 0.00"),
+    ],
+)
+def test_an_interval_in_kilonewtons_is_not_rounded_to_nothing(value, reach, said) -> None:
+    assert with_interval(value, value + reach, plus="+") == said

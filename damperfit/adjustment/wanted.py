@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.tested.setting import ADJUSTER, Setting, lines_of
+from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
     from damperfit.adjustment.level import Level
     from damperfit.tested.setting import Line
+    from damperfit.units.shown_units import ShownUnits
 
     FloatArray = NDArray[np.float64]
 
@@ -106,8 +108,13 @@ class Wanted:
 
     @property
     def sentence(self) -> str:
-        """For people."""
-        asked = f"{self.force:.5g} N in {self.stroke} at {self.speed:g} m/s"
+        """For people, in newtons and metres a second."""
+        return self.said_in(SI)
+
+    def said_in(self, units: ShownUnits) -> str:
+        """Return the sentence with forces and speeds in the units that people want."""
+        wanted = units.write(self.force, "N", ".5g")
+        asked = f"{wanted} in {self.stroke} at {units.write_speed(self.speed)}"
         if self.held:
             asked += f", along {self.adjuster} with {self.held}"
         if not self.answers:
@@ -115,9 +122,12 @@ class Wanted:
             setting, force = self.hardest if harder else self.weakest
             side = "more than the hardest" if harder else "less than the weakest"
             return (
-                f"{asked}: no setting gives it; it is {side}, setting {setting} with {force:.5g} N"
+                f"{asked}: no setting gives it; it is {side}, setting {setting} with "
+                f"{units.write(force, 'N', '.5g')}"
             )
-        said = "; or ".join(_words(answer, self.force, self.adjuster) for answer in self.answers)
+        said = "; or ".join(
+            _words(answer, self.force, self.adjuster, units) for answer in self.answers
+        )
         several = len(self.answers)
         return f"{asked}: {f'{several} answers, ' if several > 1 else ''}{said}"
 
@@ -128,7 +138,8 @@ def _gap(answer: Answer, adjuster: str) -> float:
     return (ends[1] or 0.0) - (ends[0] or 0.0)
 
 
-def _words(answer: Answer, wanted: float, adjuster: str) -> str:
+def _words(answer: Answer, wanted: float, adjuster: str, units: ShownUnits) -> str:
+    below, above = (units.write(f, "N", ".5g") for f in (answer.force_below, answer.force_above))
     interval = ""
     if math.isfinite(answer.low):
         ends = (answer.below.number(adjuster), answer.above.number(adjuster))
@@ -141,13 +152,13 @@ def _words(answer: Answer, wanted: float, adjuster: str) -> str:
         elif max(answer.high - answer.position, answer.position - answer.low) < _FINEST:
             interval = f" (95 % within {_FINEST:g})"
     if answer.below == answer.above:
-        return f"setting {answer.below}{interval}, which gives {answer.force_below:.5g} N"
+        return f"setting {answer.below}{interval}, which gives {below}"
     said = (
-        f"{adjuster} {answer.position:.2f}{interval}, between {answer.below} with "
-        f"{answer.force_below:.5g} N and {answer.above} with {answer.force_above:.5g} N"
+        f"{adjuster} {answer.position:.2f}{interval}, between {answer.below} with {below} and "
+        f"{answer.above} with {above}"
     )
     force = answer.force_below if answer.nearest == answer.below else answer.force_above
-    nearest = f"{answer.nearest} ({force - wanted:+.3g} N)"
+    nearest = f"{answer.nearest} ({units.write(force - wanted, 'N', '+.3g')})"
     if _gap(answer, adjuster) <= 1:
         return f"{said}; nearest is {nearest}"
     said += ", interpolated over settings without a fit"

@@ -31,6 +31,7 @@ from damperfit.cli.options import (
     RigOption,
     RigProfileOption,
     ToleranceOption,
+    UnitsOption,
     VersionOption,
 )
 from damperfit.errors import ConfigurationError
@@ -84,6 +85,7 @@ def compare(
         typer.Option(metavar="FILE.xml", help="Write the points of --tolerance as JUnit XML."),
     ] = None,
     github_summary: GithubSummaryOption = False,
+    units: UnitsOption = None,
     rig_profile: RigProfileOption = None,
     rig: RigOption = None,
     jobs: JobsOption = None,
@@ -113,6 +115,7 @@ def compare(
         frequency=frequency,
         is_measured=measured,
         jobs=jobs or available_cores(),
+        units=units,
     )
     if save is not None:
         _save(runs[0], save, options, config=config, reading=reading, is_quiet=quiet)

@@ -201,10 +201,11 @@ def _show(
 
     if forces.wanted:
         if is_quiet:
-            print_lines([one.sentence for one in forces.wanted])
+            print_lines([one.said_in(units) for one in forces.wanted])
             return
         print_lines(
-            [part for one in forces.wanted for part in wrap(one.sentence, screen_columns())] + [""]
+            [part for one in forces.wanted for part in wrap(one.said_in(units), screen_columns())]
+            + [""]
         )
     rows = rows_in_units(adjustment_rows(forces.levels, forces.clicks), units)
     print_lines([f"force by setting, {adjuster.source}", ""])

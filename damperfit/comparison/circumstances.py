@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Any
 from damperfit.comparison.measured import SAME_MOTION
 from damperfit.identification.sharing import listed_settings
 from damperfit.tables import SCHEMA_VERSION
+from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from damperfit.comparison.run import FittedRun, Run
     from damperfit.damper.model import Model
+    from damperfit.units.shown_units import ShownUnits
 
 __all__ = ["Circumstance", "circumstances", "have_common_logs"]
 
@@ -67,19 +69,21 @@ class Circumstance:
         return self.kind == "logs"
 
 
-def circumstances(first: Run, second: Run) -> tuple[Circumstance, ...]:
+def circumstances(first: Run, second: Run, units: ShownUnits = SI) -> tuple[Circumstance, ...]:
     """Return what two runs differ in, what matters most first.
 
     Parameters
     ----------
     first, second : Run
         The reference and the other.
+    units : ShownUnits
+        In which forces are told.
     """
     return (
         *_logs(first, second),
         *_identity(first, second),
         *_settings(first, second),
-        *_damper(first, second),
+        *_damper(first, second, units),
         *_motion(first, second),
         *_temperature(first, second),
         *_how(first, second),
@@ -147,7 +151,7 @@ def _section(record: Mapping[str, Any], *path: str) -> Mapping[str, Any]:
     return record
 
 
-def _damper(first: Run, second: Run) -> Iterator[Circumstance]:
+def _damper(first: Run, second: Run, units: ShownUnits) -> Iterator[Circumstance]:
     if first.fitted is None or second.fitted is None:
         return
     a, b = first.fitted.damper, second.fitted.damper
@@ -164,7 +168,7 @@ def _damper(first: Run, second: Run) -> Iterator[Circumstance]:
             kind = "gas" if name.startswith(_GAS) else "damper"
             said = [f"{one:.6g} {unit}".strip() for one in (here, there)]
             yield _differs(kind, f"damper.{name}", said[0], said[1])
-    yield from _gas_force(a, b)
+    yield from _gas_force(a, b, units)
 
 
 def _quantities(first: FittedRun, second: FittedRun) -> Iterator[Circumstance]:
@@ -181,16 +185,18 @@ def _quantities(first: FittedRun, second: FittedRun) -> Iterator[Circumstance]:
             yield Circumstance("model", found.first, found.second, said)
 
 
-def _gas_force(a: Model, b: Model) -> Iterator[Circumstance]:
+def _gas_force(a: Model, b: Model, units: ShownUnits) -> Iterator[Circumstance]:
     forces = [float(one) for model in (a, b) if (one := model.rest_force(0.0)) is not None]
     if len(forces) < 2 or math.isclose(forces[0], forces[1], rel_tol=_SAME):
         return
-    said = [f"{one:.1f} N" for one in forces]
+    form = ".1f" if units.of("N") == "N" else ".3g"
+    said = [units.write(one, "N", form) for one in forces]
+    apart = units.write(forces[1] - forces[0], "N", f"+{form}")
     yield Circumstance(
         "gas",
         said[0],
         said[1],
-        f"gas force at mid-stroke: {said[0]}, then {said[1]}: {forces[1] - forces[0]:+.1f} N of "
+        f"gas force at mid-stroke: {said[0]}, then {said[1]}: {apart} of "
         "every difference of force is the declared gas",
     )
 

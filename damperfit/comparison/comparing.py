@@ -31,6 +31,7 @@ from damperfit.comparison.repeats import by_repeats
 from damperfit.comparison.words import outcome_of
 from damperfit.errors import ConfigurationError, mishap_of
 from damperfit.identification.sharing import listed_settings
+from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from damperfit.comparison.run import FittedRun, Run
     from damperfit.errors import Mishap
     from damperfit.tested.setting import Setting
+    from damperfit.units.shown_units import ShownUnits
 
 __all__ = ["ComparisonOptions", "RunComparison", "compare_runs"]
 
@@ -61,12 +63,15 @@ class ComparisonOptions:
         Measured curves alone, without a model.
     jobs : int
         Threads.
+    units : ShownUnits
+        In which forces and speeds are told in words; every number stays SI.
     """
 
     sine: Sine | None = None
     speeds: tuple[float, ...] = ()
     is_measured: bool = False
     jobs: int = 1
+    units: ShownUnits = SI
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,6 +98,8 @@ class RunComparison:
         What could not be compared.
     traces : tuple of str
         Where internal errors happened.
+    units : ShownUnits
+        In which people want it told.
     """
 
     first: Run
@@ -105,6 +112,7 @@ class RunComparison:
     notes: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     traces: tuple[str, ...] = ()
+    units: ShownUnits = SI
 
     def of(self, kind: str) -> tuple[Difference, ...]:
         """Return the lines of a kind: "force", "parameter" or "figure"."""
@@ -117,7 +125,7 @@ class RunComparison:
             sentence
             for kind, words in (("force", "forces"), ("parameter", "parameters"))
             if (lines := self.of(kind))
-            for sentence in (outcome_of(lines, words),)
+            for sentence in (outcome_of(lines, words, self.units),)
         )
 
     @property
@@ -204,17 +212,18 @@ def compare_runs(
         first,
         second,
         tuple(repeats),
-        circumstances(first, second),
+        circumstances(first, second, options.units),
         settings,
         motion,
         (*lines, *of_figures),
         notes=(
             *_on_repeats(repeats),
             *_not_compared(settings, lines),
-            *_notes(runs, forces, lines),
+            *_notes(runs, forces, lines, options.units),
         ),
         remarks=tuple(dict.fromkeys(one.message for one in mishaps)),
         traces=tuple(one.trace for one in mishaps if one.trace),
+        units=options.units,
     )
 
 
@@ -303,7 +312,9 @@ def _not_compared(settings: Sequence[Setting], lines: Sequence[Difference]) -> I
         yield f"setting {listed_settings(lost)}: no motion is common to both: not compared"
 
 
-def _notes(runs: Sequence[Run], tables: _Tables, lines: Sequence[Difference]) -> Iterator[str]:
+def _notes(
+    runs: Sequence[Run], tables: _Tables, lines: Sequence[Difference], units: ShownUnits
+) -> Iterator[str]:
     for run in runs:
         yield from (f"{run.name}: {note}" for note in run.notes)
         share, freedom = repeat_scatter(run)
@@ -321,6 +332,6 @@ def _notes(runs: Sequence[Run], tables: _Tables, lines: Sequence[Difference]) ->
     fitted = [run.fitted for run in runs if run.fitted is not None]
     forces = [line for line in lines if line.subject.kind == "force"]
     if len(fitted) == len(runs) and forces:
-        yield from missed_notes(runs, tables, forces)
+        yield from missed_notes(runs, tables, forces, units)
         if not comparable_quantities(fitted):
             yield "fitted with different models: no parameter is common to both"

@@ -7,18 +7,23 @@ from typing import TYPE_CHECKING
 from damperfit.comparison.circumstances import have_common_logs
 from damperfit.comparison.words import place_of
 from damperfit.identification.sharing import listed_settings
+from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from damperfit.comparison.reading import Difference, Reading, Topic
     from damperfit.comparison.run import Run
+    from damperfit.units.shown_units import ShownUnits
 
 __all__ = ["missed_notes"]
 
 
 def missed_notes(
-    runs: Sequence[Run], tables: Sequence[Mapping[Topic, Reading]], lines: Sequence[Difference]
+    runs: Sequence[Run],
+    tables: Sequence[Mapping[Topic, Reading]],
+    lines: Sequence[Difference],
+    units: ShownUnits = SI,
 ) -> Iterator[str]:
     """Yield why forces of fitted runs are compared as measured; nothing where none is.
 
@@ -30,6 +35,8 @@ def missed_notes(
         The forces of each.
     lines : sequence of Difference
         What came of it.
+    units : ShownUnits
+        In which it is told.
     """
     measured = [line.subject for line in lines if line.subject.kind == "force" and line.is_measured]
     if not measured:
@@ -42,7 +49,8 @@ def missed_notes(
         share = f" ({abs(worst.misses / worst.scale):.1%} of the damping)" if worst.scale else ""
         yield (
             f"{run.name}: its model ({run.fitted.damper.name}) misses the measured force at "
-            f"setting {_where(missed)}, most {place_of(topic)}: by {abs(worst.misses):.3g} N{share}"
+            f"setting {_where(missed)}, most {place_of(topic, units)}: "
+            f"by {units.write(abs(worst.misses), 'N', '.3g')}{share}"
         )
     said = "they show how the tests differ and say nothing about the models"
     if have_common_logs(runs[0], runs[-1]):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment import STROKES
@@ -14,6 +14,7 @@ from damperfit.comparison.measured import measured_readings
 from damperfit.comparison.reading import half_interval
 from damperfit.errors import ConfigurationError
 from damperfit.units.quantities import parse_quantity
+from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from damperfit.comparison.reading import Difference, Reading
     from damperfit.comparison.run import Run
     from damperfit.tested.setting import Setting
+    from damperfit.units.shown_units import ShownUnits
 
 __all__ = ["Band", "Point", "Tolerance", "bands_met", "parse_tolerance", "read_bands", "tolerated"]
 
@@ -100,6 +102,8 @@ class Point:
         Why it could not be looked at.
     is_measured : bool
         The force is measured, not modelled.
+    units : ShownUnits
+        In which people want it told.
     """
 
     run: str
@@ -112,6 +116,7 @@ class Point:
     reach: float = math.nan
     reason: str = ""
     is_measured: bool = False
+    units: ShownUnits = SI
 
     @property
     def margin(self) -> float:
@@ -130,10 +135,8 @@ class Point:
             return f"not evaluated: {self.reason}"
         near = ", no further than its error" if abs(self.margin) <= self.reach else ""
         mark = " (measured)" if self.is_measured else ""
-        side = "passes" if self.is_met else "FAILS"
-        return (
-            f"{side}, {abs(self.margin):.3g} N {'inside' if self.is_met else 'outside'}{near}{mark}"
-        )
+        side, where = ("passes", "inside") if self.is_met else ("FAILS", "outside")
+        return f"{side}, {self.units.write(abs(self.margin), 'N', '.3g')} {where}{near}{mark}"
 
 
 def parse_tolerance(text: str) -> Tolerance:
@@ -238,7 +241,7 @@ def tolerated(comparison: RunComparison, tolerance: Tolerance) -> tuple[Point, .
         Point(name, one, math.nan, "", math.nan, math.nan, math.nan, reason="not tested")
         for one in lost
     ]
-    return (*found, *missing)
+    return tuple(replace(one, units=comparison.units) for one in (*found, *missing))
 
 
 def _around(name: str, line: Difference, tolerance: Tolerance) -> Point:
@@ -276,7 +279,7 @@ def bands_met(run: Run, tolerance: Tolerance, options: ComparisonOptions) -> tup
                 found.append(_missing(run, band, setting, why))
             else:
                 found.append(_held(run, band, setting, reading))
-    return tuple(found)
+    return tuple(replace(one, units=options.units) for one in found)
 
 
 def _forces(

@@ -29,6 +29,7 @@ from damperfit.queries.runs_to_compare import (
     runs_of_logs,
 )
 from damperfit.units.quantities import parse_quantity
+from damperfit.units.shown_units import SI, parse_units
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -68,6 +69,7 @@ def comparison_options(
     frequency: str | float | None = None,
     is_measured: bool = False,
     jobs: int = 1,
+    units: str | None = None,
 ) -> ComparisonOptions:
     """Return what the texts of a command line ask.
 
@@ -98,7 +100,9 @@ def comparison_options(
         for option, value in (("--amplitude", sine.amplitude), ("--frequency", sine.frequency)):
             if value <= 0.0:
                 raise ConfigurationError(f"{option} {value:g}: expected more than 0")
-    return ComparisonOptions(sine, tuple(speeds), is_measured, jobs)
+    return ComparisonOptions(
+        sine, tuple(speeds), is_measured, jobs, SI if units is None else parse_units(units)
+    )
 
 
 def compare_all(

@@ -51,12 +51,13 @@ def comparison_markdown(
 
 def tolerance_outcome(points: Sequence[Point]) -> str:
     """Say how many points keep their bands."""
+    units = points[0].units
     met = sum(one.is_met for one in points)
     unseen = sum(bool(one.margin != one.margin) for one in points)
     said = f"{met} of {len(points)} points within the tolerance"
     outside = [-one.margin for one in points if one.margin < 0.0]
     if outside:
-        said += f", {len(outside)} outside, by up to {max(outside):.3g} N"
+        said += f", {len(outside)} outside, by up to {units.write(max(outside), 'N', '.3g')}"
     if unseen:
         said += f", {unseen} not evaluated"
     measured = sum(one.is_measured for one in points)
@@ -64,7 +65,7 @@ def tolerance_outcome(points: Sequence[Point]) -> str:
         said += f", {measured} of them as measured, whatever a model says"
     if met == len(points):
         nearest = min(points, key=lambda one: one.margin)
-        return f"{said}; the nearest edge is {nearest.margin:.3g} N away"
+        return f"{said}; the nearest edge is {units.write(nearest.margin, 'N', '.3g')} away"
     return said
 
 

@@ -39,9 +39,11 @@ def junit_report(points: Sequence[Point], *, source: str) -> bytes:
                 kind = "not evaluated" if math.isnan(point.margin) else "out of tolerance"
                 said = printable(point.words)
                 failure = SubElement(case, "failure", {"type": kind, "message": said})
-                failure.text = (
-                    f"force {point.force:.5g} N, expected {point.low:.5g} to {point.high:.5g} N"
+                force, low, high = (
+                    point.units.show(value, "N") for value in (point.force, point.low, point.high)
                 )
+                unit = point.units.of("N")
+                failure.text = f"force {force:.5g} {unit}, expected {low:.5g} to {high:.5g} {unit}"
     indent(root)
     text: bytes = tostring(root, encoding="utf-8", xml_declaration=True)
     return text + b"\n"
@@ -54,4 +56,6 @@ def _counts(points: Sequence[Point]) -> dict[str, str]:
 
 def _name(point: Point) -> str:
     where = f"setting {point.setting}"
-    return where if math.isnan(point.speed) else f"{where}, {point.stroke}, {point.speed:g} m/s"
+    if math.isnan(point.speed):
+        return where
+    return f"{where}, {point.stroke}, {point.units.write_speed(point.speed)}"

@@ -55,6 +55,20 @@ class ShownUnits:
         found = self._named(unit)
         return value if found is None else value / found.factor
 
+    def write(self, value: float, unit: str, form: str) -> str:
+        """Return a number with its unit in words, by a format specification.
+
+        Examples
+        --------
+        >>> parse_units("lbf,in/s").write(900.0, "N", ".5g")
+        '202.33 lbf'
+        """
+        return f"{self.show(value, unit):{form}} {self.of(unit)}".rstrip()
+
+    def write_speed(self, speed: float) -> str:
+        """Return a speed, m/s, in words: as it was named, or rounded where it is converted."""
+        return self.write(speed, "m/s", "g" if self._named("m/s") is None else ".4g")
+
     def column(self, name: str, unit: str) -> str:
         """Return the name of a column whose unit stands at its end, with the unit shown.
 

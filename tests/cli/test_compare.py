@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.units.quantities import find_unit
 from tests.identification.rig import recording
 
 SETTINGS = (1, 2)
@@ -316,6 +318,44 @@ def test_page_markdown_json_and_tables_are_written_as_a_set(run, campaigns) -> N
         assert f'data-name="setting_{setting:02d}_force_displacement"' in page
     table = Path("out/differences.csv").read_text().splitlines()
     assert len(table) == 1 + sum(len(one["lines"]) for one in document["comparisons"])
+
+
+def test_units_of_people_are_on_terminal_page_and_markdown_and_numbers_of_programs_stay(
+    run, campaigns
+) -> None:
+    pytest.importorskip("plotly")
+    runs = [campaigns / name for name in ("before", "after")]
+    asked = (*runs, "--tolerance", "3%", "--junit", "j.xml", "--out")
+    assert run("compare", *asked, "si").code == 4
+    ended = run("compare", *asked, "us", "--units", "lbf,in/s")
+    assert ended.code == 4
+    told = json.loads(Path("us/comparison.json").read_text())
+    before = json.loads(Path("si/comparison.json").read_text())
+    names = {name for name, value in before["points"][0].items() if isinstance(value, float)}
+    for now, then in zip(told["points"], before["points"], strict=True):
+        assert {name: now[name] for name in names} == {name: then[name] for name in names}
+    assert told["comparisons"][0]["lines"] == before["comparisons"][0]["lines"]
+    page = Path("us/comparison.html").read_text()
+    body = page[page.index("<main") : page.index("</main")]
+    markdown = Path("us/comparison.md").read_text()
+    for text in (ended.out, body, markdown, Path("j.xml").read_text()):
+        assert "in/s" in text
+        assert "lbf" in text
+        assert not re.search(r"\bm/s\b|\d N\b|(?<=[>|]) ?N ?(?=[<|])|in N(?![/\w]| s)", text)
+    assert '"in/s"' in page
+    line = next(one for one in before["comparisons"][0]["lines"] if one["speed_m_per_s"] == 0.26)
+    row = next(one for one in markdown.splitlines() if one.startswith("| 1 | 10.24 |"))
+    pound = find_unit("lbf", "force").factor
+    assert float(row.split("|")[4]) == pytest.approx(line["first_value"] / pound, rel=1e-3)
+    assert float(row.split("|")[6].split()[0]) == pytest.approx(
+        line["difference"] / pound, rel=0.05
+    )
+
+
+def test_a_unit_that_is_none_is_refused(run, campaigns) -> None:
+    ended = run("compare", campaigns / "before", campaigns / "after", "--units", "lbf,stone")
+    assert ended.code == 2
+    assert "--units" in ended.err
 
 
 def test_the_summary_of_a_job_gets_the_markdown(run, campaigns, monkeypatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from damperfit.cli import main
+from damperfit.units.quantities import find_unit
 
 ROOT = Path(__file__).parents[2]
 
@@ -135,6 +137,24 @@ def test_people_get_the_answer_first_and_the_table(run, results) -> None:
     assert max(map(len, ended.out.splitlines())) <= 80
     quiet = run("settings", results, "--force", "500N", "--velocity", "0.26m/s", "--quiet")
     assert quiet.out.splitlines() == [" ".join(answer.split())]
+
+
+def test_the_answer_is_in_the_units_of_its_table(run, results) -> None:
+    asked = ("settings", results, "--force", "500N", "--velocity", "0.26m/s")
+    ended = run(*asked, "--units", "lbf,in/s")
+    answer, table = ended.out.split("\n\n", 1)
+    assert answer.startswith("112.4 lbf in rebound at 10.24 in/s: setting 1.")
+    assert not re.search(r"\bN\b|m/s", answer)
+    assert "lbf" in table
+    plain = re.findall(r"([-+]?[\d.]+) N\b", " ".join(run(*asked, "--quiet").out.split()))
+    shown = re.findall(r"([-+]?[\d.]+) lbf\b", " ".join(answer.split()))
+    pounds = [float(one) / find_unit("lbf", "force").factor for one in plain]
+    assert list(map(float, shown)) == pytest.approx(pounds, rel=0.02)
+    far = run(
+        "settings", results, *("--force", "9kN", "--velocity", "0.2m/s", "-q", "--units", "lbf")
+    )
+    assert "2023.3 lbf in rebound at 0.2 m/s: no setting gives it" in far.out
+    assert " N" not in far.out
 
 
 def test_without_a_question_both_strokes_are_shown(run, results, monkeypatch) -> None:

@@ -11,6 +11,7 @@ from damperfit.report.page.plot_data import Figure, PlotData, plotly_script
 from damperfit.report.page.templating import asset, draw
 from damperfit.report.plots.colours import setting_colours
 from damperfit.report.plots.compared_runs import difference_plots, loop_plots
+from damperfit.report.plots.in_units import plot_in_units
 from damperfit.report.sheets.comparison_sheet import (
     comparison_figure_sheet,
     comparison_force_sheet,
@@ -111,7 +112,8 @@ def _sections(
     for setting in sorted({setting for one in group for setting in one.settings}):
         having = [run for run in runs if setting in run.settings]
         plots = loop_plots(having, setting, name=f"setting_{setting.slug}{more}")
-        figures = tuple(data.add(plot) for plot in plots)
+        units = group[0].units
+        figures = tuple(data.add(plot_in_units(plot, units)) for plot in plots)
         yield _Section(setting, f"Setting {setting}{whose}", figures)
 
 

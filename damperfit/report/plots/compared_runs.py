@@ -181,7 +181,7 @@ def difference_plots(comparisons: Sequence[RunComparison]) -> tuple[Plot, ...]:
                 Line(
                     x,
                     y,
-                    f"{one.second.name}, {top:g} m/s",
+                    f"{one.second.name}, {one.units.write_speed(top)}",
                     _colour(k),
                     style="points",
                     low=low if has_errors else None,
@@ -198,7 +198,7 @@ def difference_plots(comparisons: Sequence[RunComparison]) -> tuple[Plot, ...]:
             )
             title = f"Difference of force in {stroke}, with 95 % intervals"
             name = comparisons[0].first.name
-            at = " and ".join(f"{speed:g}" for speed in dict.fromkeys(speeds))
-            caption = f"At {at} m/s. Above zero: harder than {name}."
+            at = " and ".join(map(comparisons[0].units.write_speed, dict.fromkeys(speeds)))
+            caption = f"At {at}. Above zero: harder than {name}."
             plots.append(Plot(f"difference_{stroke}", title, (panel,), caption))
     return tuple(plots)

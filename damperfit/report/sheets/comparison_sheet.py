@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 from damperfit.comparison import Sameness, verdict_of
 from damperfit.report.sheets.rounding import NOTHING, number, with_interval
 from damperfit.report.sheets.sheet import Sheet
+from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from damperfit.comparison import Difference, Point, RunComparison
+    from damperfit.units.shown_units import ShownUnits
 
 __all__ = [
     "comparison_figure_sheet",
@@ -40,6 +42,8 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
     """
     lines = comparison.of("force")
     shown = _telling(lines) if is_short and len(lines) > _MANY else lines
+    units = comparison.units
+    force, speed = units.of("N"), units.of("m/s")
     whole = "A's measured force, gas included" if comparison.is_without_model else "A's damping"
     notes = [f"B - A with half of its 95 % interval; % of {whole}, positive: B is harder"]
     if any(line.is_measured for line in shown) and not comparison.is_without_model:
@@ -51,17 +55,16 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
         notes.append(f"{len(rest)} more lines{said}: --json and --out have all")
     return Sheet(
         headings=("set", "speed", "stroke", "A", "B", "B - A", "", "verdict"),
-        units=("", "m/s", "", "N", "N", "N", "%", ""),
+        units=("", speed, "", force, force, force, "%", ""),
         rows=tuple(
             (
                 str(line.subject.setting),
-                f"{line.subject.speed:g}",
+                _speed(line.subject.speed, units),
                 line.subject.stroke,
-                number(line.first.value, digits=4),
-                number(line.second.value, digits=4),
-                with_interval(line.difference, line.high, plus="+"),
+                *_values(line, units),
+                with_interval(*_reach(line, units), plus="+"),
                 _percent(line),
-                verdict_of(line, says_measured=not comparison.is_without_model),
+                verdict_of(line, units, says_measured=not comparison.is_without_model),
             )
             for line in shown
         ),
@@ -77,13 +80,28 @@ def _telling(lines: Sequence[Difference]) -> list[Difference]:
     return shown if len(shown) <= _MANY else top
 
 
+def _speed(speed: float | None, units: ShownUnits) -> str:
+    return NOTHING if speed is None else units.write_speed(speed).split()[0]
+
+
+def _values(line: Difference, units: ShownUnits, digits: int = 4) -> tuple[str, str]:
+    a, b = (units.show(one.value, line.subject.unit) for one in (line.first, line.second))
+    return number(a, digits=digits), number(b, digits=digits)
+
+
+def _reach(line: Difference, units: ShownUnits) -> tuple[float, float]:
+    """Return the difference and the upper end of its interval."""
+    unit = line.subject.unit
+    return units.show(line.difference, unit), units.show(line.high, unit)
+
+
 def _percent(line: Difference) -> str:
     return NOTHING if math.isnan(line.percent) else f"{line.percent:+.2f}"
 
 
 def comparison_parameter_sheet(comparison: RunComparison) -> Sheet:
     """Return the parameters, those that all settings share once."""
-    lines = comparison.of("parameter")
+    lines, units = comparison.of("parameter"), comparison.units
     return Sheet(
         headings=("set", "parameter", "A", "B", "B - A", "", "verdict"),
         units=("", "", "", "", "%", "%", ""),
@@ -91,28 +109,29 @@ def comparison_parameter_sheet(comparison: RunComparison) -> Sheet:
             (
                 "all" if line.subject.setting is None else str(line.subject.setting),
                 line.subject.label,
-                number(line.first.value),
-                number(line.second.value),
-                *_change(line),
-                verdict_of(line),
+                *_values(line, units, digits=5),
+                *_change(line, units),
+                verdict_of(line, units),
             )
             for line in lines
         ),
         is_number=(True, False, True, True, True, True, False),
-        notes=("B - A in per cent with its 95 % interval", *_units(lines)),
+        notes=("B - A in per cent with its 95 % interval", *_units(lines, units)),
     )
 
 
-def _units(lines: Sequence[Difference]) -> tuple[str, ...]:
+def _units(lines: Sequence[Difference], units: ShownUnits) -> tuple[str, ...]:
     """Say the units once: some are longer than the numbers."""
-    known = {line.subject.label: line.subject.unit for line in lines if line.subject.unit}
+    known = {line.subject.label: units.of(line.subject.unit) for line in lines if line.subject.unit}
     return (", ".join(f"{name} in {unit}" for name, unit in known.items()),) if known else ()
 
 
-def _change(line: Difference) -> tuple[str, str]:
+def _change(line: Difference, units: ShownUnits = SI) -> tuple[str, str]:
     if math.isnan(line.percent):
-        interval = f"{line.low:+.3g} to {line.high:+.3g}" if math.isfinite(line.low) else NOTHING
-        return f"{line.difference:+.3g} {line.subject.unit}".rstrip(), interval
+        unit = line.subject.unit
+        low, high = (units.show(end, unit) for end in (line.low, line.high))
+        interval = f"{low:+.3g} to {high:+.3g}" if math.isfinite(low) else NOTHING
+        return units.write(line.difference, unit, "+.3g"), interval
     if math.isnan(line.percent_low):
         return f"{line.percent:+.2f}", NOTHING
     return f"{line.percent:+.2f}", f"{line.percent_low:+.2f} to {line.percent_high:+.2f}"
@@ -120,19 +139,19 @@ def _change(line: Difference) -> tuple[str, str]:
 
 def comparison_figure_sheet(comparison: RunComparison) -> Sheet:
     """Return energy, hysteresis, MSE and distance from cavitation."""
+    units = comparison.units
     return Sheet(
         headings=("set", "figure", "A", "B", "B - A", "verdict"),
         units=("",) * 6,
         rows=tuple(
             (
                 str(line.subject.setting),
-                f"{line.subject.label}, {line.subject.unit}",
-                number(line.first.value, digits=4),
-                number(line.second.value, digits=4),
-                with_interval(line.difference, line.high, plus="+")
+                f"{line.subject.label}, {units.of(line.subject.unit)}",
+                *_values(line, units),
+                with_interval(*_reach(line, units), plus="+")
                 if math.isfinite(line.high)
-                else number(line.difference, digits=3),
-                verdict_of(line),
+                else number(_reach(line, units)[0], digits=3),
+                verdict_of(line, units),
             )
             for line in comparison.of("figure")
         ),
@@ -155,18 +174,21 @@ def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet
     failed = sum(not one.is_met for one in points)
     shown = order[: max(failed, _MANY)] if is_short else order
     more = len(order) - len(shown)
+    units = points[0].units if points else SI
+    force = units.of("N")
     return Sheet(
         headings=("run", "set", "speed", "stroke", "force", "from", "to", "result"),
-        units=("", "", "m/s", "", "N", "N", "N", ""),
+        units=("", "", units.of("m/s"), "", force, force, force, ""),
         rows=tuple(
             (
                 one.run,
                 str(one.setting),
-                NOTHING if math.isnan(one.speed) else f"{one.speed:g}",
+                _speed(None if math.isnan(one.speed) else one.speed, units),
                 one.stroke,
-                number(one.force, digits=4),
-                number(one.low, digits=4),
-                number(one.high, digits=4),
+                *(
+                    number(units.show(value, "N"), digits=4)
+                    for value in (one.force, one.low, one.high)
+                ),
                 one.words,
             )
             for one in shown

@@ -105,6 +105,8 @@ def with_interval(value: float | None, high: float | None, *, plus: str = "") ->
         return f"{value:{plus}.4g}"
     reach = high - value
     decimals = 1 if reach >= 0.05 else 2
+    if 0.0 < reach < 0.005:  # of kilonewtons
+        decimals = -math.floor(math.log10(reach))
     return f"{value:{plus}.{decimals}f} ± {reach:.{decimals}f}"
 
 
