@@ -94,10 +94,10 @@ class Values:
         ConfigurationError
             A name is none of the model's.
         """
-        changes = {**changes, **more}
+        changes, names = {**changes, **more}, self.names
         for name in changes:
-            if name not in self.names:
-                raise ConfigurationError(_no_quantity(name, self.names))
+            if name not in names:
+                raise ConfigurationError(_no_quantity(name, names))
         return replace(self, **changes)
 
 

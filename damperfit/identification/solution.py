@@ -70,9 +70,12 @@ class Solution:
     def promised(self) -> FloatArray:
         """The step in u that is left on the mean cycles, shape (k,)."""
         assert self.gradient is not None
-        triangle = self.condensed.jacobian
-        half = np.linalg.lstsq(triangle.T, -self.gradient, rcond=None)[0]
-        return np.asarray(np.linalg.lstsq(triangle, half, rcond=None)[0])
+        # The gradient is small beside what the rounding of J^T J leaves of its digits.
+        information = self.jacobian.T @ self.jacobian
+        try:
+            return np.asarray(np.linalg.solve(information, -self.gradient))
+        except np.linalg.LinAlgError:
+            return np.asarray(np.linalg.lstsq(information, -self.gradient, rcond=None)[0])
 
     @property
     def condensed(self) -> Solution:
