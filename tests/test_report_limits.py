@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -23,6 +24,7 @@ from damperfit.report import (
 )
 from damperfit.report.evaluated_log import evaluate_logs
 from damperfit.report.mse_report import escape
+from damperfit.report.page import templating
 from damperfit.report.page.log_section import log_section
 from damperfit.report.page.summary import setting_verdict, summary
 from damperfit.report.plots.colours import setting_colours
@@ -34,7 +36,7 @@ from damperfit.report.sheets.comparison_sheet import NOTHING, _change
 from damperfit.report.sheets.inspection_sheet import _note_lines, _range
 from damperfit.report.sheets.mse_sheet import grade_counts
 from damperfit.report.sheets.rounding import number, percent, with_interval
-from damperfit.report.sheets.sheet import sheet_width
+from damperfit.report.sheets.sheet import Sheet, sheet_width
 from damperfit.report.sheets.sparkline import differ
 from damperfit.tables import Results, grade, make_tables, read_results
 from damperfit.tested.setting import Setting
@@ -585,3 +587,22 @@ def test_curves_without_time_are_force_over_velocity() -> None:
 )
 def test_an_interval_in_kilonewtons_is_not_rounded_to_nothing(value, reach, said) -> None:
     assert with_interval(value, value + reach, plus="+") == said
+
+
+def test_a_short_word_in_a_table_is_marked_as_one_that_is_not_torn() -> None:
+    sheet = Sheet(
+        headings=("setting", "grade", "log"),
+        units=("", "", ""),
+        rows=(
+            ("3", "withheld", "a_very_long_name_of_a_log.csv"),
+            ("4", "twelveletter", "thirteenlette"),
+        ),
+        is_number=(True, False, False),
+    )
+    macros = templating._environment().get_template("parts.html").module
+    html = str(macros.table(sheet))
+    assert "<td class=word>withheld</td>" in html
+    assert "<td class=word>twelveletter</td>" in html
+    assert "<td>thirteenlette</td>" in html
+    assert "<td>a_very_long_name_of_a_log.csv</td>" in html
+    assert re.search(r"td\.word[^{]*{ overflow-wrap: normal; }", str(templating.asset("page.css")))
