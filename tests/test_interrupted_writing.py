@@ -115,18 +115,23 @@ def _written_into(folder):
     write_text(folder / "z", "z")
 
 
-# Each of them once; the rest of the eight are slow.
+# Each of them once, at every other call; all calls, and the rest of the eight, are slow.
 _KILLED = [(settle, OLD, die_before), (_written_into, {}, die_after)]
-_ALSO = [(settle, OLD, die_after), (settle, {}, die_before), (settle, {}, die_after)]
+_ALSO = [*_KILLED, (settle, OLD, die_after), (settle, {}, die_before), (settle, {}, die_after)]
 _ALSO += [(_written_into, OLD, die_before), (_written_into, OLD, die_after)]
 _ALSO += [(_written_into, {}, die_before)]
 
 
 @pytest.mark.parametrize(
-    ("what_next", "old", "ending"),
-    [*_KILLED, *(pytest.param(*one, marks=pytest.mark.slow) for one in _ALSO)],
+    ("what_next", "old", "ending", "every"),
+    [
+        *((*one, 2) for one in _KILLED),
+        *(pytest.param(*one, 1, marks=pytest.mark.slow) for one in _ALSO),
+    ],
 )
-def test_a_run_killed_at_any_call_leaves_one_whole_set(tmp_path, ending, old, what_next) -> None:
+def test_a_run_killed_at_any_call_leaves_one_whole_set(
+    tmp_path, ending, old, what_next, every
+) -> None:
     folder = tmp_path / "results"
 
     def prepare() -> None:
@@ -134,7 +139,7 @@ def test_a_run_killed_at_any_call_leaves_one_whole_set(tmp_path, ending, old, wh
         first_set(folder, old)
 
     found = []
-    for n in deaths(lambda: exchange(folder), prepare, ending):
+    for n in deaths(lambda: exchange(folder), prepare, ending, every):
         what_next(folder)
         left = contents(folder)
         left.pop("z", None)
@@ -501,8 +506,8 @@ def test_a_killed_run_holds_nothing(tmp_path) -> None:
     assert contents(folder) == {"a.csv": "whole"}
 
 
-# Every third call; each of them is slow.
-@pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.slow)])
+# Every fifth call; each of them is slow.
+@pytest.mark.parametrize("every", [5, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("lacking", ["locks", "links"])
 def test_a_file_system_without_locks_or_links_keeps_the_promise(
     tmp_path, monkeypatch, every, lacking

@@ -55,7 +55,7 @@ def here(sample_results, tmp_path, monkeypatch) -> Path:
     shutil.copytree(sample_results, tmp_path, dirs_exist_ok=True)
     for log in (tmp_path / "sample_runs").glob("setting_*.csv"):
         lines = log.read_text(encoding="utf-8").splitlines(keepends=True)
-        log.write_text("".join(lines[: 4 + 2500]), encoding="utf-8")
+        log.write_text("".join(lines[: 4 + 1700]), encoding="utf-8")
     shutil.copytree(ROOT / "configs", tmp_path / "configs")
     monkeypatch.chdir(tmp_path)
     return tmp_path
