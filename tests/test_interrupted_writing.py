@@ -447,13 +447,13 @@ def test_many_writers_at_once_never_mix_their_sets(tmp_path) -> None:
 def test_a_writer_waits_for_another_and_says_so_when_it_takes_too_long(
     tmp_path, monkeypatch
 ) -> None:
-    from damperfit.atomic.recovery import settled
+    from damperfit.atomic.recovery import recovered
 
     (tmp_path / "a.csv").write_text("old")
     entered, leave = threading.Event(), threading.Event()
 
     def hold() -> None:
-        with settled(tmp_path):
+        with recovered(tmp_path):
             entered.set()
             leave.wait(10.0)
 

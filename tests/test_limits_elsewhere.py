@@ -85,7 +85,7 @@ def test_an_exchange_elsewhere_is_waited_for_half_a_minute(
         yield SimpleNamespace(now=0.0)
 
     def settle() -> None:
-        with recovery.settled(tmp_path):
+        with recovery.recovered(tmp_path):
             pass
 
     clock, ends = iter([0.0, late, 1e9]), iter(["somebody is at it", ""])
@@ -437,7 +437,7 @@ def test_quick_profiles_cost_seven_tenths_of_the_fit(evaluations, budget, monkey
         return SimpleNamespace(evaluations=stride.budget)
 
     monkeypatch.setattr(profile_walk, "is_doubtful", lambda *_: True)
-    monkeypatch.setattr(profile_walk, "lines_of", lambda *_: ["a line"])
+    monkeypatch.setattr(profile_walk, "profile_lines", lambda *_: ["a line"])
     monkeypatch.setattr(profile_walk, "trace_profile", traced)
     monkeypatch.setattr(profile_walk, "replace", lambda one, **_: one)
     fit = SimpleNamespace(

@@ -14,7 +14,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.damper.models import MODELS
 from damperfit.fleet.one_damper import Done, Job
 from damperfit.fleet.processes import Processes
-from damperfit.fleet.sources import Source
+from damperfit.fleet.sources import FleetLog
 from damperfit.fleet.tasks import Task
 from damperfit.parallel import InTurn, Threads, executor
 
@@ -104,7 +104,9 @@ def test_what_goes_to_a_worker_can_be_pickled(model, tmp_path):
     document = tmp_path / "damper.toml"
     document.write_text(f'[damper]\nmodel = "{model}"\n')
     configuration = load_configuration(document)
-    task = Task("D1", (Source("/logs/a.csv", "a.csv"),), (Source("/logs/tests.csv", "tests.csv"),))
+    task = Task(
+        "D1", (FleetLog("/logs/a.csv", "a.csv"),), (FleetLog("/logs/tests.csv", "tests.csv"),)
+    )
     job = Job(task, configuration, tmp_path, (("/logs/a.csv", "it ended its worker"),))
     back = pickle.loads(pickle.dumps(job))  # noqa: S301 - of this test
     assert (back.task, back.folder, back.dead) == (job.task, job.folder, job.dead)

@@ -12,7 +12,7 @@ from damperfit.adjustment.curves import LEAST_SCATTER, Curve, Points
 from damperfit.adjustment.selection import LEAST_FOR_OUTLIERS, LEAST_FOR_TREND, choose
 from damperfit.identification import Status
 from damperfit.statistics import median, student_quantile
-from damperfit.tested.setting import ADJUSTER, Line, Setting, lines_of
+from damperfit.tested.setting import ADJUSTER, Setting, SettingLine, lines_of
 from damperfit.units.quantities import engineering
 
 if TYPE_CHECKING:
@@ -169,7 +169,7 @@ def find_trends(
 
 
 def _points(
-    name: str, fits: Sequence[Fit], known: Mapping[Setting, Uncertainty], line: Line
+    name: str, fits: Sequence[Fit], known: Mapping[Setting, Uncertainty], line: SettingLine
 ) -> Points:
     rows, numbers = [], line.numbers
     for fit in sorted(fits, key=lambda fit: numbers.get(fit.setting, 0.0)):
@@ -187,7 +187,7 @@ def _points(
     return Points(settings, logs, errors, *ends)
 
 
-def _trend(quantity: Quantity, points: Points, line: Line) -> Trend:
+def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
     if len(points) < LEAST_FOR_TREND:
         n = len(points)
         count = f"{n} setting{'' if n == 1 else 's'} with a sound value"

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
     from damperfit.adjustment.level import Level
-    from damperfit.tested.setting import Line
+    from damperfit.tested.setting import SettingLine
     from damperfit.units.shown_units import ShownUnits
 
     FloatArray = NDArray[np.float64]
@@ -187,7 +187,9 @@ class _Stop:
         return self.level.high - self.level.force
 
 
-def which_setting(found: Sequence[Level], force: float, *, line: Line | None = None) -> Wanted:
+def which_setting(
+    found: Sequence[Level], force: float, *, line: SettingLine | None = None
+) -> Wanted:
     """Return the settings at which a force is reached.
 
     Parameters
@@ -196,7 +198,7 @@ def which_setting(found: Sequence[Level], force: float, *, line: Line | None = N
         One speed and stroke.
     force : float
         N, positive in rebound.
-    line : Line, optional
+    line : SettingLine, optional
         Settings to look along, two or more; those of the only adjuster by default.
     """
     from scipy.interpolate import PchipInterpolator

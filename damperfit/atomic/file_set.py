@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from damperfit.atomic.journal import Journal, draft, flush, keep_copy, temporary
 from damperfit.atomic.own_files import refuse_others
 from damperfit.atomic.owner import Owner, new_owner
-from damperfit.atomic.recovery import explain, settled
+from damperfit.atomic.recovery import explain, recovered
 from damperfit.errors import ConfigurationError, OutputError
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ class FileSet:
         for number in range(len(self.names)):
             flush(self._temporary(number, "new"))
         self.spare()
-        with settled(self.folder):
+        with recovered(self.folder):
             journal = self._prepared()
             try:
                 journal.begin(self.folder)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-__all__ = ["explain", "reserved", "settle", "settled"]
+__all__ = ["explain", "recovered", "reserved", "settle"]
 
 _LOCK = ".damperfit-lock"  # while files are exchanged
 _RUN = ".damperfit-run"  # while a run is at work whose results go there
@@ -47,7 +47,7 @@ def settle(folder: Path) -> None:
     if is_clean:
         return
     try:
-        with settled(folder):
+        with recovered(folder):
             pass
     except OSError as error:
         if os.path.lexists(folder / JOURNAL):
@@ -55,7 +55,7 @@ def settle(folder: Path) -> None:
 
 
 @contextmanager
-def settled(folder: Path) -> Iterator[None]:
+def recovered(folder: Path) -> Iterator[None]:
     """Keep other writers out of a folder in which an unfinished exchange was undone first.
 
     Parameters

@@ -177,11 +177,11 @@ def _collect(
         say(f"damperfit: {table.num_rows} rows of the fleet in {out / 'fleet.parquet'} and .csv")
     if bands is None and not is_reported:
         return None
-    from damperfit.fleet.bands import held_against
+    from damperfit.fleet.bands import fleet_against_bands
     from damperfit.fleet.survey import survey
 
     found = survey(table)
-    held = None if bands is None else held_against(found, bands)
+    held = None if bands is None else fleet_against_bands(found, bands)
     if is_reported:
         from damperfit.fleet.page import write_page
 

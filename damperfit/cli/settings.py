@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     from damperfit.adjustment import Answer, Wanted
     from damperfit.queries.adjuster_results import AdjusterResults
-    from damperfit.queries.force_by_setting import ForceTable, Question
+    from damperfit.queries.force_by_setting import ForcesBySetting, Question
     from damperfit.readers import ReadOptions
     from damperfit.report import Sheet
     from damperfit.units.shown_units import ShownUnits
@@ -181,7 +181,7 @@ def _curves(
 def _show(
     adjuster: AdjusterResults,
     question: Question,
-    forces: ForceTable,
+    forces: ForcesBySetting,
     *,
     units: ShownUnits,
     is_quiet: bool,
@@ -233,7 +233,7 @@ def _answer(wanted: Wanted, answer: Answer) -> dict[str, Any]:
 
 
 def _document(
-    adjuster: AdjusterResults, question: Question, forces: ForceTable, remarks: tuple[str, ...]
+    adjuster: AdjusterResults, question: Question, forces: ForcesBySetting, remarks: tuple[str, ...]
 ) -> dict[str, Any]:
     from damperfit.report import to_record
     from damperfit.run.reading_account import json_values

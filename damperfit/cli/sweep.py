@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from damperfit.configuration.options import Configuration
-    from damperfit.queries.one_simulation import Choice
+    from damperfit.queries.one_simulation import ChosenParameters
     from damperfit.queries.sweep import Variation
     from damperfit.report import Plot, SweepMember
 
@@ -112,7 +112,7 @@ def sweep(
 
 
 def _members(
-    choice: Choice, configuration: Configuration, variation: Variation
+    choice: ChosenParameters, configuration: Configuration, variation: Variation
 ) -> tuple[SweepMember, ...]:
     from damperfit.queries.sweep import run_sweep
     from damperfit.report import SweepMember

@@ -45,10 +45,10 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Seen", "behind_filter"]
+__all__ = ["FilteredLog", "behind_filter"]
 
 
-class Seen(NamedTuple):
+class FilteredLog(NamedTuple):
     """A log and what is seen of it behind the filter: m, N, m/s."""
 
     log: UniformLog
@@ -58,7 +58,7 @@ class Seen(NamedTuple):
     model_filter: FilterDesign
 
 
-def behind_filter(log: UniformLog, options: ConditionOptions) -> Seen:
+def behind_filter(log: UniformLog, options: ConditionOptions) -> FilteredLog:
     """Return both channels behind the filter, and the filter for the model.
 
     Parameters
@@ -74,7 +74,7 @@ def behind_filter(log: UniformLog, options: ConditionOptions) -> Seen:
         The corner is not below half the sample rate.
     """
     displacement, force, design = _filtered(log, options)
-    return Seen(log, displacement, force, differentiate(displacement, log.interval), design)
+    return FilteredLog(log, displacement, force, differentiate(displacement, log.interval), design)
 
 
 def _filtered(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.conditioning.behind_filter import Seen, behind_filter
+from damperfit.conditioning.behind_filter import FilteredLog, behind_filter
 from damperfit.conditioning.continuation import continue_log
 from damperfit.conditioning.cycles import Cycles, find_cycles
 from damperfit.conditioning.drive import content_beyond
@@ -23,7 +23,7 @@ from damperfit.conditioning.passages import ends_in_motion
 from damperfit.conditioning.refusals import MIN_CYCLES, refuse_fast
 from damperfit.conditioning.stretches import (
     Edges,
-    Found,
+    FoundStretch,
     find_runs,
     steady_stretch,
 )
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Compared", "choose_compared"]
+__all__ = ["ComparedPart", "choose_compared"]
 
 # Speed beyond half the corner, over all of it: noise behind the filter has 0.95, a random walk
 # 0.65, a road up to 15 Hz nothing.
@@ -46,22 +46,22 @@ _NOISE = 0.5
 _SPLINE_EDGE = 14  # samples; 0.268^14 = 1e-8, how an end condition fades in a cubic spline
 
 
-class Compared(NamedTuple):
+class ComparedPart(NamedTuple):
     """What is compared of a log.
 
     `seen` may be longer than what was logged. `keep` are the samples of it that the model runs
     through; `cycles` is None where the log is no single steady run.
     """
 
-    seen: Seen
-    found: tuple[Found, ...]
+    seen: FilteredLog
+    found: tuple[FoundStretch, ...]
     n_found: int
     cycles: Cycles | None
     keep: slice
     findings: tuple[Finding, ...] = ()
 
 
-def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Compared:
+def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> ComparedPart:
     """Return what of a log is compared with the model.
 
     Parameters
@@ -105,7 +105,7 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
     assert cycles is not None
     refuse_fast(name, log, cycles, options)
     stretch = steady_stretch(starts, seen.velocity, log.interval, cycles.amplitude)
-    found = (Found(stretch, -math.inf, math.inf),)
+    found = (FoundStretch(stretch, -math.inf, math.inf),)
     if stretch.n_cycles < MIN_CYCLES:
         longer = _continued(name, seen, found, cycles.n_found, cycles, options)
         if longer:
@@ -113,20 +113,22 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
     return _kept(seen, found, cycles.n_found, cycles)
 
 
-def _edge(seen: Seen) -> int:
+def _edge(seen: FilteredLog) -> int:
     return max(settling_samples(seen.model_filter), _SPLINE_EDGE)
 
 
-def _edges(seen: Seen) -> Edges:
+def _edges(seen: FilteredLog) -> Edges:
     return Edges(max(fading_samples(seen.model_filter), _SPLINE_EDGE))
 
 
-def _cycles(seen: Seen, options: ConditionOptions) -> Cycles | None:
+def _cycles(seen: FilteredLog, options: ConditionOptions) -> Cycles | None:
     speed = seen.velocity * seen.log.interval
     return find_cycles(seen.displacement, speed, steadiness=options.steadiness)
 
 
-def _kept(seen: Seen, found: tuple[Found, ...], n_found: int, cycles: Cycles | None) -> Compared:
+def _kept(
+    seen: FilteredLog, found: tuple[FoundStretch, ...], n_found: int, cycles: Cycles | None
+) -> ComparedPart:
     """Add what the model runs through: from where the motion begins, or a cycle before."""
     first, last = found[0].stretch, found[-1].stretch
     edge = _edge(seen)
@@ -134,17 +136,17 @@ def _kept(seen: Seen, found: tuple[Found, ...], n_found: int, cycles: Cycles | N
     if cycles is not None:
         ahead = edge + math.ceil(cycles.period) + 1
     keep = slice(max(0, first.first - ahead), last.stop + edge + 2)
-    return Compared(seen, found, n_found, cycles, keep)
+    return ComparedPart(seen, found, n_found, cycles, keep)
 
 
 def _continued(
     name: str,
-    seen: Seen,
-    found: tuple[Found, ...],
+    seen: FilteredLog,
+    found: tuple[FoundStretch, ...],
     n_found: int,
     cycles: Cycles | None,
     options: ConditionOptions,
-) -> Compared | None:
+) -> ComparedPart | None:
     """Return what is compared when the log is continued by its cycles; None where no more is."""
     log = seen.log
     begin, end = ends_in_motion(log.displacement, options.steadiness)
@@ -185,7 +187,9 @@ def _continued(
     return _kept(seen, more, n_found, single)._replace(findings=(finding,))
 
 
-def _several(seen: Seen, edges: Edges, options: ConditionOptions) -> tuple[tuple[Found, ...], int]:
+def _several(
+    seen: FilteredLog, edges: Edges, options: ConditionOptions
+) -> tuple[tuple[FoundStretch, ...], int]:
     """Return the stretches of a log that is not one steady run, and its cycles; none where it is.
 
     Noise of a sensor at rest is no motion: nearly all of its speed is far up.

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.conditioning.options import ConditionOptions
-    from damperfit.conditioning.stretches import Found
+    from damperfit.conditioning.stretches import FoundStretch
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Stretch
 
@@ -73,7 +73,7 @@ def make_drive(
     log: UniformLog,
     filtered: FloatArray,
     velocity: FloatArray,
-    found: Sequence[Found],
+    found: Sequence[FoundStretch],
     options: ConditionOptions,
 ) -> Drive:
     """Return the displacement and velocity that drive the model.
@@ -86,7 +86,7 @@ def make_drive(
         Its displacement behind the compared filter, shape (n,), m.
     velocity : numpy.ndarray
         Of that, m/s.
-    found : sequence of Found
+    found : sequence of FoundStretch
         What is compared, in samples of the log.
     options : ConditionOptions
         Filter and rig facts. What the rig has filtered cannot be had back: it drives as it is.
@@ -112,7 +112,7 @@ def make_drive(
     return Drive(x, v, max(corners))
 
 
-def _inside(one: Found, n: int, options: ConditionOptions, *, interval: float) -> slice:
+def _inside(one: FoundStretch, n: int, options: ConditionOptions, *, interval: float) -> slice:
     """Return where a stretch is far enough from what went before and comes behind."""
     design = design_filter(
         "zero_phase", options.filter_corner, sample_rate=1.0 / interval, order=options.filter_order

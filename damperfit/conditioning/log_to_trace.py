@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from damperfit.conditioning.beside_cycles import transients
-from damperfit.conditioning.compared_part import Compared, choose_compared
+from damperfit.conditioning.compared_part import ComparedPart, choose_compared
 from damperfit.conditioning.corner import with_corner
 from damperfit.conditioning.corrections import (
     describe_level,
@@ -33,7 +33,7 @@ from damperfit.conditioning.refusals import (
 )
 from damperfit.conditioning.scatter import with_noise
 from damperfit.conditioning.skew import take_back
-from damperfit.conditioning.stretches import Found
+from damperfit.conditioning.stretches import FoundStretch
 from damperfit.conditioning.timebase import UniformLog, make_uniform
 from damperfit.conditioning.velocity import check_velocity
 from damperfit.errors import ConditioningError, ConfigurationError
@@ -119,7 +119,7 @@ class _Traced(NamedTuple):
     trace: Trace
     log: UniformLog
     logged: UniformLog
-    part: Compared
+    part: ComparedPart
 
 
 def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Traced:
@@ -161,7 +161,9 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     return _Traced(trace, log, logged, part)
 
 
-def _with_whole(trace: Trace, part: Compared, options: ConditionOptions, centre: float) -> Trace:
+def _with_whole(
+    trace: Trace, part: ComparedPart, options: ConditionOptions, centre: float
+) -> Trace:
     """Keep what was logged beside, where there is more motion in it: one array, two views.
 
     A jump of the velocity in a run-up must not be smeared: it drives the model as any motion does.
@@ -185,7 +187,7 @@ def _with_whole(trace: Trace, part: Compared, options: ConditionOptions, centre:
     # Each part has the corner that errs least there, so far out as the filter reaches.
     reach = fading_samples(trace.model_filter)
     parts = (*(one.stretch for one in part.found), *beside.stretches)
-    found = [Found(one, one.first - reach - 1.0, one.stop + reach + 1.0) for one in parts]
+    found = [FoundStretch(one, one.first - reach - 1.0, one.stop + reach + 1.0) for one in parts]
     own = make_drive(seen.log, seen.displacement, v, found, options)
     return replace(
         trace,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning.passages import TURN, turning_points
-from damperfit.conditioning.stretches import Edges, Found
+from damperfit.conditioning.stretches import Edges, FoundStretch
 from damperfit.recording import Stretch
 from damperfit.statistics import median, percentiles
 
@@ -30,7 +30,7 @@ _LONGEST_RUN_IN = 2.0  # s
 
 def find_moving(
     displacement: FloatArray, velocity: FloatArray, *, interval: float, edges: Edges
-) -> tuple[Found, ...]:
+) -> tuple[FoundStretch, ...]:
     """Return the parts of a log that move, for one in which nothing repeats.
 
     Parameters
@@ -60,7 +60,9 @@ def find_moving(
         stop = high - (edges.ends if high == len(velocity) else beside)
         if stop - first > run_in:
             found.append(
-                Found(_moving(first, stop, inside, displacement, velocity, interval), begin, end)
+                FoundStretch(
+                    _moving(first, stop, inside, displacement, velocity, interval), begin, end
+                )
             )
     return tuple(found)
 

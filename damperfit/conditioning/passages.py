@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 __all__ = [
     "FEWEST",
     "TURN",
-    "Run",
+    "SteadyRun",
     "Turns",
     "cycles_of",
     "ends_in_motion",
@@ -59,7 +59,7 @@ class Turns(NamedTuple):
     middle: FloatArray
 
 
-class Run(NamedTuple):
+class SteadyRun(NamedTuple):
     """The run's passages as first found, samples; medians of its cycles, samples and m."""
 
     first: float
@@ -69,7 +69,7 @@ class Run(NamedTuple):
     middle: float
 
 
-def run_of(seen: Turns, first: int, stop: int) -> Run:
+def run_of(seen: Turns, first: int, stop: int) -> SteadyRun:
     """Return the facts of a run.
 
     Parameters
@@ -80,7 +80,7 @@ def run_of(seen: Turns, first: int, stop: int) -> Run:
         Its cycles.
     """
     medians = (median(values[first:stop]) for values in (seen.period, seen.amplitude, seen.middle))
-    return Run(float(seen.passages[first]), float(seen.passages[stop + 1]), *medians)
+    return SteadyRun(float(seen.passages[first]), float(seen.passages[stop + 1]), *medians)
 
 
 def cycles_of(x: FloatArray) -> Turns:
@@ -182,7 +182,7 @@ def ends_in_motion(
     )
 
 
-def _repeats(x: FloatArray, ahead: float, run: Run) -> bool:
+def _repeats(x: FloatArray, ahead: float, run: SteadyRun) -> bool:
     """Whether what is ahead of a run's first passage is of the same motion: no rest, no run-up."""
     n, period = math.ceil(ahead), round(run.period)
     if ahead > _CUT * run.period or n + period >= len(x):

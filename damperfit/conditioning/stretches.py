@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from damperfit.conditioning.cycles import clean_cycles, crossings
-from damperfit.conditioning.passages import FEWEST, Run, cycles_of, run_of, runs_of
+from damperfit.conditioning.passages import FEWEST, SteadyRun, cycles_of, run_of, runs_of
 from damperfit.recording import Stretch
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Edges", "Found", "find_runs", "steady_stretch"]
+__all__ = ["Edges", "FoundStretch", "find_runs", "steady_stretch"]
 
 _MOVED = 1.5e-3  # s; a filter of 30 Hz moves a passage so far where the speed doubles
 _HYSTERESIS = 0.25  # of the run's amplitude
@@ -45,7 +45,7 @@ class Edges(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class FoundStretch:
     """A stretch, in samples of the log, and between which breaks of the motion it lies.
 
     Attributes
@@ -68,7 +68,7 @@ def find_runs(
     interval: float,
     steadiness: float,
     edges: Edges,
-) -> tuple[tuple[Found, ...], int]:
+) -> tuple[tuple[FoundStretch, ...], int]:
     """Return the steady runs of a log, and how many cycles there are in all.
 
     Parameters
@@ -84,7 +84,7 @@ def find_runs(
 
     Returns
     -------
-    tuple of Found
+    tuple of FoundStretch
         In order of time; none where hardly anything repeats.
     int
         Cycles, steady or not.
@@ -96,7 +96,7 @@ def find_runs(
     runs = list(runs_of(seen, steadiness, near=_MOVED / interval))
     if sum(stop - first + 2 for first, stop in runs) < _SHARE * n_passages:
         return (), n_passages // 2
-    found: list[Found] = []
+    found: list[FoundStretch] = []
     for first, stop in runs:
         run = run_of(seen, first, stop)
         one = _of_run(run, displacement, velocity, interval=interval, edges=edges)
@@ -108,7 +108,7 @@ def find_runs(
     return tuple(found), n_passages // 2
 
 
-def _apart(one: Found, found: list[Found], period: float) -> Found:
+def _apart(one: FoundStretch, found: list[FoundStretch], period: float) -> FoundStretch:
     """Return a stretch that shares no sample with the last one; or that one, which is taken."""
     first, stop = one.stretch.first, found[-1].stretch.stop
     if stop - first > 2.0 * _ROUNDING * period + 1.0:
@@ -119,13 +119,13 @@ def _apart(one: Found, found: list[Found], period: float) -> Found:
 
 
 def _of_run(
-    run: Run,
+    run: SteadyRun,
     displacement: FloatArray,
     velocity: FloatArray,
     *,
     interval: float,
     edges: Edges,
-) -> Found | None:
+) -> FoundStretch | None:
     """Return the stretch of one run; None where no whole cycle is left."""
     period, amplitude = run.period, run.amplitude
     low = max(0, math.floor(run.first - 0.7 * period))
@@ -158,10 +158,12 @@ def _of_run(
     stretch = replace(stretch, smeared=smeared)
     clean = np.rint(clean_cycles(stretch)).astype(np.int64)
     fastest = float(np.abs(velocity[clean[0] : clean[-1]]).max())
-    return Found(replace(stretch, peak_speed=fastest), begin, end)
+    return FoundStretch(replace(stretch, peak_speed=fastest), begin, end)
 
 
-def _inner(run: Run, n: int, edges: Edges, *, begin: float, end: float) -> tuple[float, float]:
+def _inner(
+    run: SteadyRun, n: int, edges: Edges, *, begin: float, end: float
+) -> tuple[float, float]:
     """Return the samples between which a run may be compared."""
     slack = 0.5 * _ROUNDING * run.period
     low = begin - slack
@@ -182,7 +184,7 @@ def _unsmeared(at: FloatArray, period: float, first: float, last: float) -> Floa
     return np.asarray(nearest + period * np.rint((at - nearest) / period))
 
 
-def _belonging(at: FloatArray, run: Run, x: FloatArray, *, moved: float) -> FloatArray:
+def _belonging(at: FloatArray, run: SteadyRun, x: FloatArray, *, moved: float) -> FloatArray:
     """Return the passages of one direction that are a run's, one more at an end if alike.
 
     `x` is the displacement, `moved` the samples that the filter may move a passage by.

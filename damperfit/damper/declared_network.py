@@ -235,7 +235,7 @@ class DeclaredNetwork(ValveDamper):
         return tuple(self._from_point(one | other, fixed) for one, other in pairs)
 
     def _from_point(self, point: Mapping[str, float], fixed: Mapping[str, float]) -> Values:
-        from damperfit.damper.valve_starts import values_of
+        from damperfit.damper.valve_starts import within_plausible
 
         valves = [one for one in self.passages if one.law != "check" and one.start in _STROKES]
         sharing = Counter((one.start, one.law in _BLOW_OFFS) for one in valves)
@@ -249,7 +249,7 @@ class DeclaredNetwork(ValveDamper):
                 # Passages beside each other share the flow, at one pressure.
                 n = 1 if part in {"opening", "width"} else sharing[one.start, one.law in _BLOW_OFFS]
                 own[number] = n * point[f"{_STROKES[one.start]}_{part}"]
-        return values_of(self, own, fixed)
+        return within_plausible(self, own, fixed)
 
     def valve_characteristics(
         self,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from damperfit.damper.valve_dampers import ValveDamper
     from damperfit.recording import Trace
 
-__all__ = ["read_strokes", "sides", "values_of", "valve_points", "valve_starts"]
+__all__ = ["read_strokes", "sides", "valve_points", "valve_starts", "within_plausible"]
 
 # Openings tried beside those read, in shares of the largest pressure: rebound, compression.
 _GUESSES = ((0.35, 0.35), (0.75, 0.35), (0.35, 0.75), (0.75, 0.75))
@@ -61,7 +61,9 @@ def valve_starts(
     fixed : mapping of str to float
         What is held.
     """
-    return tuple(values_of(damper, one, fixed) for one in valve_points(damper, traces, fixed))
+    return tuple(
+        within_plausible(damper, one, fixed) for one in valve_points(damper, traces, fixed)
+    )
 
 
 def valve_points(
@@ -188,7 +190,7 @@ def _parts(
     return {part: known[part] for part in (*BLEEDS[valve.bleed], *BLOW_OFFS[valve.blow_off])}
 
 
-def values_of(
+def within_plausible(
     damper: ValveDamper, point: Mapping[str, float], fixed: Mapping[str, float]
 ) -> Values:
     """Return values within the plausible ranges; what the damper has not is left out."""

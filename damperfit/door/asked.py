@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
 
-__all__ = ["configured", "declared_setting", "known_as_setting", "listed", "texts", "workers"]
+__all__ = ["configured", "declared_setting", "known_as_setting", "names_given", "texts", "workers"]
 
 
 def configured(
@@ -181,7 +181,7 @@ def known_as_setting(setting: Any, call: str) -> Setting | int | str | None:
     )
 
 
-def listed(names: Iterable[str] | None, keyword: str) -> list[str] | None:
+def names_given(names: Iterable[str] | None, keyword: str) -> list[str] | None:
     """Return names given as a list, or as text with commas, to a keyword of `identify`.
 
     Raises

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from damperfit.comparison.tolerance import Band as Nominal
     from damperfit.fleet.survey import Series, Spread, Survey
 
-__all__ = ["HeldFleet", "held_against"]
+__all__ = ["HeldFleet", "fleet_against_bands"]
 
 _NEAR = 1e-9  # m/s
 
@@ -64,7 +64,7 @@ class HeldFleet:
         )
 
 
-def held_against(found: Survey, tolerance: Tolerance) -> HeldFleet:
+def fleet_against_bands(found: Survey, tolerance: Tolerance) -> HeldFleet:
     """Return the forces of a fleet that do not keep a tolerance.
 
     Per cent and newtons are around the median force of the setting over the fleet; a table of

@@ -12,7 +12,7 @@ import pyarrow as pa
 from damperfit import __version__
 from damperfit.errors import DamperfitError, mishap_of
 from damperfit.fleet.parts import part_path, read_facts_of, renew_facts, touch, write_part
-from damperfit.fleet.sources import Source, brought_here, head_of
+from damperfit.fleet.sources import FleetLog, brought_here, head_of
 from damperfit.fleet.stores import UnreachableError
 from damperfit.fleet.tasks import UNREADABLE, content_key, hash_of, in_unicode, owner_in_preamble
 from damperfit.queries.baseline import compared_record
@@ -210,17 +210,17 @@ def _done(job: Job, brought: Brought) -> Done:
     )
 
 
-def _seen(brought: Brought, hashes: Mapping[Source, str]) -> dict[str, tuple[str, str, str]]:
+def _seen(brought: Brought, hashes: Mapping[FleetLog, str]) -> dict[str, tuple[str, str, str]]:
     """Return what the next run needs to know of objects that it then need not fetch."""
     found = {}
     for one, stamp in brought.stamps.items():
         if stamp:
-            owner = owner_in_preamble(head_of(Source(str(brought.paths[one]), one.name)))
+            owner = owner_in_preamble(head_of(FleetLog(str(brought.paths[one]), one.name)))
             found[one.place] = (stamp, hashes[one], owner)
     return found
 
 
-def _dead_rows(job: Job, here: Mapping[Source, Path]) -> Iterator[dict[str, Any]]:
+def _dead_rows(job: Job, here: Mapping[FleetLog, Path]) -> Iterator[dict[str, Any]]:
     """Yield the rows of logs that have ended a worker, with the setting as far as it is known."""
     if not job.dead:
         return
@@ -232,7 +232,7 @@ def _dead_rows(job: Job, here: Mapping[Source, Path]) -> Iterator[dict[str, Any]
             yield _failure(one.file, "WorkerDied", said[one.place], setting=setting)
 
 
-def _named(message: str, task: Task, here: Mapping[Source, Path]) -> str:
+def _named(message: str, task: Task, here: Mapping[FleetLog, Path]) -> str:
     """Return a message with logs by their names, wherever they were when they were read."""
     for log in task.logs:
         for spelled in (str, in_unicode):

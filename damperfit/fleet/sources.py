@@ -26,14 +26,14 @@ from damperfit.run.own_tables import is_own_table
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-__all__ = ["Brought", "Seen", "Source", "brought_here", "find_sources", "head_of"]
+__all__ = ["Brought", "FleetLog", "KnownObject", "brought_here", "find_sources", "head_of"]
 
 _SHOWN = ".csv, .txt, .xlsx, .mat, .tdms"
 _HEAD = 4096  # bytes of a log in which its preamble is looked for
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class KnownObject:
     """What an earlier run found in an object of a store.
 
     Attributes
@@ -52,7 +52,7 @@ class Seen:
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class Source:
+class FleetLog:
     """One log of a fleet.
 
     Attributes
@@ -61,13 +61,13 @@ class Source:
         Absolute path, or the address in an object store.
     name : str
         Path below the folder or pattern that was asked for, with ``/``.
-    seen : Seen, optional
+    seen : KnownObject, optional
         What is known of an object that has not changed since.
     """
 
     place: str
     name: str
-    seen: Seen | None = field(default=None, compare=False)
+    seen: KnownObject | None = field(default=None, compare=False)
 
     @property
     def is_remote(self) -> bool:
@@ -93,7 +93,7 @@ class Source:
         return PurePosixPath(hashlib.sha256(parent).hexdigest()[:12], self.name)
 
 
-def find_sources(wanted: Iterable[str]) -> tuple[Source, ...]:
+def find_sources(wanted: Iterable[str]) -> tuple[FleetLog, ...]:
     """Return the logs that folders, files, patterns and addresses name, each once, in order.
 
     A folder stands for all logs in it and below: files with the suffix of a format that is read.
@@ -103,7 +103,7 @@ def find_sources(wanted: Iterable[str]) -> tuple[Source, ...]:
     ConfigurationError
         Something names no file.
     """
-    found: dict[str, Source] = {}
+    found: dict[str, FleetLog] = {}
     files: list[Path] = []
     wanted = list(wanted)
     local = (Path(one).resolve() for one in wanted if not is_address(one))
@@ -114,7 +114,7 @@ def find_sources(wanted: Iterable[str]) -> tuple[Source, ...]:
             continue
         own = Path(text).resolve()
         if is_address(text):
-            sources = [Source(*one) for one in listed(text, _is_log)]
+            sources = [FleetLog(*one) for one in listed(text, _is_log)]
         else:
             sources = _below(own, common or own)
         if not sources:
@@ -129,7 +129,7 @@ def find_sources(wanted: Iterable[str]) -> tuple[Source, ...]:
     root = _common([path.parent for path in files])
     for path in files:
         inside = path.relative_to(root or path.parent)
-        found.setdefault(str(path), Source(str(path), inside.as_posix()))
+        found.setdefault(str(path), FleetLog(str(path), inside.as_posix()))
     return tuple(sorted(found.values(), key=lambda one: (natural_order(one.name), one.place)))
 
 
@@ -141,7 +141,7 @@ def _common(folders: Sequence[Path]) -> Path | None:
         return None
 
 
-def _below(folder: Path, root: Path) -> list[Source]:
+def _below(folder: Path, root: Path) -> list[FleetLog]:
     def refuse(error: OSError) -> None:
         raise ConfigurationError(f"{error.filename}: cannot be read: {error.strerror}") from error
 
@@ -152,7 +152,7 @@ def _below(folder: Path, root: Path) -> list[Source]:
         for name in names
         if _is_log(name)
     )
-    return [Source(str(path), path.relative_to(root).as_posix()) for path in _without_own(files)]
+    return [FleetLog(str(path), path.relative_to(root).as_posix()) for path in _without_own(files)]
 
 
 def _unhidden(folders: list[str]) -> bool:
@@ -171,7 +171,7 @@ def _is_log(name: str) -> bool:
     return name.lower().endswith(LOG_SUFFIXES) and not name.startswith(".")
 
 
-def head_of(source: Source) -> bytes:
+def head_of(source: FleetLog) -> bytes:
     """Return the first bytes of a log, in which its preamble stands; none if it cannot be read."""
     try:
         if source.is_remote:
@@ -190,18 +190,18 @@ class Brought:
 
     Attributes
     ----------
-    paths : dict of Source to pathlib.Path
+    paths : dict of FleetLog to pathlib.Path
         Where each stands.
-    stamps : dict of Source to str
+    stamps : dict of FleetLog to str
         Of those from a store: what changes with the bytes; empty where that is not known.
     """
 
-    paths: dict[Source, Path]
-    stamps: dict[Source, str]
+    paths: dict[FleetLog, Path]
+    stamps: dict[FleetLog, str]
 
 
 @contextmanager
-def brought_here(sources: Sequence[Source]) -> Iterator[Brought]:
+def brought_here(sources: Sequence[FleetLog]) -> Iterator[Brought]:
     """Fetch logs from their stores into a temporary folder, each under its own name.
 
     Local logs stay where they are. The folder goes when the work is done.
@@ -215,7 +215,7 @@ def brought_here(sources: Sequence[Source]) -> Iterator[Brought]:
     if not any(source.is_remote for source in sources):
         yield Brought(paths, {})
         return
-    stamps: dict[Source, str] = {}
+    stamps: dict[FleetLog, str] = {}
     with temporary_folder() as folder:
         for source in sources:
             if source.is_remote:

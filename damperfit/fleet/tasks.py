@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path, PurePath
 
     from damperfit.configuration.options import Configuration
-    from damperfit.fleet.sources import Source
+    from damperfit.fleet.sources import FleetLog
 
 __all__ = [
     "UNREADABLE",
@@ -54,15 +54,15 @@ class Task:
     ----------
     owner : str
         Serial number, else the damper's name, else the folder of its logs.
-    logs : tuple of Source
+    logs : tuple of FleetLog
         Its logs, in order.
-    tables : tuple of Source
+    tables : tuple of FleetLog
         Tables of tests that stand beside them.
     """
 
     owner: str
-    logs: tuple[Source, ...]
-    tables: tuple[Source, ...] = ()
+    logs: tuple[FleetLog, ...]
+    tables: tuple[FleetLog, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,12 +106,12 @@ def share_of(text: str) -> Share:
     return Share(number, of)
 
 
-def tasks_of(sources: Sequence[Source], configuration: Configuration) -> tuple[Task, ...]:
+def tasks_of(sources: Sequence[FleetLog], configuration: Configuration) -> tuple[Task, ...]:
     """Part logs by damper: the table of tests, else the log's preamble, else its folder says whose.
 
     Parameters
     ----------
-    sources : sequence of Source
+    sources : sequence of FleetLog
         The logs, with tables of tests among them.
     configuration : Configuration
         Adjusters and table of tests.
@@ -128,7 +128,7 @@ def tasks_of(sources: Sequence[Source], configuration: Configuration) -> tuple[T
         if not logs:
             raise ConfigurationError("no logs among the files given: they are all tables of tests")
         rows = _rows({one: here.paths[one] for one in tables}, configuration)
-    owners: dict[str, list[Source]] = defaultdict(list)
+    owners: dict[str, list[FleetLog]] = defaultdict(list)
     # In a store each log that is not known costs the time of an answer.
     with executor(AT_ONCE if any(one.is_remote for one in logs) else 1) as pool:
         for log, owner in zip(logs, pool.map(lambda one: _owner(one, rows), logs), strict=True):
@@ -141,19 +141,21 @@ def tasks_of(sources: Sequence[Source], configuration: Configuration) -> tuple[T
     )
 
 
-def _where(source: Source) -> str:
+def _where(source: FleetLog) -> str:
     place = source.place if source.is_remote else source.place.replace("\\", "/")
     return place.rsplit("/", 1)[0] if "/" in place else ""
 
 
-def _beside(logs: Iterable[Source], tables: Mapping[tuple[str, str], Source]) -> Iterable[Source]:
+def _beside(
+    logs: Iterable[FleetLog], tables: Mapping[tuple[str, str], FleetLog]
+) -> Iterable[FleetLog]:
     for log in logs:
         if table := tables.get((_where(log), log.folder)):
             yield table
 
 
 def _rows(
-    tables: Mapping[Source, Path], configuration: Configuration
+    tables: Mapping[FleetLog, Path], configuration: Configuration
 ) -> dict[tuple[str, str], str]:
     """Return whose a log is, by its folder and name, as far as tables of tests say it."""
     adjusters = configuration.reading.adjusters
@@ -171,7 +173,7 @@ def _owners(table: TestsTable) -> Iterable[tuple[str, str]]:
     return ((name, row.identity.owner) for name, row in table.rows.items() if row.identity.owner)
 
 
-def _owner(log: Source, rows: Mapping[tuple[str, str], str]) -> str:
+def _owner(log: FleetLog, rows: Mapping[tuple[str, str], str]) -> str:
     folder = _where(log)
     owner = rows.get((folder, log.file)) or rows.get(("", log.file)) or rows.get(("", log.name))
     if not owner:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
 from damperfit.fleet.parts import parts_in, read_facts_of
-from damperfit.fleet.sources import Seen
+from damperfit.fleet.sources import KnownObject
 from damperfit.fleet.stores import UnreachableError, stamp_of
 from damperfit.parallel import executor
 
@@ -20,19 +20,19 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from damperfit.fleet.sources import Source
+    from damperfit.fleet.sources import FleetLog
 
 __all__ = ["AT_ONCE", "recognised"]
 
 AT_ONCE = 16  # requests; nearly all of the time is waiting
 
 
-def recognised(sources: Sequence[Source], folder: Path) -> tuple[Source, ...]:
+def recognised(sources: Sequence[FleetLog], folder: Path) -> tuple[FleetLog, ...]:
     """Return sources with what is known of those that have not changed since an earlier run.
 
     Parameters
     ----------
-    sources : sequence of Source
+    sources : sequence of FleetLog
         Logs and tables of tests, in stores or not.
     folder : pathlib.Path
         Of the fleet.
@@ -41,7 +41,7 @@ def recognised(sources: Sequence[Source], folder: Path) -> tuple[Source, ...]:
         return tuple(sources)
     known = _seen_in(folder)
 
-    def one(source: Source) -> Source:
+    def one(source: FleetLog) -> FleetLog:
         seen = known.get(source.place) if source.is_remote else None
         if seen is None:
             return source
@@ -55,11 +55,11 @@ def recognised(sources: Sequence[Source], folder: Path) -> tuple[Source, ...]:
         return tuple(pool.map(one, sources))
 
 
-def _seen_in(folder: Path) -> dict[str, Seen]:
-    found: dict[str, Seen] = {}
+def _seen_in(folder: Path) -> dict[str, KnownObject]:
+    found: dict[str, KnownObject] = {}
     for path in parts_in(folder):
         facts = read_facts_of(path)
         seen_before: Any = facts.get("seen") if facts.get("version") == __version__ else None
         for place, seen in seen_before.items() if isinstance(seen_before, dict) else ():
-            found[place] = Seen(*map(str, seen))
+            found[place] = KnownObject(*map(str, seen))
     return found

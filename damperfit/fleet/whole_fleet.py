@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.configuration.options import Configuration
-    from damperfit.fleet.sources import Source
+    from damperfit.fleet.sources import FleetLog
     from damperfit.fleet.tasks import Share
     from damperfit.parallel import Executor
 
@@ -58,7 +58,7 @@ def planned(
     return parted(tasks_of(recognised(sources, folder), configuration), share)
 
 
-def _is_inside(source: Source, folder: Path) -> bool:
+def _is_inside(source: FleetLog, folder: Path) -> bool:
     from pathlib import Path
 
     return not source.is_remote and folder in Path(source.place).parents

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 from damperfit.handover.force_table import force_tables
-from damperfit.handover.provenance import commented, gas_line, provenance
+from damperfit.handover.provenance import commented, gas_line, provenance_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -33,7 +33,7 @@ def write_dpr(handed: HandedOver, options: ExportOptions) -> Mapping[str, bytes]
     files = {}
     for table in force_tables(handed, extend=options.extend):
         gas = gas_line(table, place="give it as gas preload, or add it to the spring")
-        lines = provenance(handed, [table], sign=_SIGN, gas=gas)
+        lines = provenance_lines(handed, [table], sign=_SIGN, gas=gas)
         text = (
             _ruler("MDI_HEADER")
             + "[MDI_HEADER]\n FILE_TYPE     =  'dpr'\n FILE_VERSION  =  4.0\n"
@@ -55,7 +55,7 @@ def write_xml(handed: HandedOver, options: ExportOptions) -> Mapping[str, bytes]
     files = {}
     for table in force_tables(handed, extend=options.extend):
         gas = gas_line(table, place="handed over as gasPreloadConstant, positive as it pushes out")
-        lines = provenance(handed, [table], sign=_SIGN, gas=gas)
+        lines = provenance_lines(handed, [table], sign=_SIGN, gas=gas)
         name = f"{options.stem}_s{table.slug}"
         files[f"{name}.xml"] = _document(handed, table, lines).encode(
             "iso-8859-1", "xmlcharrefreplace"

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from damperfit.handover.force_table import force_tables
-from damperfit.handover.provenance import commented, gas_line, provenance
+from damperfit.handover.provenance import commented, gas_line, provenance_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -32,7 +32,7 @@ def write_carmaker(handed: HandedOver, options: ExportOptions) -> Mapping[str, b
     for table in force_tables(handed, extend=options.extend):
         gas = gas_line(table, place="add it to the spring")
         text = "#INFOFILE1.1 (UTF-8) - Do not remove this line!\n"
-        text += commented(provenance(handed, [table], sign=_SIGN, gas=gas), "##")
+        text += commented(provenance_lines(handed, [table], sign=_SIGN, gas=gas), "##")
         text += _side(table, "Damp_Push", -1.0) + _side(table, "Damp_Pull", 1.0)
         name = f"{options.stem}_s{table.slug}.txt"
         files[name] = text.encode("utf-8", "replace")

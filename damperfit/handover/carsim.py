@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from damperfit.handover.force_table import force_tables
-from damperfit.handover.provenance import commented, gas_line, provenance
+from damperfit.handover.provenance import commented, gas_line, provenance_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -28,7 +28,7 @@ def write_carsim(handed: HandedOver, options: ExportOptions) -> Mapping[str, byt
     files = {}
     for table in force_tables(handed, extend=options.extend):
         gas = gas_line(table, place="add it to the spring")
-        text = commented(provenance(handed, [table], sign=_SIGN, gas=gas), "!")
+        text = commented(provenance_lines(handed, [table], sign=_SIGN, gas=gas), "!")
         rows = zip(-1e3 * table.speeds[::-1], -table.forces[::-1], strict=True)
         text += "FD_TABLE SPLINE\n"
         text += "".join(f"{v + 0.0:.4f}, {f + 0.0:.3f}\n" for v, f in rows)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from damperfit.handover.force_table import force_tables
-from damperfit.handover.provenance import commented, gas_line, provenance
+from damperfit.handover.provenance import commented, gas_line, provenance_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,7 +30,7 @@ def write_chrono(handed: HandedOver, options: ExportOptions) -> Mapping[str, byt
     files = {}
     for table in force_tables(handed, extend=options.extend):
         gas = gas_line(table, place="add it to spring_curve_data of the same entry")
-        text = commented(provenance(handed, [table], sign=_SIGN, gas=gas), "#")
+        text = commented(provenance_lines(handed, [table], sign=_SIGN, gas=gas), "#")
         name = f"{options.stem}_s{table.slug}"
         rows = ",\n".join(
             f"      [ {v:.7g}, {f:.3f} ]" for v, f in zip(table.speeds, table.forces, strict=True)

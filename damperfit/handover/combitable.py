@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.handover.force_table import force_tables
-from damperfit.handover.provenance import commented, gas_line, provenance
+from damperfit.handover.provenance import commented, gas_line, provenance_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["matrix_name", "setting_axis", "write_combitable"]
+__all__ = ["matrix_name", "setting_numbers", "write_combitable"]
 
 _SIGN = "velocity in m/s and force in N are positive in rebound; displacement in m likewise"
 
@@ -35,12 +35,12 @@ def write_combitable(handed: HandedOver, options: ExportOptions) -> Mapping[str,
     """Return one file with the matrices of all settings."""
     tables = force_tables(handed, extend=options.extend)
     gas = gas_line(tables[0], place="matrix gas, by displacement; add it to the table's force")
-    text = "#1\n" + commented(provenance(handed, tables, sign=_SIGN, gas=gas), "#")
+    text = "#1\n" + commented(provenance_lines(handed, tables, sign=_SIGN, gas=gas), "#")
     for table in tables:
         pairs = np.column_stack([table.speeds, table.forces])
         said = f"setting {table.setting}: velocity m/s, force N"
         text += _matrix(matrix_name("force", table), pairs, said)
-    axis = setting_axis(tables)
+    axis = setting_numbers(tables)
     if len(tables) > 1:
         grid = np.empty((len(tables[0].speeds) + 1, len(tables) + 1))
         grid[0, 0] = 0.0
@@ -60,7 +60,7 @@ def write_combitable(handed: HandedOver, options: ExportOptions) -> Mapping[str,
     return {f"{options.stem}.txt": text.encode("utf-8", "replace")}
 
 
-def setting_axis(tables: Sequence[ForceTable]) -> FloatArray:
+def setting_numbers(tables: Sequence[ForceTable]) -> FloatArray:
     """Return a number for each setting, rising: where it stands, else 1, 2, ..."""
     known = [table.setting.number() for table in tables]
     numbers = np.array([np.nan if one is None else one for one in known])

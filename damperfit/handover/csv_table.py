@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.handover.force_table import force_tables
 from damperfit.handover.plain_tables import stored_tables
-from damperfit.handover.provenance import gas_line, provenance
+from damperfit.handover.provenance import gas_line, provenance_lines
 from damperfit.tables import safe_cell
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def write_csv(handed: HandedOver, options: ExportOptions) -> Mapping[str, bytes]
     ]
     head = ("setting", shown.column("speed_m_per_s", "m/s"), shown.column("force_N", "N"), "range")
     gas = gas_line(tables[0], place="add it to the force")
-    about = "\n".join(provenance(handed, tables, sign=_SIGN, gas=gas)) + "\n"
+    about = "\n".join(provenance_lines(handed, tables, sign=_SIGN, gas=gas)) + "\n"
     files = {
         f"{options.stem}.csv": _text(head, rows, mark),
         f"{options.stem}_about.txt": about.encode("utf-8", "backslashreplace"),

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.handover.combitable import setting_axis
+from damperfit.handover.combitable import setting_numbers
 from damperfit.handover.force_table import force_tables
-from damperfit.handover.provenance import commented, gas_line, provenance
+from damperfit.handover.provenance import commented, gas_line, provenance_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -38,7 +38,7 @@ def write_matlab(handed: HandedOver, options: ExportOptions) -> Mapping[str, byt
     """Return script and data file, all settings in both."""
     tables = force_tables(handed, extend=options.extend)
     place = "gas_force at gas_displacement; add it to the table's force"
-    lines = provenance(handed, tables, sign=_SIGN, gas=gas_line(tables[0], place=place))
+    lines = provenance_lines(handed, tables, sign=_SIGN, gas=gas_line(tables[0], place=place))
     lines += ("set the table's extrapolation: linear or error, never the last value",)
     known = _variables(tables)
     labels = tuple(str(table.setting) for table in tables)
@@ -51,7 +51,7 @@ def write_matlab(handed: HandedOver, options: ExportOptions) -> Mapping[str, byt
 def _variables(tables: Sequence[ForceTable]) -> dict[str, FloatArray]:
     first = tables[0]
     return {
-        "setting": setting_axis(tables)[None, :],
+        "setting": setting_numbers(tables)[None, :],
         "velocity": first.speeds[:, None],
         "force": np.column_stack([table.forces for table in tables]),
         "tested_speed": np.array([[first.tested_speed]]),

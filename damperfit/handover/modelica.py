@@ -14,7 +14,7 @@ import numpy as np
 
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.handover.force_table import force_tables
-from damperfit.handover.provenance import commented, gas_line, provenance
+from damperfit.handover.provenance import commented, gas_line, provenance_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -53,7 +53,7 @@ def write_modelica(handed: HandedOver, options: ExportOptions) -> Mapping[str, b
 def _account(
     handed: HandedOver, tables: Sequence[ForceTable], gas: str, *, physics: bool
 ) -> tuple[str, ...]:
-    lines = provenance(handed, tables, sign=_SIGN, gas=gas)
+    lines = provenance_lines(handed, tables, sign=_SIGN, gas=gas)
     if not physics:
         return lines
     # No table stands in it, so nothing of a table is said.

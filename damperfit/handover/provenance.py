@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from damperfit.handover.force_table import ForceTable
     from damperfit.handover.handed_over import HandedOver, Tested
 
-__all__ = ["commented", "gas_line", "provenance"]
+__all__ = ["commented", "gas_line", "provenance_lines"]
 
 _OTHERS = 6  # settings whose MSE is listed one by one
 
 
-def provenance(
+def provenance_lines(
     handed: HandedOver, tables: Sequence[ForceTable], *, sign: str, gas: str
 ) -> tuple[str, ...]:
     """Return the lines that stand in every file.

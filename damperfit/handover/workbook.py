@@ -14,7 +14,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 from damperfit.handover.force_table import force_tables
 from damperfit.handover.plain_tables import PlainTable, forces_by_setting, stored_tables
-from damperfit.handover.provenance import gas_line, provenance
+from damperfit.handover.provenance import gas_line, provenance_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -46,7 +46,7 @@ def write_xlsx(handed: HandedOver, options: ExportOptions) -> Mapping[str, bytes
     """Return one workbook: what it is about, force by speed, and every table of the results."""
     tables = force_tables(handed, extend=options.extend)
     gas = gas_line(tables[0], place="add it to the force")
-    lines = provenance(handed, tables, sign=_SIGN, gas=gas)
+    lines = provenance_lines(handed, tables, sign=_SIGN, gas=gas)
     about = PlainTable("about", ("about",), ("",), (tuple(lines),))
     sheets = (about, forces_by_setting(handed, options), *stored_tables(handed, options.units))
     return {f"{options.stem}.xlsx": _archive(sheets)}

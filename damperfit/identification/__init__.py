@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from damperfit.identification.failures import SettingFailure
     from damperfit.identification.given_start import GivenStart, check_start
     from damperfit.identification.log_fit import LogFit
-    from damperfit.identification.model_versus_log import Comparison, compare, normalised_mse
+    from damperfit.identification.model_versus_log import SimulatedLog, compare, normalised_mse
     from damperfit.identification.multistart import Search, Valley, describe_searches
     from damperfit.identification.options import DETECT, FitOptions, check_options, shared_names
     from damperfit.identification.outcome import Outcome, Status
@@ -24,7 +24,6 @@ __all__ = [
     "DETECT",
     "PROCEDURES",
     "Campaign",
-    "Comparison",
     "Fit",
     "FitOptions",
     "GivenStart",
@@ -33,6 +32,7 @@ __all__ = [
     "Search",
     "SettingFailure",
     "Sharing",
+    "SimulatedLog",
     "Status",
     "Valley",
     "check_options",
@@ -47,7 +47,7 @@ __all__ = [
 
 _LATE = {
     "Campaign": "campaign",
-    "Comparison": "model_versus_log",
+    "SimulatedLog": "model_versus_log",
     "DETECT": "options",
     "Fit": "setting",
     "FitOptions": "options",

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Values
     from damperfit.identification.descent import Misfit
-    from damperfit.identification.model_versus_log import Comparison
+    from damperfit.identification.model_versus_log import SimulatedLog
 
     FloatArray = NDArray[np.float64]
 
@@ -182,7 +182,7 @@ class _Look:
 
     residuals: FloatArray
     is_cavitating: bool
-    seen: tuple[Comparison, ...]
+    seen: tuple[SimulatedLog, ...]
 
 
 def _looked(misfit: Misfit, parameters: Values) -> _Look:

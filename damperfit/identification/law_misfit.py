@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["COMPARING", "LawMisfit", "best_fitting", "followed", "vanishes_below"]
+__all__ = ["COMPARING", "LawMisfit", "best_fitting", "best_of_starts", "vanishes_below"]
 
 # Laws are compared by factors of their MSE: a fall of a few in ten thousand changes nothing.
 COMPARING = Stopping(cost_tolerance=3e-4, step_tolerance=1e-4, max_evaluations=60, rest=math.inf)
@@ -209,7 +209,7 @@ def vanishes_below(one: Quantity) -> bool:
     return one.is_friction or one.name.endswith(_VANISHING)
 
 
-def followed(
+def best_of_starts(
     misfit: LawMisfit,
     starts: Sequence[Values],
     *,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.identification.model_versus_log import Comparison, compare
+from damperfit.identification.model_versus_log import SimulatedLog, compare
 from damperfit.simulation import Response, motion_of
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class SeenLog:
         return same_log and same_model and self.solver == solver and self.parameters == parameters
 
     @property
-    def comparison(self) -> Comparison:
+    def comparison(self) -> SimulatedLog:
         """The comparison again; without masses, sensitivities and what is before the filter."""
         motion = motion_of(self.trace)
         n = len(self.force)
@@ -71,7 +71,7 @@ class SeenLog:
             pressures=self.pressures.astype(np.float64),
             masses=np.empty((2, 0)),
         )
-        return Comparison(response, self.force, np.empty((0, n)))
+        return SimulatedLog(response, self.force, np.empty((0, n)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,7 +98,7 @@ class LogFit:
     stretch_mse_percent: tuple[float, ...] = ()
     seen: SeenLog | None = None
 
-    def compared(self, parameters: Values, damper: Model, solver: SolverOptions) -> Comparison:
+    def compared(self, parameters: Values, damper: Model, solver: SolverOptions) -> SimulatedLog:
         """Return the log beside the model, as the fit has left it or simulated anew.
 
         Raises

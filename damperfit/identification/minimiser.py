@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     _Model = Callable[[FloatArray], tuple[FloatArray, FloatArray, "Extra"]]
 
 __all__ = [
+    "DescentPoint",
     "Minimum",
-    "Point",
     "Transformation",
     "inverse_information",
     "minimise",
@@ -73,7 +73,7 @@ class Transformation:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Point(Generic[Extra]):
+class DescentPoint(Generic[Extra]):
     """The model at one point.
 
     Attributes
@@ -103,7 +103,7 @@ class Minimum(Generic[Extra]):
 
     Attributes
     ----------
-    point : Point
+    point : DescentPoint
         Best point found.
     evaluations, failed_trials : int
         Evaluations of the model, and those that it refused.
@@ -112,7 +112,7 @@ class Minimum(Generic[Extra]):
         met.
     """
 
-    point: Point[Extra]
+    point: DescentPoint[Extra]
     evaluations: int
     failed_trials: int
     status: int
@@ -153,7 +153,7 @@ def minimise(
         When the model cannot be evaluated at the start.
     """
 
-    def point_at(variables: FloatArray) -> tuple[LinearSystem, Point[Extra]]:
+    def point_at(variables: FloatArray) -> tuple[LinearSystem, DescentPoint[Extra]]:
         values = transformation.unpack(variables)
         residuals, slopes, extra = model(values)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -161,7 +161,7 @@ def minimise(
             jacobian = slopes * transformation.slopes(values)
             if not math.isfinite(cost + float(np.sum(jacobian))):
                 raise SimulationError(f"no finite residuals or derivatives at {values}.")
-        point = Point(values, residuals, jacobian, cost, extra)
+        point = DescentPoint(values, residuals, jacobian, cost, extra)
         return DenseSystem(residuals, jacobian), point
 
     ended = iterate(point_at, transformation.pack(start), stopping)

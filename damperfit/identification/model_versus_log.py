@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Comparison", "compare", "normalised_mse"]
+__all__ = ["SimulatedLog", "compare", "normalised_mse"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Comparison:
+class SimulatedLog:
     """A response and its force as compared with the measured one.
 
     Attributes
@@ -49,7 +49,7 @@ def compare(
     *,
     sensitivities: Sequence[str] = (),
     solver: SolverOptions = SolverOptions(),
-) -> Comparison:
+) -> SimulatedLog:
     """Simulate the displacement of a trace and filter the force as the measured one was.
 
     Filtering both sides alike is what keeps the parameters right: a raw model against filtered
@@ -65,7 +65,7 @@ def compare(
     )
     rows = np.stack([response.force, *response.sensitivities.values()])
     rows = apply_filter(trace.model_filter, rows)
-    return Comparison(response, rows[0], rows[1:])
+    return SimulatedLog(response, rows[0], rows[1:])
 
 
 def normalised_mse(measured: FloatArray, simulated: FloatArray) -> float:

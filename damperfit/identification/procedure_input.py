@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import Misfit
-from damperfit.identification.law_misfit import LawMisfit, best_fitting, followed
+from damperfit.identification.law_misfit import LawMisfit, best_fitting, best_of_starts
 from damperfit.identification.plausible import kept_within
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def _best(misfit: Misfit, starts: Sequence[Values]) -> Values:
     try:
         law = law.on_cycles() if misfit.damper.kinks else law
         if law.cycles is not None:
-            return followed(law, starts).point.extra
+            return best_of_starts(law, starts).point.extra
     except SimulationError:
         return starts[0]
     ranked = best_fitting(replace(law, traces=misfit.traces[:1]), starts)

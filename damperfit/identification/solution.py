@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Values
-    from damperfit.identification.model_versus_log import Comparison
+    from damperfit.identification.model_versus_log import SimulatedLog
 
     FloatArray = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class Solution:
     apart : numpy.ndarray or None
         Shape (k,): in u, from the minimum of the mean cycles to that of the logs; None where the
         descent was on the logs.
-    seen : tuple of Comparison
+    seen : tuple of SimulatedLog
         The logs beside the model at `parameters`, where the end was looked at just there.
     """
 
@@ -64,7 +64,7 @@ class Solution:
     is_cavitating: bool
     gradient: FloatArray | None = None
     apart: FloatArray | None = None
-    seen: tuple[Comparison, ...] = ()
+    seen: tuple[SimulatedLog, ...] = ()
 
     @property
     def promised(self) -> FloatArray:

@@ -16,7 +16,7 @@ import numpy as np
 from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
 from damperfit.identification import compare, normalised_mse
-from damperfit.identification.law_misfit import COMPARING, LawMisfit, followed
+from damperfit.identification.law_misfit import COMPARING, LawMisfit, best_of_starts
 from damperfit.laws.choosing import FEWEST_SAMPLES
 from damperfit.simulation import SolverOptions
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model, Values
-    from damperfit.identification.minimiser import Minimum, Point
+    from damperfit.identification.minimiser import DescentPoint, Minimum
     from damperfit.recording import Trace
     from damperfit.tested.setting import Setting
 
@@ -279,11 +279,11 @@ def _descended(
     if said:
         starts = (starts[0].replace(said), *starts)
     if near is None:
-        ended = followed(misfit, starts)
+        ended = best_of_starts(misfit, starts)
         return ended, ended.evaluations
     shared, absent = _beside(misfit, near)
     inside = starts[0].replace(shared | absent)
-    ended = followed(misfit, (starts[0].replace(shared), *starts), known=1, hopeless=hopeless)
+    ended = best_of_starts(misfit, (starts[0].replace(shared), *starts), known=1, hopeless=hopeless)
     spent = ended.evaluations
     # A law that holds the other one fits no worse than that; if it does, it starts from there.
     try:
@@ -297,7 +297,7 @@ def _descended(
 
 
 def _undetermined(
-    point: Point[Values], model: Model, free: Sequence[str], n_stretches: int
+    point: DescentPoint[Values], model: Model, free: Sequence[str], n_stretches: int
 ) -> tuple[str, ...]:
     """Return the quantities whose logarithm has too large a standard error, to first order.
 

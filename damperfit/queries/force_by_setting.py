@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from damperfit.queries.adjuster_results import AdjusterResults
 
-__all__ = ["ForceTable", "Question", "parse_question", "tabulate_forces"]
+__all__ = ["ForcesBySetting", "Question", "parse_question", "tabulate_forces"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class ForceTable:
+class ForcesBySetting:
     """Forces by setting, their changes by click, and the answer.
 
     Attributes
@@ -120,7 +120,9 @@ def parse_question(
     return Question(abs(speed), -abs(wanted) if stroke == "bump" else wanted, stroke)
 
 
-def tabulate_forces(adjuster: AdjusterResults, question: Question, *, jobs: int = 1) -> ForceTable:
+def tabulate_forces(
+    adjuster: AdjusterResults, question: Question, *, jobs: int = 1
+) -> ForcesBySetting:
     """Return forces and clicks of an adjuster, and where a wanted force is found.
 
     Raises
@@ -177,7 +179,7 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question, *, jobs: int 
     changes = clicks(credible, adjuster.damper)
     notes = (*_cavitation_notes(adjuster, found), *_measured_notes(credible))
     traces = tuple(mishaps[setting].trace for setting in sorted(mishaps))
-    return ForceTable(found, changes, wanted, remarks, notes, traces)
+    return ForcesBySetting(found, changes, wanted, remarks, notes, traces)
 
 
 def _cavitation_notes(adjuster: AdjusterResults, found: Sequence[Level]) -> Iterator[str]:

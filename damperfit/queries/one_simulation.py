@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from damperfit.simulation import Motion
 
 __all__ = [
-    "Choice",
+    "ChosenParameters",
     "SimulatedTest",
     "choose_parameters",
     "damper_of",
@@ -65,7 +65,7 @@ _WAVES = {"sine": sine_motion, "triangle": triangle_motion}
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class ChosenParameters:
     """Parameters and where they came from.
 
     Attributes
@@ -92,7 +92,7 @@ class SimulatedTest:
 
     Attributes
     ----------
-    choice : Choice
+    choice : ChosenParameters
         Whose parameters.
     motion : str
         What drove the damper, for people.
@@ -104,7 +104,7 @@ class SimulatedTest:
         Figures of the last cycle.
     """
 
-    choice: Choice
+    choice: ChosenParameters
     motion: str
     frequency: float
     response: Response
@@ -142,7 +142,7 @@ def choose_parameters(
     replaced: Mapping[str, str],
     folder: Path = Path("results"),
     damper: Model = PURDY_DAMPER,
-) -> Choice:
+) -> ChosenParameters:
     """Return the parameters to simulate with.
 
     Parameters
@@ -172,7 +172,7 @@ def choose_parameters(
             )
         chosen_name = None if setting is None else _meant(setting)
         given = damper.values(_replaced(damper.quantities, replaced))
-        return Choice(given, chosen_name, "parameters: all given by --set")
+        return ChosenParameters(given, chosen_name, "parameters: all given by --set")
     path = _table(table, folder)
     quantities = damper.quantities if path is None else table_quantities(path)
     values = _replaced(quantities, replaced)
@@ -208,7 +208,7 @@ def choose_parameters(
             source = f"setting {chosen}, put together from the clicks of the settings of {path}"
     if values:
         source = f"{source}; replaced: {', '.join(values)}"
-    return Choice(parameters.replace(values), chosen, f"parameters: {source}", path)
+    return ChosenParameters(parameters.replace(values), chosen, f"parameters: {source}", path)
 
 
 def _replaced(quantities: Sequence[Quantity], texts: Mapping[str, str]) -> dict[str, float]:
@@ -265,13 +265,13 @@ def _table_in(folder: Path) -> Path | None:
 
 
 def damper_of(
-    choice: Choice, configuration: Configuration, *, config: Path | None = None
+    choice: ChosenParameters, configuration: Configuration, *, config: Path | None = None
 ) -> tuple[Configuration, str]:
     """Return the configuration with the damper that the parameters belong to, and a line on it.
 
     Parameters
     ----------
-    choice : Choice
+    choice : ChosenParameters
         Whose parameters.
     configuration : Configuration
         As the user gave it.
@@ -296,13 +296,13 @@ def damper_of(
 
 
 def simulate_test(
-    choice: Choice, configuration: Configuration, *, log: Path | None = None
+    choice: ChosenParameters, configuration: Configuration, *, log: Path | None = None
 ) -> SimulatedTest:
     """Simulate a test with a wave, or with the displacement of a log.
 
     Parameters
     ----------
-    choice : Choice
+    choice : ChosenParameters
         Parameters.
     configuration : Configuration
         Damper, nominal test, solver; for a log also how to read and condition it.

@@ -14,7 +14,7 @@ from damperfit.queries.one_simulation import simulate_test
 if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
-    from damperfit.queries.one_simulation import Choice, SimulatedTest
+    from damperfit.queries.one_simulation import ChosenParameters, SimulatedTest
 
 __all__ = ["PAPER_SWEEPS", "Member", "Variation", "parse_variation", "run_sweep", "swept_units"]
 
@@ -126,13 +126,13 @@ def _factor(text: str, whole: str) -> float:
 
 
 def run_sweep(
-    choice: Choice, configuration: Configuration, *, variation: Variation
+    choice: ChosenParameters, configuration: Configuration, *, variation: Variation
 ) -> tuple[Member, ...]:
     """Simulate the nominal test once for each factor.
 
     Parameters
     ----------
-    choice : Choice
+    choice : ChosenParameters
         Whose parameters.
     configuration : Configuration
         Damper, nominal test, solver.
@@ -164,7 +164,7 @@ def run_sweep(
     return tuple(members)
 
 
-def _value(choice: Choice, configuration: Configuration, name: str) -> float:
+def _value(choice: ChosenParameters, configuration: Configuration, name: str) -> float:
     if name in choice.parameters.names:
         return float(getattr(choice.parameters, name))
     if name in _GAS:
@@ -173,8 +173,8 @@ def _value(choice: Choice, configuration: Configuration, name: str) -> float:
 
 
 def _changed(
-    choice: Choice, configuration: Configuration, name: str, *, value: float
-) -> tuple[Choice, Configuration]:
+    choice: ChosenParameters, configuration: Configuration, name: str, *, value: float
+) -> tuple[ChosenParameters, Configuration]:
     if name in choice.parameters.names:
         return replace(choice, parameters=choice.parameters.replace({name: value})), configuration
     rig, damper = configuration.rig, configuration.damper

@@ -15,7 +15,7 @@ from damperfit.readers.options import EXTRAS
 from damperfit.readers.setting_number import (
     LogLabel,
     file_setting,
-    place_of,
+    place_from_number,
     preamble_setting,
     setting_in_words,
 )
@@ -303,7 +303,9 @@ def _setting(
         return LogLabel(places, named.others, ("setting: as declared",))
     columns = LogLabel(
         {
-            one: place_of(samples.channels[one][part.start], f"{source.name}: column '{one}'")
+            one: place_from_number(
+                samples.channels[one][part.start], f"{source.name}: column '{one}'"
+            )
             for one in options.adjusters
             if one in samples.channels
         }

@@ -26,7 +26,7 @@ __all__ = [
     "split_name",
     "unit_of_channel",
     "visible",
-    "words_of",
+    "words_of_name",
 ]
 
 # English, German, French, Italian, Spanish.
@@ -105,7 +105,7 @@ def split_name(name: str) -> tuple[str, str | None]:
     return name, None
 
 
-def words_of(base: str) -> list[str]:
+def words_of_name(base: str) -> list[str]:
     """Return the words of a name in lower case.
 
     Examples
@@ -119,7 +119,7 @@ def words_of(base: str) -> list[str]:
 def mentions_channel(names: Iterable[str]) -> bool:
     """Say whether any of the names could be a channel's."""
     known = {word for words in _WORDS.values() for word in words}
-    return any(_hits(words_of(split_name(name)[0]), known) for name in names)
+    return any(_hits(words_of_name(split_name(name)[0]), known) for name in names)
 
 
 def _hits(words: Sequence[str], known: Collection[str]) -> list[str]:
@@ -190,7 +190,7 @@ def choose_channels(
 
 
 def _is_named(column: Column, adjuster: str) -> bool:
-    return "_".join(words_of(split_name(column.name)[0])) == adjuster.casefold()
+    return "_".join(words_of_name(split_name(column.name)[0])) == adjuster.casefold()
 
 
 def has_channel(channel: str, columns: Sequence[Column], options: ReadOptions) -> bool:
@@ -299,7 +299,7 @@ def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int
     found = []
     for i, column in enumerate(columns):
         base, unit = split_name(column.name)
-        words = words_of(base)
+        words = words_of_name(base)
         hits = _hits(words, _WORDS[channel])
         if hits:
             is_sure = column.is_clock or _is_unit_of(column.unit or unit, channel)

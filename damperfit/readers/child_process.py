@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from damperfit.readers.files import Source
     from damperfit.readers.options import ReadOptions
 
-__all__ = ["Answer", "ask_child", "groups_answer", "read_groups_in_child", "serve"]
+__all__ = ["ChildAnswer", "ask_child", "groups_answer", "read_groups_in_child", "serve"]
 
 _TIME_LIMIT = 60  # s for a log, and 1 s for each megabyte; the slowest library takes 2 s to load
 _IDLE = 10.0  # s after which a child ends that nobody asks
@@ -54,7 +54,7 @@ serve()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Answer:
+class ChildAnswer:
     """What a child found in a log.
 
     Attributes
@@ -69,7 +69,7 @@ class Answer:
     parts: Sequence[bytes]
 
 
-def ask_child(module: str, library: str, source: Source, options: ReadOptions) -> Answer:
+def ask_child(module: str, library: str, source: Source, options: ReadOptions) -> ChildAnswer:
     """Return what ``answer`` of a module finds in a log.
 
     Parameters
@@ -92,7 +92,7 @@ def ask_child(module: str, library: str, source: Source, options: ReadOptions) -
     while True:
         child = _CHILDREN.take()
         outcome = child.ask(module, source.data, options.max_bytes)
-        if isinstance(outcome, Answer):
+        if isinstance(outcome, ChildAnswer):
             _CHILDREN.give_back(child)
             return outcome
         if reader.IS_MEMORY_SAFE and outcome.is_judged:
@@ -122,7 +122,7 @@ def read_groups_in_child(
     ]
 
 
-def groups_answer(groups: Sequence[Group]) -> Answer:
+def groups_answer(groups: Sequence[Group]) -> ChildAnswer:
     """Return groups of channels as a child sends them."""
     said = [
         {
@@ -132,7 +132,7 @@ def groups_answer(groups: Sequence[Group]) -> Answer:
         }
         for group in groups
     ]
-    return Answer(said, [c.load().tobytes() for group in groups for c in group.channels])
+    return ChildAnswer(said, [c.load().tobytes() for group in groups for c in group.channels])
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +183,7 @@ class _Child:
     def is_alive(self) -> bool:
         return self._process.poll() is None
 
-    def ask(self, module: str, data: bytes, limit: int) -> Answer | _Failure:
+    def ask(self, module: str, data: bytes, limit: int) -> ChildAnswer | _Failure:
         """Return the answer, or why there is none; then the child is not to be asked again."""
         self._n_asked += 1
         self.seconds = _TIME_LIMIT + len(data) // 1_000_000
@@ -209,7 +209,7 @@ class _Child:
         is_late.set()
         self._process.kill()
 
-    def _answer(self) -> Answer | _Failure:
+    def _answer(self) -> ChildAnswer | _Failure:
         out = self._pipe(self._process.stdout)
         said = json.loads(out.readline())
         if "refused" in said:
@@ -217,7 +217,7 @@ class _Child:
         parts = [out.read(n) for n in said["lengths"]]
         if [len(part) for part in parts] != said["lengths"]:
             raise OSError
-        return Answer(said["said"], parts)
+        return ChildAnswer(said["said"], parts)
 
     @staticmethod
     def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:

@@ -19,7 +19,7 @@ from damperfit.units.quantities import is_unit
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-__all__ = ["Dialect", "Line", "fields_of", "find_dialect", "metadata_of"]
+__all__ = ["Dialect", "HeadLine", "fields_of", "find_dialect", "metadata_of"]
 
 _HEAD_BYTES = 262_144
 _HEAD_LINES = (40, 1_000)  # tried in turn: nearly all preambles are short
@@ -37,7 +37,7 @@ _LINE = re.compile(rb"([^\r\n]*)(\r\n|\n|\r|\Z)")
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class HeadLine:
     """One line of the head that is not blank.
 
     Attributes
@@ -125,7 +125,7 @@ def find_dialect(data: bytes, declared: Declarations, *, name: str, first_line: 
     LogError
         There are no rows of numbers.
     """
-    lines: list[Line] = []
+    lines: list[HeadLine] = []
     for n_lines in _HEAD_LINES:
         lines = _head(data, n_lines, name, first_line)
         best = _best_separator(lines, declared)
@@ -134,7 +134,7 @@ def find_dialect(data: bytes, declared: Declarations, *, name: str, first_line: 
     raise LogError(_no_data(lines, name))
 
 
-def _head(data: bytes, n_lines: int, name: str, first_line: int) -> list[Line]:
+def _head(data: bytes, n_lines: int, name: str, first_line: int) -> list[HeadLine]:
     """Return the first lines of UTF-8 text that are not blank.
 
     Raises
@@ -142,7 +142,7 @@ def _head(data: bytes, n_lines: int, name: str, first_line: int) -> list[Line]:
     LogError
         The first line does not end, or there is no text.
     """
-    lines: list[Line] = []
+    lines: list[HeadLine] = []
     end = min(len(data), _HEAD_BYTES)
     for number, found in enumerate(_LINE.finditer(data, 0, end), start=first_line):
         is_cut = found.end() == end < len(data)
@@ -154,7 +154,7 @@ def _head(data: bytes, n_lines: int, name: str, first_line: int) -> list[Line]:
             break
         text = found[1].decode("utf-8", "replace")
         if text.strip():
-            lines.append(Line(number, found.start(), text))
+            lines.append(HeadLine(number, found.start(), text))
     if not lines:
         raise LogError(f"{name}: nothing but blank lines")
     return lines
@@ -186,7 +186,7 @@ def _is_value(field: str, declared: Declarations) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _Row:
-    line: Line
+    line: HeadLine
     fields: list[str]
     share: float  # of the fields that are not blank, how many are values
 
@@ -195,7 +195,7 @@ class _Row:
         return self.share >= 0.5
 
 
-def _rows(lines: Sequence[Line], separator: str, declared: Declarations) -> list[_Row]:
+def _rows(lines: Sequence[HeadLine], separator: str, declared: Declarations) -> list[_Row]:
     rows = []
     for line in lines:
         fields = fields_of(line.text, separator)
@@ -226,7 +226,7 @@ def _may_be_ragged(row: _Row) -> bool:
 
 
 def _best_separator(
-    lines: Sequence[Line], declared: Declarations
+    lines: Sequence[HeadLine], declared: Declarations
 ) -> tuple[str, list[_Row], int] | None:
     """Return the separator that makes most fields numbers, its rows, and the first of data."""
     best: tuple[str, list[_Row], int] | None = None
@@ -248,7 +248,7 @@ def _best_separator(
     return best
 
 
-def _no_data(lines: Sequence[Line], name: str) -> str:
+def _no_data(lines: Sequence[HeadLine], name: str) -> str:
     for i, line in reversed(list(enumerate(lines))):
         for separator in _SEPARATORS:
             fields = fields_of(line.text, separator)

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import LogError
 from damperfit.readers.channels import visible
-from damperfit.readers.child_process import Answer, ask_child
+from damperfit.readers.child_process import ChildAnswer, ask_child
 from damperfit.readers.delimited import read_delimited
 from damperfit.readers.foreign import check_size, refusing_damage
 
@@ -86,7 +86,7 @@ def read_excel(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     return tuple(tables)
 
 
-def answer(data: bytes, limit: int) -> Answer:
+def answer(data: bytes, limit: int) -> ChildAnswer:
     """Return the sheets of a workbook as text; runs in a process of its own.
 
     Raises
@@ -104,7 +104,7 @@ def answer(data: bytes, limit: int) -> Answer:
             rows = book.get_sheet_by_name(name).to_python(skip_empty_area=False)
             sheets.append(_as_text(rows).encode("utf-8", "replace"))
             check_size(sum(map(len, sheets)), limit=limit, what="the workbook")
-    return Answer({"sheets": names, "n_formulas": n_formulas}, sheets)
+    return ChildAnswer({"sheets": names, "n_formulas": n_formulas}, sheets)
 
 
 def _check_archive(source: Source, options: ReadOptions) -> None:

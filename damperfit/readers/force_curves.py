@@ -24,7 +24,7 @@ from damperfit.readers.channels import (
     split_name,
     unit_of_channel,
     visible,
-    words_of,
+    words_of_name,
 )
 from damperfit.units.quantities import QuantityError, find_unit
 
@@ -201,7 +201,7 @@ def _parted(name: str) -> tuple[str, str]:
 def _heading(column: Column) -> _Heading:
     label, rest = _parted(column.name)
     base, unit = _split(rest)
-    words = set(words_of(base))
+    words = set(words_of_name(base))
     unit = column.unit or unit
     stroke = "rebound" if words & _REBOUND else "bump" if words & _BUMP else ""
     if len(words) == 1 and words <= _SETTING:

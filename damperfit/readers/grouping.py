@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.readers.channels import choose_channels, split_name, visible, words_of
+from damperfit.readers.channels import choose_channels, split_name, visible, words_of_name
 from damperfit.readers.foreign import check_size
 from damperfit.readers.table import Column, Samples, Table
 
@@ -126,7 +126,7 @@ def _makes_time(group: Group) -> bool:
     """Say whether time comes from the interval between values: no channel holds it."""
     has_interval = any(channel.interval is not None for channel in group.channels)
     has_time = any(
-        _TIME.intersection(words_of(split_name(channel.name)[0])) for channel in group.channels
+        _TIME.intersection(words_of_name(split_name(channel.name)[0])) for channel in group.channels
     )
     return has_interval and not has_time
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.readers.channels import visible
-from damperfit.readers.child_process import Answer, groups_answer, read_groups_in_child
+from damperfit.readers.child_process import ChildAnswer, groups_answer, read_groups_in_child
 from damperfit.readers.foreign import check_size, refusing_damage
 from damperfit.readers.grouping import Group, GroupChannel, group_tables
 
@@ -64,7 +64,7 @@ def read_hdf5(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     return group_tables([Group("", used)], options, name=source.name, notes=notes)
 
 
-def answer(data: bytes, limit: int) -> Answer:
+def answer(data: bytes, limit: int) -> ChildAnswer:
     """Return the vectors at the top of a file; runs in a process of its own.
 
     Raises

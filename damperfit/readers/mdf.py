@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.readers.child_process import Answer, groups_answer, read_groups_in_child
+from damperfit.readers.child_process import ChildAnswer, groups_answer, read_groups_in_child
 from damperfit.readers.foreign import check_size, refusing_damage
 from damperfit.readers.grouping import Group, GroupChannel, group_tables
 
@@ -55,7 +55,7 @@ def read_mdf(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     return group_tables(groups, options, name=name)
 
 
-def answer(data: bytes, limit: int) -> Answer:
+def answer(data: bytes, limit: int) -> ChildAnswer:
     """Return the channel groups of a file; runs in a process of its own.
 
     Raises

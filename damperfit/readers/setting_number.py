@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from damperfit.tested.setting import Place
 
-__all__ = ["LogLabel", "file_setting", "place_of", "preamble_setting", "setting_in_words"]
+__all__ = ["LogLabel", "file_setting", "place_from_number", "preamble_setting", "setting_in_words"]
 
 # A word that can mean nothing else, where nobody declared a pattern: it goes before a bare "s".
 _CLICKS = r"(?<![^\W_])clicks?(?:[ _=](?=-\d)|[ _=-]?)(-?\d+)(?![.]?\d)"
@@ -152,7 +152,7 @@ def _is_label(text: str, adjusters: Sequence[str]) -> bool:
     return True
 
 
-def place_of(number: float, where: str) -> Place:
+def place_from_number(number: float, where: str) -> Place:
     """Return where a column's number says that an adjuster stands.
 
     Raises

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from damperfit.configuration.options import Configuration
-    from damperfit.identification import Campaign, Comparison
+    from damperfit.identification import Campaign, SimulatedLog
     from damperfit.run.mishaps import Mishaps
 
 __all__ = ["Readings"]
@@ -41,7 +41,7 @@ class Readings:
     mishaps: Mishaps
     rows: list[dict[str, Any]] = field(default_factory=list)
 
-    def noted(self, seen: Iterable[Comparison | None]) -> Iterator[Comparison | None]:
+    def noted(self, seen: Iterable[SimulatedLog | None]) -> Iterator[SimulatedLog | None]:
         """Pass simulated logs on as they come: they are large, and wanted once."""
         take = self.mishaps.at_log("reading the characteristics of")
         logs = ((fit.setting, log.trace) for fit in self.campaign.fits for log in fit.logs)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Values
-    from damperfit.identification import Comparison, Fit, LogFit
+    from damperfit.identification import Fit, LogFit, SimulatedLog
     from damperfit.recording import Trace
     from damperfit.run.mishaps import Mishaps
     from damperfit.run.run_json import Judgement
@@ -107,11 +107,11 @@ def profile_points(
 
 def comparisons(
     configuration: Configuration, campaign: Campaign, mishaps: Mishaps, *, jobs: int
-) -> Iterator[Comparison | None]:
+) -> Iterator[SimulatedLog | None]:
     """Yield each log as the fit saw it last, else simulated anew, a few at a time: so large."""
     take = mishaps.at_log("simulating the response of")
 
-    def one(pair: tuple[Values, LogFit]) -> Comparison | None:
+    def one(pair: tuple[Values, LogFit]) -> SimulatedLog | None:
         parameters, log = pair
         try:
             return log.compared(

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model
-    from damperfit.identification import Comparison
+    from damperfit.identification import SimulatedLog
     from damperfit.recording import Stretch, StretchFigures, Trace
     from damperfit.tested.setting import Setting
 
@@ -33,7 +33,7 @@ _STROKES = (("rebound", 1.0), ("bump", -1.0))
 
 
 def characteristic_rows(
-    setting: Setting, trace: Trace, seen: Comparison, damper: Model
+    setting: Setting, trace: Trace, seen: SimulatedLog, damper: Model
 ) -> Iterator[dict[str, Any]]:
     """Yield the rows of a log: of each stretch the peaks, then the named speeds.
 
@@ -43,7 +43,7 @@ def characteristic_rows(
         Of the log.
     trace : Trace
         The log.
-    seen : Comparison
+    seen : SimulatedLog
         The model's force as compared.
     damper : Model
         Whose gas force is taken off.

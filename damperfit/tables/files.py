@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Values
     from damperfit.damper.quantity import Quantity
-    from damperfit.identification import Campaign, Comparison
+    from damperfit.identification import Campaign, SimulatedLog
     from damperfit.recording import Trace
     from damperfit.tested.setting import Place, Setting
 
@@ -45,7 +45,7 @@ __all__ = [
 def write_responses(
     path: Path,
     campaign: Campaign,
-    comparisons: Iterable[Comparison | None],
+    comparisons: Iterable[SimulatedLog | None],
     *,
     provenance: Mapping[str, Any] | None = None,
 ) -> int:
@@ -57,7 +57,7 @@ def write_responses(
         Where to write.
     campaign : Campaign
         The fits.
-    comparisons : iterable of Comparison or None
+    comparisons : iterable of SimulatedLog or None
         What `damperfit.identification.compare` gives for each log of each fit, in their order; a
         log with None is left out. It is taken one by one, so that memory need not grow with the
         number of logs.
@@ -89,7 +89,7 @@ def write_responses(
 
 
 def _response_table(
-    schema: pa.Schema, setting: Setting, trace: Trace, seen: Comparison
+    schema: pa.Schema, setting: Setting, trace: Trace, seen: SimulatedLog
 ) -> pa.Table:
     part = trace.compared
     n = trace.n_samples

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-__all__ = ["adjuster_of", "lettered", "letters_of", "words_of"]
+__all__ = ["adjuster_by_word", "adjuster_of", "lettered", "letters_of"]
 
 # What dampers' makers and tuners call the two strokes.
 _STROKES = (
@@ -19,7 +19,7 @@ _STROKES = (
 _LETTERED = re.compile(r"([^\W\d_]{1,4})[+-]?\d+(?:\.\d+)?|\d+(?:\.\d+)?([^\W\d_]{1,4})")
 
 
-def words_of(adjusters: Sequence[str], shorts: Mapping[str, str]) -> dict[str, str]:
+def adjuster_by_word(adjusters: Sequence[str], shorts: Mapping[str, str]) -> dict[str, str]:
     """Return the adjuster that each word or letter names, where it names one alone.
 
     Its name and the first letters of its words go before the first letter alone, and that before

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import total_ordering
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from damperfit.tested.adjuster_words import lettered, words_of
+from damperfit.tested.adjuster_words import adjuster_by_word, lettered
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 __all__ = [
     "ADJUSTER",
     "LONGEST_WORD",
-    "Line",
     "Place",
     "Setting",
+    "SettingLine",
     "clicks_between",
     "lines_of",
     "nearest_setting",
@@ -254,7 +254,7 @@ def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
 
 def _alone(text: str, adjuster: str) -> str:
     """Return what a text says of the only adjuster, without its name or the word clicks."""
-    words = "|".join(map(re.escape, words_of([adjuster], short_names([adjuster]))))
+    words = "|".join(map(re.escape, adjuster_by_word([adjuster], short_names([adjuster]))))
     plain = re.sub(rf"^\s*{re.escape(adjuster)}\s*[=:]\s*", "", text, flags=re.IGNORECASE)
     number = r"[+-]?\d{1,9}(?:\.\d{1,6})?"
     # A hyphen directly behind the word parts it from the number, as in names of files.
@@ -266,7 +266,7 @@ def _alone(text: str, adjuster: str) -> str:
 
 def _named_places(text: str, adjusters: Sequence[str]) -> dict[str, str] | None:
     """Return the text of each adjuster that is named; None where none is."""
-    names = words_of(adjusters, short_names(adjusters))
+    names = adjuster_by_word(adjusters, short_names(adjusters))
     known = "|".join(sorted(map(re.escape, names), key=len, reverse=True))
     mark = re.compile(
         rf"(?<![^\W\d_])({known})(?:\s*[=:]\s*([^\s,;/|]+)|[\s_]*([+-]?\d+(?:\.\d+)?))",
@@ -295,7 +295,7 @@ def _example(adjusters: Sequence[str]) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class SettingLine:
     """Settings that differ in one adjuster alone.
 
     Attributes
@@ -357,7 +357,7 @@ def nearest_setting(wanted: Setting | Place, known: Iterable[Setting]) -> Settin
     return min(known, key=distance, default=None)
 
 
-def lines_of(settings: Iterable[Setting | Place]) -> tuple[Line, ...]:
+def lines_of(settings: Iterable[Setting | Place]) -> tuple[SettingLine, ...]:
     """Return the lines that settings lie on; a word lies on none.
 
     With one adjuster there is one line, which may hold no setting; with several, those of two
@@ -372,7 +372,7 @@ def lines_of(settings: Iterable[Setting | Place]) -> tuple[Line, ...]:
     return tuple(_lines(known)) if known else ()
 
 
-def _lines(known: Sequence[Setting]) -> Iterator[Line]:
+def _lines(known: Sequence[Setting]) -> Iterator[SettingLine]:
     adjusters = known[0].adjusters
     for name in adjusters:
         groups: dict[tuple[tuple[str, Place], ...], list[Setting]] = defaultdict(list)
@@ -380,8 +380,10 @@ def _lines(known: Sequence[Setting]) -> Iterator[Line]:
             if one.number(name) is not None:
                 groups[tuple(pair for pair in one.places if pair[0] != name)].append(one)
         if len(adjusters) == 1 and not groups:
-            yield Line(name, "", ())
+            yield SettingLine(name, "", ())
         for held, settings in groups.items():
             if len(adjusters) == 1 or len(settings) > 1:
                 said = ", ".join(f"{other} {_said(place)}" for other, place in held)
-                yield Line(name, said, tuple(sorted(settings, key=lambda s: s.number(name) or 0.0)))
+                yield SettingLine(
+                    name, said, tuple(sorted(settings, key=lambda s: s.number(name) or 0.0))
+                )

@@ -29,11 +29,11 @@ from damperfit.uncertainty.profile_walk import (
 )
 from damperfit.uncertainty.profiles import (
     Bench,
-    Line,
     MisfitProfile,
+    ProfileLine,
     Stride,
     is_doubtful,
-    lines_of,
+    profile_lines,
 )
 from damperfit.uncertainty.residuals import Diagnosis, diagnose, group_warning, reconciled
 from damperfit.uncertainty.speed_forces import SpeedForces, speed_forces
@@ -306,7 +306,7 @@ def profile_campaign(
     sharing = campaign.sharing
     found: list[MisfitProfile] = []
 
-    def one(line: Line) -> MisfitProfile | None:
+    def one(line: ProfileLine) -> MisfitProfile | None:
         with sparing(line.setting, on_error), suppress(SimulationError, FitCancelledError):
             return trace_profile(line, stride)
         return None
@@ -322,7 +322,7 @@ def profile_campaign(
                             unknown, linearised, known[lowest], sharing, bench, stride=stride
                         )
             else:
-                lines = lines_of(name, mine, known, sharing, bench)
+                lines = profile_lines(name, mine, known, sharing, bench)
                 traced = tuple(p for p in pool.map(one, lines) if p is not None)
             found.extend(
                 replace(

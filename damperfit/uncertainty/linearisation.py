@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model, Values
-    from damperfit.identification import Comparison, Fit, LogFit
+    from damperfit.identification import Fit, LogFit, SimulatedLog
     from damperfit.recording import Trace
 
     FloatArray = NDArray[np.float64]
@@ -196,7 +196,7 @@ def linearise_at_fit(
 
 def _seen(
     log: LogFit, parameters: Values, damper: Model, solver: SolverOptions
-) -> tuple[Comparison, FloatArray]:
+) -> tuple[SimulatedLog, FloatArray]:
     """A log beside the model, and the sensitivities over what is compared, (k, n).
 
     What repeats has the mean cycle's sensitivities: they differ from those of the log by what the
@@ -231,7 +231,7 @@ def _ignorance(fit: Fit) -> FloatArray:
     return found
 
 
-def _sensitivities(trace: Trace, seen: Comparison) -> FloatArray:
+def _sensitivities(trace: Trace, seen: SimulatedLog) -> FloatArray:
     """Return the sensitivities behind the filter, with part of what a sample sees of a refilling.
 
     A chamber that has been empty fills within a millisecond. Whether a sample falls into that, and

@@ -18,7 +18,7 @@ from damperfit.identification import compare, normalised_mse, put_together
 from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty.residuals import scatter_between_cycles
+from damperfit.uncertainty.residuals import residual_scatter
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model
-    from damperfit.identification import Campaign, Comparison, Fit
+    from damperfit.identification import Campaign, Fit, SimulatedLog
     from damperfit.recording import Trace
     from damperfit.uncertainty.assessment import Assessment
 
@@ -274,7 +274,7 @@ def _unseen(
     setting: Setting,
     fits: Sequence[Fit],
     trace: Trace,
-    seen: Comparison,
+    seen: SimulatedLog,
     fitted_noise: Mapping[Setting, float],
 ) -> Prediction:
     """The prediction of a setting that was not fitted, with the offset of the log itself."""
@@ -301,14 +301,14 @@ def _noise(trace: Trace, rest: FloatArray, elsewhere: float) -> float:
     """
     scatter = sum(
         stretch.n_samples
-        * (scatter_between_cycles(rest[place], stretch) if stretch.n_cycles else elsewhere)
+        * (residual_scatter(rest[place], stretch) if stretch.n_cycles else elsewhere)
         for stretch, place in zip(trace.stretches, trace.places, strict=True)
     )
     variance = float(np.var(trace.force[trace.compared]))
     return _known(100.0 * scatter / trace.n_samples / variance)
 
 
-def _prediction(fit: Fit, trace: Trace, seen: Comparison, fitted_noise: float) -> Prediction:
+def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float) -> Prediction:
     measured, simulated = trace.force[trace.compared], seen.force[trace.compared]
     fitted = np.concatenate([log.trace.force[log.trace.compared] for log in fit.logs])
     elsewhere = 0.01 * fitted_noise * float(np.var(fitted))

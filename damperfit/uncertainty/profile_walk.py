@@ -25,14 +25,14 @@ from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.intervals import shared_curvature
 from damperfit.uncertainty.profiles import (
     Bench,
-    Line,
     MisfitProfile,
+    ProfileLine,
     ProfilePoint,
     Stride,
     interpolated_limit,
     is_doubtful,
-    lines_of,
     plausible_edges,
+    profile_lines,
     signed_root,
     unit_of,
     value_at,
@@ -103,7 +103,7 @@ class _State:
 class _Walk:
     """The walker of one setting."""
 
-    line: Line
+    line: ProfileLine
     budget: int
     least: float = 0.0
     spent: int = 0
@@ -182,12 +182,12 @@ def _full_step(system: LinearSystem) -> Step:
     return system.scaled(lengths).step(_UNSEEN)
 
 
-def trace_profile(line: Line, stride: Stride = Stride()) -> MisfitProfile:
+def trace_profile(line: ProfileLine, stride: Stride = Stride()) -> MisfitProfile:
     """Follow the misfit of a setting along one parameter to both sides of its best value.
 
     Parameters
     ----------
-    line : Line
+    line : ProfileLine
         What is profiled.
     stride : Stride
         How closely.
@@ -222,7 +222,7 @@ def doubtful_profiles(
         if budget < _QUICK_LEAST // 2 or not is_doubtful(name, one.fit, known):
             continue
         mine, its = {one.fit.setting: one}, {one.fit.setting: known}
-        for line in lines_of(name, mine, its, sharing, bench):
+        for line in profile_lines(name, mine, its, sharing, bench):
             if sharing.is_mean(name):
                 continue  # a mean over settings has no profile in one of them
             profile = trace_profile(line, Stride(_QUICK_STEP, _QUICK_REACH, budget))

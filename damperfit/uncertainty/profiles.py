@@ -39,14 +39,14 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Bench",
-    "Line",
     "MisfitProfile",
+    "ProfileLine",
     "ProfilePoint",
     "Stride",
     "interpolated_limit",
     "is_doubtful",
-    "lines_of",
     "plausible_edges",
+    "profile_lines",
     "signed_root",
     "unit_of",
     "value_at",
@@ -193,7 +193,7 @@ class Bench:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class ProfileLine:
     """What is profiled: where, by which scale.
 
     Attributes
@@ -230,13 +230,13 @@ def is_doubtful(name: str, fit: Fit, known: Uncertainty) -> bool:
     return bool(known.covariance[place, place] > _DOUBTFUL**2)
 
 
-def lines_of(
+def profile_lines(
     name: str,
     linearised: Mapping[Setting, Linearisation],
     known: Mapping[Setting, Uncertainty],
     sharing: Sharing,
     bench: Bench,
-) -> Iterator[Line]:
+) -> Iterator[ProfileLine]:
     """Yield the lines along which a parameter of a campaign can be profiled, by rising setting.
 
     A parameter of a joint fit yields none here; see `profile_jointly`.
@@ -264,7 +264,7 @@ def lines_of(
 
 def _own_line(
     name: str, one: Linearisation, known: Uncertainty, sharing: Sharing, bench: Bench
-) -> Line | None:
+) -> ProfileLine | None:
     own = own_names(one.fit, sharing)
     is_at_bound = one.fit.status[name] == Status.AT_BOUND
     if not own or (name not in own and not is_at_bound):
@@ -280,7 +280,7 @@ def _own_line(
 
 def _shared_line(
     name: str, one: Linearisation, known: Uncertainty, sharing: Sharing, bench: Bench
-) -> Line | None:
+) -> ProfileLine | None:
     if sharing.jointly:
         return None
     setting = one.fit.setting
@@ -302,7 +302,7 @@ def _line(
     free: tuple[str, ...],
     beside: tuple[str, ...],
     variance: float | None = None,
-) -> Line:
+) -> ProfileLine:
     """The line with the scale that belongs to a variance; the sandwich of `beside` by default."""
     ordered = tuple(n for n in one.names if n in beside)
     row = solved(one, ordered)[ordered.index(name)]
@@ -311,7 +311,7 @@ def _line(
     curvature = float(row[one.names.index(name)])
     unit = unit_of(one.fit.parameters.quantity(name))
     is_known = variance > 0.0 and math.isfinite(variance)
-    return Line(
+    return ProfileLine(
         setting=one.fit.setting,
         name=name,
         misfit=bench.misfit(one.fit, free),

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Diagnosis", "diagnose", "group_warning", "reconciled", "scatter_between_cycles"]
+__all__ = ["Diagnosis", "diagnose", "group_warning", "reconciled", "residual_scatter"]
 
 # The repeating power of pure noise over its scatter is F-distributed; beyond the bar once in as
 # many settings.
@@ -284,7 +284,7 @@ def _split(linearised: Linearisation) -> tuple[float, float, float, float]:
             continue
         n_samples += n
         folded = _fold(residuals, stretch)
-        scatter = scatter_between_cycles(residuals, stretch)
+        scatter = residual_scatter(residuals, stretch)
         mean_power = float(np.mean(folded.mean(axis=0) ** 2))
         repeats += n * (mean_power - scatter / n_cycles)
         expected += n * scatter / n_cycles
@@ -342,7 +342,7 @@ def _parts(linearised: Linearisation) -> Iterator[tuple[Stretch, float, FloatArr
             yield stretch, log.trace.interval, residuals
 
 
-def scatter_between_cycles(residuals: FloatArray, stretch: Stretch) -> float:
+def residual_scatter(residuals: FloatArray, stretch: Stretch) -> float:
     """Return the mean square of what differs from cycle to cycle, N^2: noise of both channels.
 
     Parameters

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.simulation import NAMED_SPEEDS
-from damperfit.uncertainty.residuals import scatter_between_cycles
+from damperfit.uncertainty.residuals import residual_scatter
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -197,7 +197,7 @@ def _misfit(parts: Sequence[_Part], towards: float, speed: float) -> float:
     for stretch, velocity, _, residuals in parts:
         along = towards * velocity
         alike = residuals[(along >= speed / _ALIKE) & (along <= speed * _ALIKE)]
-        noise = scatter_between_cycles(residuals, stretch)
+        noise = residual_scatter(residuals, stretch)
         if len(alike):
             squares.append(float(np.mean(alike**2)) - (noise if math.isfinite(noise) else 0.0))
     return math.sqrt(max(float(np.mean(squares)), 0.0)) if squares else 0.0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.readers.child_process import Answer, groups_answer, read_groups_in_child
+from damperfit.readers.child_process import ChildAnswer, groups_answer, read_groups_in_child
 from damperfit.readers.foreign import refusing_damage
 from damperfit.readers.grouping import Group, GroupChannel, group_tables
 
@@ -36,7 +36,7 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     return group_tables(groups, options, name=source.name)
 
 
-def answer(data: bytes, limit: int) -> Answer:
+def answer(data: bytes, limit: int) -> ChildAnswer:
     """Return the vectors of a MATLAB file; runs in a process of its own."""
     from scipy.io import loadmat, whosmat
 

@@ -22,7 +22,7 @@ from damperfit.conditioning import (
 )
 from damperfit.conditioning.channels import noise_of
 from damperfit.conditioning.options import ConditionOptions
-from damperfit.conditioning.passages import Run, _repeats, cycles_of, ends_in_motion, runs_of
+from damperfit.conditioning.passages import SteadyRun, _repeats, cycles_of, ends_in_motion, runs_of
 from damperfit.conditioning.scatter import scatter_between_cycles
 from damperfit.errors import ConditioningError
 from tests.conditioning.test_limits_of_findings import _log
@@ -68,7 +68,7 @@ def test_three_whole_cycles_make_a_test(n, suffices) -> None:
 @pytest.mark.parametrize(("more", "is_continued"), [(2, False), (3, True)])
 def test_a_log_is_continued_for_more_cycles_only(more, is_continued, monkeypatch) -> None:
     def found(n):
-        return stretches.Found(SimpleNamespace(n_cycles=n), -math.inf, math.inf)
+        return stretches.FoundStretch(SimpleNamespace(n_cycles=n), -math.inf, math.inf)
 
     log = SimpleNamespace(displacement=None, interval=0.01)
     seen = SimpleNamespace(log=log, displacement=None, velocity=None)
@@ -82,7 +82,9 @@ def test_a_log_is_continued_for_more_cycles_only(more, is_continued, monkeypatch
     monkeypatch.setattr(
         compared_part,
         "_kept",
-        lambda seen, runs, n, cycles: compared_part.Compared(seen, runs, n, cycles, slice(0, 9)),
+        lambda seen, runs, n, cycles: compared_part.ComparedPart(
+            seen, runs, n, cycles, slice(0, 9)
+        ),
     )
     made = compared_part._continued("a.csv", seen, (found(2),), 2, None, OPTIONS)
     assert (made is not None) is is_continued
@@ -259,7 +261,7 @@ def test_a_turn_goes_back_by_a_fiftieth_of_the_range(ripple, counts) -> None:
     assert (len(cycles_of(back).passages) > 3) is counts
 
 
-RUN = Run(80.0, 900.0, 100.0, 1.0, 0.0)
+RUN = SteadyRun(80.0, 900.0, 100.0, 1.0, 0.0)
 
 
 @pytest.mark.parametrize(("ahead", "repeats"), [(79.0, True), (81.0, False)])
@@ -333,7 +335,7 @@ def test_stretches_beside_one_another_share_no_sample(first, second, expected, m
 
     def found_in(run, *_, **__):
         one = replace(stretch_of(), first=run.ends[0], stop=run.ends[1])
-        return stretches.Found(one, -math.inf, math.inf)
+        return stretches.FoundStretch(one, -math.inf, math.inf)
 
     monkeypatch.setattr(stretches, "_of_run", found_in)
     runs, _ = stretches.find_runs(
@@ -344,7 +346,7 @@ def test_stretches_beside_one_another_share_no_sample(first, second, expected, m
 
 @pytest.mark.parametrize(("off", "n"), [(4.8, 4), (5.2, 3)])
 def test_one_more_passage_is_half_a_hundredth_of_a_cycle_off_at_most(off, n) -> None:
-    run = Run(2000.0, 4000.0, 1000.0, 1.0, 0.0)
+    run = SteadyRun(2000.0, 4000.0, 1000.0, 1.0, 0.0)
     x = np.sin(2.0 * np.pi * np.arange(6000) / 1000.0)
     at = np.array([1000.0 - off, 2000.0, 3000.0, 4000.0])
     assert len(stretches._belonging(at, run, x, moved=0.1)) == n
@@ -353,7 +355,7 @@ def test_one_more_passage_is_half_a_hundredth_of_a_cycle_off_at_most(off, n) -> 
 @pytest.mark.parametrize(("ahead", "n"), [(4.8, 3), (5.2, 2)])
 def test_as_many_whole_cycles_count_as_were_logged(ahead, n) -> None:
     """The first passage lies ahead of what was logged, by so many of 1000 samples a cycle."""
-    run = Run(0.0, 3000.0, 1000.0, 1.0, 0.0)
+    run = SteadyRun(0.0, 3000.0, 1000.0, 1.0, 0.0)
     edges = stretches.Edges(5, first=100.0, stop=2500.0)
     inner = stretches._inner(run, 9000, edges, begin=-math.inf, end=math.inf)
     marks = np.array([100.0 - ahead, 1100.0, 2100.0])

@@ -16,7 +16,7 @@ from damperfit.cli.main import main
 from damperfit.comparison import Tolerance, parse_tolerance
 from damperfit.comparison.tolerance import Band
 from damperfit.errors import ConfigurationError
-from damperfit.fleet.bands import held_against
+from damperfit.fleet.bands import fleet_against_bands
 from damperfit.fleet.page import MOST_LINES, damper_sheet, fleet_page, outlier_sheet
 from damperfit.fleet.parts import part_path, write_part
 from damperfit.fleet.survey import LEAST_DAMPERS, survey
@@ -220,7 +220,7 @@ def test_a_damper_has_one_line_of_what_is_far_off():
 @pytest.mark.parametrize(("text", "n_missed"), [("2.05%", 0), ("1.95%", 12), ("1%,100N", 0)])
 def test_a_share_is_of_the_median_of_the_setting(text, n_missed):
     # The two at the edges are 2 % off, at three settings and in both strokes.
-    held = held_against(survey(fleet_table(41)), parse_tolerance(text))
+    held = fleet_against_bands(survey(fleet_table(41)), parse_tolerance(text))
     assert (held.n_points, held.n_dampers, len(held.missed)) == (246, 41, n_missed)
     assert len(held.worst) == (2 if n_missed else 0)
     assert held.sentence.startswith("2 of 41" if n_missed else "All 41 dampers are within")
@@ -233,19 +233,19 @@ def nominal(*bands: Band) -> Tolerance:
 def test_nominal_bands_hold_for_every_damper():
     found = survey(failed_row(fleet_table(5), "D9"))
     band = Band("1", 0.26, "rebound", 990.0, 1030.0)
-    held = held_against(found, nominal(band))
+    held = fleet_against_bands(found, nominal(band))
     told = {point.run: point.words for point in held.missed}
     assert set(told) == {"D9", "D1"}
     assert told["D9"] == "not evaluated: the setting was not tested"
     assert told["D1"] == "FAILS, 10 N outside"
     assert held.n_points == 6
     assert held.missed[0].run == "D9"
-    every = held_against(found, nominal(Band("", 0.26, "rebound", 0.0, 1e4)))
+    every = fleet_against_bands(found, nominal(Band("", 0.26, "rebound", 0.0, 1e4)))
     assert [point.words for point in every.missed] == ["not evaluated: nothing was fitted"]
 
 
 def test_a_band_at_a_speed_no_test_reaches_is_missed():
-    held = held_against(survey(fleet_table(2)), nominal(Band("1", 1.05, "bump", -1e4, 0.0)))
+    held = fleet_against_bands(survey(fleet_table(2)), nominal(Band("1", 1.05, "bump", -1e4, 0.0)))
     assert {point.words for point in held.missed} == {
         "not evaluated: the test does not reach the speed"
     }
@@ -253,7 +253,7 @@ def test_a_band_at_a_speed_no_test_reaches_is_missed():
 
 def test_a_band_at_a_speed_of_no_column_is_refused():
     with pytest.raises(ConfigurationError, match=r"no forces at 0\.27 m/s; expected its named"):
-        held_against(survey(fleet_table(2)), nominal(Band("1", 0.27, "bump", -1e4, 0.0)))
+        fleet_against_bands(survey(fleet_table(2)), nominal(Band("1", 0.27, "bump", -1e4, 0.0)))
 
 
 @pytest.fixture

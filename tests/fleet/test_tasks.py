@@ -10,7 +10,7 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
-from damperfit.fleet.sources import Source, find_sources
+from damperfit.fleet.sources import FleetLog, find_sources
 from damperfit.fleet.tasks import Share, Task, content_key, hash_of, parted, share_of, tasks_of
 from tests.fleet.conftest import put
 
@@ -126,7 +126,7 @@ def test_a_log_named_twice_is_taken_once(three):
 
 
 def test_every_task_is_of_one_share_and_stays_there():
-    tasks = [Task(f"D{k}", (Source(f"/{k}.csv", f"{k}.csv"),)) for k in range(200)]
+    tasks = [Task(f"D{k}", (FleetLog(f"/{k}.csv", f"{k}.csv"),)) for k in range(200)]
     taken = Counter(task.owner for k in range(1, 8) for task in parted(tasks, Share(k, 7)))
     assert set(taken.values()) == {1}
     assert len(taken) == 200
@@ -233,8 +233,8 @@ def test_folders_of_one_name_below_two_roots_are_two_dampers(tmp_path, texts):
 
 def test_places_of_windows_have_folders():
     logs = [
-        Source("C:\\runs\\A\\log_1.csv", "A/log_1.csv"),
-        Source("C:\\runs\\B\\log_1.csv", "B/log_1.csv"),
+        FleetLog("C:\\runs\\A\\log_1.csv", "A/log_1.csv"),
+        FleetLog("C:\\runs\\B\\log_1.csv", "B/log_1.csv"),
     ]
     assert [task.owner for task in tasks_of(logs, CONFIGURATION)] == ["A", "B"]
 

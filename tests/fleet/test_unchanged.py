@@ -10,7 +10,7 @@ import pytest
 from damperfit import __version__
 from damperfit.fleet import unchanged
 from damperfit.fleet.parts import part_path, write_part
-from damperfit.fleet.sources import Seen, Source
+from damperfit.fleet.sources import FleetLog, KnownObject
 
 PLACE = "s3://bucket/runs/a.csv"
 
@@ -28,6 +28,6 @@ def test_only_this_version_is_believed_whose_a_log_is(
     for key, version in zip("ab", versions, strict=False):
         part(tmp_path, version, key)
     monkeypatch.setattr(unchanged, "stamp_of", lambda _place: "etag")
-    (found,) = unchanged.recognised([Source(PLACE, "a.csv")], tmp_path)
-    own = Seen("etag", "abc", f"told by {__version__}")
+    (found,) = unchanged.recognised([FleetLog(PLACE, "a.csv")], tmp_path)
+    own = KnownObject("etag", "abc", f"told by {__version__}")
     assert found.seen == (own if __version__ in versions else None)

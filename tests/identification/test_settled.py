@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.errors import SimulationError
-from damperfit.identification.law_misfit import LawMisfit, best_fitting, followed
+from damperfit.identification.law_misfit import LawMisfit, best_fitting, best_of_starts
 from damperfit.identification.settled import settled
 from damperfit.recording import Recording, Trace
 from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion
@@ -99,12 +99,12 @@ def test_starts_that_cannot_be_simulated_are_left_out() -> None:
     bad = TRUE.replace({"rebound_slope": float("nan")})
     assert best_fitting(one, [bad, TRUE]) == [TRUE]
     with pytest.raises(SimulationError, match="any of its starts"):
-        followed(one, [bad])
+        best_of_starts(one, [bad])
 
 
 def test_a_descent_from_afar_comes_to_the_true_values() -> None:
     one = misfit(logged(MOTION)).on_cycles()
     start = TRUE.replace({"rebound_opening": 5e5, "compression_bleed": 4e4, "lag": 4e-3})
-    found = followed(one, [start]).point.extra
+    found = best_of_starts(one, [start]).point.extra
     for name in ("rebound_opening", "compression_opening", "compression_bleed"):
         assert getattr(found, name) == pytest.approx(getattr(TRUE, name), rel=0.03), name

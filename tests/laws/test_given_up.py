@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from damperfit.identification.law_misfit import followed
+from damperfit.identification.law_misfit import best_of_starts
 from damperfit.identification.minimiser import Minimum
 from damperfit.laws.ladder import _Course
 from damperfit.simulation import SolverOptions
@@ -37,7 +37,7 @@ def _end(point):
 @pytest.mark.parametrize(("hopeless", "cost", "n_long"), [(0.49, 0.5, 0), (0.51, 0.1, 1)])
 def test_a_hopeless_descent_ends_after_its_short_ones(hopeless, cost, n_long) -> None:
     misfit = Descending()
-    assert followed(misfit, ["start"], known=1, hopeless=hopeless).point.cost == cost
+    assert best_of_starts(misfit, ["start"], known=1, hopeless=hopeless).point.cost == cost
     assert misfit.n_long == n_long
 
 

@@ -11,7 +11,7 @@ import pytest
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification import Status
 from damperfit.identification.descent import Misfit
-from damperfit.identification.minimiser import Point
+from damperfit.identification.minimiser import DescentPoint
 from damperfit.identification.setting import _statuses
 from damperfit.identification.solution import Solution
 from damperfit.laws import LawFit, physics_seen
@@ -26,13 +26,13 @@ MODEL = TwinTube()
 NAMES = MODEL.names
 
 
-def point(error: float) -> Point[None]:
+def point(error: float) -> DescentPoint[None]:
     """Two quantities, the first of which has this standard error of its logarithm."""
     cost = 1e-4
     length = math.sqrt(cost / (FEWEST_SAMPLES * 3)) / error
     jacobian = np.zeros((100, 2))
     jacobian[0, 0], jacobian[1, 1] = length, 1.0
-    return Point(np.ones(2), np.full(100, 1e-3), jacobian, cost, None)
+    return DescentPoint(np.ones(2), np.full(100, 1e-3), jacobian, cost, None)
 
 
 @pytest.mark.parametrize(("factor", "is_undetermined"), [(0.99, False), (1.01, True)])

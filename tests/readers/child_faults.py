@@ -10,14 +10,14 @@ import time
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.readers.child_process import Answer
+from damperfit.readers.child_process import ChildAnswer
 
 EXTRA, READS = "none", "Fault"
 IS_MEMORY_SAFE = False
 _SEEN: list[bytes] = []
 
 
-def answer(data: bytes, limit: int) -> Answer:
+def answer(data: bytes, limit: int) -> ChildAnswer:
     _SEEN.append(data)
     word, _, rest = data.partition(b" ")
     if word == b"refuse":
@@ -36,4 +36,4 @@ def answer(data: bytes, limit: int) -> Answer:
         sys.stdout.write("to the answer?")
         sys.stdout.flush()
         os.write(1, b"to the answer?")
-    return Answer({"pid": os.getpid(), "n_seen": len(_SEEN)}, [data, b"", bytes(len(data))])
+    return ChildAnswer({"pid": os.getpid(), "n_seen": len(_SEEN)}, [data, b"", bytes(len(data))])

@@ -14,7 +14,7 @@ import pytest
 
 from damperfit.errors import LogError
 from damperfit.readers import ReadOptions, child_process
-from damperfit.readers.child_process import Answer, ask_child
+from damperfit.readers.child_process import ChildAnswer, ask_child
 from damperfit.readers.files import Source
 
 MODULE = "tests.readers.child_faults"
@@ -31,7 +31,7 @@ def children(monkeypatch):
     pool.end()
 
 
-def ask(data: bytes, limit: int = LIMIT) -> Answer:
+def ask(data: bytes, limit: int = LIMIT) -> ChildAnswer:
     source = Source("log.x", "log.x", data, str)
     return ask_child(MODULE, "json", source, ReadOptions(max_bytes=limit))
 

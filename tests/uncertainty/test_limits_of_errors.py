@@ -101,7 +101,7 @@ def test_the_fastest_motion_is_that_within_five_per_cent(speed, n) -> None:
 
 @pytest.mark.parametrize(("factor", "is_alike"), [(1.95, True), (2.05, False)])
 def test_the_misfit_at_a_speed_is_that_within_a_factor_of_two(monkeypatch, factor, is_alike):
-    monkeypatch.setattr(speed_forces, "scatter_between_cycles", lambda *_: math.nan)
+    monkeypatch.setattr(speed_forces, "residual_scatter", lambda *_: math.nan)
     for speed in (0.1 * factor, 0.1 / factor):
         part = (None, np.array([speed]), None, np.array([7.0]))
         assert _misfit([part], 1.0, 0.1) == (7.0 if is_alike else 0.0)

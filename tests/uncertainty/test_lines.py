@@ -12,7 +12,7 @@ from damperfit.identification import Sharing, Status
 from damperfit.uncertainty import profile_walk
 from damperfit.uncertainty.intervals import _shared_rows
 from damperfit.uncertainty.profile_walk import doubtful_profiles
-from damperfit.uncertainty.profiles import Bench, is_doubtful, lines_of
+from damperfit.uncertainty.profiles import Bench, is_doubtful, profile_lines
 from tests import fakes
 from tests.uncertainty.test_limits import linearised
 from tests.uncertainty.test_words import known, profile
@@ -43,7 +43,7 @@ def profiled(monkeypatch, *, status, errors, sharing, budget=100, cost=1):
     )
     uncertainty = known(names=tuple(errors))
     uncertainty = replace(uncertainty, covariance=np.diag(np.square(list(errors.values()))))
-    monkeypatch.setattr(profile_walk, "lines_of", lambda name, *_: [name])
+    monkeypatch.setattr(profile_walk, "profile_lines", lambda name, *_: [name])
     monkeypatch.setattr(
         profile_walk,
         "trace_profile",
@@ -91,7 +91,7 @@ def line(name, *, sharing=None, free=("r_m1", "r_m2", "k_e"), error=0.02, **stat
     seen = replace(seen, fit=fit, information=4.0 * np.eye(6), scores=16.0 * np.eye(6))
     its = known(names=(*free, *(() if name in free else (name,))), error=error)
     bench = Bench(PURDY_DAMPER)
-    return list(lines_of(name, {1: seen}, {1: its}, sharing or Sharing(), bench))
+    return list(profile_lines(name, {1: seen}, {1: its}, sharing or Sharing(), bench))
 
 
 def test_the_scale_of_a_line_is_its_curvature_over_its_variance() -> None:

@@ -29,7 +29,7 @@ from damperfit.uncertainty.correlated_noise import _is_positive, cycle_covarianc
 from damperfit.uncertainty.gas import GasContent
 from damperfit.uncertainty.intervals import make_interval
 from damperfit.uncertainty.profiles import MisfitProfile, ProfilePoint, signed_root
-from damperfit.uncertainty.residuals import scatter_between_cycles
+from damperfit.uncertainty.residuals import residual_scatter
 from damperfit.uncertainty.verdicts import _span, doubts, undetermined, verdicts
 from tests import fakes
 
@@ -323,8 +323,8 @@ def test_two_cycles_are_enough_to_scatter_and_one_is_not() -> None:
     one = fakes.trace(1).fastest
     two = replace(one, first=0, stop=666, cycle_starts=np.array([0.0, 333.0, 666.0]))
     residuals = np.repeat([1.0, -1.0], 333)
-    assert scatter_between_cycles(residuals, two) == pytest.approx(2.0)
-    assert math.isnan(scatter_between_cycles(residuals[:333], one))
+    assert residual_scatter(residuals, two) == pytest.approx(2.0)
+    assert math.isnan(residual_scatter(residuals[:333], one))
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from damperfit.damper.rivals.rival import OFFSET, Rival, Seen, Slopes, positive
+from damperfit.damper.rivals.rival import OFFSET, ComparedLogs, Rival, Slopes, positive
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -74,7 +74,7 @@ class Biviscous(Rival):
         }
         return np.where(above, high, np.where(below, low, before)) + y.f_0, slopes
 
-    def guess(self, seen: Seen) -> tuple[Mapping[str, float], ...]:
+    def guess(self, seen: ComparedLogs) -> tuple[Mapping[str, float], ...]:
         """Return yields at two shares of the peak forces."""
         return tuple(
             {

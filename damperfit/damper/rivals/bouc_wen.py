@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from damperfit.damper.rivals.following import follow
-from damperfit.damper.rivals.rival import OFFSET, Rival, Seen, Slopes, positive, signed
+from damperfit.damper.rivals.rival import OFFSET, ComparedLogs, Rival, Slopes, positive, signed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -68,7 +68,7 @@ class BoucWen(Rival):
         }
         return y.c_r * up + y.c_b * down + y.k * x + y.alpha * z + y.f_0, slopes
 
-    def guess(self, seen: Seen) -> tuple[Mapping[str, float], ...]:
+    def guess(self, seen: ComparedLogs) -> tuple[Mapping[str, float], ...]:
         """Return two heights that turn within a hundredth and a tenth of the stroke."""
         stroke = float(np.ptp(seen.x))
         return tuple(

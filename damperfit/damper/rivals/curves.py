@@ -14,7 +14,15 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from damperfit.damper.rivals.rival import FRICTION, OFFSET, Rival, Seen, Slopes, friction, positive
+from damperfit.damper.rivals.rival import (
+    FRICTION,
+    OFFSET,
+    ComparedLogs,
+    Rival,
+    Slopes,
+    friction,
+    positive,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -65,7 +73,7 @@ class Degressive(Rival):
             slopes[f"v_{k}"] = c * share * np.abs(share) / v_k**2
         return force, slopes
 
-    def guess(self, seen: Seen) -> tuple[Mapping[str, float], ...]:
+    def guess(self, seen: ComparedLogs) -> tuple[Mapping[str, float], ...]:
         """Return a curve that has lost half of its slope at the highest speed, and one earlier."""
         return tuple(
             {
@@ -121,7 +129,7 @@ class FourSlopes(Rival):
             slopes[f"v_{k}"] = (first - second) * np.sign(fast)
         return force, slopes
 
-    def guess(self, seen: Seen) -> tuple[Mapping[str, float], ...]:
+    def guess(self, seen: ComparedLogs) -> tuple[Mapping[str, float], ...]:
         """Return knees at two shares of the highest speed, with a fifth of the slope beyond."""
         return tuple(
             {

@@ -33,8 +33,8 @@ from damperfit.damper.rivals.following import follow
 from damperfit.damper.rivals.rival import (
     FRICTION,
     OFFSET,
+    ComparedLogs,
     Rival,
-    Seen,
     Slopes,
     damping,
     friction,
@@ -94,7 +94,7 @@ class _ElasticDashpot(Rival):
     def dashpot(self, k: str, peak: float, speed: float, share: float) -> dict[str, float]:
         """Return the numbers of a direction's dashpot from its peak force."""
 
-    def guess(self, seen: Seen) -> tuple[Mapping[str, float], ...]:
+    def guess(self, seen: ComparedLogs) -> tuple[Mapping[str, float], ...]:
         """Return springs that give by a hundredth and by a tenth of the stroke."""
         stroke, peak = float(np.ptp(seen.x)), max(seen.rebound, seen.bump)
         return tuple(

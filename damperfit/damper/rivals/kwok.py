@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from damperfit.damper.rivals.rival import OFFSET, Rival, Seen, Slopes, positive, signed
+from damperfit.damper.rivals.rival import OFFSET, ComparedLogs, Rival, Slopes, positive, signed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -70,7 +70,7 @@ class Kwok(Rival):
         }
         return y.c * v + y.k * x + y.alpha * bend + y.f_0, slopes
 
-    def guess(self, seen: Seen) -> tuple[Mapping[str, float], ...]:
+    def guess(self, seen: ComparedLogs) -> tuple[Mapping[str, float], ...]:
         """Return three steepnesses; the rest by least squares with them held."""
         found = []
         for beta in (2.0 / seen.speed, 8.0 / seen.speed, 30.0 / seen.speed):

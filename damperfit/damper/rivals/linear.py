@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from damperfit.damper.rivals.rival import OFFSET, Rival, Seen, Slopes, damping
+from damperfit.damper.rivals.rival import OFFSET, ComparedLogs, Rival, Slopes, damping
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -50,7 +50,7 @@ class Linear(Rival):
         v = motion.velocity
         return y.c * v + y.f_0, {"c": v, "f_0": np.ones_like(v)}
 
-    def guess(self, seen: Seen) -> tuple[Mapping[str, float], ...]:
+    def guess(self, seen: ComparedLogs) -> tuple[Mapping[str, float], ...]:
         """Return the coefficient of the peak forces."""
         return ({"c": (seen.rebound + seen.bump) / (2.0 * seen.speed), "f_0": seen.middle},)
 
@@ -84,7 +84,7 @@ class Bilinear(Rival):
         slopes = {"c_r": up, "c_b": down, "f_0": np.ones_like(up)}
         return y.c_r * up + y.c_b * down + y.f_0, slopes
 
-    def guess(self, seen: Seen) -> tuple[Mapping[str, float], ...]:
+    def guess(self, seen: ComparedLogs) -> tuple[Mapping[str, float], ...]:
         """Return the coefficients of the peak forces."""
         return (
             {

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from damperfit.damper.rivals.rival import Rival, Seen, Slopes, signed
+from damperfit.damper.rivals.rival import ComparedLogs, Rival, Slopes, signed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -54,7 +54,7 @@ class _Terms(Rival):
         rows = self.terms(motion.displacement, motion.velocity)
         return np.asarray(y.numbers) @ rows, dict(zip(self.names, rows, strict=True))
 
-    def guess(self, seen: Seen) -> tuple[Mapping[str, float], ...]:
+    def guess(self, seen: ComparedLogs) -> tuple[Mapping[str, float], ...]:
         """Return the least-squares numbers of the samples as they are compared."""
         rows = self.terms(seen.x, seen.v)
         numbers = np.linalg.lstsq(rows.T, seen.f, rcond=None)[0]

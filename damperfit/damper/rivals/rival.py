@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 __all__ = [
     "FRICTION",
     "OFFSET",
+    "ComparedLogs",
     "Rival",
-    "Seen",
     "Slopes",
     "damping",
     "friction",
@@ -44,7 +44,7 @@ __all__ = [
 Slopes = dict[str, "FloatArray"]
 
 
-class Seen(NamedTuple):
+class ComparedLogs(NamedTuple):
     """What is compared of some logs, end to end; SI."""
 
     x: FloatArray
@@ -88,7 +88,7 @@ class Rival(Model):
         """Return the force, N, and its derivative by every quantity; shape (n,) each."""
 
     @abstractmethod
-    def guess(self, seen: Seen) -> tuple[Mapping[str, float], ...]:
+    def guess(self, seen: ComparedLogs) -> tuple[Mapping[str, float], ...]:
         """Return numbers to start from, several where it may end in several valleys."""
 
     def simulate(
@@ -120,7 +120,7 @@ class Rival(Model):
     def start(self, traces: Sequence[Trace], fixed: Mapping[str, float]) -> tuple[Values, ...]:
         """Return where a fit may start, from forces and speeds of the logs."""
         parts = [trace.compared for trace in traces]
-        seen = Seen(
+        seen = ComparedLogs(
             *(
                 np.concatenate([getattr(t, name)[k] for t, k in zip(traces, parts, strict=True)])
                 for name in ("displacement", "velocity", "force")
