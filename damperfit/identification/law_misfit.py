@@ -51,6 +51,8 @@ _VANISHING = (
 # Times the scatter between cycles: a descent that is there needs no other start.
 _AS_EXPECTED = 2.0
 
+_OF_VALVES = ("_bleed", "_opening", "_slope")
+
 # Of the force's deviation: what a step may err by while laws are compared on settled cycles. It
 # moves no quantity by a third of its error.
 _COARSE = 2e-4
@@ -218,7 +220,8 @@ def best_of_starts(
 ) -> Minimum[Values]:
     """Return where the best of some starts leads.
 
-    Those that fit best are followed for a few evaluations, the better of them to its end.
+    Those that fit best are followed for a few evaluations, the better of them to its end; where it
+    loses a bleed or a blow-off there, the next best start is followed too.
 
     Parameters
     ----------
@@ -254,7 +257,34 @@ def best_of_starts(
     if best.point.cost > hopeless:
         return replace(best, evaluations=spent)
     ended = misfit.descend(best.point.extra, COMPARING)
-    return replace(ended, evaluations=spent + ended.evaluations)
+    spent += ended.evaluations
+    left = ranked[max(_TRIED, known + 1) :]
+    if left and _lost_a_valve(misfit, ended):
+        other = _descended(misfit, left[0])
+        if other is not None:
+            spent += other.evaluations
+            ended = min(ended, other, key=lambda one: one.point.cost)
+    return replace(ended, evaluations=spent)
+
+
+def _lost_a_valve(misfit: LawMisfit, ended: Minimum[Values]) -> bool:
+    """Whether a bleed or a blow-off ran out of its range, and more is left than differs by cycle.
+
+    The starts that fit best may share what is wrong in them, an offset that hides a blow-off.
+    """
+    if ended.point.cost <= _AS_EXPECTED * misfit.scatter:
+        return False
+    return any(
+        name.endswith(_OF_VALVES) and misfit.is_at_edge(ended.point.extra, name)
+        for name in misfit.free
+    )
+
+
+def _descended(misfit: LawMisfit, start: Values) -> Minimum[Values] | None:
+    try:
+        return misfit.descend(start, COMPARING)
+    except SimulationError:
+        return None
 
 
 def best_fitting(misfit: LawMisfit, starts: Sequence[Values]) -> list[Values]:

@@ -128,7 +128,9 @@ class Verdict:
     reason: str
 
 
-def judged(small: Tried, large: Tried, n_eff: float) -> Verdict:
+def judged(
+    small: Tried, large: Tried, n_eff: float, *, left_percent: float | None = None
+) -> Verdict:
     """Return whether the larger law is taken.
 
     Parameters
@@ -137,16 +139,19 @@ def judged(small: Tried, large: Tried, n_eff: float) -> Verdict:
         The larger has more quantities.
     n_eff : float
         Effective samples of all settings compared.
+    left_percent : float, optional
+        What the smaller law leaves, where that is not its MSE.
     """
+    left = small.mse_percent if left_percent is None else left_percent
     gain = small.mse_percent / max(large.mse_percent, 1e-300)
     n_settings = len(small.fits)
     cost = n_settings * (large.n_quantities - small.n_quantities) * math.log(n_eff / n_settings)
     bic = n_eff * math.log(max(gain, 1e-300)) - cost
     new = [x for x in large.at_bound if x in _more(large, small)]
     held = small.held_out_percent, large.held_out_percent
-    if small.mse_percent <= ENOUGH_PERCENT:
+    if left <= ENOUGH_PERCENT:
         reason = (
-            f"the smaller law's {small.mse_percent:.2g} % leave too little to matter (below "
+            f"the smaller law's {left:.2g} % leave too little to matter (below "
             f"{ENOUGH_PERCENT:g} %)"
         )
     elif gain < GAIN:

@@ -32,6 +32,7 @@ from damperfit.laws.choosing import (
     said_of_layout,
     times_worse,
 )
+from damperfit.laws.elsewhere import freed_of, had_by, needed_at
 from damperfit.laws.law_fit import fit_law, glimpsed
 from damperfit.laws.rungs import Ladder, Rung
 from damperfit.laws.variants import (
@@ -81,6 +82,7 @@ def climb(  # noqa: PLR0913 - what a user may ask of it
     on_rung: Callable[[Rung], None] = lambda _: None,
     jobs: int = 1,
     held_share: float = math.nan,
+    elsewhere: Sequence[SettingLogs] = (),
 ) -> Ladder:
     """Try laws from the paper's to the richest, and return which one the logs tell.
 
@@ -101,8 +103,10 @@ def climb(  # noqa: PLR0913 - what a user may ask of it
     held_share : float
         Of their force that the logs hold down to a tenth of the speed, where they yield before they
         slide; NaN where they do not.
+    elsewhere : sequence of SettingLogs
+        Other settings, asked before a part of one stroke's valve is taken out.
     """
-    course = _Course(evidence, solver, on_rung, jobs, held_share)
+    course = _Course(evidence, solver, on_rung, jobs, held_share, elsewhere)
     offsets = tuple(one.name for one in plain.quantities if one.is_offset)
     simplest = course.fitted(plain, freed=offsets)
     if simplest is not None and simplest.mse_percent <= ENOUGH_PERCENT:
@@ -133,8 +137,9 @@ class _Course:
         on_rung: Callable[[Rung], None],
         jobs: int,
         held_share: float = math.nan,
+        elsewhere: Sequence[SettingLogs] = (),
     ) -> None:
-        self.evidence, self.solver = evidence, solver
+        self.evidence, self.solver, self.elsewhere = evidence, solver, elsewhere
         self.on_rung, self.jobs = on_rung, jobs
         self.rungs: list[Rung] = []
         self.n_eff = math.nan
@@ -173,7 +178,7 @@ class _Course:
                 return fit_law(
                     model,
                     self.evidence[place],
-                    freed=_had(model, freed),
+                    freed=had_by(model, freed),
                     near=start,
                     solver=self.solver,
                     is_whole=is_whole,
@@ -189,7 +194,7 @@ class _Course:
         for row, model in enumerate(models):
             own = [one for one in fits[row * len(places) :][: len(places)] if one is not None]
             is_all = len(own) == len(places)
-            title = in_words(model, _had(model, freed))
+            title = in_words(model, had_by(model, freed))
             found.append(Tried(title, tuple(own)) if is_all else None)
         return found
 
@@ -238,13 +243,16 @@ class _Course:
         if model is None:
             return law
         hopeless = _HOPELESS * max(law.mse_percent, ENOUGH_PERCENT)
-        one = self.fitted(model, freed=_freed(law), near=law, hopeless_percent=hopeless)
+        one = self.fitted(model, freed=freed_of(law), near=law, hopeless_percent=hopeless)
         if one is None:
             return law
         law = self.no_worse(law, one)
         verdict = judged(one, law, self.n_eff)
         needed = "it lacks a part that is needed: " if verdict.takes_larger else ""
         is_taken, reason = not verdict.takes_larger, f"{needed}{verdict.reason}"
+        asked = self.elsewhere if is_taken and change in ONE_STROKE else ()
+        if why := needed_at(one, law, asked, self.solver):
+            is_taken, reason = False, why
         self.record(one, reason, is_taken=is_taken, change=f"without {change}", verdict=verdict)
         return one if is_taken else law
 
@@ -252,7 +260,7 @@ class _Course:
         """The larger of two nested laws, which can fit no worse: if it does, from the smaller."""
         if large.mse_percent <= _WORSE * small.mse_percent:
             return large
-        again = self.fitted(large.fits[0].model, freed=_freed(large), near=small)
+        again = self.fitted(large.fits[0].model, freed=freed_of(large), near=small)
         return large if again is None or again.mse_percent >= large.mse_percent else again
 
     def enriched(self, law: Tried, names: Sequence[str]) -> Tried:
@@ -283,7 +291,7 @@ class _Course:
 
     def offered(self, law: Tried, name: str) -> Tried | None:
         """A law with a part more; None where it has that already, or cannot have it."""
-        model, freed = _valve_damper(law), _freed(law)
+        model, freed = _valve_damper(law), freed_of(law)
         if name in KINDS or name in PARTS:
             model = with_part(model, name)
             if model == _valve_damper(law):
@@ -310,7 +318,7 @@ class _Course:
         models = [laid_out_as(own, one) for one in layouts if one.name != own.name]
         known = [self.known_worse(law, model) for model in models]
         left = [model for model, one in zip(models, known, strict=True) if one is None]
-        fits = self.all_fitted(left, freed=_freed(law), near=law)
+        fits = self.all_fitted(left, freed=freed_of(law), near=law)
         others = [one for one in (*known, *fits) if one is not None]
         first = min((law, *others), key=lambda one: one.score)
         best = law if are_alike(first, law) else first
@@ -325,7 +333,7 @@ class _Course:
         """What the same law in another layout gave already, where it is far from the one taken."""
         for rung in self.rungs:
             one = rung.tried
-            is_same = one.fits[0].model == model and _freed(one) == _had(model, _freed(law))
+            is_same = one.fits[0].model == model and freed_of(one) == had_by(model, freed_of(law))
             if is_same and times_worse(law, one) > _FAR_WORSE:
                 return one
         return None
@@ -371,7 +379,7 @@ class _Course:
 
     def ended(self, chosen: Tried) -> Ladder:
         """The ladder as it was climbed; what is taken is polished on the whole logs."""
-        model, freed = chosen.fits[0].model, _freed(chosen)
+        model, freed = chosen.fits[0].model, freed_of(chosen)
         polished = self.fitted(model, freed=freed, near=chosen, is_whole=True) or chosen
         rungs = tuple(
             dataclasses.replace(one, tried=polished, is_taken=True)
@@ -380,17 +388,6 @@ class _Course:
             for one in self.rungs
         )
         return Ladder(rungs, polished, self.n_eff, self.alike, self.held_share, self.also)
-
-
-def _had(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Of some quantities those that a law has: a monotube has no return checks."""
-    return tuple(name for name in names if name in model.names)
-
-
-def _freed(law: Tried) -> tuple[str, ...]:
-    """What a law's fits have free although it has a default."""
-    fit = law.fits[0]
-    return tuple(name for name in fit.free if fit.model.quantity(name).default is not None)
 
 
 def _valve_damper(law: Tried) -> ValveDamper:

@@ -32,12 +32,14 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["UNDETERMINED", "LawFit", "SettingLogs", "fit_law", "glimpsed"]
+__all__ = ["UNDETERMINED", "LawFit", "SettingLogs", "fit_law", "glimpsed", "worst_stroke"]
 
 # A standard error of this factor to both sides, and a quantity is not determined.
 UNDETERMINED = 1.65
 # An offered part by which the MSE falls by less in a few steps will not reach `choosing.GAIN`.
 _HARDLY = 1.1
+# Of half the range: the least force that what is left in a stroke is held against.
+_LEAST_FORCE = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,6 +106,9 @@ class LawFit:
     undetermined : tuple of str
         What these logs do not determine: it may as well be `UNDETERMINED` times as much or as
         little.
+    worst_stroke_percent : float
+        100 times what is left in the stroke that is missed most, over its mean square force or that
+        of a fifth of half the range.
     """
 
     setting: Setting
@@ -118,6 +123,7 @@ class LawFit:
     residuals: tuple[FloatArray, ...]
     evaluations: int
     undetermined: tuple[str, ...] = ()
+    worst_stroke_percent: float = math.nan
 
 
 def fit_law(  # noqa: PLR0913 - what a climb may ask of it
@@ -183,6 +189,7 @@ def fit_law(  # noqa: PLR0913 - what a climb may ask of it
         residuals=missed.residuals,
         evaluations=spent,
         undetermined=_undetermined(ended.point, model, free, len(missed.stretches)),
+        worst_stroke_percent=missed.worst_stroke_percent,
     )
 
 
@@ -316,17 +323,18 @@ def _undetermined(
 
 
 class _Missed(NamedTuple):
-    """Residuals of each stretch, N; the MSE of each, and that of all, per cent."""
+    """Residuals of each stretch, N; the MSE of each, of all, and of the worst stroke, per cent."""
 
     residuals: tuple[FloatArray, ...]
     stretches: tuple[float, ...]
     mse_percent: float
+    worst_stroke_percent: float
 
 
 def _misses(
     model: Model, values: Values, traces: Sequence[Trace], solver: SolverOptions
 ) -> _Missed:
-    residuals, alone, measured = [], [], []
+    residuals, alone, measured, velocity = [], [], [], []
     for trace in traces:
         force = compare(values, trace, model, solver=solver).force
         for stretch in trace.stretches:
@@ -334,6 +342,25 @@ def _misses(
             residuals.append(force[part] - trace.force[part])
             alone.append(normalised_mse(trace.force[part], force[part]))
             measured.append(trace.force[part])
-    together = np.concatenate(measured)
-    mse = normalised_mse(together, together + np.concatenate(residuals))
-    return _Missed(tuple(residuals), tuple(alone), mse)
+            velocity.append(trace.drive.velocity[part])
+    together, rest = np.concatenate(measured), np.concatenate(residuals)
+    mse = normalised_mse(together, together + rest)
+    worst = worst_stroke(together, rest, np.concatenate(velocity))
+    return _Missed(tuple(residuals), tuple(alone), mse, worst)
+
+
+def worst_stroke(force: FloatArray, rest: FloatArray, velocity: FloatArray) -> float:
+    """Return what is left in the stroke that is missed most, per cent of its mean square force.
+
+    Parameters
+    ----------
+    force, rest, velocity : numpy.ndarray
+        Shape (n,): measured, N; model less measured, N; of the rod, m/s.
+    """
+    least = (_LEAST_FORCE * 0.5 * float(np.ptp(force))) ** 2
+    shares = [
+        float(np.mean(rest[stroke] ** 2)) / max(float(np.mean(force[stroke] ** 2)), least, 1e-300)
+        for stroke in (velocity > 0.0, velocity < 0.0)
+        if stroke.any()
+    ]
+    return 100.0 * max(shares, default=math.nan)

@@ -187,6 +187,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         on_rung=on_rung,
         jobs=workers,
         held_share=_held_share(compared),
+        elsewhere=[one for one in evidence if one not in compared],
     )
     known = {one.setting: one for one in ladder.chosen.fits}
     best = ladder.chosen.fits[0]
@@ -201,7 +202,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
                 best.model,
                 one,
                 freed=freed,
-                near=None if near is None else known[near].values,
+                near=None if near is None or known[near].undetermined else known[near].values,
                 solver=solver,
             )
         except SimulationError:

@@ -21,7 +21,7 @@ def tried(mse: float, *, score: float = 0.0, name: str = "twin_tube") -> SimpleN
 @pytest.mark.parametrize(("mse", "is_kept"), [(1.019, True), (1.021, False)])
 def test_a_larger_law_may_fit_worse_by_two_per_cent(monkeypatch, mse, is_kept) -> None:
     large, again = tried(mse), tried(0.9)
-    monkeypatch.setattr(ladder, "_freed", lambda _: ())
+    monkeypatch.setattr(ladder, "freed_of", lambda _: ())
     course = SimpleNamespace(fitted=lambda *_, **__: again)
     found = ladder._Course.no_worse(course, large, tried(1.0))
     assert found is (large if is_kept else again)

