@@ -67,6 +67,7 @@ def test_every_command_has_help_with_an_example_and_the_common_options(run, comm
     ended = run(command, "--help")
     assert ended.code == 0
     assert f"Example: damperfit {command}" in " ".join(ended.out.split())
+    assert f"Usage: damperfit {command} " in ended.out
     for option in ("--config", "--json", "--quiet", "--debug", "--version"):
         assert option in ended.out
 
