@@ -14,7 +14,7 @@ from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.rivals import Biviscous, BoucWen, Kwok
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow
-from damperfit.laws import Ladder, SettingLogs, Tried, climb, undecided
+from damperfit.laws import Ladder, SettingLogs, Tried, climb, undecided, yielding
 from damperfit.laws.yielding import held_against, is_open_to
 from damperfit.recording import Recording
 from damperfit.run import law_choice
@@ -97,6 +97,17 @@ def test_valves_are_told_where_they_are_clearly_better(of_valves, is_taken, is_o
     assert is_open_to(valves, other) is is_open
     assert why.startswith("the logs hold 60 % of their force down to a tenth of the speed; ")
     assert ("as well as" in why) is (is_open and not is_taken)
+
+
+@pytest.mark.parametrize(("times", "said"), [
+    (1.9, "fits and predicts better"),
+    (2.1, "fits and predicts 2 times better"),
+    (990.0, "fits and predicts 990 times better"),
+    (1010.0, "fits and predicts far better"),
+])  # fmt: skip
+def test_how_much_better_is_told_from_twice_on(times, said, monkeypatch) -> None:
+    monkeypatch.setattr(yielding, "times_worse", lambda *_: times)
+    assert yielding._better(None, None) == said
 
 
 def test_what_is_left_open_is_said_and_names_no_physics() -> None:
