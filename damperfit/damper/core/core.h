@@ -1,4 +1,4 @@
-/* damperfit core: the damper's two mass balances, driven by displacement.
+/* damperfit core: what a simulation is asked, and where its results go.
  *
  * No allocation, no globals, no input or output: safe from any number of threads.
  */
@@ -21,9 +21,6 @@ enum {
     DF_CHAMBER_EMPTY = 3, /* chamber 1, chamber 2 or gas volume <= 0 */
     DF_BAD_ARGUMENT = 4   /* a parameter, interval or option out of range */
 };
-
-/* Sensitivities that can be asked for, in the order of df_parameters. */
-enum { DF_R_M1, DF_R_M2, DF_R_M3, DF_K_E, DF_F_F, DF_F_0, DF_P_0, DF_GAMMA, DF_N_PARAMETERS };
 
 typedef struct {
     double tolerance;          /* force error that one step may make, N */
@@ -51,12 +48,6 @@ typedef struct {
     const int *which;
     int n_which;
 } df_result;
-
-/* Solve eqs (4), (7), (11), (12), (17), (18), (20) from rest pressures equal in all chambers
- * at x[0], with the oil mass of the damper at x = 0. Returns one of the codes above. */
-int df_simulate(const df_geometry *geometry, const df_parameters *parameters,
-                const df_options *options, const df_motion *motion,
-                const df_result *result, df_work *work);
 
 #ifdef __cplusplus
 }

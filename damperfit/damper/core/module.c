@@ -7,76 +7,6 @@
 #include "network.h"
 #include "signals_module.h"
 
-enum { GEOMETRY, PARAMETERS, X, V, WHICH, PRESSURES, MASSES, FORCE, SENSITIVITIES, N_BUFFERS };
-
-static const char *const BUFFER_NAMES[N_BUFFERS] = {
-    "geometry", "parameters", "displacement", "velocity", "which",
-    "pressures", "masses", "force", "sensitivities"};
-
-static int has_size(const Py_buffer *b, Py_ssize_t bytes, int k)
-{
-    if (b->len == bytes)
-        return 1;
-    PyErr_Format(PyExc_ValueError, "%s: %zd bytes, expected %zd", BUFFER_NAMES[k], b->len, bytes);
-    return 0;
-}
-
-static int sizes_fit(const Py_buffer *b)
-{
-    const Py_ssize_t d = (Py_ssize_t)sizeof(double);
-    const Py_ssize_t row = b[X].len;
-    const Py_ssize_t n_which = b[WHICH].len / (Py_ssize_t)sizeof(int);
-    return has_size(&b[GEOMETRY], 7 * d, GEOMETRY) &&
-           has_size(&b[PARAMETERS], DF_N_PARAMETERS * d, PARAMETERS) && row % d == 0 &&
-           has_size(&b[V], row, V) && has_size(&b[PRESSURES], 3 * row, PRESSURES) &&
-           has_size(&b[MASSES], 2 * row, MASSES) && has_size(&b[FORCE], row, FORCE) &&
-           has_size(&b[SENSITIVITIES], n_which * row, SENSITIVITIES);
-}
-
-static PyObject *run(const Py_buffer *b, double interval, const df_options *options)
-{
-    const double *g = b[GEOMETRY].buf, *p = b[PARAMETERS].buf;
-    const df_geometry geometry = {g[0], g[1], g[2], g[3], g[4], g[5], g[6]};
-    const df_parameters parameters = {p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]};
-    const df_motion motion = {(size_t)b[X].len / sizeof(double), interval, b[X].buf, b[V].buf};
-    const df_result result = {b[PRESSURES].buf, b[MASSES].buf, b[FORCE].buf, b[SENSITIVITIES].buf,
-                              b[WHICH].buf, (int)(b[WHICH].len / (Py_ssize_t)sizeof(int))};
-    df_work work;
-    int code;
-    Py_BEGIN_ALLOW_THREADS
-    code = df_simulate(&geometry, &parameters, options, &motion, &result, &work);
-    Py_END_ALLOW_THREADS
-    return Py_BuildValue("(illln)", code, work.steps, work.rejected, work.newton,
-                         (Py_ssize_t)work.failed_sample);
-}
-
-static PyObject *simulate(PyObject *self, PyObject *args)
-{
-    (void)self;
-    PyObject *o[N_BUFFERS];
-    double interval;
-    df_options options;
-    if (!PyArg_ParseTuple(args, "OOOOOOOOOdddl:simulate", &o[0], &o[1], &o[2], &o[3], &o[4], &o[5],
-                          &o[6], &o[7], &o[8], &interval, &options.tolerance, &options.dead_band,
-                          &options.max_steps_per_sample))
-        return NULL;
-    Py_buffer buffers[N_BUFFERS];
-    PyObject *answer = NULL;
-    int got = 0;
-    for (; got < N_BUFFERS; got++) {
-        const int flags = got >= PRESSURES ? PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE : PyBUF_C_CONTIGUOUS;
-        if (PyObject_GetBuffer(o[got], &buffers[got], flags))
-            break;
-    }
-    if (got == N_BUFFERS && sizes_fit(buffers))
-        answer = run(buffers, interval, &options);
-    else if (!PyErr_Occurred())
-        PyErr_SetString(PyExc_ValueError, "displacement: not a whole number of doubles");
-    while (got-- > 0)
-        PyBuffer_Release(&buffers[got]);
-    return answer;
-}
-
 enum { BODY, NUMBERS, PASSAGES, NET_X, NET_V, NET_WHICH, NET_PRESSURES, NET_MASSES, NET_FORCE,
        NET_SENSITIVITIES, N_NETWORK_BUFFERS };
 
@@ -265,10 +195,6 @@ static PyObject *follow(PyObject *self, PyObject *args)
 }
 
 static PyMethodDef METHODS[] = {
-    {"simulate", simulate, METH_VARARGS,
-     "simulate(geometry, parameters, displacement, velocity, which, pressures, masses, force,\n"
-     "         sensitivities, interval, tolerance, dead_band, max_steps_per_sample)\n"
-     "-> (code, steps, rejected, newton, sample). Fills the last four buffers."},
     {"simulate_network", simulate_network, METH_VARARGS,
      "simulate_network(body, numbers, passages, displacement, velocity, which, pressures, masses,\n"
      "                 force, sensitivities, interval, rounding, floating_piston, tolerance,\n"

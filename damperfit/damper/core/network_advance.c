@@ -240,9 +240,8 @@ static inline int follow_gas(const df_network *q, double x, df_network_state *no
     const double s = now->y[0] - q->plan.oil[0] + shift;
     if (df_gas_is_near(&now->gas, s))
         return 0;
-    const df_geometry g = gas_geometry(q);
-    const df_parameters p = gas_parameters(q);
-    return df_gas_expand(&g, &p, s, &now->gas);
+    const df_gas spring = gas_of(q);
+    return df_gas_expand(&spring, s, &now->gas);
 }
 
 DF_FOR_EACH_KIND int take_steps(const df_network *q, const df_options *o, const int kind, const piece *motion,

@@ -36,18 +36,10 @@ static inline double number(const df_network *q, int place)
     return place < 0 ? 0.0 : q->numbers[place];
 }
 
-static inline df_geometry gas_geometry(const df_network *q)
+static inline df_gas gas_of(const df_network *q)
 {
-    const df_geometry g = {q->a_1, q->a_2, q->a_2 - q->a_1, q->V_1, q->V_2,
-                           q->numbers[DF_NUMBER_V_GAS], q->rho_0};
-    return g;
-}
-
-static inline df_parameters gas_parameters(const df_network *q)
-{
-    const df_parameters p = {0.0, 0.0, 0.0, q->numbers[DF_NUMBER_K], 0.0, 0.0,
-                             q->numbers[DF_NUMBER_P_0], q->numbers[DF_NUMBER_GAMMA]};
-    return p;
+    const df_gas gas = {q->numbers[DF_NUMBER_P_0], q->numbers[DF_NUMBER_GAMMA], q->numbers[DF_NUMBER_V_GAS], q->rho_0};
+    return gas;
 }
 
 /* Chambers whose oil is a state. */

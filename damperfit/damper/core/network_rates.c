@@ -11,8 +11,7 @@ static int slides_by_state(const df_network *q)
 int df_evaluate_network(const df_network *q, double dead_band, const double oil[2], double grip, double x, double v,
                         df_network_rates *r)
 {
-    const df_geometry g = gas_geometry(q);
-    const df_parameters p = gas_parameters(q);
+    const df_gas spring = gas_of(q);
     const double m[DF_STATES] = {q->plan.oil[0] + oil[0], q->plan.oil[1] + oil[1], 0.0};
     df_gas_point gas;
     chambers c;
@@ -24,7 +23,7 @@ int df_evaluate_network(const df_network *q, double dead_band, const double oil[
     if (code != DF_OK)
         return code;
     r->taken = taken(q, kind_of(q), &c, m);
-    if (df_gas_expand(&g, &p, r->taken, &gas))
+    if (df_gas_expand(&spring, r->taken, &gas))
         return DF_CHAMBER_EMPTY;
     const df_network_balance nothing = {0};
     r->b = nothing;

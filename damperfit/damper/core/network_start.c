@@ -4,9 +4,8 @@
 /* Fill all chambers at one pressure P, and the gas for it. */
 static int fill_at(const df_network *q, const chambers *c, double P, df_network_state *now, double *growth)
 {
-    const df_geometry g = gas_geometry(q);
-    const df_parameters p = gas_parameters(q);
-    const double K = q->numbers[DF_NUMBER_K], P_0 = p.P_0, phi = q->numbers[DF_NUMBER_PHI];
+    const df_gas spring = gas_of(q);
+    const double K = q->numbers[DF_NUMBER_K], P_0 = spring.P_0, phi = q->numbers[DF_NUMBER_PHI];
     const double volume = 1.0 - (P - P_0) / K + phi * (P_0 / P - 1.0);
     const double by_P = 1.0 / K + phi * P_0 / (P * P); /* -d volume/dP */
     *growth = 0.0;
@@ -16,7 +15,7 @@ static int fill_at(const df_network *q, const chambers *c, double P, df_network_
         now->y[i] = phi == 0.0 ? c->full[i] * (1.0 + (P - P_0) / K) : c->full[i] / volume;
         *growth += phi == 0.0 ? c->full[i] / K : c->full[i] * by_P / (volume * volume);
     }
-    return df_gas_expand(&g, &p, taken(q, kind_of(q), c, now->y), &now->gas) ? DF_CHAMBER_EMPTY : DF_OK;
+    return df_gas_expand(&spring, taken(q, kind_of(q), c, now->y), &now->gas) ? DF_CHAMBER_EMPTY : DF_OK;
 }
 
 /* One pressure in all chambers, the mounting in equilibrium without friction; P by Newton. */
@@ -185,8 +184,7 @@ static void keep_slopes(const df_network *q, const df_network *changed, const ch
 
 int df_retune_network(df_network *q, df_network *changed, const df_options *o, df_network_state *now)
 {
-    const df_geometry g = gas_geometry(changed);
-    const df_parameters p = gas_parameters(changed);
+    const df_gas spring = gas_of(changed);
     double kept[DF_MOST_NUMBERS][2] = {{0.0}};
     df_flows f;
     chambers c;
@@ -201,7 +199,7 @@ int df_retune_network(df_network *q, df_network *changed, const df_options *o, d
     for (int i = 0; i < n_oil(changed); i++)
         y[i] = c.full[i] * (1.0 + fills[i]);
     df_gas_point gas;
-    if (df_gas_expand(&g, &p, taken(changed, kind_of(changed), &c, y), &gas))
+    if (df_gas_expand(&spring, taken(changed, kind_of(changed), &c, y), &gas))
         return DF_CHAMBER_EMPTY;
     keep_slopes(q, changed, &c, 1, kept, now);
     *q = *changed;
@@ -216,8 +214,7 @@ int df_retune_network(df_network *q, df_network *changed, const df_options *o, d
 
 int df_place_network(const df_network *q, const double oil[2], double grip, double x, double v, df_network_state *now)
 {
-    const df_geometry g = gas_geometry(q);
-    const df_parameters p = gas_parameters(q);
+    const df_gas spring = gas_of(q);
     chambers c;
     if (is_elastic(q))
         return DF_BAD_ARGUMENT;
@@ -231,7 +228,7 @@ int df_place_network(const df_network *q, const double oil[2], double grip, doub
     now->y[DF_PISTON] = now->x = x;
     now->v = v;
     now->grip = grip;
-    if (df_gas_expand(&g, &p, taken(q, kind_of(q), &c, now->y), &now->gas))
+    if (df_gas_expand(&spring, taken(q, kind_of(q), &c, now->y), &now->gas))
         return DF_CHAMBER_EMPTY;
     restart(q, &c, now);
     return DF_OK;

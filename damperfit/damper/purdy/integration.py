@@ -47,8 +47,8 @@ SENSITIVITY_NAMES: tuple[str, ...] = (
     "gas_exponent",
 )
 
-# The root of valve 1 is rounded within 1 Pa of zero, so that its slope stays finite at a reversal: 100 Pa
-# cost 0.01 N on the standard test, 1 Pa cannot be seen.
+# The root of valve 1 is rounded within 1 Pa of zero, so that its slope stays finite at a reversal:
+# 100 Pa cost 0.01 N on the standard test, 1 Pa cannot be seen.
 _ROUNDING = 1.0
 
 _NETWORK = purdy()

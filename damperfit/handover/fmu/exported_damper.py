@@ -147,7 +147,7 @@ def _tables() -> str:
 
 
 def _columns(damper: Damper | ValveDamper) -> tuple[str, ...]:
-    """Names of the numbers, in the order of `df_parameters` or of a network's numbers."""
+    """Names of the numbers, in the order of `read_purdy` in reading.c or of a network's numbers."""
     if isinstance(damper, Damper):
         return (*damper.names, "gas_pressure", "gas_exponent")
     return damper.network.numbers

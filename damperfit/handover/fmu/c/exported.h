@@ -59,7 +59,7 @@ typedef struct {
     int start;            /* place of the setting that is set at the beginning */
     int n_settings;
     int *settings;        /* as people call them */
-    double *table;        /* n_numbers a setting, in the order of df_parameters or of the network */
+    double *table;        /* n_numbers a setting, in the order of read_purdy or of the network */
     int n_states, slots[EX_SLOTS]; /* those slots that are states of this damper */
 } ex_damper;
 

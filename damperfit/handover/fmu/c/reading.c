@@ -112,12 +112,12 @@ static void read_purdy(cursor *c, ex_damper *d)
     double rod; /* the difference of the areas */
     double *const sizes[] = {&q->a_1, &q->a_2, &rod, &q->V_1, &q->V_2, &q->numbers[DF_NUMBER_V_GAS], &q->rho_0};
     read_sizes(c, sizes, sizeof sizes / sizeof *sizes);
-    q->rounding = ROUNDING_PA;
+    q->rounding = 1.0; /* Pa, as the model that fits has it */
     q->n_passages = 3;
     memcpy(q->passages, ways, sizeof ways);
     q->n_numbers = DF_FIRST_PASSAGE_NUMBER + 3;
     memcpy(d->places, places, sizeof places);
-    d->n_numbers = DF_N_PARAMETERS;
+    d->n_numbers = (int)(sizeof places / sizeof *places);
 }
 
 static void read_network(cursor *c, ex_damper *d)
