@@ -110,7 +110,7 @@ def words_of_name(base: str) -> list[str]:
 
     Examples
     --------
-    >>> words_of("axialForce_raw")
+    >>> words_of_name("axialForce_raw")
     ['axial', 'force', 'raw']
     """
     return [word.lower() for word in re.split(r"[\W_]+", _CAMEL.sub(" ", base)) if word]

@@ -34,10 +34,11 @@ def adjuster_by_word(adjusters: Sequence[str], shorts: Mapping[str, str]) -> dic
 
     Examples
     --------
-    >>> names = words_of(["low_speed", "high_speed"], {"low_speed": "LS", "high_speed": "HS"})
+    >>> shorts = {"low_speed": "LS", "high_speed": "HS"}
+    >>> names = adjuster_by_word(["low_speed", "high_speed"], shorts)
     >>> names["l"], names["hs"]
     ('low_speed', 'high_speed')
-    >>> words_of(["bump", "rebound"], {"bump": "B", "rebound": "R"})["c"]
+    >>> adjuster_by_word(["bump", "rebound"], {"bump": "B", "rebound": "R"})["c"]
     'bump'
     """
     found: dict[str, str] = {}

@@ -151,7 +151,7 @@ def test_a_law_within_twice_the_scatter_needs_no_other_start(cost, descents, mon
         return _End(SimpleNamespace(cost=cost, extra=start))
 
     monkeypatch.setattr(law_misfit, "best_fitting", lambda _, ranked: list(ranked))
-    given = SimpleNamespace(descend=descend, scatter=1.0, model=None)
+    given = SimpleNamespace(descend=descend, scatter=1.0, model=None, free=())
     law_misfit.best_of_starts(given, ["a", "b", "c"], known=0)
     assert starts.count(law_misfit._SHORT) == descents
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import pytest
 
 from damperfit.errors import SimulationError
-from damperfit.identification.law_misfit import followed
+from damperfit.identification.law_misfit import best_of_starts
 
 
 @dataclass(frozen=True)
@@ -54,14 +54,14 @@ LOST = Valleys({"a": 0.4, "b": 0.5, "c": 0.04, "d": 0.9})
 
 
 def test_the_next_best_start_is_followed_where_a_bleed_ran_out_of_its_range():
-    ended = followed(LOST, ["a", "d", "c", "b"])
+    ended = best_of_starts(LOST, ["a", "d", "c", "b"])
     assert (ended.point.extra, ended.point.cost) == ("c", 0.04)
 
 
 @pytest.mark.parametrize("edge", ["rebound_opening", "compression_slope"])
 def test_a_blow_off_counts_as_well(edge):
     misfit = replace(LOST, free=(edge,), edge=edge)
-    assert followed(misfit, list("abcd")).point.extra == "c"
+    assert best_of_starts(misfit, list("abcd")).point.extra == "c"
 
 
 @pytest.mark.parametrize("misfit", [
@@ -72,12 +72,12 @@ def test_a_blow_off_counts_as_well(edge):
     replace(LOST, failing="c"),
 ])  # fmt: skip
 def test_it_stays_where_nothing_is_lost_or_nothing_better_is_found(misfit):
-    assert followed(misfit, list("abcd")).point.extra == "a"
+    assert best_of_starts(misfit, list("abcd")).point.extra == "a"
 
 
 def test_what_is_hopeless_is_not_followed_to_its_end():
-    assert followed(LOST, list("abcd"), hopeless=0.1).point.extra == "a"
+    assert best_of_starts(LOST, list("abcd"), hopeless=0.1).point.extra == "a"
 
 
 def test_two_starts_leave_no_other():
-    assert followed(LOST, ["a", "b"]).point.extra == "a"
+    assert best_of_starts(LOST, ["a", "b"]).point.extra == "a"
