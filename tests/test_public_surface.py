@@ -19,7 +19,7 @@ SURFACE = {
     "damperfit": [
         "__version__",
     ],
-    "damperfit.run.reading_account": [
+    "damperfit.run.ending": [
         "Ending",
         "json_values",
         "log_documents",

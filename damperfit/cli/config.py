@@ -26,7 +26,7 @@ def config(
     Example: damperfit config > my_damper.toml
     """
     from damperfit.configuration.loading import configuration_toml, load_configuration
-    from damperfit.run.reading_account import json_values
+    from damperfit.run.ending import json_values
 
     configuration = load_configuration(config)
     if json:

@@ -62,7 +62,7 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
     from damperfit.laws import Tried
-    from damperfit.run.reading_account import Ending
+    from damperfit.run.ending import Ending
     from damperfit.run.result import RunResult
 
 __all__ = ["identify"]

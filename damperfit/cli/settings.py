@@ -154,7 +154,7 @@ def _curves(
     """Answer from curves that were measured without time."""
     from damperfit.queries.measured_forces import measured_forces
     from damperfit.report import curve_forces_sheet, terminal_table, to_record
-    from damperfit.run.reading_account import json_values
+    from damperfit.run.ending import json_values
 
     found = measured_forces(paths, question, reading=reading)
     if is_json:
@@ -236,7 +236,7 @@ def _document(
     adjuster: AdjusterResults, question: Question, forces: ForcesBySetting, remarks: tuple[str, ...]
 ) -> dict[str, Any]:
     from damperfit.report import to_record
-    from damperfit.run.reading_account import json_values
+    from damperfit.run.ending import json_values
     from damperfit.tables import adjustment_rows
 
     wanted = forces.wanted

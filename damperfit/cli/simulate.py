@@ -182,7 +182,7 @@ def _show(trial: SimulatedTest) -> None:
 
 
 def _document(trial: SimulatedTest, damper: str) -> Any:
-    from damperfit.run.reading_account import json_values
+    from damperfit.run.ending import json_values
 
     document = {
         "setting": trial.choice.setting,

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Campaign
     from damperfit.report import Failure, ReportFacts
+    from damperfit.run.ending import Ending
     from damperfit.run.logs import LogBatch
-    from damperfit.run.reading_account import Ending
     from damperfit.run.run_json import Judgement
     from damperfit.tables import Tables
 

@@ -15,7 +15,7 @@ from damperfit.checks import Check, missed_gates
 from damperfit.damper.cavitation import describe_cavitation
 from damperfit.identification import Outcome, Status, describe_searches
 from damperfit.report import Failure, ReportFacts, to_record
-from damperfit.run.reading_account import Ending, json_values, log_input
+from damperfit.run.ending import Ending, json_values, log_input
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
 from damperfit.run.trust import confidence_record, ladder_advice, unconfirmed_tares
 from damperfit.tables import SCHEMA_VERSION, describe_tables, quantity_records

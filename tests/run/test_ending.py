@@ -9,8 +9,8 @@ import pytest
 from damperfit.configuration.loading import load_configuration
 from damperfit.identification import Outcome
 from damperfit.report.failures_and_warnings import Failure, ReportFacts
+from damperfit.run.ending import Ending, reading_ending
 from damperfit.run.logs import LogBatch
-from damperfit.run.reading_account import Ending, reading_ending
 from damperfit.run.remarks import gates_not_met
 from damperfit.run.run_json import ending_of
 from tests.fakes import campaign, fit

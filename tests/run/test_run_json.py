@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from damperfit.run.reading_account import json_values
+from damperfit.run.ending import json_values
 from damperfit.tested.setting import Setting, parse_setting
 
 

@@ -17,10 +17,10 @@ from damperfit.recording import Finding, natural_order
 from damperfit.report.failures_and_warnings import Failure
 from damperfit.run import hold_out, labelling
 from damperfit.run.dampers import _nameless
+from damperfit.run.ending import json_values
 from damperfit.run.labelling import Labels
 from damperfit.run.logs import LogBatch, LogFacts, _distinct_names
 from damperfit.run.mishaps import Mishaps
-from damperfit.run.reading_account import json_values
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
 from damperfit.run.run_json import Judgement, _procedure, report_facts
 from damperfit.run.trust import _profile, unconfirmed_tares

@@ -1,6 +1,6 @@
-"""What a run that only reads tells, and how a run ends.
+"""How a run ends, and what a run that only reads says.
 
-Apart from `run_json`, whose account of a fit loads what fitted it.
+Apart from `run_json`, which loads what fitted.
 """
 
 from __future__ import annotations
