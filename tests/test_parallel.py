@@ -12,10 +12,10 @@ import pytest
 import damperfit
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.models import MODELS
+from damperfit.fleet.damper_tasks import DamperTask
 from damperfit.fleet.one_damper import Done, Job
 from damperfit.fleet.processes import Processes
 from damperfit.fleet.sources import FleetLog
-from damperfit.fleet.tasks import Task
 from damperfit.parallel import InTurn, Threads, executor
 
 PACKAGE = Path(damperfit.__file__).parent
@@ -104,7 +104,7 @@ def test_what_goes_to_a_worker_can_be_pickled(model, tmp_path):
     document = tmp_path / "damper.toml"
     document.write_text(f'[damper]\nmodel = "{model}"\n')
     configuration = load_configuration(document)
-    task = Task(
+    task = DamperTask(
         "D1", (FleetLog("/logs/a.csv", "a.csv"),), (FleetLog("/logs/tests.csv", "tests.csv"),)
     )
     job = Job(task, configuration, tmp_path, (("/logs/a.csv", "it ended its worker"),))

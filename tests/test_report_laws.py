@@ -7,7 +7,7 @@ import json
 import pytest
 
 from damperfit.cli import main
-from damperfit.report import ladder_sheet, law_sentences, rival_sheet
+from damperfit.report import law_sentences, rival_sheet, tried_laws_sheet
 
 LAW = {
     "law": "through flow: bleed; elastic mounting",
@@ -32,7 +32,7 @@ TOLD = {
 
 
 def test_a_law_has_a_row_with_what_was_changed_gained_and_predicted() -> None:
-    sheet = ladder_sheet(TOLD)
+    sheet = tried_laws_sheet(TOLD)
     assert sheet.headings == (
         "", "law", "changed", "factor", "BIC", "free", "MSE", "held out", "why",
     )  # fmt: skip
@@ -40,7 +40,7 @@ def test_a_law_has_a_row_with_what_was_changed_gained_and_predicted() -> None:
         ("*", LAW["law"], "without blow-offs", "12.3", "+60", "2", "1.50", "-", "because"),
     )
     assert "60 effective samples" in sheet.notes[1]
-    assert ladder_sheet(TOLD, is_narrow=True).headings == (
+    assert tried_laws_sheet(TOLD, is_narrow=True).headings == (
         "", "law", "free", "BIC", "MSE", "held out",
     )  # fmt: skip
 
@@ -64,7 +64,7 @@ JUNK = (
 
 @pytest.mark.parametrize("junk", JUNK)
 def test_what_somebody_else_wrote_there_breaks_nothing(junk: dict[str, object]) -> None:
-    ladder_sheet(junk)
+    tried_laws_sheet(junk)
     assert rival_sheet(junk).rows == ()
     assert law_sentences(junk) == []
 

@@ -1,4 +1,4 @@
-"""Figures of a log on the page are means of all its cycles; the advice to climb the ladder."""
+"""Figures of a log on the page are means of its cycles; advice to let the logs choose a model."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.report.evaluated_log import evaluate_logs
-from damperfit.run.trust import ladder_advice
+from damperfit.run.trust import other_model_advice
 from damperfit.simulation import characterise, mean_figures, simulate, sine_motion
 from damperfit.tables import LogSignals, Results
 from damperfit.tested.setting import Setting
@@ -57,14 +57,14 @@ def judged(kind: str) -> Assessment:
     return Assessment(objections={Setting.of(3): (Objection(kind, "", "much"),)})
 
 
-def test_the_advice_is_to_climb_where_it_was_not_done() -> None:
-    (said,) = ladder_advice(judged("misfit"), PURDY_DAMPER)
-    assert "model purdy does not describe setting 3: try the ladder of models" in said
+def test_the_advice_is_to_let_the_logs_choose_where_they_did_not() -> None:
+    (said,) = other_model_advice(judged("misfit"), PURDY_DAMPER)
+    assert "model purdy does not describe setting 3: let the logs choose a model" in said
     assert "identify LOGS --model auto" in said
-    # Declared valves may lack play or a lag; of what the ladder chose nothing is advised.
-    (said,) = ladder_advice(judged("misfit"), TwinTube())
-    assert "model twin_tube does not describe setting 3: try the ladder of models" in said
-    assert list(ladder_advice(judged("misfit"), TwinTube(), was_climbed=True)) == []
+    # Declared valves may lack play or a lag; of what the logs chose nothing is advised.
+    (said,) = other_model_advice(judged("misfit"), TwinTube())
+    assert "model twin_tube does not describe setting 3: let the logs choose a model" in said
+    assert list(other_model_advice(judged("misfit"), TwinTube(), is_chosen_by_logs=True)) == []
     # A wrong tare is no matter of the law, and without doubt there is no advice.
-    assert list(ladder_advice(judged("offset"), PURDY_DAMPER)) == []
-    assert list(ladder_advice(Assessment(), PURDY_DAMPER)) == []
+    assert list(other_model_advice(judged("offset"), PURDY_DAMPER)) == []
+    assert list(other_model_advice(Assessment(), PURDY_DAMPER)) == []

@@ -59,7 +59,7 @@ def test_inspect_loads_nothing_that_fits_judges_or_writes_tables():
     assert loaded.isdisjoint({"scipy", "pandas", "matplotlib", "plotly", "jinja2"})
     assert loaded.isdisjoint({"pyarrow.parquet", "pyarrow.compute"})  # pyarrow itself reads rows
     assert "numpy.ma" not in loaded  # NumPy's medians and percentiles ask for masked arrays
-    judging = ("identification.descent", "uncertainty.residuals", "laws.ladder")
+    judging = ("identification.descent", "uncertainty.residuals", "laws.search")
     assert loaded.isdisjoint(f"damperfit.{one}" for one in (*judging, "tables.results"))
 
 

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from damperfit.comparison import Tolerance
     from damperfit.configuration.options import Configuration
     from damperfit.fleet.bands import HeldFleet
+    from damperfit.fleet.damper_tasks import DamperTask
     from damperfit.fleet.one_damper import Done
-    from damperfit.fleet.tasks import Task
 
 __all__ = ["fleet"]
 
@@ -90,7 +90,7 @@ def fleet(
     from damperfit.atomic import check_writable
     from damperfit.cli.interrupt import stop_on_signal
     from damperfit.cli.progress import fleet_progress
-    from damperfit.fleet.tasks import share_of
+    from damperfit.fleet.damper_tasks import share_of
     from damperfit.fleet.whole_fleet import planned
     from damperfit.queries.comparisons import parse_bands
 
@@ -206,7 +206,7 @@ def _held_lines(held: HeldFleet | None) -> list[str]:
 
 def _each(
     configuration: Configuration,
-    tasks: Sequence[Task],
+    tasks: Sequence[DamperTask],
     out: Path,
     scheduler: str | None,
     jobs: int | None,

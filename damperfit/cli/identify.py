@@ -365,7 +365,7 @@ def _with_law(
         jobs=jobs,
         setting=declared_setting(setting, configuration),
         start=start_of_laws(configuration, start_values),
-        on_rung=lambda rung: tried(rung.tried),
+        on_law=lambda law: tried(law.tried),
         on_rival=tried if rivals else None,
     )
     if not is_quiet:

@@ -61,7 +61,7 @@ def models(
     debug: DebugOption = False,
     version: VersionOption = False,
 ) -> int:
-    """Fit a ladder of damper laws to the logs and say which one they support.
+    """Fit one damper law after the other to the logs and say which one they support.
 
     Example: damperfit models runs/*.csv --config damper.toml --hold-out '*_check.csv'
     """
@@ -92,7 +92,7 @@ def models(
         jobs=jobs,
         setting=declared_setting(setting, configuration),
         start=start_of_laws(configuration, start_values),
-        on_rung=lambda rung: None if quiet else say(f"damperfit: tried {rung.tried.title}"),
+        on_law=lambda law: None if quiet else say(f"damperfit: tried {law.tried.title}"),
         on_rival=(lambda one: None if quiet else say(f"damperfit: tried {one.title}"))
         if rivals
         else None,
@@ -109,11 +109,11 @@ def models(
 
 
 def _show(choice: LawChoice) -> None:
-    from damperfit.report import chosen_sheet, ladder_sheet, rival_sheet, terminal_table
+    from damperfit.report import chosen_sheet, rival_sheet, terminal_table, tried_laws_sheet
 
     width, document = screen_columns(), choice.document()
-    print_renderable(terminal_table(ladder_sheet(document, is_narrow=True)))
-    reasons = [f"{rung.tried.title}: {rung.reason}" for rung in choice.ladder.rungs]
+    print_renderable(terminal_table(tried_laws_sheet(document, is_narrow=True)))
+    reasons = [f"{law.tried.title}: {law.reason}" for law in choice.search.laws]
     print_lines(["", *(line for one in reasons for line in wrap(one, width))])
     said = " ".join((f"The logs support {choice.supported}.", *choice.sentences))
     print_lines(["", *wrap(said, width), ""])

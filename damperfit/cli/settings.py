@@ -84,7 +84,7 @@ def settings(
 
     Example: damperfit settings --force 900N --velocity 0.2m/s
     """
-    from damperfit.queries.adjuster_results import read_adjuster
+    from damperfit.queries.adjuster_results import read_adjuster_results
     from damperfit.queries.force_by_setting import parse_question, tabulate_forces
     from damperfit.run.logs import available_cores
     from damperfit.units.shown_units import SI, parse_units
@@ -115,7 +115,7 @@ def settings(
                 f"{option} {given} has no effect: {folder} holds results, and no log is read; "
                 "leave it out"
             )
-    adjuster = read_adjuster(
+    adjuster = read_adjuster_results(
         folder, config=config, amplitude=amplitude, frequency=frequency, temperature=temperature
     )
     forces = tabulate_forces(adjuster, question, jobs=jobs or available_cores())

@@ -202,7 +202,7 @@ def _by_logarithm(subject: Topic, first: Reading, second: Reading, bend: float) 
     a, b = first.value, second.value
     step = math.log(b / a)
     parts = [*_parts(first, 1.0 / a), *_parts(second, 1.0 / b), (bend, math.inf)]
-    spread, freedom = _together(parts)
+    spread, freedom = _error_of_sum(parts)
     reach = _reach(spread, freedom)
     ends = [math.exp(min(step + sign * reach, 700.0)) - 1.0 for sign in (-1.0, 1.0)]
     line = Difference(
@@ -222,7 +222,7 @@ def _by_logarithm(subject: Topic, first: Reading, second: Reading, bend: float) 
 
 def _by_difference(subject: Topic, first: Reading, second: Reading, bend: float) -> Difference:
     a, b = first.value, second.value
-    spread, freedom = _together([*_parts(first), *_parts(second), (bend, math.inf)])
+    spread, freedom = _error_of_sum([*_parts(first), *_parts(second), (bend, math.inf)])
     reach = _reach(spread, freedom)
     difference = b - a
     scale = first.scale if math.isfinite(first.scale) else a
@@ -230,7 +230,7 @@ def _by_difference(subject: Topic, first: Reading, second: Reading, bend: float)
     if scale:
         # The first number is the denominator too: its error counts 1 + share times.
         ratio = 1.0 + difference / scale
-        of_both = _together([*_parts(first, ratio), *_parts(second), (bend, math.inf)])
+        of_both = _error_of_sum([*_parts(first, ratio), *_parts(second), (bend, math.inf)])
         percent = 100.0 * difference / scale
         percent_reach = 100.0 * _reach(*of_both) / abs(scale)
     line = Difference(
@@ -284,7 +284,7 @@ def _bend(first: Reading, second: Reading, *, is_same_motion: bool, is_log: bool
     return abs(sizes[1] - sizes[0])
 
 
-def _together(parts: Sequence[tuple[float, float]]) -> tuple[float, float]:
+def _error_of_sum(parts: Sequence[tuple[float, float]]) -> tuple[float, float]:
     """Return the standard error of a sum, and its degrees of freedom."""
     total = sum(error**2 for error, _ in parts)
     if not total > 0.0:
@@ -309,7 +309,7 @@ def _chance(distance: float, spread: float, freedom: float) -> float:
 def half_interval(one: Reading) -> float:
     """Return half of the 95 % interval of a reading by itself; NaN where no error is known."""
     parts = _parts(one)
-    return _reach(*_together(parts if one.is_measured else [*parts, (one.misfit, math.inf)]))
+    return _reach(*_error_of_sum(parts if one.is_measured else [*parts, (one.misfit, math.inf)]))
 
 
 def surely_different(lines: Sequence[Difference]) -> tuple[Difference, ...]:

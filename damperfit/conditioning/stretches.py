@@ -103,12 +103,12 @@ def find_runs(
         if one is None:
             continue
         if found:
-            one = _apart(one, found, run.period)
+            one = _without_overlap(one, found, run.period)
         found.append(one)
     return tuple(found), n_passages // 2
 
 
-def _apart(one: FoundStretch, found: list[FoundStretch], period: float) -> FoundStretch:
+def _without_overlap(one: FoundStretch, found: list[FoundStretch], period: float) -> FoundStretch:
     """Return a stretch that shares no sample with the last one; or that one, which is taken."""
     first, stop = one.stretch.first, found[-1].stretch.stop
     if stop - first > 2.0 * _ROUNDING * period + 1.0:

@@ -66,7 +66,7 @@ class DamperSection(_Section):
         return value
 
     @model_validator(mode="after")
-    def _goes_together(self) -> Self:
+    def _can_be_built(self) -> Self:
         try:
             self.build()
         except ConfigurationError as error:
@@ -134,7 +134,7 @@ def _section(kind: type[Model]) -> type[DamperSection]:
                 part.name: (_word(part.name, str(part.type)), ...)
                 for part in fields(inner[one.name])
             }
-            whole = {"_whole": _goes_together(inner[one.name])}
+            whole = {"_whole": _can_be_built(inner[one.name])}
             section = create_model(one.name, __base__=_Section, __validators__=whole, **found)
             keys[one.name] = (section, ...)
         else:
@@ -142,7 +142,7 @@ def _section(kind: type[Model]) -> type[DamperSection]:
     return create_model(kind.name, __base__=DamperSection, **keys)
 
 
-def _goes_together(kind: Any) -> Any:
+def _can_be_built(kind: Any) -> Any:
     def build(section: BaseModel) -> BaseModel:
         try:
             kind(**section.model_dump())

@@ -11,10 +11,16 @@ import pyarrow as pa
 
 from damperfit import __version__
 from damperfit.errors import DamperfitError, mishap_of
+from damperfit.fleet.damper_tasks import (
+    UNREADABLE,
+    content_key,
+    hash_of,
+    in_unicode,
+    owner_in_preamble,
+)
 from damperfit.fleet.parts import part_path, read_facts_of, renew_facts, touch, write_part
 from damperfit.fleet.sources import FleetLog, brought_here, head_of
 from damperfit.fleet.stores import UnreachableError
-from damperfit.fleet.tasks import UNREADABLE, content_key, hash_of, in_unicode, owner_in_preamble
 from damperfit.queries.baseline import compared_record
 from damperfit.run.labelling import labels_for
 from damperfit.simulation.characteristics import NAMED_SPEEDS
@@ -24,8 +30,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from damperfit.configuration.options import Configuration
+    from damperfit.fleet.damper_tasks import DamperTask
     from damperfit.fleet.sources import Brought
-    from damperfit.fleet.tasks import Task
     from damperfit.run.result import RunResult
 
 __all__ = ["Done", "Job", "State", "do", "known", "try_log"]
@@ -74,7 +80,7 @@ class Done:
     n_gates: int = 0
 
     @classmethod
-    def later(cls, task: Task, said: str) -> Done:
+    def later(cls, task: DamperTask, said: str) -> Done:
         """Return a task that was not done, with the reason."""
         return cls(task.owner, State.LATER, len(task.logs), failures=(said,), n_failures=1)
 
@@ -85,7 +91,7 @@ class Job:
 
     Attributes
     ----------
-    task : Task
+    task : DamperTask
         The logs.
     configuration : Configuration
         What is done with them.
@@ -95,7 +101,7 @@ class Job:
         Place of each log that has ended a worker, and the sentence that says so; it is left out.
     """
 
-    task: Task
+    task: DamperTask
     configuration: Configuration
     folder: Path
     dead: tuple[tuple[str, str], ...] = ()
@@ -136,7 +142,7 @@ def known(job: Job) -> Done | None:
     return _known(task, part_path(job.folder, task.owner, content_key(entries, job.configuration)))
 
 
-def _known(task: Task, path: Path) -> Done | None:
+def _known(task: DamperTask, path: Path) -> Done | None:
     if not path.exists() or not (facts := read_facts_of(path)):
         return None
     touch(path)
@@ -232,7 +238,7 @@ def _dead_rows(job: Job, here: Mapping[FleetLog, Path]) -> Iterator[dict[str, An
             yield _failure(one.file, "WorkerDied", said[one.place], setting=setting)
 
 
-def _named(message: str, task: Task, here: Mapping[FleetLog, Path]) -> str:
+def _named(message: str, task: DamperTask, here: Mapping[FleetLog, Path]) -> str:
     """Return a message with logs by their names, wherever they were when they were read."""
     for log in task.logs:
         for spelled in (str, in_unicode):

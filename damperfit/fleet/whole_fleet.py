@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, mishap_of
+from damperfit.fleet.damper_tasks import DamperTask, parted, tasks_by_damper
 from damperfit.fleet.one_damper import Done, Job, do, known, try_log
 from damperfit.fleet.parts import forget_earlier, tidy
 from damperfit.fleet.sources import find_sources
-from damperfit.fleet.tasks import Task, parted, tasks_of
 from damperfit.fleet.unchanged import recognised
 from damperfit.parallel import Died
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.configuration.options import Configuration
+    from damperfit.fleet.damper_tasks import Share
     from damperfit.fleet.sources import FleetLog
-    from damperfit.fleet.tasks import Share
     from damperfit.parallel import Executor
 
 __all__ = ["planned", "run_fleet"]
@@ -32,7 +32,7 @@ _DIED = (
 
 def planned(
     configuration: Configuration, logs: Sequence[str], folder: Path, share: Share | None = None
-) -> tuple[Task, ...]:
+) -> tuple[DamperTask, ...]:
     """Return the tasks of a fleet: one damper each, of the share that is asked for.
 
     Parameters
@@ -55,7 +55,7 @@ def planned(
     sources = tuple(one for one in find_sources(logs) if not _is_inside(one, own))
     if not sources:
         raise ConfigurationError(f"{', '.join(logs)}: no log there but in {folder} itself")
-    return parted(tasks_of(recognised(sources, folder), configuration), share)
+    return parted(tasks_by_damper(recognised(sources, folder), configuration), share)
 
 
 def _is_inside(source: FleetLog, folder: Path) -> bool:
@@ -71,7 +71,7 @@ class _Fleet:
     folder: Path
     cancelled: Callable[[], bool]
 
-    def job(self, task: Task) -> Job:
+    def job(self, task: DamperTask) -> Job:
         return Job(task, self.configuration, self.folder)
 
     def tried(self, jobs: Iterable[Job]) -> Generator[Done, None, list[Job]]:
@@ -107,7 +107,7 @@ class _Fleet:
 
 def run_fleet(
     configuration: Configuration,
-    tasks: Sequence[Task],
+    tasks: Sequence[DamperTask],
     folder: Path,
     engine: Executor,
     *,
@@ -123,7 +123,7 @@ def run_fleet(
     ----------
     configuration : Configuration
         What is done with the logs.
-    tasks : sequence of Task
+    tasks : sequence of DamperTask
         From `planned`.
     folder : pathlib.Path
         Where the parts go.

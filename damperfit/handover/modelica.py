@@ -35,12 +35,14 @@ def write_modelica(handed: HandedOver, options: ExportOptions) -> Mapping[str, b
     tables = force_tables(handed, extend=options.extend)
     name = _identifier(options.stem)
     if isinstance(handed.damper, Damper):
-        lines = _account(
+        lines = _header_lines(
             handed, tables, "in f, of the gas law with P_0, V_g0 and gamma", physics=True
         )
         body = _physics(handed, handed.damper)
     else:
-        lines = _account(handed, tables, gas_line(tables[0], place="added as gas"), physics=False)
+        lines = _header_lines(
+            handed, tables, gas_line(tables[0], place="added as gas"), physics=False
+        )
         body = _table(tables)
     which = ", ".join(f"{k}: {_plain(str(t.setting))}" for k, t in enumerate(tables, 1))
     text = (
@@ -50,7 +52,7 @@ def write_modelica(handed: HandedOver, options: ExportOptions) -> Mapping[str, b
     return {f"{options.stem}.mo": text.encode("utf-8", "replace")}
 
 
-def _account(
+def _header_lines(
     handed: HandedOver, tables: Sequence[ForceTable], gas: str, *, physics: bool
 ) -> tuple[str, ...]:
     lines = provenance_lines(handed, tables, sign=_SIGN, gas=gas)

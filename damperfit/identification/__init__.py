@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from damperfit.identification.outcome import Outcome, Status
     from damperfit.identification.setting import Fit
     from damperfit.identification.sharing import Sharing
-    from damperfit.identification.unseen import put_together
+    from damperfit.identification.unseen import values_from_others
 
 __all__ = [
     "DETECT",
@@ -41,8 +41,8 @@ __all__ = [
     "describe_searches",
     "identify",
     "normalised_mse",
-    "put_together",
     "shared_names",
+    "values_from_others",
 ]
 
 _LATE = {
@@ -66,7 +66,7 @@ _LATE = {
     "describe_searches": "multistart",
     "identify": "campaign",
     "normalised_mse": "model_versus_log",
-    "put_together": "unseen",
+    "values_from_others": "unseen",
     "shared_names": "options",
 }
 

@@ -19,7 +19,7 @@ from damperfit.identification.every_setting import Campaign, fit_every_setting, 
 from damperfit.identification.failures import SettingFailure, attempted, attempted_for_all
 from damperfit.identification.first_beta import with_first_beta
 from damperfit.identification.following import Way, declared_way
-from damperfit.identification.joint_procedure import fit_together
+from damperfit.identification.joint_procedure import fit_settings_jointly
 from damperfit.identification.left_out import without_idle_parts
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.neighbours import beside_neighbours
@@ -176,7 +176,7 @@ def _joint(given: ProcedureInput) -> Campaign:
     before = PROCEDURES[name](replace(given, options=options, on_fit=lambda _fit: None))
     failed = {one.setting: one for one in before.failures}
     try:
-        found = attempted_for_all(lambda: fit_together(given, before.fits, way, moving))
+        found = attempted_for_all(lambda: fit_settings_jointly(given, before.fits, way, moving))
     except FitCancelledError:
         return Campaign("joint", (), is_complete=False)
     if isinstance(found, Mishap):

@@ -321,7 +321,7 @@ class _Model:
                 error = SettingError(linear)
                 raise _BugError(error) if linear.is_internal else error
             residuals, jacobian = linear
-            slopes = (jacobian * is_free) @ _chain(problem, gas, setting)
+            slopes = (jacobian * is_free) @ _slopes_by_variables(problem, gas, setting)
             jacobian = np.zeros((len(residuals), len(self.own) + len(self.border)))
             jacobian[:, : len(self.own)] = slopes[:, self.own]
             jacobian[:, len(self.own) + self.places[setting]] = slopes[:, self.moving[setting]]
@@ -366,7 +366,7 @@ class _Model:
         return kept_within(found, problem.free), np.array(is_free, dtype=bool)
 
 
-def _chain(problem: JointProblem, gas: GasLaw | None, setting: Setting) -> FloatArray:
+def _slopes_by_variables(problem: JointProblem, gas: GasLaw | None, setting: Setting) -> FloatArray:
     """Derivative of a setting's free parameters by its variables, logarithms both."""
     if gas is None:
         return np.eye(len(problem.free))

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from damperfit.identification.setting import Fit
     from damperfit.tested.setting import Setting
 
-__all__ = ["JointResult", "fit_together"]
+__all__ = ["JointResult", "fit_settings_jointly"]
 
 _NO_MINIMUM = "the joint fit stopped before its minimum: the shared values are the best found."
 _WEIGHTS_MOVE = "the weights of the settings had not settled when the joint fit stopped."
@@ -109,7 +109,7 @@ class JointResult:
         return unknown_at(name, self.way.follows, setting)
 
 
-def fit_together(
+def fit_settings_jointly(
     given: ProcedureInput, before: Sequence[Fit], way: Way | None, moving: tuple[str, ...]
 ) -> tuple[JointResult | None, dict[Setting, SettingFailure]]:
     """Fit the settings that have a minimum together; None where there are not two.

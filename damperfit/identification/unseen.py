@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Values
 
-__all__ = ["put_together"]
+__all__ = ["values_from_others"]
 
 
-def put_together(known: Mapping[Setting, Values], setting: Setting) -> Values | None:
+def values_from_others(known: Mapping[Setting, Values], setting: Setting) -> Values | None:
     """Return the values of a setting from those of others; None where they do not tell them.
 
     An offset, which is each test's own, is the mean of theirs.
@@ -43,7 +43,7 @@ def put_together(known: Mapping[Setting, Values], setting: Setting) -> Values | 
     >>> p = Quantity("p", "p", "opening", "opening", "Pa", (1.0, 9.0))
     >>> at = lambda low, high: Setting((("low", low), ("high", high)))
     >>> known = {at(1, 1): (2.0, 5.0), at(1, 2): (2.0, 7.0), at(3, 1): (4.0, 5.0)}
-    >>> put_together({k: values_type((s, p))(*v) for k, v in known.items()}, at(3, 2))
+    >>> values_from_others({k: values_type((s, p))(*v) for k, v in known.items()}, at(3, 2))
     Values(s=4.0, p=7.0)
     """
     settings = {Setting.of(one): at for one, at in known.items()}

@@ -9,52 +9,52 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
-    from damperfit.laws.ladder import climb
+    from damperfit.laws.judged_laws import JudgedLaw, LawSearch
     from damperfit.laws.law_fit import UNDETERMINED, LawFit, SettingLogs, fit_law
-    from damperfit.laws.open_questions import not_told_apart, undecided
+    from damperfit.laws.open_questions import interchangeable_parts, undecided
     from damperfit.laws.physics import opening_force, physics_seen
     from damperfit.laws.rivalry import rank_rivals
-    from damperfit.laws.rungs import Ladder, Rung
+    from damperfit.laws.search import search_laws
     from damperfit.laws.variants import in_words
     from damperfit.laws.yielding import yielding_seen
 
 __all__ = [
     "ENOUGH_PERCENT",
     "UNDETERMINED",
-    "Ladder",
+    "JudgedLaw",
     "LawFit",
-    "Rung",
+    "LawSearch",
     "SettingLogs",
     "Tried",
     "Verdict",
-    "climb",
     "effective_samples",
     "fit_law",
     "in_words",
+    "interchangeable_parts",
     "judged",
-    "not_told_apart",
     "opening_force",
     "physics_seen",
     "rank_rivals",
+    "search_laws",
     "undecided",
     "yielding_seen",
 ]
 
 _LATE = {
     "ENOUGH_PERCENT": "choosing",
-    "Ladder": "rungs",
+    "LawSearch": "judged_laws",
     "LawFit": "law_fit",
-    "Rung": "rungs",
+    "JudgedLaw": "judged_laws",
     "SettingLogs": "law_fit",
     "Tried": "choosing",
     "UNDETERMINED": "law_fit",
     "Verdict": "choosing",
-    "climb": "ladder",
+    "search_laws": "search",
     "effective_samples": "choosing",
     "fit_law": "law_fit",
     "in_words": "variants",
     "judged": "choosing",
-    "not_told_apart": "open_questions",
+    "interchangeable_parts": "open_questions",
     "opening_force": "physics",
     "physics_seen": "physics",
     "rank_rivals": "rivalry",

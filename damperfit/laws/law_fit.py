@@ -126,7 +126,7 @@ class LawFit:
     worst_stroke_percent: float = math.nan
 
 
-def fit_law(  # noqa: PLR0913 - what a climb may ask of it
+def fit_law(  # noqa: PLR0913 - what a search may ask of it
     model: Model,
     evidence: SettingLogs,
     *,

@@ -13,11 +13,11 @@ from damperfit.identification.sharing import listed_settings
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from damperfit.laws.judged_laws import LawSearch
     from damperfit.laws.law_fit import LawFit, SettingLogs
-    from damperfit.laws.rungs import Ladder
     from damperfit.tested.setting import Setting
 
-__all__ = ["not_told_apart", "undecided"]
+__all__ = ["interchangeable_parts", "undecided"]
 
 # Frequencies within this factor of each other are one.
 _ONE_FREQUENCY = 1.25
@@ -49,13 +49,13 @@ class _Tests:
 
 
 def undecided(
-    ladder: Ladder, fits: Sequence[LawFit], evidence: Sequence[SettingLogs]
+    search: LawSearch, fits: Sequence[LawFit], evidence: Sequence[SettingLogs]
 ) -> tuple[str, ...]:
     """Return one sentence for each thing that the logs leave open, with the test that decides it.
 
     Parameters
     ----------
-    ladder : Ladder
+    search : LawSearch
         The laws that were tried.
     fits : sequence of LawFit
         The law that was taken, at every setting.
@@ -66,21 +66,21 @@ def undecided(
     if tests is None:
         return ()
     return (
-        *not_told_apart(ladder, fits, evidence),
+        *interchangeable_parts(search, fits, evidence),
         *_of_quantities(fits, tests),
-        *_of_refused(ladder, tests),
+        *_of_refused(search, tests),
         *_of_prediction(fits, tests),
     )
 
 
-def not_told_apart(
-    ladder: Ladder, fits: Sequence[LawFit], evidence: Sequence[SettingLogs]
+def interchangeable_parts(
+    search: LawSearch, fits: Sequence[LawFit], evidence: Sequence[SettingLogs]
 ) -> tuple[str, ...]:
     """Return of these sentences those on parts of the law that may be taken for each other.
 
     Parameters
     ----------
-    ladder : Ladder
+    search : LawSearch
         The laws that were tried.
     fits : sequence of LawFit
         The law that was taken, at every setting.
@@ -91,8 +91,8 @@ def not_told_apart(
     if tests is None:
         return ()
     return (
-        *_of_yielding(ladder, tests),
-        *_of_layouts(ladder, tests),
+        *_of_yielding(search, tests),
+        *_of_layouts(search, tests),
         *_of_mounting(fits[0], tests),
     )
 
@@ -107,10 +107,10 @@ def _tests(evidence: Sequence[SettingLogs]) -> _Tests | None:
     return _Tests(min(speeds), max(speeds), min(frequencies), max(frequencies), longest)
 
 
-def _of_layouts(ladder: Ladder, tests: _Tests) -> Iterator[str]:
-    if not ladder.alike:
+def _of_layouts(search: LawSearch, tests: _Tests) -> Iterator[str]:
+    if not search.alike:
         return
-    names = [ladder.chosen.fits[0].model.name, *ladder.alike]
+    names = [search.chosen.fits[0].model.name, *search.alike]
     listed = " or ".join(one.replace("_", " ") for one in names)
     yield (
         f"The layout, {listed}: they fit and predict alike. The maker's drawing decides it "
@@ -118,13 +118,13 @@ def _of_layouts(ladder: Ladder, tests: _Tests) -> Iterator[str]:
     )
 
 
-def _of_yielding(ladder: Ladder, tests: _Tests) -> Iterator[str]:
-    if ladder.also:
+def _of_yielding(search: LawSearch, tests: _Tests) -> Iterator[str]:
+    if search.also:
         yield (
             f"Whether oil passes valves or something yields before it slides, as a "
             "magneto-rheological fluid or dry friction does: the logs hold "
-            f"{100.0 * ladder.held_share:.0f} % of their force down to a tenth of the speed, and "
-            f"{ladder.also} fits and predicts that about as well. Another speed decides it, "
+            f"{100.0 * search.held_share:.0f} % of their force down to a tenth of the speed, and "
+            f"{search.also} fits and predicts that about as well. Another speed decides it, "
             f"{0.3 * tests.slowest:.2g} m/s, with what moves beside the steady cycles in the log."
         )
 
@@ -183,14 +183,14 @@ def _asked(fit: LawFit, name: str, tests: _Tests) -> tuple[str, str] | None:
     return known.get(name)
 
 
-def _of_refused(ladder: Ladder, tests: _Tests) -> Iterator[str]:
+def _of_refused(search: LawSearch, tests: _Tests) -> Iterator[str]:
     """Parts that would be worth having but for their price or what they predict."""
-    for rung in ladder.rungs:
-        is_larger = rung.change.startswith("with ")
-        if is_larger and not rung.is_taken and rung.gain > 1.5 and rung.bic <= 0.0:
+    for law in search.laws:
+        is_larger = law.change.startswith("with ")
+        if is_larger and not law.is_taken and law.gain > 1.5 and law.bic <= 0.0:
             yield (
-                f"Whether the damper has {rung.change.removeprefix('with ')}: the MSE falls by a "
-                f"factor of {rung.gain:.2g}, but these logs are too few for it. A second speed, "
+                f"Whether the damper has {law.change.removeprefix('with ')}: the MSE falls by a "
+                f"factor of {law.gain:.2g}, but these logs are too few for it. A second speed, "
                 f"{0.3 * tests.slowest:.2g} or {2.0 * tests.fastest:.2g} m/s, would decide it."
             )
 

@@ -1,7 +1,7 @@
 """Models from the literature on the same logs: same filter, weights, loop and hold-out as the laws.
 
 They say what a physical law gains over a curve or a hysteresis of a few numbers, and what can be
-taken where nothing physical is known. None of them is ever chosen by the ladder.
+taken where nothing physical is known. None of them is ever chosen by this search.
 """
 
 from __future__ import annotations

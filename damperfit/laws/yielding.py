@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from damperfit.laws.choosing import Tried
+    from damperfit.laws.judged_laws import LawSearch
     from damperfit.laws.law_fit import LawFit
-    from damperfit.laws.rungs import Ladder
 
 __all__ = ["YIELDING", "held_against", "is_open_to", "yielding_seen"]
 
@@ -56,12 +56,12 @@ def is_open_to(law: Tried, other: Tried) -> bool:
     return times_worse(law, other) < _CLEARLY
 
 
-def yielding_seen(ladder: Ladder, fits: Sequence[LawFit]) -> tuple[str, ...]:
+def yielding_seen(search: LawSearch, fits: Sequence[LawFit]) -> tuple[str, ...]:
     """Return what is told of a damper that yields; nothing of one whose valves are told.
 
     Parameters
     ----------
-    ladder : Ladder
+    search : LawSearch
         The laws that were tried.
     fits : sequence of LawFit
         The law that was taken, at every setting.
@@ -69,7 +69,7 @@ def yielding_seen(ladder: Ladder, fits: Sequence[LawFit]) -> tuple[str, ...]:
     model = fits[0].model
     if not isinstance(model, YIELDING):
         return ()
-    share = 100.0 * ladder.held_share
+    share = 100.0 * search.held_share
     return (
         (
             f"It holds {share:.0f} % of its force down to a tenth of its speed: it yields before "

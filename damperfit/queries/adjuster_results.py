@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from damperfit.simulation import SolverOptions
     from damperfit.tables import Results
 
-__all__ = ["AdjusterResults", "adjuster_in", "read_adjuster"]
+__all__ = ["AdjusterResults", "adjuster_results_in", "read_adjuster_results"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +63,7 @@ class AdjusterResults:
     forces: tuple[SpeedForces, ...] = ()
 
 
-def read_adjuster(
+def read_adjuster_results(
     folder: Path,
     *,
     config: Path | None = None,
@@ -90,7 +90,7 @@ def read_adjuster(
         There is no such folder, no setting in it has parameters, ``config`` declares another
         damper, or the motion is none.
     """
-    return adjuster_in(
+    return adjuster_results_in(
         results_in(folder, parts=("parameters",)),
         folder,
         config=config,
@@ -100,7 +100,7 @@ def read_adjuster(
     )
 
 
-def adjuster_in(
+def adjuster_results_in(
     results: Results,
     folder: Path,
     *,
@@ -109,7 +109,7 @@ def adjuster_in(
     frequency: str | None = None,
     temperature: str | None = None,
 ) -> AdjusterResults:
-    """Return the settings, damper and motion of results that were read; see `read_adjuster`.
+    """Return settings, damper and motion of results that were read; see `read_adjuster_results`.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def adjuster_in(
     folder : pathlib.Path
         Where they stand, for messages.
     config, amplitude, frequency, temperature
-        As `read_adjuster` takes them.
+        As `read_adjuster_results` takes them.
     """
     remarks = list(results.remarks)
     configuration = warmed_to(

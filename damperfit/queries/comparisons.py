@@ -23,10 +23,10 @@ from damperfit.queries.runs_to_compare import (
     LogRuns,
     Pair,
     holds_runs,
-    named_apart,
     pairs_of,
     read_run,
     runs_of_logs,
+    with_distinct_names,
 )
 from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import SI, parse_units
@@ -151,7 +151,7 @@ def compare_all(
     places = places or list(paths)
     wanted = [*places, *(one for one in repeats if one not in places)]
     raw = logs.by_place
-    found = named_apart(
+    found = with_distinct_names(
         [
             raw[place]
             if place in raw

@@ -71,7 +71,7 @@ def measured_forces(
     ConfigurationError
         No curve reaches the speed.
     """
-    curves = _labelled_apart([curve for path in paths for curve in read_curves(path, reading)])
+    curves = _file_before_label([curve for path in paths for curve in read_curves(path, reading)])
     strokes = (question.stroke,) if question.stroke else STROKES
     tops = [float(v.max()) for c in curves for s in strokes if len(v := c.points(s)[0])]
     speeds = tuple(speed for speed in NAMED_SPEEDS if speed <= max(tops, default=0.0))
@@ -96,7 +96,7 @@ def measured_forces(
     return MeasuredForces(curves, speeds, sentence)
 
 
-def _labelled_apart(curves: Sequence[ForceCurve]) -> tuple[ForceCurve, ...]:
+def _file_before_label(curves: Sequence[ForceCurve]) -> tuple[ForceCurve, ...]:
     """Put the file's name before labels that several files use."""
     files: dict[str, set[str]] = {}
     for one in curves:

@@ -21,7 +21,7 @@ from damperfit.errors import (
     did_you_mean,
     mishap_of,
 )
-from damperfit.identification import put_together
+from damperfit.identification import values_from_others
 from damperfit.queries.fleet_part import is_part, part_in
 from damperfit.queries.origin import damper_of_table
 from damperfit.readers import read_log
@@ -196,7 +196,7 @@ def choose_parameters(
     else:
         known = read_parameters(path, quantities)
         chosen = _meant(setting, known)
-        together = None if chosen in known else put_together(known, chosen)
+        together = None if chosen in known else values_from_others(known, chosen)
         if chosen not in known and together is None:
             there = ", ".join(str(number) for number in sorted(known)) or "none"
             raise ConfigurationError(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.comparison import FittedRun, MeasuredTest, Run, measured_tests
 from damperfit.errors import ConfigurationError, LogError
-from damperfit.queries.adjuster_results import adjuster_in
+from damperfit.queries.adjuster_results import adjuster_results_in
 from damperfit.queries.baseline import is_baseline, read_baseline
 from damperfit.queries.fleet_part import is_part, read_part
 from damperfit.queries.logs_to_compare import (
@@ -33,10 +33,10 @@ __all__ = [
     "LogRuns",
     "Pair",
     "holds_runs",
-    "named_apart",
     "pairs_of",
     "read_run",
     "runs_of_logs",
+    "with_distinct_names",
 ]
 
 _MARKS = ("run.json", "parameters.parquet", "parameters.csv")
@@ -292,7 +292,7 @@ def _of_results(
     name = place.resolve().name
     if is_measured:
         return _with_tests(Run(name, str(place), None, tests, results.record, results.remarks))
-    adjuster = adjuster_in(results, place, config=config)
+    adjuster = adjuster_results_in(results, place, config=config)
     rows = {Setting.of(row["setting"]): row for row in results.parameters}
     fitted = FittedRun(
         adjuster.damper,
@@ -337,7 +337,7 @@ def _tests(results: Results) -> Iterator[MeasuredTest]:
         yield from measured_tests(signals, stretches, temperature=temperature)
 
 
-def named_apart(runs: Sequence[Run]) -> tuple[Run, ...]:
+def with_distinct_names(runs: Sequence[Run]) -> tuple[Run, ...]:
     """Return the runs with names that differ: where two are alike, with as much of their path."""
     names = [run.name for run in runs]
     if len(set(names)) == len({run.place for run in runs}):

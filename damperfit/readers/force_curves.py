@@ -252,10 +252,10 @@ def _pairs(columns: Sequence[Column], options: ReadOptions) -> list[_Pair]:
             else pair
             for pair in pairs
         ]
-    return _told_apart(pairs, columns)
+    return _with_distinct_labels(pairs, columns)
 
 
-def _told_apart(pairs: Sequence[_Pair], columns: Sequence[Column]) -> list[_Pair]:
+def _with_distinct_labels(pairs: Sequence[_Pair], columns: Sequence[Column]) -> list[_Pair]:
     """Return the pairs with what their names say beside the stroke, where a stroke is there twice.
 
     Else "0 clicks R" and "4 clicks R" were one curve.

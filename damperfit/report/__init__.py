@@ -64,11 +64,11 @@ if TYPE_CHECKING:
     from damperfit.report.sheets.law_sheet import (
         chosen_records,
         chosen_sheet,
-        ladder_records,
-        ladder_sheet,
         law_sentences,
         rival_records,
         rival_sheet,
+        tried_law_records,
+        tried_laws_sheet,
     )
     from damperfit.report.sheets.parameter_sheet import parameter_sheet
     from damperfit.report.sheets.sheet import Sheet
@@ -116,8 +116,6 @@ __all__ = [
     "html_report",
     "inspection_sheet",
     "junit_report",
-    "ladder_records",
-    "ladder_sheet",
     "law_sentences",
     "markdown_report",
     "measured_force_sheet",
@@ -144,6 +142,8 @@ __all__ = [
     "tolerance_rows",
     "tolerance_sheet",
     "tolerance_table",
+    "tried_law_records",
+    "tried_laws_sheet",
 ]
 
 _LATE = {
@@ -182,8 +182,8 @@ _LATE = {
     "html_report": "page.page",
     "inspection_sheet": "sheets.inspection_sheet",
     "junit_report": "junit",
-    "ladder_records": "sheets.law_sheet",
-    "ladder_sheet": "sheets.law_sheet",
+    "tried_law_records": "sheets.law_sheet",
+    "tried_laws_sheet": "sheets.law_sheet",
     "law_sentences": "sheets.law_sheet",
     "markdown_report": "mse_report",
     "measured_force_sheet": "sheets.force_by_setting_sheet",

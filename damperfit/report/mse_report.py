@@ -15,7 +15,7 @@ from damperfit.report.sheets.force_by_setting_sheet import (
     measured_force_sheet,
 )
 from damperfit.report.sheets.held_out_sheet import held_out_sheet
-from damperfit.report.sheets.law_sheet import ladder_sheet, law_sentences, rival_sheet
+from damperfit.report.sheets.law_sheet import law_sentences, rival_sheet, tried_laws_sheet
 from damperfit.report.sheets.mse_sheet import grade_counts, mse_sheet
 from damperfit.report.sheets.parameter_sheet import parameter_sheet
 from damperfit.report.sheets.rounding import percent
@@ -116,7 +116,7 @@ def _checks(facts: ReportFacts) -> list[str]:
 
 def _law(facts: ReportFacts) -> list[str]:
     said = _list(law_sentences(facts.law_choice))
-    return [*said, "", *markdown_table(ladder_sheet(facts.law_choice))] if said else []
+    return [*said, "", *markdown_table(tried_laws_sheet(facts.law_choice))] if said else []
 
 
 def _clicks(tables: Tables) -> list[str]:

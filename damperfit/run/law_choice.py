@@ -1,4 +1,4 @@
-"""Logs in, the law that they tell out: a ladder on few settings, the chosen law at all of them."""
+"""Logs in, the law that they tell out: a search on few settings, the chosen law at all of them."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import GivenStart
 from damperfit.laws import (
     SettingLogs,
-    climb,
     fit_law,
-    not_told_apart,
+    interchangeable_parts,
     physics_seen,
     rank_rivals,
+    search_laws,
     undecided,
     yielding_seen,
 )
 from damperfit.parallel import executor
-from damperfit.report import chosen_records, ladder_records, rival_records
+from damperfit.report import chosen_records, rival_records, tried_law_records
 from damperfit.run.dampers import of_one_damper
 from damperfit.run.hold_out import named_files, part, with_transients
 from damperfit.run.log_paths import expand
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
-    from damperfit.laws import Ladder, LawFit, Rung, Tried
+    from damperfit.laws import JudgedLaw, LawFit, LawSearch, Tried
     from damperfit.report import Failure
     from damperfit.run.hold_out import Parted
     from damperfit.tested.setting import Setting
@@ -62,7 +62,7 @@ class LawChoice:
 
     Attributes
     ----------
-    ladder : Ladder
+    search : LawSearch
         All laws tried on the settings that were compared.
     compared : tuple of Setting
         Those settings.
@@ -82,7 +82,7 @@ class LawChoice:
         Of these, what may be taken for each other: layouts, a lag and an elasticity.
     """
 
-    ladder: Ladder
+    search: LawSearch
     compared: tuple[Setting, ...]
     fits: tuple[LawFit, ...]
     failures: tuple[Failure, ...]
@@ -95,25 +95,25 @@ class LawChoice:
     @property
     def supported(self) -> str:
         """What the logs support, in a few words."""
-        also = f" or, as well, {self.ladder.also}" if self.ladder.also else ""
-        return f"{self.ladder.chosen.title}{also}"
+        also = f" or, as well, {self.search.also}" if self.search.also else ""
+        return f"{self.search.chosen.title}{also}"
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """The physics that the chosen law sees; none where something else does as well."""
-        if self.ladder.also:
+        if self.search.also:
             return ()
-        return physics_seen(self.fits) or yielding_seen(self.ladder, self.fits)
+        return physics_seen(self.fits) or yielding_seen(self.search, self.fits)
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values, as it stands in run.json."""
-        n_eff = self.ladder.n_eff
+        n_eff = self.search.n_eff
         return {
             "chosen": self.supported,
-            "model": self.ladder.chosen.fits[0].model.name,
+            "model": self.search.chosen.fits[0].model.name,
             "compared_settings": [one.cell for one in self.compared],
             "effective_samples": None if math.isnan(n_eff) else n_eff,
-            "laws": ladder_records(self.ladder),
+            "laws": tried_law_records(self.search),
             "settings": chosen_records(self.fits),
             "lost_settings": [one.cell for one in self.lost],
             "rivals": rival_records(self.rivals),
@@ -130,7 +130,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     jobs: int | None = None,
     setting: Setting | None = None,
     start: GivenStart = GivenStart(),
-    on_rung: Callable[[Rung], None] = lambda _: None,
+    on_law: Callable[[JudgedLaw], None] = lambda _: None,
     on_rival: Callable[[Tried], None] | None = None,
 ) -> LawChoice:
     """Return the law that logs tell of their damper.
@@ -149,7 +149,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         Setting of logs that do not give one.
     start : GivenStart
         A place more where every law may start, as far as it has these quantities.
-    on_rung : callable
+    on_law : callable
         Called with every law that was judged.
     on_rival : callable, optional
         Called with every model of the literature; None: they are not ranked.
@@ -179,18 +179,18 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         )
     solver = configuration.identification.solver
     compared = _softest_and_stiffest(evidence)
-    ladder = climb(
+    search = search_laws(
         _plain(configuration),
         _layouts(configuration, layout),
         compared,
         solver=solver,
-        on_rung=on_rung,
+        on_law=on_law,
         jobs=workers,
         held_share=_held_share(compared),
         elsewhere=[one for one in evidence if one not in compared],
     )
-    known = {one.setting: one for one in ladder.chosen.fits}
-    best = ladder.chosen.fits[0]
+    known = {one.setting: one for one in search.chosen.fits}
+    best = search.chosen.fits[0]
     freed = tuple(name for name in best.free if best.model.quantity(name).default is not None)
 
     def fit(one: SettingLogs) -> LawFit | None:
@@ -215,15 +215,15 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         rivals = rank_rivals(compared, solver=solver, on_rival=on_rival, jobs=workers)
     found = tuple(one for one in fits if one is not None)
     return LawChoice(
-        ladder,
+        search,
         tuple(one.setting for one in compared),
         found,
         parted.batch.failures,
         tuple(e.setting for e, one in zip(evidence, fits, strict=True) if one is None),
         rivals,
         (*parted.batch.remarks, *_assumed(configuration)),
-        undecided(ladder, found, evidence),
-        not_told_apart(ladder, found, evidence),
+        undecided(search, found, evidence),
+        interchangeable_parts(search, found, evidence),
     )
 
 
@@ -237,7 +237,7 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     choice : LawChoice
         What `choose_law` found.
     """
-    best = choice.ladder.chosen.fits[0]
+    best = choice.search.chosen.fits[0]
     configuration = replace(configuration, chosen_law=choice.document())
     if isinstance(best.model, Damper) and best.model == configuration.damper:
         return configuration

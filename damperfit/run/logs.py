@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 _LOGGER = logging.getLogger(__name__)
 _LARGE = 1_000_000  # bytes
-_READ_APART = {".mat", ".mdf", ".mf4", ".h5", ".hdf5"}
+_READ_IN_CHILD = {".mat", ".mdf", ".mf4", ".h5", ".hdf5"}
 
 __all__ = ["LogBatch", "LogFacts", "Purpose", "available_cores", "failure_of", "read_batch"]
 
@@ -206,7 +206,7 @@ def _gains_by_threads(path: Path) -> bool:
     after the other and 1.25 s in two threads.
     """
     with suppress(OSError):
-        return path.suffix.lower() in _READ_APART or path.stat().st_size > _LARGE
+        return path.suffix.lower() in _READ_IN_CHILD or path.stat().st_size > _LARGE
     return False
 
 

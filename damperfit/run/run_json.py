@@ -17,7 +17,7 @@ from damperfit.identification import Outcome, Status, describe_searches
 from damperfit.report import Failure, ReportFacts, to_record
 from damperfit.run.ending import Ending, json_values, log_input
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
-from damperfit.run.trust import confidence_record, ladder_advice, unconfirmed_tares
+from damperfit.run.trust import other_model_advice, uncertainty_record, unconfirmed_tares
 from damperfit.tables import SCHEMA_VERSION, describe_tables, quantity_records
 from damperfit.tested.identity import common_identity
 from damperfit.tested.setting import ADJUSTER, Setting
@@ -101,8 +101,8 @@ def report_facts(
             *run_warnings(batch, campaign),
             *unconfirmed_tares(campaign, assessment),
             *assessment.warnings,
-            *ladder_advice(
-                assessment, configuration.damper, was_climbed=bool(configuration.chosen_law)
+            *other_model_advice(
+                assessment, configuration.damper, is_chosen_by_logs=bool(configuration.chosen_law)
             ),
             *prediction_warnings(judgement.predictions),
         ),
@@ -222,7 +222,7 @@ def record(
         "gates_missed": list(facts.gates),
         "procedure": list(facts.procedure),
         "checks": [to_record(check) for check in judgement.checks],
-        **confidence_record(campaign, judgement.assessment),
+        **uncertainty_record(campaign, judgement.assessment),
         "stretches": [entry for fit in campaign.fits for entry in _stretches(fit)],
         "grades_withheld": [
             {"setting": setting, "reasons": [to_record(one) for one in why]}

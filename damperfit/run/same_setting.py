@@ -141,12 +141,12 @@ def _is_same(one: Trace, other: Trace) -> bool:
     if not math.isclose(one.interval, other.interval, rel_tol=1e-6):
         return False
     return all(
-        _apart(getattr(one, name), getattr(other, name)) <= _SAME
+        _relative_difference(getattr(one, name), getattr(other, name)) <= _SAME
         for name in ("force", "displacement")
     )
 
 
-def _apart(a: np.ndarray, b: np.ndarray) -> float:
+def _relative_difference(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.sqrt(np.mean((a - b) ** 2)) / (np.ptp(a) or 1.0))
 
 

@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from damperfit.identification import Campaign, Fit
     from damperfit.uncertainty import Assessment, MisfitProfile
 
-__all__ = ["confidence_record", "ladder_advice", "unconfirmed_tares"]
+__all__ = ["other_model_advice", "uncertainty_record", "unconfirmed_tares"]
 
 # What another law may mend; an offset it cannot.
 _OF_LAWS = frozenset({"bound", "beyond", "cavitation", "friction", "misfit"})
 
 
-def ladder_advice(
-    assessment: Assessment, damper: Model, *, was_climbed: bool = False
+def other_model_advice(
+    assessment: Assessment, damper: Model, *, is_chosen_by_logs: bool = False
 ) -> Iterator[str]:
-    """Say where a grade is withheld that the ladder of models is worth climbing.
+    """Say where a grade is withheld that the logs should choose the model.
 
     Parameters
     ----------
@@ -33,22 +33,22 @@ def ladder_advice(
         With what speaks against the grades.
     damper : Model
         The model that was fitted.
-    was_climbed : bool
-        The ladder has chosen it: there is nothing to advise.
+    is_chosen_by_logs : bool
+        The logs have chosen it: there is nothing to advise.
     """
     withheld = [
         setting
         for setting, why in assessment.objections.items()
         if any(one.kind in _OF_LAWS for one in why)
     ]
-    if withheld and not was_climbed:
+    if withheld and not is_chosen_by_logs:
         yield (
             f"model {damper.name} does not describe setting {listed_settings(withheld)}: "
-            "try the ladder of models: damperfit identify LOGS --model auto"
+            "let the logs choose a model: damperfit identify LOGS --model auto"
         )
 
 
-def confidence_record(campaign: Campaign, assessment: Assessment) -> dict[str, Any]:
+def uncertainty_record(campaign: Campaign, assessment: Assessment) -> dict[str, Any]:
     """Return verdicts, correlations, profiles, gas content and searches, by their keys.
 
     Parameters

@@ -1,7 +1,7 @@
 """A steady cycle of any model by its own integrator, and made-up numbers of real valves.
 
 Only the paper's model is integrated once more in plain Python (`steady`). What is made of the
-others tests fits, intervals and ladders, not the integrator.
+others tests fits, intervals and searches for a law, not the integrator.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Motion", "motion_of", "refuse_amplitude", "sine_motion", "triangle_motion"]
 
-_UNTOLD = ("gas_pressure", "temperature")  # may be unknown
+_MAY_BE_UNKNOWN = ("gas_pressure", "temperature")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +80,7 @@ class Motion:
     def _refuse_what_are_no_numbers(self) -> None:
         for name in ("interval", "start_time", "gas_pressure", "temperature"):
             value = getattr(self, name)
-            if not (isinstance(value, Real) or (name in _UNTOLD and value is None)):
+            if not (isinstance(value, Real) or (name in _MAY_BE_UNKNOWN and value is None)):
                 raise SimulationError(f"motion: expected a number for {name}, found {value!r}")
         for name in ("displacement", "velocity"):
             try:

@@ -14,7 +14,7 @@ import numpy as np
 
 from damperfit.conditioning import TRANSIENTS, noise_floor
 from damperfit.errors import LogError, SimulationError
-from damperfit.identification import compare, normalised_mse, put_together
+from damperfit.identification import compare, normalised_mse, values_from_others
 from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
@@ -253,7 +253,9 @@ def predict(
             return None
         fit = fits.get(trace.setting)
         values = (
-            put_together(parameters, Setting.of(trace.setting)) if fit is None else fit.parameters
+            values_from_others(parameters, Setting.of(trace.setting))
+            if fit is None
+            else fit.parameters
         )
         if values is None:
             return None

@@ -38,7 +38,7 @@ __all__ = [
     "Objection",
     "jump_ratio",
     "objections",
-    "offset_apart",
+    "offset_mismatch",
 ]
 
 
@@ -201,7 +201,7 @@ def _cavitation(fit: Fit) -> Iterator[Objection]:
 def _offset(fit: Fit, gas: GasFacts | None) -> Iterator[Objection]:
     for one in fit.parameters.quantities:
         if one.is_offset and gas is not None:
-            apart = offset_apart(fit, one.name, gas)
+            apart = offset_mismatch(fit, one.name, gas)
             if apart is not None and apart[0] > LIMITS.offset:
                 value, seen = getattr(fit.parameters, one.name), apart[1]
                 yield Objection(
@@ -211,7 +211,7 @@ def _offset(fit: Fit, gas: GasFacts | None) -> Iterator[Objection]:
                 )
 
 
-def offset_apart(fit: Fit, name: str, gas: GasFacts) -> tuple[float, float] | None:
+def offset_mismatch(fit: Fit, name: str, gas: GasFacts) -> tuple[float, float] | None:
     """Return how far an offset is from the logs', over what that may be wrong by, and that, N.
 
     Of the log that is farthest; None where no log tells.

@@ -2,7 +2,7 @@
 
     python -m tests.adjustment.click_coverage --fits 200
 
-Every trial is a campaign by the paper's procedure over three settings with 4 N of noise behind the
+Every one is a campaign by the paper's procedure over three settings with 4 N of noise behind the
 30 Hz filter; R_m3 comes from the first of them and the friction from all.
 """
 
@@ -18,21 +18,21 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import identify
 from damperfit.uncertainty import assess
-from tests.uncertainty.coverage import SETTINGS, Trial, clean_logs, noisy
+from tests.uncertainty.coverage import SETTINGS, MadeUpCampaign, clean_logs, noisy
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--fits", type=int, default=50)
     n = parser.parse_args().fits
-    trial = Trial()
-    logs = clean_logs(trial)
+    made_up = MadeUpCampaign()
+    logs = clean_logs(made_up)
     clean = [condition(log) for log in logs]
     rng = np.random.default_rng(4)
     force_hits, click_hits = [], []
     truth = [Stage(setting, reference_parameters(setting)) for setting in SETTINGS]
     for _ in range(n):
-        campaign = identify(noisy(trial, logs, clean, rng), PURDY_DAMPER)
+        campaign = identify(noisy(made_up, logs, clean, rng), PURDY_DAMPER)
         found = compare_settings(campaign, assess(campaign, PURDY_DAMPER), PURDY_DAMPER)
         assert found.sine is not None
         true = levels(truth, PURDY_DAMPER, found.sine, speeds=named_speeds(found.sine))

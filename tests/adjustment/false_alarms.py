@@ -2,7 +2,7 @@
 
     python -m tests.adjustment.false_alarms --draws 100
 
-Every smooth shape of `ladders.SMOOTH`, also turned round, over every subset of settings, with an
+Every shape of `made_up_trends.SMOOTH`, also turned round, over every subset of settings, with an
 error of 0.1 % and a scatter of 0 to 10 %; then the reference set with its setting 20.
 """
 
@@ -12,7 +12,7 @@ import argparse
 from collections import Counter
 
 from damperfit.damper.purdy.reference import reference_parameters
-from tests.adjustment.ladders import SMOOTH, SUBSETS, trend_of
+from tests.adjustment.made_up_trends import SMOOTH, SUBSETS, trend_of
 
 SCATTERS = (0.0, 0.005, 0.02, 0.1)
 ORDERLY = (0.0, 0.005, 0.01)  # well below the 2 % beyond which values count as mixed up

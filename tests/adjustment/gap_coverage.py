@@ -24,7 +24,7 @@ SETTINGS = range(1, 21)
 
 
 @cache
-def ladders():
+def forces_by_click():
     """Forces of all settings, with an error of 0.15 N, by speed and stroke."""
     stages = [Stage(Setting.of(s), reference_parameters(s)) for s in SETTINGS]
     found = levels(stages, PURDY_DAMPER, Sine(0.032, 1.5), speeds=SPEEDS)
@@ -39,11 +39,11 @@ def covered(count, *, draws):
     """How many intervals hold, of how many."""
     random = np.random.default_rng(0)
     held = asked = 0
-    for ladder in ladders():
+    for by_click in forces_by_click():
         for _ in range(draws):
             chosen = sorted(random.choice(np.array(SETTINGS), count, replace=False).tolist())
             for left_out in set(range(chosen[0], chosen[-1])) - set(chosen):
-                wanted = which_setting([ladder[s] for s in chosen], ladder[left_out].force)
+                wanted = which_setting([by_click[s] for s in chosen], by_click[left_out].force)
                 for answer in wanted.answers:
                     gap = answer.above.number("setting") - answer.below.number("setting")
                     if gap > 1:

@@ -23,8 +23,8 @@ from damperfit.adjustment.selection import (
 )
 from damperfit.adjustment.trends import _usual_scatter
 from damperfit.statistics import student_quantile
-from tests.adjustment import ladders
-from tests.adjustment.test_wanted import ladder
+from tests.adjustment import made_up_trends
+from tests.adjustment.test_wanted import forces_by_click
 
 TWENTY = np.arange(1.0, 21.0)
 
@@ -39,14 +39,14 @@ def points(logs, errors=1e-3, settings=None) -> Points:
 def test_a_trend_takes_four_settings_and_a_quadratic_six(n, degree) -> None:
     # K_e has the paper's quadratic where it leaves three degrees of freedom.
     settings = tuple(range(1, n + 1))
-    trend = ladders.trend_of(5e8 + 1e7 * np.arange(n) ** 2, settings, name="k_e", seed=3)
+    trend = made_up_trends.trend_of(5e8 + 1e7 * np.arange(n) ** 2, settings, name="k_e", seed=3)
     assert trend.degree == degree
     assert ("too few for a trend (4 are needed)" in trend.sentence) is (degree is None)
 
 
 def test_settings_that_are_words_are_said_to_be_words() -> None:
     settings = ("soft", "middle", "firm", "hard", "race")
-    trend = ladders.trend_of(np.full(5, 1e4), settings, error=1e-3)
+    trend = made_up_trends.trend_of(np.full(5, 1e4), settings, error=1e-3)
     assert trend.sentence.endswith(": the settings are words, along which there is no trend")
     assert trend.monotone is None
 
@@ -54,7 +54,7 @@ def test_settings_that_are_words_are_said_to_be_words() -> None:
 @pytest.mark.parametrize(("n", "is_judged"), [(4, False), (5, True)])
 def test_an_outlier_takes_five_settings(n, is_judged) -> None:
     settings = tuple(range(1, n + 1))
-    trend = ladders.trend_of(np.full(n, 1e4), settings, error=1e-3)
+    trend = made_up_trends.trend_of(np.full(n, 1e4), settings, error=1e-3)
     assert trend.outliers_judged is is_judged
     assert ("too few settings to find one off the trend (5 are needed)" in trend.sentence) is (
         not is_judged
@@ -133,7 +133,7 @@ def test_the_scatter_makes_the_mean_square_one() -> None:
 @pytest.mark.parametrize(("last", "n"), [(200, 200), (202, 5)])
 def test_gaps_are_filled_over_two_hundred_clicks(last, n) -> None:
     settings = (1, 2, 3, 100, last)
-    trend = ladders.trend_of(np.array([1.0, 1.1, 1.2, 1.5, 1.9]), settings)
+    trend = made_up_trends.trend_of(np.array([1.0, 1.1, 1.2, 1.5, 1.9]), settings)
     found = [point.setting for point in trend.points]
     assert found == (list(range(1, last + 1)) if n == last else list(settings))
 
@@ -155,7 +155,7 @@ def test_five_reversals_are_named(pairs, words) -> None:
     values = 1e4 * np.exp(0.05 * STEPS)
     for place in range(0, 3 * pairs, 3):
         values[place : place + 2] = values[place + 1], values[place]
-    trend = ladders.trend_of(values, tuple(range(1, 21)), error=3e-4)
+    trend = made_up_trends.trend_of(values, tuple(range(1, 21)), error=3e-4)
     assert len(trend.reversals) == pairs
     assert ("more" in trend.sentence) is (pairs > 5)
     assert words in trend.sentence
@@ -179,7 +179,7 @@ STEPS = np.arange(20.0)
 )  # fmt: skip
 def test_the_sentence_names_direction_range_and_curve(shape, verb, ends, kind) -> None:
     pairs = [
-        ladders._fitted(s, {"r_m1": 1e4 * float(value)}, {"r_m1": 1e-3})
+        made_up_trends._fitted(s, {"r_m1": 1e4 * float(value)}, {"r_m1": 1e-3})
         for s, value in enumerate(shape, start=1)
     ]
     trends = find_trends([fit for fit, _ in pairs], {u.setting: u for _, u in pairs})
@@ -204,7 +204,7 @@ def test_only_at_an_end_may_a_setting_just_go_on_getting_steeper() -> None:
 
 
 def test_values_that_are_not_sound_are_passed_over_and_those_behind_them_count() -> None:
-    pairs = [ladders._fitted(s, {"r_m1": 1e4}, {"r_m1": 1e-3}) for s in range(1, 8)]
+    pairs = [made_up_trends._fitted(s, {"r_m1": 1e4}, {"r_m1": 1e-3}) for s in range(1, 8)]
     fits = [fit for fit, _ in pairs]
     fits[0] = replace(fits[0], status={**fits[0].status, "r_m1": "at_bound"})
     known = {u.setting: u for _, u in pairs if u.setting != 3}
@@ -223,15 +223,16 @@ def test_speeds_are_those_below_the_peak() -> None:
 
 def test_between_settings_apart_the_curve_itself_is_in_doubt() -> None:
     forces = [100.0, 200.0, 500.0]
-    near = which_setting(ladder(forces, error=1.0), 300.0).answers[0]
-    apart = which_setting(ladder(forces, settings=[1, 11, 21], error=1.0), 300.0).answers[0]
+    near = which_setting(forces_by_click(forces, error=1.0), 300.0).answers[0]
+    wide = forces_by_click(forces, settings=[1, 11, 21], error=1.0)
+    apart = which_setting(wide, 300.0).answers[0]
     assert (apart.below, apart.above, apart.force_below, apart.force_above) == (11, 21, 200, 500)
     assert near.high - near.low < 0.1
     assert (apart.high - apart.low) / 10.0 > 3.0 * (near.high - near.low)
 
 
 def test_an_end_within_its_interval_gives_the_force() -> None:
-    forces = ladder([100.0, 200.0, 300.0], error=2.0)
+    forces = forces_by_click([100.0, 200.0, 300.0], error=2.0)
     inside, outside = which_setting(forces, 303.8), which_setting(forces, 304.1)
     assert [one.position for one in inside.answers] == [3.0]
     assert outside.answers == ()
@@ -305,7 +306,7 @@ def with_scatter(monkeypatch, scatter: float, error: float, name: str = "r_m1"):
 
     monkeypatch.setattr(trends, "choose", chosen)
     value = 5e8 if name == "k_e" else 1e4
-    return ladders.trend_of(np.full(8, value), tuple(range(1, 9)), name=name, error=error)
+    return made_up_trends.trend_of(np.full(8, value), tuple(range(1, 9)), name=name, error=error)
 
 
 @pytest.mark.parametrize(

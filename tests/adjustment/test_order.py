@@ -9,8 +9,8 @@ from damperfit.adjustment import Adjustment, find_trends
 from damperfit.checks import Subject, run_checks
 from damperfit.uncertainty import Assessment
 from tests import fakes
-from tests.adjustment import ladders
-from tests.adjustment.ladders import CLICKS, SMOOTH, SUBSETS, reference_trends, trend_of
+from tests.adjustment import made_up_trends
+from tests.adjustment.made_up_trends import CLICKS, SMOOTH, SUBSETS, reference_trends, trend_of
 
 ALL = SUBSETS["all 20"]
 EIGHT = SUBSETS["8 spread"]
@@ -158,7 +158,7 @@ def test_k_e_that_scatters_by_more_than_a_fifth_has_no_trend_to_judge(
 
 @pytest.mark.parametrize(("error", "is_reported"), [(0.19, True), (0.21, False)])
 def test_a_value_with_an_error_of_a_fifth_is_not_said_to_stay(error, *, is_reported) -> None:
-    pairs = [ladders._fitted(one, {"k_e": 5e8}, {"k_e": error}) for one in range(1, 9)]
+    pairs = [made_up_trends._fitted(one, {"k_e": 5e8}, {"k_e": error}) for one in range(1, 9)]
     found = find_trends([fit for fit, _ in pairs], {known.setting: known for _, known in pairs})
     (trend,) = (one for one in found if one.parameter == "k_e")
     assert trend.direction == ("flat" if is_reported else None)

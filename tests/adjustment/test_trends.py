@@ -12,8 +12,8 @@ from damperfit.adjustment import find_trends
 from damperfit.adjustment.trends import _points
 from damperfit.identification import Status
 from tests import fakes
-from tests.adjustment import ladders
-from tests.adjustment.ladders import CLICKS, SMOOTH, SUBSETS, reference_trends, trend_of
+from tests.adjustment import made_up_trends
+from tests.adjustment.made_up_trends import CLICKS, SMOOTH, SUBSETS, reference_trends, trend_of
 
 ALL = SUBSETS["all 20"]
 EXPONENTIAL = SMOOTH["exponential"]
@@ -68,7 +68,9 @@ def test_k_e_is_erratic_about_the_quadratic_of_the_paper() -> None:
 )
 def test_a_parameter_is_erratic_from_three_errors_and_two_per_cent_on(error, swing, *, is_erratic):
     values = {s: 5e8 * float(np.exp(swing * (-1.0) ** s)) for s in ALL}
-    pairs = [ladders._fitted(s, {"k_e": value}, {"k_e": error}) for s, value in values.items()]
+    pairs = [
+        made_up_trends._fitted(s, {"k_e": value}, {"k_e": error}) for s, value in values.items()
+    ]
     (trend,) = (
         one
         for one in find_trends([fit for fit, _ in pairs], {u.setting: u for _, u in pairs})
@@ -152,7 +154,7 @@ def test_four_settings_have_a_trend_and_no_outliers() -> None:
 
 
 def test_a_parameter_without_a_sound_value_is_left_out() -> None:
-    pairs = [ladders._fitted(s, {"r_m1": EXPONENTIAL[s - 1]}, {"r_m1": 1e-3}) for s in ALL]
+    pairs = [made_up_trends._fitted(s, {"r_m1": EXPONENTIAL[s - 1]}, {"r_m1": 1e-3}) for s in ALL]
     fits = [fit for fit, _ in pairs]
     fits[4] = replace(fits[4], status={**fits[4].status, "r_m1": Status.AT_BOUND})
     (trend, *_) = find_trends(fits, {u.setting: u for _, u in pairs})

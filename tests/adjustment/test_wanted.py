@@ -13,7 +13,7 @@ from damperfit.tested.setting import Setting, lines_of
 from tests.adjustment import gap_coverage
 
 
-def ladder(forces, *, settings=None, error=0.5, stroke="rebound"):
+def forces_by_click(forces, *, settings=None, error=0.5, stroke="rebound"):
     settings = settings or range(1, len(forces) + 1)
     return [
         Level(setting, 0.2, stroke, float(force), error, error, np.zeros(0))
@@ -22,7 +22,7 @@ def ladder(forces, *, settings=None, error=0.5, stroke="rebound"):
 
 
 def test_between_two_clicks_with_the_interval_of_the_force() -> None:
-    (answer,) = which_setting(ladder([100, 200, 300, 400], error=2.0), 250.0).answers
+    (answer,) = which_setting(forces_by_click([100, 200, 300, 400], error=2.0), 250.0).answers
     assert answer.position == pytest.approx(2.5)
     assert answer.high - 2.5 == pytest.approx(1.96 * 2.0 / 100.0, rel=1e-3)
     assert 2.5 - answer.low == pytest.approx(1.96 * 2.0 / 100.0, rel=1e-3)
@@ -30,7 +30,7 @@ def test_between_two_clicks_with_the_interval_of_the_force() -> None:
 
 
 def test_a_setting_that_gives_it_exactly_is_one_answer() -> None:
-    wanted = which_setting(ladder([100, 200, 300]), 200.0)
+    wanted = which_setting(forces_by_click([100, 200, 300]), 200.0)
     (answer,) = wanted.answers
     assert (answer.position, answer.below, answer.above) == (2.0, 2, 2)
     assert "setting 2 (95 % within 0.01), which gives 200 N" in wanted.sentence
@@ -41,32 +41,32 @@ def test_a_setting_that_gives_it_exactly_is_one_answer() -> None:
     [(500.0, "more than the hardest, setting 3 with 300 N"), (50.0, "less than the weakest")],
 )
 def test_out_of_reach_says_which_end(force, words) -> None:
-    wanted = which_setting(ladder([100, 200, 300]), force)
+    wanted = which_setting(forces_by_click([100, 200, 300]), force)
     assert wanted.answers == ()
     assert words in wanted.sentence
 
 
 def test_bump_is_harder_the_more_negative_it_is() -> None:
-    forces = ladder([-100, -200, -300], stroke="bump")
+    forces = forces_by_click([-100, -200, -300], stroke="bump")
     assert which_setting(forces, -150.0).answers[0].position == pytest.approx(1.5, abs=0.05)
     assert "more than the hardest, setting 3" in which_setting(forces, -400.0).sentence
     assert "less than the weakest, setting 1" in which_setting(forces, -10.0).sentence
 
 
 def test_settings_that_get_softer_are_read_alike() -> None:
-    (answer,) = which_setting(ladder([400, 300, 200, 100]), 250.0).answers
+    (answer,) = which_setting(forces_by_click([400, 300, 200, 100]), 250.0).answers
     assert answer.position == pytest.approx(2.5)
     assert answer.low < 2.5 < answer.high
 
 
 def test_forces_that_turn_give_several_answers() -> None:
-    wanted = which_setting(ladder([100, 300, 150, 400]), 200.0)
+    wanted = which_setting(forces_by_click([100, 300, 150, 400]), 200.0)
     assert [(a.below, a.above) for a in wanted.answers] == [(1, 2), (2, 3), (3, 4)]
     assert "3 answers" in wanted.sentence
 
 
 def test_just_beyond_the_last_setting_but_within_its_interval() -> None:
-    (answer,) = which_setting(ladder([100, 200, 300], error=2.0), 302.0).answers
+    (answer,) = which_setting(forces_by_click([100, 200, 300], error=2.0), 302.0).answers
     assert answer.position == 3.0
     assert answer.low < 3.0
     assert answer.high == 3.0
@@ -74,21 +74,21 @@ def test_just_beyond_the_last_setting_but_within_its_interval() -> None:
 
 def test_a_gap_widens_the_interval_and_is_named() -> None:
     curved = [100.0, 110.0, 400.0]
-    near = which_setting(ladder(curved, settings=(1, 2, 3)), 250.0).answers[0]
-    beside = which_setting(ladder(curved, settings=(1, 2, 4)), 250.0).answers[0]
+    near = which_setting(forces_by_click(curved, settings=(1, 2, 3)), 250.0).answers[0]
+    beside = which_setting(forces_by_click(curved, settings=(1, 2, 4)), 250.0).answers[0]
     assert beside.high - beside.low > 3.0 * (near.high - near.low)  # one setting in between
-    far = which_setting(ladder(curved, settings=(1, 2, 12)), 250.0)
+    far = which_setting(forces_by_click(curved, settings=(1, 2, 12)), 250.0)
     assert far.answers[0].high - far.answers[0].low > 10.0 * (near.high - near.low)
     assert "interpolated over settings without a fit" in far.sentence
 
 
 def test_two_settings_tell_no_curve_between_them() -> None:
     """The interval was 0.01 clicks wide; 3 of 1000 such held the truth."""
-    wanted = which_setting(ladder([100, 200], settings=(2, 10)), 150.0)
+    wanted = which_setting(forces_by_click([100, 200], settings=(2, 10)), 150.0)
     (answer,) = wanted.answers
     assert (answer.low, answer.position, answer.high) == (2.0, pytest.approx(6.0), 10.0)
     assert "setting 6.00 (anywhere from 2 to 10: two settings do not show how" in wanted.sentence
-    (beside,) = which_setting(ladder([100, 200], settings=(2, 3)), 150.0).answers
+    (beside,) = which_setting(forces_by_click([100, 200], settings=(2, 3)), 150.0).answers
     assert beside.high - beside.low < 0.03
 
 
@@ -108,23 +108,23 @@ def test_intervals_over_gaps_hold_the_setting_that_was_left_out() -> None:
     ],
 )
 def test_the_nearest_click_is_named_also_where_it_was_not_tested(force, words) -> None:
-    wanted = which_setting(ladder([100, 200], settings=(10, 14)), force)
+    wanted = which_setting(forces_by_click([100, 200], settings=(10, 14)), force)
     assert wanted.sentence.endswith(words)
-    tested = which_setting(ladder([100, 200], settings=(10, 11)), force)
+    tested = which_setting(forces_by_click([100, 200], settings=(10, 11)), force)
     assert re.search(r"; nearest is 1[01] \([+-][12]0 N\)$", tested.sentence)
 
 
 def test_the_nearest_click_of_several_adjusters_is_a_label() -> None:
     pairs = [Setting((("rebound", r), ("compression", 8))) for r in (10, 14)]
     (line,) = lines_of(pairs)
-    wanted = which_setting(ladder([100, 200], settings=pairs), 180.0, line=line)
+    wanted = which_setting(forces_by_click([100, 200], settings=pairs), 180.0, line=line)
     assert wanted.sentence.endswith(
         "nearest is R13 C8, which has no fit, and of those fitted R14 C8 (+20 N)"
     )
 
 
 def test_without_errors_there_is_no_interval() -> None:
-    wanted = which_setting(ladder([100, 200], error=math.nan), 150.0)
+    wanted = which_setting(forces_by_click([100, 200], error=math.nan), 150.0)
     assert math.isnan(wanted.answers[0].low)
     assert "95 %" not in wanted.sentence
 
@@ -132,12 +132,12 @@ def test_without_errors_there_is_no_interval() -> None:
 @pytest.mark.parametrize("force", np.linspace(101.0, 399.0, 7))
 def test_the_curve_never_leaves_its_neighbours(force) -> None:
     forces = [100.0, 101.0, 390.0, 400.0]
-    (answer,) = which_setting(ladder(forces), force).answers
+    (answer,) = which_setting(forces_by_click(forces), force).answers
     assert forces[answer.below.cell - 1] <= force <= forces[answer.above.cell - 1]
 
 
 def test_no_place_is_told_closer_than_a_hundredth_of_a_click() -> None:
-    found = which_setting(ladder([100.0, 200.0, 330.0], error=0.01), 250.0)
+    found = which_setting(forces_by_click([100.0, 200.0, 330.0], error=0.01), 250.0)
     assert "setting 2.4" in found.sentence
     assert "(95 % within 0.01)" in found.sentence
     assert re.search(r"\d\.\d{3}", found.sentence) is None

@@ -100,8 +100,8 @@ def test_an_option_that_is_not_given_leaves_the_configuration_alone(run, monkeyp
 def test_laws_are_named_as_they_are_tried_unless_quiet(
     is_quiet, rivals, monkeypatch, capsys
 ) -> None:
-    def choose(*_, on_rung, on_rival, **__):
-        on_rung(SimpleNamespace(tried=SimpleNamespace(title="a rung")))
+    def choose(*_, on_law, on_rival, **__):
+        on_law(SimpleNamespace(tried=SimpleNamespace(title="a law")))
         if on_rival is not None:
             on_rival(SimpleNamespace(title="a rival"))
         return SimpleNamespace(supported="it", sentences=("It opens.",), alike=("A or B.",))
@@ -113,7 +113,7 @@ def test_laws_are_named_as_they_are_tried_unless_quiet(
     how = {"jobs": 1, "rivals": rivals, "is_quiet": is_quiet}
     assert identify._with_law(None, [], None, {}, **how) == "chosen"
     said = capsys.readouterr().err
-    assert ("tried a rung" in said) is not is_quiet
+    assert ("tried a law" in said) is not is_quiet
     assert ("tried a rival" in said) is (rivals and not is_quiet)
     assert ("the logs support it. It opens.\n" in said) is not is_quiet
     assert ("note: these logs cannot tell apart: a or B.\n" in said) is not is_quiet

@@ -37,7 +37,7 @@ from damperfit.simulation import SolverOptions
 from damperfit.tables import LogSignals, make_tables
 from damperfit.uncertainty import assess
 from tests.identification.rig import recording
-from tests.uncertainty.coverage import Trial, noisy
+from tests.uncertainty.coverage import MadeUpCampaign, noisy
 
 SETTINGS = (1, 10, 20)
 CHANGE = 0.01
@@ -47,25 +47,25 @@ CHANGE = 0.01
 class Rig:
     """One damper on the rig: its quiet logs, and the same conditioned."""
 
-    trial: Trial
+    made_up: MadeUpCampaign
     logs: list
     clean: list[Trace]
 
     def campaign(self, seed: int) -> Run:
         """Return a campaign with noise of its own."""
         rng = np.random.default_rng(seed)
-        return fitted_run(noisy(self.trial, self.logs, self.clean, rng), name=str(seed))
+        return fitted_run(noisy(self.made_up, self.logs, self.clean, rng), name=str(seed))
 
 
 def rig(*, factor: float = 1.0, duration: float = 10.0, displacement_noise: float = 0.0) -> Rig:
     """Return the reference damper with R_m1 at all settings times a factor."""
-    trial = Trial(displacement_noise=displacement_noise, duration=duration)
+    made_up = MadeUpCampaign(displacement_noise=displacement_noise, duration=duration)
     logs = []
     for setting in SETTINGS:
         truth = reference_parameters(setting)
         changed = truth.replace(r_m1=factor * truth.r_m1)
-        logs.append(recording(setting, changed, rate=trial.rate, duration=duration))
-    return Rig(trial, logs, [condition(log, ConditionOptions()) for log in logs])
+        logs.append(recording(setting, changed, rate=made_up.rate, duration=duration))
+    return Rig(made_up, logs, [condition(log, ConditionOptions()) for log in logs])
 
 
 def fitted_run(traces: list[Trace], *, name: str) -> Run:

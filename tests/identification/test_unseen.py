@@ -7,7 +7,7 @@ import pytest
 
 from damperfit.damper.model import values_type
 from damperfit.damper.quantity import OFFSET, Quantity
-from damperfit.identification import DETECT, FitOptions, identify, put_together
+from damperfit.identification import DETECT, FitOptions, identify, values_from_others
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, predict
 from tests.identification import adjusted
@@ -39,7 +39,7 @@ def known(*rows: tuple[int, int, float]) -> dict[Setting, object]:
     ],
 )
 def test_what_the_clicks_of_others_tell(rows, wanted, value) -> None:
-    found = put_together(known(*rows), at(*wanted))
+    found = values_from_others(known(*rows), at(*wanted))
     if value is None:
         assert found is None
     else:
@@ -49,8 +49,8 @@ def test_what_the_clicks_of_others_tell(rows, wanted, value) -> None:
 
 def test_other_adjusters_tell_nothing() -> None:
     rows = known((1, 1, 5.0), (1, 2, 5.0), (3, 1, 7.0))
-    assert put_together(rows, Setting.of(3)) is None
-    assert put_together({}, at(1, 1)) is None
+    assert values_from_others(rows, Setting.of(3)) is None
+    assert values_from_others({}, at(1, 1)) is None
 
 
 def test_an_unseen_setting_is_predicted_with_the_offset_of_its_log() -> None:

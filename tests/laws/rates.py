@@ -1,4 +1,4 @@
-"""How often the ladder takes a law that is larger than the truth, and how often it misses a part.
+"""How often the search takes a law that is larger than the truth, and how often it misses a part.
 
     python -m tests.laws.rates --dampers 100 --disturbed 40 --seed 1
 
@@ -29,7 +29,7 @@ from damperfit.damper.network import Network, Passage, Valve
 from damperfit.damper.network_model import simulate_network
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
-from damperfit.laws import SettingLogs, climb
+from damperfit.laws import SettingLogs, search_laws
 from damperfit.recording import Recording, Trace
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty.yielding import YIELDS, held_share
@@ -38,7 +38,7 @@ from tests.laws.valve_logs import moved
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from damperfit.laws import Ladder, Tried
+    from damperfit.laws import LawSearch, Tried
     from damperfit.simulation import Motion
 
 __all__ = ["Drawn", "draw", "parts_of", "verdict_on"]
@@ -171,8 +171,8 @@ def _logged(one: Drawn, motion: Motion, seed: int) -> Trace:
     )
 
 
-def climbed(one: Drawn, seed: int) -> Ladder:
-    """Return the ladder over the logs of a damper."""
+def searched(one: Drawn, seed: int) -> LawSearch:
+    """Return the search over the logs of a damper."""
     fitted = _logged(one, moved(FITTED, rate=1000.0, cycles=5), seed)
     check = _logged(one, moved((CHECK,), amplitude=0.012, rate=1000.0), seed + 1)
     geometry = {
@@ -186,7 +186,7 @@ def climbed(one: Drawn, seed: int) -> Ladder:
     )
     layouts = [kind(**geometry) for kind in KINDS]
     share = held_share(fitted)
-    return climb(
+    return search_laws(
         paper,
         layouts,
         [SettingLogs(Setting.of(1), (fitted,), (check,))],
@@ -225,9 +225,9 @@ def _may_be_freed(one: Drawn) -> set[str]:
     }
 
 
-def verdict_on(one: Drawn, ladder: Ladder) -> tuple[str, ...]:
+def verdict_on(one: Drawn, search: LawSearch) -> tuple[str, ...]:
     """Return what is wrong with a choice, of "larger", "missed", "layout" and "told alike"."""
-    law = ladder.chosen
+    law = search.chosen
     true, found = frozenset(_of_model(one.model)), parts_of(law) - _may_be_freed(one)
     if found == {"paper"}:
         return ("missed",)
@@ -239,7 +239,7 @@ def verdict_on(one: Drawn, ladder: Ladder) -> tuple[str, ...]:
     if true - found:
         wrong.append("missed")
     if law.fits[0].model.name != one.model.name:
-        wrong.append("told alike" if one.model.name in ladder.alike else "layout")
+        wrong.append("told alike" if one.model.name in search.alike else "layout")
     return tuple(wrong)
 
 
@@ -256,8 +256,8 @@ def main() -> None:
     begin = time.process_time()
     for place, disturbance in jobs:
         one = draw(place, options.seed, disturbance)
-        ladder = climbed(one, 1000 * options.seed + 2 * place)
-        law, wrong = ladder.chosen, verdict_on(one, ladder)
+        search = searched(one, 1000 * options.seed + 2 * place)
+        law, wrong = search.chosen, verdict_on(one, search)
         counts[bool(disturbance)].update((*wrong, "all"))
         if wrong:
             print(f"{', '.join(wrong)}: {law.title}, MSE {law.mse_percent:.3g} %; {one.words}",

@@ -13,7 +13,7 @@ from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification.signatures import gain, signatures
 from damperfit.laws import LawFit, Tried
-from damperfit.laws.ladder import _Course
+from damperfit.laws.search import _Course
 from damperfit.laws.variants import BLEED, everything, without
 from damperfit.recording import Trace
 from damperfit.run.law_choice import _assumed, _layouts

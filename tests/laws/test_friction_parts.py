@@ -1,4 +1,4 @@
-"""Friction and gas in the oil on the ladder: found where they are, and not invented."""
+"""Friction and gas in the oil among the laws offered: found where they are, and not invented."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube, ValveDamper
-from damperfit.laws import Ladder, LawFit, SettingLogs, Tried, climb, in_words
+from damperfit.laws import LawFit, LawSearch, SettingLogs, Tried, in_words, search_laws
 from damperfit.laws.choosing import are_alike
 from damperfit.laws.law_fit import glimpsed
 from damperfit.laws.variants import laid_out_as, with_part, words_of
@@ -44,10 +44,10 @@ def evidence(friction: Friction, more: dict[str, float]) -> SettingLogs:
     )
 
 
-def climbed(logs: SettingLogs) -> Ladder:
+def searched(logs: SettingLogs) -> LawSearch:
     names = ("rod_diameter", "piston_diameter", "chamber_1_length", "chamber_2_length")
     shared = {name: getattr(RIGID, name) for name in names}
-    return climb(replace(PURDY_DAMPER, **shared), [RIGID], [logs])
+    return search_laws(replace(PURDY_DAMPER, **shared), [RIGID], [logs])
 
 
 @pytest.mark.parametrize(("friction", "more", "said"), [
@@ -59,7 +59,7 @@ def climbed(logs: SettingLogs) -> Ladder:
 def test_what_is_in_the_logs_is_found_with_its_size(
     friction: Friction, more: dict[str, float], said: str
 ) -> None:
-    found = climbed(evidence(friction, more)).chosen
+    found = searched(evidence(friction, more)).chosen
     assert found.title.startswith("through flow: bleed and blow-off; elastic mounting; ")
     assert said in found.title
     assert max(found.mse_percent, found.held_out_percent) < 0.02
@@ -69,9 +69,9 @@ def test_what_is_in_the_logs_is_found_with_its_size(
 
 def test_a_part_that_explains_nothing_is_not_followed() -> None:
     logs = evidence(Friction(), {})
-    ladder = climbed(logs)
-    law = ladder.chosen.fits[0]
-    assert ladder.chosen.title == "through flow: bleed and blow-off; elastic mounting"
+    search = searched(logs)
+    law = search.chosen.fits[0]
+    assert search.chosen.title == "through flow: bleed and blow-off; elastic mounting"
     model = with_part(law.model, "presliding")
     seen = glimpsed(model, logs, law)
     assert seen is not None

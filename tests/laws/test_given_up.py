@@ -1,4 +1,4 @@
-"""Fits that a climb is spared: a law that stays hopeless, a layout that was far worse before."""
+"""Fits that a search is spared: a law that stays hopeless, a layout that was far worse before."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.identification.law_misfit import best_of_starts
 from damperfit.identification.minimiser import Minimum
-from damperfit.laws.ladder import _Course
+from damperfit.laws.search import _Course
 from damperfit.simulation import SolverOptions
 
 

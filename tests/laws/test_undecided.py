@@ -11,12 +11,12 @@ import pytest
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.laws import (
-    Ladder,
+    JudgedLaw,
     LawFit,
-    Rung,
+    LawSearch,
     SettingLogs,
     Tried,
-    not_told_apart,
+    interchangeable_parts,
     undecided,
 )
 from damperfit.recording import Trace
@@ -47,9 +47,11 @@ def fit(place: int = 1, **known: object) -> LawFit:
     return replace(whole, **known)  # type: ignore[arg-type]
 
 
-def told(fits: list[LawFit], *frequencies: float, ladder: Ladder | None = None) -> tuple[str, ...]:
+def told(
+    fits: list[LawFit], *frequencies: float, search: LawSearch | None = None
+) -> tuple[str, ...]:
     logs = [SettingLogs(one.setting, (log(*frequencies),)) for one in fits]
-    return undecided(ladder or Ladder((), Tried("law", tuple(fits)), 60.0), fits, logs)
+    return undecided(search or LawSearch((), Tried("law", tuple(fits)), 60.0), fits, logs)
 
 
 def test_logs_that_decide_everything_leave_nothing_open() -> None:
@@ -82,8 +84,8 @@ def test_whatever_is_not_told_has_a_test_that_decides_it(name: str) -> None:
 
 def test_layouts_alike_are_named() -> None:
     fits = [fit()]
-    ladder = Ladder((), Tried("law", tuple(fits)), 60.0, alike=("monotube",))
-    (said,) = told(fits, 1.0, 2.0, ladder=ladder)
+    search = LawSearch((), Tried("law", tuple(fits)), 60.0, alike=("monotube",))
+    (said,) = told(fits, 1.0, 2.0, search=search)
     assert said.startswith("The layout, twin tube or monotube: they fit and predict alike.")
 
 
@@ -94,8 +96,8 @@ def test_a_part_that_costs_more_than_the_logs_pay_is_left_open(
     bic: float, gain: float, *, is_open: bool
 ) -> None:
     tried = Tried("law", (fit(),))
-    rung = Rung(tried, False, "", bic, "with gas volume", gain)
-    said = told([fit()], 1.0, 2.0, ladder=Ladder((rung,), tried, 60.0))
+    judged = JudgedLaw(tried, False, "", bic, "with gas volume", gain)
+    said = told([fit()], 1.0, 2.0, search=LawSearch((judged,), tried, 60.0))
     assert bool(said) is is_open
     assert all(one.startswith("Whether the damper has gas volume: ") for one in said)
 
@@ -113,10 +115,10 @@ def test_without_a_held_out_log_one_more_is_asked_for(kind: str, words: str) -> 
 @pytest.mark.parametrize(("second", "n_alike"), [(1.0, 2), (2.0, 1)])
 def test_what_may_be_taken_for_each_other_stands_apart(second: float, n_alike: int) -> None:
     one = fit(undetermined=("f_f",))
-    ladder = Ladder((), Tried("law", (one,)), 60.0, ("monotube",))
+    search = LawSearch((), Tried("law", (one,)), 60.0, ("monotube",))
     evidence = [SettingLogs(one.setting, (log(1.0, second),))]
-    alike = not_told_apart(ladder, [one], evidence)
+    alike = interchangeable_parts(search, [one], evidence)
     assert len(alike) == n_alike
     assert alike[0].startswith("The layout, twin tube or monotube: they fit and predict alike.")
-    assert undecided(ladder, [one], evidence)[:n_alike] == alike
-    assert len(undecided(ladder, [one], evidence)) == n_alike + 1
+    assert undecided(search, [one], evidence)[:n_alike] == alike
+    assert len(undecided(search, [one], evidence)) == n_alike + 1

@@ -14,7 +14,7 @@ from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.rivals import Biviscous, BoucWen, Kwok
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow
-from damperfit.laws import Ladder, SettingLogs, Tried, climb, undecided, yielding
+from damperfit.laws import LawSearch, SettingLogs, Tried, search_laws, undecided, yielding
 from damperfit.laws.yielding import held_against, is_open_to
 from damperfit.recording import Recording
 from damperfit.run import law_choice
@@ -112,14 +112,14 @@ def test_how_much_better_is_told_from_twice_on(times, said, monkeypatch) -> None
 
 def test_what_is_left_open_is_said_and_names_no_physics() -> None:
     law = tried(ThroughFlow(), 0.1)
-    ladder = Ladder((), law, 20.0, held_share=0.6, also="Bouc-Wen")
-    choice = law_choice.LawChoice(ladder, (), law.fits, ())
+    search = LawSearch((), law, 20.0, held_share=0.6, also="Bouc-Wen")
+    choice = law_choice.LawChoice(search, (), law.fits, ())
     assert choice.supported == "law or, as well, Bouc-Wen"
     assert choice.sentences == ()
     logs = [SettingLogs(Setting.of(1), (fakes.trace(1),))]
     fit = SimpleNamespace(model=law.fits[0].model, free=(), undetermined=(), at_bound=(),
                           held_out="logs")  # fmt: skip
-    (said,) = undecided(ladder, [fit], logs)
+    (said,) = undecided(search, [fit], logs)
     assert said.startswith("Whether oil passes valves or something yields before it slides")
     assert "hold 60 % of their force" in said
 
@@ -135,7 +135,7 @@ def test_a_damper_yields_where_all_its_logs_do(monkeypatch, shares, expected) ->
 
 def test_a_layout_frees_what_it_has(monkeypatch) -> None:
     """Return checks that a twin tube needs do not stop a monotube from being tried."""
-    from damperfit.laws import ladder
+    from damperfit.laws import search
 
     asked = []
 
@@ -143,8 +143,8 @@ def test_a_layout_frees_what_it_has(monkeypatch) -> None:
         asked.append(freed)
         return tried(model, 1.0).fits[0]
 
-    monkeypatch.setattr(ladder, "fit_law", fit_law)
-    course = ladder._Course([SettingLogs(Setting.of(1), ())], None, lambda _: None, 1)
+    monkeypatch.setattr(search, "fit_law", fit_law)
+    course = search._Course([SettingLogs(Setting.of(1), ())], None, lambda _: None, 1)
     found = course.all_fitted([damper(), Monotube()], freed=("return_slope", "drag"))
     assert asked == [("return_slope", "drag"), ("drag",)]
     assert found[1].title.endswith("also drag of the seals")
@@ -164,7 +164,7 @@ def test_preloaded_valves_stay_valves_though_their_force_is_held() -> None:
     evidence = [SettingLogs(Setting.of(1), (trace,))]
     share = law_choice._held_share(evidence)
     assert share > 0.4
-    found = climb(PURDY_DAMPER, [model], evidence, held_share=share)
+    found = search_laws(PURDY_DAMPER, [model], evidence, held_share=share)
     assert found.chosen.fits[0].model.name == "through_flow"
     assert found.also == ""
-    assert [one.tried.title for one in found.rungs][-3:] == list(LOGS)
+    assert [one.tried.title for one in found.laws][-3:] == list(LOGS)

@@ -23,7 +23,7 @@ from damperfit.handover import hand_over
 from damperfit.identification import FitOptions, Outcome, Status, identify
 from damperfit.identification.first_beta import with_first_beta
 from damperfit.identification.procedure_input import ProcedureInput
-from damperfit.queries.adjuster_results import read_adjuster
+from damperfit.queries.adjuster_results import read_adjuster_results
 from damperfit.queries.one_simulation import choose_parameters, damper_of, simulate_test
 from damperfit.queries.origin import damper_of_table, warmed_to
 from damperfit.recording import Recording
@@ -295,16 +295,16 @@ def test_a_run_tells_beta_and_the_temperature_of_its_resistances(results) -> Non
 
 
 def test_results_are_asked_for_at_another_temperature(results) -> None:
-    there = read_adjuster(results, temperature="60degC")
+    there = read_adjuster_results(results, temperature="60degC")
     assert there.source.endswith(", at 60 degC")
-    assert read_adjuster(results).source.endswith(", at 43 degC")
+    assert read_adjuster_results(results).source.endswith(", at 43 degC")
     (stage, _) = there.stages
     motion = Motion(1e-3, *wave())
     found = simulate(stage.parameters, there.damper, motion).force
     true = simulate(known_at(1, WARM), PURDY_DAMPER, motion).force
     assert float(np.max(np.abs(found - true))) < 0.01 * float(np.ptp(true))
     with pytest.raises(ConfigurationError, match="--temperature hot: "):
-        read_adjuster(results, temperature="hot")
+        read_adjuster_results(results, temperature="hot")
 
 
 def wave():

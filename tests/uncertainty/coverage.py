@@ -2,7 +2,7 @@
 
     python -m tests.uncertainty.coverage --fits 1000 [--white] [--displacement-noise 8e-6]
 
-Every trial is a whole campaign by the paper's procedure over a soft, a middle and a stiff setting,
+Every one is a whole campaign by the paper's procedure over a soft, a middle and a stiff setting,
 so that the errors of the shared R_m3 and f_f are in it.
 """
 
@@ -28,7 +28,7 @@ NAMES = ("r_m1", "r_m2", "k_e", "r_m3", "f_f")
 
 
 @dataclass(frozen=True)
-class Trial:
+class MadeUpCampaign:
     """What is simulated: noise in N and m, filter, sample rate, length."""
 
     noise: float = 4.0
@@ -39,17 +39,19 @@ class Trial:
     procedure: str = "paper"
 
 
-def clean_logs(trial: Trial) -> list:
-    return [recording(s, rate=trial.rate, duration=trial.duration) for s in SETTINGS]
+def clean_logs(made_up: MadeUpCampaign) -> list:
+    return [recording(s, rate=made_up.rate, duration=made_up.duration) for s in SETTINGS]
 
 
-def noisy(trial: Trial, logs: list, clean: list[Trace], rng: np.random.Generator) -> list[Trace]:
-    options = ConditionOptions(filter="none" if trial.is_white else "zero_phase")
+def noisy(
+    made_up: MadeUpCampaign, logs: list, clean: list[Trace], rng: np.random.Generator
+) -> list[Trace]:
+    options = ConditionOptions(filter="none" if made_up.is_white else "zero_phase")
     traces = []
     for quiet, trace in zip(logs, clean, strict=True):
-        shaken = trial.noise * rng.standard_normal(len(quiet.time))
-        if trial.displacement_noise:
-            moved = trial.displacement_noise * rng.standard_normal(len(quiet.time))
+        shaken = made_up.noise * rng.standard_normal(len(quiet.time))
+        if made_up.displacement_noise:
+            moved = made_up.displacement_noise * rng.standard_normal(len(quiet.time))
             log = replace(
                 quiet, force=quiet.force + shaken, displacement=quiet.displacement + moved
             )
@@ -62,16 +64,16 @@ def noisy(trial: Trial, logs: list, clean: list[Trace], rng: np.random.Generator
     return traces
 
 
-def one(job: tuple[Trial, int]) -> np.ndarray:
+def one(job: tuple[MadeUpCampaign, int]) -> np.ndarray:
     """Return ln of value, true value, low, high and the cycle ratio, (settings, names, 5)."""
-    trial, seed = job
-    logs = clean_logs(trial)
-    options = ConditionOptions(filter="none" if trial.is_white else "zero_phase")
+    made_up, seed = job
+    logs = clean_logs(made_up)
+    options = ConditionOptions(filter="none" if made_up.is_white else "zero_phase")
     clean = [condition(log, options) for log in logs]
     rows = []
     for k in range(PER_JOB):
-        traces = noisy(trial, logs, clean, np.random.default_rng([seed, k]))
-        campaign = identify(traces, PURDY_DAMPER, FitOptions(trial.procedure))
+        traces = noisy(made_up, logs, clean, np.random.default_rng([seed, k]))
+        campaign = identify(traces, PURDY_DAMPER, FitOptions(made_up.procedure))
         known = uncertainties(linearise_settings(campaign, PURDY_DAMPER), campaign.sharing)
         table = np.full((len(SETTINGS), len(NAMES), 5), np.nan)
         for i, (fit, found) in enumerate(zip(campaign.fits, known, strict=True)):
@@ -92,9 +94,9 @@ def one(job: tuple[Trial, int]) -> np.ndarray:
 PER_JOB = 25
 
 
-def run(trial: Trial, fits: int, workers: int = 1) -> np.ndarray:
+def run(made_up: MadeUpCampaign, fits: int, workers: int = 1) -> np.ndarray:
     """Return (fits, settings, names, 5)."""
-    jobs = [(trial, seed) for seed in range(-(-fits // PER_JOB))]
+    jobs = [(made_up, seed) for seed in range(-(-fits // PER_JOB))]
     if workers == 1:
         return np.concatenate([one(job) for job in jobs])[:fits]
     with ProcessPoolExecutor(workers) as pool:
@@ -121,17 +123,17 @@ def main() -> int:
     parser.add_argument("--procedure", default="paper")
     parser.add_argument("--workers", type=int, default=1)
     given = parser.parse_args()
-    trial = Trial(
+    made_up = MadeUpCampaign(
         displacement_noise=given.displacement_noise,
         is_white=given.white,
         rate=given.rate,
         duration=given.duration,
         procedure=given.procedure,
     )
-    table = run(trial, given.fits, given.workers)
+    table = run(made_up, given.fits, given.workers)
     covered, width, bias = summary(table)
     ratio = np.nanmedian(table[..., 4], axis=0) if len(table) else covered
-    print(f"{trial}, {len(table)} campaigns")
+    print(f"{made_up}, {len(table)} campaigns")
     print("setting parameter coverage width/scatter bias/scatter jackknife/sandwich")
     for i, setting in enumerate(SETTINGS):
         for j, name in enumerate(NAMES):

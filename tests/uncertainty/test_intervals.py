@@ -34,7 +34,7 @@ from damperfit.uncertainty.verdicts import doubts, verdicts
 from tests import fakes
 from tests.identification.rig import short_trace as trace
 from tests.identification.rig import short_traces as traces
-from tests.uncertainty.coverage import Trial, run, summary
+from tests.uncertainty.coverage import MadeUpCampaign, run, summary
 
 FREE = ("r_m1", "r_m2", "k_e")
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
@@ -266,16 +266,18 @@ def test_a_tie_is_a_correlation_that_triples_an_error(correlation: float, *, is_
 
 
 @pytest.mark.parametrize(
-    ("trial", "n"),
+    ("made_up", "n"),
     [
-        (Trial(), 30),
-        pytest.param(Trial(), 100, marks=pytest.mark.slow),
-        pytest.param(Trial(is_white=True), 100, marks=pytest.mark.slow),
+        (MadeUpCampaign(), 30),
+        pytest.param(MadeUpCampaign(), 100, marks=pytest.mark.slow),
+        pytest.param(MadeUpCampaign(is_white=True), 100, marks=pytest.mark.slow),
     ],
 )
-def test_intervals_cover_the_truth_through_the_whole_procedure(trial: Trial, n: int) -> None:
+def test_intervals_cover_the_truth_through_the_whole_procedure(
+    made_up: MadeUpCampaign, n: int
+) -> None:
     # Campaigns of three settings; 1000 by hand: python -m tests.uncertainty.coverage.
-    covered, width, bias = summary(run(trial, n))
+    covered, width, bias = summary(run(made_up, n))
     # Three standard deviations of a binomial at 95 %, and of the scatter's own estimate.
     assert covered.min() > 0.95 - 3 * math.sqrt(0.95 * 0.05 / n)
     assert 0.93 <= covered[:, :3].mean() <= 0.98

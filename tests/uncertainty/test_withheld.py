@@ -17,7 +17,7 @@ from damperfit.identification import Fit, Status
 from damperfit.identification.plausible import edge_of
 from damperfit.laws import ENOUGH_PERCENT
 from damperfit.uncertainty import Assessment, Diagnosis, objections
-from damperfit.uncertainty.withheld import LIMITS, jump_ratio, offset_apart
+from damperfit.uncertainty.withheld import LIMITS, jump_ratio, offset_mismatch
 from tests import fakes
 from tests.fakes import campaign
 
@@ -116,7 +116,7 @@ def test_cavitation_that_nothing_speaks_for(share: float, *, is_withheld: bool) 
 
 def test_an_offset_far_from_that_of_the_log() -> None:
     one = fit(1)  # its force at no speed is that of the gas: the log shows an offset of nothing
-    far, seen = offset_apart(having(f_0=100.0), "f_0", GAS)
+    far, seen = offset_mismatch(having(f_0=100.0), "f_0", GAS)
     assert seen == pytest.approx(0.0, abs=3.0)
     limit = (100.0 - seen) / far
     assert 30.0 < limit < 60.0  # a quarter of the gas force and what the level may be wrong by
@@ -137,7 +137,7 @@ def test_an_offset_far_from_that_of_the_log() -> None:
     assert reason.sentence == f"f_0 is -218 N where the log shows {seen:.0f} N"
 
 
-def test_a_grade_and_the_ladder_agree_on_what_leaves_nothing() -> None:
+def test_a_grade_and_the_search_for_a_law_agree_on_what_leaves_nothing() -> None:
     assert LIMITS.nothing_percent == ENOUGH_PERCENT
 
 

@@ -13,7 +13,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, Outcome, Sharing
 from damperfit.identification.outcome import Status
 from damperfit.recording import Finding
-from damperfit.run.trust import _profile, confidence_record, unconfirmed_tares
+from damperfit.run.trust import _profile, uncertainty_record, unconfirmed_tares
 from damperfit.uncertainty import (
     Assessment,
     Bench,
@@ -279,7 +279,7 @@ def test_the_record_of_trust_has_a_place_for_everything() -> None:
     judged = Assessment(
         uncertainties=(known(),), diagnoses=(diagnosis(1),), profiles=(profile(1.5, 3.5),)
     )
-    told = confidence_record(fakes.campaign(fakes.fit(1)), judged)
+    told = uncertainty_record(fakes.campaign(fakes.fit(1)), judged)
     (trust,) = told["uncertainty"]
     assert (trust["setting"], trust["shared"]) == (1, ["r_m3"])
     assert trust["parameters"] == ["r_m1", "r_m2", "k_e", "r_m3"]

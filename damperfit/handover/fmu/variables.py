@@ -160,7 +160,7 @@ def _states(damper: ExportedDamper) -> tuple[Variable, ...]:
     states, rates = [], []
     for name in damper.states:
         state, rate, unit, nominal = _OF_STATES[name]
-        of_it, is_of = _TOLD[name]
+        of_it, is_of = _DESCRIPTIONS[name]
         states.append(Variable(state, name, of_it, "local", unit=unit, nominal=nominal))
         rates.append(
             Variable(rate, is_of[0], is_of[1], "local", unit=_RATE_UNITS[unit], derivative_of=state)
@@ -176,7 +176,7 @@ _OF_STATES = {
     "grip": (21, 22, "1", 1.0),
 }
 _RATE_UNITS = {"kg": "kg/s", "s": "1", "1": "1/s"}
-_TOLD = {
+_DESCRIPTIONS = {
     "oil_1": ("oil in chamber 1 beyond what fills it at rest", ("flow_1", "of that oil")),
     "oil_2": ("oil in chamber 2 beyond what fills it at rest", ("flow_2", "of that oil")),
     "outside": (

@@ -9,7 +9,7 @@ from damperfit.report.json_records import clicks_in, law_in
 from damperfit.report.sheets.cavitation_sheet import cavitation_sheet
 from damperfit.report.sheets.click_sheet import click_sheet
 from damperfit.report.sheets.in_units import clicks_in_units, sheet_in_units
-from damperfit.report.sheets.law_sheet import ladder_sheet, rival_sheet
+from damperfit.report.sheets.law_sheet import rival_sheet, tried_laws_sheet
 from damperfit.report.sheets.mse_sheet import mse_sheet
 from damperfit.report.sheets.parameter_sheet import parameter_sheet
 from damperfit.report.sheets.peak_sheet import peak_sheet
@@ -51,7 +51,7 @@ def page_tables(
         ),
         ("Parameters", parameter_sheet(rows, results.quantities, says_shared_once=True)),
         ("MSE by setting and log", mse_sheet(errors, rows, results.quantities)),
-        ("Laws that were tried", ladder_sheet(law_in(results.record))),
+        ("Laws that were tried", tried_laws_sheet(law_in(results.record))),
         ("Models from the literature on the same logs", rival_sheet(law_in(results.record))),
         ("Change of force by click", sheet_in_units(click_sheet(clicks), units)),
         ("How near to cavitation", cavitation_sheet(results.parameters)),

@@ -13,20 +13,20 @@ from damperfit.report.sheets.sheet import Sheet
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from damperfit.laws import Ladder, LawFit, Tried
+    from damperfit.laws import LawFit, LawSearch, Tried
 
 __all__ = [
     "chosen_records",
     "chosen_sheet",
-    "ladder_records",
-    "ladder_sheet",
     "law_sentences",
     "rival_records",
     "rival_sheet",
+    "tried_law_records",
+    "tried_laws_sheet",
 ]
 
 
-def ladder_sheet(choice: Mapping[str, Any], *, is_narrow: bool = False) -> Sheet:
+def tried_laws_sheet(choice: Mapping[str, Any], *, is_narrow: bool = False) -> Sheet:
     """Return one row a law, in the order in which they were tried.
 
     Parameters
@@ -96,23 +96,23 @@ def _number(value: object) -> float:
     return float(value) if is_one else math.nan  # type: ignore[arg-type]
 
 
-def ladder_records(ladder: Ladder) -> list[dict[str, Any]]:
+def tried_law_records(search: LawSearch) -> list[dict[str, Any]]:
     """Return the same as numbers, with the reasons, for JSON."""
     return [
         {
-            "law": rung.tried.title,
-            "model": rung.tried.fits[0].model.name,
-            "is_chosen": rung.is_taken,
-            "free": list(rung.tried.fits[0].free),
-            "at_bound": list(rung.tried.at_bound),
-            "mse_percent": rung.tried.mse_percent,
-            "held_out_mse_percent": _finite(rung.tried.held_out_percent),
-            "change": rung.change,
-            "gain": _finite(rung.gain),
-            "bic": _finite(rung.bic),
-            "reason": rung.reason,
+            "law": law.tried.title,
+            "model": law.tried.fits[0].model.name,
+            "is_chosen": law.is_taken,
+            "free": list(law.tried.fits[0].free),
+            "at_bound": list(law.tried.at_bound),
+            "mse_percent": law.tried.mse_percent,
+            "held_out_mse_percent": _finite(law.tried.held_out_percent),
+            "change": law.change,
+            "gain": _finite(law.gain),
+            "bic": _finite(law.bic),
+            "reason": law.reason,
         }
-        for rung in ladder.rungs
+        for law in search.laws
     ]
 
 

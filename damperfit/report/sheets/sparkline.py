@@ -24,7 +24,7 @@ __all__ = ["ASCII_LEVELS", "BLOCK_LEVELS", "differ", "setting_sparklines", "spar
 
 BLOCK_LEVELS = "▁▂▃▄▅▆▇█"
 ASCII_LEVELS = ".:-=+*#@"  # for terminals and files that know nothing else: more ink is more
-_UNTOLD = {"absent", "at_bound", "not_identifiable"}
+_WITHOUT_VALUE = {"absent", "at_bound", "not_identifiable"}
 _FEWEST, _MOST = 3, 60  # settings that a sparkline is drawn of
 
 
@@ -101,7 +101,7 @@ def setting_sparklines(
 def _parameter(rows: Sequence[Row], quantity: Quantity, levels: str) -> Iterator[str]:
     """Yield one parameter as a line, and a second one where it says nothing of its course."""
     name, scale = quantity.name, scale_of(quantity)
-    shown = [None if row[f"{name}_status"] in _UNTOLD else row[name] for row in rows]
+    shown = [None if row[f"{name}_status"] in _WITHOUT_VALUE else row[name] for row in rows]
     known = [value for value in shown if value is not None]
     if len(known) < _FEWEST:
         return

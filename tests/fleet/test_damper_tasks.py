@@ -10,15 +10,23 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
+from damperfit.fleet.damper_tasks import (
+    DamperTask,
+    Share,
+    content_key,
+    hash_of,
+    parted,
+    share_of,
+    tasks_by_damper,
+)
 from damperfit.fleet.sources import FleetLog, find_sources
-from damperfit.fleet.tasks import Share, Task, content_key, hash_of, parted, share_of, tasks_of
 from tests.fleet.conftest import put
 
 CONFIGURATION = load_configuration(None)
 
 
 def owners(folder: Path, configuration=CONFIGURATION) -> dict[str, list[str]]:
-    tasks = tasks_of(find_sources([str(folder)]), configuration)
+    tasks = tasks_by_damper(find_sources([str(folder)]), configuration)
     return {task.owner: [log.name for log in task.logs] for task in tasks}
 
 
@@ -35,12 +43,12 @@ def test_logs_in_one_folder_that_say_nothing_are_of_one_damper(tmp_path, texts):
 
 def test_files_that_a_shell_made_of_a_pattern_are_parted_like_their_folder(three):
     files = sorted(map(str, three.glob("*/*.csv")), reverse=True)
-    assert tasks_of(find_sources(files), CONFIGURATION) == tasks_of(
+    assert tasks_by_damper(find_sources(files), CONFIGURATION) == tasks_by_damper(
         find_sources([str(three)]), CONFIGURATION
     )
-    assert tasks_of(find_sources([str(three / "*" / "*.csv")]), CONFIGURATION) == tasks_of(
-        find_sources([str(three)]), CONFIGURATION
-    )
+    assert tasks_by_damper(
+        find_sources([str(three / "*" / "*.csv")]), CONFIGURATION
+    ) == tasks_by_damper(find_sources([str(three)]), CONFIGURATION)
 
 
 def test_the_serial_in_a_log_goes_before_its_folder(tmp_path, texts):
@@ -59,7 +67,7 @@ def test_the_table_of_tests_goes_before_the_log(tmp_path, texts):
 def test_a_table_beside_logs_goes_with_them_to_the_worker(tmp_path, texts):
     put(tmp_path, texts)
     (tmp_path / "tests.csv").write_text("file,serial\nsetting_01.csv,A\nsetting_10.csv,A\n")
-    (task,) = tasks_of(find_sources([str(tmp_path)]), CONFIGURATION)
+    (task,) = tasks_by_damper(find_sources([str(tmp_path)]), CONFIGURATION)
     assert [one.name for one in task.tables] == ["tests.csv"]
 
 
@@ -117,7 +125,7 @@ def test_a_folder_without_logs_is_refused(tmp_path):
 def test_a_table_of_tests_alone_is_refused(tmp_path):
     (tmp_path / "tests.csv").write_text("file,serial\na.csv,A\n")
     with pytest.raises(ConfigurationError, match="all tables of tests"):
-        tasks_of(find_sources([str(tmp_path)]), CONFIGURATION)
+        tasks_by_damper(find_sources([str(tmp_path)]), CONFIGURATION)
 
 
 def test_a_log_named_twice_is_taken_once(three):
@@ -126,7 +134,7 @@ def test_a_log_named_twice_is_taken_once(three):
 
 
 def test_every_task_is_of_one_share_and_stays_there():
-    tasks = [Task(f"D{k}", (FleetLog(f"/{k}.csv", f"{k}.csv"),)) for k in range(200)]
+    tasks = [DamperTask(f"D{k}", (FleetLog(f"/{k}.csv", f"{k}.csv"),)) for k in range(200)]
     taken = Counter(task.owner for k in range(1, 8) for task in parted(tasks, Share(k, 7)))
     assert set(taken.values()) == {1}
     assert len(taken) == 200
@@ -201,7 +209,7 @@ class TestKey:
 
     def test_the_version_does(self, logs, monkeypatch):
         before = self.key(logs)
-        monkeypatch.setattr("damperfit.fleet.tasks.__version__", "99.0")
+        monkeypatch.setattr("damperfit.fleet.damper_tasks.__version__", "99.0")
         assert self.key(logs) != before
 
     def test_the_table_of_tests_does(self, logs, tmp_path):
@@ -227,7 +235,7 @@ def test_folders_of_one_name_below_two_roots_are_two_dampers(tmp_path, texts):
     for root in ("a", "b"):
         put(tmp_path / root / "D1", texts)
     roots = [str(tmp_path / root) for root in ("a", "b")]
-    tasks = tasks_of(find_sources(roots), CONFIGURATION)
+    tasks = tasks_by_damper(find_sources(roots), CONFIGURATION)
     assert [task.owner for task in tasks] == ["a/D1", "b/D1"]
 
 
@@ -236,7 +244,7 @@ def test_places_of_windows_have_folders():
         FleetLog("C:\\runs\\A\\log_1.csv", "A/log_1.csv"),
         FleetLog("C:\\runs\\B\\log_1.csv", "B/log_1.csv"),
     ]
-    assert [task.owner for task in tasks_of(logs, CONFIGURATION)] == ["A", "B"]
+    assert [task.owner for task in tasks_by_damper(logs, CONFIGURATION)] == ["A", "B"]
 
 
 def test_a_folder_that_cannot_be_read_is_told(tmp_path, texts, monkeypatch):

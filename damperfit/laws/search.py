@@ -1,4 +1,4 @@
-"""The ladder of laws: from the paper's model to real valves on a mounting, as far as the logs tell.
+"""Which law the logs tell: from the paper's model to real valves on a mounting, step by step.
 
     1  the paper's model; where it leaves less than `ENOUGH_PERCENT`, nothing else is looked for
     2  bleed and blow-off in each stroke with everything that a mounting may have, in each layout
@@ -10,7 +10,7 @@
     5  what is left is tried in the other layouts too: those that do as well cannot be told apart
     6  where the logs yield before they slide, models that yield are held against the valves
 
-Rungs are compared on settled cycles; the law that is taken ends on the whole logs.
+Laws are compared on settled cycles; the law that is taken ends on the whole logs.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from damperfit.laws.choosing import (
     times_worse,
 )
 from damperfit.laws.elsewhere import freed_of, had_by, needed_at
+from damperfit.laws.judged_laws import JudgedLaw, LawSearch
 from damperfit.laws.law_fit import fit_law, glimpsed
-from damperfit.laws.rungs import Ladder, Rung
 from damperfit.laws.variants import (
     BOTH,
     KINDS,
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from damperfit.damper.valve_dampers import ValveDamper
     from damperfit.laws.law_fit import LawFit, SettingLogs
 
-__all__ = ["climb"]
+__all__ = ["search_laws"]
 
 # What is offered to what is left over, one after the other: quantities, and kinds of valves' parts.
 _DECLARED = ("gas_volume",)
@@ -73,17 +73,17 @@ _HOPELESS = 20.0
 _FAR_WORSE = 8.0
 
 
-def climb(  # noqa: PLR0913 - what a user may ask of it
+def search_laws(  # noqa: PLR0913 - what a user may ask of it
     plain: Model,
     layouts: Sequence[ValveDamper],
     evidence: Sequence[SettingLogs],
     *,
     solver: SolverOptions = SolverOptions(),
-    on_rung: Callable[[Rung], None] = lambda _: None,
+    on_law: Callable[[JudgedLaw], None] = lambda _: None,
     jobs: int = 1,
     held_share: float = math.nan,
     elsewhere: Sequence[SettingLogs] = (),
-) -> Ladder:
+) -> LawSearch:
     """Try laws from the paper's to the richest, and return which one the logs tell.
 
     Parameters
@@ -96,7 +96,7 @@ def climb(  # noqa: PLR0913 - what a user may ask of it
         Settings to compare the laws by; two or three tell as much as all.
     solver : SolverOptions
         How exactly to integrate.
-    on_rung : callable
+    on_law : callable
         Called with every law that was judged.
     jobs : int
         Workers; the result does not depend on them.
@@ -106,7 +106,7 @@ def climb(  # noqa: PLR0913 - what a user may ask of it
     elsewhere : sequence of SettingLogs
         Other settings, asked before a part of one stroke's valve is taken out.
     """
-    course = _Course(evidence, solver, on_rung, jobs, held_share, elsewhere)
+    course = _Course(evidence, solver, on_law, jobs, held_share, elsewhere)
     offsets = tuple(one.name for one in plain.quantities if one.is_offset)
     simplest = course.fitted(plain, freed=offsets)
     if simplest is not None and simplest.mse_percent <= ENOUGH_PERCENT:
@@ -134,14 +134,14 @@ class _Course:
         self,
         evidence: Sequence[SettingLogs],
         solver: SolverOptions,
-        on_rung: Callable[[Rung], None],
+        on_law: Callable[[JudgedLaw], None],
         jobs: int,
         held_share: float = math.nan,
         elsewhere: Sequence[SettingLogs] = (),
     ) -> None:
         self.evidence, self.solver, self.elsewhere = evidence, solver, elsewhere
-        self.on_rung, self.jobs = on_rung, jobs
-        self.rungs: list[Rung] = []
+        self.on_law, self.jobs = on_law, jobs
+        self.laws: list[JudgedLaw] = []
         self.n_eff = math.nan
         self.alike: tuple[str, ...] = ()
         self.held_share, self.also = held_share, ""
@@ -208,9 +208,9 @@ class _Course:
         verdict: Verdict | None = None,
     ) -> None:
         bic, gain = (math.nan, math.nan) if verdict is None else (verdict.bic, verdict.gain)
-        rung = Rung(tried, is_taken, reason, bic, change, gain)
-        self.rungs.append(rung)
-        self.on_rung(rung)
+        judged_law = JudgedLaw(tried, is_taken, reason, bic, change, gain)
+        self.laws.append(judged_law)
+        self.on_law(judged_law)
 
     def best_layout(self, found: Sequence[Tried]) -> Tried:
         """The layout that fits and predicts best, with the gas as the maker or the logs tell it.
@@ -331,8 +331,8 @@ class _Course:
 
     def known_worse(self, law: Tried, model: ValveDamper) -> Tried | None:
         """What the same law in another layout gave already, where it is far from the one taken."""
-        for rung in self.rungs:
-            one = rung.tried
+        for known in self.laws:
+            one = known.tried
             is_same = one.fits[0].model == model and freed_of(one) == had_by(model, freed_of(law))
             if is_same and times_worse(law, one) > _FAR_WORSE:
                 return one
@@ -377,17 +377,17 @@ class _Course:
             self.also = best.title
         return taken
 
-    def ended(self, chosen: Tried) -> Ladder:
-        """The ladder as it was climbed; what is taken is polished on the whole logs."""
+    def ended(self, chosen: Tried) -> LawSearch:
+        """What was tried, and the law to take, which is polished on the whole logs."""
         model, freed = chosen.fits[0].model, freed_of(chosen)
         polished = self.fitted(model, freed=freed, near=chosen, is_whole=True) or chosen
-        rungs = tuple(
+        laws = tuple(
             dataclasses.replace(one, tried=polished, is_taken=True)
             if one.tried is chosen
             else dataclasses.replace(one, is_taken=False)
-            for one in self.rungs
+            for one in self.laws
         )
-        return Ladder(rungs, polished, self.n_eff, self.alike, self.held_share, self.also)
+        return LawSearch(laws, polished, self.n_eff, self.alike, self.held_share, self.also)
 
 
 def _valve_damper(law: Tried) -> ValveDamper:

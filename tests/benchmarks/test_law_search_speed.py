@@ -1,6 +1,6 @@
-"""What a law of real valves costs beside the paper's, and the ladder on cycles beside whole logs.
+"""What a law of real valves costs beside the paper's, and the search on cycles beside whole logs.
 
-pytest tests/benchmarks/test_ladder_speed.py --benchmark-enable -n 0 -s [-m slow]
+pytest tests/benchmarks/test_law_search_speed.py --benchmark-enable -n 0 -s [-m slow]
 
 Processor time, not the clock's: other programs on the machine do not count.
 """
@@ -19,7 +19,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.identification import FitOptions, identify
 from damperfit.identification.law_misfit import LawMisfit
-from damperfit.laws import Ladder, SettingLogs, climb
+from damperfit.laws import LawSearch, SettingLogs, search_laws
 from damperfit.recording import Recording, Trace
 from damperfit.simulation import Motion, simulate, sine_motion
 from damperfit.tested.setting import Setting
@@ -60,14 +60,14 @@ def seconds(run: Callable[[], object], rounds: int) -> float:
     return min(times)
 
 
-def climbed(evidence: SettingLogs) -> Ladder:
+def searched(evidence: SettingLogs) -> LawSearch:
     geometry = {
         name: getattr(damper(), name)
         for name in ("rod_diameter", "piston_diameter", "chamber_1_length", "chamber_2_length",
                      "oil_density", "gas_pressure", "gas_volume", "gas_exponent")
     }  # fmt: skip
     layouts = [kind(**geometry) for kind in (TwinTube, Monotube, ThroughFlow)]
-    return climb(PURDY_DAMPER, layouts, [evidence])
+    return search_laws(PURDY_DAMPER, layouts, [evidence])
 
 
 @pytest.fixture(scope="module")
@@ -93,9 +93,9 @@ def test_twelve_quantities_cost_at_most_six_fits_of_the_paper() -> None:
 
 
 @pytest.mark.slow
-def test_the_ladder_over_one_setting_takes_less_than_three_seconds(evidence: SettingLogs) -> None:
-    taken = seconds(lambda: climbed(evidence), 2)
-    print(f"\nladder {taken:.2f} s of the processor")
+def test_the_search_over_one_setting_takes_less_than_three_seconds(evidence: SettingLogs) -> None:
+    taken = seconds(lambda: searched(evidence), 2)
+    print(f"\nsearch {taken:.2f} s of the processor")
     assert taken < 3.0
 
 
@@ -104,15 +104,15 @@ def test_settled_cycles_tell_the_law_that_whole_logs_tell(
     evidence: SettingLogs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begin = time.process_time()
-    quick = climbed(evidence)
+    quick = searched(evidence)
     middle = time.process_time()
     monkeypatch.setattr(LawMisfit, "on_cycles", lambda self: self)
-    whole = climbed(evidence)
+    whole = searched(evidence)
     end = time.process_time()
     print(f"\nwhole logs {(end - middle):.1f} s, cycles {(middle - begin):.1f} s: "
           f"{(end - middle) / (middle - begin):.1f} times")  # fmt: skip
     assert quick.chosen.title == whole.chosen.title
-    assert [one.tried.title for one in quick.rungs] == [one.tried.title for one in whole.rungs]
+    assert [one.tried.title for one in quick.laws] == [one.tried.title for one in whole.laws]
     one, other = quick.chosen.fits[0].values, whole.chosen.fits[0].values
     for name in quick.chosen.fits[0].free:
         assert getattr(one, name) == pytest.approx(getattr(other, name), rel=ALIKE), name

@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 
 __all__ = [
     "UNREADABLE",
+    "DamperTask",
     "Share",
-    "Task",
     "content_key",
     "hash_of",
     "in_unicode",
     "owner_in_preamble",
     "parted",
     "share_of",
-    "tasks_of",
+    "tasks_by_damper",
 ]
 
 TABLE_OF_TESTS = "tests.csv"
@@ -47,7 +47,7 @@ _NOT_OF_RESULTS = {"output"}
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class DamperTask:
     """The logs of one damper.
 
     Attributes
@@ -78,7 +78,7 @@ class Share:
     number: int
     of: int
 
-    def takes(self, task: Task) -> bool:
+    def takes(self, task: DamperTask) -> bool:
         """Whether a task is of this share; every task is of one, whatever other tasks there are."""
         digest = hashlib.sha256(task.owner.encode("utf-8", "surrogatepass")).digest()
         return int.from_bytes(digest[:8], "big") % self.of == self.number - 1
@@ -106,7 +106,9 @@ def share_of(text: str) -> Share:
     return Share(number, of)
 
 
-def tasks_of(sources: Sequence[FleetLog], configuration: Configuration) -> tuple[Task, ...]:
+def tasks_by_damper(
+    sources: Sequence[FleetLog], configuration: Configuration
+) -> tuple[DamperTask, ...]:
     """Part logs by damper: the table of tests, else the log's preamble, else its folder says whose.
 
     Parameters
@@ -136,7 +138,7 @@ def tasks_of(sources: Sequence[FleetLog], configuration: Configuration) -> tuple
             owners[known or in_unicode(log.folder)].append(log)
     beside = {(_where(one), one.folder): one for one in tables}
     return tuple(
-        Task(owner, tuple(mine), tuple(dict.fromkeys(_beside(mine, beside))))
+        DamperTask(owner, tuple(mine), tuple(dict.fromkeys(_beside(mine, beside))))
         for owner, mine in sorted(owners.items(), key=lambda entry: natural_order(entry[0]))
     )
 
@@ -207,7 +209,7 @@ def owner_in_preamble(head: bytes) -> str:
     return identity_in({one[1]: one[2] for one in entries if one}).owner
 
 
-def parted(tasks: Iterable[Task], share: Share | None) -> tuple[Task, ...]:
+def parted(tasks: Iterable[DamperTask], share: Share | None) -> tuple[DamperTask, ...]:
     """Return the tasks of a share; all of them where none is asked for."""
     return tuple(task for task in tasks if share is None or share.takes(task))
 

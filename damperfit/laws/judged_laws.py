@@ -1,4 +1,4 @@
-"""What a climb has tried, law by law, and the one that it took."""
+"""What a search has tried, law by law, and the one that it took."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from damperfit.laws.choosing import Tried
 
-__all__ = ["Ladder", "Rung"]
+__all__ = ["JudgedLaw", "LawSearch"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rung:
+class JudgedLaw:
     """One law that was tried.
 
     Attributes
@@ -41,12 +41,12 @@ class Rung:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ladder:
+class LawSearch:
     """All laws tried, in their order, and the one to take.
 
     Attributes
     ----------
-    rungs : tuple of Rung
+    laws : tuple of JudgedLaw
         As they were tried.
     chosen : Tried
         The law that the logs tell.
@@ -61,7 +61,7 @@ class Ladder:
         What yields and tells the logs about as well as the law that was taken; empty for none.
     """
 
-    rungs: tuple[Rung, ...]
+    laws: tuple[JudgedLaw, ...]
     chosen: Tried
     n_eff: float
     alike: tuple[str, ...] = ()
