@@ -125,7 +125,7 @@ def executor(jobs: int) -> Iterator[InTurn | Threads]:
     jobs : int
         From one on; below is one too.
     """
-    if jobs <= 1:  # a thread costs 0.1 ms at each of fifteen places, and gains nothing
+    if jobs <= 1:  # a thread costs its start, and gains nothing
         yield InTurn()
         return
     with ThreadPoolExecutor(jobs) as pool:

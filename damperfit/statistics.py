@@ -1,7 +1,7 @@
 """Quantiles that several layers judge by.
 
 SciPy and NumPy have them too; SciPy takes longer to load than a fit takes, and NumPy's percentiles
-load its masked arrays, which are a tenth of `inspect`.
+load its masked arrays, which `inspect` would wait for.
 """
 
 from __future__ import annotations

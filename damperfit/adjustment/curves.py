@@ -31,7 +31,7 @@ __all__ = ["LEAST_SCATTER", "SCALES", "Curve", "Points", "fit_curve", "powers", 
 
 SCALES = ("linear", "log", "reciprocal", "from_first", "from_last")
 
-# No detent and no rig repeats better than this share; the error of a clean log is ten times less.
+# No detent and no rig repeats better than this share; the error of a clean log is far less.
 LEAST_SCATTER = 3e-3
 # Twice to weigh by the curve instead of by the values, which scatter.
 _PASSES = 3

@@ -61,7 +61,8 @@ __all__ = [
     "stage_of",
 ]
 
-_SAMPLES_PER_CYCLE = 1000  # forces at a speed move by less than 0.01 N from there to 4000
+# Forces at a speed move by less than 0.1 N from there to 4000 (`tests/test_told_figures.py`).
+_SAMPLES_PER_CYCLE = 1000
 _AS_FAST = 0.05  # rigs repeat a speed to 1 %
 _SINE = 0.1  # peak speed of a sine by its frequency against the one found; a triangle's is 36 % off
 _CYCLES = 2  # the steady cycle is reached within one

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Circumstance", "circumstances", "have_common_logs"]
 
 _SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
-_WARMER = 2.0  # degC; forces fall by some 0.1 % for each
+_WARMER = 2.0  # degC; forces fall as the oil thins
 _GAS = ("gas_",)
 _WHOSE = ("damper", "serial", "customer", "operator", "date", "rig")
 # Keys of the run's configuration, with words for people, that change what comes of the same logs.

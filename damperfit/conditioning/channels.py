@@ -120,7 +120,7 @@ def examine_channel(channel: Channel) -> Iterator[Finding]:
     """Yield what is remarkable in one channel."""
     if len(channel.values) < 8:
         return
-    order = np.sort(channel.values, kind="stable")  # by the runs of a motion: a third of the time
+    order = np.sort(channel.values, kind="stable")  # by the runs of a motion, which is quicker
     span = float(order[-1] - order[0])
     if span <= 0.0:
         return

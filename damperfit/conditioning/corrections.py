@@ -34,8 +34,8 @@ __all__ = ["describe_level", "describe_middle", "find_skew", "level_of", "middle
 # A level this near to what the gas gives is no news: other gas and oil move it as much.
 _NEAR = 0.15
 _KNOWN = 0.35  # uncertainty over the gas force above which nothing is said of a tare
-# Of the whole range: how far the middles of a motion's quarters lie apart. Sweeps have 0.0001,
-# roads of 9 to 60 s 0.05 to 0.26.
+# Of the whole range: how far the middles of a motion's quarters lie apart. Sweeps have next
+# to nothing, roads several times as much as this.
 _ONE_MIDDLE = 0.02
 _NEAR_ZERO = 1.0 / 3.0  # of the amplitude: a sensor that counts from its end is beyond 1
 

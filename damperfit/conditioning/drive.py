@@ -2,8 +2,8 @@ r"""The displacement that drives the model: its sensor noise taken off, the moti
 
 A damper answers the displacement as it was. The filter that force and displacement pass before
 they are compared would take the corners off a triangle wave before a model that is not linear
-sees them: at the true parameters 0.03 to 0.2 % of the force's variance are then missed, and a
-wrong valley fits better than the truth. So the drive has a filter of its own, with a corner that is
+sees them: at the true parameters a part of the force is then missed, and a wrong valley fits better
+than the truth. So the drive has a filter of its own, with a corner that is
 chosen from the log.
 
 What the compared filter leaves out, ``r = x - F x``, is split by frequency into motion S and noise
@@ -47,12 +47,12 @@ if TYPE_CHECKING:
 
 __all__ = ["content_beyond", "make_drive"]
 
-# Velocity that the compared filter may take away, over all of it. Servo-hydraulic sines at 1.5 Hz
-# lose less than 0.1 %; a triangle of 0.2 m/s and +-32 mm 21 %.
+# Velocity that the compared filter may take away, over all of it. A sine loses less, a triangle of
+# 0.2 m/s and +-32 mm an eighth (`tests/test_told_figures.py`).
 _LOST = 3e-3
 _STEP = 0.5  # octaves between the corners tried
 # Of the sample rate. Above, the spline rings at a sharp corner that falls between two samples: at
-# the true parameters a triangle of 0.2 m/s at 1 kHz misses 0.0002 % behind 350 Hz, 0.0012 % raw.
+# the true parameters a triangle at 1 kHz then misses more than behind 350 Hz.
 _HIGHEST = 0.35
 _TOP = (0.3, 0.45)  # of the sample rate, where a motion has nothing
 _NOISE_BETWEEN = 0.005

@@ -246,7 +246,7 @@ def _forward_backward(sections: FloatArray, signal: FloatArray) -> FloatArray:
 
 
 def _run(sections: FloatArray, signal: FloatArray, *, pad: int, way: int) -> FloatArray:
-    """Same numbers as SciPy's `sosfilt` and `sosfiltfilt`, at a tenth of their time."""
+    """Same numbers as SciPy's `sosfilt` and `sosfiltfilt`, in less time."""
     rows = np.ascontiguousarray(signal, dtype=np.float64)
     n = rows.shape[-1]
     result = np.empty_like(rows)

@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ForceLevel", "force_level", "gas_force"]
 
-# What both estimates may be wrong by together. Oil at 1e8 Pa exceeds it at setting 10, by 40 N.
+# What both estimates may be wrong by together. Oil at 1e8 Pa exceeds it at setting 10
+# (`python -m tests.conditioning.corrections_grid`).
 _OF_HYSTERESIS = 0.25
 _OF_GAS = 0.03
 
@@ -122,7 +123,7 @@ def _branches(x: FloatArray, v: FloatArray, f: FloatArray) -> tuple[float, float
     ):
         columns[row] = column
     # The products of the columns have the square of their condition; what that costs in digits, a
-    # second step on what is left gives back. On the columns themselves it takes five times as long.
+    # second step on what is left gives back. On the columns themselves it takes far longer.
     inverse = np.linalg.pinv(columns @ columns.T, hermitian=True)
     found = inverse @ (columns @ f)
     found += inverse @ (columns @ (f - found @ columns))

@@ -44,7 +44,7 @@ __all__ = ["examine_motion"]
 
 _VELOCITY_NOISE = 0.35  # % of the peak velocity
 _HARMONICS = 8.0
-_BEYOND_HALF = 2.0  # % of the speed; noise of 8 um at 500 Hz makes 0.2, a triangle 15
+_BEYOND_HALF = 2.0  # % of the speed; noise of 8 um makes far less, a triangle far more
 _TELLING = 20.0  # samples in a cycle, from which on noise can be told from motion
 _DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
 _SOON, _SAME = 3.0, 0.01  # cycles; of frequency and amplitude

@@ -156,7 +156,7 @@ def _parts(
 ) -> list[tuple[int, int]]:
     """Cut a run where a cycle is off the median of the last ones since the last cut."""
     channels = list(zip((period.tolist(), amplitude.tolist()), allowed, strict=True))
-    # In order at all times: a median sought anew for each cycle took a tenth of the conditioning.
+    # In order at all times: a median sought anew for each cycle takes far longer.
     recent: list[list[float]] = [[values[0]] for values, _ in channels]
     parts, first = [], 0
     for k in range(1, len(period) + 1):

@@ -193,7 +193,7 @@ def _rig_filter(log: UniformLog, trace: Trace, options: ConditionOptions) -> Ite
         rows = slice(max(first + longest.first, 0), first + longest.stop)
     channels = log.displacement[rows], log.force[rows]
     if looks_filtered(*channels, log.interval, longest.frequency):
-        # Undeclared, a causal filter in the rig costs 0.3 to 2 % in every parameter.
+        # python -m tests.identification.scatter --in-the-rig causal --declared none
         text = (
             "both channels look as if the rig had filtered them: if so, set rig.filter = "
             "'causal' or 'zero_phase' in the configuration, or every parameter is off by up to 2 %"

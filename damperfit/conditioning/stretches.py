@@ -28,7 +28,7 @@ __all__ = ["Edges", "FoundStretch", "find_runs", "steady_stretch"]
 
 _MOVED = 1.5e-3  # s; a filter of 30 Hz moves a passage so far where the speed doubles
 _HYSTERESIS = 0.25  # of the run's amplitude
-_SHARE = 1.0 / 3.0  # of all cycles, from which on runs are the test; chance gives less than a tenth
+_SHARE = 1.0 / 3.0  # of all cycles, from which on runs are the test; chance gives far less
 _NEAR = 0.01  # of a cycle; rigs repeat a period to 0.3 %
 _ROUNDING = 0.01  # of a cycle: as many whole ones as were logged, though the length is not exact
 

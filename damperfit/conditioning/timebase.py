@@ -33,7 +33,7 @@ __all__ = ["MAX_MISSING", "UniformLog", "make_uniform"]
 MAX_MISSING = 4  # consecutive samples; at 300 Hz, 17 ms, half a period of the 30 Hz corner
 _JITTER = 0.01  # share of the interval; what the filter does not notice
 _ROUNDED = 0.75  # of the rounding: half of it, and what a least-squares line may be off by itself
-# Wrong stamps (+-10 % of an interval) cost 1 % of K_e, right ones of +-40 % cost 0.1 %.
+# Wrong stamps cost more of K_e than right ones of an uneven clock.
 _ROUGHER = 1.5
 _MAX_FILLED = 0.05  # share of the log that may be put in before it is no measurement any more
 

@@ -37,7 +37,7 @@ __all__ = ["ForceTable", "force_table", "force_tables", "without_rig"]
 _CYCLES = 3  # the last counts: the steady cycle is reached within one
 _SAMPLES = 2000  # a cycle
 _BEYOND = 400  # samples a cycle beyond the tested speed
-_POINTS = 30  # a side: programs that go straight from point to point then miss 0.1 to 0.5 %
+_POINTS = 30  # a side: programs that go straight from point to point then miss little of a knee
 _FIRST = 0.02  # of the highest speed: friction jumps at 0, the table goes steeply through 0 0
 _FARTHEST = 5.0  # times the tested speed; the model says little of the damper beyond
 _GAS_POINTS = 13
@@ -202,7 +202,7 @@ def _beyond(
     """Return the model's forces beyond the tested speed, in rebound and in bump.
 
     Each is read at the peak of a sine of its own, in the middle of the stroke: on a faster sine
-    the branches lie so far apart that their mean would step up from the tested part by 3 %.
+    the branches lie so far apart that their mean would step up from the tested part.
     """
     found = np.empty((2, len(speeds)))
     for k, speed in enumerate(speeds):

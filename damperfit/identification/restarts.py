@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 __all__ = ["is_suspicious", "noise_percent", "reconsidered"]
 
-# Misfit over noise. Noise of the displacement alone makes up to 3.3 of it at the reversals (250 N
-# of friction, 3 um); a damper that cavitates as its model does has up to 1.3.
+# Misfit over noise. Noise of the displacement alone makes some of it at the reversals, where the
+# friction is strong; of a damper that cavitates as its model does next to none is left.
 WELL_ABOVE = 4.0
 CAVITATING_ABOVE = 1.5
 # MSE in per cent, a thirtieth of a per cent of the force's deviation squared: 1 N of 300 N.

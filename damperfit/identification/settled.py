@@ -4,8 +4,8 @@ What repeats tells a model the same in every cycle. Half a cycle, from one turn 
 the next, lets the model settle, one more is compared with the mean of the measured ones. The cycle
 being periodic, the filter is a factor of each harmonic. What differs from cycle to cycle stays as
 one more residual that nothing moves, so that sums of squares are those of the whole log, and a
-descent ends as there. Thinned to what the filter lets through it is a tenth of the work of a log of
-three speeds, and with as many samples as the log has it is that of one and a half cycles.
+descent ends as there. With as many samples as the log has it is the work of one and a half cycles;
+thinned to what the filter lets through it is less.
 
 Friction jumps at a reversal, between two samples. Over a log whose samples fall elsewhere in every
 cycle that averages out, and the mean cycle's friction is that of a sample's whole length: a dead
@@ -228,7 +228,7 @@ def _laid_out(
 def _interpolated(channels: FloatArray, positions: FloatArray) -> FloatArray:
     """Return channels (c, n) at fractional samples, through the eight samples around each.
 
-    At a tenth of the sample rate a polynomial through so many errs by 1e-5.
+    At a tenth of the sample rate a polynomial through so many errs by 2e-5.
     """
     at = np.ascontiguousarray(positions, dtype=np.float64)
     found = np.empty((len(channels), *at.shape))

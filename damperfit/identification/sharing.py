@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Sharing", "listed_runs", "listed_settings"]
 
-# Frictions further from their middle than this share are not one. Noise alone moves those of the
-# sample runs by 0.8 %.
+# Frictions further from their middle than this share are not one; noise alone moves those of the
+# sample runs by far less.
 _ALIKE = 0.2
 _ANY = Setting(())  # where nothing follows an adjuster any setting stands for all
 _MANY = 20  # runs of settings that a sentence names

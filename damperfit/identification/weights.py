@@ -1,9 +1,9 @@
 """How much each sample counts in the fit of a setting: by its stretch's noise, and not at a corner.
 
 Where the speed jumps, as at the corners of a triangle, the force of some milliseconds follows from
-the microns and microseconds of the turn, which no sensor tells: noise of 3 um there moved R_m3 of
-two triangles by 0.8 +- 0.6 %, without these samples by 0.2 +- 0.4 %. They are simulated, shown and
-in every MSE, but the fit takes no notice of them.
+the microns and microseconds of the turn, which no sensor tells: noise of a few um there bent R_m3
+of two triangles. These samples are simulated, shown and in every MSE, but the fit takes no notice
+of them (`tests/identification/test_any_motion.py`).
 """
 
 from __future__ import annotations

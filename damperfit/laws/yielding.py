@@ -23,7 +23,7 @@ __all__ = ["YIELDING", "held_against", "is_open_to", "yielding_seen"]
 
 YIELDING: tuple[type[Rival], ...] = (BoucWen, Biviscous, Kwok)
 # Valves that fit and predict so many times better are told and nothing else is. Of made-up dampers
-# of the same kinds as measured ones the true valves are 20 times better and more.
+# of the same kinds as measured ones the true valves are far better than that.
 _CLEARLY = 4.0
 
 

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ChildAnswer", "ask_child", "groups_answer", "read_groups_in_child", "serve"]
 
-_TIME_LIMIT = 60  # s for a log, and 1 s for each megabyte; the slowest library takes 2 s to load
+_TIME_LIMIT = 60  # s for a log, and 1 s for each megabyte; libraries take seconds to load
 _IDLE = 10.0  # s after which a child ends that nobody asks
 _OWN_MEMORY = 1 << 30  # bytes that Python and the library take before they see a log
 _OUT_OF_MEMORY = "memory"

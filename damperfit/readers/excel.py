@@ -4,7 +4,7 @@ The format: a ZIP archive of XML (ECMA-376), or before 2007 a compound file. Tex
 cells name it by its number.
 
 Traps. A kilobyte of the archive may unpack to gigabytes: what its directory says is checked first.
-4 kB may hold one long text and 50 000 cells that name it, which took 5.9 GB; or two cells at two
+4 kB may hold one long text and 50 000 cells that name it, which take gigabytes; or two cells at two
 ends of a sheet, between which the library fills in billions: so cells are counted, and their text,
 before the library sees them, and it runs in a process of its own. A formula that was never computed
 has no value, so formulas are counted and noted. Nothing is ever computed: formulas give the value

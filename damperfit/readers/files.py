@@ -1,8 +1,8 @@
 """Bytes of a log: read once, within a limit, and hashed.
 
 Traps. Opening a pipe waits for ever; a device never ends; a file may grow or be written over while
-it is read; one that says it is empty may not be. The hash of a large file costs a fifth of parsing
-it.
+it is read; one that says it is empty may not be. The hash of a large file costs a good part of
+parsing it.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
 
 
 def _hashed(data: bytes) -> Callable[[], str]:
-    """Hash a large log in a thread, as that takes a fifth of the time of parsing it."""
+    """Hash a large log in a thread, as that takes a good part of the time of parsing it."""
     digest = hashlib.sha256()
     if len(data) < _HASHED_BESIDE:
         digest.update(data)

@@ -202,8 +202,8 @@ def _label_remarks(labels: Labels, taken: Sequence[_Taken]) -> Iterator[str]:
 def _gains_by_threads(path: Path) -> bool:
     """Whether other logs can be read meanwhile: it is large, or read in a process of its own.
 
-    Small logs hold the interpreter's lock nearly all the time: 200 of 5000 rows took 1.09 s one
-    after the other and 1.25 s in two threads.
+    Small logs hold the interpreter's lock nearly all the time: in two threads they take longer than
+    one after the other.
     """
     with suppress(OSError):
         return path.suffix.lower() in _READ_IN_CHILD or path.stat().st_size > _LARGE

@@ -43,7 +43,7 @@ _SAME = 5e-4
 _ALIKE = 0.05  # motions nearer than this are one: rigs repeat speed and stroke to 1 %
 REPEATS = 0.05  # a damper at one setting, taken off and put on again, is within 5 %
 SCATTERS = 3.0  # standard deviations
-_WARMER = 5.0  # degC; forces fall by some 0.5 % for each
+_WARMER = 5.0  # degC; forces fall as the oil thins
 _MANY = 20
 
 

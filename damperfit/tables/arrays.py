@@ -1,6 +1,6 @@
 """Arrow arrays from plain values and numpy arrays, straight from their buffers.
 
-`pyarrow.array` would do the same but imports pandas first, a third of a second in every run.
+`pyarrow.array` would do the same but imports pandas first, which every run would wait for.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ __all__ = ["Hint", "seek_flaws"]
 # A signature that explains less of the repeating misfit than this names nothing.
 _NAMED = 0.5
 # Signatures within this factor of the best cannot be told from it: an offset of the force explains
-# 0.94 of a wrong gas pressure, which in turn explains 1.1 times what the offset itself does.
+# nearly all of a wrong gas pressure, and that all of an offset.
 _TIE = 0.85
 # Amounts beyond these are no cause that a rig has, whatever their signature explains: it stands for
 # a law that the model lacks. Of forces: shares of half the force's range.

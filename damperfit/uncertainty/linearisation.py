@@ -51,9 +51,9 @@ _LONGEST_CORRELATION = 0.25
 _LONGEST_MOVING = 1.0
 # Samples in which a chamber that was empty is full again.
 _REFILLING = 2
-# Of that, the share of the information that counts, measured on two roads: with all of it 79 to
-# 87 % of the intervals of R_m3 hold, with half 86 to 91, with a quarter 90 to 96, with none up to
-# 100.
+# Of that, the share of the information that counts: with all or half of it too few intervals of
+# R_m3 hold on a road that cavitates, with none too many
+# (`python -m tests.uncertainty.motion_coverage --motions "rough road"`).
 _SEEN = 0.25
 
 
@@ -200,7 +200,7 @@ def _seen(
     """A log beside the model, and the sensitivities over what is compared, (k, n).
 
     What repeats has the mean cycle's sensitivities: they differ from those of the log by what the
-    noise of the displacement does, and cost a tenth.
+    noise of the displacement does, and cost far less.
     """
     names = (*damper.names, *damper.conditions)
     trace, kept = log.trace, log.seen

@@ -44,8 +44,8 @@ __all__ = [
 # misfit three times as large as where the model was fitted.
 _WORSE = 2.0
 _NOT_PREDICTED = 10.0
-# Where a run-up begins at once, noise of the displacement costs up to 0.01 % (8 um, 1 kHz); below
-# this no law is asked to explain more.
+# Where a run-up begins at once, noise of the displacement costs a little; below this no law is
+# asked to explain more.
 _ENOUGH_PERCENT = 0.02
 # Stroke and peak speed that differ by less are one motion: rigs repeat both to a per cent or two.
 _SAME_MOTION = 0.05

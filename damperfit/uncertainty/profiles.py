@@ -6,7 +6,7 @@ With S the sum of squared residuals, least over all other parameters, and u = ln
 
 In the quadratic approximation rise = (u/se)^2, so that with the printed variance of u (correlation
 of the residuals and shared parameters allowed for, see `intervals`) a rise of 1.96^2 is the 95 %
-limit. White-noise scaling, L = 1/s^2, would set the limits three times too near.
+limit. White-noise scaling, L = 1/s^2, would set the limits several times too near.
 
 Here is what a profile is, which there are, and what their limits mean; `profile_walk` has how a
 line is walked. An own parameter is profiled beside the others of its setting, with the shared ones
@@ -61,7 +61,7 @@ _LINEAR_EDGE = 100.0
 _NARROW = 0.8
 _NEAR = 0.25
 # Above this standard error of ln y the profile's limits leave those of the quadratic approximation
-# by a tenth of their distance (4 N and 200 N of noise, K_e at settings 1, 10 and 20).
+# noticeably.
 _DOUBTFUL = 0.1
 
 

@@ -3,7 +3,7 @@
  * Numer. Math. 20 (1996) 21-37. Order 2, L-stable, stiffly accurate, one diagonal coefficient.
  *
  * Third and fourth order methods of the same kind were measured on the standard test: they lose
- * their order at the reversals, took 1.3 to 2.1 times as long, and erred as much there.
+ * their order at the reversals, took longer, and erred as much there.
  */
 #ifndef DAMPERFIT_TABLEAU_H
 #define DAMPERFIT_TABLEAU_H

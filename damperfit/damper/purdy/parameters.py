@@ -16,7 +16,7 @@ Slips of the paper's text, and what damperfit uses
 --------------------------------------------------
     (5)            lacks 1/rho_0: rho = rho_0 (1 + (1/rho_0)(drho/dP)(P - P_0))
     (17)           V_g0 + m_3/rho_0: the sign is minus, oil entering chamber 3 compresses the gas
-    (18)           sqrt(P_1 - P_3): the root is signed, P_1 < P_3 for 0.2 to 0.4 % of a cycle
+    (18)           sqrt(P_1 - P_3): the root is signed, P_1 < P_3 for 0.1 to 0.4 % of a cycle
     (25), (26)     numerator K_e K_B: K_g K_B
     (33), (35)     sign of eta opposite to (16): eta = -x a_r/a_g is kept
     4.1.2          "valve 2, R_m1": R_m2

@@ -28,8 +28,8 @@ STATES = ("oil_1", "oil_2", "outside", "grip")  # all that any damper may have
 # With the fit's dead band of 0.1 mm/s a car at rest shakes at steps of 1 ms.
 FRICTION_BAND = 0.005
 _MAX_STEPS = 10_000
-# N a step, of valves: inputs that go on by their slope jump by some 0.05 N at communication points
-# of 1 ms, and to resolve these jumps takes two to five times as long.
+# N a step, of valves: inputs that go on by their slope make the force jump at communication points
+# of 1 ms, and to resolve these jumps takes far longer.
 _TOLERANCE_OF_VALVES = 0.03
 # What is the rig's: rod ends, frame and load cell in series, their play.
 _OF_THE_RIG = ("series_stiffness", "play")

@@ -24,7 +24,7 @@ __all__ = [
 ]
 
 IDENTIFIER = "damperfit"
-# At 1e-4 an adaptive integrator errs by 37 N.
+# At 1e-4 an adaptive integrator errs by tens of newtons.
 _EXPERIMENT = {"startTime": "0", "stopTime": "2", "tolerance": "1e-6", "stepSize": "1e-3"}
 _N_INDICATORS = 4
 _TIME = 0
