@@ -882,13 +882,15 @@ SURFACE = {
         "MeasuredForces",
         "measured_forces",
     ],
-    "damperfit.queries.one_simulation": [
+    "damperfit.queries.chosen_parameters": [
         "ChosenParameters",
-        "SimulatedTest",
         "choose_parameters",
+        "table_meant",
+    ],
+    "damperfit.queries.one_simulation": [
+        "SimulatedTest",
         "damper_of",
         "simulate_test",
-        "table_meant",
     ],
     "damperfit.queries.origin": [
         "Origin",

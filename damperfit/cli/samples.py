@@ -103,7 +103,7 @@ def _truth(
     given: Path, configuration: Configuration, config: Path | None
 ) -> tuple[dict[int, Values], Configuration, str]:
     """Return the values of a table, and the configuration and line of the damper they hold for."""
-    from damperfit.queries.one_simulation import table_meant
+    from damperfit.queries.chosen_parameters import table_meant
     from damperfit.queries.origin import damper_of_table
     from damperfit.tables import read_parameters
 

@@ -79,7 +79,8 @@ def simulate(
     Example: damperfit simulate --setting 10 --amplitude 32mm --frequency 1.5Hz
     """
     from damperfit.damper.warmed import Warmed
-    from damperfit.queries.one_simulation import choose_parameters, damper_of, simulate_test
+    from damperfit.queries.chosen_parameters import choose_parameters
+    from damperfit.queries.one_simulation import damper_of, simulate_test
     from damperfit.queries.origin import warmed_to
 
     if displacement is not None:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from damperfit.configuration.options import Configuration
-    from damperfit.queries.one_simulation import ChosenParameters
+    from damperfit.queries.chosen_parameters import ChosenParameters
     from damperfit.queries.sweep import Variation
     from damperfit.report import Plot, SweepMember
 
@@ -68,7 +68,8 @@ def sweep(
 
     Example: damperfit sweep --setting 10 --vary r_m1=0.8,1,1.2
     """
-    from damperfit.queries.one_simulation import choose_parameters, damper_of
+    from damperfit.queries.chosen_parameters import choose_parameters
+    from damperfit.queries.one_simulation import damper_of
     from damperfit.queries.sweep import PAPER_SWEEPS, parse_variation
 
     check_kind("--figures", figures)
@@ -96,6 +97,10 @@ def sweep(
             say(f"note: {note}")
     wanted = [(v, False) for v in variations] + [(v, True) for v in PAPER_SWEEPS if paper]
     sweeps = [(v, _members(choice, configuration, v), is_paper) for v, is_paper in wanted]
+    if not quiet:
+        fastest = max(_peak_speed(one) for _, members, _ in sweeps for one in members)
+        for warning in choice.warnings(fastest):
+            say(f"warning: {warning}")
     records, plots = _lay_out(sweeps)
     _write(out, records, plots, kind=figures or "png", spares_others=not overwrite)
     if json:
@@ -127,6 +132,11 @@ def _members(
         )
         for member in run_sweep(choice, configuration, variation=variation)
     )
+
+
+def _peak_speed(member: SweepMember) -> float:
+    velocity = member.response.velocity
+    return float(max(velocity.max(), -velocity.min()))
 
 
 def _sentence(variation: Variation, members: Sequence[SweepMember]) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from damperfit.queries.one_simulation import choose_parameters, damper_of, simulate_test
+from damperfit.queries.chosen_parameters import choose_parameters
+from damperfit.queries.one_simulation import damper_of, simulate_test
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -14,7 +14,7 @@ from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
 from damperfit.queries.fleet_part import is_part, part_in, results_in, title_of
 from damperfit.queries.origin import configuration_of_run, motion_of_tests, warmed_to
-from damperfit.tables import values_from
+from damperfit.tables import unlimited_names, values_from
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
@@ -159,6 +159,13 @@ def hand_over(
         raise ConfigurationError(
             f"{folder}: no setting has all parameters; run damperfit identify LOGS first"
         )
+    for row in results.parameters:
+        names = ", ".join(unlimited_names(row, results.quantities))
+        if names:
+            notes.append(
+                f"{names} at setting {Setting.of(row['setting'])}: the logs set no upper limit, so "
+                "the force beyond their speeds may be far off"
+            )
     motion = motion_of_tests(record, {one.setting.cell for one in settings})
     if motion is None:
         motion = Sine(configuration.rig.amplitude, configuration.rig.frequency)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from damperfit.identification.outcome import Outcome, Status
     from damperfit.identification.setting import Fit
     from damperfit.identification.sharing import Sharing
-    from damperfit.identification.unseen import values_from_others
+    from damperfit.identification.unseen import unlimited_in, values_from_others
 
 __all__ = [
     "DETECT",
@@ -42,6 +42,7 @@ __all__ = [
     "identify",
     "normalised_mse",
     "shared_names",
+    "unlimited_in",
     "values_from_others",
 ]
 
@@ -66,6 +67,7 @@ _LATE = {
     "describe_searches": "multistart",
     "identify": "campaign",
     "normalised_mse": "model_versus_log",
+    "unlimited_in": "unseen",
     "values_from_others": "unseen",
     "shared_names": "options",
 }

@@ -15,11 +15,11 @@ import numpy as np
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from damperfit.damper.model import Values
 
-__all__ = ["values_from_others"]
+__all__ = ["unlimited_in", "values_from_others"]
 
 
 def values_from_others(known: Mapping[Setting, Values], setting: Setting) -> Values | None:
@@ -64,6 +64,31 @@ def values_from_others(known: Mapping[Setting, Values], setting: Setting) -> Val
             return None
         found[name] = value
     return first.replace(found)
+
+
+def unlimited_in(
+    values: Values, known: Mapping[Setting, Values], unlimited: Mapping[Setting, Collection[str]]
+) -> tuple[str, ...]:
+    """Return which of the values of a setting that was not fitted rest on logs that set no limit.
+
+    A blow-off that opened in no log of its click has any p_open; another motion, or another click
+    of the bleed beside it, may need the true one.
+
+    Parameters
+    ----------
+    values : Values
+        As `values_from_others` has put them together.
+    known : mapping of Setting to Values
+        Of the settings that were fitted.
+    unlimited : mapping of Setting to collection of str
+        Names to which the logs of a setting set no upper limit.
+    """
+    return tuple(
+        name
+        for name in values.names
+        if (whose := [one for one in known if getattr(known[one], name) == getattr(values, name)])
+        and all(name in unlimited.get(one, ()) for one in whose)
+    )
 
 
 def _by_clicks(numbers: Mapping[Setting, float], setting: Setting) -> float | None:

@@ -5,24 +5,18 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from damperfit.atomic import settle
-from damperfit.configuration.options import parameter_value
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import REFERENCE_SOURCE, reference_parameters
+import numpy as np
+
 from damperfit.damper.warmed import BETA, Warmed
 from damperfit.errors import (
     ConfigurationError,
     DamperfitError,
     InternalError,
     SimulationError,
-    did_you_mean,
     mishap_of,
 )
-from damperfit.identification import values_from_others
-from damperfit.queries.fleet_part import is_part, part_in
 from damperfit.queries.origin import damper_of_table
 from damperfit.readers import read_log
 from damperfit.run.labelling import labels_for
@@ -37,55 +31,27 @@ from damperfit.simulation import (
     sine_motion,
     triangle_motion,
 )
-from damperfit.tables import read_parameters, table_quantities
-from damperfit.tested.setting import ADJUSTER, Setting, parse_setting
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from pathlib import Path
 
     from damperfit.configuration.options import Configuration
-    from damperfit.damper.model import Model, Values
-    from damperfit.damper.quantity import Quantity
+    from damperfit.damper.model import Values
+    from damperfit.queries.chosen_parameters import ChosenParameters
     from damperfit.recording import Trace
     from damperfit.simulation import Motion
 
 __all__ = [
-    "ChosenParameters",
     "SimulatedTest",
-    "choose_parameters",
     "damper_of",
     "simulate_test",
-    "table_meant",
 ]
 
 # A cycle: at 33 the force at 0.05 m/s is up to 50 N off, at 333 half a newton
 # (`tests/test_told_figures.py`).
 _FEW_SAMPLES = 200
 _PILOT_SAMPLES = 100  # of one cycle: the integrator's own steps are more
-_TABLES = ("parameters.parquet", "parameters.csv")
 _WAVES = {"sine": sine_motion, "triangle": triangle_motion}
-
-
-@dataclass(frozen=True, slots=True)
-class ChosenParameters:
-    """Parameters and where they came from.
-
-    Attributes
-    ----------
-    parameters : Values
-        SI.
-    setting : Setting or None
-        Adjuster setting, None when all parameters were given one by one.
-    source : str
-        One sentence for people.
-    table : pathlib.Path or None
-        Where they stand; None for the reference set, and when all were given.
-    """
-
-    parameters: Values
-    setting: Setting | None
-    source: str
-    table: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,7 +81,7 @@ class SimulatedTest:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What to know before believing the figures, a sentence each."""
-        said = []
+        said = list(self.choice.warnings(float(np.max(np.abs(self.response.velocity)))))
         if self.samples_a_cycle < _FEW_SAMPLES:
             said.append(
                 f"{self.samples_a_cycle:.3g} samples a cycle: peaks, hysteresis and forces at a "
@@ -135,135 +101,6 @@ class SimulatedTest:
         """How finely a cycle is sampled."""
         interval = float(self.response.time[1] - self.response.time[0])
         return 1.0 / (self.frequency * interval)
-
-
-def choose_parameters(
-    setting: Setting | int | str | None,
-    *,
-    table: Path | None,
-    replaced: Mapping[str, str],
-    folder: Path = Path("results"),
-    damper: Model = PURDY_DAMPER,
-) -> ChosenParameters:
-    """Return the parameters to simulate with.
-
-    Parameters
-    ----------
-    setting : Setting, int, str or None
-        Adjuster setting, or its label; not needed when all parameters are replaced.
-    table : pathlib.Path or None
-        Parameters table or results folder; None takes the table in ``folder`` when there is one,
-        else the reference set.
-    replaced : mapping of str to str
-        Values that replace the setting's, as text with or without a unit.
-    folder : pathlib.Path
-        Where `identify` writes its results.
-    damper : Model
-        The model, where all are replaced or no table tells its own.
-
-    Raises
-    ------
-    ConfigurationError
-        No setting, an unknown setting, an unknown name, or a table that cannot be read.
-    """
-    if all(one.name in replaced for one in damper.quantities if one.default is None):
-        if table is not None:
-            raise ConfigurationError(
-                f"--parameters {table}: nothing is taken from it, as --set gives all "
-                "parameters; leave one of the two out"
-            )
-        chosen_name = None if setting is None else _meant(setting)
-        given = damper.values(_replaced(damper.quantities, replaced))
-        return ChosenParameters(given, chosen_name, "parameters: all given by --set")
-    path = _table(table, folder)
-    quantities = damper.quantities if path is None else table_quantities(path)
-    values = _replaced(quantities, replaced)
-    if setting is None:
-        needed = (one.name for one in quantities if one.default is None)
-        missing = ", ".join(name for name in needed if name not in values)
-        raise ConfigurationError(f"no parameters for {missing}: give --setting N or --set them all")
-    if path is None and damper.name != PURDY_DAMPER.name:
-        raise ConfigurationError(
-            f"there is no reference set of the model {damper.name!r}: give --parameters FILE, or "
-            "all of them by --set"
-        )
-    if path is None:
-        chosen = _meant(setting)
-        if isinstance(chosen.cell, str):
-            raise ConfigurationError(
-                f"--setting {setting}: not in the reference set; expected a whole number, 1 to 20"
-            )
-        parameters: Values = reference_parameters(chosen.cell)
-        source = f"setting {chosen} of the {REFERENCE_SOURCE}"
-    else:
-        known = read_parameters(path, quantities)
-        chosen = _meant(setting, known)
-        together = None if chosen in known else values_from_others(known, chosen)
-        if chosen not in known and together is None:
-            there = ", ".join(str(number) for number in sorted(known)) or "none"
-            raise ConfigurationError(
-                f"{path}: no parameters of setting {chosen}; there are {there}"
-            )
-        parameters = known[chosen] if together is None else together
-        source = f"setting {chosen} of {path}"
-        if together is not None:
-            source = f"setting {chosen}, put together from the clicks of the settings of {path}"
-    if values:
-        source = f"{source}; replaced: {', '.join(values)}"
-    return ChosenParameters(parameters.replace(values), chosen, f"parameters: {source}", path)
-
-
-def _replaced(quantities: Sequence[Quantity], texts: Mapping[str, str]) -> dict[str, float]:
-    known = {one.name: one for one in quantities}
-    for name in texts:
-        if name not in known:
-            raise ConfigurationError(
-                f"no parameter {name!r}; there are {', '.join(known)}.{did_you_mean(name, known)}"
-            )
-    return {name: parameter_value(known[name], text) for name, text in texts.items()}
-
-
-def _meant(setting: Setting | int | str, known: Collection[Setting] = ()) -> Setting:
-    """Return the setting that a label names, best among those that are known."""
-    if not isinstance(setting, str):
-        return Setting.of(setting)
-    named = {one.label.casefold(): one for one in known}
-    adjusters = next(iter(known)).adjusters if known else (ADJUSTER,)
-    try:
-        return named.get(setting.strip().casefold()) or parse_setting(setting, adjusters)
-    except ValueError as error:
-        raise ConfigurationError(f"--setting {setting}: {error}") from error
-
-
-def _table(given: Path | None, folder: Path) -> Path | None:
-    """Return the parameters table that is meant; by default the one in a folder, if it is there."""
-    if given is not None:
-        return table_meant(given)
-    settle(folder)
-    return _table_in(folder)
-
-
-def table_meant(given: Path) -> Path:
-    """Return the parameters table that is meant; a folder means the one in it, or the part.
-
-    Raises
-    ------
-    ConfigurationError
-        A folder without one.
-    """
-    if is_part(given):
-        return part_in(given)
-    if not given.is_dir():
-        return given
-    settle(given)  # what an interrupted run put there may be none of the results
-    found = _table_in(given)
-    if found is None:
-        raise ConfigurationError(f"{given}: no {_TABLES[0]} in this folder")
-    return found
-
-
-def _table_in(folder: Path) -> Path | None:
-    return next((folder / name for name in _TABLES if (folder / name).exists()), None)
 
 
 def damper_of(

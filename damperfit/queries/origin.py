@@ -47,6 +47,8 @@ class Origin:
         Its [damper], as it was written; None: it does not tell.
     motion : Sine or None
         The motion that was tested.
+    tested_speed : float or None
+        Highest peak speed of its logs, m/s.
     unknown_schema : str or None
         A sentence where the table is of a schema that is not known here.
     """
@@ -54,6 +56,7 @@ class Origin:
     place: str
     damper: Mapping[str, Any] | None = None
     motion: Sine | None = None
+    tested_speed: float | None = None
     unknown_schema: str | None = None
 
 
@@ -69,7 +72,8 @@ def origin_of(table: Path) -> Origin:
         damper = document.get("damper") if isinstance(document, dict) else None
         if isinstance(document, dict) and isinstance(damper, dict):
             motion = motion_of_tests(beside) or _nominal(document.get("rig"))
-            return Origin(str(place), damper, motion, schema)
+            speed = max((speed for _, _, speed in _tested(beside, None)), default=None)
+            return Origin(str(place), damper, motion, speed, schema)
     return Origin(str(table), unknown_schema=schema)
 
 
@@ -233,14 +237,18 @@ def motion_of_tests(
     settings : set of int, optional
         Settings that have parameters; None takes all logs that were not refused.
     """
-    inputs = record.get("inputs")
-    tested = [
-        motion
-        for log in (inputs if isinstance(inputs, list) else ())
-        if isinstance(log, dict) and (settings is None or log.get("setting") in settings)
-        for motion in _motions(log)
-    ]
+    tested = list(_tested(record, settings))
     return fastest_sine(tested) if tested else None
+
+
+def _tested(
+    record: Mapping[str, Any], settings: set[int | str] | None
+) -> Iterator[tuple[float, float, float]]:
+    """Yield amplitude, frequency and peak speed of all that was tested at some settings."""
+    inputs = record.get("inputs")
+    for log in inputs if isinstance(inputs, list) else ():
+        if isinstance(log, dict) and (settings is None or log.get("setting") in settings):
+            yield from _motions(log)
 
 
 def _motions(log: Mapping[str, Any]) -> Iterator[tuple[float, float, float]]:

@@ -14,7 +14,8 @@ from damperfit.queries.one_simulation import simulate_test
 if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
-    from damperfit.queries.one_simulation import ChosenParameters, SimulatedTest
+    from damperfit.queries.chosen_parameters import ChosenParameters
+    from damperfit.queries.one_simulation import SimulatedTest
 
 __all__ = ["PAPER_SWEEPS", "Member", "Variation", "parse_variation", "run_sweep", "swept_units"]
 

@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 
 from damperfit.atomic import settle
 from damperfit.errors import ConfigurationError
+from damperfit.identification.outcome import Status
 from damperfit.tables.arrays import float_array, repeated
 from damperfit.tables.columns import adjusters_in, read_setting, setting_cells, table_schema
 from damperfit.tables.quantities import PAPER_QUANTITIES, quantities_in, values_from
@@ -35,8 +36,10 @@ __all__ = [
     "read_facts",
     "read_known_numbers",
     "read_parameters",
+    "read_unlimited",
     "safe_cell",
     "table_quantities",
+    "unlimited_names",
     "write_responses",
     "write_table",
 ]
@@ -225,11 +228,45 @@ def read_known_numbers(path: Path) -> dict[Setting, dict[str, float]]:
     return {setting: numbers for setting, numbers in known.items() if numbers}
 
 
+def read_unlimited(
+    path: Path, quantities: tuple[Quantity, ...] = PAPER_QUANTITIES
+) -> dict[Setting, frozenset[str]]:
+    """Read which parameters of each setting the logs do not determine, and give no upper limit.
+
+    Rigid oil is none of them: any stiffness above its limit gives the same force.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        As of `read_parameters`; a table without the columns of statuses tells of none.
+    quantities : tuple of Quantity
+        Of the model.
+
+    Raises
+    ------
+    ConfigurationError, OutputError
+        As `read_parameters`.
+    """
+    more = [f"{one.name}_{end}" for one in quantities for end in ("status", "ci_high")]
+    rows = _rows_by_setting(path, quantities, needed=("setting",), more=more)
+    return {setting: frozenset(unlimited_names(row, quantities)) for setting, row in rows.items()}
+
+
+def unlimited_names(row: Mapping[str, Any], quantities: Sequence[Quantity]) -> tuple[str, ...]:
+    """Return what `read_unlimited` seeks in one row of a parameters table."""
+    return tuple(
+        one.name
+        for one in quantities
+        if not one.is_open
+        and row.get(f"{one.name}_status") == Status.NOT_IDENTIFIABLE
+        and row.get(f"{one.name}_ci_high") in (None, "")
+    )
+
+
 def _by_setting(
     path: Path, quantities: Sequence[Quantity], *, needed: Sequence[str]
 ) -> dict[Setting, dict[str, float]]:
     """Return the numbers of each row that tells its setting; empty cells are left out."""
-    settle(path.parent)
     try:
         return {
             setting: {
@@ -237,7 +274,26 @@ def _by_setting(
                 for one in quantities
                 if row.get(one.name) not in (None, "")
             }
-            for row in _read_rows(path, quantities, needed)
+            for setting, row in _rows_by_setting(path, quantities, needed=needed).items()
+        }
+    except (ValueError, TypeError) as error:
+        raise ConfigurationError(f"{path}: not a parameters table: {error}") from error
+
+
+def _rows_by_setting(
+    path: Path,
+    quantities: Sequence[Quantity],
+    *,
+    needed: Sequence[str],
+    more: Sequence[str] = (),
+) -> dict[Setting, dict[str, Any]]:
+    """Return the cells of the quantities, and more of them, of each row that tells its setting."""
+    settle(path.parent)
+    wanted = ("setting", *(one.name for one in quantities), *more)
+    try:
+        return {
+            setting: row
+            for row in _read_rows(path, quantities, needed, wanted)
             if (setting := read_setting(row, adjusters_in(tuple(row), quantities))) is not None
         }
     except OSError as error:
@@ -278,9 +334,8 @@ def read_facts(path: Path) -> dict[str, Any]:
 
 
 def _read_rows(
-    path: Path, quantities: Sequence[Quantity], needed: Sequence[str]
+    path: Path, quantities: Sequence[Quantity], needed: Sequence[str], wanted: Sequence[str]
 ) -> list[dict[str, Any]]:
-    wanted = ("setting", *(one.name for one in quantities))
     if path.suffix.lower() == ".parquet":
         with pq.ParquetFile(path, page_checksum_verification=True) as file:
             table = file.read()

@@ -12,6 +12,7 @@ import pyarrow as pa
 
 from damperfit.adjustment import Adjustment, credible_forces
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.identification.outcome import Status
 from damperfit.identification.setting import EXCELLENT
 from damperfit.tables.arrays import column, float_array
 from damperfit.tables.columns import setting_cells, table_schema
@@ -159,10 +160,11 @@ def _parameter_row(fit: Fit, assessment: Assessment, reason: str | None) -> dict
     for name in fit.parameters.names:
         row[name] = _finite(getattr(fit.parameters, name))
         interval = known.get(fit.setting, {}).get(name)
-        if interval is not None:
+        low, high = assessment.plausible_limits(fit, name)
+        is_open = fit.status[name] == Status.NOT_IDENTIFIABLE and low is None and high is None
+        if interval is not None and not is_open:  # without a limit there is no error either
             row[f"{name}_se"] = _finite(interval.error)
             row[f"{name}_misfit_se"] = _finite(interval.misfit)
-        low, high = assessment.limits(fit.setting, name)
         row[f"{name}_ci_low"], row[f"{name}_ci_high"] = _finite(low), _finite(high)
         row[f"{name}_status"] = fit.status[name].value
     return row | {

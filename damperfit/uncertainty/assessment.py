@@ -13,6 +13,7 @@ import numpy as np
 from damperfit.errors import SimulationError, sparing
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.descent import FitCancelledError
+from damperfit.identification.outcome import Status
 from damperfit.identification.paper.shared_values import TAKEN
 from damperfit.identification.sharing import listed_settings
 from damperfit.parallel import executor
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model
     from damperfit.errors import OnError
-    from damperfit.identification import Campaign
+    from damperfit.identification import Campaign, Fit
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty.linearisation import Linearisation
     from damperfit.uncertainty.withheld import Objection
@@ -117,6 +118,31 @@ class Assessment:
                 return low, high
             return min(low, known.low), max(high, known.high)
         return (None, None) if known is None else (known.low, known.high)
+
+    def plausible_limits(self, fit: Fit, name: str) -> tuple[float | None, float | None]:
+        """Return the `limits` of a fitted value, SI.
+
+        What its logs do not determine has none beyond its plausible range: they exclude nothing.
+        """
+        low, high = self.limits(fit.setting, name)
+        if fit.status[name] == Status.NOT_IDENTIFIABLE:
+            least, most = fit.parameters.quantity(name).plausible
+            low = None if low is None or low < least else low
+            high = None if high is None or high > most else high
+        return low, high
+
+    def unlimited(self, fit: Fit) -> frozenset[str]:
+        """Return what the logs of a fit do not determine, and give no upper limit.
+
+        Rigid oil is none of them: any stiffness above its limit gives the same force.
+        """
+        return frozenset(
+            name
+            for name, status in fit.status.items()
+            if status == Status.NOT_IDENTIFIABLE
+            and not fit.parameters.quantity(name).is_open
+            and self.plausible_limits(fit, name)[1] is None
+        )
 
     def verdicts(self, campaign: Campaign) -> dict[Setting, dict[str, str]]:
         """Return a sentence on each parameter, by setting."""

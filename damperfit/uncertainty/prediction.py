@@ -14,7 +14,7 @@ import numpy as np
 
 from damperfit.conditioning import TRANSIENTS, noise_floor
 from damperfit.errors import LogError, SimulationError
-from damperfit.identification import compare, normalised_mse, values_from_others
+from damperfit.identification import compare, normalised_mse, unlimited_in, values_from_others
 from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
@@ -77,6 +77,8 @@ class Prediction:
     is_unseen : bool
         No log of its setting was fitted: its values are put together from those of other settings
         with the same clicks; a force offset, which is each test's own, is taken from the log.
+    unlimited : tuple of str
+        Of those the values to which the logs of these settings set no upper limit.
     """
 
     setting: Setting
@@ -88,6 +90,7 @@ class Prediction:
     expected_mse_percent: float
     is_same_motion: bool = False
     is_unseen: bool = False
+    unlimited: tuple[str, ...] = ()
 
     @property
     def ratio(self) -> float:
@@ -111,7 +114,9 @@ class Prediction:
         """The ratio in words, and whether it tests the model at all."""
         words = self._ratio_in_words
         if self.is_unseen:
-            return f"{words}; parameters combined from settings that share its clicks"
+            words = f"{words}; parameters combined from settings that share its clicks"
+            names = ", ".join(self.unlimited)
+            return f"{words}, whose logs do not determine {names}" if names else words
         if not self.is_same_motion:
             return words
         return f"{words}; same stroke and speed as the fitted logs, so no test of the model"
@@ -139,6 +144,7 @@ class Prediction:
             "expected_mse_percent": self.expected_mse_percent,
             "is_same_motion": self.is_same_motion,
             "is_unseen": self.is_unseen,
+            "unlimited": list(self.unlimited),
             "verdict": self.verdict,
         }
 
@@ -247,6 +253,7 @@ def predict(
     fits = {fit.setting: fit for fit in campaign.fits}
     parameters = {setting: fit.parameters for setting, fit in fits.items()}
     noise = {one.setting: _known(one.noise_percent) for one in assessment.diagnoses}
+    unlimited = {fit.setting: assessment.unlimited(fit) for fit in campaign.fits}
 
     def one(trace: Trace) -> Prediction | None:
         if trace.setting is None:
@@ -264,7 +271,8 @@ def predict(
         except SimulationError:
             return None
         if fit is None:
-            return _unseen(Setting.of(trace.setting), campaign.fits, trace, seen, noise)
+            told = _unseen(Setting.of(trace.setting), campaign.fits, trace, seen, noise)
+            return replace(told, unlimited=unlimited_in(values, parameters, unlimited))
         return _prediction(fit, trace, seen, noise.get(fit.setting, 0.0))
 
     with executor(jobs) as pool:

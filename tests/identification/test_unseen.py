@@ -7,7 +7,7 @@ import pytest
 
 from damperfit.damper.model import values_type
 from damperfit.damper.quantity import OFFSET, Quantity
-from damperfit.identification import DETECT, FitOptions, identify, values_from_others
+from damperfit.identification import DETECT, FitOptions, identify, unlimited_in, values_from_others
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, predict
 from tests.identification import adjusted
@@ -70,3 +70,14 @@ def test_an_unseen_setting_is_predicted_with_the_offset_of_its_log() -> None:
     assert worse.is_failed
     apart = identify(adjusted.logs()[:3], DAMPER, FitOptions("plain"))
     assert predict(apart, assess(apart, DAMPER), (unseen,), damper=DAMPER) == ()
+
+
+@pytest.mark.parametrize(
+    ("open_at", "told"), [({(1, 2)}, ("f_0",)), ({(1, 1)}, ()), (set(), ()), ({(3, 1)}, ())]
+)
+def test_a_value_is_unlimited_where_all_that_have_it_are(open_at, told) -> None:
+    rows = known((1, 1, 5.0), (1, 2, 6.0), (3, 1, 7.0))
+    values = TWO(5.0, 1.0)  # s of the first, f_0 of the second
+    unlimited = {at(*one): ("f_0",) for one in open_at}
+    assert unlimited_in(values, rows, unlimited) == told
+    assert unlimited_in(values, {}, unlimited) == ()

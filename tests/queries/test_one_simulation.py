@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from damperfit.errors import ConfigurationError
-from damperfit.identification import Campaign
-from damperfit.queries.one_simulation import choose_parameters
+from damperfit.identification import Campaign, Status
+from damperfit.queries.chosen_parameters import ChosenParameters, choose_parameters
 from damperfit.report import markdown_report
-from damperfit.tables import make_tables, write_table
+from damperfit.tables import make_tables, read_unlimited, write_table
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Prediction
 from tests import fakes
 from tests.identification.adjusted import HIGH, LOW, SETTINGS, at
@@ -52,3 +53,52 @@ def test_what_is_only_predicted_stands_in_the_report() -> None:
     text = markdown_report(tables, replace(FACTS, held_out=(unseen,)))
     assert "LS14 HS3" in text
     assert "parameters combined from settings that share its clicks" in text
+
+
+def undetermined_campaign() -> Campaign:
+    """As `campaign`, with a blow-off that opens in no log of the third click."""
+    one = campaign()
+    status = {**one.fits[1].status, "r_m2": Status.NOT_IDENTIFIABLE}
+    return replace(one, fits=(one.fits[0], replace(one.fits[1], status=status), one.fits[2]))
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_a_value_that_no_log_limits_is_named_where_it_acts(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"parameters{suffix}"
+    write_table(path, make_tables(undetermined_campaign()).parameters, suffix=suffix)
+    unseen = choose_parameters(setting="LS14 HS3", table=path, replaced={})
+    (said,) = unseen.warnings(0.1)
+    assert said == (
+        "r_m2 at setting LS14 HS3: the logs of the settings that it is put together from set no "
+        "upper limit, so these forces may be far off; fit a log of this setting, or give a value "
+        "by --set"
+    )
+    given = choose_parameters(setting="LS14 HS3", table=path, replaced={"r_m2": "3e6"})
+    assert given.warnings(0.1) == ()
+    own = choose_parameters(setting="LS6 HS3", table=path, replaced={})
+    assert own.warnings(9.0) == ()  # nobody knows what was tested
+    faster = replace(own, tested_speed=0.1)
+    assert faster.warnings(0.1) == ()
+    assert "r_m2: the logs of setting LS6 HS3 set no upper limit" in faster.warnings(0.2)[1]
+    assert choose_parameters(setting="LS6 HS1", table=path, replaced={}).warnings(0.1) == ()
+
+
+@pytest.mark.parametrize(("speed", "n"), [(0.209, 0), (0.211, 1)])
+def test_a_speed_beyond_the_tests_is_extrapolated(speed: float, n: int) -> None:
+    one = ChosenParameters(fakes.fit(1).parameters, None, "", tested_speed=0.2)
+    assert len(one.warnings(speed)) == n
+    if n:
+        assert one.warnings(speed) == (
+            "peak speed 0.211 m/s: the tests reach 0.2 m/s; beyond that the force is extrapolated",
+        )
+
+
+def test_an_upper_limit_or_rigid_oil_is_no_doubt(tmp_path: Path) -> None:
+    path = tmp_path / "parameters.csv"
+    path.write_text(
+        "setting,r_m1,r_m1_ci_high,r_m1_status,r_m2,r_m2_ci_high,r_m2_status,r_m3,k_e,k_e_ci_high,"
+        "k_e_status,f_f\n1,1e4,2e4,not_identifiable,2e6,,not_identifiable,3e6,9e10,,"
+        "not_identifiable,20\n"
+    )
+    assert choose_parameters(setting=1, table=path, replaced={}).undetermined == ("r_m2",)
+    assert read_unlimited(path) == {Setting.of(1): frozenset({"r_m2"})}

@@ -13,7 +13,7 @@ from rich.console import Console
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.errors import ConfigurationError
-from damperfit.queries.one_simulation import choose_parameters
+from damperfit.queries.chosen_parameters import choose_parameters
 from damperfit.queries.sweep import PAPER_SWEEPS, parse_variation, run_sweep, swept_units
 from damperfit.report import (
     SweepMember,

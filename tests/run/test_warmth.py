@@ -24,7 +24,8 @@ from damperfit.identification import FitOptions, Outcome, Status, identify
 from damperfit.identification.first_beta import with_first_beta
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.queries.adjuster_results import read_adjuster_results
-from damperfit.queries.one_simulation import choose_parameters, damper_of, simulate_test
+from damperfit.queries.chosen_parameters import choose_parameters
+from damperfit.queries.one_simulation import damper_of, simulate_test
 from damperfit.queries.origin import damper_of_table, warmed_to
 from damperfit.recording import Recording
 from damperfit.run.pipeline import run

@@ -11,6 +11,7 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, Sharing, identify
+from damperfit.tables import make_tables
 from damperfit.uncertainty import (
     Assessment,
     Uncertainty,
@@ -283,3 +284,30 @@ def test_intervals_cover_the_truth_through_the_whole_procedure(
     assert 0.93 <= covered[:, :3].mean() <= 0.98
     assert np.abs(width - 1.0).max() < 3 / math.sqrt(2 * n)
     assert np.abs(bias).max() < 3 / math.sqrt(n)
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+@pytest.mark.parametrize("lost", ["low", "high", "both"])
+def test_a_limit_beyond_the_plausible_range_is_none(lost: str, share: float) -> None:
+    one = fakes.fit(1, status={"r_m2": "not_identifiable"})
+    least, most = one.parameters.quantity("r_m2").plausible
+    value = {"low": 20.0 * least, "high": most / 20.0, "both": math.sqrt(least * most)}[lost]
+    moved = replace(one, parameters=one.parameters.replace({"r_m2": value}))
+    error = share * min(math.log(value / least), math.log(most / value)) / 1.959964
+    known = Uncertainty(1, {"r_m2": make_interval(value, error)}, ("r_m2",), np.array([[error**2]]))
+    assessment = Assessment(uncertainties=(known,))
+    low, high = assessment.plausible_limits(moved, "r_m2")
+    is_beyond = share > 1.0
+    assert (low is None, high is None) == (
+        is_beyond and lost != "high",
+        is_beyond and lost != "low",
+    )
+    assert assessment.unlimited(moved) == (frozenset({"r_m2"}) if high is None else frozenset())
+    tables = make_tables(fakes.campaign(moved), assessment=assessment)
+    (row,) = tables.parameters.to_pylist()
+    assert (row["r_m2_ci_low"], row["r_m2_ci_high"]) == (low, high)
+    has_error = not is_beyond or lost != "both"
+    assert (row["r_m2_se"] is not None) == (row["r_m2_misfit_se"] is not None) == has_error
+    fitted = replace(moved, status=fakes.fit(1).status)
+    assert None not in assessment.plausible_limits(fitted, "r_m2")
+    assert assessment.unlimited(fitted) == frozenset()

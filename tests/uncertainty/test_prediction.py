@@ -21,6 +21,8 @@ from damperfit.uncertainty import (
     prediction_warnings,
     split_cycles,
 )
+from tests import fakes
+from tests.identification.adjusted import at
 from tests.identification.rig import recording
 
 SETTINGS = (1, 10, 20)
@@ -162,3 +164,11 @@ def test_the_stroke_and_speed_that_were_fitted_are_no_test_of_the_model() -> Non
     assert "the rig or the damper has drifted" in prediction_warnings([drifts])[0]
     fails = replace(drifts, is_same_motion=False)
     assert "not for the damper" in prediction_warnings([fails])[0]
+
+
+def test_a_combined_setting_names_what_no_log_limits() -> None:
+    one = Prediction(at(14, 3), fakes.trace(9), False, 9.0, 0.1, 0.15, 0.2, is_unseen=True)
+    assert one.verdict.endswith("combined from settings that share its clicks")
+    other = replace(one, unlimited=("r_m1", "r_m2"))
+    assert other.verdict == f"{one.verdict}, whose logs do not determine r_m1, r_m2"
+    assert other.describe()["unlimited"] == ["r_m1", "r_m2"]
