@@ -162,7 +162,11 @@ def test_three_values_of_a_test_are_named(n, more) -> None:
 @pytest.mark.parametrize(("samples", "n"), [(195.0, 1), (205.0, 0)])
 def test_a_simulated_cycle_has_two_hundred_samples(samples, n) -> None:
     full = SimpleNamespace(cavitation_shares=(0.0, 0.0))
-    one = SimpleNamespace(samples_a_cycle=samples, characteristics=full)
+    choice = SimpleNamespace(warnings=lambda _: ())
+    response = SimpleNamespace(velocity=np.zeros(1))
+    one = SimpleNamespace(
+        samples_a_cycle=samples, characteristics=full, choice=choice, response=response
+    )
     assert len(SimulatedTest.warnings.fget(one)) == n
 
 
