@@ -118,6 +118,7 @@ SURFACE = {
         "Guessed",
         "check_damper",
         "damper_keys",
+        "fault_of",
         "first_configuration",
         "guess_from_logs",
     ],

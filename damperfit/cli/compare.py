@@ -70,7 +70,9 @@ def compare(
     ] = False,
     velocity: Annotated[
         list[str] | None,
-        typer.Option(metavar="SPEED", help="Speeds to compare at.  [the named test speeds]"),
+        typer.Option(
+            metavar="SPEED", help="Speeds to compare at.  [default: the named test speeds]"
+        ),
     ] = None,
     amplitude: AmplitudeOption = None,
     frequency: FrequencyOption = None,

@@ -38,7 +38,8 @@ def export(
         Path | None,
         typer.Option(
             metavar="PATH",
-            help="A file where it has a suffix, else a folder.  [export in the results folder]",
+            help="A file where it has a suffix, else a folder.  [default: export in the results "
+            "folder]",
         ),
     ] = None,
     extend: Annotated[

@@ -78,7 +78,8 @@ def identify(
         list[str] | None,
         typer.Option(
             metavar="NAME,NAME",
-            help="Parameters to fit; in the paper's model r_m1 r_m2 r_m3 k_e f_f f_0.",
+            help="Parameters to fit; in the paper's model r_m1 r_m2 r_m3 k_e f_f f_0.  [default: "
+            "those of the procedure]",
         ),
     ] = None,
     fix: Annotated[
@@ -104,10 +105,12 @@ def identify(
     covariate: CovariateOption = None,
     bulk_modulus: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="K_e: free, or appendix1, from one gas content."),
+        typer.Option(
+            metavar="NAME", help="K_e: free, or appendix1, from one gas content.  [default: free]"
+        ),
     ] = None,
     starts: Annotated[
-        int | None, typer.Option(metavar="N", help="Fit each setting from N starts.  [1]")
+        int | None, typer.Option(metavar="N", help="Fit each setting from N starts.  [default: 1]")
     ] = None,
     start: StartOption = None,
     profile: Annotated[
@@ -134,7 +137,7 @@ def identify(
     rig: RigOption = None,
     allow_truncated: TruncatedOption = False,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the results.  [results]")
+        Path | None, typer.Option(metavar="DIR", help="Folder for the results.  [default: results]")
     ] = None,
     report: Annotated[
         bool, typer.Option("--report", help="Also write report.html, as damperfit report does.")

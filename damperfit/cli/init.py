@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["init"]
 
 _STDOUT = "-"
+_MODEL = "purdy"
 
 
 def init(
@@ -29,8 +30,11 @@ def init(
         ),
     ] = None,
     model: Annotated[
-        str, typer.Option(metavar="NAME", help="purdy, twin_tube, monotube, through_flow ...")
-    ] = "purdy",
+        str | None,
+        typer.Option(
+            metavar="NAME", help="purdy, twin_tube, monotube, through_flow ...  [default: purdy]"
+        ),
+    ] = None,
     set_: Annotated[
         list[str] | None,
         typer.Option(
@@ -70,12 +74,13 @@ def init(
             f"{out}: is there already; give --overwrite to replace it, or --out"
         )
     given = assignments(set_ or [], option="--set", example="rod_diameter=12mm")
+    is_asked = _is_terminal() and not quiet
+    model = model or (_asked_model() if is_asked else _MODEL)
     check_damper(model, given)
     paths = expand(logs) if logs else ()
     guessed = guess_from_logs(paths) if paths else Guessed({}, {})
-    if sys.stdin.isatty() and sys.stderr.isatty() and not quiet:
-        given = {**given, **_asked(model, given)}
-        check_damper(model, given)
+    if is_asked:
+        given = _asked(model, given)
     text = first_configuration(model, given, guessed)
     if is_printed:
         print_lines(text.splitlines())
@@ -87,33 +92,90 @@ def init(
         for sentence in guessed.open:
             say(f"warning: {sentence}")
         say(f"damperfit: {out} written; measure the keys that begin with #, and remove the #")
+        say(f"next: damperfit identify {_shown(logs or ['LOGS'])} --config {out}")
     return _inspected(logs, out, is_quiet=quiet) if logs else 0
 
 
-def _asked(model: str, given: Mapping[str, str]) -> dict[str, str]:
-    """Ask for what is not given; an empty answer leaves the default."""
-    from damperfit.configuration.drawings import DRAWINGS, MEASURED
-    from damperfit.queries.first_configuration import damper_keys
+def _is_terminal() -> bool:
+    return sys.stdin.isatty() and sys.stderr.isatty()
 
-    say("Each length and pressure of the damper; Enter keeps the value in brackets.")
+
+def _asked_model() -> str:
+    """Ask which damper it is, until the answer is a model."""
+    from damperfit.configuration.drawings import DRAWINGS
+    from damperfit.damper.models import MODELS
+    from damperfit.queries.first_configuration import check_damper
+
+    say("Which damper is it? See also: damperfit help models")
+    for name in DRAWINGS:
+        say(f"  {name:<13} {MODELS[name].title}")
+    while True:
+        model = _answer("model", _MODEL)
+        try:
+            check_damper(model, {})
+        except ConfigurationError as error:
+            say(f"  {str(error).removeprefix('--model: ')}")
+        else:
+            return model
+
+
+def _asked(model: str, given: Mapping[str, str]) -> dict[str, str]:
+    """Ask for what is not given, until it is a damper; Enter leaves the default."""
+    from damperfit.configuration.drawings import DRAWINGS
+    from damperfit.queries.first_configuration import check_damper, damper_keys
+
+    defaults = {key: text for key, text in damper_keys(model).items() if key not in given}
+    if defaults:
+        say(
+            "Now its lengths and pressures, as in 12mm or 8bara. Enter keeps the value in brackets."
+        )
     for line in DRAWINGS.get(model, "").splitlines():
         say(line)
-    answers = {}
-    for key, text in damper_keys(model).items():
-        if key not in given:
-            said = typer.prompt(
-                f"{key} ({MEASURED.get(key, '')})", default="", show_default=False, err=True
-            )
-            if said.strip():
-                answers[key] = said.strip()
-            else:
-                say(f"  {key}: {text}")
-    return answers
+    answers = dict(given)
+    while True:
+        for key, text in defaults.items():
+            said = _asked_key(model, key, answers.get(key, text))
+            if said != text or key in answers:
+                answers[key] = said
+        try:
+            check_damper(model, answers)
+        except ConfigurationError as error:
+            if not defaults:
+                raise
+            say(f"  {str(error).removeprefix('command line: damper.')}; once more:")
+        else:
+            return answers
+
+
+def _asked_key(model: str, key: str, default: str) -> str:
+    from damperfit.configuration.drawings import MEASURED
+    from damperfit.queries.first_configuration import fault_of
+
+    how = MEASURED.get(key, "")
+    while True:
+        said = _answer(f"{key} ({how})" if how else key, default)
+        fault = fault_of(model, key, said)
+        if not fault:
+            return said
+        say(f"  {fault}")
+
+
+def _answer(question: str, default: str) -> str:
+    # input() would write its prompt to stdout where that is a file, as for `--out -`.
+    sys.stderr.write(f"{question} [{default}]: ")
+    sys.stderr.flush()
+    line = sys.stdin.readline()
+    if not line:
+        raise typer.Abort
+    return line.strip() or default
 
 
 def _inspected(logs: list[str], out: Path, *, is_quiet: bool) -> int:
     from damperfit.cli.inspect import inspect
 
-    more = " ..." if logs[3:] else ""
-    print_lines([f"$ damperfit inspect {' '.join(logs[:3])}{more} --config {out}"])
+    print_lines([f"$ damperfit inspect {_shown(logs)} --config {out}"])
     return inspect(logs, config=out, quiet=is_quiet)
+
+
+def _shown(logs: list[str]) -> str:
+    return " ".join([*logs[:3], *(["..."] if logs[3:] else [])])

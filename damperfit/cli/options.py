@@ -56,7 +56,7 @@ ConfigOption = Annotated[
     typer.Option(
         "--config",
         metavar="FILE.toml",
-        help="Damper, rig and identification; default: the paper's damper and test.",
+        help="Damper, rig and identification.  [default: the paper's damper and test]",
     ),
 ]
 JsonOption = Annotated[
@@ -93,7 +93,8 @@ UnitsOption = Annotated[
     typer.Option(
         "--units",
         metavar="LIST",
-        help="Units of force, speed and length: N,mm/s or lbf,in/s or daN.",
+        help="Units of force, speed and length, as in N,mm/s or lbf,in/s or daN.  [default: those "
+        "of the run or the configuration, else N,m/s,m]",
     ),
 ]
 LogsArgument = Annotated[
@@ -104,7 +105,9 @@ LogsArgument = Annotated[
 ]
 JobsOption = Annotated[
     int | None,
-    typer.Option("--jobs", min=1, metavar="N", help="Workers; default: the cores available."),
+    typer.Option(
+        "--jobs", min=1, metavar="N", help="Workers, 1 or more.  [default: the cores available]"
+    ),
 ]
 SettingOption = Annotated[
     str | None,
@@ -113,7 +116,9 @@ SettingOption = Annotated[
 TestsOption = Annotated[
     Path | None,
     typer.Option(
-        "--tests", metavar="FILE", help="Table of tests: file, adjusters, damper.  [tests.csv]"
+        "--tests",
+        metavar="FILE",
+        help="Table of tests: file, adjusters, damper.  [default: tests.csv beside the logs]",
     ),
 ]
 StrictOption = Annotated[
@@ -138,7 +143,9 @@ TemperatureOption = Annotated[
 SkewOption = Annotated[
     str | None,
     typer.Option(
-        "--skew", metavar="TIME|auto", help="Delay of the force: 2ms, or auto to estimate it."
+        "--skew",
+        metavar="TIME|auto",
+        help="Delay of the force, as in 2ms, or auto to estimate it.  [default: 0s]",
     ),
 ]
 TruncatedOption = Annotated[
@@ -174,21 +181,25 @@ ModelOption = Annotated[
     typer.Option(
         "--model",
         metavar="NAME",
-        help="Model of the damper; identify also takes auto: the one that the logs support.  "
-        "[purdy]",
+        help="Model of the damper; with identify also auto, the one that the logs support.  "
+        "[default: purdy]",
     ),
 ]
 ProcedureOption = Annotated[
     str | None,
-    typer.Option("--procedure", metavar="NAME", help="How to fit: paper, joint, plain."),
+    typer.Option(
+        "--procedure",
+        metavar="NAME",
+        help="How to fit: paper, joint, plain.  [default: paper; of other models joint]",
+    ),
 ]
 HoldOutOption = Annotated[
     list[str] | None,
     typer.Option(
         "--hold-out",
         metavar="PATTERN",
-        help="Predict these logs instead of fitting them; may be given several times. Default: "
-        "transients, the run-up, coast-down and changes of speed within the logs.",
+        help="Predict these logs instead of fitting them; may be given several times.  "
+        "[default: transients, the run-up, coast-down and changes of speed within the logs]",
     ),
 ]
 RivalsOption = Annotated[
@@ -212,7 +223,7 @@ ToleranceOption = Annotated[
     typer.Option(
         "--tolerance",
         metavar="5%|20N|FILE",
-        help="Gate: band around the reference (of a fleet: the median), or a table; missed: "
+        help="Band around the reference (of a fleet: the median), or a table of bands; missed: "
         "code 4.",
     ),
 ]
@@ -225,8 +236,8 @@ ParametersOption = Annotated[
     typer.Option(
         "--parameters",
         metavar="FILE",
-        help="Parameters table (.parquet, .csv) or results folder.  [results, if it is there, "
-        "else the shipped reference set]",
+        help="Parameters table (.parquet, .csv) or results folder.  [default: results, if it is "
+        "there, else the shipped reference set]",
     ),
 ]
 SetOption = Annotated[
@@ -234,12 +245,18 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="Replace a parameter; with all five, --setting is not needed.",
+        help="Replace a parameter; may be given several times. With all five, --setting is not "
+        "needed.",
     ),
 ]
 StageOption = Annotated[
     str | None,
-    typer.Option("--setting", metavar="N", help="Setting whose parameters are used."),
+    typer.Option(
+        "--setting",
+        metavar="N",
+        help="Setting whose parameters are used.",
+        rich_help_panel="Damper",
+    ),
 ]
 MaxStepsOption = Annotated[
     int | None,
@@ -247,7 +264,7 @@ MaxStepsOption = Annotated[
         "--max-steps",
         min=1,
         metavar="N",
-        help="Limit on samples and integrator steps.  [5000000]",
+        help="Limit on samples and integrator steps, 1 or more.  [default: 5000000]",
     ),
 ]
 AmplitudeOption = Annotated[
@@ -255,7 +272,7 @@ AmplitudeOption = Annotated[
     typer.Option(
         "--amplitude",
         metavar="LENGTH",
-        help="Amplitude of the simulated motion, as in 32mm.  [that of the test]",
+        help="Amplitude of the simulated motion, as in 32mm.  [default: that of the test]",
     ),
 ]
 FrequencyOption = Annotated[
@@ -263,6 +280,6 @@ FrequencyOption = Annotated[
     typer.Option(
         "--frequency",
         metavar="FREQ",
-        help="Frequency of the simulated motion, as in 1.5Hz.  [that of the test]",
+        help="Frequency of the simulated motion, as in 1.5Hz.  [default: that of the test]",
     ),
 ]

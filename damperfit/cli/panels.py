@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 from typer.core import TyperCommand, TyperGroup
@@ -9,35 +10,36 @@ from typer.core import TyperCommand, TyperGroup
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["PANELS", "PanelledCommand", "UncutCommands", "panel_of"]
+__all__ = ["PANELS", "PanelledCommand", "UncutCommands", "panel_of", "without_range"]
 
 # What stands in no panel stands last, under "Options".
 PANELS = {
     "Logs": (
         *("--setting", "--tests", "--rig", "--rig-profile", "--skew", "--allow-truncated"),
-        *("--displacement", "--measured"),
+        "--measured",
     ),
-    "Damper": ("--config", "--model", "--set", "--layout", "--parameters"),
+    "Damper": ("--config", "--model", "--set", "--layout", "--parameters", "--settings"),
+    "Rig": ("--force-noise", "--displacement-noise", "--rig-filter", "--seed"),
     "Fit": (
         *("--free", "--fix", "--procedure", "--share", "--bulk-modulus", "--start", "--starts"),
         *("--rivals", "--covariate"),
     ),
     "Motion": (
         *("--wave", "--amplitude", "--frequency", "--cycles", "--sample-rate", "--max-steps"),
-        *("--velocity", "--stroke", "--force", "--vary", "--paper", "--extend"),
-        "--temperature",
+        *("--velocity", "--stroke", "--force", "--vary", "--paper"),
+        *("--displacement", "--temperature"),
     ),
     "Trust": ("--hold-out", "--hold-out-cycles", "--profile", "--repeats"),
     "Gates": ("--strict", "--max-mse", "--check", "--tolerance", "--junit"),
     "Work": ("--jobs", "--scheduler", "--part"),
     "Output": (
         *("--out", "--overwrite", "--report", "--figures", "--plot", "--to", "--list"),
-        *("--github-summary", "--save", "--collect", "--json", "--quiet", "--log-file"),
+        *("--github-summary", "--save", "--collect", "--units", "--decimal", "--extend"),
+        *("--json", "--quiet", "--log-file"),
     ),
 }
 _OTHERS = "Options"
-
-
+_RANGE = re.compile(r"\s*\[x[<>]=\d+\]")
 _WHOLE = 1000  # characters of a summary: none is that long
 
 
@@ -84,7 +86,8 @@ class PanelledCommand(TyperCommand):
         for param in self.get_params(ctx):
             record = None if param.param_type_name == "argument" else param.get_help_record(ctx)
             if record is not None:
-                rows.setdefault(panel_of(_long(param)), []).append(record)
+                panel = getattr(param, "rich_help_panel", None) or panel_of(_long(param))
+                rows.setdefault(panel, []).append((record[0], without_range(record[1])))
         for panel in (*PANELS, _OTHERS):
             if panel in rows:
                 with formatter.section(panel):
@@ -92,6 +95,17 @@ class PanelledCommand(TyperCommand):
 
     def _arguments(self, ctx: Any) -> Iterator[Any]:
         return (one for one in self.get_params(ctx) if one.param_type_name == "argument")
+
+
+def without_range(text: str) -> str:
+    """Return the help of an option without what Click adds for a least value; the text has words.
+
+    Examples
+    --------
+    >>> without_range("Workers, 1 or more.  [x>=1]")
+    'Workers, 1 or more.'
+    """
+    return _RANGE.sub("", text)
 
 
 def _word(param: Any) -> str:

@@ -32,7 +32,8 @@ def report(
     results: ResultsArgument,
     figures: FiguresOption = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where to write.  [the results folder]")
+        Path | None,
+        typer.Option(metavar="DIR", help="Where to write.  [default: the results folder]"),
     ] = None,
     units: UnitsOption = None,
     config: ConfigOption = None,

@@ -32,24 +32,28 @@ def samples(
         typer.Option(
             metavar="FILE",
             help="True values, with damper and motion: parameters table (.parquet, .csv) or "
-            "results folder; default: the shipped reference set.",
+            "results folder.  [default: the shipped reference set]",
         ),
     ] = None,
     cycles: Annotated[float, typer.Option(metavar="N", help="Cycles in a log.")] = 15.0,
     sample_rate: Annotated[
         str, typer.Option(metavar="RATE", help="Samples per second, as in 1000Hz.")
     ] = "500Hz",
-    force_noise: Annotated[str, typer.Option(metavar="FORCE", help="Sensor noise, rms.")] = "4N",
+    force_noise: Annotated[
+        str, typer.Option(metavar="FORCE", help="Sensor noise of the force, rms.")
+    ] = "4N",
     displacement_noise: Annotated[
-        str, typer.Option(metavar="LENGTH", help="Sensor noise, rms.")
+        str, typer.Option(metavar="LENGTH", help="Sensor noise of the displacement, rms.")
     ] = "8um",
     rig_filter: Annotated[
         str, typer.Option(metavar="FREQ", help="Corner of a filter in the rig; 0: no filter.")
     ] = "0Hz",
-    seed: Annotated[int, typer.Option(metavar="N", help="Same seed, same logs.")] = 2000,
+    seed: Annotated[
+        int, typer.Option(metavar="N", help="Of the noise; same seed, same logs.")
+    ] = 2000,
     model: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Model of the damper; default: the paper's."),
+        typer.Option(metavar="NAME", help="Model of the damper.  [default: purdy]"),
     ] = None,
     config: ConfigOption = None,
     json: JsonOption = False,

@@ -53,7 +53,7 @@ def settings(
         list[Path] | None,
         typer.Argument(
             metavar="RESULTS",
-            help="Folder that identify wrote, or files of measured curves.  [results]",
+            help="Folder that identify wrote, or files of measured curves.  [default: results]",
         ),
     ] = None,
     force: Annotated[

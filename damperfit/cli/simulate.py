@@ -49,12 +49,15 @@ def simulate(
     amplitude: AmplitudeOption = None,
     frequency: FrequencyOption = None,
     cycles: Annotated[
-        float | None, typer.Option(metavar="N", help="Number of cycles, 1 or more.")
+        float | None, typer.Option(metavar="N", help="Number of cycles, 1 or more.  [default: 4]")
     ] = None,
     sample_rate: Annotated[
-        str | None, typer.Option(metavar="RATE", help="As in 1000Hz; a bare number is Hz.")
+        str | None,
+        typer.Option(metavar="RATE", help="As in 1000Hz; a bare number is Hz.  [default: 1000Hz]"),
     ] = None,
-    wave: Annotated[str | None, typer.Option(metavar="NAME", help="sine or triangle.")] = None,
+    wave: Annotated[
+        str | None, typer.Option(metavar="NAME", help="sine or triangle.  [default: sine]")
+    ] = None,
     max_steps: MaxStepsOption = None,
     temperature: TemperatureOption = None,
     displacement: Annotated[

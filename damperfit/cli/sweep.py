@@ -48,7 +48,11 @@ def sweep(
         ),
     ] = None,
     paper: Annotated[
-        bool, typer.Option("--paper", help="Figures 4 to 9 of the paper; setting 10 by default.")
+        bool,
+        typer.Option(
+            "--paper",
+            help="Figures 4 to 9 of the paper, at setting 10 unless --setting says otherwise.",
+        ),
     ] = False,
     parameters: ParametersOption = None,
     set_: SetOption = None,

@@ -14,7 +14,7 @@ from damperfit.conditioning import condition
 from damperfit.configuration.drawings import DRAWINGS, MEASURED
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.models import model_named
-from damperfit.errors import DamperfitError, LogError
+from damperfit.errors import ConfigurationError, DamperfitError, LogError
 from damperfit.readers import guess_settings, read_logs
 from damperfit.statistics import median
 from damperfit.tested.identity import IDENTITY_KEYS, common_identity, identity_in
@@ -26,7 +26,14 @@ if TYPE_CHECKING:
     from damperfit.readers import ReadOptions
     from damperfit.recording import Recording
 
-__all__ = ["Guessed", "check_damper", "damper_keys", "first_configuration", "guess_from_logs"]
+__all__ = [
+    "Guessed",
+    "check_damper",
+    "damper_keys",
+    "fault_of",
+    "first_configuration",
+    "guess_from_logs",
+]
 
 _FEW = 3  # logs that are read; the others are named alike
 # Units that are tried for a column that says none, the likeliest first.
@@ -158,6 +165,16 @@ def _signs(recording: Recording) -> dict[str, bool]:
     }
 
 
+_PASSAGE = """\
+#
+# [[damper.passages]]              # one for each passage; else those of damperfit config
+# from = 1                         # chamber: 1 rod side, 2 full bore, 3 gas
+# to = 2
+# law = "orifice"                  # or check, linear, ...: damperfit help models
+# name = "rebound"
+# two_way = true""".splitlines()
+
+
 def first_configuration(model: str, given: Mapping[str, str], guessed: Guessed) -> str:
     """Return a commented TOML of a damper: what was given, what was seen, what is to be measured.
 
@@ -187,6 +204,8 @@ def first_configuration(model: str, given: Mapping[str, str], guessed: Guessed) 
         comment = MEASURED.get(key, "")
         entry = f"{mark}{key} = {value}"
         lines.append(f"{entry:<34} # {comment}" if comment else entry)
+    if kind.name == "network":
+        lines += _PASSAGE
     lines += ["", "[test]"]
     lines += [f"{key} = {_text(value)}" for key, value in guessed.test.items()]
     lines += [
@@ -214,7 +233,7 @@ def damper_keys(model: str) -> dict[str, str]:
     return {
         key: _with_unit(value, ranges[key][2] if key in ranges else "")
         for key, value in document.items()
-        if key not in {"model", "reference_temperature"} and not isinstance(value, dict)
+        if key not in {"model", "reference_temperature"} and not isinstance(value, dict | list)
     }
 
 
@@ -228,6 +247,8 @@ _MEASURED_IN = {
 
 
 def _with_unit(value: Any, unit: str) -> str:
+    if isinstance(value, bool):
+        return _toml(value)
     if isinstance(value, str) or unit not in _MEASURED_IN:
         return str(value)
     name, size = _MEASURED_IN[unit]
@@ -239,10 +260,20 @@ def _toml(value: Any) -> str:
         return "true" if value else "false"
     if isinstance(value, dict):
         return "{" + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items()) + "}"
+    plain = _plain(value) if isinstance(value, str) else value
+    if isinstance(plain, bool):
+        return _toml(plain)
+    return _text(plain) if isinstance(plain, str) else str(plain)
+
+
+def _plain(text: str) -> float | str | bool:
+    """Return a key's value as TOML would have it: a number or a truth without quotes."""
+    if text in {"true", "false"}:
+        return text == "true"
     try:
-        return repr(float(value)) if isinstance(value, str) else str(value)
+        return float(text)
     except ValueError:
-        return _text(str(value))
+        return text
 
 
 def _text(value: str) -> str:
@@ -261,4 +292,26 @@ def check_damper(model: str, given: Mapping[str, str]) -> None:
         One of them is wrong.
     """
     options = {f"damper.{key}": f"--set {key}" for key in given} | {"damper.model": "--model"}
-    load_configuration(overlay={"damper": {"model": model, **given}}, options=options)
+    _load(model, given, options)
+
+
+def fault_of(model: str, key: str, text: str) -> str:
+    """Return what is wrong with one key of [damper], whatever the others are; "" if nothing is.
+
+    Examples
+    --------
+    >>> fault_of("purdy", "rod_diameter", "12bar")
+    "rod_diameter: no unit of length 'bar'; expected m, mm, cm, um, in, found '12bar'"
+    >>> fault_of("purdy", "rod_diameter", "32mm")  # the piston comes next
+    ''
+    """
+    try:
+        _load(model, {key: text}, {f"damper.{key}": key})
+    except ConfigurationError as error:
+        return str(error) if str(error).startswith(f"{key}: ") else ""
+    return ""
+
+
+def _load(model: str, given: Mapping[str, str], options: Mapping[str, str]) -> None:
+    plain = {key: _plain(text) for key, text in given.items()}
+    load_configuration(overlay={"damper": {"model": model, **plain}}, options=dict(options))

@@ -37,9 +37,20 @@ def test_every_option_stands_in_its_panel(command, capsys):
     for panel, options in found.items():
         if panel == "Options":
             continue
-        assert set(options) <= set(PANELS[panel]), panel
+        # Of `simulate` and `sweep` a setting says which damper it is, not which log.
+        also = {"--setting"} if panel == "Damper" else set()
+        assert set(options) <= {*PANELS[panel], *also}, panel
     assert PLAIN <= set(found["Options"])
     assert list(found) == [name for name in (*PANELS, "Options") if name in found]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_defaults_have_one_form_and_ranges_are_words(command, capsys):
+    text = " ".join(help_of(command, capsys).partition("Options:\n")[0].split())
+    in_brackets = {one.partition(":")[0] for one in re.findall(r"(?<=[.)] )\[([^]]*)\]", text)}
+    assert in_brackets <= {"default", "required"}
+    assert "default" not in re.sub(r"\[default: [^]]*\]", "", text).lower()
+    assert ">=" not in text
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import tomllib
@@ -13,7 +14,13 @@ from damperfit.cli.main import main
 from damperfit.configuration.drawings import DRAWINGS, MEASURED
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.models import MODELS
-from damperfit.queries.first_configuration import Guessed, damper_keys, first_configuration
+from damperfit.queries.first_configuration import (
+    Guessed,
+    check_damper,
+    damper_keys,
+    fault_of,
+    first_configuration,
+)
 
 SAMPLES = Path(__file__).parents[2] / "sample_runs"
 
@@ -225,6 +232,68 @@ class TestLogsByFolderAndList:
         assert (logs / "parameters.csv").read_bytes() == alone
         capsys.readouterr()
         assert self.names(capsys, str(logs)) == ["setting_01.csv", "setting_10.csv"]
+
+
+@pytest.fixture
+def answered(monkeypatch, folder):
+    """Run `init` on a terminal whose user types these lines."""
+
+    def run(*lines: str, arguments=()) -> int:
+        monkeypatch.setattr("damperfit.cli.init._is_terminal", lambda: True)
+        monkeypatch.setattr("sys.stdin", io.StringIO("\n".join([*lines, ""])))
+        return main(["init", *arguments])
+
+    return run
+
+
+def test_the_dialogue_shows_defaults_and_asks_again_after_a_wrong_answer(answered, folder, capsys):
+    lines = ["monotub", "monotube", "32mm", "45 bananas", "45mm", "", "", "8bara", "", "1.4", ""]
+    assert answered(*lines, arguments=["--set", "oil_density=860"]) == 0
+    damper = tomllib.loads((folder / "my_damper.toml").read_text())["damper"]
+    assert damper == {
+        "model": "monotube",
+        "rod_diameter": "32mm",
+        "piston_diameter": "45mm",
+        "oil_density": 860.0,
+        "gas_pressure": "8bara",
+        "gas_exponent": 1.4,
+    }
+    said = capsys.readouterr().err
+    assert "model [purdy]: " in said
+    assert "no model 'monotub'. Did you mean 'monotube'?" in said
+    assert "rod_diameter (d_r; callipers on the rod) [12mm]: " in said
+    assert "  piston_diameter: no unit of length 'bananas'" in said
+    assert "oil_density" not in said  # it was given
+    assert load_configuration(folder / "my_damper.toml").damper.rod_diameter == 0.032
+
+
+def test_a_rod_wider_than_the_piston_is_asked_for_once_more(answered, folder, capsys):
+    keys = len(damper_keys("purdy"))
+    first, second = ["32mm", *[""] * (keys - 1)], ["", "45mm", *[""] * (keys - 2)]
+    assert answered(*first, *second, arguments=["--model", "purdy"]) == 0
+    said = capsys.readouterr().err
+    assert "  rod_diameter: expected less than piston_diameter, 0.0285 m, found 0.032 m" in said
+    assert "rod_diameter (d_r; callipers on the rod) [32mm]: " in said
+    damper = tomllib.loads((folder / "my_damper.toml").read_text())["damper"]
+    assert damper == {"model": "purdy", "rod_diameter": "32mm", "piston_diameter": "45mm"}
+
+
+def test_a_dialogue_that_ends_early_writes_nothing(answered, folder, capsys):
+    assert answered("purdy", "32mm") == 130
+    assert "interrupted" in capsys.readouterr().err
+    assert list(folder.iterdir()) == []
+
+
+def test_every_key_of_every_model_may_be_given_as_it_stands(folder):
+    for model in MODELS:
+        keys = damper_keys(model)
+        check_damper(model, keys)
+        found = tomllib.loads(first_configuration(model, keys, Guessed({}, {})))["damper"]
+        assert found.keys() == {"model", *keys}
+        assert not {"True", "False"} & set(map(str, found.values())) - {
+            str(one) for one in found.values() if isinstance(one, bool)
+        }
+        assert [key for key in keys if fault_of(model, key, keys[key])] == []
 
 
 @pytest.mark.parametrize("text", [".012", "12e-3", "0.012", "12mm"])

@@ -11,6 +11,7 @@ import typer
 
 import damperfit
 from damperfit.cli.main import app
+from damperfit.cli.panels import without_range
 from damperfit.damper.models import MODELS
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.handover.targets import TARGETS
@@ -42,9 +43,12 @@ def options_of(command: str) -> set[str]:
 
 
 def _options(command: str) -> list:
-    context = typer.Context(COMMANDS[command])
-    params = COMMANDS[command].get_params(context)
+    params = COMMANDS[command].get_params(_context(command))
     return [one for one in params if one.param_type_name == "option"]
+
+
+def _context(command: str) -> typer.Context:
+    return typer.Context(COMMANDS[command], help_option_names=["-h", "--help"])
 
 
 def _grid(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -57,7 +61,8 @@ def _option_rows(command: str, *, is_common: bool) -> Iterator[list[str]]:
         if (one.name in _COMMON) == is_common:
             value = "" if one.is_flag or not one.metavar else f" {one.metavar}"
             spelled = ", ".join(f"`{word}{value}`" for word in reversed(one.opts))
-            yield [spelled, " ".join((one.help or "").split())]
+            _, said = one.get_help_record(_context(command))
+            yield [spelled, " ".join(without_range(said).split())]
 
 
 def _first_line(text: str | None) -> str:

@@ -1,25 +1,19 @@
-/* FMI 3.0 for co-simulation and model exchange: the 75 functions of the standard. */
-#include "exported.h"
-#include "fmi3_declarations.h"
+/* FMI 3.0 for co-simulation and model exchange: what the damper does. With fmi3_absent.c it makes the
+ * 75 functions of the standard. */
+#include "fmi3_component.h"
 
 #include <stdlib.h>
 
-typedef struct {
-    ex_instance e;
-    fmi3InstanceEnvironment environment;
-    fmi3LogMessageCallback log;
-} component;
-
-static fmi3Status report(component *c, fmi3Status status, const char *what)
+fmi3Status ex_fmi3_report(component *c, fmi3Status status, const char *what)
 {
     if (c->log)
         c->log(c->environment, status, "logStatusError", what);
     return status;
 }
 
-static fmi3Status ended(fmi3Instance c, int code)
+fmi3Status ex_fmi3_ended(fmi3Instance c, int code)
 {
-    return code == DF_OK ? fmi3OK : report(c, fmi3Error, ex_sentence(code));
+    return code == DF_OK ? fmi3OK : ex_fmi3_report(c, fmi3Error, ex_sentence(code));
 }
 
 static fmi3Instance make(ex_kind kind, fmi3String token, fmi3String resources, fmi3InstanceEnvironment environment,
@@ -32,7 +26,7 @@ static fmi3Instance make(ex_kind kind, fmi3String token, fmi3String resources, f
     c->environment = environment;
     c->log = log;
     if (!ex_open(&c->e, kind, resources, token, why)) {
-        report(c, fmi3Error, why);
+        ex_fmi3_report(c, fmi3Error, why);
         ex_close(&c->e);
         free(c);
         return NULL;
@@ -71,18 +65,6 @@ FMI3_DOOR fmi3Instance FMI3(InstantiateCoSimulation)(fmi3String name, fmi3String
     return make(EX_CO_SIMULATION, token, resources, environment, log);
 }
 
-FMI3_DOOR fmi3Instance FMI3(InstantiateScheduledExecution)(
-    fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible, fmi3Boolean logging,
-    fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, fmi3ClockUpdateCallback update,
-    fmi3LockPreemptionCallback lock, fmi3UnlockPreemptionCallback unlock)
-{
-    (void)name, (void)token, (void)resources, (void)visible, (void)logging;
-    (void)update, (void)lock, (void)unlock;
-    if (log)
-        log(environment, fmi3Error, "logStatusError", "scheduled execution is not offered: there are no clocks");
-    return NULL;
-}
-
 FMI3_DOOR void FMI3(FreeInstance)(fmi3Instance c)
 {
     if (!c)
@@ -95,12 +77,12 @@ FMI3_DOOR fmi3Status FMI3(EnterInitializationMode)(fmi3Instance c, fmi3Boolean h
                                                    fmi3Float64 start, fmi3Boolean has_stop, fmi3Float64 stop)
 {
     (void)has_tolerance, (void)tolerance, (void)has_stop, (void)stop;
-    return ended(c, ex_set(&((component *)c)->e, EX_TIME, start));
+    return ex_fmi3_ended(c, ex_set(&((component *)c)->e, EX_TIME, start));
 }
 
 FMI3_DOOR fmi3Status FMI3(ExitInitializationMode)(fmi3Instance c)
 {
-    return ended(c, ex_start(&((component *)c)->e));
+    return ex_fmi3_ended(c, ex_start(&((component *)c)->e));
 }
 
 /* What changes between modes is of no consequence here. */
@@ -128,168 +110,38 @@ FMI3_DOOR fmi3Status FMI3(GetFloat64)(fmi3Instance c, const fmi3ValueReference r
                                       size_t n_values)
 {
     (void)n_values;
-    return ended(c, ex_get_all(&((component *)c)->e, r, n, value));
+    return ex_fmi3_ended(c, ex_get_all(&((component *)c)->e, r, n, value));
 }
 
 FMI3_DOOR fmi3Status FMI3(SetFloat64)(fmi3Instance c, const fmi3ValueReference r[], size_t n,
                                       const fmi3Float64 value[], size_t n_values)
 {
     (void)n_values;
-    return ended(c, ex_set_all(&((component *)c)->e, r, n, value));
+    return ex_fmi3_ended(c, ex_set_all(&((component *)c)->e, r, n, value));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetInt32)(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Int32 value[],
                                     size_t n_values)
 {
     (void)n_values;
-    return ended(c, ex_get_integers(&((component *)c)->e, r, n, value));
+    return ex_fmi3_ended(c, ex_get_integers(&((component *)c)->e, r, n, value));
 }
 
 FMI3_DOOR fmi3Status FMI3(SetInt32)(fmi3Instance c, const fmi3ValueReference r[], size_t n, const fmi3Int32 value[],
                                     size_t n_values)
 {
     (void)n_values;
-    return ended(c, ex_set_integers(&((component *)c)->e, r, n, value));
-}
-
-/* Types of which there is no variable. */
-#define NONE_OF(type)                                                                                       \
-    FMI3_DOOR fmi3Status FMI3(Get##type)(fmi3Instance c, const fmi3ValueReference r[], size_t n,            \
-                                         fmi3##type value[], size_t n_values)                               \
-    {                                                                                                       \
-        (void)r, (void)value, (void)n_values;                                                               \
-        return ended(c, n ? EX_NO_VARIABLE : DF_OK);                                                        \
-    }                                                                                                       \
-    FMI3_DOOR fmi3Status FMI3(Set##type)(fmi3Instance c, const fmi3ValueReference r[], size_t n,            \
-                                         const fmi3##type value[], size_t n_values)                         \
-    {                                                                                                       \
-        (void)r, (void)value, (void)n_values;                                                               \
-        return ended(c, n ? EX_NO_VARIABLE : DF_OK);                                                        \
-    }
-
-NONE_OF(Float32)
-NONE_OF(Int8)
-NONE_OF(UInt8)
-NONE_OF(Int16)
-NONE_OF(UInt16)
-NONE_OF(UInt32)
-NONE_OF(Int64)
-NONE_OF(UInt64)
-NONE_OF(Boolean)
-NONE_OF(String)
-
-FMI3_DOOR fmi3Status FMI3(GetBinary)(fmi3Instance c, const fmi3ValueReference r[], size_t n, size_t sizes[],
-                                     fmi3Binary value[], size_t n_values)
-{
-    (void)r, (void)sizes, (void)value, (void)n_values;
-    return ended(c, n ? EX_NO_VARIABLE : DF_OK);
-}
-
-FMI3_DOOR fmi3Status FMI3(SetBinary)(fmi3Instance c, const fmi3ValueReference r[], size_t n, const size_t sizes[],
-                                     const fmi3Binary value[], size_t n_values)
-{
-    (void)r, (void)sizes, (void)value, (void)n_values;
-    return ended(c, n ? EX_NO_VARIABLE : DF_OK);
-}
-
-FMI3_DOOR fmi3Status FMI3(GetClock)(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Clock value[])
-{
-    (void)r, (void)value;
-    return ended(c, n ? EX_NO_VARIABLE : DF_OK);
-}
-
-FMI3_DOOR fmi3Status FMI3(SetClock)(fmi3Instance c, const fmi3ValueReference r[], size_t n, const fmi3Clock value[])
-{
-    (void)r, (void)value;
-    return ended(c, n ? EX_NO_VARIABLE : DF_OK);
-}
-
-FMI3_DOOR fmi3Status FMI3(GetIntervalDecimal)(fmi3Instance c, const fmi3ValueReference r[], size_t n,
-                                              fmi3Float64 interval[], fmi3IntervalQualifier qualifier[])
-{
-    (void)r, (void)interval, (void)qualifier;
-    return ended(c, n ? EX_NO_VARIABLE : DF_OK);
-}
-
-FMI3_DOOR fmi3Status FMI3(GetIntervalFraction)(fmi3Instance c, const fmi3ValueReference r[], size_t n,
-                                               fmi3UInt64 counter[], fmi3UInt64 resolution[],
-                                               fmi3IntervalQualifier qualifier[])
-{
-    (void)r, (void)counter, (void)resolution, (void)qualifier;
-    return ended(c, n ? EX_NO_VARIABLE : DF_OK);
-}
-
-FMI3_DOOR fmi3Status FMI3(GetShiftDecimal)(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Float64 shift[])
-{
-    (void)r, (void)shift;
-    return ended(c, n ? EX_NO_VARIABLE : DF_OK);
-}
-
-FMI3_DOOR fmi3Status FMI3(GetShiftFraction)(fmi3Instance c, const fmi3ValueReference r[], size_t n,
-                                            fmi3UInt64 counter[], fmi3UInt64 resolution[])
-{
-    (void)r, (void)counter, (void)resolution;
-    return ended(c, n ? EX_NO_VARIABLE : DF_OK);
-}
-
-FMI3_DOOR fmi3Status FMI3(SetIntervalDecimal)(fmi3Instance c, const fmi3ValueReference r[], size_t n,
-                                              const fmi3Float64 interval[])
-{
-    (void)r, (void)interval;
-    return ended(c, n ? EX_NO_VARIABLE : DF_OK);
-}
-
-FMI3_DOOR fmi3Status FMI3(SetIntervalFraction)(fmi3Instance c, const fmi3ValueReference r[], size_t n,
-                                               const fmi3UInt64 counter[], const fmi3UInt64 resolution[])
-{
-    (void)r, (void)counter, (void)resolution;
-    return ended(c, n ? EX_NO_VARIABLE : DF_OK);
-}
-
-FMI3_DOOR fmi3Status FMI3(SetShiftDecimal)(fmi3Instance c, const fmi3ValueReference r[], size_t n,
-                                           const fmi3Float64 shift[])
-{
-    (void)r, (void)shift;
-    return ended(c, n ? EX_NO_VARIABLE : DF_OK);
-}
-
-FMI3_DOOR fmi3Status FMI3(SetShiftFraction)(fmi3Instance c, const fmi3ValueReference r[], size_t n,
-                                            const fmi3UInt64 counter[], const fmi3UInt64 resolution[])
-{
-    (void)r, (void)counter, (void)resolution;
-    return ended(c, n ? EX_NO_VARIABLE : DF_OK);
-}
-
-FMI3_DOOR fmi3Status FMI3(ActivateModelPartition)(fmi3Instance c, fmi3ValueReference clock, fmi3Float64 time)
-{
-    (void)clock, (void)time;
-    return ended(c, EX_NO_VARIABLE);
-}
-
-/* The model description tells them; by element there are none, for every variable is a scalar. */
-FMI3_DOOR fmi3Status FMI3(GetNumberOfVariableDependencies)(fmi3Instance c, fmi3ValueReference r, size_t *n)
-{
-    (void)r;
-    *n = 0;
-    return report(c, fmi3Error, "dependencies stand in modelDescription.xml");
-}
-
-FMI3_DOOR fmi3Status FMI3(GetVariableDependencies)(fmi3Instance c, fmi3ValueReference dependent,
-                                                   size_t elements[], fmi3ValueReference independents[],
-                                                   size_t elements_of_them[], fmi3DependencyKind kinds[], size_t n)
-{
-    (void)dependent, (void)elements, (void)independents, (void)elements_of_them, (void)kinds, (void)n;
-    return report(c, fmi3Error, "dependencies stand in modelDescription.xml");
+    return ex_fmi3_ended(c, ex_set_integers(&((component *)c)->e, r, n, value));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetFMUState)(fmi3Instance c, fmi3FMUState *state)
 {
-    return ended(c, ex_keep(&((component *)c)->e, state));
+    return ex_fmi3_ended(c, ex_keep(&((component *)c)->e, state));
 }
 
 FMI3_DOOR fmi3Status FMI3(SetFMUState)(fmi3Instance c, fmi3FMUState state)
 {
-    return ended(c, ex_return_to(&((component *)c)->e, state));
+    return ex_fmi3_ended(c, ex_return_to(&((component *)c)->e, state));
 }
 
 FMI3_DOOR fmi3Status FMI3(FreeFMUState)(fmi3Instance c, fmi3FMUState *state)
@@ -308,13 +160,13 @@ FMI3_DOOR fmi3Status FMI3(SerializedFMUStateSize)(fmi3Instance c, fmi3FMUState s
 
 FMI3_DOOR fmi3Status FMI3(SerializeFMUState)(fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size)
 {
-    return ended(c, ex_serialise(&((component *)c)->e, state, (char *)bytes, size));
+    return ex_fmi3_ended(c, ex_serialise(&((component *)c)->e, state, (char *)bytes, size));
 }
 
 FMI3_DOOR fmi3Status FMI3(DeserializeFMUState)(fmi3Instance c, const fmi3Byte bytes[], size_t size,
                                                fmi3FMUState *state)
 {
-    return ended(c, ex_deserialise(&((component *)c)->e, (const char *)bytes, size, state));
+    return ex_fmi3_ended(c, ex_deserialise(&((component *)c)->e, (const char *)bytes, size, state));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetDirectionalDerivative)(fmi3Instance c, const fmi3ValueReference unknowns[],
@@ -323,7 +175,7 @@ FMI3_DOOR fmi3Status FMI3(GetDirectionalDerivative)(fmi3Instance c, const fmi3Va
                                                     fmi3Float64 slopes[], size_t n_slopes)
 {
     (void)n_seed, (void)n_slopes;
-    return ended(c, ex_directional(&((component *)c)->e, unknowns, n_unknowns, knowns, n_knowns, seed, slopes));
+    return ex_fmi3_ended(c, ex_directional(&((component *)c)->e, unknowns, n_unknowns, knowns, n_knowns, seed, slopes));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetAdjointDerivative)(fmi3Instance c, const fmi3ValueReference unknowns[],
@@ -338,7 +190,7 @@ FMI3_DOOR fmi3Status FMI3(GetAdjointDerivative)(fmi3Instance c, const fmi3ValueR
             double slope;
             const int code = ex_slope(&((component *)c)->e, unknowns[i], knowns[k], &slope);
             if (code != DF_OK)
-                return ended(c, code);
+                return ex_fmi3_ended(c, code);
             slopes[k] += slope * seed[i];
         }
     }
@@ -354,7 +206,7 @@ FMI3_DOOR fmi3Status FMI3(UpdateDiscreteStates)(fmi3Instance c, fmi3Boolean *aga
     *again = *terminate = *nominals_changed = *has_next_event = false;
     *states_changed = moved != 0;
     *next_event = 0.0;
-    return ended(c, code);
+    return ex_fmi3_ended(c, code);
 }
 
 FMI3_DOOR fmi3Status FMI3(CompletedIntegratorStep)(fmi3Instance c, fmi3Boolean no_setting_back,
@@ -373,27 +225,27 @@ FMI3_DOOR fmi3Status FMI3(SetTime)(fmi3Instance c, fmi3Float64 time)
 
 FMI3_DOOR fmi3Status FMI3(SetContinuousStates)(fmi3Instance c, const fmi3Float64 y[], size_t n)
 {
-    return ended(c, ex_set_states(&((component *)c)->e, y, n));
+    return ex_fmi3_ended(c, ex_set_states(&((component *)c)->e, y, n));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetContinuousStateDerivatives)(fmi3Instance c, fmi3Float64 rates[], size_t n)
 {
-    return ended(c, ex_get_rates(&((component *)c)->e, rates, n));
+    return ex_fmi3_ended(c, ex_get_rates(&((component *)c)->e, rates, n));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetEventIndicators)(fmi3Instance c, fmi3Float64 z[], size_t n)
 {
-    return ended(c, ex_get_indicators(&((component *)c)->e, z, n));
+    return ex_fmi3_ended(c, ex_get_indicators(&((component *)c)->e, z, n));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetContinuousStates)(fmi3Instance c, fmi3Float64 y[], size_t n)
 {
-    return ended(c, ex_get_states(&((component *)c)->e, y, n));
+    return ex_fmi3_ended(c, ex_get_states(&((component *)c)->e, y, n));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetNominalsOfContinuousStates)(fmi3Instance c, fmi3Float64 nominals[], size_t n)
 {
-    return ended(c, ex_get_nominals(&((component *)c)->e, nominals, n));
+    return ex_fmi3_ended(c, ex_get_nominals(&((component *)c)->e, nominals, n));
 }
 
 FMI3_DOOR fmi3Status FMI3(GetNumberOfEventIndicators)(fmi3Instance c, size_t *n)
@@ -429,7 +281,7 @@ FMI3_DOOR fmi3Status FMI3(DoStep)(fmi3Instance c, fmi3Float64 time, fmi3Float64 
     if (interval != 0.0) {
         const int code = ex_step(&((component *)c)->e, time, interval);
         if (code != DF_OK)
-            return report(c, fmi3Discard, ex_sentence(code));
+            return ex_fmi3_report(c, fmi3Discard, ex_sentence(code));
         *reached = time + interval;
     }
     return fmi3OK;
