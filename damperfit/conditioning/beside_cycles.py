@@ -8,6 +8,7 @@ that has the stroke and the speed of a steady one: more of the same cycles says 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,13 +47,15 @@ def transients(trace: Trace) -> Trace | None:
         the model's state is not yet that of the damper.
     """
     seen = trace if trace.whole is None else trace.whole
-    counts = _is_moving(seen) & ~_is_steady(seen)
+    counts = _is_moving(seen)
     if not _begins_at_rest(seen):
         counts[: seen.stretches[0].first] = False
     for one in seen.stretches:
         counts[one.window] = False
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], counts, [False]])))
-    parts = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    if not _parts(counts, seen.interval):
+        return None
+    counts &= ~_is_steady(seen)
+    parts = _parts(counts, seen.interval)
     found = tuple(one for one in (_moving(seen, *part) for part in parts) if one is not None)
     if not found:
         return None
@@ -68,6 +71,14 @@ def transients(trace: Trace) -> Trace | None:
     )
 
 
+def _parts(counts: NDArray[np.bool_], interval: float) -> list[tuple[int, int]]:
+    """Return begin and end of what counts, where it lasts."""
+    edges = (np.flatnonzero(counts[1:] != counts[:-1]) + 1).tolist()
+    edges = [*([0] if counts[0] else []), *edges, *([len(counts)] if counts[-1] else [])]
+    parts = zip(edges[::2], edges[1::2], strict=True)
+    return [part for part in parts if (part[1] - part[0]) * interval >= _SHORTEST]
+
+
 def _begins_at_rest(trace: Trace) -> bool:
     lead = max(1, round(_LEAD / trace.interval))
     return float(np.max(np.abs(trace.velocity[:lead]))) < _AT_REST * _fastest(trace)
@@ -80,11 +91,11 @@ def _fastest(trace: Trace) -> float:
 def _is_moving(trace: Trace) -> NDArray[np.bool_]:
     """Where it moves, turns and short pauses included."""
     moves = np.abs(trace.velocity) > _AT_REST * _fastest(trace)
-    at = np.flatnonzero(moves)
-    gaps = np.flatnonzero(np.diff(at) > 1)
-    for gap in gaps.tolist():
-        if (at[gap + 1] - at[gap]) * trace.interval <= _PAUSE:
-            moves[at[gap] : at[gap + 1]] = True
+    edges = np.flatnonzero(moves[1:] != moves[:-1]).tolist()
+    # From the last sample that moves to the next one that does.
+    for last, at_rest in pairwise(edges):
+        if moves[last] and (at_rest + 1 - last) * trace.interval <= _PAUSE:
+            moves[last + 1 : at_rest + 1] = True
     return np.asarray(moves)
 
 
@@ -113,9 +124,7 @@ def _is_steady(trace: Trace) -> NDArray[np.bool_]:
 
 
 def _moving(trace: Trace, first: int, stop: int) -> Stretch | None:
-    """What lies between two samples, where it lasts and moves."""
-    if (stop - first) * trace.interval < _SHORTEST:
-        return None
+    """What lies between two samples, where it moves."""
     x, v = trace.displacement[first:stop], trace.velocity[first:stop]
     amplitude = 0.5 * float(np.ptp(x))
     if amplitude < _MOVES * max(one.amplitude for one in trace.stretches):

@@ -120,7 +120,8 @@ def examine_channel(channel: Channel) -> Iterator[Finding]:
     """Yield what is remarkable in one channel."""
     if len(channel.values) < 8:
         return
-    order = np.sort(channel.values, kind="stable")  # by the runs of a motion, which is quicker
+    order = np.array(channel.values, np.float64)
+    compiled_core().sort(order, np.empty(len(order)))
     span = float(order[-1] - order[0])
     if span <= 0.0:
         return
@@ -138,19 +139,16 @@ def examine_channel(channel: Channel) -> Iterator[Finding]:
 
 def _step(order: FloatArray, span: float) -> float:
     """Return the step of a channel from its sorted values; nearly 0 where it has none."""
-    steps = np.diff(order)
-    steps = steps[steps > 1e-9 * span]
     # The least, but for a few values that stand between the steps.
-    return float(compiled_core().rank(steps, len(steps) // 50))
+    return float(compiled_core().step(order, np.empty(len(order)), 1e-9 * span))
 
 
 def _runs(values: FloatArray) -> _Runs:
     """Return the runs of at least three equal samples."""
-    is_equal = np.concatenate([[False], values[1:] == values[:-1], [False]])
-    edges = np.flatnonzero(is_equal[1:] != is_equal[:-1])
-    start, stop = edges[::2], edges[1::2] + 1
-    is_run = stop - start >= _RUN
-    start, stop = start[is_run], stop[is_run]
+    samples = np.ascontiguousarray(values, np.float64)
+    begins, ends = np.empty((2, len(samples) // _RUN + 1), np.int64)
+    n = compiled_core().equal_runs(samples, begins, ends, _RUN)
+    start, stop = begins[:n], ends[:n]
     reach = np.maximum((stop - start) // 2, 1)
     before, behind = start - reach, stop - 1 + reach
     level = values[start]
@@ -281,14 +279,8 @@ def noise_of(values: FloatArray) -> float:
     """Return the standard deviation of white noise in a smooth signal, robustly."""
     # Fifth differences of white noise are sqrt(252) larger; of a motion with 40 samples a cycle,
     # 1e-4 of it.
-    fifth = np.diff(values, 5)
-    half = len(fifth) // 2
-    if not len(fifth):
-        return math.nan
-    np.abs(fifth, out=fifth)
-    middle = float(compiled_core().rank(fifth, half))
-    if not len(fifth) % 2:
-        middle = 0.5 * (middle + float(fifth[:half].max()))
+    samples = np.ascontiguousarray(values, np.float64)
+    middle = float(compiled_core().rough(samples, np.empty(len(samples))))
     return middle / (0.6745 * math.sqrt(252.0))
 
 

@@ -85,15 +85,17 @@ def find_cycles(
     amplitude = 0.5 * (high - low)
     run = None
     for _ in range(3):  # the first level is a guess; the second is exact to rounding
-        run = _steady_run(displacement - level, velocity, _HYSTERESIS * amplitude, steadiness)
+        run = _steady_run(displacement, velocity, level, _HYSTERESIS * amplitude, steadiness)
         if run is None:
             return None
         level, amplitude = level + run.middle, run.amplitude
         if abs(run.middle) < 1e-6 * amplitude:
             break
     assert run is not None
-    falling = crossings(level - displacement, -velocity, _HYSTERESIS * amplitude)
-    rising = crossings(displacement - level, velocity, _HYSTERESIS * amplitude)
+    rising, falling = (
+        crossings(displacement, velocity, _HYSTERESIS * amplitude, level=level, sign=sign)
+        for sign in (1.0, -1.0)
+    )
     first = max(run.boundaries[0] - 0.75 * run.period, run.begin - 1.0)
     last = min(run.boundaries[-1] + 0.75 * run.period, run.end + 1.0)
     between, begin, end = _of_run(falling[(falling > first) & (falling < last)], run, steadiness)
@@ -124,14 +126,14 @@ class _Run:
 
 
 def _steady_run(
-    offset: FloatArray, velocity: FloatArray, hysteresis: float, steadiness: float
+    x: FloatArray, velocity: FloatArray, level: float, hysteresis: float, steadiness: float
 ) -> _Run | None:
-    boundaries = crossings(offset, velocity, hysteresis)
+    boundaries = crossings(x, velocity, hysteresis, level=level)
     if len(boundaries) < 2:
         return None
     periods = np.diff(boundaries)
-    tops = _extremes(offset, velocity, boundaries)
-    bottoms = -_extremes(-offset, -velocity, boundaries)
+    tops = _tops(x, velocity, boundaries, level)
+    bottoms = -_tops(x, velocity, boundaries, level, sign=-1.0)
     amplitudes = 0.5 * (tops - bottoms)
     is_steady = _near_median(periods, steadiness) & _near_median(amplitudes, steadiness)
     start, stop = _longest(is_steady)
@@ -199,19 +201,25 @@ def _longest(is_steady: NDArray[np.bool_]) -> tuple[int, int]:
     return int(starts[best]), int(stops[best])
 
 
-def crossings(offset: FloatArray, velocity: FloatArray, hysteresis: float) -> FloatArray:
-    """Return fractional positions where the offset rises through zero, from -h to +h.
+def crossings(
+    x: FloatArray, velocity: FloatArray, hysteresis: float, *, level: float = 0.0, sign: float = 1.0
+) -> FloatArray:
+    """Return fractional positions where x rises through a level, from -h to +h beside it.
 
     Parameters
     ----------
-    offset, velocity : numpy.ndarray
+    x, velocity : numpy.ndarray
         Shape (n,); m and metres per sample interval.
     hysteresis : float
         h, m.
+    level : float
+        m.
+    sign : float
+        1; or -1, where x falls.
     """
-    x, v = (np.ascontiguousarray(values, np.float64) for values in (offset, velocity))
+    x, v = (np.ascontiguousarray(values, np.float64) for values in (x, velocity))
     at = np.empty(len(x) // 2 + 1)
-    return at[: compiled_core().crossings(x, v, at, hysteresis)].copy()
+    return at[: compiled_core().crossings(x, v, at, hysteresis, level, sign)].copy()
 
 
 def clean_cycles(stretch: Stretch) -> FloatArray:
@@ -236,10 +244,13 @@ def clean_cycles(stretch: Stretch) -> FloatArray:
     return np.array([begin, begin + period])
 
 
-def _extremes(offset: FloatArray, velocity: FloatArray, boundaries: FloatArray) -> FloatArray:
+def _tops(
+    x: FloatArray, velocity: FloatArray, boundaries: FloatArray, level: float, *, sign: float = 1.0
+) -> FloatArray:
     """Return the top of each cycle: that of the Hermite piece beside its highest sample."""
+    x, v = (np.ascontiguousarray(values, np.float64) for values in (x, velocity))
     tops = np.empty(len(boundaries) - 1)
-    compiled_core().tops(offset, velocity, boundaries, tops)
+    compiled_core().tops(x, v, boundaries, tops, level, sign)
     return tops
 
 

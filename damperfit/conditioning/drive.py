@@ -165,16 +165,18 @@ def _corner(
     rate = 1.0 / interval
     highest = max(_HIGHEST * rate, lowest)
     tried = np.geomspace(lowest, highest, math.ceil(math.log2(highest / lowest) / _STEP) + 1)
-    errors = [_error(seen, corner, rate, options.filter_order) for corner in tried.tolist()]
+    errors = _errors(seen, tried, rate, options.filter_order)
     return float(tried[int(np.argmin(errors))])
 
 
-def _error(seen: _Spectrum, corner: float, rate: float, order: int) -> float:
-    """Mean square error of the velocity behind a filter of this corner, m2/s2."""
-    warped = np.tan(np.pi * np.minimum(seen.frequency, 0.499 * rate) / rate)
-    ratio = warped / math.tan(math.pi * corner / rate)
-    gain = 1.0 / (1.0 + (math.sqrt(2.0) - 1.0) * ratio ** (2 * order))
-    return float(np.sum(seen.motion * (1.0 - gain) ** 2 + seen.noise * gain**2))
+def _errors(seen: _Spectrum, corners: FloatArray, rate: float, order: int) -> list[float]:
+    """Mean square error of the velocity behind filters of these corners, m2/s2."""
+    warped = np.tan(np.pi * np.minimum(seen.frequency, 0.499 * rate) / rate) ** (2 * order)
+    errors = []
+    for bar in (np.tan(np.pi * corners / rate) ** (2 * order) / (math.sqrt(2.0) - 1.0)).tolist():
+        gain = 1.0 / (1.0 + warped / bar)
+        errors.append(float(seen.motion @ (1.0 - gain) ** 2 + seen.noise @ gain**2))
+    return errors
 
 
 def _seen(rest: FloatArray, stretch: Stretch, interval: float) -> _Spectrum:

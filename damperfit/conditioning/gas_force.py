@@ -26,6 +26,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.compiled_core import compiled_core
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ForceLevel", "force_level", "gas_force"]
 
+_COLUMNS = 7  # 1, x, sgn(v), and v and v^2 of each stroke
+_MADE_UP = 1e-15  # of the largest of a matrix
 # What both estimates may be wrong by together. Oil at 1e8 Pa exceeds it at setting 10
 # (`python -m tests.conditioning.corrections_grid`).
 _OF_HYSTERESIS = 0.25
@@ -115,19 +119,25 @@ def _channels(trace: Trace) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _branches(x: FloatArray, v: FloatArray, f: FloatArray) -> tuple[float, float, float]:
     """Return the constant, and the force in v^2 at peak speed of rebound and bump, N."""
-    u = v / np.abs(v).max()
-    out, into = np.maximum(u, 0.0), np.minimum(u, 0.0)
-    columns = np.empty((7, len(u)))
-    for row, column in enumerate(
-        (1.0, x / np.ptp(x), np.sign(u), out, into, out * out, into * into)
-    ):
-        columns[row] = column
+    channels = [np.ascontiguousarray(channel) for channel in (x, v, f)]
+    span, fastest = float(np.ptp(x)), float(np.abs(v).max())
+    products, found = np.empty((_COLUMNS, _COLUMNS)), np.zeros(_COLUMNS)
+    along = np.empty(_COLUMNS)
+    compiled_core().strokes(*channels, found, products, along, span, fastest)
     # The products of the columns have the square of their condition; what that costs in digits, a
     # second step on what is left gives back. On the columns themselves it takes far longer.
-    inverse = np.linalg.pinv(columns @ columns.T, hermitian=True)
-    found = inverse @ (columns @ f)
-    found += inverse @ (columns @ (f - found @ columns))
+    inverse = _inverse(products)
+    found += inverse @ along
+    compiled_core().strokes(*channels, found, products, along, span, fastest)
+    found += inverse @ along
     return float(found[0]), float(found[5]), -float(found[6])
+
+
+def _inverse(products: FloatArray) -> FloatArray:
+    """Return the pseudo-inverse of a symmetric matrix: columns may be made up by others."""
+    sizes, ways = np.linalg.eigh(products)
+    is_there = np.abs(sizes) > _MADE_UP * np.abs(sizes).max()
+    return np.asarray((ways[:, is_there] / sizes[is_there]) @ ways[:, is_there].T)
 
 
 def _reversals(x: FloatArray, v: FloatArray, f: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -217,8 +217,9 @@ def _mean_temperature(
     if stretches[0].n_cycles and len(stretches) == 1:
         ends = stretches[0].cycle_starts[[0, -1]]
     span = log.start_time + ends * log.interval
-    inside = (recording.time >= span[0]) & (recording.time <= span[1])
-    return float(np.mean(recording.temperature[inside]))
+    first, _ = np.searchsorted(recording.time, span, "left")
+    _, stop = np.searchsorted(recording.time, span, "right")
+    return float(np.mean(recording.temperature[first:stop]))
 
 
 def _notes(options: ConditionOptions) -> tuple[str, ...]:

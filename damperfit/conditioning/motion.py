@@ -291,6 +291,8 @@ def _said(metadata: Mapping[str, str], keys: tuple[str, ...], dimension: str) ->
     """Return what the log's preamble declares, SI; None where it does not, or not clearly."""
     for key in keys:
         text = metadata.get(key, "").strip()
+        if not text:
+            continue
         if text[-1:].isdigit():
             if dimension == "length" and "mm" not in key:
                 continue  # a bare number of an unknown unit

@@ -33,6 +33,7 @@ _PERIOD, _AMPLITUDE = 0.01, 0.02
 # which is five median deviations.
 _USUAL = 4.4
 _KEPT = 0.6  # of the allowance; what drifts through more is on its way
+_ONE = 0.4  # of the least allowance; 0.6 / 1.5
 _SHARE = 0.5  # of the run
 _RECENT = 200  # half cycles that say the level; of all of them an hour's log would take minutes
 
@@ -51,6 +52,11 @@ def level_parts(
     steadiness : float
         Share within which an unsteady rig's cycles may wander.
     """
+    if len(period) >= fewest and all(
+        _is_one(values, min(least, steadiness))
+        for values, least in ((period, _PERIOD), (amplitude, _AMPLITUDE))
+    ):
+        return ((0, len(period)),)
     allowed = _allowed(period, _PERIOD, steadiness), _allowed(amplitude, _AMPLITUDE, steadiness)
     whole = _trimmed(period, amplitude, 0, len(period), allowed)
     parts = [
@@ -139,6 +145,15 @@ def level_share(periods: FloatArray, steadiness: float) -> float:
         Share that is never allowed to be exceeded.
     """
     return _allowed(periods, _PERIOD, steadiness, lag=1)
+
+
+def _is_one(values: FloatArray, least: float) -> bool:
+    """Whether values lie so near to each other that nothing below cuts, trims or tilts them.
+
+    All differ from any of their medians by less than the least allowance; a line through them
+    goes over 1.5 times their range at most, and 0.6 of the allowance is what it may.
+    """
+    return float(values.max() - values.min()) <= _ONE * least * float(values.min())
 
 
 def _allowed(values: FloatArray, least: float, steadiness: float, *, lag: int = 2) -> float:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.scatter import noise_beside_motion, noise_floor
 from damperfit.recording import Finding
@@ -209,11 +210,9 @@ def _extremes(values: FloatArray, trace: Trace) -> tuple[FloatArray, FloatArray]
 
 def _cycle_means(values: FloatArray, starts: FloatArray) -> FloatArray:
     """Return the mean of each cycle between its fractional boundaries."""
-    total = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]))])
-    at = np.clip(np.floor(starts).astype(np.int64), 0, len(values) - 2)
-    u = starts - at
-    reached = total[at] + u * values[at] + 0.5 * u**2 * (values[at + 1] - values[at])
-    return np.asarray(np.diff(reached) / np.diff(starts))
+    means = np.empty(len(starts) - 1)
+    compiled_core().cycle_means(np.ascontiguousarray(values), starts, means)
+    return means
 
 
 def _trend(values: FloatArray) -> tuple[float, float]:

@@ -110,11 +110,10 @@ def scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
     phases = phases[(phases * n_phases >= ahead) & ((1.0 - phases) * n_phases > behind)]
     if len(phases) < _FEWEST_PHASES:
         return math.nan
-    folded, lags = _folded(trace.force[np.newaxis], starts, phases)
-    scatter = float(np.mean(np.var(folded[0], axis=0, ddof=1)))
+    scatter, lags = _scatter(trace.force, starts, phases)
     design = trace.model_filter
     correlation = _autocorrelation(design.sections.tobytes(), design.is_zero_phase)
-    kept = float(lags @ correlation) / folded.size
+    kept = float(lags @ correlation) / (stretch.n_cycles * len(phases))
     return float(scatter / kept)
 
 
@@ -125,35 +124,36 @@ def noise_beside_motion(trace: Trace) -> float:
     square differ by from theirs: a motion that drifts makes a force that does.
     """
     starts = clean_cycles(trace.fastest)
-    variance = float(np.var(trace.force[trace.compared]))
-    if len(starts) < 3 or not variance > 0.0:
+    floor = noise_floor(trace)
+    if len(starts) < 3 or math.isnan(floor):
         return math.nan
     n_phases = max(8, round(float(np.mean(np.diff(starts)))))
-    x, v, f = trace.displacement, trace.velocity, trace.force
-    channels = np.stack([x, v, v * np.abs(v), f])
-    folded, _ = _folded(channels, starts, np.arange(n_phases) / n_phases)
-    folded -= folded.mean(axis=1, keepdims=True)
-    rows = folded.reshape(len(channels), -1)
-    products = rows @ rows.T
+    products = _beside(trace, starts, n_phases)
     size = np.maximum(np.sqrt(np.diag(products)), 1e-300)
     alike = products / size / size[:, np.newaxis]
     explained = alike[:3, 3] @ np.linalg.lstsq(alike[:3, :3], alike[:3, 3], rcond=None)[0]
     share = min(max(1.0 - float(explained), 0.0), 1.0) if products[3, 3] > 0.0 else 1.0
-    return noise_floor(trace) * share
+    return floor * share
 
 
-def _folded(
-    channels: FloatArray, starts: FloatArray, phases: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return channels at each phase of each cycle, (rows, cycles, phases), by a cubic of four.
+def _scatter(force: FloatArray, starts: FloatArray, phases: FloatArray) -> tuple[float, FloatArray]:
+    """Return the variance of the cycles, mean over the phases, read by a cubic through four.
 
     And the sums of the products of its weights that stand 0, 1, 2, 3 samples apart.
     """
-    folded, lags = np.empty((len(channels), len(starts) - 1, len(phases))), np.empty(4)
-    compiled_core().fold(
-        np.ascontiguousarray(channels), starts, phases, folded, lags, len(channels)
+    folded, lags = np.empty((len(starts) - 1, len(phases))), np.empty(4)
+    found = compiled_core().scatter(np.ascontiguousarray(force), starts, phases, folded, lags)
+    return found, lags
+
+
+def _beside(trace: Trace, starts: FloatArray, n_phases: int) -> FloatArray:
+    """Return products of what x, v, v |v| and f of cycles differ by from their mean, (4, 4)."""
+    channels = (trace.displacement, trace.velocity, trace.force)
+    products, room = np.empty((4, 4)), np.empty((len(starts) - 1 + len(trace.force), 4))
+    compiled_core().beside(
+        *(np.ascontiguousarray(channel) for channel in channels), starts, products, room, n_phases
     )
-    return folded, lags
+    return products
 
 
 @lru_cache(maxsize=64)

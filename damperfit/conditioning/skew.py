@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.timebase import UniformLog
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ _ROUNDED = 1.5  # misfit of the sharp jump over that of the best one
 _ALIKE = 0.4  # smaller over larger jump
 _FINEST = 4e-4  # s; samples closer than this are averaged, for the time it takes
 _SYSTEMATIC = 1e-4  # s; what the smooth part may lean
+_COLUMNS = (4, 6)  # of the smooth part: without a kink, and with one
 _MADE_UP = 1e-9  # of a step's power, left over where rounding is all that is left
 _FEWEST = 40  # samples beside the ends of rebound, and of bump
 # Way left within half of the reach, of that within the reach: of a sine 0.25, of a crank that takes
@@ -236,17 +238,11 @@ def _beside(log: UniformLog, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _without_smooth(lag: FloatArray, force: FloatArray, *, kink: float | None) -> _Side:
     """Project the hydraulic force beside an end out: 4 smooth columns, 6 with a kink."""
-    z = lag / _REACH
-    smooth = [np.ones_like(z), z, z * z, z * z * z]
-    if kink is not None:
-        bent = z - kink / _REACH
-        smooth += [np.abs(bent), bent * np.abs(bent)]
-    basis = np.linalg.qr(np.stack(smooth).T)[0]
-    rest = force - basis @ (basis.T @ force)
-    columns = np.concatenate([basis, rest[:, np.newaxis]], axis=1)
-    sums = np.zeros((len(lag) + 1, columns.shape[1]))
-    np.cumsum(columns, axis=0, out=sums[1:])
-    return _Side(lag, columns, sums, float(rest @ rest))
+    lag, force = np.ascontiguousarray(lag), np.ascontiguousarray(force)
+    row = _COLUMNS[kink is not None] + 1
+    columns, sums = np.empty((len(lag), row)), np.empty((len(lag) + 1, row))
+    power = compiled_core().without_smooth(lag, force, columns, sums, _REACH, kink or 0.0)
+    return _Side(lag, columns, sums, power)
 
 
 def _in_order(lag: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -255,33 +251,20 @@ def _in_order(lag: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _scan(sides: Sequence[_Side], delays: FloatArray, *, width: float) -> _Scan:
-    """Return what is left of the force for each delay."""
-    rest, total, jumps, n = np.zeros(len(delays)), 0.0, [], 0
-    for sign, side in zip((-1.0, 1.0), sides, strict=True):
-        power_of_step, along = _steps(side, delays, width)
-        smooth, share = along[:-1], along[-1]
-        # What the smooth part takes of the step, by Pythagoras.
-        size = power_of_step - np.einsum("ij,ij->j", smooth, smooth)
-        # A step that the smooth part makes up tells nothing: what is left of both is rounding.
-        share = np.where(size > _MADE_UP * len(side.lag), share, 0.0)
-        size = np.maximum(size, _MADE_UP * len(side.lag))
-        rest += side.power - share**2 / size
-        total += side.power
-        jumps.append(sign * share / size)
-        n += len(side.lag)
-    return _Scan(np.maximum(rest, 1e-15 * total), total, np.stack(jumps), n)
+    """Return what is left of the force for each delay.
 
-
-def _steps(side: _Side, delays: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
-    """Return the power of each step, (m,), and what it is along the columns of a side, (k, m)."""
-    if width > 0.0:
-        step = (side.lag / width)[:, np.newaxis] - delays / width
-        np.tanh(step, out=step)
-        return np.einsum("ij,ij->j", step, step), side.columns.T @ step
-    # A sharp step is -1 before a delay and 1 behind it.
-    before, behind = (np.searchsorted(side.lag, delays, end) for end in ("left", "right"))
-    along = side.sums[-1] - side.sums[behind] - side.sums[before]
-    return np.asarray(len(side.lag) - (behind - before), np.float64), along.T
+    A step that the smooth part makes up tells nothing: what is left of both is rounding.
+    """
+    rests, jumps = np.empty((2, len(sides), len(delays)))
+    for side, rest, jump in zip(sides, rests, jumps, strict=True):
+        compiled_core().steps(
+            *(side.lag, side.columns, side.sums, delays, rest, jump, np.empty(len(side.lag))),
+            *(side.power, width, _MADE_UP),
+        )
+    jumps[0] *= -1.0
+    total = sum(side.power for side in sides)
+    rest = np.maximum(rests.sum(axis=0), 1e-15 * total)
+    return _Scan(rest, total, jumps, sum(len(side.lag) for side in sides))
 
 
 def take_back(log: UniformLog, delay: float) -> UniformLog:

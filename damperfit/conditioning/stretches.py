@@ -130,9 +130,11 @@ def _of_run(
     period, amplitude = run.period, run.amplitude
     low = max(0, math.floor(run.first - 0.7 * period))
     high = min(len(displacement), math.ceil(run.last + 0.7 * period))
-    x, v = displacement[low:high] - run.middle, velocity[low:high] * interval
-    rising = low + crossings(x, v, _HYSTERESIS * amplitude)
-    falling = low + crossings(-x, -v, _HYSTERESIS * amplitude)
+    x, v = displacement[low:high], velocity[low:high] * interval
+    rising, falling = (
+        low + crossings(x, v, _HYSTERESIS * amplitude, level=run.middle, sign=sign)
+        for sign in (1.0, -1.0)
+    )
     rising, falling = (
         _belonging(at, run, displacement, moved=_MOVED / interval) for at in (rising, falling)
     )

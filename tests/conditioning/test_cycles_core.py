@@ -8,12 +8,14 @@ import pytest
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning import apply_filter, design_filter
 from damperfit.conditioning.channels import Channel, find_spikes, noise_of
-from damperfit.conditioning.cycles import _extremes, crossings
-from damperfit.conditioning.gas_force import _branches
+from damperfit.conditioning.cycles import _tops, crossings
+from damperfit.conditioning.drive import _errors, _Spectrum
+from damperfit.conditioning.gas_force import _branches, _inverse
 from damperfit.conditioning.harmonics import harmonic_powers
 from damperfit.conditioning.passages import cycles_of, turning_points
-from damperfit.conditioning.scatter import _folded
-from damperfit.conditioning.skew import _in_order, _steps, _without_smooth
+from damperfit.conditioning.repeatability import _cycle_means
+from damperfit.conditioning.scatter import _scatter
+from damperfit.conditioning.skew import _REACH, _in_order, _scan, _without_smooth
 from tests.oracles import cycles as slow
 
 RANDOM = np.random.default_rng(14)
@@ -39,11 +41,12 @@ MOTIONS = [
 @pytest.mark.parametrize("reach", [0.0, 0.05, 0.25, 2.0])
 def test_crossings_and_tops_are_those_of_the_slow_twin(of, reach: float) -> None:
     x, v = motion(*of)
-    for sign in (1.0, -1.0):
-        found = crossings(sign * x, sign * v, reach)
-        assert np.array_equal(found, slow.crossings(sign * x, sign * v, reach))
-    if len(found) > 1:
-        assert np.array_equal(_extremes(x, v, found), slow.tops(x, v, found))
+    for sign, level in ((1.0, 0.0), (-1.0, 0.07)):
+        y, w = sign * (x - level), sign * v
+        found = crossings(x, v, reach, level=level, sign=sign)
+        assert np.array_equal(found, slow.crossings(y, w, reach))
+        if len(found) > 1:
+            assert np.array_equal(_tops(x, v, found, level, sign=sign), slow.tops(y, w, found))
 
 
 @pytest.mark.parametrize("of", MOTIONS)
@@ -64,15 +67,66 @@ def test_a_motion_without_a_turn_has_no_passage() -> None:
 
 
 def test_cycles_lie_over_each_other_as_by_the_slow_twin() -> None:
-    rows = np.stack([motion(700, 66.6, 0.1)[0] for _ in range(3)])
+    force = motion(700, 66.6, 0.1)[0]
     # Beyond both ends the outermost four samples are read on.
     starts, phases = -1.5 + 100.2 * np.arange(8), np.arange(50) / 50
-    found, lags = _folded(rows, starts, phases)
-    twins = [slow.folded(row, starts, phases) for row in rows]
-    assert np.allclose(found, [values for values, _ in twins], rtol=0.0, atol=1e-12)
-    weights = np.stack([one.ravel() for one in twins[0][1]])
-    products = weights @ weights.T
+    found, lags = _scatter(force, starts, phases)
+    values, weights = slow.folded(force, starts, phases)
+    assert found == pytest.approx(np.mean(np.var(values, axis=0, ddof=1)), rel=1e-12)
+    rows = np.stack([one.ravel() for one in weights])
+    products = rows @ rows.T
     assert np.allclose(lags, [np.trace(products, k) * (2.0 if k else 1.0) for k in range(4)])
+
+
+def test_what_cycles_differ_by_is_that_of_the_slow_twin() -> None:
+    x, v, f = (motion(700, 66.6, 0.1)[0] for _ in range(3))
+    starts = -1.5 + 100.2 * np.arange(8)
+    products, room = np.empty((4, 4)), np.empty((7 + 700, 4))
+    compiled_core().beside(x, v, f, starts, products, room, 67)
+    assert np.allclose(products, slow.beside(x, v, f, starts, 67), rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "starts", [[0.0, 10.5, 33.2, 98.0], [-3.0, 120.0], [5.5, 5.75, 6.0], [7.0, 60.0, 20.0]]
+)
+def test_means_of_cycles_are_those_of_the_slow_twin(starts) -> None:
+    values, starts = motion(99, 20.0, 0.1)[0] + 3.0, np.array(starts)
+    expected = slow.cycle_means(values, starts)
+    assert _cycle_means(values, starts) == pytest.approx(expected, rel=1e-11)
+
+
+@pytest.mark.parametrize("values", [[1.0], [1.0, 1.0], [0.0] * 5, [1, 1, 2, 2, 2, 1, 1, 1, 1, 5]])
+@pytest.mark.parametrize("fewest", [2, 3])
+def test_equal_samples_in_a_row_are_those_of_the_slow_twin(values, fewest: int) -> None:
+    values = np.array(values, np.float64)
+    begins, ends = np.zeros((2, len(values) // fewest + 1), np.int64)
+    n = compiled_core().equal_runs(values, begins, ends, fewest)
+    assert list(zip(begins[:n], ends[:n], strict=True)) == slow.equal_runs(values, fewest)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.round(RANDOM.standard_normal(3000), 1),
+        RANDOM.standard_normal(2999) * 10.0 ** RANDOM.integers(-300, 300, 2999),
+        np.array([0.0, -0.0, 5e-324, -5e-324, 1.7e308, -1.7e308, 1.0, -1.0]),
+        np.zeros(9),
+        np.array([2.0]),
+        np.empty(0),
+    ],
+)
+def test_values_are_sorted(values) -> None:
+    found = values.copy()
+    compiled_core().sort(found, np.empty(len(values)))
+    assert np.array_equal(found, np.sort(values))
+
+
+@pytest.mark.parametrize("bar", [0.0, 0.01, 9.0])
+def test_a_step_is_that_of_the_gaps_in_order(bar: float) -> None:
+    order = np.sort(np.round(RANDOM.standard_normal(700), 3))
+    gaps = np.sort(np.diff(order)[np.diff(order) > bar])
+    expected = gaps[len(gaps) // 50] if len(gaps) else 0.0
+    assert compiled_core().step(order, np.empty(700), bar) == expected
 
 
 @pytest.mark.parametrize("n", [1, 4, 5, 300])
@@ -130,15 +184,53 @@ def test_a_spike_is_found_in_values_that_lie_apart_in_memory() -> None:
     assert find_spikes(channel, 2.0, noise=0.0).tolist() == [50]
 
 
-def test_a_sharp_step_is_summed_as_sample_by_sample() -> None:
+@pytest.mark.parametrize("kink", [None, 1e-3])
+@pytest.mark.parametrize("width", [0.0, 1e-4, 1e-3, 8e-3])
+def test_steps_are_those_laid_on_one_by_one(width: float, kink: float | None) -> None:
     lag = np.round(RANDOM.uniform(-0.02, 0.02, 300), 4)  # some on a delay, some twice
-    side = _without_smooth(*_in_order(lag, RANDOM.standard_normal(300)), kink=1e-3)
+    lag, force = _in_order(lag, RANDOM.standard_normal(300) + 40.0 * lag)
+    side = _without_smooth(lag, force, kink=kink)
+    basis, rest = slow.without_smooth(lag, force, _REACH, kink)
+    columns = side.columns[:, :-1]
+    assert np.allclose(columns.T @ columns, np.eye(columns.shape[1]), rtol=0.0, atol=1e-13)
+    assert np.allclose(side.columns[:, -1], rest, rtol=0.0, atol=1e-12)
+    assert side.power == pytest.approx(rest @ rest, rel=1e-12)
     delays = np.arange(-0.01, 0.0101, 5e-4).round(4)
-    power, along = _steps(side, delays, 0.0)
-    step = np.sign(side.lag[:, np.newaxis] - delays)
-    assert np.array_equal(power, np.sum(step**2, axis=0))
-    assert np.allclose(along, side.columns.T @ step, rtol=0.0, atol=1e-11)
-    assert np.allclose(side.columns[:, :-1].T @ side.columns[:, -1], 0.0, atol=1e-12)
+    scan = _scan([side, side], delays, width=width)
+    left, heights = slow.steps_left(lag, basis, rest, delays, width)
+    assert scan.rest == pytest.approx(2.0 * np.array(left), rel=1e-10)
+    assert scan.jumps[1] == pytest.approx(np.array(heights), rel=1e-8, abs=1e-12)
+    assert np.array_equal(scan.jumps[0], -scan.jumps[1])
+
+
+def test_a_column_that_the_others_make_up_takes_nothing() -> None:
+    # Five places of samples do not tell six columns: the rest is that of the five.
+    lag = np.repeat(np.linspace(-0.02, 0.02, 5), 12)
+    force = RANDOM.standard_normal(60)
+    side = _without_smooth(lag, force, kink=1e-3)
+    places = np.repeat(np.eye(5), 12, axis=0)
+    rest = force - places @ np.linalg.lstsq(places, force, rcond=None)[0]
+    assert side.power == pytest.approx(rest @ rest, rel=1e-9)
+    # A step between two places is made up as well; its height is none.
+    assert np.array_equal(_scan([side], np.array([1e-3]), width=0.0).jumps, [[0.0]])
+
+
+def test_a_singular_matrix_is_inverted_where_it_can_be() -> None:
+    rows = RANDOM.standard_normal((5, 3))
+    products = rows @ rows.T
+    assert np.allclose(_inverse(products), np.linalg.pinv(products, 1e-12), rtol=1e-6)
+
+
+def test_the_errors_of_corners_are_those_of_the_filters_gain() -> None:
+    frequency = np.linspace(0.0, 500.0, 300)
+    seen = _Spectrum(frequency, *RANDOM.uniform(0.0, 1.0, (2, 300)))
+    corners = np.array([30.0, 60.0, 350.0])
+    for corner, found in zip(corners, _errors(seen, corners, 1000.0, 4), strict=True):
+        ratio = np.tan(np.pi * np.minimum(frequency, 499.0) / 1000.0)
+        ratio /= np.tan(np.pi * corner / 1000.0)
+        gain = 1.0 / (1.0 + (np.sqrt(2.0) - 1.0) * ratio**8)
+        expected = np.sum(seen.motion * (1.0 - gain) ** 2 + seen.noise * gain**2)
+        assert found == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("wave", [np.sin, lambda a: np.arcsin(np.sin(a)), lambda a: np.sin(a) ** 3])
@@ -165,23 +257,53 @@ def test_signals_side_by_side_are_filtered_as_each_alone(rows: int) -> None:
 @pytest.mark.parametrize(
     ("name", "arguments"),
     [
-        ("crossings", (np.ones(9), np.ones(8), np.ones(9), 0.1)),
-        ("crossings", (np.ones(9), np.ones(9), np.ones(4), 0.1)),
-        ("tops", (np.ones(1), np.ones(1), np.ones(2), np.ones(1))),
-        ("tops", (np.ones(9), np.ones(8), np.ones(2), np.ones(1))),
-        ("tops", (np.ones(9), np.ones(9), np.ones(2), np.ones(2))),
+        ("crossings", (np.ones(9), np.ones(8), np.ones(9), 0.1, 0.0, 1.0)),
+        ("crossings", (np.ones(9), np.ones(9), np.ones(4), 0.1, 0.0, 1.0)),
+        ("tops", (np.ones(1), np.ones(1), np.ones(2), np.ones(1), 0.0, 1.0)),
+        ("tops", (np.ones(9), np.ones(8), np.ones(2), np.ones(1), 0.0, 1.0)),
+        ("tops", (np.ones(9), np.ones(9), np.ones(2), np.ones(2), 0.0, 1.0)),
         ("turns", (np.ones(9), np.ones(8, np.int64), 0.1)),
         ("passages", (np.ones(9), np.array([1, 9]), np.ones(1))),
         ("passages", (np.ones(9), np.array([-1, 3]), np.ones(1))),
         ("passages", (np.ones(9), np.array([3, 3]), np.ones(1))),
         ("passages", (np.ones(9), np.array([1, 3]), np.ones(2))),
         ("passages", (np.ones(9), np.empty(0, np.int64), np.empty(0))),
-        ("fold", (np.ones(3), np.ones(2), np.ones(2), np.ones(2), np.ones(4), 1)),
-        ("fold", (np.ones(9), np.ones(2), np.ones(2), np.ones(3), np.ones(4), 1)),
-        ("fold", (np.ones(9), np.ones(2), np.ones(2), np.ones(4), np.ones(4), 2)),
-        ("fold", (np.ones(9), np.ones(2), np.ones(2), np.ones(2), np.ones(3), 1)),
-        ("fold", (np.ones(9), np.ones(2), np.ones(2), np.ones(2), np.ones(4), 0)),
-        ("fold", (np.ones(9), np.ones(0), np.ones(2), np.ones(0), np.ones(4), 1)),
+        ("scatter", (np.ones(3), np.ones(3), np.ones(2), np.ones(4), np.ones(4))),
+        ("scatter", (np.ones(9), np.ones(2), np.ones(2), np.ones(2), np.ones(4))),
+        ("scatter", (np.ones(9), np.ones(3), np.ones(0), np.ones(0), np.ones(4))),
+        ("scatter", (np.ones(9), np.ones(3), np.ones(2), np.ones(3), np.ones(4))),
+        ("scatter", (np.ones(9), np.ones(3), np.ones(2), np.ones(4), np.ones(3))),
+        ("beside", (*[np.ones(3)] * 3, np.ones(2), np.ones(16), np.ones(16), 9)),
+        ("beside", (np.ones(9), np.ones(8), np.ones(9), np.ones(2), np.ones(16), np.ones(40), 9)),
+        ("beside", (np.ones(9), np.ones(9), np.ones(8), np.ones(2), np.ones(16), np.ones(40), 9)),
+        ("beside", (*[np.ones(9)] * 3, np.ones(1), np.ones(16), np.ones(36), 9)),
+        ("beside", (*[np.ones(9)] * 3, np.ones(2), np.ones(15), np.ones(40), 9)),
+        ("beside", (*[np.ones(9)] * 3, np.ones(2), np.ones(16), np.ones(39), 9)),
+        ("beside", (*[np.ones(9)] * 3, np.ones(2), np.ones(16), np.ones(40), -1)),
+        ("cycle_means", (np.ones(1), np.ones(2), np.ones(1))),
+        ("cycle_means", (np.ones(9), np.ones(2), np.ones(2))),
+        ("strokes", (np.ones(9), np.ones(8), np.ones(9), *map(np.ones, (7, 49, 7)), 1.0, 1.0)),
+        ("strokes", (np.ones(9), np.ones(9), np.ones(8), *map(np.ones, (7, 49, 7)), 1.0, 1.0)),
+        ("strokes", (*[np.ones(9)] * 3, *map(np.ones, (6, 49, 7)), 1.0, 1.0)),
+        ("strokes", (*[np.ones(9)] * 3, *map(np.ones, (7, 48, 7)), 1.0, 1.0)),
+        ("strokes", (*[np.ones(9)] * 3, *map(np.ones, (7, 49, 6)), 1.0, 1.0)),
+        ("rough", (np.ones(9), np.ones(8))),
+        ("sort", (np.ones(9), np.ones(8))),
+        ("step", (np.ones(9), np.ones(8), 0.1)),
+        ("equal_runs", (np.ones(9), np.ones(9, np.int64), np.ones(9, np.int64), 1)),
+        ("equal_runs", (np.ones(9), np.ones(4, np.int64), np.ones(4, np.int64), 2)),
+        ("equal_runs", (np.ones(9), np.ones(5, np.int64), np.ones(4, np.int64), 2)),
+        ("without_smooth", (np.ones(9), np.ones(8), np.ones(45), np.ones(50), 1.0, 0.0)),
+        ("without_smooth", (np.ones(9), np.ones(9), np.ones(54), np.ones(60), 1.0, 0.0)),
+        ("without_smooth", (np.ones(9), np.ones(9), np.ones(46), np.ones(50), 1.0, 0.0)),
+        ("without_smooth", (np.ones(9), np.ones(9), np.ones(45), np.ones(49), 1.0, 0.0)),
+        ("without_smooth", (np.ones(0), np.ones(0), np.ones(0), np.ones(5), 1.0, 0.0)),
+        ("steps", (*map(np.ones, (9, 54, 60, 3, 3, 3, 9)), 1.0, 0.0, 0.1)),
+        ("steps", (*map(np.ones, (9, 46, 50, 3, 3, 3, 9)), 1.0, 0.0, 0.1)),
+        ("steps", (*map(np.ones, (9, 45, 49, 3, 3, 3, 9)), 1.0, 0.0, 0.1)),
+        ("steps", (*map(np.ones, (9, 45, 50, 3, 2, 3, 9)), 1.0, 0.0, 0.1)),
+        ("steps", (*map(np.ones, (9, 45, 50, 3, 3, 2, 9)), 1.0, 0.0, 0.1)),
+        ("steps", (*map(np.ones, (9, 45, 50, 3, 3, 3, 8)), 1.0, 0.0, 0.1)),
         ("outstanding", (np.ones(9), np.ones(8))),
         ("rank", (np.ones(9), 9)),
         ("rank", (np.ones(9), -1)),

@@ -130,8 +130,7 @@ def test_a_crossing_counts_that_leaves_a_quarter_of_the_amplitude(height, period
     half = np.sin(np.pi * np.arange(80) / 80.0)
     small = height * np.sin(np.pi * np.arange(20) / 20.0)
     x = np.tile(np.concatenate([half, -small, small, -half]), 8)
-    offset = x, np.gradient(x)
-    found = cycles._steady_run(*offset, cycles._HYSTERESIS, 0.05)
+    found = cycles._steady_run(x, np.gradient(x), 0.0, cycles._HYSTERESIS, 0.05)
     assert found.period == pytest.approx(period)
 
 
@@ -140,9 +139,9 @@ def test_a_run_is_a_tenth_of_all_cycles(alike, is_run, monkeypatch) -> None:
     periods = np.full(109, 100.0)
     periods[alike:] = np.where(np.arange(109 - alike) % 2, 50.0, 150.0)
     marks = np.concatenate([[0.0], np.cumsum(periods)])
-    monkeypatch.setattr(cycles, "crossings", lambda *_: marks)
-    monkeypatch.setattr(cycles, "_extremes", lambda *_: np.ones(109))
-    found = cycles._steady_run(np.zeros(1), np.zeros(1), 0.0, 0.05)
+    monkeypatch.setattr(cycles, "crossings", lambda *_, **__: marks)
+    monkeypatch.setattr(cycles, "_tops", lambda *_, **__: np.ones(109))
+    found = cycles._steady_run(np.zeros(1), np.zeros(1), 0.0, 0.0, 0.05)
     assert (found is not None) is is_run
 
 
@@ -285,9 +284,28 @@ def test_a_level_drifts_through_six_tenths_of_its_allowance(gone, keeps) -> None
 @pytest.mark.parametrize(("length", "is_whole"), [(49, True), (51, False)])
 def test_levels_are_the_tests_where_they_are_half_of_a_run(length, is_whole, monkeypatch) -> None:
     monkeypatch.setattr(plateaus, "_parts", lambda *_: [(0, length)])
-    values = np.ones(100)
+    values = np.linspace(1.0, 1.0045, 100)
     found = plateaus.level_parts(values, values, fewest=3, steadiness=0.05)
     assert list(found) == [(0, 100) if is_whole else (0, length)]
+
+
+@pytest.mark.parametrize(("share", "is_looked_at"), [(0.39, False), (0.41, True)])
+@pytest.mark.parametrize("steadiness", [0.05, 0.004])
+def test_cycles_within_four_tenths_of_the_least_allowance_are_one_run(
+    share, is_looked_at, steadiness, monkeypatch
+) -> None:
+    looked: list[object] = []
+    monkeypatch.setattr(plateaus, "_parts", lambda *seen: looked.append(seen) or [(0, 90)])
+    least = min(plateaus._PERIOD, steadiness)
+    # The worst case: half at one end of the range, half at the other.
+    period = np.repeat([1.0, 1.0 + share * least], 50)
+    found = plateaus.level_parts(period, np.ones(100), fewest=3, steadiness=steadiness)
+    assert bool(looked) is is_looked_at
+    monkeypatch.undo()
+    allowed = plateaus._allowed(period, plateaus._PERIOD, steadiness)
+    if not is_looked_at:  # what the long way finds as well
+        assert list(found) == plateaus._parts(period, np.ones(100), (allowed, 0.02)) == [(0, 100)]
+        assert plateaus._keeps_level(period, 0, 100, allowed)
 
 
 @pytest.mark.parametrize(("off", "n"), [(0.97, 1), (1.03, 2)])

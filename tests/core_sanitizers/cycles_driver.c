@@ -22,7 +22,7 @@ static void marks(size_t n, int odd)
 {
     double *x = wave(n, odd), *v = wave(n, 0), *at = malloc((n / 2 + 1) * sizeof *at);
     int64_t *turns = malloc((n ? n : 1) * sizeof *turns);
-    if (df_crossings(n, x, v, 0.1, at) > n / 2)
+    if (df_crossings(n, x, v, 0.1, -1.0, 0.1, at) > n / 2 || df_crossings(n, x, v, 0.0, 1.0, 0.1, at) > n / 2)
         abort();
     const size_t n_turns = df_turns(n, x, 0.1, turns);
     if (n_turns > n)
@@ -36,23 +36,12 @@ static void marks(size_t n, int odd)
     if (n >= 2) {
         const double boundaries[] = {-3.0, 0.5, 0.5, (double)n - 1.0, (double)n + 9.0, NAN, INFINITY};
         double tops[sizeof boundaries / sizeof *boundaries - 1];
-        df_tops(n, x, v, sizeof tops / sizeof *tops, boundaries, tops);
+        df_tops(n, x, v, 0.1, odd ? -1.0 : 1.0, sizeof tops / sizeof *tops, boundaries, tops);
     }
     free(x);
     free(v);
     free(at);
     free(turns);
-}
-
-static void folds(size_t n, int odd)
-{
-    const double starts[] = {-9.0, 1.5, (double)n - 2.0, (double)n + 20.0, NAN, INFINITY};
-    const double phases[] = {0.0, 0.4, 0.999, NAN};
-    enum { CYCLES = sizeof starts / sizeof *starts - 1, PHASES = sizeof phases / sizeof *phases };
-    double *y = wave(2 * n, odd), folded[2 * CYCLES * PHASES], lags[DF_LAGS];
-    df_fold(n, 2, y, CYCLES, starts, PHASES, phases, folded, lags);
-    df_fold(n, 0, y, CYCLES, starts, PHASES, phases, folded, lags);
-    free(y);
 }
 
 static void others(size_t n)
@@ -95,8 +84,6 @@ int main(void)
     for (int odd = 0; odd < 2; odd++)
         for (size_t n = 0; n < MOST; n++) {
             marks(n, odd);
-            if (n >= 4)
-                folds(n, odd);
             if (n)
                 others(n);
         }

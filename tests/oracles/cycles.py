@@ -81,6 +81,52 @@ def folded(values, starts, phases):
     return sum(weight * values[index + k] for k, weight in enumerate(weights)), weights
 
 
+def beside(x, v, f, starts, n_phases):
+    """Products of what x, v, its square and f of each cycle differ by from the mean cycle."""
+    phases = np.arange(n_phases) / n_phases
+    rows = np.stack([folded(values, starts, phases)[0] for values in (x, v, v * np.abs(v), f)])
+    off = (rows - rows.mean(axis=1, keepdims=True)).reshape(4, -1)
+    return off @ off.T
+
+
+def cycle_means(values, starts):
+    """Mean of the straight lines through samples between boundaries."""
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]))])
+    at = np.clip(np.floor(starts).astype(np.int64), 0, len(values) - 2)
+    u = starts - at
+    reached = total[at] + u * values[at] + 0.5 * u**2 * (values[at + 1] - values[at])
+    return np.diff(reached) / np.diff(starts)
+
+
+def equal_runs(values, fewest):
+    """First and stop of each row of equal samples."""
+    edges = [0, *(np.flatnonzero(np.diff(values) != 0.0) + 1).tolist(), len(values)]
+    return [run for run in pairwise(edges) if run[1] - run[0] >= fewest]
+
+
+def without_smooth(lag, force, reach, kink):
+    """A smooth curve of the lag, taken out of a force by its columns made square to each other."""
+    z = lag / reach
+    columns = [np.ones_like(z), z, z**2, z**3]
+    if kink is not None:
+        bent = z - kink / reach
+        columns += [np.abs(bent), bent * np.abs(bent)]
+    basis = np.linalg.qr(np.stack(columns, axis=-1))[0]
+    return basis, force - basis @ (basis.T @ force)
+
+
+def steps_left(lag, basis, rest, delays, width):
+    """What steps leave of the power of a rest, and their heights, one delay at a time."""
+    left, heights = [], []
+    for delay in delays:
+        step = np.tanh((lag - delay) / width) if width else np.sign(lag - delay)
+        step = step - basis @ (basis.T @ step)
+        height = (step @ rest) / (step @ step)
+        heights.append(height)
+        left.append(np.sum((rest - height * step) ** 2))
+    return left, heights
+
+
 def outstanding(values):
     """Each sample less the median of the five around it; 0 at the ends."""
     result = np.zeros_like(values)

@@ -1,9 +1,9 @@
-/* Passages, turns, folded cycles and harmonics. No allocation, no globals, re-entrant. */
+/* Passages, turns and harmonics. No allocation, no globals, re-entrant. */
 #include "cycles.h"
 
 #include <math.h>
 
-enum { NEWTON = 4, WEIGHTS = 4, TRUED = 64, THREES = 3 };
+enum { NEWTON = 4, TRUED = 64, THREES = 3 };
 
 static double within(double value, double low, double high)
 {
@@ -35,22 +35,27 @@ static double root(double y0, double y1, double v0, double v1)
     return u;
 }
 
-size_t df_crossings(size_t n, const double *x, const double *v, double reach, double *at)
+size_t df_crossings(size_t n, const double *x, const double *v, double level, double sign,
+                    double reach, double *at)
 {
     size_t found = 0, before = 0;
     int was_below = 0, has_risen = 0;
+    double last = 0.0;
     for (size_t k = 0; k < n; k++) {
-        if (k && x[k - 1] < 0.0 && !(x[k] < 0.0)) {
+        const double y = sign * (x[k] - level);
+        if (last < 0.0 && !(y < 0.0)) {
             before = k - 1;
             has_risen = 1;
         }
-        if (!(fabs(x[k]) > reach))
+        last = y;
+        if (!(fabs(y) > reach))
             continue;
-        if (x[k] > 0.0 && was_below && has_risen) {
-            const double u = root(x[before], x[before + 1], v[before], v[before + 1]);
+        if (y > 0.0 && was_below && has_risen) {
+            const double u = root(sign * (x[before] - level), sign * (x[before + 1] - level),
+                                  sign * v[before], sign * v[before + 1]);
             at[found++] = (double)before + u;
         }
-        was_below = !(x[k] > 0.0);
+        was_below = !(y > 0.0);
     }
     return found;
 }
@@ -61,23 +66,28 @@ static size_t sample_of(double at, size_t n)
     return at > 0.0 ? at < (double)(n - 1) ? (size_t)at : n - 1 : 0;
 }
 
-void df_tops(size_t n, const double *x, const double *v, size_t n_tops, const double *boundaries,
-             double *tops)
+void df_tops(size_t n, const double *x, const double *v, double level, double sign, size_t n_tops,
+             const double *boundaries, double *tops)
 {
     for (size_t cycle = 0; cycle < n_tops; cycle++) {
         size_t highest = sample_of(ceil(boundaries[cycle]), n);
         const double last = ceil(boundaries[cycle + 1]);
-        for (size_t k = highest + 1; k < n && (double)k < last; k++)
-            if (x[k] > x[highest])
+        const size_t stop = last < (double)n ? last > 0.0 ? (size_t)last : 0 : n;
+        double top = sign * x[highest];
+        for (size_t k = highest + 1; k < stop; k++)
+            if (sign * x[k] > top) {
                 highest = k;
-        size_t left = v[highest] > 0.0 ? highest : highest ? highest - 1 : 0;
+                top = sign * x[k];
+            }
+        size_t left = sign * v[highest] > 0.0 ? highest : highest ? highest - 1 : 0;
         left = left < n - 2 ? left : n - 2;
-        const double y0 = x[left], y1 = x[left + 1], v0 = v[left], v1 = v[left + 1];
+        const double y0 = sign * (x[left] - level), y1 = sign * (x[left + 1] - level);
+        const double v0 = sign * v[left], v1 = sign * v[left + 1];
         const double c2 = 3.0 * (y1 - y0) - 2.0 * v0 - v1, c3 = 2.0 * (y0 - y1) + v0 + v1;
         /* Slope v0 + 2 c2 u + 3 c3 u^2 falls through zero here; this root allows c3 = 0. */
         const double below = sqrt(larger(c2 * c2 - 3.0 * c3 * v0, 0.0)) - c2;
         const double u = below > 0.0 ? within(v0 / below, 0.0, 1.0) : 0.0;
-        tops[cycle] = larger(x[highest], y0 + u * (v0 + u * (c2 + c3 * u)));
+        tops[cycle] = larger(sign * (x[highest] - level), y0 + u * (v0 + u * (c2 + c3 * u)));
     }
 }
 
@@ -116,38 +126,6 @@ void df_passages(const double *x, size_t n_turns, const int64_t *turns, double *
             k++;
         const double here = sign * (x[k] - middle), before = sign * (x[k - 1] - middle);
         at[way] = (double)k - here / (here - before);
-    }
-}
-
-void df_fold(size_t n, size_t rows, const double *y, size_t n_cycles, const double *starts,
-             size_t n_phases, const double *phases, double *folded, double *lags)
-{
-    for (int lag = 0; lag < DF_LAGS; lag++)
-        lags[lag] = 0.0;
-    for (size_t cycle = 0; cycle < n_cycles; cycle++) {
-        const double length = starts[cycle + 1] - starts[cycle];
-        double sums[DF_LAGS] = {0.0, 0.0, 0.0, 0.0};
-        for (size_t k = 0; k < n_phases; k++) {
-            const double at = starts[cycle] + length * phases[k];
-            /* So written, what is no number ends inside. */
-            const size_t from = (size_t)(at > 1.0 ? smaller(at, (double)(n - 3)) : 1.0) - 1;
-            const double u = at - (double)from - 1.0;
-            const double w[WEIGHTS] = {
-                -u * (u - 1.0) * (u - 2.0) / 6.0, (u + 1.0) * (u - 1.0) * (u - 2.0) / 2.0,
-                -(u + 1.0) * u * (u - 2.0) / 2.0, (u + 1.0) * u * (u - 1.0) / 6.0};
-            sums[0] += w[0] * w[0] + w[1] * w[1] + w[2] * w[2] + w[3] * w[3];
-            sums[1] += 2.0 * (w[0] * w[1] + w[1] * w[2] + w[2] * w[3]);
-            sums[2] += 2.0 * (w[0] * w[2] + w[1] * w[3]);
-            sums[3] += 2.0 * w[0] * w[3];
-            const size_t to = cycle * n_phases + k;
-            for (size_t row = 0; row < rows; row++) {
-                const double *near = y + row * n + from;
-                folded[row * n_cycles * n_phases + to] =
-                    w[0] * near[0] + w[1] * near[1] + w[2] * near[2] + w[3] * near[3];
-            }
-        }
-        for (int lag = 0; lag < DF_LAGS; lag++)
-            lags[lag] += sums[lag];
     }
 }
 

@@ -1,4 +1,4 @@
-/* What is read off sampled motions: passages, turns, cycles laid over each other, harmonics. */
+/* What is read off sampled motions: passages, turns, harmonics. */
 #ifndef DAMPERFIT_CYCLES_H
 #define DAMPERFIT_CYCLES_H
 
@@ -9,16 +9,17 @@
 extern "C" {
 #endif
 
-enum { DF_LAGS = 4, DF_MOST_HARMONICS = 16 };
+enum { DF_MOST_HARMONICS = 16 };
 
-/* Fractional samples at which x rises through 0, from -reach to +reach, by the Hermite piece of
-   x and v (by sample). at: n/2 + 1; returns how many. */
-size_t df_crossings(size_t n, const double *x, const double *v, double reach, double *at);
+/* Fractional samples at which y = sign (x - level) rises through 0, from -reach to +reach, by the
+   Hermite piece of y and v (by sample). at: n/2 + 1; returns how many. */
+size_t df_crossings(size_t n, const double *x, const double *v, double level, double sign,
+                    double reach, double *at);
 
-/* The top of each cycle between boundaries (in samples, rising, n_tops + 1 of them): of the Hermite
-   piece beside its highest sample. n >= 2. */
-void df_tops(size_t n, const double *x, const double *v, size_t n_tops, const double *boundaries,
-             double *tops);
+/* The top of y in each cycle between boundaries (in samples, rising, n_tops + 1 of them): of the
+   Hermite piece beside its highest sample. n >= 2. */
+void df_tops(size_t n, const double *x, const double *v, double level, double sign, size_t n_tops,
+             const double *boundaries, double *tops);
 
 /* Samples at which x turns, peaks and valleys by turns; a turn counts where the way back from it is
    more than reach. turns: n; returns how many. */
@@ -27,12 +28,6 @@ size_t df_turns(size_t n, const double *x, double reach, int64_t *turns);
 /* Where each way from turn to turn passes its middle. turns: rising, below the samples of x;
    at: n_turns - 1. */
 void df_passages(const double *x, size_t n_turns, const int64_t *turns, double *at);
-
-/* Cycles laid over each other: rows of y, each n >= 4 samples, read at each phase (0 to 1) of each
-   cycle by the cubic through four samples. folded: rows x n_cycles x n_phases; lags: sums over all
-   places of the products of weights so many samples apart. */
-void df_fold(size_t n, size_t rows, const double *y, size_t n_cycles, const double *starts,
-             size_t n_phases, const double *phases, double *folded, double *lags);
 
 /* Each sample less the median of the five around it; 0 at both ends. */
 void df_outstanding(size_t n, const double *y, double *outstanding);

@@ -5,6 +5,7 @@
 
 #include "hysteresis.h"
 #include "network.h"
+#include "repeats_module.h"
 #include "signals_module.h"
 
 enum { BODY, NUMBERS, PASSAGES, NET_X, NET_V, NET_WHICH, NET_PRESSURES, NET_MASSES, NET_FORCE,
@@ -211,22 +212,44 @@ static PyMethodDef METHODS[] = {
     {"between", df_py_between, METH_VARARGS,
      "between(signal, positions, values, rows)\nFills each row's values at fractional samples."},
     {"crossings", df_py_crossings, METH_VARARGS,
-     "crossings(x, v, at, reach) -> n. Fills the fractional samples at which x rises through 0."},
+     "crossings(x, v, at, reach, level, sign) -> n\n"
+     "Fills the fractional samples at which sign (x - level) rises through 0."},
     {"tops", df_py_tops, METH_VARARGS,
-     "tops(x, v, boundaries, tops)\nFills the top of each cycle between boundaries."},
+     "tops(x, v, boundaries, tops, level, sign)\n"
+     "Fills the top of sign (x - level) in each cycle between boundaries."},
     {"turns", df_py_turns, METH_VARARGS,
      "turns(x, turns, reach) -> n. Fills the samples (64-bit integers) at which x turns."},
     {"passages", df_py_passages, METH_VARARGS,
      "passages(x, turns, at)\nFills where the way between two turns passes its middle."},
-    {"fold", df_py_fold, METH_VARARGS,
-     "fold(y, starts, phases, folded, lags, rows)\n"
-     "Fills each row at each phase of each cycle, and the products of weights by lag."},
     {"outstanding", df_py_outstanding, METH_VARARGS,
      "outstanding(y, result)\nFills each sample less the median of five around it."},
     {"rank", df_py_rank, METH_VARARGS,
      "rank(values, rank) -> value. Reorders values; those before the rank are not above it."},
     {"harmonics", df_py_harmonics, METH_VARARGS,
      "harmonics(y, powers, mean, angle)\nFills the squares of the means of y turned k angles."},
+    {"without_smooth", df_py_without_smooth, METH_VARARGS,
+     "without_smooth(lag, force, columns, sums, reach, kink) -> power\n"
+     "Fills smooth columns square to each other, what they leave of the force, and their sums."},
+    {"steps", df_py_steps, METH_VARARGS,
+     "steps(lag, columns, sums, delays, rest, heights, scratch, power, width, least)\n"
+     "Fills what a step at each delay leaves, and its height."},
+    {"scatter", df_py_scatter, METH_VARARGS,
+     "scatter(y, starts, phases, folded, lags) -> variance of the cycles, mean over the phases."},
+    {"beside", df_py_beside, METH_VARARGS,
+     "beside(x, v, f, starts, products, room, n_phases)\n"
+     "Fills products of what x, v, v |v| and f of each cycle differ by from their means."},
+    {"cycle_means", df_py_cycle_means, METH_VARARGS,
+     "cycle_means(y, boundaries, means)\nFills the mean of y between each two boundaries."},
+    {"strokes", df_py_strokes, METH_VARARGS,
+     "strokes(x, v, f, found, products, along, span, fastest)\n"
+     "Fills the products of seven columns, and what they are along the force less `found`."},
+    {"rough", df_py_rough, METH_VARARGS,
+     "rough(y, scratch) -> median size of the fifth differences."},
+    {"sort", df_py_sort, METH_VARARGS, "sort(values, room)\nSorts finite values."},
+    {"step", df_py_step, METH_VARARGS,
+     "step(order, scratch, bar) -> the step between sorted values that a fiftieth is not above."},
+    {"equal_runs", df_py_equal_runs, METH_VARARGS,
+     "equal_runs(y, begins, ends, fewest) -> n. Fills runs of equal samples (64-bit integers)."},
     {NULL, NULL, 0, NULL}};
 
 /* Two phases, so that every interpreter of a process has a module of its own. From 3.12 on one with

@@ -1,0 +1,18 @@
+/* Functions of repeats_module.c, for the table in module.c. */
+#ifndef DAMPERFIT_REPEATS_MODULE_H
+#define DAMPERFIT_REPEATS_MODULE_H
+
+#include <Python.h>
+
+PyObject *df_py_without_smooth(PyObject *self, PyObject *args);
+PyObject *df_py_steps(PyObject *self, PyObject *args);
+PyObject *df_py_scatter(PyObject *self, PyObject *args);
+PyObject *df_py_beside(PyObject *self, PyObject *args);
+PyObject *df_py_cycle_means(PyObject *self, PyObject *args);
+PyObject *df_py_strokes(PyObject *self, PyObject *args);
+PyObject *df_py_rough(PyObject *self, PyObject *args);
+PyObject *df_py_sort(PyObject *self, PyObject *args);
+PyObject *df_py_step(PyObject *self, PyObject *args);
+PyObject *df_py_equal_runs(PyObject *self, PyObject *args);
+
+#endif

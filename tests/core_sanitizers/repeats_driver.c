@@ -1,0 +1,96 @@
+/* Drives repeats.c and ends.c at their smallest and oddest sizes; a sanitizer ends the program. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "ends.h"
+#include "repeats.h"
+
+enum { MOST = 40, ODD = 4 };
+
+static const double ODDITIES[ODD] = {NAN, INFINITY, -INFINITY, 1e300};
+
+static double *wave(size_t n, int odd)
+{
+    double *y = malloc((n ? n : 1) * sizeof *y);
+    for (size_t k = 0; k < n; k++)
+        y[k] = odd && k % 7 == 3 ? ODDITIES[k / 7 % ODD] : sin(1.3 * (double)k);
+    return y;
+}
+
+static void folds(size_t n, int odd)
+{
+    const double starts[] = {-9.0, 1.5, (double)n - 2.0, (double)n + 20.0, NAN, INFINITY, 0.5};
+    const double phases[] = {0.0, 0.4, 0.999, NAN};
+    enum { CYCLES = sizeof starts / sizeof *starts - 1, PHASES = sizeof phases / sizeof *phases };
+    double *y = wave(n, odd), folded[CYCLES * PHASES], lags[DF_LAGS], means[CYCLES];
+    double products[DF_BESIDE * DF_BESIDE], *room = malloc(DF_BESIDE * (CYCLES + n) * sizeof *room);
+    df_scatter(n, y, CYCLES, starts, PHASES, phases, folded, lags);
+    df_beside(n, y, y, y, CYCLES, starts, PHASES, products, room);
+    df_cycle_means(n, y, CYCLES, starts, means);
+    free(y);
+    free(room);
+}
+
+static void channels(size_t n, int odd)
+{
+    double *y = wave(n, odd), *room = malloc((n ? n : 1) * sizeof *room);
+    double found[DF_STROKE_COLUMNS] = {0.0}, along[DF_STROKE_COLUMNS];
+    double products[DF_STROKE_COLUMNS * DF_STROKE_COLUMNS];
+    int64_t *begins = malloc((n / 2 + 1) * sizeof *begins), *ends = malloc((n / 2 + 1) * sizeof *ends);
+    df_strokes(n, y, y, y, 1.0, 1.0, found, products, along);
+    if (!odd) { /* nothing is ranked that is no number */
+        df_rough(n, y, room);
+        df_sort(n, y, room);
+        for (size_t k = 1; k < n; k++)
+            if (y[k] < y[k - 1])
+                abort();
+        df_step(n, y, 0.0, room);
+    }
+    for (size_t k = 0; k < n; k++)
+        y[k] = (double)(k / 2);
+    if (df_equal_runs(n, y, 2, begins, ends) != n / 2)
+        abort();
+    free(y);
+    free(room);
+    free(begins);
+    free(ends);
+}
+
+static void jumps(size_t n, int odd)
+{
+    static const double delays[] = {-1.0, 0.0, 0.3, 9.0};
+    enum { DELAYS = sizeof delays / sizeof *delays, ROW = DF_BENT + 1 };
+    double *lag = malloc(n * sizeof *lag), *force = wave(n, odd), *scratch = malloc(n * sizeof *scratch);
+    double *columns = malloc(ROW * n * sizeof *columns), *sums = malloc(ROW * (n + 1) * sizeof *sums);
+    double rest[DELAYS], heights[DELAYS];
+    for (size_t k = 0; k < n; k++)
+        lag[k] = 0.05 * (double)(k / 2) - 0.7;
+    for (int n_smooth = DF_SMOOTH; n_smooth <= DF_BENT; n_smooth += DF_BENT - DF_SMOOTH) {
+        const double power = df_without_smooth(n, lag, force, 1.0, n_smooth, 0.1, columns, sums);
+        for (int width = 0; width < 3; width++)
+            df_steps(n, lag, n_smooth, columns, sums, power, 0.1 * width, 1e-9, DELAYS, delays,
+                     rest, heights, scratch);
+        df_steps(n, lag, n_smooth, columns, sums, power, 0.1, 1e-9, 0, delays, rest, heights,
+                 scratch);
+    }
+    free(lag);
+    free(force);
+    free(scratch);
+    free(columns);
+    free(sums);
+}
+
+int main(void)
+{
+    for (int odd = 0; odd < 2; odd++)
+        for (size_t n = 0; n < MOST; n++) {
+            channels(n, odd);
+            if (n >= 4)
+                folds(n, odd);
+            if (n)
+                jumps(n, odd);
+        }
+    puts("ok");
+    return 0;
+}
