@@ -12,7 +12,7 @@ from damperfit.report import (
     short_listing,
     stretch_sheet,
 )
-from damperfit.report.alike import listed_names, shape_of
+from damperfit.report.alike import listed_names, shape_of, summarised
 from damperfit.report.sheets.inspection_sheet import MANY_ROWS
 
 CAUSES = (
@@ -173,3 +173,13 @@ def test_the_stretches_of_many_logs_are_the_first(n, is_whole) -> None:
     sheet = stretch_sheet({"name": f"{k}.csv", "stretches": [one | more]} for k in range(n))
     assert len(sheet.rows) == MANY_ROWS
     assert any("1 more stretches" in note for note in sheet.notes) is not is_whole
+
+
+@pytest.mark.parametrize(("length", "n", "lines"), [(199, 4, 4), (200, 4, 1), (200, 3, 3)])
+def test_long_sentences_that_differ_in_the_name_alone_are_said_once(length, n, lines) -> None:
+    sentences = [(f"{k}.csv", f"{k}.csv: ".ljust(length, "x")) for k in range(n)]
+    other = ("9.csv", "9.csv: empty file")
+    said = list(summarised([sentences[0], other, *sentences[1:]]))
+    assert len(said) == lines + 1
+    assert said[1] == other[1]
+    assert said[0].endswith("x (and 3 alike: 1.csv, 2.csv, 3.csv)") is (lines == 1)

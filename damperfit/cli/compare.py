@@ -153,7 +153,9 @@ def _reading(
                 f"{option} {given} has no effect: no log is read without --measured; leave it out"
             )
     profile = ("--rig-profile", "rig.profile", rig_profile)
-    return configured(config, *rig_entries(rig), profile) if is_measured else None
+    if not is_measured:
+        return None
+    return configured(config, *rig_entries(rig), profile, is_law_open=True)
 
 
 def _save(

@@ -72,6 +72,7 @@ def inspect(
         ("--skew", "rig.skew", skew),
         ("--rig-profile", "rig.profile", rig_profile),
         ("--allow-truncated", "rig.allow_truncated", allow_truncated or None),
+        is_law_open=True,  # no model is asked for; the file may be one for --model auto
     )
     paths = expand(logs)
     workers = jobs or available_cores()

@@ -106,7 +106,7 @@ def settings(
                     "simulated; leave it out"
                 )
         profile = ("--rig-profile", "rig.profile", rig_profile)
-        reading = configured(config, *rig_entries(rig), profile).reading
+        reading = configured(config, *rig_entries(rig), profile, is_law_open=True).reading
         return _curves(paths, question, reading, is_json=json, is_quiet=quiet)
     folder = _one_folder(paths)
     for option, given in (("--rig", rig[0] if rig else None), ("--rig-profile", rig_profile)):

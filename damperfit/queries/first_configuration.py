@@ -15,7 +15,7 @@ from damperfit.configuration.drawings import DRAWINGS, MEASURED
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.models import model_named
 from damperfit.errors import ConfigurationError, DamperfitError, LogError
-from damperfit.readers import guess_settings, read_logs
+from damperfit.readers import guess_settings, read_logs, unclear_names
 from damperfit.statistics import median
 from damperfit.tested.identity import IDENTITY_KEYS, common_identity, identity_in
 
@@ -91,6 +91,8 @@ def guess_from_logs(logs: Sequence[Path]) -> Guessed:
             if rig.setdefault("units", {}).setdefault(channel, unit) == unit and path == logs[0]:
                 why.append(_unit_sentence(channel, unit, found[0]))
     said = [one.setting for one in recordings]
+    if unclear_names(path.name for path in logs):
+        said = [None for _ in said]
     guess = guess_settings(path.name for path in logs)
     if guess.settings and any(one is None for one in said):
         pattern = re.search(r"setting_pattern=(.*)'$", guess.sentence)
@@ -98,9 +100,10 @@ def guess_from_logs(logs: Sequence[Path]) -> Guessed:
             rig["setting_pattern"] = pattern[1]
             why.append(guess.sentence.partition(";")[0])
     elif recordings and any(one is None for one in said):
+        offered = f": {guess.advice}" if guess.advice else ""
         unknown.append(
             "the logs do not say their setting: name them setting_10.csv, write '# setting: 10' "
-            "into them, or give rig.setting_pattern or a table tests.csv"
+            f"into them, or give a table tests.csv or rig.setting_pattern{offered}"
         )
     signs = [_signs(one) for one in recordings]
     for channel in ("displacement", "force"):

@@ -5,7 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import LogError, TimelessError
-from damperfit.readers.name_guess import Guess, guess_settings, one_of_several
+from damperfit.readers.name_guess import (
+    Guess,
+    guess_settings,
+    one_of_several,
+    unclear_names,
+)
 from damperfit.readers.options import Profile, ReadOptions
 from damperfit.readers.tests_table import TestRow, TestsTable, is_tests_table, read_tests
 
@@ -31,6 +36,7 @@ __all__ = [
     "read_log",
     "read_logs",
     "read_tests",
+    "unclear_names",
 ]
 
 _DEFAULTS = ReadOptions()

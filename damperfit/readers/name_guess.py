@@ -20,7 +20,7 @@ from damperfit.units.quantities import is_unit
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-__all__ = ["Guess", "guess_settings", "one_of_several"]
+__all__ = ["Guess", "guess_settings", "one_of_several", "unclear_names"]
 
 _CLICKS = {
     "click", "clicks", "clk", "clicked", "setting", "set", "pos", "position", "adj", "adjuster",
@@ -40,7 +40,7 @@ _NO_CLICKS = {
 }  # fmt: skip
 _MAY_BE_DEGREES = "c"  # 25c is as well 25 clicks of compression
 # What several numbers are called that have no word before them, or the same.
-_PLACES = ("first", "second", "third", "fourth")
+_PLACES = ("a", "b", "c", "d")
 _FEWEST = 2  # adjusters
 # A hyphen behind a blank or "_" is a minus, as in a label; behind a word it parts.
 _NUMBERS = re.compile(r"((?:(?<=[\s_=])-)?\d+(?:\.\d+)?)")
@@ -156,6 +156,38 @@ def one_of_several(name: str) -> str:
     return chosen[-1].values[0] if chosen and others else ""
 
 
+def unclear_names(names: Iterable[str]) -> frozenset[str]:
+    """Return the names in which the number after a bare "s" is no setting for certain.
+
+    Others in them vary too, and may count clicks: then "s" may be the speed of the test. A number
+    that is another one in each name counts the logs.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Of all logs of a run.
+
+    Examples
+    --------
+    >>> clicks = ["t1_2_24_s1.csv", "t1_2_24_s5.csv", "t1_2_12_s1.csv", "t1_2_12_s5.csv"]
+    >>> unclear_names(clicks) == set(clicks)
+    True
+    >>> unclear_names(["001_s5.csv", "002_s5.csv", "003_s6.csv"])
+    frozenset()
+    """
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name in dict.fromkeys(names):
+        groups.setdefault(_texts(name), []).append(name)
+    found: set[str] = set()
+    for texts, alike in groups.items():
+        fields = [one for one in _fields(texts, alike) if one.may_be]
+        others = [one for one in fields if one.word != "s" and one.is_varied]
+        is_count = len(others) == 1 and len(set(others[0].values)) == len(alike)
+        if others and not is_count and any(one.word == "s" for one in fields):
+            found.update(alike)
+    return frozenset(found)
+
+
 def _texts(name: str) -> tuple[str, ...]:
     return tuple(part.casefold() for part in _parts(name)[::2])
 
@@ -226,6 +258,8 @@ def _likely(fields: Sequence[_Field]) -> _Field | None:
 def _of_several(fields: Sequence[_Field], names: Sequence[str]) -> str:
     """Return what to declare where several of the numbers that differ are adjusters; or nothing."""
     varied = [one for one in fields if one.is_varied and one.may_be]
+    if len(varied) > len(_PLACES):
+        varied = [one for one in varied if one.word != "s"]  # a speed, as likely
     if not _FEWEST <= len(varied) <= len(_PLACES):
         return ""
     called = [adjuster_of(one.word) or one.word.casefold() for one in varied]

@@ -16,6 +16,7 @@ __all__ = ["FEW", "MANY_KINDS", "listed_names", "shape_of", "short_listing", "su
 MANY_KINDS = 20  # kinds of sentences that are shown
 _SHOWN = 3  # sentences of one kind that are shown one by one where there are many
 FEW = 20  # sentences in all that are shown one by one; a damper has some twenty settings
+_LONG = 200  # characters; a page of one paragraph again and again is not read
 _NAMES = 5  # names that are listed
 _QUOTED = re.compile(r"'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"")
 _NUMBER = re.compile(r"(?<![^\W_])[+-]?\d[\w.+-]*")
@@ -50,6 +51,8 @@ def listed_names(names: Sequence[str], *, few: int = _NAMES + 1) -> str:
 def summarised(sentences: Iterable[tuple[str, str]]) -> Iterator[str]:
     """Yield sentences, each with the name it is about; of many alike the first and how many more.
 
+    A few are all shown, but for long ones that differ in nothing but the name.
+
     Parameters
     ----------
     sentences : iterable of (str, str)
@@ -57,22 +60,41 @@ def summarised(sentences: Iterable[tuple[str, str]]) -> Iterator[str]:
     """
     everything = list(sentences)
     if len(everything) <= FEW:
-        yield from (sentence for _, sentence in everything)
+        yield from _few(everything)
         return
     kinds: dict[str, list[tuple[str, str]]] = {}
     for name, sentence in everything:
         kinds.setdefault(shape_of(sentence, name), []).append((name, sentence))
     for group in list(kinds.values())[:MANY_KINDS]:
-        if len(group) <= _SHOWN:
-            yield from (sentence for _, sentence in group)
-            continue
-        (_, first), *others = group
-        names = listed_names([name for name in dict.fromkeys(name for name, _ in others) if name])
-        yield f"{first} (and {len(others)} alike{': ' * bool(names)}{names})"
+        yield from _of_one_kind(group)
     if len(kinds) > MANY_KINDS:
         rest = sum(len(group) for group in list(kinds.values())[MANY_KINDS:])
         n = len(kinds) - MANY_KINDS
         yield f"and {rest} more of {n} other kinds; run.json and --json list them all"
+
+
+def _few(sentences: Sequence[tuple[str, str]]) -> Iterator[str]:
+    """Yield all, in their order, but long ones that differ in the name alone."""
+    kinds: dict[str, list[tuple[str, str]]] = {}
+    for name, sentence in sentences:
+        kinds.setdefault(sentence.replace(name, "") if name else sentence, []).append(
+            (name, sentence)
+        )
+    for name, sentence in sentences:
+        group = kinds[sentence.replace(name, "") if name else sentence]
+        if len(group) <= _SHOWN or len(sentence) < _LONG:
+            yield sentence
+        elif (name, sentence) == group[0]:
+            yield from _of_one_kind(group)
+
+
+def _of_one_kind(group: Sequence[tuple[str, str]]) -> Iterator[str]:
+    if len(group) <= _SHOWN:
+        yield from (sentence for _, sentence in group)
+        return
+    (_, first), *others = group
+    names = listed_names([name for name in dict.fromkeys(name for name, _ in others) if name])
+    yield f"{first} (and {len(others)} alike{': ' * bool(names)}{names})"
 
 
 def short_listing(sentences: Iterable[str]) -> list[str]:

@@ -21,6 +21,7 @@ from damperfit.readers import (
     is_tests_table,
     one_of_several,
     read_tests,
+    unclear_names,
 )
 from damperfit.readers.options import SETTING_PATTERN
 from damperfit.readers.setting_number import file_setting
@@ -66,6 +67,8 @@ class Labels:
         The user says where the setting stands in a file's name.
     is_beside : bool
         The tables stand beside logs, and speak for those in their own folders alone.
+    unclear : frozenset of str
+        Names of which several numbers may be the setting: they do not say it.
     """
 
     adjusters: tuple[str, ...]
@@ -76,6 +79,7 @@ class Labels:
     notes: tuple[str, ...] = ()
     has_pattern: bool = False
     is_beside: bool = False
+    unclear: frozenset[str] = frozenset()
 
     def labelled(self, recording: Recording, path: Path) -> tuple[Recording, Identity]:
         """Return the recording with its setting, None where nobody says it, and whose it is.
@@ -87,6 +91,9 @@ class Labels:
             configuration says.
         """
         row = self.row(path)
+        if path.name in self.unclear and FROM_NAME in recording.notes:
+            rest = tuple(one for one in recording.notes if one != FROM_NAME)
+            recording = replace(recording, setting=None, notes=rest)
         own = _places(recording, self.adjusters)
         places = {**own, **(row.places if row else {})}
         notes = [
@@ -135,7 +142,7 @@ class Labels:
         places: dict[str, Place] = {}
         with suppress(LogError):
             named = file_setting(path.name, options.setting_pattern, self.adjusters)
-            places = dict(named.places)
+            places = {} if path.name in self.unclear else dict(named.places)
         row = self.row(path)
         stated = _complete({**places, **(row.places if row else {})}, self.adjusters)
         return stated or self.guess.settings.get(path.name)
@@ -282,13 +289,17 @@ def labels_for(
         is_beside=given is None,
         has_pattern=reading.setting_pattern != SETTING_PATTERN,
     )
+    unclear: frozenset[str] = frozenset()
+    if setting is None and len(reading.adjusters) == 1 and not labels.has_pattern:
+        unclear = unclear_names(path.name for path in logs if labels.row(path) is None)
     unsaid = [
         path.name
         for path in logs
-        if labels.row(path) is None and not _says(path.name, configuration)
+        if labels.row(path) is None
+        and (path.name in unclear or not _says(path.name, configuration))
     ]
     guess = guess_settings(unsaid) if len(reading.adjusters) == 1 and setting is None else Guess()
-    return replace(labels, guess=guess)
+    return replace(labels, guess=guess, unclear=unclear)
 
 
 def _beside(logs: Iterable[Path]) -> list[Path]:

@@ -27,7 +27,7 @@ from damperfit.laws import (
     yielding_seen,
 )
 from damperfit.parallel import executor
-from damperfit.report import chosen_records, rival_records, tried_law_records
+from damperfit.report import chosen_records, failure_lines, rival_records, tried_law_records
 from damperfit.run.dampers import of_one_damper
 from damperfit.run.hold_out import named_files, part, with_transients
 from damperfit.run.log_paths import expand
@@ -172,7 +172,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     parted = with_transients(replace(parted, batch=left, held_out=held_out), configuration.hold_out)
     evidence = _evidence(parted, start)
     if not evidence:
-        said = "; ".join(one.message for one in parted.batch.failures[:3])
+        said = "; ".join(failure_lines(parted.batch.failures)[:3])
         raise ConfigurationError(
             f"no log can be used to compare laws{f': {said}' if said else ''}; "
             "damperfit inspect shows what is wrong with them"

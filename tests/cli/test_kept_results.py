@@ -61,6 +61,36 @@ def test_which_of_several_numbers_is_taken_is_said(run, one_log, tmp_path):
     assert "of the numbers" not in same.err
 
 
+def test_clicks_beside_a_speed_are_asked_about_once(run, one_log, repeated, tmp_path):
+    """s1 and s5 were taken for settings 1 and 5, whatever the clicks."""
+    names = [f"t1_{low}_{high}_s{s}.csv" for low, high in ((2, 24), (2, 12)) for s in (1, 5)]
+    for k, name in enumerate(names):
+        (tmp_path / name).write_text(repeated(one_log, k))
+    ended = run("identify", "t1_*.csv", "--out", "out")
+    assert ended.code == 3
+    assert ended.err.count("does not say its adjuster setting") == 1
+    assert "(and 3 alike: " in ended.err
+    assert "[adjusters] b = " not in ended.err
+    assert '[adjusters] a = "", b = ""' in ended.err
+    inspected = run("inspect", "t1_*.csv")
+    assert inspected.code == 0
+    assert "is taken for the setting" not in inspected.err
+    (tmp_path / "two.toml").write_text('[adjusters]\na = ""\nb = ""\n')
+    pattern = r"setting_pattern=^t\d+_(?P<a>\d+)_(?P<b>\d+)"
+    said = run("inspect", "t1_*.csv", "--config", "two.toml", "--rig", pattern)
+    assert "A2 B12" in said.out
+
+
+def test_a_configuration_for_the_law_that_logs_choose_is_one_to_inspect_with(
+    run, one_log, tmp_path
+):
+    (tmp_path / "setting_05.csv").write_text(one_log)
+    (tmp_path / "valves.toml").write_text('[damper]\nrod_diameter = "10mm"\ngas_volume = "21cm3"\n')
+    inspected = run("inspect", "setting_05.csv", "--config", "valves.toml")
+    assert (inspected.code, inspected.err) == (0, "")
+    assert run("identify", "setting_05.csv", "--config", "valves.toml").code == 2
+
+
 def test_clicks_with_their_letters_behind_are_understood(run, one_log, repeated, tmp_path):
     (tmp_path / "two.toml").write_text(TWO)
     (tmp_path / "12r_8c.csv").write_text(one_log)

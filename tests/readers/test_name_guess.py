@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from damperfit.readers import ReadOptions, guess_settings, one_of_several, read_log
+from damperfit.readers import ReadOptions, guess_settings, one_of_several, read_log, unclear_names
 
 LOG = "time_s,displacement_mm,force_N\n0,1,2\n1,2,3\n"
 
@@ -103,8 +103,8 @@ def test_a_choice_is_no_guess(names) -> None:
         ),
         (
             ["5_3.csv", "6_4.csv"],
-            'first = "", second = ""',
-            r"^(?P<first>\d+)_(?P<second>\d+)",
+            'a = "", b = ""',
+            r"^(?P<a>\d+)_(?P<b>\d+)",
             [("5", "3"), ("6", "4")],
         ),
     ],
@@ -198,3 +198,33 @@ def test_an_unknown_group_is_refused() -> None:
 
     with pytest.raises(ConfigurationError, match=r"group 'rebund'.*Did you mean 'rebound'"):
         ReadOptions(adjusters=TWO, setting_pattern=r"(?P<rebund>\d+)")
+
+
+CLICKS = [f"t1_{low}_{high}_s{speed}.csv" for low, high in ((2, 24), (2, 12)) for speed in (1, 5)]
+
+
+@pytest.mark.parametrize(
+    ("names", "is_unclear"),
+    [
+        (CLICKS, True),  # s is the speed of the test
+        (["t1_2_2_s5.csv", "t1_4_4_s5.csv"], True),  # two numbers differ beside it: no count
+        (["t1_2_24_s1.csv", "t1_2_24_s5.csv"], False),  # only s differs
+        (["001_s5.csv", "002_s5.csv", "003_s6.csv"], False),  # a count of the logs
+        (["1_s5.csv", "1_s6.csv", "2_s6.csv"], True),  # no count: 1 is there twice
+        (["run1_s5.csv", "run1_s6.csv", "run2_s5.csv"], False),  # runs are counted
+        (["t1_2_24_s5.csv"], False),  # one name
+        (["c2_x24.csv", "c2_x12.csv", "c4_x12.csv"], False),  # no s
+    ],
+)
+def test_s_is_no_setting_for_certain_where_other_numbers_differ(names, is_unclear) -> None:
+    assert unclear_names(names) == (frozenset(names) if is_unclear else frozenset())
+
+
+def test_clicks_and_a_speed_are_asked_about_with_a_pattern_for_the_clicks() -> None:
+    clicks = ("2_2_8_4", "2_9_8_5", "4_9_3_4")
+    names = [f"t1_{one}_s{s}_100psi.csv" for one in clicks for s in (1, 5)]
+    advice = guess_settings(names).advice
+    assert '[adjusters] a = "", b = "", c = "", d = ""' in advice
+    pattern = r"^t\d+_(?P<a>\d+)_(?P<b>\d+)_(?P<c>\d+)_(?P<d>\d+)"
+    assert advice.endswith(f"--rig 'setting_pattern={pattern}'")
+    assert re.search(pattern, names[2]).groups() == ("2", "9", "8", "5")
