@@ -650,6 +650,7 @@ SURFACE = {
         "read_log",
         "read_logs",
         "read_tests",
+        "unclear_names",
     ],
     "damperfit.recording": [
         "Drive",
