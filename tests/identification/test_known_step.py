@@ -15,6 +15,7 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
+from damperfit.identification import last_step
 from damperfit.identification.descent import descend
 from damperfit.identification.last_step import known_step
 from damperfit.identification.model_versus_log import compare
@@ -155,3 +156,41 @@ def test_a_misfit_of_the_integrator_or_a_failed_look_is_left_to_others(
 
     monkeypatch.setattr("damperfit.identification.last_step.compare", refused)
     assert known_step(whole, there, least_percent=0.0) is None
+
+
+@pytest.fixture(scope="module")
+def there(logs: list[Trace], first: Solution) -> Solution:
+    """Where a descent on the mean cycles ended, with its gradient."""
+    found = descend(replace(on_cycles(misfit(logs)), earlier=None), first.parameters)
+    return replace(found, gradient=np.zeros(len(THREE)))
+
+
+@pytest.mark.parametrize("place", range(len(THREE)))
+@pytest.mark.parametrize(("share", "is_taken"), [(0.99, True), (-0.99, True), (1.01, False),
+                                                 (-1.01, False)])  # fmt: skip
+def test_a_step_of_two_per_cent_is_taken_and_no_longer_one(
+    *, logs: list[Trace], there: Solution, place: int, share: float, is_taken: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    step = np.zeros(len(THREE))
+    step[place] = share * last_step._SMALL
+    monkeypatch.setattr(last_step, "_way", lambda *_: step)
+    monkeypatch.setattr(last_step, "_AN_ERROR", np.inf)
+    found = known_step(misfit(logs), there, least_percent=0.0)
+    assert (found is not None) is is_taken
+
+
+@pytest.mark.parametrize(("share", "is_taken"), [(0.98, True), (1.02, False)])
+def test_a_step_of_one_error_is_taken_and_no_longer_one(
+    *, logs: list[Trace], there: Solution, share: float, is_taken: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """By the rise of the misfit that it promises: 1 is one error of the residuals' own noise."""
+    step = np.array([1e-4, 0.0, 0.0])
+    moved = there.condensed.jacobian @ step
+    rise = float(moved @ moved) * there.n_independent / (there.mse_percent / 100.0)
+    step *= share * np.sqrt(last_step._AN_ERROR / rise)
+    monkeypatch.setattr(last_step, "_way", lambda *_: step)
+    monkeypatch.setattr(last_step, "_SMALL", np.inf)
+    found = known_step(misfit(logs), there, least_percent=0.0)
+    assert (found is not None) is is_taken

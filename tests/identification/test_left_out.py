@@ -10,7 +10,7 @@ import pytest
 from damperfit.conditioning import condition
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.identification import Campaign, Fit, FitOptions, identify, left_out
-from damperfit.identification.left_out import does_nothing
+from damperfit.identification.left_out import does_nothing, is_nothing
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.recording import Recording, Trace
 from damperfit.simulation import simulate
@@ -92,6 +92,24 @@ def test_only_at_one_edge_does_a_part_do_nothing(
     assert does_nothing(at, name) is is_idle
     within = lean.parameters.replace({name: edge * (1.001 if side == 0 else 0.999)})
     assert not does_nothing(within, name)
+
+
+@pytest.mark.parametrize(
+    ("name", "side", "factor", "is_none"),
+    [
+        ("f_f", 0, 1.0, True), ("f_f", 0, 100.0, True), ("f_f", 1, 1.0, False),
+        ("play", 0, 100.0, True), ("play", 1, 1.0, False),
+        ("k_s", 1, 1.0, True), ("k_s", 0, 1.0, False), ("k_s", 0, 100.0, False),
+        ("rebound_bleed", 1, 1.0, True), ("rebound_bleed", 0, 1.0, False),
+        ("compression_opening", 0, 1.0, True),
+    ],
+)  # fmt: skip
+def test_what_ran_to_an_edge_is_none_or_strains(
+    lean: Fit, name: str, side: int, factor: float, *, is_none: bool
+) -> None:
+    """A friction beside the noise lies within its range, and is none all the same."""
+    edge = lean.parameters.quantity(name).plausible[side]
+    assert is_nothing(lean.parameters.replace({name: factor * edge}), name) is is_none
 
 
 def test_a_blow_off_that_never_opens_has_no_slope(strained: Fit) -> None:

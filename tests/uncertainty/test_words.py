@@ -28,6 +28,7 @@ from damperfit.uncertainty import (
 from damperfit.uncertainty.correlated_noise import _is_positive, cycle_covariance
 from damperfit.uncertainty.gas import GasContent
 from damperfit.uncertainty.intervals import make_interval
+from damperfit.uncertainty.last_word import _is_unfit
 from damperfit.uncertainty.profiles import MisfitProfile, ProfilePoint, signed_root
 from damperfit.uncertainty.residuals import residual_scatter
 from damperfit.uncertainty.verdicts import _span, doubts, undetermined, verdicts
@@ -184,6 +185,23 @@ def test_an_error_as_large_as_the_value_unfits_what_is_shared_alone() -> None:
     assert changed == {"r_m3"}
     held = replace(campaign, fits=(replace(fit, status={**fit.status, "r_m3": "fixed"}),))
     assert reconsider(held, judged).fits[0].status["r_m3"] == "fixed"
+
+
+@pytest.mark.parametrize(
+    ("name", "names", "error", "is_unfit"),
+    [
+        ("r_m3", ("r_m1", "r_m3"), 0.34, True),
+        ("r_m3", ("r_m1", "r_m3"), 0.33, False),
+        ("r_m3", ("r_m1", "k_e"), 0.4, False),  # nothing is known of it
+        ("f_0", ("f_0",), 40.0, False),  # may well be nothing
+    ],
+)
+def test_a_value_is_unfit_to_share_from_a_third_on(name, names, error, is_unfit) -> None:
+    fit = fakes.fit(1)
+    errors = [error if one in {name, "k_e"} else 0.5 for one in names]
+    judged = Uncertainty(1, {}, names, np.diag(np.square(errors)), names)
+    assert _is_unfit(fit, name, judged) is is_unfit
+    assert not _is_unfit(fit, name, None)
 
 
 def test_of_profiles_elsewhere_only_that_of_the_shared_r_m3_speaks_for_a_setting() -> None:
