@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning.skew import _around, _beside, estimate_skew, stands_still, take_back
+from damperfit.conditioning.skew import (
+    _around,
+    _beside,
+    _straight,
+    estimate_skew,
+    stands_still,
+    take_back,
+)
 from damperfit.conditioning.timebase import UniformLog
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
@@ -257,3 +264,25 @@ def test_a_crank_that_goes_through_its_play_is_late_by_nothing() -> None:
         force=force + 4.0 * noise[1],
     )
     assert "rests at the ends" in skew_of(log).sentence
+
+
+@pytest.mark.parametrize(
+    ("cycles", "off"),
+    [((0, 1, 2, 3, 4), (0.0, 3e-3, -5e-3, 2e-3, 1e-3)), ((0, 1, 3, 7), (1e-3, 0.0, -2e-3, 4e-3))],
+)
+def test_ends_of_cycles_are_put_on_the_line_through_them(cycles, off) -> None:
+    """Also where some are missing."""
+    trace = fakes.trace(1)
+    at = 0.7 + np.array(cycles) / trace.frequency + np.array(off)
+    line = np.polyval(np.polyfit(cycles, at, 1), cycles)
+    assert _straight(at, trace) == pytest.approx(line, rel=1e-12)
+
+
+def test_ends_that_tell_no_line_stay() -> None:
+    trace = fakes.trace(1)
+    two, dwell = np.array([0.7, 1.9]), np.array([0.7, 0.701, 0.706])
+    unsteady = replace(trace, stretches=(replace(trace.fastest, cycle_starts=np.empty(0)),))
+    three = 0.7 + np.array([0.0, 1.01, 1.99]) / trace.frequency
+    for at, of in ((two, trace), (dwell, trace), (three, unsteady)):
+        assert np.array_equal(_straight(at, of), at)
+    assert not np.array_equal(_straight(three, trace), three)

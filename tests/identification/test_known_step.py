@@ -194,3 +194,22 @@ def test_a_step_of_one_error_is_taken_and_no_longer_one(
     monkeypatch.setattr(last_step, "_SMALL", np.inf)
     found = known_step(misfit(logs), there, least_percent=0.0)
     assert (found is not None) is is_taken
+
+
+@pytest.mark.parametrize("what", ["nothing", "no gradient", "nothing free", "at an edge"])
+def test_where_the_way_is_not_known(
+    logs: list[Trace], there: Solution, first: Solution, what: str
+) -> None:
+    whole = replace(misfit(logs), earlier=Earlier(ALL, first))
+    end = there
+    if what == "no gradient":
+        end = replace(there, gradient=None)
+    elif what == "nothing free":
+        whole = replace(whole, free=())
+    elif what == "at an edge":
+        high = TRUTH.quantity("k_e").plausible[1]
+        end = replace(there, parameters=there.parameters.replace(k_e=high))
+        # As near as it is to where the first descent ended.
+        at = replace(first, parameters=first.parameters.replace(k_e=high))
+        whole = replace(whole, earlier=Earlier(ALL, at))
+    assert (last_step._way(whole, end) is None) is (what != "nothing")

@@ -10,7 +10,7 @@ import pytest
 
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.laws import LawFit, SettingLogs, Tried, effective_samples, judged
-from damperfit.laws.choosing import times_worse
+from damperfit.laws.choosing import said_of_layout, times_worse
 from damperfit.tested.setting import Setting
 from tests.fakes import trace
 
@@ -106,3 +106,19 @@ def test_where_no_law_can_be_simulated_on_what_was_held_out_the_fit_ranks_them()
     assert times_worse(good, poor) == pytest.approx(50.0)
     assert times_worse(tried(0.1, 5, held=1.0), good) == pytest.approx(100.0)
     assert "inf" not in judged(poor, good, 30.0).reason
+
+
+@pytest.mark.parametrize(
+    ("held", "is_alone", "is_best", "is_near", "said"),
+    [
+        (math.nan, True, True, False, "the only layout that was tried"),
+        (0.1, False, True, True, "the layout that fits and predicts best"),
+        (math.nan, False, True, False, "the layout that fits best"),
+        (0.1, False, False, False, "through flow fits and predicts better"),
+        (math.nan, False, False, True, "through flow fits hardly better"),
+    ],
+)
+def test_a_layout_is_told_beside_the_best(held, is_alone, is_best, is_near, said) -> None:
+    best = tried(0.1, 5, held=held)
+    one = best if is_best else tried(0.2, 5)
+    assert said_of_layout(best, one, is_alone=is_alone, is_near=is_near) == said

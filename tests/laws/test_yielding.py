@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -121,7 +122,11 @@ def test_what_is_left_open_is_said_and_names_no_physics() -> None:
                           held_out="logs")  # fmt: skip
     (said,) = undecided(search, [fit], logs)
     assert said.startswith("Whether oil passes valves or something yields before it slides")
-    assert "hold 60 % of their force" in said
+    assert "hold 60 % of their force down to a tenth of the speed" in said
+    slowest = fakes.trace(1).fastest.peak_speed
+    assert f"Another speed decides it, {0.3 * slowest:.2g} m/s" in said
+    assert "Bouc-Wen fits and predicts that about as well" in said
+    assert not any("yields" in one for one in undecided(replace(search, also=""), [fit], logs))
 
 
 @pytest.mark.parametrize(("shares", "expected"), [

@@ -205,3 +205,7 @@ def test_a_bomb_of_empty_lists_is_refused_at_once(put) -> None:
     with pytest.raises(LogError, match="the JSON claims 96000128 bytes"):
         read_logs(path, ReadOptions(max_bytes=20_000_000))
     assert time.process_time() - started < 2.0
+
+
+def test_quotes_beside_a_table_are_nothing(put) -> None:
+    assert _is_whole(read_log(put({"order": ["1", "2", "3"], **COLUMNS})))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from damperfit.errors import LogError
-from damperfit.readers import dialect, read_log
+from damperfit.readers import dialect, known_dialects, read_log
 from damperfit.readers.known_dialects import forget_dialects
 from damperfit.readers.options import ReadOptions
 
@@ -116,3 +118,43 @@ def test_what_is_declared_is_a_kind_of_its_own(tmp_path, looks) -> None:
     read(tmp_path, text())
     read(tmp_path, text(), ReadOptions(separator=","))
     assert len(looks) == 2
+
+
+DIALECT = dialect.Dialect(",", ".", ("t", "x", "f"), (), 2, 3, 10, ("# rig",))
+LINES = [b"# rig\n", b"t,x,f\n", *(b"%d,1.5,-2\n" % k for k in range(20))]
+
+
+@pytest.mark.parametrize(
+    ("changed", "is_simple"),
+    [
+        ({}, True),
+        ({"separator": " "}, False),
+        ({"names": (), "names_line": 0}, False),
+        ({"is_short": True}, False),
+        ({"names_line": 0}, False),
+        ({"hint": "line 1 may hold names"}, False),
+    ],
+)
+def test_only_what_is_simple_is_known_again(changed, is_simple, monkeypatch) -> None:
+    """Whatever a look at the kind itself would say."""
+    one = replace(DIALECT, **changed)
+    monkeypatch.setattr(known_dialects._Kind, "of", lambda *_: one)
+    kind = known_dialects._kind(("", "", 1), one, LINES)
+    assert (kind is not None) is is_simple
+    if kind is not None:
+        assert kind.above == tuple(LINES[:2])
+        assert kind.row.fullmatch(b"7,1.5,-2\n")
+        assert not kind.row.fullmatch(b"7,1.5\n")
+
+
+@pytest.mark.parametrize(("n_above", "is_known"), [(0, True), (1, False)])
+def test_so_many_lines_may_stand_above(n_above, is_known, monkeypatch) -> None:
+    most = known_dialects._LOOKED_AT // 2
+    one = replace(DIALECT, data_line=most + n_above + 1)
+    monkeypatch.setattr(known_dialects._Kind, "of", lambda *_: one)
+    assert (known_dialects._kind(("", "", 1), one, LINES) is not None) is is_known
+
+
+def test_what_does_not_know_itself_again_is_not_kept(monkeypatch) -> None:
+    monkeypatch.setattr(known_dialects._Kind, "of", lambda *_: None)
+    assert known_dialects._kind(("", "", 1), DIALECT, LINES) is None

@@ -119,6 +119,19 @@ def test_two_adjusters_are_offered_a_pattern_for_both(names, declared, pattern, 
     assert [match.groups() for match in found] == places
 
 
+@pytest.mark.parametrize(
+    ("names", "declared"),
+    [
+        (["x1_x3.csv", "x2_x4.csv"], 'first = "", second = ""'),  # one word for both
+        (["ж1_b3.csv", "ж2_b4.csv"], 'first = "", second = ""'),  # no key can be called so
+        (["x1_3.csv", "x2_4.csv"], 'first = "", second = ""'),  # no word at all
+        (["x1_b3.csv", "x2_b4.csv"], 'x = "", compression = ""'),
+    ],
+)
+def test_numbers_without_names_of_their_own_are_counted(names, declared) -> None:
+    assert f"[adjusters] {declared}," in guess_settings(names).advice
+
+
 def test_one_number_that_differs_is_not_several_adjusters() -> None:
     guess = guess_settings(["b_3.csv", "b_4.csv", "x_y_5.csv"])
     assert guess.advice.endswith(r"--rig 'setting_pattern=b_(?P<setting>\d+)'")

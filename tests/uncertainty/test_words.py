@@ -270,6 +270,56 @@ def test_what_a_profile_has_seen_is_said(seen, said) -> None:
     assert shared["f_f"] == "no interval: the fit did not converge to a minimum"
 
 
+@pytest.mark.parametrize(
+    ("status", "seen", "said"),
+    [
+        ("shared", profile(1.0, 3.0), "no interval: the fit did not converge to a minimum"),
+        (
+            "not_identifiable", profile(None, 5.0),
+            ("these logs cannot tell it from none (flat downward, only an upper limit: 95 % below "
+             "5 N): the law may as well lack this part"),
+        ),
+        (
+            "not_identifiable", None,
+            "these logs cannot tell it from none: the law may as well lack this part",
+        ),
+    ],
+)  # fmt: skip
+def test_what_has_no_interval_is_said_with_what_its_profile_has_seen(status, seen, said) -> None:
+    fit = fakes.fit(1, status={"f_f": status})
+    seen = {} if seen is None else {"f_f": replace(seen, name="f_f")}
+    assert verdicts(fit, known(), Sharing(), seen)["f_f"] == said
+
+
+@pytest.mark.parametrize(
+    ("is_complete", "misfit", "low", "said"),
+    [
+        (True, 0.0, 1.0, "95 % from 1 to 3 N s/(m2 kg) by its profile"),
+        (False, 0.0, 1.0, "95 % from 2.547e+06 to 2.648e+06 N s/(m2 kg)"),
+        (True, 9.0, 1.0, "95 % from 2.547e+06 to 2.648e+06 N s/(m2 kg) (standard errors: "),
+        (True, 9.0, None, "flat downward, only an upper limit: 95 % below 3 N s/(m2 kg) (standard"),
+    ],
+)
+def test_a_profile_speaks_where_it_is_complete_and_nothing_is_missed_or_it_is_flat(
+    is_complete, misfit, low, said
+) -> None:
+    fit = fakes.fit(1, status={"r_m3": "fitted"})
+    told = known()
+    intervals = {**told.intervals, "r_m3": replace(told.intervals["r_m3"], misfit=misfit)}
+    seen = {"r_m3": replace(profile(low, 3.0), is_complete=is_complete)}
+    found = verdicts(fit, replace(told, intervals=intervals), Sharing(), seen)["r_m3"]
+    assert found.startswith(f"fitted, {said}")
+
+
+def test_a_profile_that_was_cut_short_asks_for_more() -> None:
+    fit = fakes.fit(1, status={"r_m3": "at_bound"})
+    seen = {"r_m3": replace(profile(1.0, 3.0), is_complete=False)}
+    assert verdicts(fit, known(), Sharing(), seen)["r_m3"] == (
+        "ran to the edge of its plausible range: its profile was not completed; give --profile; "
+        "fix it, or check units and signs"
+    )
+
+
 def test_ties_at_several_settings_are_one_sentence_with_their_range() -> None:
     fits = [fakes.fit(n) for n in (1, 2, 3)]
     by = {n: known(n, tie=tie) for n, tie in ((1, 0.961), (2, 0.98), (3, 0.94))}
