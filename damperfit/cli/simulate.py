@@ -115,19 +115,19 @@ def simulate(
         damper += f" Simulated at {configuration.damper.oil_temperature:g} degC."
     if displacement is not None and not displacement.exists():
         raise ConfigurationError(f"--displacement {displacement}: no such file")
-    trial = simulate_test(choice, configuration, log=displacement)
+    simulated = simulate_test(choice, configuration, log=displacement)
     if not quiet:
         say(f"damperfit: {damper}")
         say(f"damperfit: {choice.source}")
         for note in configuration.notes:
             say(f"note: {note}")
-        for warning in trial.warnings:
+        for warning in simulated.warnings:
             say(f"warning: {warning}")
-    _write(trial, out=out, plot=plot, spares_others=not overwrite)
+    _write(simulated, out=out, plot=plot, spares_others=not overwrite)
     if json:
-        print_json(_document(trial, damper))
+        print_json(_document(simulated, damper))
     elif not quiet or out is None:
-        _show(trial)
+        _show(simulated)
     return 0
 
 
@@ -139,7 +139,7 @@ def _check_suffix(option: str, path: Path | None, known: tuple[str, ...]) -> Non
 
 
 def _write(
-    trial: SimulatedTest, *, out: Path | None, plot: Path | None, spares_others: bool
+    simulated: SimulatedTest, *, out: Path | None, plot: Path | None, spares_others: bool
 ) -> None:
     from damperfit.atomic import file_set
 
@@ -150,23 +150,25 @@ def _write(
 
             sets.append(stack.enter_context(file_set(out.parent, spares_others=spares_others)))
             path = sets[-1].path(out.name)
-            write_table(path, time_series_table(trial.response), suffix=out.suffix)
+            write_table(path, time_series_table(simulated.response), suffix=out.suffix)
         if plot is not None:
             from damperfit.report import draw_loops
 
             sets.append(stack.enter_context(file_set(plot.parent, spares_others=spares_others)))
             path, kind = sets[-1].path(plot.name), plot.suffix[1:].lower()
-            draw_loops(path, trial.response, trial.frequency, kind=kind, title=_title(trial))
+            draw_loops(
+                path, simulated.response, simulated.frequency, kind=kind, title=_title(simulated)
+            )
         for files in sets:  # both before either is exchanged
             files.spare()
 
 
-def _title(trial: SimulatedTest) -> str:
-    setting = "" if trial.choice.setting is None else f"setting {trial.choice.setting}: "
-    return setting + trial.motion
+def _title(simulated: SimulatedTest) -> str:
+    setting = "" if simulated.choice.setting is None else f"setting {simulated.choice.setting}: "
+    return setting + simulated.motion
 
 
-def _show(trial: SimulatedTest) -> None:
+def _show(simulated: SimulatedTest) -> None:
     from damperfit.report import (
         cycle_force_sheet,
         cycle_pressure_sheet,
@@ -174,28 +176,28 @@ def _show(trial: SimulatedTest) -> None:
         terminal_table,
     )
 
-    print_lines([_title(trial), ""])
-    print_renderable(terminal_table(cycle_force_sheet(trial.characteristics)))
-    if not math.isnan(trial.characteristics.pressure_ranges[0][0]):
+    print_lines([_title(simulated), ""])
+    print_renderable(terminal_table(cycle_force_sheet(simulated.characteristics)))
+    if not math.isnan(simulated.characteristics.pressure_ranges[0][0]):
         print_lines([""])
-        print_renderable(terminal_table(cycle_pressure_sheet(trial.characteristics)))
+        print_renderable(terminal_table(cycle_pressure_sheet(simulated.characteristics)))
     cycle = cycle_sparklines(
-        trial.response, trial.frequency, columns=screen_columns(), levels=spark_levels()
+        simulated.response, simulated.frequency, columns=screen_columns(), levels=spark_levels()
     )
     print_lines(["", "last cycle", *cycle])
 
 
-def _document(trial: SimulatedTest, damper: str) -> Any:
+def _document(simulated: SimulatedTest, damper: str) -> Any:
     from damperfit.run.ending import json_values
 
     document = {
-        "setting": trial.choice.setting,
+        "setting": simulated.choice.setting,
         "damper": damper,
-        "warnings": list(trial.warnings),
-        "source": trial.choice.source,
-        "motion": trial.motion,
-        "frequency_Hz": trial.frequency,
-        "parameters": asdict(trial.choice.parameters),
-        "characteristics": asdict(trial.characteristics),
+        "warnings": list(simulated.warnings),
+        "source": simulated.choice.source,
+        "motion": simulated.motion,
+        "frequency_Hz": simulated.frequency,
+        "parameters": asdict(simulated.choice.parameters),
+        "characteristics": asdict(simulated.characteristics),
     }
     return json_values(document)

@@ -130,9 +130,9 @@ def _members(
         SweepMember(
             member.factor,
             member.value,
-            member.trial.frequency,
-            member.trial.response,
-            member.trial.characteristics,
+            member.simulated.frequency,
+            member.simulated.response,
+            member.simulated.characteristics,
         )
         for member in run_sweep(choice, configuration, variation=variation)
     )

@@ -46,13 +46,13 @@ class Member:
         What the quantity was multiplied with.
     value : float
         The quantity then, SI.
-    trial : SimulatedTest
+    simulated : SimulatedTest
         The simulated test.
     """
 
     factor: float
     value: float
-    trial: SimulatedTest
+    simulated: SimulatedTest
 
 
 _GAS = {"p_0": "gas_pressure", "gamma": "gas_exponent"}

@@ -41,7 +41,11 @@ def family(choice, settings):
         variation = parse_variation(text)
         return [
             SweepMember(
-                m.factor, m.value, m.trial.frequency, m.trial.response, m.trial.characteristics
+                m.factor,
+                m.value,
+                m.simulated.frequency,
+                m.simulated.response,
+                m.simulated.characteristics,
             )
             for m in run_sweep(choice, settings, variation=variation)
         ]
