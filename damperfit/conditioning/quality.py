@@ -196,6 +196,6 @@ def _rig_filter(log: UniformLog, trace: Trace, options: ConditionOptions) -> Ite
         # python -m tests.identification.scatter --in-the-rig causal --declared none
         text = (
             "both channels look as if the rig had filtered them: if so, set rig.filter = "
-            "'causal' or 'zero_phase' in the configuration, or every parameter is off by up to 2 %"
+            "'causal' or 'zero_phase' in the configuration, or parameters are off by up to 3 %"
         )
         yield Finding("rig_filter", "warning", text)

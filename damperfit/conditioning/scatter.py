@@ -132,8 +132,7 @@ def noise_beside_motion(trace: Trace) -> float:
     size = np.maximum(np.sqrt(np.diag(products)), 1e-300)
     alike = products / size / size[:, np.newaxis]
     explained = alike[:3, 3] @ np.linalg.lstsq(alike[:3, :3], alike[:3, 3], rcond=None)[0]
-    share = min(max(1.0 - float(explained), 0.0), 1.0) if products[3, 3] > 0.0 else 1.0
-    return floor * share
+    return floor * max(1.0 - float(explained), 0.0)
 
 
 def _scatter(force: FloatArray, starts: FloatArray, phases: FloatArray) -> tuple[float, FloatArray]:

@@ -81,3 +81,27 @@ def test_a_motion_that_differs_explains_a_force_that_does() -> None:
     both = replace(alone, displacement=size * one.displacement, velocity=size * one.velocity)
     assert noise_beside_motion(alone) == pytest.approx(noise_floor(alone), rel=0.05)
     assert noise_beside_motion(both) < 0.01 * noise_floor(both)
+
+
+def test_beside_what_repeats_too_little_or_does_nothing_no_noise_is_told() -> None:
+    assert math.isnan(noise_beside_motion(cycles(1)))
+    assert not math.isnan(noise_beside_motion(cycles(2)))
+    six = cycles(6)
+    assert math.isnan(noise_beside_motion(replace(six, force=np.full(len(six.force), 7.0))))
+
+
+SIZES = np.repeat([1.0, -1.0, 0.5, -0.5, 1.0, -1.0], 200)
+
+
+def test_a_displacement_that_differs_explains_a_force_that_does() -> None:
+    one = cycles(6)
+    moved = 1e-3 * SIZES
+    both = replace(one, displacement=one.displacement + moved, force=one.force + 2e4 * moved)
+    assert noise_beside_motion(both) < 0.01 * noise_floor(both)
+
+
+def test_a_speed_that_differs_explains_a_force_by_its_square() -> None:
+    one = cycles(6)
+    velocity = (1.0 + 0.2 * SIZES) * one.velocity
+    both = replace(one, velocity=velocity, force=2e4 * velocity * np.abs(velocity))
+    assert noise_beside_motion(both) < 0.01 * noise_floor(both)

@@ -196,16 +196,25 @@ def test_a_step_of_one_error_is_taken_and_no_longer_one(
     assert (found is not None) is is_taken
 
 
-@pytest.mark.parametrize("what", ["nothing", "no gradient", "nothing free", "at an edge"])
+@pytest.mark.parametrize(
+    "what", ["nothing", "no gradient", "nothing free", "as much free", "K_e was held", "at an edge"]
+)
 def test_where_the_way_is_not_known(
     logs: list[Trace], there: Solution, first: Solution, what: str
 ) -> None:
-    whole = replace(misfit(logs), earlier=Earlier(ALL, first))
-    end = there
+    whole, end = replace(misfit(logs), earlier=Earlier(ALL, first)), there
     if what == "no gradient":
         end = replace(there, gradient=None)
     elif what == "nothing free":
         whole = replace(whole, free=())
+    elif what == "as much free":
+        whole = replace(whole, free=ALL)
+        end = replace(first, gradient=np.zeros(len(ALL)))
+    elif what == "K_e was held":
+        assert first.apart is not None
+        few = replace(first, jacobian=first.jacobian[:4, :4], apart=first.apart[:4])
+        held = tuple(one for one in ALL if one != "k_e")
+        whole = replace(whole, earlier=Earlier(held, few))
     elif what == "at an edge":
         high = TRUTH.quantity("k_e").plausible[1]
         end = replace(there, parameters=there.parameters.replace(k_e=high))

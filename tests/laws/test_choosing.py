@@ -10,7 +10,7 @@ import pytest
 
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.laws import LawFit, SettingLogs, Tried, effective_samples, judged
-from damperfit.laws.choosing import said_of_layout, times_worse
+from damperfit.laws.choosing import are_alike, said_of_layout, times_worse
 from damperfit.tested.setting import Setting
 from tests.fakes import trace
 
@@ -122,3 +122,15 @@ def test_a_layout_is_told_beside_the_best(held, is_alone, is_best, is_near, said
     best = tried(0.1, 5, held=held)
     one = best if is_best else tried(0.2, 5)
     assert said_of_layout(best, one, is_alone=is_alone, is_near=is_near) == said
+
+
+@pytest.mark.parametrize(
+    ("mse", "held", "alike"),
+    [(1e-3, 0.01, True), (1e-3, 1.0, False), (1.0, 0.01, False), (1e-3, math.nan, True)],
+)
+def test_what_is_mispredicted_counts_as_what_is_left(mse, held, alike) -> None:
+    """Twice as much is alike where neither is anything that anyone would use."""
+    best = tried(mse, 5, held=held)
+    worse = tried(2.0 * mse, 5) if math.isnan(held) else tried(mse, 5, held=2.0 * held)
+    assert times_worse(best, worse) == pytest.approx(2.0)
+    assert are_alike(best, worse) is alike

@@ -175,3 +175,21 @@ def test_the_measured_force_stands_at_the_motion_of_the_test_alone(
         == 0.0
     )
     assert KNOWN.at(0.21) is None
+
+
+def test_an_error_for_the_wrong_model_holds_what_another_stroke_moves() -> None:
+    """The figures that CONTRIBUTING tells of a knee that the model has not."""
+    seen = {}
+    for amplitude in (0.032, 0.028, 0.022):
+        log = bent(recording(10, noise=4.0, duration=6.0, amplitude=amplitude))
+        campaign = identify([condition(log)], PURDY_DAMPER, PLAIN)
+        values = campaign.fits[0].parameters
+        (known,) = assess(campaign, PURDY_DAMPER).uncertainties
+        seen[amplitude] = values, known.intervals
+    (values, intervals), (shorter, _), (shortest, _) = seen.values()
+    moved = shorter.k_e / values.k_e - 1.0
+    assert moved == pytest.approx(0.07, abs=0.01)
+    assert 3.0 < moved / (intervals["k_e"].error / values.k_e) < 5.0
+    assert intervals["k_e"].misfit / values.k_e == pytest.approx(0.23, abs=0.02)
+    # It knows nothing of what the parameters absorb.
+    assert shortest.r_m1 - values.r_m1 > 5.0 * intervals["r_m1"].misfit
