@@ -60,7 +60,7 @@ def _option_rows(command: str, *, is_common: bool) -> Iterator[list[str]]:
     for one in _options(command):
         if (one.name in _COMMON) == is_common:
             value = "" if one.is_flag or not one.metavar else f" {one.metavar}"
-            spelled = ", ".join(f"`{word}{value}`" for word in reversed(one.opts))
+            spelled = ", ".join(f"`{word}{value}`" for word in sorted(one.opts, key=len))
             _, said = one.get_help_record(_context(command))
             yield [spelled, " ".join(without_range(said).split())]
 
