@@ -94,7 +94,7 @@ SURFACE = {
         "tasks_by_damper",
     ],
     "damperfit.fleet.whole_fleet": ["planned", "run_fleet"],
-    "damperfit.configuration.blamed_places": ["with_place"],
+    "damperfit.configuration.blamed_places": ["section_explained", "with_place"],
     "damperfit.configuration.plain_values": [
         "known_or_detect",
         "not_in_mhz",

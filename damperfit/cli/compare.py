@@ -18,7 +18,7 @@ from damperfit.cli.console import (
     screen_columns,
 )
 from damperfit.cli.github import append_summary, summary_file
-from damperfit.cli.option_values import configured, rig_entries
+from damperfit.cli.option_values import check_places, configured, rig_entries
 from damperfit.cli.options import (
     AmplitudeOption,
     ConfigOption,
@@ -106,6 +106,7 @@ def compare(
     from damperfit.queries.comparisons import compare_all, comparison_options, parse_bands
     from damperfit.run.logs import available_cores
 
+    check_places(out, *(path.parent for path in (save, junit) if path is not None))
     reading = _reading(config, rig, rig_profile, is_measured=measured)
     bands = parse_bands(tolerance)
     if junit is not None and bands is None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from damperfit.cli.console import print_json, print_lines, say, screen_columns
+from damperfit.cli.option_values import check_places
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -81,6 +82,7 @@ def export(
     shown, mark = _chosen(target, units, decimal)
     speed = None if extend is None else parse_quantity(extend, "velocity", option="--extend")
     folder, stem = _destination(results, out, target)
+    check_places(folder)
     handed = hand_over(results, config=config, temperature=temperature)
     has_table = target.has_table_of(handed.damper)
     if extend is not None and not has_table:

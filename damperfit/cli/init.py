@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from damperfit.cli.console import print_lines, say
-from damperfit.cli.option_values import assignments
+from damperfit.cli.option_values import assignments, check_places
 from damperfit.cli.options import DebugOption, QuietOption, VersionOption
 from damperfit.errors import ConfigurationError
 
@@ -69,6 +69,8 @@ def init(
     from damperfit.run.log_paths import expand
 
     is_printed = str(out) == _STDOUT
+    if not is_printed:
+        check_places(out.parent)
     if not is_printed and out.exists() and not overwrite:
         raise ConfigurationError(
             f"{out}: is there already; give --overwrite to replace it, or --out"
@@ -142,7 +144,7 @@ def _asked(model: str, given: Mapping[str, str]) -> dict[str, str]:
         except ConfigurationError as error:
             if not defaults:
                 raise
-            say(f"  {str(error).removeprefix('command line: damper.')}; once more:")
+            say(f"  {str(error).removeprefix('--set ')}; once more:")
         else:
             return answers
 

@@ -28,6 +28,7 @@ from damperfit.cli.init import init
 from damperfit.cli.inspect import inspect
 from damperfit.cli.log_file import LogFile, log_file_of, record
 from damperfit.cli.models import models
+from damperfit.cli.option_values import with_typed_option
 from damperfit.cli.options import DebugOption, LogFileOption, VersionOption
 from damperfit.cli.panels import PanelledCommand, UncutCommands
 from damperfit.cli.report import report
@@ -45,6 +46,8 @@ __all__ = ["app", "main"]
 _INTERRUPTED = 130
 # Imports make many objects and little garbage; looking for it after every 700 costs time.
 _NEW_OBJECTS = 50_000
+# What stands for a file or folder in the help of an option.
+_TAKES_A_FILE = {"FILE", "DIR", "PATH", "LOG", "RESULTS"}
 _BUG = 70  # "internal software error" of sysexits.h; none of the documented codes
 
 
@@ -163,7 +166,9 @@ def _ended_with(argv: list[str]) -> int:
 def _explain(error: Exception, argv: Sequence[str]) -> tuple[str, int]:
     """Return what to tell the user, and the exit code."""
     if isinstance(error, DamperfitError):
-        return str(error), error.exit_code
+        has_options = any(word.startswith("--") for word in argv)
+        files = _file_options(argv) if has_options else frozenset()
+        return with_typed_option(str(error), argv, files), error.exit_code
     if hasattr(error, "format_message"):  # every usage error of typer, old and new
         return _wrong_number(error.format_message(), argv) or _usage_message(error), 2
     if isinstance(error, typer.Abort):
@@ -171,6 +176,18 @@ def _explain(error: Exception, argv: Sequence[str]) -> tuple[str, int]:
     return _of_the_machine(error) or (
         f"internal error, {type(error).__name__}: {error}; this is a bug, --debug shows where",
         _BUG,
+    )
+
+
+def _file_options(argv: Sequence[str]) -> frozenset[str]:
+    """Return the options of the command that was typed that take a file or folder."""
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    named = next((commands[word] for word in argv if word in commands), None)
+    return frozenset(
+        name
+        for one in (named.params if named is not None else ())
+        if _TAKES_A_FILE & set(re.split(r"\W", one.metavar or ""))
+        for name in one.opts
     )
 
 

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     from damperfit.configuration.options import Configuration
     from damperfit.tested.setting import Setting
 
 __all__ = [
     "assignments",
+    "check_places",
     "configured",
     "covaried",
     "declared_setting",
@@ -26,8 +27,10 @@ __all__ = [
     "refuse_beside",
     "rig_entries",
     "starts_of",
+    "with_typed_option",
 ]
 
+_UNWRITTEN = "cannot write to "
 _ASSIGNMENT = re.compile(r"\s*[A-Za-z_]\w*\s*=")
 _NEXT_ASSIGNMENT = re.compile(r",(?=\s*[A-Za-z_]\w*\s*=)")
 
@@ -235,3 +238,70 @@ def refuse_beside(option: str, others: Mapping[str, Any], *, why: str) -> None:
         raise ConfigurationError(
             f"{given[0]} cannot be combined with {option}: {why}; leave one of the two out"
         )
+
+
+def with_typed_option(message: str, argv: Sequence[str], options: Collection[str]) -> str:
+    """Return a refusal that begins with a file, with the option before it that gave the file.
+
+    Parameters
+    ----------
+    message : str
+        As in "rig.toml:3: unknown key ...".
+    argv : sequence of str
+        What was typed.
+    options : collection of str
+        Those that take a file or folder.
+
+    Examples
+    --------
+    >>> with_typed_option("a.toml:3: no", ["inspect", "--config", "a.toml"], {"--config"})
+    '--config a.toml:3: no'
+    >>> with_typed_option("cannot write to b: full", ["identify", "--out=b"], {"--out"})
+    '--out b: cannot be written: full'
+    """
+    text = message.removeprefix(_UNWRITTEN)
+    is_unwritten = text != message
+    if any(message.startswith(f"{option[2:]} {value}:") for option, value in _typed(argv)):
+        return f"--{message}"
+    for option, value in _typed(argv):
+        for place in _places(value, is_unwritten=is_unwritten) if option in options else ():
+            rest = text.removeprefix(place)
+            if rest == text or rest[:1] not in {":", "/", "\\"}:
+                continue
+            if is_unwritten:
+                return f"{option} {value}: cannot be written{rest}"
+            return f"{option} {value}{rest}"
+    return message
+
+
+def _places(value: str, *, is_unwritten: bool) -> Iterator[str]:
+    """Yield what messages may call a file that was typed: itself, in full, where it would stand."""
+    if not value:
+        return
+    path = Path(value)
+    yield from (value, str(path), str(path.resolve()))
+    if is_unwritten and path.parent != Path():
+        yield str(path.parent)
+
+
+def check_places(*folders: Path | None) -> None:
+    """Refuse what can never be written, before any work is done; None: nothing is to be written.
+
+    Raises
+    ------
+    ConfigurationError, OutputError
+        As of `damperfit.atomic.check_writable`.
+    """
+    from damperfit.atomic import check_writable
+
+    for folder in folders:
+        if folder is not None:
+            check_writable(folder)
+
+
+def _typed(argv: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield each option with what follows it, --name value or --name=value."""
+    for word, after in zip(argv, (*argv[1:], ""), strict=True):
+        if word.startswith("--"):
+            option, equals, value = word.partition("=")
+            yield option, value if equals else after

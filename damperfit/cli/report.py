@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from damperfit.cli.console import print_json, say
+from damperfit.cli.option_values import check_places
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -56,6 +57,7 @@ def report(
         load_configuration(config)
     from damperfit.queries.fleet_part import written_of
 
+    check_places(out)
     folder = out or written_of(results, "reports")
     remarks, files = write_report(results, folder, figures=figures, units=units)
     for remark in remarks:

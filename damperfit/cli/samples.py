@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from damperfit.cli.console import print_json, print_lines, say
-from damperfit.cli.option_values import configured
+from damperfit.cli.option_values import check_places, configured
 from damperfit.cli.options import ConfigOption, DebugOption, JsonOption, QuietOption, VersionOption
 from damperfit.errors import ConfigurationError
 
@@ -69,6 +69,7 @@ def samples(
     from damperfit.samples import SampleOptions, make_samples
     from damperfit.units.quantities import parse_quantity
 
+    check_places(folder)
     loaded = configured(config, ("--model", "damper.model", model))
     truth, damper = None, loaded.damper_sentence
     if parameters is not None:

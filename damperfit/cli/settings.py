@@ -210,7 +210,9 @@ def _show(
     rows = rows_in_units(adjustment_rows(forces.levels, forces.clicks), units)
     print_lines([f"force by setting, {adjuster.source}", ""])
     if question.speed is not None:
-        print_renderable(shown(force_by_setting_sheet(rows)))
+        both = question.stroke is None or question.force is not None
+        strokes = ("rebound", "bump") if both else (question.stroke or "",)
+        print_renderable(shown(force_by_setting_sheet(rows, strokes)))
         measured = measured_force_sheet(rows)
         if measured.rows:
             print_lines([""])

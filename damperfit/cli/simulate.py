@@ -18,7 +18,12 @@ from damperfit.cli.console import (
     screen_columns,
     spark_levels,
 )
-from damperfit.cli.option_values import configured, quantity_values, refuse_beside
+from damperfit.cli.option_values import (
+    check_places,
+    configured,
+    quantity_values,
+    refuse_beside,
+)
 from damperfit.cli.options import (
     AmplitudeOption,
     ConfigOption,
@@ -101,6 +106,7 @@ def simulate(
     )
     _check_suffix("--out", out, (".csv", ".parquet"))
     _check_suffix("--plot", plot, (".png", ".svg", ".pdf"))
+    check_places(*(path.parent for path in (out, plot) if path is not None))
     replaced = quantity_values(set_ or [], option="--set")
     choice = choose_parameters(
         setting,

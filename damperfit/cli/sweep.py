@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from damperfit.cli.console import print_json, print_lines, print_renderable, say, screen_columns
-from damperfit.cli.option_values import configured, quantity_values
+from damperfit.cli.option_values import check_places, configured, quantity_values
 from damperfit.cli.options import (
     ConfigOption,
     DebugOption,
@@ -79,6 +79,7 @@ def sweep(
     check_kind("--figures", figures)
     if not vary and not paper:
         raise ConfigurationError("nothing to vary: give --vary NAME=F1,F2,... or --paper")
+    check_places(out)
     given = configured(config, ("--max-steps", "simulation.max_steps", max_steps))
     replaced = quantity_values(set_ or [], option="--set")
     number = "10" if paper and setting is None else setting

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from damperfit.configuration.blamed_places import with_place
+from damperfit.configuration.blamed_places import section_explained, with_place
 from damperfit.configuration.damper_section import damper_defaults
 from damperfit.configuration.schema import build_configuration
 from damperfit.damper.models import model_named
@@ -308,20 +308,12 @@ def _explain(error: ValidationError, layers: Sequence[_Layer]) -> str:
     if keys == ["rig", "profiles"]:
         reason = "expected sections named [rig.profiles.NAME]"
     if len(keys) == 1:  # of several keys: the one it begins with, where the last of them was given
-        return _explain_section(keys[0], reason, layers)
+        return section_explained(keys[0], reason, layers)
     # pydantic ends with the branch of a union that it tried, which is no key.
     source = max(reversed(layers), key=lambda layer: _depth(layer.values, keys))
     keys = keys[: max(_depth(source.values, keys), 1)]
     found = "" if isinstance(first["input"], dict) else f", found {first['input']!r}"
     return f"{source.name_of(*keys)}: {reason}{found}"
-
-
-def _explain_section(section: str, reason: str, layers: Sequence[_Layer]) -> str:
-    named = [key for key in layers[0].values[section] if re.search(rf"\b{key}\b", reason)]
-    if not named:
-        return f"{section}: {reason}"
-    key = max(named, key=lambda name: layers.index(_source(layers, section, name)))
-    return f"{_source(layers, section, key).place(section, key)}: {section}.{reason}"
 
 
 def _depth(values: Any, keys: Sequence[str]) -> int:
@@ -334,12 +326,6 @@ def _depth(values: Any, keys: Sequence[str]) -> int:
         else:
             return depth
     return len(keys)
-
-
-def _source(layers: Sequence[_Layer], section: str, key: str) -> _Layer:
-    """Return the last layer that gives a key."""
-    giving = [layer for layer in layers if key in layer.values.get(section, {})]
-    return (giving or layers)[-1 if giving else 0]
 
 
 def configuration_toml(configuration: Configuration) -> str:

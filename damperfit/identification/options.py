@@ -170,16 +170,16 @@ def _check_bulk_modulus(options: FitOptions, damper: Model) -> None:
         return
     if options.bulk_modulus not in damper.bulk_moduli:
         raise ConfigurationError(
-            f"bulk modulus {options.bulk_modulus}: the model {damper.name!r} has no gas content "
+            f"bulk_modulus: {options.bulk_modulus}: the model {damper.name!r} has no gas content "
             "that K_e could follow; expected free."
         )
     if options.procedure != "joint":
         raise ConfigurationError(
-            f"bulk modulus {options.bulk_modulus}: one gas content for all settings needs one fit "
+            f"bulk_modulus: {options.bulk_modulus}: one gas content for all settings needs one fit "
             f"of all settings; expected procedure joint, found {options.procedure}."
         )
     if GAS_FOLLOWER in {*options.fixed, *(options.free or ()), *shared_names(options, damper)}:
         raise ConfigurationError(
-            f"bulk modulus {options.bulk_modulus}: K_e follows from the gas content; it cannot be "
+            f"bulk_modulus: {options.bulk_modulus}: K_e follows from the gas content; it cannot be "
             "free, fixed or shared too."
         )

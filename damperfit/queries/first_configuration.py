@@ -311,7 +311,9 @@ def fault_of(model: str, key: str, text: str) -> str:
     try:
         _load(model, {key: text}, {f"damper.{key}": key})
     except ConfigurationError as error:
-        return str(error) if str(error).startswith(f"{key}: ") else ""
+        others = set(damper_keys(model)) - {key}
+        is_clash = not others.isdisjoint(re.findall(r"\w+", str(error)))
+        return str(error) if str(error).startswith(f"{key}: ") and not is_clash else ""
     return ""
 
 

@@ -79,8 +79,11 @@ def start_of_laws(configuration: Configuration, named: Mapping[str, str]) -> Giv
                 f"--start {name}={text}: no law has a parameter {name!r}; there are "
                 f"{', '.join(quantities)}.{did_you_mean(name, quantities)}"
             )
-        numbers[name] = parameter_value(quantities[name], text)
-        check_start(quantities[name], numbers[name], is_fixed=False, is_held=False)
+        try:
+            numbers[name] = parameter_value(quantities[name], text)
+            check_start(quantities[name], numbers[name], is_fixed=False, is_held=False)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"--start: {error}") from error
     path = configuration.start_table
     return GivenStart(numbers, {} if path is None else _read(path))
 

@@ -480,5 +480,5 @@ def test_only_results_that_are_there_are_called_untouched(run, campaigns, monkey
         run("compare", campaigns / "before", "--save", f"{name}/base.json").err.strip()
         for name in ("new", "old")
     ]
-    assert said[0].endswith("cannot write to new: Read-only file system")
+    assert said[0].endswith("--save new/base.json: cannot be written: Read-only file system")
     assert said[1].endswith("Read-only file system; earlier results there are untouched")

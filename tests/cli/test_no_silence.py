@@ -40,6 +40,28 @@ GIVEN = [
         (["identify", "LOG", "--procedure", "papre"], "--procedure: no procedure 'papre'"),
         (["identify", "LOG", "--free", "r_m1,ke"], "--free: no parameter 'ke'"),
         (["identify", "LOG", "--fix", "ke=1"], "--fix: no parameter 'ke'"),
+        (["identify", "LOG", "--fix", "r_m1=1e99"], "--fix: r_m1 = 1e+99 is fixed, far from"),
+        (["identify", "LOG", "--free=k_e", "--fix=k_e=1e9"], "--free: k_e is both free and fixed"),
+        (
+            ["identify", "LOG", "--start", "k_e=1e9", "--fix", "k_e=1e9"],
+            "--start: k_e is fixed and also given a start",
+        ),
+        (["identify", "LOG", "--start", "k_e=1e99"], "--start: k_e = 1e+99 is given as a start"),
+        (["identify", "LOG", "--start", "f_0=5"], "--start: f_0 is given a start but is not"),
+        (["models", "LOG", "--start", "play=1"], "--start: play = 1 is given as a start, far from"),
+        (
+            ["identify", "LOG", "--procedure", "joint", "--share", "k_e", "--free", "k_e"],
+            "--share: k_e is shared and also free or fixed",
+        ),
+        (
+            ["identify", "LOG", "--bulk-modulus", "appendix1"],
+            "--bulk-modulus: appendix1: one gas content for all",
+        ),
+        (
+            ["identify", "LOG", "--model", "bouc_wen", "--covariate", "temperature"],
+            "--covariate: nothing of the model 'bouc_wen' is a viscous resistance",
+        ),
+        (["identify", "LOG", "--hold-out", "zzz*"], "--hold-out zzz*: matches no log"),
         (["identify", "LOG", "--check", "nothing"], "--check: no check 'nothing'"),
         (["identify", "LOG", "--hold-out-cycles", "1.5"], "--hold-out-cycles: expected a share"),
         (["identify", "LOG", "--starts", "0"], "--starts: expected greater than or equal to 1"),
@@ -89,6 +111,14 @@ def test_a_mistake_in_a_file_is_told_with_its_line_also_where_values_meet(tmp_pa
         ("[identification]\nprocedure = 'papre'\n", "mine.toml:2: identification.procedure: no "),
         ("[output]\n\nchecks = ['nothing']\n", "mine.toml:3: output.checks: no check"),
         ("[damper]\npiston_diameter = '18mm'\n", "mine.toml:2: damper.rod_diameter: expected less"),
+        (
+            "[identification]\nfree = ['k_e']\nfix = {k_e = 1e9}\n",
+            "mine.toml:2: identification.free: k_e is both free and fixed",
+        ),
+        (
+            "[identification]\nfix = {k_e = 9}\n",
+            "mine.toml:2: identification.fix: k_e = 9 is fixed",
+        ),
     ):
         path.write_text(text)
         with pytest.raises(ConfigurationError) as caught:

@@ -167,6 +167,19 @@ def test_without_a_question_both_strokes_are_shown(run, results, monkeypatch) ->
     assert "rebound: force" not in only
 
 
+def test_a_stroke_that_is_asked_for_is_shown_alone(run, results) -> None:
+    """A sign of the speed and --stroke had no effect without a force."""
+    for words, other in (
+        (("--velocity", "0.2m/s", "--stroke", "rebound"), "bump"),
+        (("--velocity=-0.2m/s",), "rebound"),
+    ):
+        heading = run("settings", results, *words).out.splitlines()[2]
+        assert other not in heading
+        assert {"rebound", "bump"} & set(heading.split())
+    both = run("settings", results, "--velocity", "0.2m/s").out.splitlines()[2]
+    assert {"rebound", "bump"} <= set(both.split())
+
+
 def test_out_of_reach_is_an_answer_too(run, results) -> None:
     ended = run("settings", results, "--force", "9kN", "--velocity", "0.2m/s", "--quiet")
     assert ended.code == 0

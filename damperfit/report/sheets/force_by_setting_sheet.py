@@ -23,13 +23,17 @@ if TYPE_CHECKING:
 __all__ = ["force_by_setting_sheet", "force_by_speed_sheet", "measured_force_sheet"]
 
 
-def force_by_setting_sheet(rows: Sequence[Mapping[str, Any]]) -> Sheet:
-    """Return force and change by click at one speed, rebound beside bump.
+def force_by_setting_sheet(
+    rows: Sequence[Mapping[str, Any]], strokes: Sequence[str] = ("rebound", "bump")
+) -> Sheet:
+    """Return force and change by click at one speed, rebound beside bump or one of them.
 
     Parameters
     ----------
     rows : sequence of mapping
         Of the table "adjustment"; the fastest speed among them is shown.
+    strokes : sequence of str
+        Which to show.
     """
     fastest = max((row["speed_m_per_s"] for row in rows), default=0.0)
     by_place = {
@@ -41,20 +45,20 @@ def force_by_setting_sheet(rows: Sequence[Mapping[str, Any]]) -> Sheet:
     gaps = over_several_clicks([setting for setting, _ in places])
     change = "change" if gaps else "click"
     return Sheet(
-        headings=("set", "rebound", change, "", "bump", change, ""),
-        units=("", "N", "N", "%", "N", "N", "%"),
+        headings=("set", *(cell for stroke in strokes for cell in (stroke, change, ""))),
+        units=("", *(("N", "N", "%") * len(strokes))),
         rows=tuple(
             (
                 _words(setting, changed),
                 *(
                     cell
-                    for stroke in ("rebound", "bump")
+                    for stroke in strokes
                     for cell in _cells(by_place[setting, changed, stroke])
                 ),
             )
             for setting, changed in places
         ),
-        is_number=(True,) * 7,
+        is_number=(True,) * (1 + 3 * len(strokes)),
         notes=(
             force_and_click_at(fastest),
             *gaps,
