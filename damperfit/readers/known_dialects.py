@@ -98,7 +98,8 @@ def _looked_at(head: list[bytes], n_above: int) -> list[bytes]:
 def _kind(key: tuple[str, str, int], dialect: Dialect, head: list[bytes]) -> _Kind | None:
     """Return what the next log of the kind is known by; None where nothing simple tells it."""
     n_above = dialect.data_line - key[2]
-    is_simple = dialect.separator != " " and dialect.names and not dialect.is_short
+    is_simple = dialect.separator != " " and not dialect.is_short
+    # Without names their line is 0.
     if not is_simple or dialect.names_line < key[2] or dialect.hint or n_above > _LOOKED_AT // 2:
         return None
     mark = re.escape(dialect.decimal.encode())

@@ -45,7 +45,9 @@ def layer(source: str, **values: object) -> SimpleNamespace:
     return SimpleNamespace(values=values, name_of=lambda section, key: f"{source}: {section}.{key}")
 
 
-FILE = layer("mine.toml:3", rig={"columns": {"force": "F (N)"}, "skew": "2ms"}, test={"date": "x"})
+FILE = layer(
+    "mine.toml:3", rig={"columns": {"force": "F (N)"}, "skew": "2ms"}, test={"date": "x", "rig": ""}
+)
 TYPED = layer("--rig", rig={"skew": "3ms"}, output={"checks": ["purdy2000", "nonsense"]})
 
 
@@ -66,3 +68,8 @@ TYPED = layer("--rig", rig={"skew": "3ms"}, output={"checks": ["purdy2000", "non
 )
 def test_a_mistake_is_told_of_the_key_that_was_typed(message, told) -> None:
     assert with_place(message, (FILE, TYPED)) == told
+
+
+def test_what_is_no_text_is_left_to_the_schema() -> None:
+    value = [1.0]
+    assert quantity_or_word("time", "auto").func(value) is value

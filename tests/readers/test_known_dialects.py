@@ -158,3 +158,10 @@ def test_so_many_lines_may_stand_above(n_above, is_known, monkeypatch) -> None:
 def test_what_does_not_know_itself_again_is_not_kept(monkeypatch) -> None:
     monkeypatch.setattr(known_dialects._Kind, "of", lambda *_: None)
     assert known_dialects._kind(("", "", 1), DIALECT, LINES) is None
+
+
+@pytest.mark.parametrize(("n_above", "looked_at"), [(0, 40), (36, 40), (37, 41), (90, 94)])
+def test_so_many_lines_are_looked_at(n_above, looked_at) -> None:
+    """Forty, and four below those that stand above."""
+    lines = [b"%d\n" % k for k in range(200)]
+    assert known_dialects._looked_at(lines, n_above) == lines[:looked_at]

@@ -122,10 +122,13 @@ def test_two_adjusters_are_offered_a_pattern_for_both(names, declared, pattern, 
 @pytest.mark.parametrize(
     ("names", "declared"),
     [
-        (["x1_x3.csv", "x2_x4.csv"], 'first = "", second = ""'),  # one word for both
-        (["ж1_b3.csv", "ж2_b4.csv"], 'first = "", second = ""'),  # no key can be called so
-        (["x1_3.csv", "x2_4.csv"], 'first = "", second = ""'),  # no word at all
+        (["x1_x3.csv", "x2_x4.csv"], 'a = "", b = ""'),  # one word for both
+        (["ж1_b3.csv", "ж2_b4.csv"], 'a = "", b = ""'),  # no key can be called so
+        (["x1_3.csv", "x2_4.csv"], 'a = "", b = ""'),  # no word at all
         (["x1_b3.csv", "x2_b4.csv"], 'x = "", compression = ""'),
+        (["a5_x1_b3.csv", "a5_x2_b4.csv"], 'x = "", compression = ""'),  # one does not differ
+        (["x1_b3_5Hz.csv", "x2_b4_6Hz.csv"], 'x = "", compression = ""'),  # one has a unit
+        (["x1_b3_k1_q2.csv", "x2_b4_k2_q3.csv"], 'x = "", compression = "", k = "", q = ""'),
     ],
 )
 def test_numbers_without_names_of_their_own_are_counted(names, declared) -> None:
@@ -241,3 +244,8 @@ def test_clicks_and_a_speed_are_asked_about_with_a_pattern_for_the_clicks() -> N
     pattern = r"^t\d+_(?P<a>\d+)_(?P<b>\d+)_(?P<c>\d+)_(?P<d>\d+)"
     assert advice.endswith(f"--rig 'setting_pattern={pattern}'")
     assert re.search(pattern, names[2]).groups() == ("2", "9", "8", "5")
+
+
+def test_five_numbers_that_differ_are_nobodys_adjusters() -> None:
+    guess = guess_settings(["x1_b3_k1_q2_z5.csv", "x2_b4_k2_q3_z6.csv"])
+    assert "[adjusters]" not in guess.advice

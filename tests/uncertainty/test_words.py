@@ -14,6 +14,7 @@ from damperfit.identification import FitOptions, Outcome, Sharing
 from damperfit.identification.outcome import Status
 from damperfit.recording import Finding
 from damperfit.run.trust import _profile, uncertainty_record, unconfirmed_tares
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty import (
     Assessment,
     Bench,
@@ -309,6 +310,14 @@ def test_a_profile_speaks_where_it_is_complete_and_nothing_is_missed_or_it_is_fl
     seen = {"r_m3": replace(profile(low, 3.0), is_complete=is_complete)}
     found = verdicts(fit, replace(told, intervals=intervals), Sharing(), seen)["r_m3"]
     assert found.startswith(f"fitted, {said}")
+
+
+def test_what_follows_an_adjuster_is_shared_by_the_settings_at_its_click() -> None:
+    at = [Setting((("low", low), ("high", high))) for low, high in ((6, 1), (6, 2), (9, 1))]
+    sharing = Sharing(jointly=("r_m3",), follows={"r_m3": ("low",)}, settings=tuple(at))
+    fit = replace(fakes.fit(1, status={"r_m3": "shared"}), setting=at[1])
+    said = verdicts(fit, known(), sharing, {})["r_m3"]
+    assert said.startswith("shared by all settings at low 6, 95 % from ")
 
 
 def test_a_profile_that_was_cut_short_asks_for_more() -> None:
