@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError, did_you_mean
@@ -53,6 +54,8 @@ _OPTIONAL = (*EXTRAS, "setting")
 _IN_BRACKETS = re.compile(r"(?P<base>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]]\s*", re.DOTALL)
 _BEFORE_UNIT = re.compile(r"[_/, ]")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
+_APART = re.compile(r"[\W_]+")
+_NAMES = 512  # remembered, for the logs of a rig have the same
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +91,7 @@ def visible(text: str, *, limit: int = 60) -> str:
     return repr(text if len(text) <= limit else text[:limit] + "...")
 
 
+@lru_cache(maxsize=_NAMES)
 def split_name(name: str) -> tuple[str, str | None]:
     """Return a column's name and the unit inside it.
 
@@ -105,15 +109,16 @@ def split_name(name: str) -> tuple[str, str | None]:
     return name, None
 
 
-def words_of_name(base: str) -> list[str]:
+@lru_cache(maxsize=_NAMES)
+def words_of_name(base: str) -> tuple[str, ...]:
     """Return the words of a name in lower case.
 
     Examples
     --------
     >>> words_of_name("axialForce_raw")
-    ['axial', 'force', 'raw']
+    ('axial', 'force', 'raw')
     """
-    return [word.lower() for word in re.split(r"[\W_]+", _CAMEL.sub(" ", base)) if word]
+    return tuple(word.lower() for word in _APART.split(_CAMEL.sub(" ", base)) if word)
 
 
 def mentions_channel(names: Iterable[str]) -> bool:

@@ -96,6 +96,8 @@ def _digest_of(digest: hashlib._Hash, thread: Thread) -> str:
 
 def _one_line(text: str) -> str:
     """Return a path as it can stand in a message: control characters escaped."""
+    if text.isprintable():
+        return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
