@@ -39,8 +39,9 @@ __all__ = ["Answer", "Wanted", "which_setting"]
 # Between neighbouring clicks cubic and straight line are a hundredth of a click apart: no answer is
 # shown closer, however narrow its interval.
 _FINEST = 0.01
-# How far truth may lie from the curve: 1.4 of how far it bends makes 90 of 100 intervals 95. A bend
-# grows with the square of the gap; from one much narrower little is foretold: no more than twice.
+# How far truth may lie from the curve: with 1.4 of how far it bends 95 of 100 intervals hold. A
+# bend grows with the square of the gap; from one much narrower little is foretold: no more than
+# twice.
 _BEND, _WIDER = 1.4, 2.0
 
 
