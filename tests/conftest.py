@@ -20,8 +20,10 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+import threadpoolctl
 import typer.main
 from _pytest.assertion import rewrite
+from _pytest.doctest import DoctestModule
 from hypothesis import HealthCheck, settings
 
 # How long an example takes says something of the machine, nothing of the code. The slow suite takes
@@ -43,6 +45,13 @@ def pytest_ignore_collect(collection_path, config):
         return None
     asked = [Path(config.invocation_params.dir, arg.split("::")[0]) for arg in config.args]
     return None if any(BENCHMARKS in (path, *path.parents) for path in asked) else True
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file():
+    """Look for doctests in the package alone: no test has one, and each module took its time."""
+    found = yield
+    return [one for one in found if not isinstance(one, DoctestModule)]
 
 
 def pytest_configure(config):
@@ -94,6 +103,7 @@ def pytest_collection_finish(session):
     """Let what stands now be: no garbage to look for, and nothing for a fork to copy."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(50_000, 20, 20)  # arrays and tables leave few cycles; looking took a fiftieth
 
 
 @pytest.fixture(scope="session")
@@ -170,6 +180,25 @@ def _the_command_line_is_built_once():
     """Let commands run in this process share what a process builds once: 40 ms of each call."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(typer.main, "get_command", cache(typer.main.get_command))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _blas_is_looked_for_once():
+    """Let fits share what is known of the libraries that are loaded: 5 ms of each, with so many."""
+    known = {}
+
+    class FoundOnce(threadpoolctl.ThreadpoolController):
+        def __init__(self):
+            loaded = len(sys.modules)  # another module may have brought another library
+            if loaded not in known:
+                super().__init__()
+                known.clear()
+                known[loaded] = vars(self).copy()
+            vars(self).update(known[loaded])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(threadpoolctl, "ThreadpoolController", FoundOnce)
         yield
 
 

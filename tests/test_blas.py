@@ -9,6 +9,7 @@ from contextlib import ExitStack
 
 import pytest
 import scipy.linalg  # noqa: F401 - it brings a BLAS of its own
+import threadpoolctl
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
@@ -22,8 +23,10 @@ def threads() -> set[int]:
 
 
 @pytest.fixture(autouse=True)
-def three_threads():
-    """A number that is neither one nor, by chance, the machine's."""
+def three_threads(monkeypatch):
+    """A number that is neither one nor, by chance, the machine's; libraries are looked for anew."""
+    look = threadpoolctl.ThreadpoolController.__base__
+    monkeypatch.setattr(threadpoolctl, "ThreadpoolController", look)
     with threadpool_limits(3, user_api="blas"):
         assert threads() == {3}
         yield

@@ -71,20 +71,20 @@ def test_a_path_that_is_not_there_would_be_noticed() -> None:
     assert len(in_the_shape()) > 100
 
 
-@pytest.mark.parametrize("name", named_paths())
-def test_each_path_is_there(name: str) -> None:
-    assert is_there(name)
+def test_each_path_is_there() -> None:
+    assert [name for name in named_paths() if not is_there(name)] == []
 
 
-@pytest.mark.parametrize("name", in_the_shape())
-def test_the_shape_of_the_house_is_that_of_the_folder(name: str) -> None:
-    assert name.rstrip("/") in paths()
+def test_the_shape_of_the_house_is_that_of_the_folder() -> None:
+    assert [name for name in in_the_shape() if name.rstrip("/") not in paths()] == []
 
 
-@pytest.mark.parametrize("name", sorted(set(re.findall(r"python -m (tests[\w.]+)", TEXT))))
-def test_each_module_that_is_run_is_there(name: str) -> None:
-    path = ROOT / name.replace(".", "/")
-    assert path.with_suffix(".py").is_file() or (path / "__main__.py").is_file()
+def test_each_module_that_is_run_is_there() -> None:
+    names = sorted(set(re.findall(r"python -m (tests[\w.]+)", TEXT)))
+    assert len(names) > 20
+    for name in names:
+        path = ROOT / name.replace(".", "/")
+        assert path.with_suffix(".py").is_file() or (path / "__main__.py").is_file(), name
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,8 @@ def makers_of_workers() -> set[str]:
     """Return the modules that name an executor of the standard library."""
     found = set()
     for path in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        text = path.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(text)) if "concurrent" in text else ():
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("concurrent"):
                 found.add(path.relative_to(PACKAGE).as_posix())
     return found

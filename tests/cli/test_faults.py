@@ -130,7 +130,8 @@ def test_the_proofs_stand_elsewhere() -> None:
     tests = [
         node.name
         for path in TESTS.rglob("test_*.py")
-        for node in ast.walk(ast.parse(path.read_text()))
+        if any(f"def {name}(" in (text := path.read_text()) for name in ELSEWHERE.values())
+        for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.FunctionDef)
     ]
     assert {name: tests.count(name) for name in ELSEWHERE.values()} == dict.fromkeys(

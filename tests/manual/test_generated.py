@@ -95,7 +95,8 @@ def _findings() -> set[str]:
     """First arguments of Finding(...) anywhere; names that begin with a channel for both."""
     found: set[str] = set()
     for path in ROOT.glob("damperfit/**/*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        text = path.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(text)) if "Finding(" in text else ():
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
                 found |= _names(node)
     return found
