@@ -21,7 +21,7 @@ def test_a_family_is_table_figure_and_sentence(run):
     assert "r_m1 x0.8" in Path("sweep/sweep_r_m1.svg").read_text(encoding="utf-8")
 
 
-def test_the_papers_figures_at_once(run):
+def test_the_papers_figures_at_once(run, undrawn):
     ended = run("sweep", "--paper", "--out", "paper", "--json")
     assert ended.code == 0, ended.err
     assert len(json.loads(ended.out)["rows"]) == 15

@@ -1,4 +1,8 @@
-"""The core alone, as strict C99, driven under the address and undefined-behaviour sanitizers."""
+"""The core alone, as strict C99, driven under the address and undefined-behaviour sanitizers.
+
+Compiling it takes gcc a second a file and kind of sanitizer: all that runs is slow, and a step of
+.ci/run by itself. By default the compiler reads the core, and warns of nothing.
+"""
 
 from __future__ import annotations
 
@@ -73,6 +77,14 @@ def compiler(tmp_path_factory):
     return pytest.skip("no C compiler with working sanitizers")
 
 
+def test_the_core_is_strict_c99_without_a_warning(compiler):
+    drivers = sorted(HERE.glob("*.c"))
+    command = [*shlex.split(compiler), *STRICT, "-fsyntax-only", f"-I{HERE}", f"-I{CORE}"]
+    read = ran([*command, *map(str, [*drivers, *SOURCES])])
+    assert read.returncode == 0, read.stderr
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("driver", sorted(path.name for path in HERE.glob("*.c")))
 def test_the_core_is_clean_under_sanitizers(compiler, kept, tmp_path, driver):
     program = tmp_path / "driver"
@@ -82,6 +94,7 @@ def test_the_core_is_clean_under_sanitizers(compiler, kept, tmp_path, driver):
     assert driven.returncode == 0, driven.stdout + driven.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("driver", ["driver.c", "network_driver.c", "stepper_driver.c"])
 def test_no_result_hangs_on_what_was_never_set(compiler, kept, tmp_path, driver):
     told = {}
@@ -100,6 +113,7 @@ def test_no_result_hangs_on_what_was_never_set(compiler, kept, tmp_path, driver)
     assert told["zero"] == told["pattern"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("driver", ["network_driver.c", "stepper_driver.c"])
 def test_nothing_is_read_before_it_is_set(compiler, kept, tmp_path, driver):
     """gcc fills locals with finite numbers: times zero they vanish, as what lies there may not."""

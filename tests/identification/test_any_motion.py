@@ -20,6 +20,7 @@ from damperfit.uncertainty import assess
 from tests import fakes
 from tests.oracles.motions import logged
 
+LONG = ("steps", "road", "sweep")
 WITHIN = {"r_m1": 0.002, "r_m2": 0.005, "r_m3": 0.01, "k_e": 0.02, "f_f": 0.03}
 
 
@@ -37,7 +38,7 @@ def assessed(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["steps", *(pytest.param(one, marks=pytest.mark.slow) for one in ("road", "sweep"))]
+    "name", ["three steps", *(pytest.param(n, marks=pytest.mark.slow) for n in LONG)]
 )
 def test_the_parameters_are_found(name):
     trace, campaign = fitted(name)
@@ -56,7 +57,7 @@ def test_the_parameters_are_found(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["steps", *(pytest.param(one, marks=pytest.mark.slow) for one in ("road", "sweep"))]
+    "name", ["three steps", *(pytest.param(n, marks=pytest.mark.slow) for n in LONG)]
 )
 def test_intervals_hold_for_each_motion(name):
     """One log in twenty may be out; three errors none is."""

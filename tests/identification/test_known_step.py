@@ -46,7 +46,7 @@ def first(logs: list[Trace]) -> Solution:
     return first_pass(logs)
 
 
-@pytest.mark.parametrize("away", [0.0, 2.0])
+@pytest.mark.parametrize("away", [pytest.param(0.0, marks=pytest.mark.slow), 2.0])
 @pytest.mark.parametrize(
     "name", ["setting 1", "setting 20", "drift", "causal", "zero phase", "two logs", "whole cycles"]
 )

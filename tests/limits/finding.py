@@ -70,6 +70,20 @@ def _trees(root: Path) -> dict[str, ast.Module]:
     }
 
 
+def _walk(top: ast.AST) -> Iterator[ast.AST]:
+    """Yield a node and all below it, as `ast.walk`, in half the time."""
+    left = [top]
+    while left:
+        node = left.pop()
+        yield node
+        for field in node._fields:
+            value = getattr(node, field, None)
+            if isinstance(value, list):
+                left += [one for one in value if isinstance(one, ast.AST)]
+            elif isinstance(value, ast.AST):
+                left.append(value)
+
+
 def _constants(path: str, tree: ast.Module) -> dict[str, Limit]:
     found: dict[str, Limit] = {}
     for name, value in _named(tree):
@@ -114,7 +128,7 @@ def _number(value: ast.expr) -> float | None:
     """Return the number that an expression of numbers alone gives."""
     if any(
         not isinstance(node, ast.Constant | ast.BinOp | ast.UnaryOp | ast.operator | ast.unaryop)
-        for node in ast.walk(value)
+        for node in _walk(value)
     ):
         return None
     number = eval(compile(ast.Expression(value), "", "eval"), {"__builtins__": {}})  # noqa: S307
@@ -125,7 +139,7 @@ def _number(value: ast.expr) -> float | None:
 def names_in(tree: ast.Module, constants: dict[str, dict[str, Limit]]) -> dict[str, Limit]:
     """Return the limits that a module knows from others, by what it calls them."""
     found: dict[str, Limit] = {}
-    for node in ast.walk(tree):
+    for node in _walk(tree):
         if not isinstance(node, ast.ImportFrom) or node.module is None:
             continue
         place = node.module.replace(".", "/")
@@ -142,7 +156,7 @@ def names_in(tree: ast.Module, constants: dict[str, dict[str, Limit]]) -> dict[s
 
 
 def _compared(tree: ast.Module, names: dict[str, Limit]) -> set[str]:
-    functions = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef | ast.Lambda)]
+    functions = [n for n in _walk(tree) if isinstance(n, ast.FunctionDef | ast.Lambda)]
     found: set[str] = set()
     for scope in (tree, *functions):
         made: dict[str, set[str]] = {}
@@ -153,7 +167,7 @@ def _compared(tree: ast.Module, names: dict[str, Limit]) -> set[str]:
         for node in nodes:
             for part in _sides(node):
                 found |= _read(part, names)
-                for inner in ast.walk(part):
+                for inner in _walk(part):
                     if isinstance(inner, ast.Name):
                         found |= made.get(inner.id, set())
     return found
@@ -185,7 +199,7 @@ def _assigned(node: ast.AST) -> Iterator[tuple[str, ast.expr]]:
         else:
             both = [(target, value)]
         for one, other in both:
-            for name in ast.walk(one):
+            for name in _walk(one):
                 if isinstance(name, ast.Name):
                     yield name.id, other
 
@@ -202,5 +216,5 @@ def _sides(node: ast.AST) -> list[ast.expr]:
 
 
 def _read(part: ast.AST, names: dict[str, Limit]) -> set[str]:
-    seen = {ast.unparse(n) for n in ast.walk(part) if isinstance(n, ast.Name | ast.Attribute)}
+    seen = {ast.unparse(n) for n in _walk(part) if isinstance(n, ast.Name | ast.Attribute)}
     return {name for name in names if name.partition("[")[0] in seen}

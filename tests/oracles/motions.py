@@ -175,6 +175,7 @@ def rounded(sharp: Drive, width: float = 4e-3) -> Drive:
 
 MOTIONS: dict[str, Callable[[], Drive]] = {
     "steps": steps,
+    "three steps": lambda: steps((0.1, 0.2, 0.3)),
     "sweep": sweep,
     "road": road,
     # 0.48 m/s: chamber 2 empties now and then.
