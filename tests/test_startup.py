@@ -38,7 +38,7 @@ def test_reports_but_for_the_page_load_nothing_that_draws():
 
 
 def test_identify_loads_no_scipy(tmp_path):
-    """1.1 s of processor, for a few small methods and quantiles."""
+    """1.1 s of processor, for a few small methods and quantiles; pandas was a third of a second."""
     log = Path(__file__).parents[1] / "sample_runs" / "setting_01.csv"
     command = [*CLI, "identify", str(log), "--out", str(tmp_path), "--quiet"]
     done = run([command[0], "-X", "importtime", *command[1:]])

@@ -180,9 +180,10 @@ def powers(
 def scatter_of(residuals: FloatArray, errors: FloatArray, freedom: int) -> float:
     """Return tau, for which the sum of r^2/(sigma^2 + tau^2) is the degrees of freedom."""
     squares, variances = residuals * residuals, errors * errors
-    square = LEAST_SCATTER**2
     if freedom < 1:
         return LEAST_SCATTER
+    # With the largest error for all the root is known, and no other errors have theirs left of it.
+    square = max(LEAST_SCATTER**2, float(squares.sum()) / freedom - float(variances.max()))
     # Newton from the left climbs to the root of a falling, convex function without passing it.
     for _ in range(_STEPS):
         weights = 1.0 / (variances + square)

@@ -17,6 +17,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -133,9 +134,14 @@ def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tu
     cross = np.outer(residuals, residuals) * left
     squares = np.outer(residuals**2, own)
     gains = (squares + squares.T - 2.0 * cross) / np.maximum(determinant, 1e-12)
-    gains[np.tril_indices(len(points))] = -1.0
+    gains = np.where(_above_the_diagonal(len(points)), gains, -1.0)
     first, second = np.unravel_index(int(np.argmax(gains)), gains.shape)
     return (int(first), int(second))
+
+
+@cache
+def _above_the_diagonal(n: int) -> NDArray[np.bool_]:
+    return np.triu(np.ones((n, n), dtype=np.bool_), k=1)
 
 
 def _weighted(points: Points, scale: str, degree: int, tau: float) -> tuple[FloatArray, FloatArray]:

@@ -83,10 +83,9 @@ def _test(
     )
     strokes, figures = {}, {}
     for stroke, towards in (("rebound", 1.0), ("bump", -1.0)):
-        rows = [_branches(towards * v, force, speed) for speed in speeds]
-        strokes[stroke] = np.array([_mean_of(0.5 * (a + b)) for a, b in rows]).T.reshape(2, -1)
-        opening, closing = _branches(towards * v, force, 0.5 * peak)
-        figures[f"hysteresis_{stroke}"] = _mean_of(opening - closing)
+        opening, closing = _branches(towards * v, force, np.append(speeds, 0.5 * peak))
+        strokes[stroke] = _means_of(0.5 * (opening + closing)[:-1])
+        figures[f"hysteresis_{stroke}"] = _mean_of((opening - closing)[-1])
     f, s = (np.concatenate([row, row[:, :1]], axis=1) for row in (force, x))
     figures["energy"] = _mean_of(0.5 * np.sum((f[:, 1:] + f[:, :-1]) * np.diff(s), axis=1))
     amplitude = _size(facts.get("amplitude_m"))
@@ -107,24 +106,35 @@ def _test(
     )
 
 
-def _branches(along: FloatArray, force: FloatArray, speed: float) -> tuple[FloatArray, FloatArray]:
-    """Return the force of each cycle where its speed rises through a value, and where it falls."""
-    ahead = np.roll(along, -1, axis=1) - speed
-    behind = along - speed
-    later = np.roll(force, -1, axis=1)
+def _branches(
+    along: FloatArray, force: FloatArray, speeds: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the force where the speed rises through each value, and where it falls.
+
+    By speed and cycle, NaN in a cycle that does not pass it.
+    """
+    later, force_later = (np.roll(row, -1, axis=1) for row in (along, force))
+    is_below = along < speeds[:, None, None]
+    will_be = later < speeds[:, None, None]
+    cycles = np.arange(len(along))
     found = []
-    for passes in ((behind < 0.0) & (ahead >= 0.0), (behind >= 0.0) & (ahead < 0.0)):
-        place = np.argmax(passes, axis=1)[:, None]
-        low, high, f, g = (
-            np.take_along_axis(row, place, axis=1)[:, 0] for row in (behind, ahead, force, later)
-        )
+    for passes in (is_below & ~will_be, ~is_below & will_be):
+        place = np.argmax(passes, axis=2)
+        low, high = (row[cycles, place] - speeds[:, None] for row in (along, later))
+        f, g = force[cycles, place], force_later[cycles, place]
         at = f + low / (low - high) * (g - f)
-        found.append(np.where(passes.any(axis=1), at, np.nan))
+        found.append(np.where(passes.any(axis=2), at, np.nan))
     return found[0], found[1]
+
+
+def _means_of(values: FloatArray) -> FloatArray:
+    """Return means over cycles and their standard errors, shape (2, n)."""
+    n = values.shape[1]
+    scatter = np.std(values, axis=1, ddof=1) if n > 1 else np.full(len(values), math.nan)
+    return np.stack([np.mean(values, axis=1), scatter / math.sqrt(n)])
 
 
 def _mean_of(values: FloatArray) -> tuple[float, float]:
     """Return a mean over cycles and its standard error; NaN for a single cycle."""
-    n = len(values)
-    error = float(np.std(values, ddof=1)) / math.sqrt(n) if n > 1 else math.nan
-    return float(np.mean(values)), error
+    ((mean,), (error,)) = _means_of(values[None, :])
+    return float(mean), float(error)

@@ -8,8 +8,6 @@ import json
 import os
 import resource
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -349,24 +347,6 @@ def test_a_pattern_is_expanded_in_natural_order(run, logs, tmp_path) -> None:
     run("identify", "run_*.csv", "--quiet")
     inputs = _record(tmp_path / "results")["inputs"]
     assert [i["log"] for i in inputs] == ["run_9_s1.csv", "run_10_s2.csv"]
-
-
-def test_the_way_from_logs_to_results_needs_no_pandas(logs, tmp_path) -> None:
-    # Used to cost a third of a second in every run: pyarrow.array and to_numpy import pandas.
-    code = (
-        "import sys\nfrom damperfit.cli import main\n"
-        f"code = main(['identify', {str(logs / 'setting_01.csv')!r}, '--out', 'r'])\n"
-        "print('pandas' in sys.modules, code)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
-    )
-    assert done.stdout.splitlines()[-1] == "False 0"
 
 
 def test_no_traceback_without_debug_and_one_with_it(run) -> None:

@@ -63,8 +63,8 @@ def test_wrong_usage_is_one_line(run, results, arguments, words):
 def test_identify_does_it_in_one_go(run, logs, monkeypatch):
     draw = report.draw_plot  # one figure is looked at; the others are those of test_figures.py
 
-    def only_the_fan(path, *arguments, **how):
-        draw(path, *arguments, **how) if "fan" in path.name else path.touch()
+    def only_the_fan(path, plot, **how):
+        draw(path, plot, **how) if plot.name == "fan" else path.touch()
 
     monkeypatch.setattr("damperfit.report.draw_plot", only_the_fan)
     ended = run("identify", logs / "setting_01.csv", "--report", "--plots", "png")

@@ -56,10 +56,10 @@ def test_a_right_model_predicts_another_amplitude(seed: int) -> None:
 
 
 def test_a_wrong_gas_fits_one_amplitude_and_predicts_no_other() -> None:
-    fitted = [log(setting, damper=WRONG_GAS) for setting in SETTINGS]
-    others = [log(setting, damper=WRONG_GAS, amplitude=0.016) for setting in SETTINGS]
+    fitted = [log(setting, damper=WRONG_GAS) for setting in (1, 20)]
+    others = [log(setting, damper=WRONG_GAS, amplitude=0.016) for setting in (1, 20)]
     found = predicted(fitted, others)
-    assert [one.setting for one in found] == list(SETTINGS)
+    assert [one.setting for one in found] == [1, 20]
     for one in found:
         assert one.fitted_mse_percent < 0.5  # "excellent"
         assert one.mse_percent > 8 * one.fitted_mse_percent
