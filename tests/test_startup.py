@@ -59,7 +59,8 @@ def test_inspect_loads_nothing_that_fits_judges_or_writes_tables():
     assert loaded.isdisjoint({"scipy", "pandas", "matplotlib", "plotly", "jinja2"})
     assert "pyarrow" not in loaded  # plain numbers are read by the core
     assert "numpy.ma" not in loaded  # NumPy's medians and percentiles ask for masked arrays
-    judging = ("identification.descent", "uncertainty.residuals", "laws.search")
+    judging = ("identification.descent", "uncertainty.residuals", "laws.search", "checks")
+    judging += ("damper.rivals", "damper.valve_dampers", "readers.excel", "identification.sharing")
     assert loaded.isdisjoint(f"damperfit.{one}" for one in (*judging, "tables.results"))
 
 

@@ -11,7 +11,6 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, create_model, model
 from pydantic import ValidationInfo as Info
 from pydantic import field_validator as checks
 
-from damperfit.damper.declared_network import declared_passages
 from damperfit.damper.models import MODELS
 from damperfit.damper.mounting import NONE
 from damperfit.damper.warmed import Warmed
@@ -79,6 +78,8 @@ class DamperSection(_Section):
         values = self.model_dump(exclude={"model", "reference_temperature"})
         inner = _inner(kind)
         if "passages" in values:
+            from damperfit.damper.declared_network import declared_passages
+
             values["passages"] = declared_passages(values["passages"])
         damper = kind(**{k: inner[k](**v) if k in inner else v for k, v in values.items()})
         if self.reference_temperature == NONE:

@@ -23,7 +23,6 @@ from pydantic import (
     model_validator,
 )
 
-from damperfit.checks import expand_checks
 from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
 from damperfit.configuration.damper_section import DamperSection, damper_section
 from damperfit.configuration.options import (
@@ -299,7 +298,11 @@ class _OutputSection(_Section):
 
     def build(self, rig: _RigSection) -> OutputOptions:
         pointless = () if math.isfinite(rig.temperature_tolerance) else ("temperature_in_window",)
-        checks = expand_checks((name.strip() for name in self.checks), pointless=pointless)
+        checks: tuple[str, ...] = ()
+        if self.checks:
+            from damperfit.checks import expand_checks
+
+            checks = expand_checks((name.strip() for name in self.checks), pointless=pointless)
         units = parse_units(self.units, option="output.units")
         return OutputOptions(Path(self.folder), self.max_mse_percent, checks, units)
 

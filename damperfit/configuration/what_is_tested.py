@@ -10,10 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict
 
-from damperfit.damper.declared_network import DeclaredNetwork
 from damperfit.damper.models import MODELS
-from damperfit.damper.network import Valve
-from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.readers.facts import FACTS, fact_of
 from damperfit.tables import column_names
@@ -196,6 +193,10 @@ def _named(damper: Model) -> dict[str, tuple[str, ...]]:
 
 def _every_model() -> list[Model]:
     """One damper of every model, with everything that it may have."""
+    from damperfit.damper.declared_network import DeclaredNetwork
+    from damperfit.damper.network import Valve
+    from damperfit.damper.valve_dampers import ValveDamper
+
     kinds = (("long", "port"), ("long", "rounded"))
     valves = [Valve(bleed, blow_off) for bleed, blow_off in kinds]
     return [

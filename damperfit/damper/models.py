@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from importlib import import_module
 from typing import TYPE_CHECKING
 
-from damperfit.damper.declared_network import DeclaredNetwork
-from damperfit.damper.purdy.parameters import Damper
-from damperfit.damper.rivals import RIVALS
-from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError, did_you_mean
 
 if TYPE_CHECKING:
@@ -15,8 +13,47 @@ if TYPE_CHECKING:
 
 __all__ = ["MODELS", "model_named"]
 
-_ALL: tuple[type[Model], ...] = (Damper, TwinTube, Monotube, ThroughFlow, DeclaredNetwork, *RIVALS)
-MODELS: dict[str, type[Model]] = {one.name: one for one in _ALL}
+# Most commands need one of them: a model is loaded when it is asked for.
+_WHERE = {
+    "purdy": ("purdy.parameters", "Damper"),
+    "twin_tube": ("valve_dampers", "TwinTube"),
+    "monotube": ("valve_dampers", "Monotube"),
+    "through_flow": ("valve_dampers", "ThroughFlow"),
+    "network": ("declared_network", "DeclaredNetwork"),
+    "linear": ("rivals.linear", "Linear"),
+    "bilinear": ("rivals.linear", "Bilinear"),
+    "polynomial_v": ("rivals.polynomials", "PolynomialInSpeed"),
+    "polynomial_xv": ("rivals.polynomials", "PolynomialInStrokeAndSpeed"),
+    "restoring_force_surface": ("rivals.polynomials", "RestoringForceSurface"),
+    "degressive": ("rivals.curves", "Degressive"),
+    "four_slopes": ("rivals.curves", "FourSlopes"),
+    "karadayi_masada": ("rivals.elastic_dashpot", "KaradayiMasada"),
+    "hagedorn_wallaschek": ("rivals.elastic_dashpot", "HagedornWallaschek"),
+    "surace_worden_tomlinson": ("rivals.elastic_dashpot", "SuraceWordenTomlinson"),
+    "besinger_cebon_cole": ("rivals.elastic_dashpot", "BesingerCebonCole"),
+    "bouc_wen": ("rivals.bouc_wen", "BoucWen"),
+    "biviscous": ("rivals.biviscous", "Biviscous"),
+    "kwok": ("rivals.kwok", "Kwok"),
+}
+
+
+class _Models(Mapping[str, "type[Model]"]):
+    def __getitem__(self, name: str) -> type[Model]:
+        module, kind = _WHERE[name]
+        found: type[Model] = getattr(import_module(f"damperfit.damper.{module}"), kind)
+        return found
+
+    def __contains__(self, name: object) -> bool:
+        return name in _WHERE
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_WHERE)
+
+    def __len__(self) -> int:
+        return len(_WHERE)
+
+
+MODELS: Mapping[str, type[Model]] = _Models()
 
 
 def model_named(name: str) -> type[Model]:

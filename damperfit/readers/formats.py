@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from damperfit.errors import LogError
 from damperfit.readers.delimited import read_delimited
 from damperfit.readers.encoding import is_binary
-from damperfit.readers.excel import read_excel
-from damperfit.readers.hdf5 import read_hdf5
 from damperfit.readers.json_log import is_json, read_json
-from damperfit.readers.matlab import read_matlab
-from damperfit.readers.mdf import read_mdf
-from damperfit.readers.parquet import read_parquet
-from damperfit.readers.tdms import read_tdms
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -49,13 +44,34 @@ class Format:
     read: Callable[[Source, ReadOptions], tuple[Table, ...]]
 
 
+def _late(module: str, name: str) -> Callable[[Source, ReadOptions], tuple[Table, ...]]:
+    """Return a reader that is loaded when a log is of its format."""
+
+    def read(source: Source, options: ReadOptions) -> tuple[Table, ...]:
+        reader = getattr(import_module(f"damperfit.readers.{module}"), name)
+        tables: tuple[Table, ...] = reader(source, options)
+        return tables
+
+    return read
+
+
 FORMATS = (
-    Format("Parquet", (b"PAR1",), (".parquet", ".pq"), read_parquet),
-    Format("MATLAB", (b"MATLAB 5.0 MAT-file",), (".mat",), read_matlab),
-    Format("MATLAB 7.3", (b"MATLAB 7.3 MAT-file", b"\x89HDF"), (".mat", ".h5"), read_hdf5),
-    Format("TDMS", (b"TDSm",), (".tdms",), read_tdms),
-    Format("MDF", (b"MDF     ", b"UnFinMF "), (".mf4", ".mdf"), read_mdf),
-    Format("Excel", (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"), (".xlsx", ".xls"), read_excel),
+    Format("Parquet", (b"PAR1",), (".parquet", ".pq"), _late("parquet", "read_parquet")),
+    Format("MATLAB", (b"MATLAB 5.0 MAT-file",), (".mat",), _late("matlab", "read_matlab")),
+    Format(
+        "MATLAB 7.3",
+        (b"MATLAB 7.3 MAT-file", b"\x89HDF"),
+        (".mat", ".h5"),
+        _late("hdf5", "read_hdf5"),
+    ),
+    Format("TDMS", (b"TDSm",), (".tdms",), _late("tdms", "read_tdms")),
+    Format("MDF", (b"MDF     ", b"UnFinMF "), (".mf4", ".mdf"), _late("mdf", "read_mdf")),
+    Format(
+        "Excel",
+        (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"),
+        (".xlsx", ".xls"),
+        _late("excel", "read_excel"),
+    ),
     Format("JSON", (), (".json", ".jsonl", ".ndjson"), read_json),
     Format("delimited text", (), (".csv", ".txt", ".tsv", ".dat", ".asc", ".log"), read_delimited),
 )

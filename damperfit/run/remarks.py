@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from damperfit.identification.outcome import Status
-from damperfit.identification.sharing import listed_settings
 from damperfit.report import Failure
 
 if TYPE_CHECKING:
@@ -59,6 +57,8 @@ def run_warnings(batch: LogBatch, campaign: Campaign) -> Iterator[str]:
 
 def _freeing_friction(campaign: Campaign) -> str:
     """Return the option that gives each setting its own friction, all else as it was."""
+    from damperfit.identification import Status
+
     fit = campaign.fits[0]
     frictions = [one.name for one in fit.parameters.quantities if one.is_friction]
     if campaign.sharing.jointly:
@@ -82,6 +82,8 @@ def skipped_files(batch: LogBatch) -> Iterator[str]:
 def _at_settings(said: Sequence[tuple[Setting, str]]) -> Iterator[str]:
     """Yield a sentence on each setting; of many, the first, and which others have one."""
     if len(said) > MANY:
+        from damperfit.identification.sharing import listed_settings
+
         (first, sentence), others = said[0], {setting for setting, _ in said[1:]}
         yield f"setting {first}: {sentence} (with other numbers at {listed_settings(others)})"
         return
@@ -141,6 +143,8 @@ def missing_logs(configuration: Configuration, batch: LogBatch) -> Iterator[Fail
     missing = sorted(set(configuration.rig.settings) - present)
     why = "no log, but the configuration expects one in rig.settings"
     if len(missing) > MANY:
+        from damperfit.identification.sharing import listed_settings
+
         message = f"settings {listed_settings(missing)}: {why} for each"
         yield Failure("", "", None, "MissingLogError", message)
         return
