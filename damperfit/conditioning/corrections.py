@@ -7,6 +7,7 @@ and the mid-stroke are reported. Nothing is absorbed into a parameter in silence
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -42,7 +43,12 @@ _NEAR_ZERO = 1.0 / 3.0  # of the amplitude: a sensor that counts from its end is
 
 def level_of(trace: Trace, options: ConditionOptions) -> ForceLevel | None:
     """Return the level of the force at no speed; None where nothing is known of the gas."""
-    return None if options.gas is None else force_level(trace, options.gas)
+    if options.gas is None:
+        return None
+    is_ours = options.rig_filter == "none"
+    corner = options.filter_corner if is_ours else options.rig_filter_corner
+    is_none = is_ours and options.filter == "none"
+    return force_level(trace, options.gas, corner=math.inf if is_none else corner)
 
 
 def put_right(
@@ -71,14 +77,15 @@ def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple
     missing = level.force - level.expected
     size = -level.expected
     severity = "note" if options.offset.is_known else "warning"
+    unsure = level.uncertainty + level.hidden
     numbers = (
-        f"at zero velocity the force is {level.force:.0f} +- {level.uncertainty:.0f} N; the gas "
+        f"at zero velocity the force is {level.force:.0f} +- {unsure:.0f} N; the gas "
         f"force alone is {level.expected:.0f} N"
     )
-    if level.uncertainty > _KNOWN * size:
+    if unsure > _KNOWN * size:
         text = f"cannot tell whether the force was tared: {numbers}"
         return (Finding("tare", "note", text, missing, "N"),)
-    if abs(missing) <= _NEAR * size + level.uncertainty:
+    if abs(missing) <= _NEAR * size + unsure:
         return (Finding("tare", "note", f"gas force present: {numbers}", missing, "N"),)
     if abs(level.ratio) < TARED:
         return (Finding("tare", severity, _removed(numbers, level, options), missing, "N"),)

@@ -42,6 +42,7 @@ _ENOUGH = 4  # cycles, to tell a trend from scatter
 _CURVED = 8  # cycles, from which on a trend may bend
 _TREND = 12.0  # F, from which on peaks go with the cycle's number; scatter has it once in 300
 _WARMS = 1.0  # K
+_WITH_WARMTH = " while the temperature"
 _OF_MOTION = 0.7  # of the noise floor, below which the motion explains some of it
 
 
@@ -55,13 +56,16 @@ def examine_repeatability(recording: Recording, trace: Trace) -> Iterator[Findin
     trace : Trace
         Its steady cycles.
     """
+    is_warming = False
     n_cycles = len(clean_cycles(trace.fastest)) - 1 if trace.fastest.n_cycles else 0
     if n_cycles >= 2 and math.isfinite(floor := noise_floor(trace)):
-        yield from _scatter(trace, _warming(recording, trace))
+        found = list(_scatter(trace, _warming(recording, trace)))
+        is_warming = any(_WITH_WARMTH in one.sentence for one in found)
+        yield from found
         yield _noise_floor(trace, floor)
     if n_cycles >= _ENOUGH:
         if float(np.ptp(trace.force[trace.compared])) > 0.0:
-            yield _force_drift(trace)
+            yield _force_drift(trace, is_warming=is_warming)
         yield _stroke_drift(trace)
 
 
@@ -150,7 +154,7 @@ def _trend_of_peaks(up: _Peaks, down: _Peaks, warming: tuple[float, float] | Non
     text = f"the peak force goes {' and '.join(ends)} over the cycles"
     is_warming = warming is not None and abs(warming[1] - warming[0]) >= _WARMS
     if warming is not None and is_warming:
-        text += f" while the temperature goes from {warming[0]:.3g} to {warming[1]:.3g} degC"
+        text += f"{_WITH_WARMTH} goes from {warming[0]:.3g} to {warming[1]:.3g} degC"
     text += ": a trend, not scatter; the parameters are a mean over it: let the damper settle, or "
     text += "fit shorter parts of the log"
     if is_warming:
@@ -171,7 +175,7 @@ def _noise_floor(trace: Trace, floor: float) -> Finding:
     return Finding("noise_floor", "note", text, floor, "%")
 
 
-def _force_drift(trace: Trace) -> Finding:
+def _force_drift(trace: Trace, *, is_warming: bool = False) -> Finding:
     tops, bottoms = _extremes(trace.force, trace)
     half = 0.5 * float(np.mean(tops) - np.mean(bottoms))
     drift, error = _trend(_cycle_means(trace.force, clean_cycles(trace.fastest)))
@@ -180,6 +184,9 @@ def _force_drift(trace: Trace) -> Finding:
         f"the mean force drifts by {drift:+.3g} N over the cycles, {abs(share):.2g} % of the peak"
     )
     if abs(share) <= _FORCE_DRIFT or abs(drift) <= _SURE * error:
+        return Finding("force_drift", "note", text, share, "%")
+    if is_warming:
+        text += ", as the peaks change with the temperature"
         return Finding("force_drift", "note", text, share, "%")
     text += "; K_e is off by about as much; check amplifier and temperature"
     return Finding("force_drift", "warning", text, share, "%")

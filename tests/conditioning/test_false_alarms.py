@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import condition
+from damperfit.configuration.loading import load_configuration
 from tests.conditioning.logs import recording, static_force
 
 RATE = 1000.0
+
+
+@pytest.fixture(scope="module")
+def with_gas():
+    """What a run of the paper's damper conditions with."""
+    return load_configuration().conditioning
 
 
 def sine(frequency, amplitude, cycles):
@@ -37,6 +44,39 @@ def logged(x, law=static, *, steps=(0.0, 0.0), noise=(0.0, 3.0), warm=None):
 
 def told(log):
     return {one.name: one for one in condition(log).findings if one.severity == "warning"}
+
+
+def opening(rebound, bump):
+    """Valves that open at 20 mm/s at so many newtons, and 130 N of gas."""
+
+    def law(_, v):
+        stiff = np.where(v > 0.0, rebound, bump) * np.tanh(v / 0.02)
+        return stiff + 1200.0 * v + 25.0 * np.tanh(v / 2e-3) - 130.4
+
+    return law
+
+
+@pytest.mark.parametrize("frequency", [1.0, 1.5, 2.0, 4.0, 7.0, 10.0])
+@pytest.mark.parametrize("forces", [(0.0, 0.0), (300.0, 180.0), (900.0, 300.0), (300.0, 700.0)])
+def test_valves_that_open_early_are_no_tare(frequency, forces, with_gas):
+    """Unlike knees, and what a filter of 30 Hz leaves of 10 Hz, look like a level of the force."""
+    x = sine(frequency, min(0.03, 0.3 / (2.0 * np.pi * frequency)), 12)
+    log = logged(x, opening(*forces), noise=(2e-6, 3.0))
+    found = {one.name: one for one in condition(log, with_gas).findings}
+    assert found["tare"].severity == "note", found["tare"].sentence
+
+
+@pytest.mark.parametrize(
+    ("frequency", "forces"),
+    [(1.0, (0.0, 0.0)), (2.0, (0.0, 0.0)), (4.0, (0.0, 0.0)), (1.0, (300.0, 180.0))],
+)
+def test_a_tare_of_such_valves_is_told(frequency, forces, with_gas):
+    x = sine(frequency, min(0.03, 0.3 / (2.0 * np.pi * frequency)), 12)
+    law = opening(*forces)
+    log = logged(x, lambda x, v: law(x, v) + 130.4, noise=(2e-6, 3.0))
+    (found,) = (one for one in condition(log, with_gas).findings if one.name == "tare")
+    assert found.severity == "warning"
+    assert "gas force tared away" in found.sentence
 
 
 def relaxing(_, v):
@@ -189,6 +229,21 @@ def warming(*, size=None, warm=True, curve=1.0):
     temperature = 38.0 + 36.0 * share if warm else None
     law = lambda _, v: size * v / np.abs(v).max()  # noqa: E731
     return logged(x, law, noise=(2e-6, 0.3), warm=temperature)
+
+
+def test_a_mean_force_that_goes_with_the_peaks_and_the_temperature_is_told_once():
+    """Rebound loses 140 N and bump 80 N: the mean drifts by 22 N, and no amplifier is at fault."""
+    x = sine(2.0, 0.02, 60)
+    share = np.linspace(1.0, 0.8, len(x))
+
+    def law(_, v):
+        return share * np.where(v > 0.0, 2600.0, 1800.0) * v
+
+    warm = 38.0 + 36.0 * np.linspace(0.0, 1.0, len(x))
+    by_temperature = told(logged(x, law, noise=(2e-6, 0.3), warm=warm))
+    assert set(by_temperature) == {"force_trend"}
+    unknown = told(logged(x, law, noise=(2e-6, 0.3)))
+    assert "check amplifier and temperature" in unknown["force_drift"].sentence
 
 
 @pytest.mark.parametrize("curve", [0.5, 1.0, 2.0])
