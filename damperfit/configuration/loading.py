@@ -13,6 +13,7 @@ import re
 import tomllib
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -77,7 +78,8 @@ def load_configuration(
     if path is not None:
         layers.append(_Layer(str(path), _read(Path(path))))
     document: dict[str, Any] = {}
-    for layer in layers:
+    layers[0].values = deepcopy(_defaults())
+    for layer in layers[1:]:
         layer.values = _parse(layer)
     if overlay:
         layers.append(_Layer(_COMMAND_LINE, "", overlay, options or {}))
@@ -202,6 +204,11 @@ def _defaults_text() -> str:
     return (resources.files("damperfit.configuration") / "defaults.toml").read_text(
         encoding="utf-8"
     )
+
+
+@cache
+def _defaults() -> dict[str, Any]:
+    return tomllib.loads(_defaults_text())
 
 
 def _read(path: Path) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
@@ -285,6 +286,11 @@ def read_setting(row: Mapping[str, Any], adjusters: Sequence[str] = ()) -> Setti
 
 def column_names(quantities: Sequence[Quantity] = PAPER_QUANTITIES) -> frozenset[str]:
     """Return the names of all columns, which no adjuster may have."""
+    return _column_names(tuple(quantities))
+
+
+@cache
+def _column_names(quantities: tuple[Quantity, ...]) -> frozenset[str]:
     every = (c.name for table in _TABLES for c in _columns(table, (), quantities))
     return frozenset((*every, _CHANGED.name)) - {ADJUSTER}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 from damperfit.units.quantities import QuantityError, Unit, find_unit, units_of
@@ -104,6 +105,7 @@ class ShownUnits:
 SI = ShownUnits()
 
 
+@cache
 def parse_units(text: str, option: str = "--units") -> ShownUnits:
     """Return the units of a list such as "lbf,in/s".
 
