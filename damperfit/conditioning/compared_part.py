@@ -25,6 +25,7 @@ from damperfit.conditioning.stretches import (
     Edges,
     FoundStretch,
     find_runs,
+    is_one_run,
     steady_stretch,
 )
 from damperfit.errors import ConditioningError
@@ -83,6 +84,8 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
     except ConditioningError as error:
         raise ConditioningError(f"{name}: {error}") from None
     cycles = _cycles(seen, options)
+    if _is_one_run(seen, options) and (one := _one_run(name, seen, cycles, options)):
+        return one
     found, n_found = _several(seen, _edges(seen), options)
     if found and found[0].stretch.kind == "moving":
         return _kept(seen, found, n_found, None)
@@ -90,18 +93,37 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
         return _continued(name, seen, found, n_found, None, options) or _kept(
             seen, found, n_found, None
         )
+    if one := _one_run(name, seen, cycles, options):
+        return one
+    # A short run in the middle of a log needs no run-in and no edges of the filter.
+    of_run = None if n_found < MIN_CYCLES else found
+    n_cycles = cycles.n_found if cycles else 0
+    longer = n_cycles >= MIN_CYCLES and _continued(name, seen, (), n_cycles, cycles, options)
+    if longer:
+        return longer
+    if not of_run:
+        _window(name, log, cycles, _edge(seen))  # says why there is none
+    return _kept(seen, found, n_found, None)
+
+
+def _is_one_run(seen: FilteredLog, options: ConditionOptions) -> bool:
+    return is_one_run(
+        seen.displacement,
+        interval=seen.log.interval,
+        steadiness=options.steadiness,
+        edges=_edges(seen),
+    )
+
+
+def _one_run(
+    name: str, seen: FilteredLog, cycles: Cycles | None, options: ConditionOptions
+) -> ComparedPart | None:
+    """Return what is compared of one steady run; None where it leaves no window."""
+    log = seen.log
     try:
         starts = _window(name, log, cycles, _edge(seen))
     except ConditioningError:
-        # A short run in the middle of a log needs no run-in and no edges of the filter.
-        of_run = None if n_found < MIN_CYCLES else found
-        n_cycles = cycles.n_found if cycles else 0
-        longer = n_cycles >= MIN_CYCLES and _continued(name, seen, (), n_cycles, cycles, options)
-        if longer:
-            return longer
-        if not of_run:
-            raise
-        return _kept(seen, found, n_found, None)
+        return None
     assert cycles is not None
     refuse_fast(name, log, cycles, options)
     stretch = steady_stretch(starts, seen.velocity, log.interval, cycles.amplitude)

@@ -24,11 +24,13 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Edges", "FoundStretch", "find_runs", "steady_stretch"]
+__all__ = ["Edges", "FoundStretch", "find_runs", "is_one_run", "steady_stretch"]
 
 _MOVED = 1.5e-3  # s; a filter of 30 Hz moves a passage so far where the speed doubles
 _HYSTERESIS = 0.25  # of the run's amplitude
 _SHARE = 1.0 / 3.0  # of all cycles, from which on runs are the test; chance gives far less
+_SURELY = 3.0  # cycles: one of run-in, one that is compared, and one for where they are cut
+_IN_PLACE = 0.5  # of the amplitude: three quarters are left on the worse side
 _NEAR = 0.01  # of a cycle; rigs repeat a period to 0.3 %
 _ROUNDING = 0.01  # of a cycle: as many whole ones as were logged, though the length is not exact
 
@@ -106,6 +108,32 @@ def find_runs(
             one = _without_overlap(one, found, run.period)
         found.append(one)
     return tuple(found), n_passages // 2
+
+
+def is_one_run(
+    displacement: FloatArray, *, interval: float, steadiness: float, edges: Edges
+) -> bool:
+    """Whether `find_runs` finds one run without a look at its passages.
+
+    Each stroke of a run whose middle keeps its place passes a quarter of the amplitude on both
+    sides of it, so that a run of three cycles beside what is left out has a whole one inside.
+
+    Parameters
+    ----------
+    displacement : numpy.ndarray
+        Shape (n,), behind the filter, m.
+    interval, steadiness, edges
+        As there.
+    """
+    seen = cycles_of(displacement)
+    if len(seen.passages) < FEWEST:
+        return False
+    runs = list(runs_of(seen, steadiness, near=_MOVED / interval))
+    if len(runs) != 1 or runs[0][1] - runs[0][0] + 2 < _SHARE * len(seen.passages):
+        return False
+    run, middles = run_of(seen, *runs[0]), seen.middle[slice(*runs[0])]
+    keeps_place = float(np.ptp(middles)) <= _IN_PLACE * run.amplitude
+    return keeps_place and run.last - run.first >= _SURELY * run.period + 2.0 * edges.ends
 
 
 def _without_overlap(one: FoundStretch, found: list[FoundStretch], period: float) -> FoundStretch:

@@ -333,6 +333,23 @@ def test_runs_are_the_test_from_a_third_of_all_cycles_on(passages, found, monkey
 
 
 @pytest.mark.parametrize(
+    ("samples", "wanders", "expected"),
+    [(3241.0, 0.0, True), (3239.0, 0.0, False), (9e3, 0.49, True), (9e3, 0.51, False)],
+)
+def test_one_run_is_sure_from_three_cycles_in_their_place_on(
+    samples, wanders, expected, monkeypatch
+) -> None:
+    seen = SimpleNamespace(passages=np.zeros(20), middle=wanders * (np.arange(18) % 2))
+    monkeypatch.setattr(stretches, "cycles_of", lambda _: seen)
+    monkeypatch.setattr(stretches, "runs_of", lambda *_, **__: [(0, 18)])
+    run = SteadyRun(50.0, 50.0 + samples, 1000.0, 1.0, 0.0)
+    monkeypatch.setattr(stretches, "run_of", lambda *_: run)
+    edges = stretches.Edges(120)
+    found = stretches.is_one_run(np.zeros(9), interval=0.01, steadiness=0.05, edges=edges)
+    assert found is expected
+
+
+@pytest.mark.parametrize(
     ("first", "second", "expected"),
     [
         (305, 500, [(100, 300), (305, 500)]),
