@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["known_step", "last_step"]
+__all__ = ["beside_earlier", "known_step", "last_step"]
 
 # Chi-squared of one error, and the largest relative change of a value: what the step leaves out is
 # its square, 4e-4, which is a twentieth of an error of 1 %.
@@ -100,6 +100,32 @@ def last_step(misfit: Misfit, near: Values, *, least_percent: float) -> Solution
         is_cavitating=is_cavitating,
         apart=step,
     )
+
+
+def beside_earlier(misfit: Misfit, start: Values) -> Values:
+    """Return a start moved to where the mean cycles should end with some held that was free before.
+
+    By the derivatives of the descent before; the start as it is where none has ended there.
+    """
+    earlier, free = misfit.earlier, misfit.free
+    if earlier is None or not free or not set(free) < set(earlier.free):
+        return start
+    first, triangle = earlier.solution, earlier.solution.jacobian
+    if first.apart is None or triangle.shape != (len(earlier.free), len(earlier.free)):
+        return start
+    variables = transformation(misfit, earlier.free)
+    ended = variables.pack(values_of(earlier.free, first.parameters))
+    begun = variables.pack(values_of(earlier.free, start))
+    own = [earlier.free.index(name) for name in free]
+    held = [place for place, name in enumerate(earlier.free) if name not in free]
+    if np.max(np.abs(begun - ended)) > _NEAR or np.any(begun[own] != ended[own]):
+        return start
+    there = ended - first.apart  # the minimum of the mean cycles
+    moved = begun - there
+    follows = np.linalg.lstsq(triangle[:, own], triangle[:, held] @ moved[held], rcond=None)[0]
+    there[own] -= follows
+    moved_to = with_values(start, free, variables.unpack(there)[own])
+    return moved_to if np.max(np.abs(follows)) <= _NEAR and is_within(moved_to, free) else start
 
 
 def known_step(misfit: Misfit, there: Solution, *, least_percent: float) -> Solution | None:

@@ -40,6 +40,8 @@ __all__ = [
 # Of the range: text of four digits stands 1e-4 beside the binary file, and noise of 4 N in 1300 N
 # makes two tests differ by 4e-3.
 _SAME = 5e-4
+_EARLY = 8  # share of a log that is looked at before all of it
+_ROUNDING = 1e-9  # of sums
 _ALIKE = 0.05  # motions nearer than this are one: rigs repeat speed and stroke to 1 %
 REPEATS = 0.05  # a damper at one setting, taken off and put on again, is within 5 %
 SCATTERS = 3.0  # standard deviations
@@ -80,19 +82,21 @@ def once_each(batch: LogBatch) -> LogBatch:
     paths = {log.log: log.path for log in batch.logs}
     twins: dict[str, list[Trace]] = {}
     kept: list[Trace] = []
-    by_length: dict[int, list[Trace]] = defaultdict(list)
+    by_length: dict[int, list[tuple[Trace, float]]] = defaultdict(list)
     for trace in batch.traces:
         alike = by_length[len(trace.force)]
         first = next(
             (
                 one
-                for one in alike
-                if paths.get(one.name) != paths.get(trace.name) and _is_same(one, trace)
+                for one, most in alike
+                if paths.get(one.name) != paths.get(trace.name)
+                and not _differ_early(one, trace, most)
+                and _is_same(one, trace)
             ),
             None,
         )
         if first is None:
-            alike.append(trace)
+            alike.append((trace, _most(trace)))
             kept.append(trace)
         else:
             twins.setdefault(first.name, []).append(trace)
@@ -135,6 +139,18 @@ def without_copies(
 
 def _is_copy(one: Trace, other: Trace) -> bool:
     return len(one.force) == len(other.force) and _is_same(one, other)
+
+
+def _most(trace: Trace) -> float:
+    """Sum of squares, N^2, beyond which no other force is the same as this one."""
+    return len(trace.force) * (_SAME * float(np.ptp(trace.force) or 1.0)) ** 2
+
+
+def _differ_early(one: Trace, other: Trace, most: float) -> bool:
+    """Whether the first samples alone differ by more than all may: of most logs they do."""
+    part = slice(0, len(one.force) // _EARLY)
+    misses = one.force[part] - other.force[part]
+    return float(misses @ misses) > (1.0 + _ROUNDING) * most
 
 
 def _is_same(one: Trace, other: Trace) -> bool:

@@ -6,6 +6,7 @@ import math
 from collections import defaultdict
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from damperfit.errors import OnError
     from damperfit.identification import Campaign, Fit
     from damperfit.tested.setting import Setting
+    from damperfit.uncertainty.intervals import Interval
     from damperfit.uncertainty.linearisation import Linearisation
     from damperfit.uncertainty.withheld import Objection
 
@@ -68,7 +70,7 @@ METHOD = (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)  # no slots: what is asked for by each setting is kept
 class Assessment:
     """How far the numbers of a campaign may be trusted; by rising setting.
 
@@ -95,6 +97,10 @@ class Assessment:
     forces: tuple[SpeedForces, ...] = ()
     objections: Mapping[Setting, tuple[Objection, ...]] = field(default_factory=dict)
 
+    @cached_property
+    def _intervals(self) -> dict[Setting, Mapping[str, Interval]]:
+        return {one.setting: one.intervals for one in self.uncertainties}
+
     def profile(self, setting: Setting, name: str) -> MisfitProfile | None:
         """Return the closest finished profile of a parameter at a setting, if there is one."""
         mine = [p for p in self.profiles if (p.setting, p.name) == (setting, name)]
@@ -107,9 +113,7 @@ class Assessment:
         or the profile is flat. A profile follows noise: with a misfit the wider limits hold.
         """
         profile = self.telling(setting).get(name)
-        known = {one.setting: one.intervals for one in self.uncertainties}.get(setting, {}).get(
-            name
-        )
+        known = self._intervals.get(setting, {}).get(name)
         if profile is not None and (
             profile.is_flat or (profile.is_complete and profile.is_doubtful)
         ):

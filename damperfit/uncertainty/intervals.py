@@ -19,6 +19,7 @@ theta holds V_r and K_B/C in its place, and A carries their errors to K_e and to
 
 from __future__ import annotations
 
+import itertools
 import math
 from contextlib import suppress
 from dataclasses import dataclass
@@ -161,9 +162,8 @@ def uncertainties(
     """
     rows = _shared_rows(linearised, sharing)
     parts = [row @ one.scores @ row.T for row, one in zip(rows, linearised, strict=True)]
-    # Summed without the setting's own: a difference of sums could turn negative by rounding.
     nothing = np.zeros((len(sharing.variables),) * 2)
-    others = [np.sum([nothing, *parts[:k], *parts[k + 1 :]], axis=0) for k in range(len(parts))]
+    others = _sums_of_others(parts, nothing)
     bent = [
         nothing if one.misfit is None else row @ one.misfit @ row.T
         for row, one in zip(rows, linearised, strict=True)
@@ -174,12 +174,22 @@ def uncertainties(
         if one.supposed is not None
     ]
     found = []
-    for k, (one, row, rest) in enumerate(zip(linearised, rows, others, strict=True)):
-        bent_by_others = np.sum([nothing, *bent[:k], *bent[k + 1 :]], axis=0)
+    of_all = np.asarray(sum(supposed))
+    bent_by_others = _sums_of_others(bent, nothing)
+    for one, row, rest, bent_rest in zip(linearised, rows, others, bent_by_others, strict=True):
         with sparing(one.fit.setting, on_error):
-            at = (rest, bent_by_others, np.asarray(sum(supposed)))
-            found.append(_of_setting(one, sharing, row, at))
+            found.append(_of_setting(one, sharing, row, (rest, bent_rest, of_all)))
     return tuple(found)
+
+
+def _sums_of_others(parts: Sequence[FloatArray], nothing: FloatArray) -> list[FloatArray]:
+    """Return for each part the sum of all others.
+
+    From both ends: the sum of all less its own could turn negative by rounding.
+    """
+    before = itertools.accumulate(parts, initial=nothing)
+    after = [*itertools.accumulate(reversed(parts), initial=nothing)][-2::-1]
+    return [np.asarray(a + b) for a, b in zip(before, after, strict=False)]
 
 
 def shared_covariance(linearised: Sequence[Linearisation], sharing: Sharing) -> FloatArray:

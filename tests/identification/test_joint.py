@@ -62,7 +62,7 @@ def test_the_sample_runs_give_what_is_shared_at_the_cost_of_a_few_steps(settings
         )
     paper = identify(logs, PURDY_DAMPER)
     spent = [sum(fit.evaluations for fit in one.fits) for one in (paper, joint)]
-    assert spent[1] < 2 * spent[0]
+    assert spent[1] - spent[0] < 10 * len(settings)  # what the paper's needed alone, once
     # One setting alone cannot know R_m3 as well as all of them together.
     errors = [
         assess(one, PURDY_DAMPER).uncertainties[0].intervals["r_m3"].error for one in (paper, joint)

@@ -12,12 +12,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from damperfit.damper.model import Values
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
 from damperfit.identification import last_step
-from damperfit.identification.descent import descend
-from damperfit.identification.last_step import known_step
+from damperfit.identification.descent import Misfit, descend
+from damperfit.identification.last_step import beside_earlier, known_step
 from damperfit.identification.model_versus_log import compare
 from damperfit.identification.setting import relative_errors
 from damperfit.identification.solution import Earlier, Solution
@@ -222,3 +223,62 @@ def test_where_the_way_is_not_known(
         at = replace(first, parameters=first.parameters.replace(k_e=high))
         whole = replace(whole, earlier=Earlier(ALL, at))
     assert (last_step._way(whole, end) is None) is (what != "nothing")
+
+
+def ended_on_cycles(one: Misfit, start: Values) -> np.ndarray:
+    found = descend(replace(one, earlier=None), start)
+    assert found.apart is not None
+    return np.log([getattr(found.parameters, name) for name in THREE]) - found.apart
+
+
+@pytest.mark.parametrize("name", ["setting 1", "setting 20", "two logs"])
+def test_a_second_descent_starts_where_it_nearly_ends(name: str) -> None:
+    """With R_m3 and f_f held an error away, and the others on the minimum of the logs."""
+    few = LOGS[name]()
+    before = first_pass(few)
+    errors = relative_errors(before)
+    held = before.parameters.replace(
+        r_m3=before.parameters.r_m3 * (1.0 + errors[R_M3]),
+        f_f=before.parameters.f_f * (1.0 - errors[F_F]),
+    )
+    one = replace(on_cycles(misfit(few)), earlier=Earlier(ALL, before))
+    start = beside_earlier(one, held)
+    assert (start.r_m3, start.f_f) == (held.r_m3, held.f_f)
+    own = relative_errors(descend(one, held))
+    end = ended_on_cycles(one, start)
+    near, far = (
+        np.max(np.abs(np.log([getattr(at, name) for name in THREE]) - end) / own)
+        for at in (start, held)
+    )
+    assert far > 0.5
+    assert near < 0.2 * far
+
+
+@pytest.mark.parametrize(
+    "earlier",
+    [
+        None,
+        lambda first: Earlier(ALL, replace(first, apart=None)),
+        lambda first: Earlier(THREE, first),
+        lambda first: Earlier(ALL, replace(first, jacobian=first.jacobian[:2])),
+    ],
+    ids=["none", "on the logs", "nothing held", "too few samples"],
+)
+def test_a_start_stays_where_nothing_is_known_of_the_way(
+    logs: list[Trace], first: Solution, earlier: object
+) -> None:
+    one = on_cycles(misfit(logs))
+    given = replace(one, earlier=earlier(first) if callable(earlier) else None)
+    held = first.parameters.replace(f_f=1.01 * first.parameters.f_f)
+    assert beside_earlier(given, held) == held
+
+
+@pytest.mark.parametrize(("away", "is_near"), [(0.098, True), (0.102, False)])
+def test_a_start_is_moved_where_what_is_held_is_near(
+    *, logs: list[Trace], first: Solution, away: float, is_near: bool
+) -> None:
+    one = replace(on_cycles(misfit(logs)), earlier=Earlier(ALL, first))
+    held = first.parameters.replace(r_m3=first.parameters.r_m3 * np.exp(away))
+    assert (beside_earlier(one, held) != held) is is_near
+    elsewhere = held.replace(r_m1=1.001 * held.r_m1)  # not where the first has ended
+    assert beside_earlier(one, elsewhere) == elsewhere

@@ -186,3 +186,17 @@ def test_a_copy_of_a_fitted_log_is_not_held_out():
     )
     # The last cycles of a fitted log itself are no copy.
     assert without_copies(batch(fitted), (fitted,))[1] == (fitted,)
+
+
+@pytest.mark.parametrize(("share", "counts"), [(0.999, 1), (1.001, 2)])
+@pytest.mark.parametrize("where", ["first", "last", "all"])
+def test_the_first_samples_tell_nothing_that_all_do_not(share, counts, where):
+    """A root mean square of 5e-4 of the range, wherever in the log the difference lies."""
+    first = log("a.csv")
+    n = len(first.force)
+    part = {"first": slice(0, n // 9), "last": slice(-(n // 9), None), "all": slice(None)}[where]
+    misses = np.zeros(n)
+    misses[part] = 1.0
+    misses *= share * 5e-4 * np.ptp(first.force) / np.sqrt(np.mean(misses**2))
+    found = once_each(batch(first, replace(first, name="b.csv", force=first.force + misses)))
+    assert len(found.traces) == counts

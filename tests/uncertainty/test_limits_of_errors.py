@@ -18,6 +18,7 @@ from damperfit.uncertainty import (
 )
 from damperfit.uncertainty.correlated_noise import correlation_length
 from damperfit.uncertainty.few_samples import ShortStretch, widening
+from damperfit.uncertainty.intervals import _sums_of_others
 from damperfit.uncertainty.prediction import _is_same_motion
 from damperfit.uncertainty.profiles import interpolated_limit
 from damperfit.uncertainty.speed_forces import _fastest, _misfit
@@ -124,3 +125,14 @@ def test_the_jump_at_a_reversal_is_read_over_twenty_milliseconds(monkeypatch) ->
         model_filter=None,
     )
     assert _jumps(trace, 10.0) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 5])
+def test_the_sum_of_the_others_is_that_of_all_but_one(n: int) -> None:
+    parts = [np.diag([2.0**k, -(3.0**k)]) for k in range(n)]
+    found = _sums_of_others(parts, np.zeros((2, 2)))
+    assert len(found) == n
+    for k, one in enumerate(found):
+        assert np.array_equal(
+            one, sum((p for j, p in enumerate(parts) if j != k), np.zeros((2, 2)))
+        )

@@ -7,25 +7,24 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from damperfit.damper.purdy.starting import REBOUND, cavitation_limit, starting_values
+from damperfit.damper.purdy.starting import cavitation_limit
 from damperfit.errors import DamperfitError
 from damperfit.identification.descent import FitCancelledError, Misfit, descend
 from damperfit.identification.failures import SettingError, SettingFailure, attempted
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Outcome, Status
+from damperfit.identification.paper.free_everywhere import free_everywhere
 from damperfit.identification.paper.shared_values import MEAN, TAKEN, fallback
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import (
     EXCELLENT,
     NOT_FIT_TO_SHARE,
     Judged,
-    fit_guided,
     fit_setting,
     is_sound,
     lacks_stiffness_alone,
 )
 from damperfit.identification.sharing import Sharing
-from damperfit.parallel import executor
 from damperfit.statistics import CHI_SQUARED_95, chi_squared_quantile
 
 if TYPE_CHECKING:
@@ -143,7 +142,7 @@ def _begin(
         anchor = anchor.replace(r_m3=fallback(given, TAKEN))
     others = set(given.settings) - {lowest, *broken}
     judged = {lowest: one}
-    for setting, other in _free_everywhere(given, names, fixed, anchor, sorted(others)).items():
+    for setting, other in free_everywhere(given, names, fixed, anchor, sorted(others)).items():
         if not isinstance(other, SettingFailure):
             judged[setting] = other
         elif other.is_internal:
@@ -334,27 +333,6 @@ def _with_mean_friction(misfit: Misfit, judged: Judged, f_f: float, r_m3: float)
     if is_sound(judged):
         return again if is_sound(again) else judged
     return again if again.outcome.is_minimum else judged
-
-
-def _free_everywhere(
-    given: ProcedureInput,
-    names: tuple[str, ...],
-    fixed: Mapping[str, float],
-    anchor: Values,
-    settings: Sequence[Setting],
-) -> dict[Setting, Judged | SettingFailure]:
-    """The first pass at other settings than the lowest, from their closed forms and the anchor."""
-    damper = cast("Damper", given.damper)
-
-    def one(setting: Setting) -> Judged:
-        misfit = given.misfit(setting, names)
-        known = {**fixed, "r_m3": anchor.r_m3, "f_f": anchor.f_f}
-        start = starting_values(misfit.traces, damper, known, anchor.k_e)
-        return fit_guided(misfit, given.with_given_start(setting, start, fixed), REBOUND)
-
-    with executor(given.jobs) as pool:
-        found = pool.map(lambda setting: attempted(setting, lambda: one(setting)), settings)
-        return dict(zip(settings, found, strict=True))
 
 
 def _shared_friction(

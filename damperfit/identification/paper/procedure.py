@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.every_setting import Campaign, fit_every_setting, with_status
+from damperfit.identification.last_step import beside_earlier
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Status
 from damperfit.identification.paper.first_pass import first_pass
@@ -45,6 +46,7 @@ def as_in_the_paper(given: ProcedureInput) -> Campaign:
         misfit = given.misfit(setting, given.ordered(free))
         misfit = replace(misfit, earlier=_earlier(first, setting))
         start = (first.start(setting) or given.start(setting, misfit, held)).replace(held)
+        start = beside_earlier(misfit, start)
         judged, found = fit_from(given, setting, misfit, start, spent=first.evaluations(setting))
         named = dict.fromkeys(first.sharing.found, Status.SHARED) | dict(first.status)
         return describe_fit(setting, with_status(judged, named), misfit), found
