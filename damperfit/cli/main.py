@@ -9,7 +9,8 @@ import os
 import re
 import sys
 import traceback
-from functools import wraps
+from copy import copy
+from functools import cache, wraps
 from inspect import Parameter, signature
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -48,6 +49,7 @@ _INTERRUPTED = 130
 _NEW_OBJECTS = 50_000
 # What stands for a file or folder in the help of an option.
 _TAKES_A_FILE = {"FILE", "DIR", "PATH", "LOG", "RESULTS"}
+_TELLS_OF_ALL = "help"
 _BUG = 70  # "internal software error" of sysexits.h; none of the documented codes
 
 
@@ -74,7 +76,29 @@ def _as_registered(command: Callable[..., int]) -> Callable[..., int]:
     return call
 
 
-app = typer.Typer(
+class _Commands(typer.Typer):
+    """Typer makes every command before it runs one; here only the one that is typed first."""
+
+    def __call__(self, argv: Sequence[str], **how: Any) -> Any:
+        typed = argv[0] if argv else ""
+        if typed == _TELLS_OF_ALL or typed not in map(_name_of, self.registered_commands):
+            return super().__call__(argv, **how)
+        return typer.Typer.__call__(self._alone(typed), argv, **how)
+
+    @cache  # noqa: B019 - there is one of these
+    def _alone(self, typed: str) -> typer.Typer:
+        alone = copy(self)
+        alone.registered_commands = [
+            one for one in self.registered_commands if _name_of(one) == typed
+        ]
+        return alone
+
+
+def _name_of(command: Any) -> str:
+    return str(command.name or command.callback.__name__)
+
+
+app = _Commands(
     name="damperfit",
     cls=UncutCommands,
     add_completion=True,
@@ -99,7 +123,7 @@ for _command in (
     doctor,
 ):
     app.command(cls=PanelledCommand)(_as_registered(_command))
-app.command("help", cls=PanelledCommand)(_as_registered(show_help))
+app.command(_TELLS_OF_ALL, cls=PanelledCommand)(_as_registered(show_help))
 
 
 @app.callback()

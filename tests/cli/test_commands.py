@@ -9,9 +9,10 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import typer
 
 from damperfit import __version__
-from damperfit.cli.main import app
+from damperfit.cli.main import app, main
 from damperfit.configuration.loading import load_configuration
 
 ROOT = Path(__file__).parents[2]
@@ -60,6 +61,35 @@ def test_help_lists_every_command_and_loads_no_numerics(arguments) -> None:
 def test_exactly_these_commands_exist() -> None:
     names = {info.name or info.callback.__name__ for info in app.registered_commands}
     assert names == {*COMMANDS, *FIRST}
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "n_made"),
+    [
+        (["config", "--help"], 0, 1),
+        (["help", "config"], 0, None),
+        (["--help"], 0, None),
+        (["confg"], 2, None),
+        (["config", "--no-such-option"], 2, 1),
+    ],
+)
+def test_no_command_is_made_but_the_one_that_is_typed(words, code, n_made, monkeypatch) -> None:
+    made: list[object] = []
+    real = typer.main.get_command_from_info
+
+    def counted(*info, **how):
+        made.append((*info, how))
+        return real(*info, **how)
+
+    n_all = len(app.registered_commands)
+    kept = typer.main.get_command  # by all tests of a process
+    monkeypatch.setattr(typer.main, "get_command", getattr(kept, "__wrapped__", kept))
+    monkeypatch.setattr(typer.main, "get_command_from_info", counted)
+    for _ in range(2):  # the others are there as before
+        made.clear()
+        assert main(words) == code
+        assert len(made) == (n_made or n_all)
+    assert len(app.registered_commands) == n_all == len({*COMMANDS, *FIRST})
 
 
 @pytest.mark.parametrize("command", COMMANDS)
