@@ -183,10 +183,7 @@ def uncertainties(
 
 
 def _sums_of_others(parts: Sequence[FloatArray], nothing: FloatArray) -> list[FloatArray]:
-    """Return for each part the sum of all others.
-
-    From both ends: the sum of all less its own could turn negative by rounding.
-    """
+    """Return for each part the sum of all others; a difference could turn negative by rounding."""
     before = itertools.accumulate(parts, initial=nothing)
     after = [*itertools.accumulate(reversed(parts), initial=nothing)][-2::-1]
     return [np.asarray(a + b) for a, b in zip(before, after, strict=False)]
