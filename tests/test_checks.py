@@ -366,3 +366,15 @@ def test_a_list_goes_without_what_the_test_declares_pointless() -> None:
 def test_grades_that_stand_are_told_by_setting(count: int, words: str) -> None:
     fits = [fit(n + 1) for n in range(count)]
     assert _every_grade_stands(fits, {}) == (True, f"no objection to the grade of {words}")
+
+
+@pytest.mark.parametrize(("n", "ending"), [(20, "log 20 failed"), (21, "log 5 failed and 16 more")])
+def test_hundreds_of_failures_are_summarised(n, ending) -> None:
+    missing = tuple(f"log {k} failed" for k in range(1, n + 1))
+    check = result("every_setting_fitted", subject(missing=missing))
+    assert check.reason.startswith("log 1 failed; log 2 failed; ")
+    assert check.reason.endswith(ending)
+    hot = [with_trace(k, temperature=40.0) for k in range(1, n + 1)]
+    far = result("temperature_in_window", subject(*hot))
+    assert far.passed is False
+    assert far.reason.count("degC)") == (20 if n == 20 else 5)

@@ -35,6 +35,8 @@ __all__ = [
 ]
 
 _EXPLAINED = 0.5  # share of the MSE
+_SOME = 20  # logs or settings that are named one by one: a damper has some twenty settings
+_FIRST = 5  # of more
 _Verdict = tuple[bool | None, str]
 
 
@@ -290,7 +292,7 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
         elif not abs(trace.temperature - centre) <= reach:
             outside.append(f"setting {trace.setting} ({trace.name}, {trace.temperature:.1f} degC)")
     if outside:
-        return False, f"outside {window}: {', '.join(outside)}"
+        return False, f"outside {window}: {_first_of(outside)}"
     if unknown:
         count = f"{len(unknown)} of {len(subject.traces)} logs"
         return None, (
@@ -314,7 +316,7 @@ def _damper_declared(subject: Subject) -> _Verdict:
 
 def _every_setting_fitted(subject: Subject) -> _Verdict:
     done = [fit.setting for fit in subject.fits]
-    said = list(subject.missing)
+    said = [_first_of(subject.missing, "; ")] if subject.missing else []
     if not subject.campaign.is_complete:
         said.append("interrupted before every setting was done")
     if subject.campaign.gaps:
@@ -329,8 +331,8 @@ def _every_setting_fitted(subject: Subject) -> _Verdict:
 def _fits_converged(subject: Subject) -> _Verdict:
     bad = [fit for fit in subject.fits if not fit.outcome.is_minimum]
     if bad:
-        said = (f"setting {fit.setting} ({fit.outcome.value})" for fit in bad)
-        return False, f"no minimum was reached at {', '.join(said)}"
+        said = [f"setting {fit.setting} ({fit.outcome.value})" for fit in bad]
+        return False, f"no minimum was reached at {_first_of(said)}"
     return True, "every fit converged to a minimum"
 
 
@@ -362,6 +364,13 @@ def _listed(settings: Iterable[Setting]) -> str:
     """As in "setting 4" or "settings 1, 5-9"."""
     numbers = list(settings)
     return f"setting{'s' if len(numbers) > 1 else ''} {listed_settings(numbers)}"
+
+
+def _first_of(parts: Sequence[str], mark: str = ", ") -> str:
+    """All of some parts; of hundreds the first, and how many more."""
+    if len(parts) <= _SOME:
+        return mark.join(parts)
+    return f"{mark.join(parts[:_FIRST])} and {len(parts) - _FIRST} more"
 
 
 def _physical(

@@ -1,7 +1,8 @@
 """JSON: columns ``{"force_N": [...]}``, rows ``[{...}]`` or ``[[...]]``, or one row in each line.
 
 Beside columns may stand facts of the test, ``"setting": 10``; several tables under names are tests
-of their own. A column may be ``{"unit": "N", "values": [...]}`` or numbered, ``{"0": 1.5}``.
+of their own. A column may be ``{"unit": "N", "values": [...]}`` or numbered, ``{"0": 1.5}``;
+columns may stand in a list, each with its ``name``.
 
 Traps. JSON says nothing of double names: the last one would win in silence. Python's parser takes
 some thirty times the bytes of ``[[],[],...``, recursion ends it in deep nesting, and it refuses
@@ -128,7 +129,7 @@ def _tables(
 ) -> Iterator[tuple[str, _Columns, Mapping[str, str]]]:
     """Yield title, columns and facts of each table; a table may stand two names deep."""
     if isinstance(node, list):
-        if rows := _from_rows(node, name):
+        if rows := _from_columns(node) or _from_rows(node, name):
             yield part, rows, above
         return
     if not isinstance(node, dict):
@@ -180,6 +181,22 @@ def _column(value: Any) -> tuple[str | None, list[Any]] | None:
     return None
 
 
+def _from_columns(listed: list[Any]) -> _Columns:
+    """Return columns that stand in a list, each an object with its name; none where they do not."""
+    if not _are(dict, listed):
+        return {}
+    found = [(_name_in(one), _column(one)) for one in listed]
+    if len({name for name, _ in found}) < len(found):
+        return {}
+    named = {name: column for name, column in found if name and column}
+    return named if len(named) == len(found) else {}
+
+
+def _name_in(column: Mapping[str, Any]) -> str:
+    name = next((column[key] for key in ("name", "channel", "label") if key in column), "")
+    return name.strip() if isinstance(name, str) else ""
+
+
 def _from_rows(rows: list[Any], name: str) -> _Columns:
     """Return the columns of rows that are objects, or lists with or without names above them."""
     if _are(dict, rows):
@@ -227,7 +244,8 @@ class _Values:
             Column("" if name.startswith("\0") else name, unit, is_clock=_is_clock(values))
             for name, (unit, values) in self.columns.items()
         )
-        return Table(columns, self.load, metadata, notes, part)
+        hint = "this is JSON" if any(column.name for column in columns) else ""
+        return Table(columns, self.load, metadata, notes, part, hint=hint)
 
     def load(self, wanted: Mapping[str, int]) -> Samples:
         """Return the channels; rows that cannot be read are refused, or dropped where asked for."""

@@ -17,6 +17,7 @@ import numpy as np
 
 from damperfit.errors import ContradictionError
 from damperfit.report import Failure
+from damperfit.report.alike import listed_names
 from damperfit.run.warmth import are_unlike
 
 if TYPE_CHECKING:
@@ -167,7 +168,7 @@ def _relative_difference(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def _two_settings(first: Trace, others: Sequence[Trace]) -> str:
-    listed = ", ".join(f"{one.name} setting {one.setting}" for one in (first, *others))
+    listed = listed_names([f"{one.name} setting {one.setting}" for one in (first, *others)])
     return (
         f"the same test under several settings: {listed}; check which is right and leave out the "
         "rest"

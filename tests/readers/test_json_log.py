@@ -50,6 +50,15 @@ SHAPES = {
         "displacement": {"unit": "mm", "data": [1, 2, 3]},
         "force": {"units": "kN", "values": [0.002, 0.003, 0.004]},
     },
+    "columns in a list": [
+        {"name": "time", "unit": "s", "values": [0, 0.1, 0.2]},
+        {"name": "displacement", "unit": "mm", "values": [1, 2, 3]},
+        {"name": "force", "unit": "N", "values": [2, 3, 4]},
+    ],
+    "columns in a list below a name": {
+        "operator": "A",
+        "channels": [{"channel": name, "data": values} for name, values in COLUMNS.items()],
+    },
     "numbered columns": {
         name: {str(i): value for i, value in enumerate(values)} for name, values in COLUMNS.items()
     },
@@ -143,7 +152,11 @@ REFUSED = {
     "empty object": ("{}", "this is JSON without columns"),
     "one column missing": (
         {name: COLUMNS[name] for name in NAMES[:2]},
-        "no column for force; there are 'time_s', 'displacement_mm'",
+        "no column for force (this is JSON); there are 'time_s', 'displacement_mm'",
+    ),
+    "numbers that are no log": (
+        {"results": {"peaks": {"force": [1.0, 2.0]}}},
+        "no column for time and displacement (this is JSON); there are 'force'",
     ),
     "cut": (json.dumps(COLUMNS, indent=1)[:-20], "this is JSON, damaged in line "),
     "two documents": (json.dumps(COLUMNS) + "nonsense", "this is JSON, damaged in line 1, column "),

@@ -115,6 +115,15 @@ def test_how_near_is_the_same(share, n):
     assert len(names(once_each(batch(first, other)))) == n
 
 
+def test_one_test_under_hundreds_of_settings_is_one_short_line():
+    first = log("1.csv", 1)
+    copies = [replace(first, name=f"{n}.csv", setting=Setting.of(n)) for n in range(2, 300)]
+    (failure,) = once_each(batch(first, *copies)).failures
+    line = failure.message
+    assert "and 294 more; check which is right" in line
+    assert len(line) < 300
+
+
 def test_one_test_under_two_settings_is_a_failure_of_both():
     first = log("a.csv", 3)
     other = replace(first, name="b.csv", setting=Setting.of(4))
