@@ -239,6 +239,7 @@ SURFACE = {
         "other_model_advice",
         "uncertainty_record",
         "unconfirmed_tares",
+        "unlike_frictions",
     ],
     "damperfit.configuration.loading": [
         "configuration_toml",

@@ -17,7 +17,12 @@ from damperfit.identification import Outcome, Status, describe_searches
 from damperfit.report import Failure, ReportFacts, to_record
 from damperfit.run.ending import Ending, json_values, log_input
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
-from damperfit.run.trust import other_model_advice, uncertainty_record, unconfirmed_tares
+from damperfit.run.trust import (
+    other_model_advice,
+    uncertainty_record,
+    unconfirmed_tares,
+    unlike_frictions,
+)
 from damperfit.tables import SCHEMA_VERSION, describe_tables, quantity_records
 from damperfit.tested.identity import common_identity
 from damperfit.tested.setting import ADJUSTER, Setting
@@ -100,6 +105,7 @@ def report_facts(
         warnings=(
             *run_warnings(batch, campaign),
             *unconfirmed_tares(campaign, assessment),
+            *unlike_frictions(campaign, assessment),
             *assessment.warnings,
             *other_model_advice(
                 assessment, configuration.damper, is_chosen_by_logs=bool(configuration.chosen_law)

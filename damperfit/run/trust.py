@@ -16,8 +16,11 @@ if TYPE_CHECKING:
     from damperfit.identification import Campaign, Fit
     from damperfit.uncertainty import Assessment, MisfitProfile
 
-__all__ = ["other_model_advice", "uncertainty_record", "unconfirmed_tares"]
+__all__ = ["other_model_advice", "uncertainty_record", "unconfirmed_tares", "unlike_frictions"]
 
+# Frictions of one damper at two settings: so many errors and times apart they are not one.
+_ERRORS_APART = 3.0
+_TIMES_APART = 2.0
 # What another law may mend; an offset it cannot.
 _OF_LAWS = frozenset({"bound", "beyond", "cavitation", "friction", "misfit"})
 
@@ -132,3 +135,39 @@ def _has_fixed_offset(fit: Fit) -> bool:
 def _is_warned_of_tare(fit: Fit) -> bool:
     findings = (finding for log in fit.logs for finding in log.trace.findings)
     return any(one.name == "tare" and one.severity == "warning" for one in findings)
+
+
+def unlike_frictions(campaign: Campaign, assessment: Assessment) -> Iterator[str]:
+    """Say where settings that were fitted apart have frictions that cannot be those of one damper.
+
+    With the bleed closed, a preload and a friction give nearly the same force at one speed.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The fits.
+    assessment : Assessment
+        With the errors of noise and misfit.
+    """
+    known = {one.setting: one.intervals for one in assessment.uncertainties}
+    for quantity in campaign.fits[0].parameters.quantities if campaign.fits else ():
+        name = quantity.name
+        if not quantity.is_friction:
+            continue
+        found = sorted(
+            (getattr(fit.parameters, name), math.hypot(one.error, one.misfit), fit.setting)
+            for fit in campaign.fits
+            if fit.status[name] == Status.FITTED
+            and (one := known.get(fit.setting, {}).get(name)) is not None
+        )
+        if not found:
+            continue
+        (low, low_error, where_low), (high, high_error, where_high) = found[0], found[-1]
+        apart = high - low > _ERRORS_APART * math.hypot(low_error, high_error)
+        if apart and high > _TIMES_APART * low:
+            yield (
+                f"{quantity.symbol} is {low:.3g} N at setting {where_low} and {high:.3g} N at "
+                f"setting {where_high}, but friction belongs to the damper and not to its clicks: "
+                "a preloaded valve may be taken for friction; fit the settings together: "
+                "--procedure joint"
+            )

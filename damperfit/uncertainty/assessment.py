@@ -267,8 +267,7 @@ def assess(
                 diagnosis = diagnose(one, doubted=doubted)
                 forces.extend(speed_forces(one, is_structured=diagnosis.is_structured))
                 diagnoses.append(diagnosis)
-                misfit = misfit_scores(one) if diagnosis.is_structured else None
-                linearised.append(replace(_without_curves(one), misfit=misfit))
+                linearised.append(_with_misfit(one, is_structured=diagnosis.is_structured))
     known = uncertainties(linearised, campaign.sharing, on_error=on_error)
     judged = {one.setting for one in known}
     linearised = [one for one in linearised if one.fit.setting in judged]
@@ -331,7 +330,12 @@ def profile_campaign(
     judged = tuple(fit for fit in campaign.fits if fit.setting in known)
     campaign = replace(campaign, fits=judged)
     turns = _evidence_in_turns(campaign, bench.damper, solver=bench.solver, jobs=bench.jobs)
-    linearised = [_without_curves(one) for seen in turns for one in seen]
+    structured = {one.setting for one in assessment.diagnoses if one.is_structured}
+    linearised = [
+        _with_misfit(one, is_structured=one.fit.setting in structured)
+        for seen in turns
+        for one in seen
+    ]
     mine = {one.fit.setting: one for one in linearised}
     sharing = campaign.sharing
     found: list[MisfitProfile] = []
@@ -383,8 +387,12 @@ def _evidence_in_turns(
         yield linearise_settings(few, damper, solver=solver, jobs=jobs, on_error=on_error)
 
 
-def _without_curves(linearised: Linearisation) -> Linearisation:
-    """Keep only the residuals of each log: of thousands of logs the rest would fill the memory."""
+def _with_misfit(linearised: Linearisation, *, is_structured: bool) -> Linearisation:
+    """The same with what its misfit does, and of each log's curves the residuals alone.
+
+    Of thousands of logs the rest would fill the memory.
+    """
+    misfit = misfit_scores(linearised) if is_structured else None
     none = np.empty((0, 0))
     logs = (replace(log, jacobian=none, gas=none, force=none) for log in linearised.logs)
-    return replace(linearised, logs=tuple(logs))
+    return replace(linearised, logs=tuple(logs), misfit=misfit)

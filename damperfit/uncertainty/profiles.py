@@ -6,7 +6,8 @@ With S the sum of squared residuals, least over all other parameters, and u = ln
 
 In the quadratic approximation rise = (u/se)^2, so that with the printed variance of u (correlation
 of the residuals and shared parameters allowed for, see `intervals`) a rise of 1.96^2 is the 95 %
-limit. White-noise scaling, L = 1/s^2, would set the limits several times too near.
+limit. White-noise scaling, L = 1/s^2, would set the limits several times too near. Where a misfit
+repeats, its variance (`misfit_scores`) is added to that of the noise.
 
 Here is what a profile is, which there are, and what their limits mean; `profile_walk` has how a
 line is walked. An own parameter is profiled beside the others of its setting, with the shared ones
@@ -22,6 +23,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from damperfit.identification.descent import Misfit
+from damperfit.identification.left_out import does_nothing
 from damperfit.identification.outcome import Status
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import NORMAL_95
@@ -222,7 +224,7 @@ class ProfileLine:
 
 def is_doubtful(name: str, fit: Fit, known: Uncertainty) -> bool:
     """Whether the quadratic approximation of the misfit may not hold as far as the limits."""
-    if fit.status[name].has_failed:
+    if fit.status[name].has_failed or _is_no_friction(fit, name):
         return True
     if name not in known.names:
         return False
@@ -266,10 +268,10 @@ def _own_line(
     name: str, one: Linearisation, known: Uncertainty, sharing: Sharing, bench: Bench
 ) -> ProfileLine | None:
     own = own_names(one.fit, sharing)
-    is_at_bound = one.fit.status[name] == Status.AT_BOUND
+    is_at_bound = one.fit.status[name] == Status.AT_BOUND or _is_no_friction(one.fit, name)
     if not own or (name not in own and not is_at_bound):
         return None
-    free = tuple(n for n in one.names if n in own or one.fit.status[n] == Status.AT_BOUND)
+    free = tuple(n for n in one.names if n in (*own, name) or one.fit.status[n] == Status.AT_BOUND)
     if is_at_bound:
         return _line(name, one, bench, free=free, beside=(*own, name))
     place = known.names.index(name)
@@ -308,6 +310,8 @@ def _line(
     row = solved(one, ordered)[ordered.index(name)]
     if variance is None:
         variance = float(row @ one.scores @ row)
+    if one.misfit is not None:
+        variance += float(row @ one.misfit @ row)
     curvature = float(row[one.names.index(name)])
     unit = unit_of(one.fit.parameters.quantity(name))
     is_known = variance > 0.0 and math.isfinite(variance)
@@ -319,6 +323,12 @@ def _line(
         scale=curvature / variance if is_known else 0.0,
         error=math.sqrt(variance) / unit if is_known else math.inf,
     )
+
+
+def _is_no_friction(fit: Fit, name: str) -> bool:
+    """Whether a friction was left out for it ran to none: other parts may have taken its place."""
+    is_friction = fit.parameters.quantity(name).is_friction
+    return is_friction and fit.status[name] == Status.ABSENT and does_nothing(fit.parameters, name)
 
 
 def interpolated_limit(places: Sequence[tuple[float, float]], side: float) -> tuple[float, bool]:

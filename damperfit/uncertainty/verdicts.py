@@ -136,7 +136,8 @@ def _verdict(
 ) -> str:
     status, unit = fit.status[name], fit.parameters.quantity(name).unit
     if status in _NOT_FITTED:
-        return _NOT_FITTED[status]
+        limit = f" ({_seen(profile, unit)})" if profile is not None else ""
+        return f"{_NOT_FITTED[status]}{limit}"
     if status == Status.AT_BOUND:
         seen = f": {_seen(profile, unit)}" if profile is not None else ""
         return f"ran to the edge of its plausible range{seen}; fix it, or check units and signs"

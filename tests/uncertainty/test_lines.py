@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -83,12 +84,16 @@ def test_profiles_end_with_their_budget(monkeypatch) -> None:
     assert [one.name for one in found] == ["r_m1", "r_m2"]  # 70, then 10: no more than a look
 
 
-def line(name, *, sharing=None, free=("r_m1", "r_m2", "k_e"), error=0.02, **status):
+def line(
+    name, *, sharing=None, free=("r_m1", "r_m2", "k_e"), error=0.02, misfit=None, f_f_is=50.0,
+    **status,
+):  # fmt: skip
     seen = linearised(np.ones(333))
-    fit = replace(
-        seen.fit, status=seen.fit.status | {n: Status(word) for n, word in status.items()}
-    )
-    seen = replace(seen, fit=fit, information=4.0 * np.eye(6), scores=16.0 * np.eye(6))
+    status = {n: Status(word) for n, word in status.items()}
+    values = seen.fit.parameters.replace({"f_f": f_f_is})
+    fit = replace(seen.fit, status=seen.fit.status | status, parameters=values)
+    bent = None if misfit is None else misfit * np.eye(6)
+    seen = replace(seen, fit=fit, information=4.0 * np.eye(6), scores=16.0 * np.eye(6), misfit=bent)
     its = known(names=(*free, *(() if name in free else (name,))), error=error)
     bench = Bench(PURDY_DAMPER)
     return list(profile_lines(name, {1: seen}, {1: its}, sharing or Sharing(), bench))
@@ -106,6 +111,24 @@ def test_the_scale_of_a_line_is_its_curvature_over_its_variance() -> None:
     assert bound.error == pytest.approx(1.0)
     assert bound.misfit.free == ("r_m1", "r_m2", "k_e", "f_f")
     assert line("r_m3", r_m3="fixed") == []
+
+
+def test_what_repeats_widens_a_profile_as_it_widens_an_error() -> None:
+    """A friction was said to be below 0.0001 N at 95 %, by the noise alone, where it was 20 N."""
+    (noise,), (both,) = line("r_m2", error=2.0), line("r_m2", error=2.0, misfit=64.0)
+    assert noise.error == pytest.approx(2.0)
+    assert both.error == pytest.approx(math.hypot(2.0, 8.0 / 4.0))
+    assert both.scale == pytest.approx(0.25 / 8.0)
+    (bound,) = line("f_f", f_f="at_bound", misfit=48.0)
+    assert bound.error == pytest.approx(math.sqrt((16.0 + 48.0) / 16.0))
+
+
+def test_a_friction_that_was_left_out_for_none_has_an_upper_limit() -> None:
+    least = PURDY_DAMPER.quantity("f_f").plausible[0]
+    (one,) = line("f_f", f_f="absent", f_f_is=least)
+    assert one.misfit.free == ("r_m1", "r_m2", "k_e", "f_f")
+    assert line("f_f", f_f="absent", f_f_is=1e3 * least) == []  # left out for another reason
+    assert line("r_m3", r_m3="absent") == []
 
 
 def test_a_shared_parameter_is_followed_where_it_comes_from() -> None:

@@ -13,7 +13,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, Outcome, Sharing
 from damperfit.identification.outcome import Status
 from damperfit.recording import Finding
-from damperfit.run.trust import _profile, uncertainty_record, unconfirmed_tares
+from damperfit.run.trust import _profile, uncertainty_record, unconfirmed_tares, unlike_frictions
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import (
     Assessment,
@@ -449,3 +449,40 @@ def test_what_the_logs_do_not_determine_is_told_without_endless_ends() -> None:
     said = verdicts(fit, seen, Sharing(), {})["r_m2"]
     assert said.startswith("these logs do not determine it (no value of its plausible range")
     assert "e-302" not in said
+
+
+def frictions(*found, status="fitted") -> list[str]:
+    """What is said of settings with these frictions, each with errors of noise and misfit."""
+    fits, known = [], []
+    for n, (value, error, misfit) in enumerate(found, start=1):
+        one = fakes.fit(n, status={"f_f": status})
+        fits.append(replace(one, parameters=one.parameters.replace({"f_f": value})))
+        interval = Interval(error, value - error, value + error, math.nan, misfit)
+        known.append(Uncertainty(n, {"f_f": interval}, ("f_f",), np.eye(1)))
+    return list(unlike_frictions(fakes.campaign(*fits), Assessment(uncertainties=tuple(known))))
+
+
+@pytest.mark.parametrize(
+    ("found", "is_said"),
+    [
+        (((20.0, 1.0, 0.0), (41.0, 1.0, 0.0)), True),
+        (((20.0, 1.0, 0.0), (39.0, 1.0, 0.0)), False),  # less than twice as much
+        (((20.0, 4.0, 3.0), (42.0, 3.0, 4.0)), True),  # 22 N, 3.1 errors of 7.07
+        (((20.0, 4.0, 3.0), (41.0, 3.0, 4.0)), False),  # 2.97
+        (((20.0, 1.0, 0.0),), False),
+        ((), False),
+    ],
+)
+def test_a_friction_that_follows_the_clicks_is_none(found, is_said) -> None:
+    said = frictions(*found)
+    assert bool(said) is is_said
+    assert frictions(*found, status="shared") == frictions(*found, status="not_identifiable") == []
+
+
+def test_the_frictions_that_are_farthest_apart_are_named() -> None:
+    (said,) = frictions((30.0, 1.0, 1.0), (24.2, 0.4, 1.0), (145.0, 0.7, 4.5))
+    assert said == (
+        "f_f is 24.2 N at setting 2 and 145 N at setting 3, but friction belongs to the damper and "
+        "not to its clicks: a preloaded valve may be taken for friction; fit the settings "
+        "together: --procedure joint"
+    )
