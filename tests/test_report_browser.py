@@ -163,17 +163,17 @@ def test_switching_a_setting_off_removes_its_traces(browser):
 
 
 def test_it_follows_dark_and_light(browser):
-    def paper(scheme: str) -> str:
+    shown = (
+        "document.querySelector('.plot').layout.paper_bgcolor + ' ' +"
+        "getComputedStyle(document.body).backgroundColor"
+    )
+    for scheme, colours in (
+        ("dark", "#14181f rgb(20, 24, 31)"),
+        ("light", "#ffffff rgb(255, 255, 255)"),
+    ):
         feature = {"name": "prefers-color-scheme", "value": scheme}
         browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
-        time.sleep(0.2)
-        return browser.execute_script(
-            "return document.querySelector('.plot').layout.paper_bgcolor + ' ' +"
-            "getComputedStyle(document.body).backgroundColor"
-        )
-
-    assert paper("dark") == "#14181f rgb(20, 24, 31)"
-    assert paper("light") == "#ffffff rgb(255, 255, 255)"
+        _wait(browser, f"return {shown} === '{colours}'")  # plots are drawn again a little later
 
 
 def test_it_prints_without_cutting_a_plot(browser):

@@ -59,12 +59,15 @@ class Guessed:
         A sentence for each guess.
     open : tuple of str
         What they do not show, a sentence each.
+    adjusters : tuple of str
+        Names of the adjusters, where their names show several.
     """
 
     rig: Mapping[str, Any]
     test: Mapping[str, str]
     why: tuple[str, ...] = ()
     open: tuple[str, ...] = ()
+    adjusters: tuple[str, ...] = ()
 
 
 def guess_from_logs(logs: Sequence[Path]) -> Guessed:
@@ -99,6 +102,9 @@ def guess_from_logs(logs: Sequence[Path]) -> Guessed:
         if pattern:
             rig["setting_pattern"] = pattern[1]
             why.append(guess.sentence.partition(";")[0])
+    elif guess.adjusters and any(one is None for one in said):
+        rig["setting_pattern"] = guess.pattern
+        why.append(f"the names differ in the places of {' and '.join(guess.adjusters)}")
     elif recordings and any(one is None for one in said):
         offered = f": {guess.advice}" if guess.advice else ""
         unknown.append(
@@ -113,7 +119,8 @@ def guess_from_logs(logs: Sequence[Path]) -> Guessed:
     identity = common_identity(identity_in(one.metadata) for one in recordings)
     facts = {key: getattr(identity, key) for key in IDENTITY_KEYS}
     test = {key: value for key, value in facts.items() if value and "," not in value}
-    return Guessed(rig, test, tuple(why), tuple(dict.fromkeys(unknown)))
+    adjusters = guess.adjusters if rig.get("setting_pattern") == guess.pattern else ()
+    return Guessed(rig, test, tuple(why), tuple(dict.fromkeys(unknown)), adjusters)
 
 
 def _read(path: Path, options: ReadOptions) -> tuple[tuple[Recording, ...], dict[str, str]]:
@@ -222,11 +229,20 @@ def first_configuration(model: str, given: Mapping[str, str], guessed: Guessed) 
     lines += [
         "# temperature_tolerance = inf      # ask for no temperature",
         "",
+        *_adjusters(guessed.adjusters),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _adjusters(names: Sequence[str]) -> list[str]:
+    if names:
+        heading = '[adjusters]                        # clicks count "from open" or "from closed"'
+        return [heading, *(f'{name} = ""' for name in names)]
+    return [
         "# [adjusters]                      # more than one: in the order of labels such as R12 C8",
         '# rebound = "from open"',
         '# compression = "from open"',
     ]
-    return "\n".join(lines) + "\n"
 
 
 def damper_keys(model: str) -> dict[str, str]:

@@ -61,11 +61,17 @@ class Guess:
         What was guessed, and how to say it for certain; empty without a guess.
     advice : str
         What to write where nothing was guessed, as an option to copy.
+    adjusters : tuple of str
+        Names of several adjusters, where each number that differs has the word of one before it.
+    pattern : str
+        Finds the place of each of these.
     """
 
     settings: Mapping[str, Setting] = field(default_factory=dict)
     sentence: str = ""
     advice: str = ""
+    adjusters: tuple[str, ...] = ()
+    pattern: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +132,14 @@ def guess_settings(names: Iterable[str]) -> Guess:
     if chosen is None:
         best = _likely(fields)
         advice = _option(_pattern(best, alike)) if best else ""
-        return Guess(advice=advice + _of_several(fields, alike))
+        called = _called(fields)
+        every = _pattern_of_all(called, fields, alike) if called else ""
+        names = tuple(called.values())
+        advice += _of_several(names, every)
+        is_said = len(groups) == 1 and names != _PLACES[: len(names)]
+        if is_said and all(adjuster_of(one.word) for one in called):
+            return Guess(advice=advice, adjusters=names, pattern=every)
+        return Guess(advice=advice)
     pattern = _pattern(chosen, alike)
     settings = {
         name: Setting.of(parse_place(value))
@@ -255,17 +268,23 @@ def _likely(fields: Sequence[_Field]) -> _Field | None:
     return ranked[0] if ranked else None
 
 
-def _of_several(fields: Sequence[_Field], names: Sequence[str]) -> str:
-    """Return what to declare where several of the numbers that differ are adjusters; or nothing."""
+def _called(fields: Sequence[_Field]) -> dict[_Field, str]:
+    """Return what to call the numbers that differ, where several may be adjusters."""
     varied = [one for one in fields if one.is_varied and one.may_be]
     if len(varied) > len(_PLACES):
         varied = [one for one in varied if one.word != "s"]  # a speed, as likely
     if not _FEWEST <= len(varied) <= len(_PLACES):
-        return ""
+        return {}
     called = [adjuster_of(one.word) or one.word.casefold() for one in varied]
     if len(set(called)) < len(called) or not all(one.isascii() and one for one in called):
         called = list(_PLACES[: len(varied)])
-    pattern = _pattern_of_all(dict(zip(varied, called, strict=True)), fields, names)
+    return dict(zip(varied, called, strict=True))
+
+
+def _of_several(called: Sequence[str], pattern: str) -> str:
+    """Return what to declare where several of the numbers that differ are adjusters; or nothing."""
+    if not called:
+        return ""
     declared = ", ".join(f'{one} = ""' for one in called)
     return (
         "; or, where several adjusters were turned, declare them in a configuration, [adjusters] "

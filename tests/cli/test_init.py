@@ -88,6 +88,29 @@ def test_settings_units_and_serials_are_seen_in_logs(folder, text, capsys):
     assert "refused" not in said.out
 
 
+def test_two_adjusters_are_seen_in_the_names(folder, text, capsys):
+    for name in ("c10_r12", "c8_r12", "c10_r4"):
+        (folder / f"{name}.csv").write_text(text)
+    logs = sorted(path.name for path in folder.glob("*.csv"))
+    main(["init", *logs])  # copies of one log are one test only
+    said = capsys.readouterr()
+    found = tomllib.loads((folder / "my_damper.toml").read_text())
+    assert found["adjusters"] == {"compression": "", "rebound": ""}
+    assert found["rig"]["setting_pattern"] == r"c(?P<compression>\d+)_r(?P<rebound>\d+)"
+    assert "note: the names differ in the places of compression and rebound" in said.err
+    declared = load_configuration(folder / "my_damper.toml").reading.adjusters
+    assert list(declared) == ["compression", "rebound"]
+    assert re.search(r"(?m)^c8_r12.csv +C8 R12 ", said.out)
+
+
+def test_numbers_that_nothing_names_are_no_adjusters(folder, text, capsys):
+    for name in ("x1_y2", "x2_y2", "x1_y3"):
+        (folder / f"{name}.csv").write_text(text)
+    main(["init", *sorted(path.name for path in folder.glob("*.csv"))])
+    assert "adjusters" not in tomllib.loads((folder / "my_damper.toml").read_text())
+    assert "warning: the logs do not say their setting" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("factor", "length", "units"),
     [
