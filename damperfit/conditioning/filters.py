@@ -106,7 +106,7 @@ def design_filter(
         raise ConditioningError(
             f"the filter corner of {corner:g} Hz is not below half the sample rate "
             f"({sample_rate / 2.0:.4g} Hz at {sample_rate:.4g} samples per second); sample faster, "
-            f"set {key} = '{0.4 * sample_rate:.2g}Hz', which fits, or choose the "
+            f"set {key} = '{float(f'{0.4 * sample_rate:.2g}'):g}Hz', which fits, or choose the "
             "filter 'none'"
         )
     if kind == "causal":

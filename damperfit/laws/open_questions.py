@@ -135,7 +135,7 @@ def _of_mounting(fit: LawFit, tests: _Tests) -> Iterator[str]:
         yield (
             "Whether the force is late or the mounting gives: at one frequency they look alike. "
             f"A second speed decides it, at {0.3 * tests.lowest_frequency:.2g} or "
-            f"{3.0 * tests.highest_frequency:.2g} Hz beside the {tests.highest_frequency:.2g} Hz."
+            f"{3.0 * tests.highest_frequency:.3g} Hz beside the {tests.highest_frequency:.3g} Hz."
         )
 
 

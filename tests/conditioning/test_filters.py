@@ -161,3 +161,16 @@ def test_a_corner_beyond_half_the_sample_rate_is_refused_with_both_numbers():
 def test_an_unknown_kind_gets_a_suggestion():
     with pytest.raises(ConfigurationError, match="Did you mean 'causal'"):
         design_filter("casual", 30.0, sample_rate=1000.0)
+
+
+@pytest.mark.parametrize(
+    ("rate", "offered"), [(50.0, "20Hz"), (500.0, "200Hz"), (4096.0, "1600Hz")]
+)
+def test_a_corner_that_is_offered_is_one_that_is_taken(rate, offered):
+    """200 Hz was written 2e+02Hz."""
+    with pytest.raises(
+        ConditioningError, match=rf"conditioning.filter_corner = '{offered}', which"
+    ):
+        design_filter("zero_phase", 0.5 * rate, sample_rate=rate)
+    corner = float(offered.removesuffix("Hz"))
+    assert design_filter("zero_phase", corner, sample_rate=rate).is_zero_phase
