@@ -168,7 +168,7 @@ def test_putting_back_may_be_killed_at_any_call_too(tmp_path, old, every) -> Non
         first_set(folder, old)
 
     # Each state of the folder in which a journal stands, once.
-    for n in deaths(lambda: exchange(folder), prepare, die_before):
+    for n in deaths(lambda: exchange(folder), prepare, die_before, min(every, 2)):
         if (folder / JOURNAL).exists():
             folder.rename(halves / str(n))
     known = {}
