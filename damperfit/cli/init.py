@@ -94,8 +94,10 @@ def init(
         for sentence in guessed.open:
             say(f"warning: {sentence}")
         say(f"damperfit: {out} written; measure the keys that begin with #, and remove the #")
+    code = _inspected(logs, out, is_quiet=quiet) if logs else 0
+    if code == 0 and not quiet:
         say(f"next: damperfit identify {_shown(logs or ['LOGS'])} --config {out}")
-    return _inspected(logs, out, is_quiet=quiet) if logs else 0
+    return code
 
 
 def _is_terminal() -> bool:
