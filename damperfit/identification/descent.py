@@ -192,7 +192,7 @@ def _ended(misfit: Misfit, start: Values) -> Solution:
         least = _solvers_percent(misfit)
         ended = known_step(left, there, least_percent=least)
         if ended is None:
-            ended = last_step(left, there.parameters, least_percent=least)
+            ended = last_step(left, there, least_percent=least)
             if ended is not None and ended.apart is not None:
                 ended = replace(ended, apart=ended.apart - there.promised)
     ended = ended or _to_the_end(left, there.parameters)

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.conditioning import apply_filter
 from damperfit.errors import SimulationError
 from damperfit.identification.evaluation import (
-    evaluate,
     n_independent,
     transformation,
     values_of,
@@ -28,6 +28,7 @@ from damperfit.identification.model_versus_log import compare
 from damperfit.identification.plausible import is_at_edge, is_within
 from damperfit.identification.solution import Solution
 from damperfit.identification.weights import weights
+from damperfit.simulation import motion_of, simulate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Values
     from damperfit.identification.descent import Misfit
     from damperfit.identification.model_versus_log import SimulatedLog
+    from damperfit.recording import FilterDesign
 
     FloatArray = NDArray[np.float64]
 
@@ -50,56 +52,104 @@ _NEAR = 0.1
 _MET_COST = 2  # as `Solution` has it: no step makes the sum of squares smaller
 
 
-def last_step(misfit: Misfit, near: Values, *, least_percent: float) -> Solution | None:
+def last_step(misfit: Misfit, there: Solution, *, least_percent: float) -> Solution | None:
     """Return the minimum beside a point; None where one small step does not lead there.
+
+    The pull of the logs is their own. How far it leads is told by the mean cycles' Jacobian, which
+    noise does not change by a thousandth.
 
     Parameters
     ----------
     misfit : Misfit
         Of the logs themselves.
-    near : Values
+    there : Solution
         The minimum of their mean cycles.
     least_percent : float
         MSE below which the integrator's error is what is left, and no step is taken.
     """
-    free = misfit.free
+    free, near = misfit.free, there.parameters
     if not free or any(is_at_edge(near, name) for name in free):
-        return None
-    try:
-        residuals, slopes, is_cavitating = evaluate(misfit, near, misfit.scale)
-    except SimulationError:
         return None
     variables = transformation(misfit, free)
     values = values_of(free, near)
-    jacobian = slopes * variables.slopes(values)
-    cost = float(residuals @ residuals)
+    jacobian = there.condensed.jacobian
+    try:
+        pulled = _pulled(misfit, near)
+        gradient = pulled.gradient * variables.slopes(values)
+        turned = np.linalg.solve(jacobian.T, -gradient)
+        step = np.linalg.solve(jacobian, turned)
+    except (SimulationError, np.linalg.LinAlgError):
+        return None
+    residuals = pulled.residuals
+    cost, gain = float(residuals @ residuals), float(turned @ turned)
+    independent = n_independent(residuals)
     if not 100.0 * cost > least_percent:
         return None
-    # Orthogonal factors keep the digits that J^T J would halve.
-    triangle = np.asarray(np.linalg.qr(np.column_stack([jacobian, residuals]), mode="r"))
-    step = np.linalg.lstsq(triangle[:, :-1], -triangle[:, -1], rcond=None)[0]
-    moved = jacobian @ step
-    independent = n_independent(residuals)
-    if float(moved @ moved) * independent > _AN_ERROR * cost or np.max(np.abs(step)) > _SMALL:
+    if gain * independent > _AN_ERROR * cost or not np.max(np.abs(step)) <= _SMALL:
         return None
     parameters = with_values(near, free, variables.unpack(variables.pack(values) + step))
     if not is_within(parameters, free):
         return None
-    rest = residuals + moved
-    left = float(rest @ rest)
+    left = cost - gain
     lengths = np.sqrt(np.sum(jacobian**2, axis=0) * left)
+    rest = np.abs(gradient + jacobian.T @ (jacobian @ step))
     return Solution(
         parameters=parameters,
         mse_percent=100.0 * left,
-        jacobian=triangle[: len(free), : len(free)],
+        jacobian=jacobian,
         evaluations=1,
         failed_trials=0,
         status=_MET_COST,
-        gradient_cosine=float(np.max(np.abs(jacobian.T @ rest) / np.maximum(lengths, 1e-300))),
+        gradient_cosine=float(np.max(rest / np.maximum(lengths, 1e-300))),
         n_independent=independent,
-        is_cavitating=is_cavitating,
+        is_cavitating=pulled.is_cavitating,
         apart=step,
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pulled:
+    """The logs' residuals, scaled as a misfit's, and J^T r by what is free."""
+
+    residuals: FloatArray
+    gradient: FloatArray
+    is_cavitating: bool
+
+
+def _pulled(misfit: Misfit, parameters: Values) -> _Pulled:
+    """One simulation of each log; the residuals go back through the filter, not each derivative."""
+    parts = []
+    gradient = np.zeros(len(misfit.free))
+    is_cavitating = False
+    for trace, weight in zip(misfit.traces, weights(misfit.traces), strict=True):
+        response = simulate(
+            parameters,
+            misfit.damper,
+            motion_of(trace),
+            sensitivities=misfit.free,
+            options=misfit.solver,
+        )
+        part = trace.compared
+        factor = misfit.scale if weight is None else misfit.scale * weight
+        force = apply_filter(trace.model_filter, response.force)
+        residuals = factor * (force[part] - trace.force[part])
+        back = np.zeros(len(force))
+        back[part] = factor * residuals
+        back = _back_through(trace.model_filter, back)
+        gradient += [float(row @ back) for row in response.sensitivities.values()]
+        is_empty = (response.pressures[:2, part] <= 0.0).any(axis=0)
+        is_cavitating |= bool((is_empty if weight is None else is_empty & (weight > 0.0)).any())
+        parts.append(residuals)
+    if not np.all(np.isfinite(gradient)):
+        raise SimulationError("no finite derivatives of a force.")
+    return _Pulled(np.concatenate(parts), gradient, is_cavitating)
+
+
+def _back_through(design: FilterDesign, signal: FloatArray) -> FloatArray:
+    """Return what the transpose of a filter makes of a signal that is zero at its ends."""
+    if design.is_zero_phase:  # its own transpose
+        return apply_filter(design, signal)
+    return np.ascontiguousarray(apply_filter(design, np.ascontiguousarray(signal[::-1]))[::-1])
 
 
 def beside_earlier(misfit: Misfit, start: Values) -> Values:

@@ -7,7 +7,6 @@ Failures of single logs and settings are collected; what can be done is done and
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
@@ -20,6 +19,7 @@ from damperfit.errors import ConfigurationError, OutputError
 from damperfit.report import markdown_report
 from damperfit.run.dampers import by_damper, folder_name
 from damperfit.run.earlier import BESIDE, PAGE, forget_figures, forget_others, holds_fits
+from damperfit.run.ending import json_text
 from damperfit.run.given_starts import with_given_start
 from damperfit.run.hold_out import (
     Parted,
@@ -350,7 +350,7 @@ def _write(
         result.record["timings"] = clock.read()
         if beside:
             result.record[BESIDE] = list(beside)
-        text = json.dumps(result.record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        text = json_text(result.record)
         files.path("run.json").write_bytes(text.encode("utf-8", "backslashreplace"))
     forget_figures(folder)
     return result

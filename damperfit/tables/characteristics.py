@@ -81,7 +81,7 @@ def _stretch_rows(
             force,
             edges - edges[0],
             interval=trace.interval,
-            is_steady=stretch.n_cycles > 0,
+            is_steady=stretch.n_cycles > 0 and not suffix,  # of these alone the hysteresis is told
         )
         for (whose, suffix), force in _with_and_without(forces, pressed)
     }

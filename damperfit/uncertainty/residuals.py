@@ -284,7 +284,7 @@ def _split(linearised: Linearisation) -> tuple[float, float, float, float]:
             continue
         n_samples += n
         folded = _fold(residuals, stretch)
-        scatter = residual_scatter(residuals, stretch)
+        scatter = float(np.mean(np.var(folded, axis=0, ddof=1)))
         mean_power = float(np.mean(folded.mean(axis=0) ** 2))
         repeats += n * (mean_power - scatter / n_cycles)
         expected += n * scatter / n_cycles
@@ -372,8 +372,9 @@ def _correlation(linearised: Linearisation) -> float:
     for stretch, interval, residuals in _parts(linearised):
         period = round(1.0 / (stretch.frequency * interval))
         if 2 * period < len(residuals):
-            rho = autocorrelation(residuals, period)[period]
-            values.append(float(rho) * len(residuals) / (len(residuals) - period))
+            n, power = len(residuals), float(residuals @ residuals)
+            rho = float(residuals[:-period] @ residuals[period:]) / power if power > 0.0 else 0.0
+            values.append(rho * n / (n - period))
     return max(values, default=math.nan)
 
 

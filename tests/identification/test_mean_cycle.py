@@ -17,6 +17,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
 from damperfit.identification import FitOptions, identify
+from damperfit.identification import last_step as last_step_module
 from damperfit.identification.descent import Misfit, approach, descend
 from damperfit.identification.evaluation import evaluate
 from damperfit.identification.last_step import last_step
@@ -131,17 +132,28 @@ def test_the_parameters_are_those_of_the_logs_themselves(name: str, free: tuple[
     assert fast == pytest.approx(slow, rel=1e-4)
 
 
-@pytest.mark.parametrize("name", ["setting 1", "setting 10", "setting 20", "causal", "two logs"])
-def test_one_look_at_the_logs_is_enough(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    one = on_cycles(misfit(LOGS[name]()))
-    seen: list[bool] = []
+def count_looks(seen: list[bool], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Note of each evaluation whether it is of the logs themselves."""
 
     def counted(looked: Misfit, *rest: object) -> object:
         seen.append(looked.cycles is None)
         return evaluate(looked, *rest)
 
-    for where in ("descent", "last_step"):
-        monkeypatch.setattr(f"damperfit.identification.{where}.evaluate", counted)
+    def pulled(looked: Misfit, *rest: object) -> object:
+        seen.append(True)
+        return step_of_logs(looked, *rest)
+
+    step_of_logs = last_step_module._pulled
+    monkeypatch.setattr("damperfit.identification.descent.evaluate", counted)
+    monkeypatch.setattr(last_step_module, "_pulled", pulled)
+
+
+@pytest.mark.parametrize("name", ["setting 1", "setting 10", "setting 20", "causal", "two logs"])
+def test_one_look_at_the_logs_is_enough(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = on_cycles(misfit(LOGS[name]()))
+    seen: list[bool] = []
+
+    count_looks(seen, monkeypatch)
     truth = reference_parameters(10)
     found = descend(one, truth.replace({name: 1.5 * getattr(truth, name) for name in THREE}))
     assert sum(seen) == 1
@@ -152,12 +164,7 @@ def test_one_look_at_the_logs_is_enough(name: str, monkeypatch: pytest.MonkeyPat
 def test_a_limit_of_evaluations_is_kept(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[bool] = []
 
-    def counted(looked: Misfit, *rest: object) -> object:
-        seen.append(looked.cycles is None)
-        return evaluate(looked, *rest)
-
-    for where in ("descent", "last_step"):
-        monkeypatch.setattr(f"damperfit.identification.{where}.evaluate", counted)
+    count_looks(seen, monkeypatch)
     truth = reference_parameters(10)
     one = replace(on_cycles(misfit([trace(10, noise=4.0)])), max_evaluations=most)
     found = descend(one, truth.replace({name: 3.0 * getattr(truth, name) for name in THREE}))
@@ -212,7 +219,8 @@ def test_a_step_of_two_per_cent_is_the_last(*, away: float, is_near: bool) -> No
     slow = descend(whole, reference_parameters(1))
     near = slow.parameters.replace({"k_e": (1.0 + away) * slow.parameters.k_e})
     assert relative_errors(slow)[0] > 0.05
-    assert (last_step(whole, near, least_percent=0.0) is not None) is is_near
+    found = last_step(whole, replace(slow, parameters=near), least_percent=0.0)
+    assert (found is not None) is is_near
 
 
 @pytest.mark.parametrize(("errors", "is_near"), [(0.97, True), (1.03, False)])
@@ -221,7 +229,7 @@ def test_a_step_of_one_error_is_the_last(*, errors: float, is_near: bool) -> Non
     slow = descend(whole, reference_parameters(10))
     away = errors * relative_errors(slow)[0]
     near = slow.parameters.replace({"r_m1": (1.0 + away) * slow.parameters.r_m1})
-    found = last_step(whole, near, least_percent=0.0)
+    found = last_step(whole, replace(slow, parameters=near), least_percent=0.0)
     assert (found is not None) is is_near
     if found is not None:
         assert found.parameters.r_m1 == pytest.approx(slow.parameters.r_m1, rel=1e-6)
@@ -230,8 +238,8 @@ def test_a_step_of_one_error_is_the_last(*, errors: float, is_near: bool) -> Non
 def test_a_misfit_of_the_integrator_is_left_to_a_finer_one() -> None:
     whole = misfit([trace(10, noise=4.0)])
     near = descend(whole, reference_parameters(10))
-    assert last_step(whole, near.parameters, least_percent=0.99 * near.mse_percent) is not None
-    assert last_step(whole, near.parameters, least_percent=1.01 * near.mse_percent) is None
+    assert last_step(whole, near, least_percent=0.99 * near.mse_percent) is not None
+    assert last_step(whole, near, least_percent=1.01 * near.mse_percent) is None
 
 
 @pytest.mark.parametrize("procedure", ["paper", "joint", "plain"])
@@ -251,3 +259,15 @@ def test_every_procedure_gives_what_it_gives_on_logs(
             assert getattr(one.parameters, name) == pytest.approx(
                 getattr(other.parameters, name), rel=1e-4
             )
+
+
+@pytest.mark.parametrize("name", ["setting 1", "setting 20", "causal", "zero phase", "two speeds"])
+def test_the_pull_of_the_logs_is_their_residuals_times_their_derivatives(name: str) -> None:
+    """The residuals back through the filter beside each derivative through it."""
+    whole = misfit(LOGS[name](), ALL)
+    found = last_step_module._pulled(whole, reference_parameters(10))
+    residuals, slopes, is_cavitating = evaluate(whole, reference_parameters(10), whole.scale)
+    assert np.allclose(found.residuals, residuals, rtol=0.0, atol=1e-12)
+    sizes = np.linalg.norm(slopes, axis=0) * np.linalg.norm(residuals)
+    assert np.max(np.abs(found.gradient - slopes.T @ residuals) / sizes) < 1e-4
+    assert found.is_cavitating == is_cavitating

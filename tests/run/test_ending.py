@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from damperfit.configuration.loading import load_configuration
 from damperfit.identification import Outcome
 from damperfit.report.failures_and_warnings import Failure, ReportFacts
-from damperfit.run.ending import Ending, reading_ending
+from damperfit.run.ending import Ending, json_text, reading_ending
 from damperfit.run.logs import LogBatch
 from damperfit.run.remarks import gates_not_met
 from damperfit.run.run_json import ending_of
@@ -103,3 +104,22 @@ def test_what_strict_quality_left_out_is_a_gate() -> None:
     assert one == "strict quality: b.csv and 1 other log left out for warnings"
     (two,) = gates(failures=(LEFT_OUT, *more))
     assert two == "strict quality: b.csv and 2 other logs left out for warnings"
+
+
+def test_a_document_is_laid_out_a_line_an_entry_and_reads_back() -> None:
+    document = {
+        "empty": {},
+        "none": [],
+        "one": [{}],
+        "deep": {"inside": {"rows": [{"a": [1.5, None]}, {"b": '\u00e9, "quoted"\n'}]}},
+        "numbers": [1, 2.5e-300, True],
+        "mixed": [1, {"c": {"d": [{}]}}],
+    }
+    text = json_text(document)
+    assert json.loads(text) == document
+    assert text.endswith("}\n")
+    lines = [line.strip() for line in text.splitlines()]
+    assert '{"a": [1.5, null]},' in lines
+    assert '"numbers": [1, 2.5e-300, true],' in lines
+    with pytest.raises(ValueError, match="JSON"):
+        json_text({"not": [{"a": "number", "b": float("nan")}]})
