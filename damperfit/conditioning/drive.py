@@ -9,7 +9,8 @@ chosen from the log.
 What the compared filter leaves out, ``r = x - F x``, is split by frequency into motion S and noise
 N. Of steady cycles the lines of r at multiples of the frequency are motion, and what stands between
 them is noise, whatever its colour; where nothing repeats, noise is as strong as near half the
-sample rate. A filter of gain H then errs in the velocity by::
+sample rate. A line of the mains that stands alone is hum.
+A filter of gain H then errs in the velocity by::
 
     E = sum over f of (2 pi f)^2 (S (1 - H)^2 + N H^2)
 
@@ -23,7 +24,7 @@ the drive is wider: a jump of the velocity must not be smeared into what is comp
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -59,6 +60,15 @@ _NOISE_BETWEEN = 0.005
 _HALF = math.log(2.0)  # median over mean of the power of noise
 _LINES = 8.0  # that tell the noise of an order, near enough
 _CLEAR = 8.0  # a line of pure noise is so much above its mean once in 3000
+
+
+# Hz; hum and what rectifiers make of it. A line there is hum where it has so many times the power
+# of all that lies beside it: the orders of a motion have neighbours of their own size.
+_MAINS = (50.0, 60.0)
+_MULTIPLES = 6
+_ALONE = 10.0
+# Lines of one record: how far the taper lets one reach, and how far is looked.
+_BESIDE = (4, 12)
 
 
 class _Spectrum(NamedTuple):
@@ -203,6 +213,10 @@ def _of_cycles(rest: FloatArray, stretch: Stretch) -> _Spectrum:
     # A line of noise is exponential: above its mean by half of its own size on average.
     motion[: n_orders * n_cycles : n_cycles] = np.maximum(table[:, 0] - between, 0.0)
     motion[: n_orders * n_cycles : n_cycles] *= table[:, 0] > _CLEAR * between
+    for order in _hum(stretch.frequency, n_orders):
+        beside = [k for k in range(order - 2, order + 3) if k != order and 0 < k < n_orders]
+        if table[order, 0] > _ALONE * max((table[k, 0] for k in beside), default=math.inf):
+            motion[order * n_cycles] = 0.0
     noise = np.repeat(between, n_cycles)
     noise = np.concatenate([noise, np.full(len(power) - len(noise), noise[-1])])
     speed = (2.0 * np.pi * frequency) ** 2
@@ -236,7 +250,7 @@ def _of_motion(rest: FloatArray, interval: float) -> _Spectrum:
     width = max(1, len(power) // 100)
     edges = np.arange(0, len(power), width)
     widths = np.diff([*edges, len(power)])
-    means = np.add.reduceat(power, edges) / widths
+    means = np.add.reduceat(_without_hum(power, frequency), edges) / widths
     excess = np.maximum(means - level * (1.0 + 3.0 / math.sqrt(width)), 0.0)
     motion: FloatArray = np.repeat(excess, widths).astype(np.float64)
     speed = (2.0 * np.pi * frequency) ** 2
@@ -245,6 +259,24 @@ def _of_motion(rest: FloatArray, interval: float) -> _Spectrum:
         np.asarray(speed * motion),
         np.asarray(speed * np.full(len(power), level)),
     )
+
+
+def _hum(spacing: float, n_lines: int) -> list[int]:
+    """Return the places of the mains and its multiples among lines that lie so far apart, Hz."""
+    places = (round(k * one / spacing) for one in _MAINS for k in range(1, _MULTIPLES + 1))
+    return sorted({place for place in places if 0 < place < n_lines})
+
+
+def _without_hum(power: NDArray[Any], frequency: NDArray[Any]) -> NDArray[Any]:
+    """Return the power of a record with what lies beside them in place of lines of the mains."""
+    kept = power.copy()
+    wide, far = _BESIDE
+    for place in _hum(float(frequency[1]), len(power) - far):
+        line = slice(max(place - wide, 0), place + wide + 1)
+        beside = [*power[max(place - far, 0) : line.start], *power[line.stop : place + far + 1]]
+        if power[line].max() > _ALONE * max(beside):
+            kept[line] = np.mean(beside)
+    return kept
 
 
 def content_beyond(displacement: FloatArray, interval: float, corner: float) -> float:

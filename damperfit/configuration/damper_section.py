@@ -36,6 +36,7 @@ _INNER_DIMENSIONS = {
     "breakaway": "force",
     "stribeck_speed": "velocity",
     "seal_area": "area",
+    "turning_speed": "velocity",
 }
 _OF_LOGS = "mean"  # a reference temperature: the mean of the logs
 _WARMTH = (-60.0, 200.0)  # degC: what oil of dampers is tested at

@@ -1,9 +1,10 @@
 """Friction of seals and bearings beyond Coulomb's: it builds up, is larger at rest, is pressed.
 
 While it slides it is f_f + f_b exp(-(v/v_s)^2) + a_s P_1: Coulomb's, what it has more at rest
-(Stribeck), and what the pressure on the rod's seal adds. It turns with the motion at once, or
-builds up over a distance (Dahl). The equations stand in `damperfit.damper.network`. Loops seldom
-tell any of them from soft oil and bleeds: a friction that changes with the clicks is none.
+(Stribeck), and what the pressure on the rod's seal adds. It turns with the motion at once, within a
+speed (a film of oil carries a part of it below), or over a distance (Dahl). The equations stand in
+`damperfit.damper.network`. Loops seldom tell any of them from soft oil and bleeds: a
+friction that changes with the clicks is none.
 """
 
 from __future__ import annotations
@@ -38,6 +39,11 @@ _QUANTITIES = (
         believable=(0.0, 5e-5),
         belief="rod seals have less than 50 mm²",
     ),
+    Quantity(
+        "turning_speed", "v_t", "turning speed", "speed up to which friction turns", "m/s",
+        (1e-5, 0.1), scope=DAMPER, power=-3, shown_unit="mm/s", believable=(0.0, 0.02),
+        belief="seals slide with all their friction from 0.1 to 20 mm/s on",
+    ),
 )  # fmt: skip
 
 
@@ -55,17 +61,25 @@ class Friction:
         "none", "fit", or m/s.
     seal_area : str or float
         What the pressure above the piston adds, per Pa: "none", "fit", or m2.
+    turning_speed : str or float
+        Speed up to which it grows from nothing: "none", "fit", or m/s. Not beside presliding.
     """
 
     presliding: str | float = NONE
     breakaway: str | float = NONE
     stribeck_speed: str | float = NONE
     seal_area: str | float = NONE
+    turning_speed: str | float = NONE
 
     def __post_init__(self) -> None:
         """Refuse what is no friction."""
-        for name in ("presliding", "breakaway", "stribeck_speed", "seal_area"):
+        for name in ("presliding", "breakaway", "stribeck_speed", "seal_area", "turning_speed"):
             check_part(name, getattr(self, name))
+        if NONE not in {self.presliding, self.turning_speed}:
+            raise ConfigurationError(
+                "turning_speed: found beside presliding; friction turns over a distance or within "
+                "a speed: set one of the two and leave the other at 'none'"
+            )
         if (self.breakaway == NONE) is not (self.stribeck_speed == NONE):
             missing = "stribeck_speed" if self.stribeck_speed == NONE else "breakaway"
             raise ConfigurationError(
@@ -76,5 +90,11 @@ class Friction:
     @property
     def quantities(self) -> tuple[Quantity, ...]:
         """What a fit may find of it; what was measured is held."""
-        parts = (self.presliding, self.breakaway, self.stribeck_speed, self.seal_area)
+        parts = (
+            self.presliding,
+            self.breakaway,
+            self.stribeck_speed,
+            self.seal_area,
+            self.turning_speed,
+        )
         return declared_quantities(parts, _QUANTITIES)

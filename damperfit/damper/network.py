@@ -38,7 +38,7 @@ Friction is Coulomb's unless more is said of it::
 
     f = z (f_f + breakaway exp(-(v/stribeck_speed)^2) + seal_area P_1)
 
-    z = sgn(dy/dt)                              presliding 0
+    z = clip((dy/dt)/turning_speed, +-1)        presliding 0; sgn(dy/dt) for turning_speed 0
     dz/dy = (1 - z sgn(dy/dt))/presliding       Dahl: it builds up over a distance
 
 ``breakaway`` falls with the speed v of the rig, not of the piston: a friction that falls with the
@@ -83,11 +83,12 @@ BODY_NUMBERS = (
     "breakaway",
     "stribeck_speed",
     "seal_area",
+    "turning_speed",
 )
 
 # What the compiled core has room for (core/network.h).
 MOST_PASSAGES = 16
-MOST_NUMBERS = 44
+MOST_NUMBERS = 45
 
 # Parts of a valve: which of the law's numbers each kind has.
 BLEEDS = {

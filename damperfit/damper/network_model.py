@@ -94,6 +94,7 @@ def simulate_network(
         "breakaway": 0.0,
         "stribeck_speed": 0.0,
         "seal_area": 0.0,
+        "turning_speed": 0.0,
     }
     known = network.numbers
     numbers = at_rest | dict(values)

@@ -32,7 +32,7 @@ _PLAY, _LAG, _DRAG, _FRICTION = 3e-4, 5e-3, 10.0, 0.01
 # What few logs tell, where it is freed.
 _RARE = {
     "free_gas": 5e-3, "presliding": 3e-5, "breakaway": 10.0, "stribeck_speed": 0.02,
-    "seal_area": 3e-6,
+    "seal_area": 3e-6, "turning_speed": 1e-3,
 }  # fmt: skip
 # Shares of half the force's range at which the loops are read: of themselves they take hardly any
 # friction, with which a weak stroke is read wrong. Seals have 3 to 8 %.

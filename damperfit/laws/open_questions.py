@@ -176,6 +176,7 @@ def _asked(fit: LawFit, name: str, tests: _Tests) -> tuple[str, str] | None:
         "breakaway": ("how much larger friction is at rest", tests.slower),
         "stribeck_speed": ("at which speed friction is down to that of sliding", tests.slower),
         "seal_area": ("how friction grows with the pressure", "another gas pressure"),
+        "turning_speed": ("within which speed friction turns", tests.slower),
         "free_gas": ("how much gas the oil holds", "another gas pressure"),
         "gas_volume": ("the gas volume", f"a stroke of {stroke_mm:.2g} mm to both sides"),
         "return_slope": ("what the return checks resist", tests.faster),

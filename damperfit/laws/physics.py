@@ -75,6 +75,7 @@ def physics_seen(fits: Sequence[LawFit]) -> tuple[str, ...]:
         ("presliding", 1e6, "friction builds up over {} um"),
         ("breakaway", 1.0, "friction at rest is {} N above that of sliding"),
         ("seal_area", 1e6, "friction grows with the pressure, as on {} mm2 of a seal"),
+        ("turning_speed", 1e3, "friction turns within {} mm/s"),
         ("free_gas", 1e2, "{} % of the oil's volume is gas at rest"),
     )
     for name, factor, words in beside:

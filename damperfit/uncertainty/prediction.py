@@ -307,11 +307,11 @@ def _unseen(
 def _noise(trace: Trace, rest: FloatArray, elsewhere: float) -> float:
     """What scatter between the cycles of a residual costs, in per cent of the force's variance.
 
-    Where nothing repeats it is what it is `elsewhere`, N^2: sensors are as noisy there.
+    A single cycle, or what does not repeat, has as much as there is `elsewhere`, N^2.
     """
     scatter = sum(
         stretch.n_samples
-        * (residual_scatter(rest[place], stretch) if stretch.n_cycles else elsewhere)
+        * (residual_scatter(rest[place], stretch) if stretch.n_cycles > 1 else elsewhere)
         for stretch, place in zip(trace.stretches, trace.places, strict=True)
     )
     variance = float(np.var(trace.force[trace.compared]))

@@ -36,8 +36,8 @@ def test_a_sine_drives_as_it_is_compared(noise, rate):
     np.testing.assert_array_equal(trace.drive.velocity, trace.velocity)
 
 
-def with_harmonic(share, *, order=40, rate=1000.0):
-    """A sine with a wave of 60 Hz whose velocity is this share of the sine's."""
+def with_harmonic(share, *, order=42, rate=1000.0):
+    """A sine with a wave of 63 Hz whose velocity is this share of the sine's."""
     time = np.arange(8000) / rate
     turn = 2.0 * np.pi * 1.5 * time
     x = 0.032 * (np.sin(turn) + share / order * np.sin(order * turn))
@@ -58,6 +58,26 @@ def test_hum_of_the_sensor_is_no_motion():
     log = sine_log(rate=1000.0, cycles=15.0)
     hum = 2e-5 * np.sin(2.0 * np.pi * 50.0 * log.time)  # 6 mm/s, 2 % of the peak velocity
     assert condition(replace(log, displacement=log.displacement + hum)).drive.corner == 30.0
+
+
+@pytest.mark.parametrize("mains", [50.0, 60.0, 100.0])
+@pytest.mark.parametrize("cycles", [3.2, 4.2, 15.0])
+def test_hum_at_an_order_of_the_motion_is_no_motion(mains, cycles):
+    """At 2 Hz the mains are an order of the motion, and one cycle does not part them at all."""
+    log = sine_log(frequency=2.0, cycles=cycles)
+    hum = 1e-3 / mains * np.sin(2.0 * np.pi * mains * log.time)
+    noise = 1e-6 * np.random.default_rng(1).standard_normal(len(hum))
+    trace = condition(replace(log, displacement=log.displacement + hum + noise))
+    assert trace.drive.corner == 30.0
+
+
+def test_an_order_of_a_triangle_at_the_mains_is_motion():
+    """Order 25 of 2 Hz; its neighbours 23 and 27 are as large."""
+    time = np.arange(8000) / 1000.0
+    x = 0.064 / np.pi * np.arcsin(np.sin(4.0 * np.pi * time))
+    noise = 1e-6 * np.random.default_rng(1).standard_normal(len(time))
+    log = recording(time, x + noise, static_force(np.gradient(x, 1e-3)))
+    assert condition(log).drive.corner > 150.0
 
 
 @pytest.mark.parametrize(

@@ -435,6 +435,30 @@ def test_a_motion_explains_noise_below_seven_tenths_of_the_floor(beside, said, m
     assert ("but the motion differs too" in found.sentence) is said
 
 
+@pytest.mark.parametrize(("times", "is_hum"), [(9.5, False), (10.5, True)])
+@pytest.mark.parametrize("mains", [50, 60, 120, 300, 360])
+def test_a_line_of_the_mains_ten_times_above_its_neighbours_is_hum(mains, times, is_hum) -> None:
+    power = np.ones(500)
+    power[mains] = times
+    kept = drive._without_hum(power, np.arange(500.0))
+    assert kept[mains] == (1.0 if is_hum else times)
+    power[mains + 9] = 2.0  # what stands beside it, as an order of a motion does
+    assert drive._without_hum(power, np.arange(500.0))[mains] == times
+
+
+@pytest.mark.parametrize(("times", "is_hum"), [(9.5, False), (10.5, True)])
+def test_an_order_at_the_mains_ten_times_above_its_neighbours_is_hum(times, is_hum) -> None:
+    """Order 25 of 2 Hz, with orders 23, 24, 26 and 27 of a tenth of its power beside it."""
+    t = np.arange(2000) / 1000.0
+    beside = sum(np.cos(4.0 * np.pi * k * t) for k in (23, 24, 26, 27))
+    rest = beside + math.sqrt(times) * np.cos(4.0 * np.pi * 25 * t)
+    cycles = 500.0 * np.arange(4.0)
+    stretch = replace(stretch_of(3, 500), cycle_starts=cycles, frequency=2.0)
+    seen = drive._of_cycles(rest, stretch)
+    assert bool(seen.motion[75] == 0.0) is is_hum
+    assert seen.motion[72] > 0.0
+
+
 @pytest.mark.parametrize(("errors", "severity"), [(3.85, "note"), (4.15, "warning")])
 def test_a_drift_is_sure_from_four_errors_on(errors, severity, monkeypatch) -> None:
     monkeypatch.setattr(repeatability, "_trend", lambda _: (100.0, 100.0 / errors))

@@ -186,6 +186,7 @@ static void every_kind(void)
         q.numbers[DF_NUMBER_BREAKAWAY] = kind > 5 ? 20.0 : 0.0;
         q.numbers[DF_NUMBER_STRIBECK] = kind > 5 ? 0.02 : 0.0;
         q.numbers[DF_NUMBER_PRESSED] = kind > 5 ? 1e-5 : 0.0;
+        q.numbers[DF_NUMBER_TURNING] = kind == 0 || kind == 1 ? 5e-3 : 0.0;
         q.numbers[DF_NUMBER_PLAY] = kind == 2 ? 2e-4 : 0.0;
         q.numbers[DF_NUMBER_DRAG] = kind == 1 ? 100.0 : 0.0;
         q.numbers[DF_NUMBER_PHI] = kind == 3 ? 0.01 : 0.0;
@@ -231,7 +232,8 @@ static void what_is_refused(void)
 {
     const double wrong[] = {-1.0, NAN, INFINITY};
     const int positive[] = {DF_NUMBER_K, DF_NUMBER_P_0, DF_NUMBER_GAMMA, DF_NUMBER_V_GAS, R_M1, R_M2, SLOPE,
-                            DF_NUMBER_PRESLIDING, DF_NUMBER_BREAKAWAY, DF_NUMBER_STRIBECK, DF_NUMBER_PRESSED};
+                            DF_NUMBER_PRESLIDING, DF_NUMBER_BREAKAWAY, DF_NUMBER_STRIBECK, DF_NUMBER_PRESSED,
+                            DF_NUMBER_TURNING};
     run r = new_run(30, 1e-3, 3);
     sine(&r, 0.03, 1.5);
     for (int k = 0; k < 3; k++)

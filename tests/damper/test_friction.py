@@ -26,8 +26,15 @@ PLAY = {"series_stiffness": 3e5, "play": 7e-4, "drag": 40.0}
 PRESLIDES = {"presliding": 3e-5}
 STRIBECK = {"breakaway": 20.0, "stribeck_speed": 0.02}
 PRESSED = {"seal_area": 1e-5}
+TURNS = {"turning_speed": 8e-3}
 ALL = {**PRESLIDES, **STRIBECK, **PRESSED}
-EACH = {"presliding": PRESLIDES, "stribeck": STRIBECK, "pressed": PRESSED, "all": ALL}
+EACH = {
+    "presliding": PRESLIDES,
+    "stribeck": STRIBECK,
+    "pressed": PRESSED,
+    "all": ALL,
+    "turns": TURNS,
+}
 
 
 def rest(name):
@@ -70,7 +77,7 @@ def test_golden_values(name):
             more,
             id=f"{held}-{kind}",
             # Behind a mounting all kinds at once; one by one where nothing else gives way.
-            marks=[] if mounting is RIGID or more is ALL else pytest.mark.slow,
+            marks=[] if mounting is RIGID or more in (ALL, TURNS) else pytest.mark.slow,
         )
         for held, mounting in (("rigid", RIGID), ("elastic", ELASTIC), ("play", PLAY))
         for kind, more in EACH.items()
@@ -90,9 +97,10 @@ def test_sensitivities_are_those_of_central_differences(more, mounting):
         pytest.param({**PLAY, "drag": 60.0}, id="play", marks=pytest.mark.slow),
     ],
 )
-def test_the_slow_twin_agrees_on_a_rough_motion(name, mounting):
+@pytest.mark.parametrize("more", [ALL, TURNS], ids=["all", "turns"])
+def test_the_slow_twin_agrees_on_a_rough_motion(name, mounting, more):
     network, values, damper, (amplitude, frequency) = CASES[name]
-    values = {**rest(name), **values, **mounting, **ALL}
+    values = {**rest(name), **values, **mounting, **more}
     w = 2 * math.pi * frequency
 
     def x(t):
@@ -175,6 +183,7 @@ def test_the_bias_of_a_usual_tolerance_is_below_it():
 @pytest.mark.parametrize(
     "wrong",
     [{"presliding": -1e-5}, {"breakaway": -1.0, "stribeck_speed": 0.1}, {"seal_area": -1e-9},
+     {"turning_speed": -1e-3},
      {"stribeck_speed": -0.1}, {"breakaway": 5.0}],
 )  # fmt: skip
 def test_what_is_no_friction_is_refused(wrong):
@@ -213,6 +222,23 @@ def test_stribecks_friction_is_found_again():
     assert fit.parameters.stribeck_speed == pytest.approx(0.03, rel=0.1)
 
 
+def test_the_speed_within_which_friction_turns_is_found_again():
+    truth = {"turning_speed": 2e-2, "f_f": 40.0, "return_slope": 2.5e5}
+    _, fit = fitted(truth, turning_speed="fit")
+    assert fit.parameters.turning_speed == pytest.approx(2e-2, rel=0.05)
+    assert fit.parameters.f_f == pytest.approx(40.0, rel=0.05)
+
+
+@pytest.mark.parametrize("mounting", [RIGID, ELASTIC], ids=["rigid", "elastic"])
+def test_below_the_solvers_dead_band_friction_turns_as_it_did(mounting):
+    sharp = run("b", cycles=1, sensitivities=("turning_speed",), **mounting)
+    below = run("b", cycles=1, sensitivities=("turning_speed",), turning_speed=0.9e-4, **mounting)
+    above = run("b", cycles=1, sensitivities=("turning_speed",), turning_speed=2e-3, **mounting)
+    np.testing.assert_array_equal(below.force, sharp.force)
+    assert not below.sensitivities["turning_speed"].any()
+    assert np.max(np.abs(above.force - sharp.force)) > 1.0
+
+
 def test_free_gas_is_found_where_it_is_freed():
     free = (*(name for name in VALVES if name != "drag"), "free_gas")
     _, fit = fitted({"free_gas": 0.01}, free=free)
@@ -237,6 +263,10 @@ def test_what_is_known_is_held_and_what_is_none_is_no_quantity():
             "stribeck_speed: found 'none'; breakaway and stribeck_speed are two",
         ),
         ({"stribeck_speed": 0.1}, "breakaway: found 'none'"),
+        (
+            {"presliding": "fit", "turning_speed": 2e-3},
+            "turning_speed: found beside presliding; friction turns over a distance or within",
+        ),
     ],
 )
 def test_what_is_no_declaration_is_refused(declared, said):
@@ -249,7 +279,10 @@ def test_toml_declares_it_with_units():
     friction = {**told, "seal_area": "4mm2"}
     made = load_configuration(overlay={"damper": {"model": "twin_tube", "friction": friction}})
     found = made.damper.friction
-    assert dataclasses.astuple(found) == pytest.approx((3e-5, 12.0, 0.02, 4e-6))
+    assert dataclasses.astuple(found)[:4] == pytest.approx((3e-5, 12.0, 0.02, 4e-6))
+    assert found.turning_speed == "none"
+    turns = {"damper": {"model": "twin_tube", "friction": {"turning_speed": "2mm/s"}}}
+    assert load_configuration(overlay=turns).damper.friction.turning_speed == pytest.approx(2e-3)
     with pytest.raises(ConfigurationError, match=r"unknown key 'presliding_way' in \[damper.fric"):
         load_configuration(
             overlay={"damper": {"model": "twin_tube", "friction": {"presliding_way": "fit"}}}

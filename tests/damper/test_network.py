@@ -82,7 +82,7 @@ CASES = {
         (0.032, 1.5),
     ),
 }
-FRICTION = ("presliding", "breakaway", "stribeck_speed", "seal_area")
+FRICTION = ("presliding", "breakaway", "stribeck_speed", "seal_area", "turning_speed")
 ABSENT = {"free_gas", "series_stiffness", "play", "drag", *FRICTION}
 PHASES = (0.1, 0.2, 0.3, 0.4, 0.6, 0.9)
 # 4th cycle from rest at x = 0: force N, pressures bar. Two independent codes agree on every digit.
@@ -481,7 +481,7 @@ def test_more_passages_than_the_core_holds_are_refused():
     values = {"k_e": 1e9, "f_f": 0.0, "a": 1e5}
     fits = Network("many", tuple(Passage(1, 3, resistance="a") for _ in range(16)))
     simulate_network(fits, values, PURDY_DAMPER, motion)
-    with pytest.raises(ConfigurationError, match="many has 17 passages and 15 numbers"):
+    with pytest.raises(ConfigurationError, match="many has 17 passages and 16 numbers"):
         Network("many", (*fits.passages, Passage(1, 3, resistance="a")))
 
 
@@ -492,12 +492,12 @@ def test_more_numbers_than_the_core_holds_are_refused():
         return Passage(1, 3, **{kind: next(names) for kind in kinds})
 
     three = ("orifice", "resistance", "opening")
-    full = tuple(passage(three) for _ in range(10))  # 30 of 44; 14 are the body's
+    full = tuple(passage(three) for _ in range(10))  # 30 of 45; 15 are the body's
     motion = sine_motion(0.01, 1.0, cycles=1, sample_rate=100)
     values = {"k_e": 1e9, "f_f": 0.0} | {f"n{k}": 1e5 for k in range(30)}
     network = Network("full", full)
     simulate_network(network, values, PURDY_DAMPER, motion, sensitivities=network.numbers)
-    with pytest.raises(ConfigurationError, match="11 passages and 45 numbers"):
+    with pytest.raises(ConfigurationError, match="11 passages and 46 numbers"):
         Network("over", (*full, passage(("resistance",))))
 
 

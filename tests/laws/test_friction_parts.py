@@ -95,6 +95,13 @@ def test_a_part_of_the_friction_is_fitted_and_named(name: str, words: str) -> No
     assert with_part(more, name) == more
 
 
+def test_a_declared_turning_speed_is_named_and_leaves_no_presliding() -> None:
+    law = replace(TwinTube(), friction=Friction(turning_speed=FIT))
+    assert in_words(law).endswith("; friction that turns within a speed")
+    assert with_part(law, "presliding") == law
+    assert with_part(law, "seal_area").friction == Friction(seal_area=FIT, turning_speed=FIT)
+
+
 def test_play_needs_an_elastic_mounting() -> None:
     loose = with_part(TwinTube(), "play")
     assert loose.mounting == Mounting(FIT, FIT, NONE)

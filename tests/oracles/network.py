@@ -76,10 +76,10 @@ def rub(values, v, p1):
     return values["f_f"] + rest + values["seal_area"] * p1
 
 
-def speed_of(excess, friction, drag):
+def speed_of(excess, friction, drag, band):
     """Speed at which friction and drag take the force that is left, m/s; drag must not be 0."""
-    within = friction / DEAD_BAND + drag
-    if abs(excess) <= friction + drag * DEAD_BAND:
+    within = friction / band + drag
+    if abs(excess) <= friction + drag * band:
         return excess / within
     return math.copysign((abs(excess) - friction) / drag, excess)
 
@@ -97,8 +97,10 @@ def solve(network, values, damper, motion, time, rtol=1e-9):
     drag leave of the balance of forces.
     """
     absent = ("free_gas", "f_0", "presliding", "breakaway", "stribeck_speed", "seal_area")
+    absent = (*absent, "turning_speed")
     values = dict.fromkeys(absent, 0.0) | values
     known = {"": 0.0} | values
+    band = max(DEAD_BAND, values["turning_speed"])
     rod, bore = damper.rod_area, damper.piston_area
     n_oil = 1 if network.has_floating_piston else 2
     is_elastic = values["series_stiffness"] > 0.0
@@ -129,7 +131,7 @@ def solve(network, values, damper, motion, time, rtol=1e-9):
             if values["presliding"]:  # what it has built up is known: the drag takes the rest
                 speed = (excess - friction * state[n_oil]) / values["drag"]
             else:
-                speed = speed_of(excess, friction, values["drag"])
+                speed = speed_of(excess, friction, values["drag"], band)
         if values["presliding"]:
             grip = state[n_oil]
             rates.append((speed - abs(speed) * grip) / values["presliding"])
@@ -166,6 +168,6 @@ def solve(network, values, damper, motion, time, rtol=1e-9):
         stretch = [motion[0](t) - y for t, y in zip(time, where, strict=True)]
         return np.array([pull_of(u, values) for u in stretch]), p
     v = np.array([motion[1](t) for t in time])
-    grip = done.y[n_oil] if values["presliding"] else np.clip(v / DEAD_BAND, -1, 1)
+    grip = done.y[n_oil] if values["presliding"] else np.clip(v / band, -1, 1)
     rubbed = np.array([rub(values, at, p1) for at, p1 in zip(v, p[0], strict=True)])
     return oil_force(p) + rubbed * grip + values["drag"] * v, p

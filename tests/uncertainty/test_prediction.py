@@ -92,6 +92,11 @@ def test_the_expected_mse_is_lack_of_fit_and_noise() -> None:
     assert known.fitted_mse_percent == campaign.fits[0].mse_percent
     assert known.expected_mse_percent == pytest.approx(known.mse_percent, rel=0.3)
     assert known.expected_mse_percent > known.noise_floor_percent  # of the force alone
+    # One cycle shows no noise of its own: that of the fitted log counts.
+    single = split_cycles(other, 1)[1]
+    alone = predict(campaign, assess(campaign, PURDY_DAMPER), [single], damper=PURDY_DAMPER)[0]
+    assert single.n_cycles == 1
+    assert 0.3 < alone.ratio < 3.0
     # Without a diagnosis all of the fitted misfit counts as lack of fit.
     blind = predict(campaign, Assessment(), [other], damper=PURDY_DAMPER)[0]
     assert blind.expected_mse_percent - known.expected_mse_percent == pytest.approx(

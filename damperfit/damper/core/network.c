@@ -1,7 +1,8 @@
 /* The force of a network, and a whole simulation. */
 #include "network_slopes.h"
 
-static double slope_of_force(const df_network *q, const df_network_state *now, int j, double s, double friction)
+static double slope_of_force(const df_network *q, const df_network_state *now, int j, double s, double friction,
+                             double by_turning)
 {
     const df_network_balance *b = &now->b;
     const int place = now->which[j];
@@ -17,6 +18,8 @@ static double slope_of_force(const df_network *q, const df_network_state *now, i
     }
     if (place == DF_NUMBER_DRAG)
         return now->v;
+    if (place == DF_NUMBER_TURNING)
+        return rubbing(q, now->v, b->P[0]) * by_turning;
     if (!df_moves_the_state(q, place)) {
         const double own = friction * df_rubbing_by(q, now->v, b->P[0], place);
         return now->grip_by[j] == 0.0 ? own : own + rubbing(q, now->v, b->P[0]) * now->grip_by[j];
@@ -33,12 +36,13 @@ double df_force_network(const df_network *q, const df_options *o, const df_netwo
 {
     const df_network_balance *b = &now->b;
     const int presliding = q->numbers[DF_NUMBER_PRESLIDING] > 0.0;
-    const double friction = presliding ? now->grip : df_friction_share(now->v, o->dead_band);
+    const double friction = presliding ? now->grip : df_friction_share(now->v, turning_band(q, o->dead_band));
+    const double by_turning = grip_by_turning(q, now->v, o->dead_band);
     const double piston = is_elastic(q) ? now->y[DF_PISTON] : now->x;
     const double shift = q->has_floating_piston ? q->plan.swept[1] * piston : now->y[1] - q->plan.oil[1];
     const double s = now->y[0] - q->plan.oil[0] + shift;
     for (int j = 0; j < now->n_which; j++)
-        slopes[j] = slope_of_force(q, now, j, s, friction);
+        slopes[j] = slope_of_force(q, now, j, s, friction, by_turning);
     const double offset = q->numbers[DF_NUMBER_OFFSET];
     if (is_elastic(q))
         return b->pull + offset;

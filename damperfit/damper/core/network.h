@@ -14,7 +14,7 @@
 extern "C" {
 #endif
 
-enum { DF_MOST_PASSAGES = 16, DF_MOST_NUMBERS = 44 };
+enum { DF_MOST_PASSAGES = 16, DF_MOST_NUMBERS = 45 };
 
 /* The numbers that every network has; those of its passages follow. */
 enum {
@@ -32,6 +32,7 @@ enum {
     DF_NUMBER_BREAKAWAY, /* friction at rest above that of sliding, N */
     DF_NUMBER_STRIBECK,  /* speed at which a third of it is left, m/s */
     DF_NUMBER_PRESSED,   /* friction by the pressure on the rod's seal, m2 */
+    DF_NUMBER_TURNING,   /* speed up to which friction turns, m/s; below the dead band: at once */
     DF_FIRST_PASSAGE_NUMBER
 };
 
@@ -104,7 +105,8 @@ typedef struct {
     double pull, pull_slope;              /* mounting: its force, N, and that by its stretch */
     double speed;                         /* of the piston, m/s */
     double rub;                           /* friction while it slides, N */
-    double grip, brake;                   /* share of it; slope of all friction by speed, N s/m */
+    double grip, grip_by_turning;         /* share of it; that by the speed up to which it turns */
+    double brake;                         /* slope of all friction by the piston's speed, N s/m */
     double caught;                        /* slope of friction by the piston's place, N/m */
 } df_network_balance;
 

@@ -42,7 +42,7 @@ static inline void hold(const df_network *q, const df_options *o, double x, doub
     b->brake = q->numbers[DF_NUMBER_DRAG];
     b->rub = rubbing(q, from->v, b->P[0]);
     b->speed = speed;
-    b->caught = 0.0;
+    b->caught = b->grip_by_turning = 0.0;
     if (sigma > 0.0) {
         dahl d = dahl_after(sigma, from->grip, y - from->y, 0.0);
         if (d.turn == 0.0) /* to where the forces push it from here */
@@ -51,9 +51,11 @@ static inline void hold(const df_network *q, const df_options *o, double x, doub
         b->caught = b->rub * (1.0 - d.turn * from->grip) * d.left / sigma;
         return;
     }
-    b->grip = df_friction_share(speed, o->dead_band);
-    if (fabs(speed) < o->dead_band)
-        b->brake += b->rub / o->dead_band;
+    const double band = turning_band(q, o->dead_band);
+    b->grip = df_friction_share(speed, band);
+    b->grip_by_turning = grip_by_turning(q, speed, o->dead_band);
+    if (fabs(speed) < band)
+        b->brake += b->rub / band;
 }
 
 #endif

@@ -30,8 +30,9 @@ int df_evaluate_network(const df_network *q, double dead_band, const double oil[
     evaluate(q, kind_of(q) | DF_IS_ELASTIC, &c, &gas, m, &r->b, &r->flows);
     const double sigma = q->numbers[DF_NUMBER_PRESLIDING];
     r->v = v;
-    r->band = dead_band;
-    r->b.grip = sigma > 0.0 ? grip : df_friction_share(v, dead_band);
+    r->band = turning_band(q, dead_band);
+    r->b.grip = sigma > 0.0 ? grip : df_friction_share(v, r->band);
+    r->b.grip_by_turning = grip_by_turning(q, v, dead_band);
     r->b.rub = rubbing(q, v, r->b.P[0]);
     r->rates[0] = r->b.F[0];
     r->rates[1] = r->b.F[1];
@@ -90,6 +91,8 @@ static void by_number(const df_network *q, const df_network_rates *r, int place,
     d->force += r->b.grip * df_rubbing_by(q, r->v, r->b.P[0], place);
     if (place == DF_NUMBER_DRAG)
         d->force += r->v;
+    else if (place == DF_NUMBER_TURNING)
+        d->force += r->b.rub * r->b.grip_by_turning;
     else if (place == DF_NUMBER_OFFSET)
         d->force += 1.0;
 }
@@ -104,7 +107,8 @@ void df_network_by(const df_network *q, const df_network_rates *r, int known, df
         by_state(q, r, DF_PISTON, d);
     else if (known == DF_BY_SPEED)
         by_speed(q, r, d);
-    else if (known == DF_BY_BAND && !slides_by_state(q) && fabs(r->v) < r->band)
+    else if (known == DF_BY_BAND && !slides_by_state(q) && r->band > q->numbers[DF_NUMBER_TURNING] &&
+             fabs(r->v) < r->band)
         d->force = -r->b.rub * r->v / (r->band * r->band);
     else if (known == DF_BY_GRIP && slides_by_state(q)) {
         d->force = r->b.rub;

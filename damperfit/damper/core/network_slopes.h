@@ -23,7 +23,20 @@ static inline double rubbing(const df_network *q, double v, double P1)
     return breakaway > 0.0 ? sliding + breakaway * exp(-(v / v_s) * (v / v_s)) : sliding;
 }
 
-/* Derivative of that by a number, with the pressure held. */
+/* The speed up to which Coulomb's friction turns: its own, or what the solver needs. */
+static inline double turning_band(const df_network *q, double dead_band)
+{
+    return larger(q->numbers[DF_NUMBER_TURNING], dead_band);
+}
+
+/* Slope of its share by its own. */
+static inline double grip_by_turning(const df_network *q, double v, double dead_band)
+{
+    const double own = q->numbers[DF_NUMBER_TURNING];
+    return own > dead_band && fabs(v) < own && !(q->numbers[DF_NUMBER_PRESLIDING] > 0.0) ? -v / (own * own) : 0.0;
+}
+
+/* Derivative of friction while it slides by a number, with the pressure held. */
 double df_rubbing_by(const df_network *q, double v, double P1, int place);
 
 /* Slope of a way's flow by a number of its law, along the pair. */
@@ -70,6 +83,8 @@ DF_FOR_EACH_KIND void balance_by(const df_network *q, const int kind, const df_n
     F[DF_PISTON] -= b->grip * df_rubbing_by(q, v, b->P[0], place);
     if (place == DF_NUMBER_DRAG)
         F[DF_PISTON] -= b->speed;
+    else if (place == DF_NUMBER_TURNING)
+        F[DF_PISTON] -= b->rub * b->grip_by_turning;
     else if (place == DF_NUMBER_STIFFNESS)
         F[DF_PISTON] += b->pull / q->numbers[DF_NUMBER_STIFFNESS];
     else if (place == DF_NUMBER_PLAY && b->pull != 0.0)

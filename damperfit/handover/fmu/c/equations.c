@@ -100,7 +100,7 @@ int ex_get_indicators(ex_instance *e, double *z, size_t n)
     const int turns = e->s.network.numbers[DF_NUMBER_PRESLIDING] > 0.0;
     if (code != DF_OK)
         return code;
-    z[0] = turns ? p.v / e->s.friction_band : fabs(p.v) / e->s.friction_band - 1.0;
+    z[0] = turns ? p.v / p.valves.band : fabs(p.v) / p.valves.band - 1.0;
     z[1] = p.free[0] / BAR;
     z[2] = p.free[1] / BAR;
     z[3] = ex_beyond(e, p.x, p.v);
