@@ -25,13 +25,13 @@ from damperfit.identification.law_misfit import LawMisfit, best_fitting
 from damperfit.identification.one_speed import inseparable
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.plausible import kept_within
-from damperfit.identification.setting import Judged, attempt, is_sound
+from damperfit.identification.setting import Judged, attempt, fit_setting, is_sound
 from damperfit.identification.signatures import gain, signatures
 from damperfit.identification.weights import weights
 from damperfit.statistics import CHI_SQUARED_95
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from damperfit.damper.model import Values
 
@@ -155,7 +155,13 @@ def _started_again(misfit: Misfit, first: Judged, start: Values) -> Judged:
     """The best of a suspicious fit and of what begins elsewhere, with a sentence on it."""
     allowed = max(first.solution.evaluations, _LEAST_ALLOWED)
     best, spent, n_places = first, 1, 0
-    for place in _places(misfit, start):
+    own, is_elsewhere = _own_starts(misfit, start)
+    has_tried = allowed > _LEAST_ALLOWED  # detours of its own, which cost about as much
+    if own and is_elsewhere and has_tried and first.solution.is_cavitating:
+        n_places = 1
+        best, spent = _led_round(misfit, own[0], first)
+    is_done = best is not first and not is_suspicious(misfit, best)
+    for place in () if is_done else _places(misfit, start, own[n_places:]):
         if spent + _SHORT > allowed:
             break
         n_places += 1
@@ -171,6 +177,21 @@ def _started_again(misfit: Misfit, first: Judged, start: Values) -> Judged:
     said = _sentence(first, best, n_places, spent)
     best = replace(best, solution=replace(best.solution, evaluations=evaluations))
     return replace(best, said=(*first.said, said))
+
+
+def _led_round(misfit: Misfit, place: Values, best: Judged) -> tuple[Judged, int]:
+    """The better of a fit that cavitates and of what the model's detours make of its own start.
+
+    A fit that began at numbers that were given has had detours from there alone, and every short
+    descent from elsewhere ends in that valley too.
+    """
+    try:
+        other = fit_setting(misfit, place)
+    except FitCancelledError:
+        raise
+    except DamperfitError:
+        return best, 1
+    return (other if _is_better(other, best) else best), 1 + other.solution.evaluations
 
 
 def _from(misfit: Misfit, place: Values, best: Judged) -> tuple[Judged, int]:
@@ -200,9 +221,9 @@ def _is_better(other: Judged, best: Judged) -> bool:
     return is_clear or (is_level and is_sound(other) and not is_sound(best))
 
 
-def _places(misfit: Misfit, start: Values) -> Iterator[Values]:
+def _places(misfit: Misfit, start: Values, own: Iterable[Values]) -> Iterator[Values]:
     """Yield the model's own starts, then such as are far from where the fit began."""
-    yield from _own_starts(misfit, start)
+    yield from own
     free = [misfit.damper.quantity(name) for name in misfit.free]
     free = [one for one in free if one.is_logarithmic]
     stiff = [one.name for one in free if one.is_open]
@@ -223,17 +244,21 @@ def _places(misfit: Misfit, start: Values) -> Iterator[Values]:
             yield kept_within(start.replace(moved), misfit.free)
 
 
-def _own_starts(misfit: Misfit, start: Values) -> list[Values]:
-    """Where the model would start on these logs, the best fitting first; not where the fit did."""
+def _own_starts(misfit: Misfit, start: Values) -> tuple[list[Values], bool]:
+    """Where the model would start on these logs, the best fitting first; not where the fit did.
+
+    And whether the fit began elsewhere.
+    """
     held = {name: getattr(start, name) for name in start.names if name not in misfit.free}
     try:
         found = misfit.damper.start(misfit.traces, held)
     except DamperfitError:
-        return []
-    others = [kept_within(one, misfit.free) for one in found]
-    others = [one for one in others if one != kept_within(start, misfit.free)]
+        return [], False
+    kept = [kept_within(one, misfit.free) for one in found]
+    others = [one for one in kept if one != kept_within(start, misfit.free)]
     own = LawMisfit(misfit.damper, misfit.traces, misfit.free, misfit.solver)
-    return best_fitting(replace(own, cancelled=misfit.cancelled), others)[:_OWN]
+    best = best_fitting(replace(own, cancelled=misfit.cancelled), others)[:_OWN]
+    return best, len(others) == len(kept)
 
 
 def _sentence(first: Judged, best: Judged, n_places: int, spent: int) -> str:

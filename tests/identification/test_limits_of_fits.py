@@ -276,6 +276,7 @@ def test_short_descents_of_twelve_cost_sixty_in_all(cost, places, monkeypatch) -
         asked.append(1)
         return best, cost
 
+    monkeypatch.setattr(restarts, "_own_starts", lambda *_: ([], False))
     monkeypatch.setattr(restarts, "_places", lambda *_: [TRUTH] * 9)
     monkeypatch.setattr(restarts, "_from", tried)
     monkeypatch.setattr(restarts, "replace", lambda one, **_: one)
@@ -423,10 +424,9 @@ def test_one_empty_chamber_is_cavitation_where_it_is_compared(
 
 def test_a_doubted_fit_begins_again_with_one_quantity_elsewhere_or_two(monkeypatch) -> None:
     """Oil ten times as stiff or soft alone, friction with the valves, and so on."""
-    monkeypatch.setattr(restarts, "_own_starts", lambda *_: [])
     start = TRUTH.replace({"r_m1": 2e4, "r_m2": 2e6, "k_e": 2e8, "f_f": 40.0})
     names = ("k_e", "f_f", "r_m1", "r_m2")
-    places = restarts._places(misfit(names), start)
+    places = restarts._places(misfit(names), start, [])
     factors = [
         tuple(round(getattr(one, name) / getattr(start, name), 9) for name in names)
         for one in places

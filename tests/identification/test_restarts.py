@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.conditioning import apply_filter
+from damperfit.conditioning import ConditionOptions, apply_filter, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify, multistart, restarts
@@ -18,6 +18,7 @@ from damperfit.identification.restarts import is_suspicious, noise_percent, reco
 from damperfit.identification.setting import attempt, describe_fit
 from damperfit.simulation import SolverOptions
 from tests.identification import adjusted
+from tests.identification.far_starts import fitted_from, log_of
 from tests.identification.rig import trace
 
 FREE = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
@@ -163,6 +164,18 @@ def test_a_damper_that_is_empty_for_most_of_the_time_is_found(setting):
     assert any("local minimum" in said for said in fit.warnings)
 
 
+@pytest.mark.one_in(2)
+def test_a_cavitating_valley_that_a_given_start_led_to_is_left() -> None:
+    """R_m1 at a hundredth and f_f at a hundred times: every short descent ended in it as well."""
+    setting, truth = 20, reference_parameters(20)
+    seen = condition(log_of("steps", setting), ConditionOptions(centre=0.0))
+    end = fitted_from(seen, {"r_m1": 0.01 * truth.r_m1, "f_f": 100.0 * truth.f_f})
+    assert end.fit.outcome is Outcome.CONVERGED
+    for name in ("r_m1", "k_e", "f_f"):
+        right = getattr(truth, name)
+        assert getattr(end.fit.parameters, name) == pytest.approx(right, rel=0.005), name
+
+
 LOST = ({"rebound_opening": 0.1, "rebound_bleed": 20.0}, {"rebound_opening": 20.0})
 
 
@@ -193,7 +206,9 @@ def test_where_a_fit_began_is_no_other_place_to_start_from() -> None:
     own, *others = adjusted.DAMPER.start([seen], {})
     free = tuple(one.name for one in own.quantities if one.default is None)
     misfit = Misfit((seen,), adjusted.DAMPER, free, SolverOptions(), 100, lambda: False)
-    found = restarts._own_starts(misfit, own)
+    found, is_elsewhere = restarts._own_starts(misfit, own)
+    assert not is_elsewhere
+    assert restarts._own_starts(misfit, own.replace({"f_f": 3.0 * own.f_f}))[1]
     assert len(found) == 2
     assert own not in found
     assert set(found) <= set(others)
