@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import shlex
 import sys
+from glob import glob
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -96,7 +99,7 @@ def init(
         say(f"damperfit: {out} written; measure the keys that begin with #, and remove the #")
     code = _inspected(logs, out, is_quiet=quiet) if logs else 0
     if code == 0 and not quiet:
-        say(f"next: damperfit identify {_shown(logs or ['LOGS'])} --config {out}")
+        say(f"next: damperfit identify {_shown(logs or ['LOGS'])} --config {shlex.quote(str(out))}")
     return code
 
 
@@ -177,9 +180,16 @@ def _answer(question: str, default: str) -> str:
 def _inspected(logs: list[str], out: Path, *, is_quiet: bool) -> int:
     from damperfit.cli.inspect import inspect
 
-    print_lines([f"$ damperfit inspect {_shown(logs)} --config {out}"])
+    print_lines([f"$ damperfit inspect {_shown(logs)} --config {shlex.quote(str(out))}"])
     return inspect(logs, config=out, quiet=is_quiet)
 
 
 def _shown(logs: list[str]) -> str:
-    return " ".join([*logs[:3], *(["..."] if logs[3:] else [])])
+    """Return logs as a shell takes them; of several, where it names them alone, their pattern."""
+    if len(logs) > 1:
+        folder, start = os.path.split(os.path.commonprefix(logs))  # noqa: RUF071 - a pattern
+        suffixes = {Path(log).suffix for log in logs}
+        pattern = os.path.join(folder, f"{start}*{suffixes.pop()}")  # noqa: PTH118 - as typed
+        if not suffixes and set(glob(pattern)) == set(logs):
+            return shlex.quote(pattern)
+    return " ".join(map(shlex.quote, logs))

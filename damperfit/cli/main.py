@@ -13,6 +13,7 @@ from copy import copy
 from functools import cache, wraps
 from inspect import Parameter, signature
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -254,6 +255,9 @@ def _surplus(words: str, context: Any) -> str:
     takes_setting = any("--setting" in one.opts for one in context.command.params)
     if takes_setting and words.isdecimal():
         said += f"; for setting {words} give --setting {words}"
+    takes_table = any("--parameters" in one.opts for one in context.command.params)
+    if takes_table and Path(words).exists():
+        said += f"; for the results there give --parameters {words}"
     return said
 
 

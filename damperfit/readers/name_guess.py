@@ -1,7 +1,8 @@
 r"""Which number in the names of logs is the setting, where nobody said so.
 
 Names that differ in numbers alone, as in ``D7_C02.csv`` and ``D7_C08.csv``, show what was turned:
-the one number that differs and is no speed, serial number or count of runs. Several such numbers
+the one number that differs and is no speed, serial number or count of runs. Names of another kind
+tell nothing, and cost most of the names nothing. Several such numbers
 are no guess but a question, with what to declare where they are two adjusters.
 """
 
@@ -128,7 +129,9 @@ def guess_settings(names: Iterable[str]) -> Guess:
         return Guess()
     texts, alike = max(groups.items(), key=lambda pair: len(pair[1]))
     fields = _fields(texts, alike)
-    chosen = _chosen(fields) if len(groups) == 1 else None
+    n_names = sum(map(len, groups.values()))
+    is_most = len(groups) == 1 or (len(alike) > 1 and 2 * len(alike) > n_names)
+    chosen = _chosen(fields) if is_most else None
     if chosen is None:
         best = _likely(fields)
         advice = _option(_pattern(best, alike)) if best else ""

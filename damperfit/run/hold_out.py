@@ -30,6 +30,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Parted", "fitting", "named_files", "note_unpredicted", "part", "with_transients"]
 
+_NO_FIT = (
+    "has no fit, and no joint fit of others that have its clicks; give another log of it to fit, "
+    "or hold out some of its cycles (--hold-out-cycles)"
+)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parted:
@@ -206,7 +211,7 @@ def _unpredicted(trace: Trace, *, is_fitted: bool) -> Mishap:
     kind, why = (
         ("SimulationError", "cannot be simulated on it")
         if is_fitted
-        else ("PredictionError", "has no fit, and no joint fit of others that have its clicks")
+        else ("PredictionError", _NO_FIT)
     )
     said = f"{trace.name}: held out, but cannot be predicted: setting {trace.setting} {why}"
     return Mishap(kind, said)

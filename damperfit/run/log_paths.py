@@ -83,6 +83,8 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
         return files
     if keeps_missing and pattern.strip():
         return [path]
+    if pattern == "-":
+        raise ConfigurationError("-: logs are not read from a pipe; give files, or write one first")
     raise ConfigurationError(f"{pattern}: no such file")
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.identification.outcome import Status
+from damperfit.identification.setting import EXCELLENT
 from damperfit.identification.signatures import gain, signatures
 
 if TYPE_CHECKING:
@@ -207,7 +208,9 @@ def seek_flaws(
         ]
         for name in tables[0]
     }
-    for name in (*_held(linearised), *doubted):
+    # Of a law that does not fit, no held value can be said to be the cause.
+    held = _held(linearised) if linearised.fit.mse_percent < EXCELLENT else ()
+    for name in (*held, *doubted):
         place = linearised.names.index(name)
         columns[name] = [np.concatenate([seen.jacobian[:, place] for seen in linearised.logs])]
     power = repeats * len(residuals)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from damperfit.cli.init import _shown
 from damperfit.cli.main import main
 from damperfit.configuration.drawings import DRAWINGS, MEASURED
 from damperfit.configuration.loading import load_configuration
@@ -83,7 +84,7 @@ def test_settings_units_and_serials_are_seen_in_logs(folder, text, capsys):
     assert found["test"] == {"serial": "SN7", "operator": "Kim"}
     assert "note: displacement is read in mm: its amplitude is then 32 mm" in said.err
     # The logs are looked at with it.
-    assert "$ damperfit inspect D7_C02.csv D7_C10.csv --config my_damper.toml" in said.out
+    assert "$ damperfit inspect 'D7_C*.csv' --config my_damper.toml" in said.out
     assert "D7_C10.csv   10" in said.out
     assert "refused" not in said.out
 
@@ -323,3 +324,28 @@ def test_every_key_of_every_model_may_be_given_as_it_stands(folder):
 def test_numbers_as_people_write_them_are_toml(text, folder):
     assert main(["init", "--set", f"rod_diameter={text}", "-q"]) == 0
     assert load_configuration(folder / "my_damper.toml").damper.rod_diameter == 0.012
+
+
+@pytest.mark.parametrize(
+    ("logs", "others", "shown"),
+    [
+        (["a b/k 1.csv", "a b/k 2.csv"], [], "'a b/k *.csv'"),
+        (["k1.csv", "k2.csv"], ["k3.csv"], "k1.csv k2.csv"),  # a pattern would name a third
+        (["k1.csv", "k2.tsv"], [], "k1.csv k2.tsv"),
+        (["a b.csv"], [], "'a b.csv'"),
+    ],
+)
+def test_a_command_to_copy_is_quoted_for_the_shell(logs, others, shown, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in (*logs, *others):
+        Path(name).parent.mkdir(exist_ok=True)
+        Path(name).touch()
+    assert _shown(logs) == shown
+
+
+def test_what_is_no_file_or_no_option_names_what_is_meant(run, tmp_path):
+    (tmp_path / "results").mkdir()
+    assert "-: logs are not read from a pipe; give files" in run("inspect", "-").err
+    said = run("simulate", "results").err
+    assert "unexpected argument results; for the results there give --parameters results" in said
+    assert "--parameters" not in run("simulate", "nothing").err

@@ -249,3 +249,18 @@ def test_clicks_and_a_speed_are_asked_about_with_a_pattern_for_the_clicks() -> N
 def test_five_numbers_that_differ_are_nobodys_adjusters() -> None:
     guess = guess_settings(["x1_b3_k1_q2_z5.csv", "x2_b4_k2_q3_z6.csv"])
     assert "[adjusters]" not in guess.advice
+
+
+@pytest.mark.parametrize(
+    ("names", "n_guessed"),
+    [
+        (["k_3.csv", "k_4.csv", "broken.csv"], 2),
+        (["k_3.csv", "k_4.csv", "broken.csv", "other.csv"], 0),  # no more than half
+        (["k_3.csv", "broken.csv"], 0),  # one name shows nothing
+    ],
+)
+def test_a_name_of_another_kind_costs_the_others_nothing(names, n_guessed) -> None:
+    """A broken file among good ones took their settings from all."""
+    settings = guess_settings(names).settings
+    assert len(settings) == n_guessed
+    assert "broken.csv" not in settings

@@ -11,14 +11,16 @@ import pytest
 
 from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Finding, Recording
 from damperfit.uncertainty import Assessment, assess
-from damperfit.uncertainty.flaws import _FLAWS, Hint, _is_reasonable
+from damperfit.uncertainty.flaws import _FLAWS, Hint, _is_reasonable, seek_flaws
+from damperfit.uncertainty.intervals import linearise_settings
 from damperfit.uncertainty.residuals import Diagnosis, _fits_skew, _sentence, _warned, reconciled
 from damperfit.uncertainty.yielding import YIELDS, held_share
 from tests.identification import adjusted
-from tests.identification.rig import recording
+from tests.identification.rig import recording, short_trace
 
 PLAIN = FitOptions("plain", ("r_m1", "r_m2", "k_e", "f_f"), {"r_m3": 2.597e6})
 
@@ -207,3 +209,15 @@ def test_an_assessment_without_settings_has_nothing_to_reconcile() -> None:
 )
 def test_a_flaw_of_size_two_is_told_in_its_own_unit(name, words) -> None:
     assert _FLAWS[name].words(2.0) == words
+
+
+@pytest.mark.parametrize(("mse", "is_named"), [(0.999, True), (1.0, False)])
+def test_of_a_law_that_does_not_fit_no_held_value_is_the_cause(mse: float, *, is_named) -> None:
+    """A friction held too high was said to be held too low, where the law missed by 8 %."""
+    log = short_trace(1, replace(reference_parameters(1), r_m3=1e6), noise=4.0)
+    fitted = identify([log], PURDY_DAMPER, FitOptions("plain", fixed={"r_m3": 2.597e6}))
+    (one,) = linearise_settings(fitted, PURDY_DAMPER)
+    missed = replace(one, fit=replace(one.fit, mse_percent=mse))
+    residuals = one.logs[0].residuals
+    hints = seek_flaws(missed, float(np.mean(residuals**2)))
+    assert ("r_m3" in {hint.name for hint in hints}) is is_named
