@@ -104,7 +104,7 @@ def sweep(
     sweeps = [(v, _members(choice, configuration, v), is_paper) for v, is_paper in wanted]
     if not quiet:
         fastest = max(_peak_speed(one) for _, members, _ in sweeps for one in members)
-        for warning in choice.warnings(fastest):
+        for warning in choice.warnings(fastest, getattr(configuration.damper, "temperature", None)):
             say(f"warning: {warning}")
     records, plots = _lay_out(sweeps)
     _write(out, records, plots, kind=figures or "png", spares_others=not overwrite)

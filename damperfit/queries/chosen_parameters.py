@@ -28,6 +28,7 @@ __all__ = ["ChosenParameters", "choose_parameters", "table_meant"]
 
 # Rigs repeat a speed to a per cent or two.
 _BEYOND = 1.05
+_WARMER = 1.0  # K; so much a log drifts by itself
 _TABLES = ("parameters.parquet", "parameters.csv")
 
 
@@ -51,6 +52,8 @@ class ChosenParameters:
         No log of the setting was fitted: they come from other settings with its clicks.
     tested_speed : float or None
         Peak speed that the logs of the run reach, m/s; None: not known.
+    temperatures : tuple of float or None
+        Coldest and warmest of these logs, degrees Celsius.
     """
 
     parameters: Values
@@ -60,9 +63,10 @@ class ChosenParameters:
     undetermined: tuple[str, ...] = ()
     is_combined: bool = False
     tested_speed: float | None = None
+    temperatures: tuple[float, float] | None = None
 
-    def warnings(self, peak_speed: float) -> tuple[str, ...]:
-        """Return what to know before believing a force at so many m/s, a sentence each."""
+    def warnings(self, peak_speed: float, temperature: float | None = None) -> tuple[str, ...]:
+        """Return what to know before believing a force at so many m/s and degrees Celsius."""
         is_beyond = self.tested_speed is not None and peak_speed > _BEYOND * self.tested_speed
         said, names = [], listed_names(self.undetermined)
         if is_beyond:
@@ -70,6 +74,13 @@ class ChosenParameters:
                 f"peak speed {peak_speed:.3g} m/s: the tests reach {self.tested_speed:.3g} m/s; "
                 "beyond that the force is extrapolated"
             )
+        if temperature is not None and self.temperatures is not None:
+            low, high = self.temperatures
+            if temperature < low - _WARMER or temperature > high + _WARMER:
+                said.append(
+                    f"{temperature:.3g} degC: the tests were at {low:.3g} to {high:.3g} degC; "
+                    "beyond that the viscosity is extrapolated"
+                )
         if names and self.is_combined:
             said.append(
                 f"{names} at setting {self.setting}: the logs of the settings that it is put "
@@ -157,8 +168,11 @@ def choose_parameters(
         if together is not None:
             names = unlimited_in(together, known, unlimited)
         left = tuple(name for name in parameters.names if name in names and name not in values)
-        speed = origin_of(path).tested_speed
-        found = ChosenParameters(parameters, chosen, "", path, left, together is not None, speed)
+        origin = origin_of(path)
+        found = ChosenParameters(
+            parameters, chosen, "", path, left, together is not None, origin.tested_speed,
+            origin.temperatures,
+        )  # fmt: skip
         source = f"setting {chosen} of {path}"
         if together is not None:
             source = f"setting {chosen}, put together from the clicks of the settings of {path}"

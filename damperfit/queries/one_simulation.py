@@ -70,6 +70,8 @@ class SimulatedTest:
         The signals, all cycles.
     characteristics : Characteristics
         Figures of the last cycle.
+    temperature : float or None
+        That was asked for, degrees Celsius.
     """
 
     choice: ChosenParameters
@@ -77,11 +79,13 @@ class SimulatedTest:
     frequency: float
     response: Response
     characteristics: Characteristics
+    temperature: float | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What to know before believing the figures, a sentence each."""
-        said = list(self.choice.warnings(float(np.max(np.abs(self.response.velocity)))))
+        fastest = float(np.max(np.abs(self.response.velocity)))
+        said = list(self.choice.warnings(fastest, self.temperature))
         if self.samples_a_cycle < _FEW_SAMPLES:
             said.append(
                 f"{self.samples_a_cycle:.3g} samples a cycle: peaks, hysteresis and forces at a "
@@ -160,6 +164,7 @@ def simulate_test(
         The model cannot be integrated, or the response is shorter than one cycle.
     """
     solver = configuration.simulation.solver
+    asked = getattr(configuration.damper, "temperature", None)
     if log is None:
         refuse_amplitude(configuration.rig.amplitude, configuration.damper.travel)
         _refuse_work(choice.parameters, configuration)
@@ -168,7 +173,7 @@ def simulate_test(
         frequency, steady = configuration.rig.frequency, response
     else:
         trace = _trace(log, configuration)
-        motion, asked = motion_of(trace), getattr(configuration.damper, "temperature", None)
+        motion = motion_of(trace)
         if asked is not None:  # before what the log says
             motion = replace(motion, temperature=asked)
         response = simulate(choice.parameters, configuration.damper, motion, options=solver)
@@ -180,7 +185,7 @@ def simulate_test(
         figures = replace(
             figures, speed_forces=(), hysteresis_rebound=math.nan, hysteresis_bump=math.nan
         )
-    return SimulatedTest(choice, words, frequency, response, figures)
+    return SimulatedTest(choice, words, frequency, response, figures, asked)
 
 
 def _trace(log: Path, configuration: Configuration) -> Trace:

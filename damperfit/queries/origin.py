@@ -49,6 +49,8 @@ class Origin:
         The motion that was tested.
     tested_speed : float or None
         Highest peak speed of its logs, m/s.
+    temperatures : tuple of float or None
+        Coldest and warmest of its logs, degrees Celsius.
     unknown_schema : str or None
         A sentence where the table is of a schema that is not known here.
     """
@@ -57,6 +59,7 @@ class Origin:
     damper: Mapping[str, Any] | None = None
     motion: Sine | None = None
     tested_speed: float | None = None
+    temperatures: tuple[float, float] | None = None
     unknown_schema: str | None = None
 
 
@@ -73,7 +76,7 @@ def origin_of(table: Path) -> Origin:
         if isinstance(document, dict) and isinstance(damper, dict):
             motion = motion_of_tests(beside) or _nominal(document.get("rig"))
             speed = max((speed for _, _, speed in _tested(beside, None)), default=None)
-            return Origin(str(place), damper, motion, speed, schema)
+            return Origin(str(place), damper, motion, speed, _warmth(beside), schema)
     return Origin(str(table), unknown_schema=schema)
 
 
@@ -249,6 +252,14 @@ def _tested(
     for log in inputs if isinstance(inputs, list) else ():
         if isinstance(log, dict) and (settings is None or log.get("setting") in settings):
             yield from _motions(log)
+
+
+def _warmth(record: Mapping[str, Any]) -> tuple[float, float] | None:
+    inputs = record.get("inputs")
+    logs = inputs if isinstance(inputs, list) else []
+    told = [log.get("temperature_degC") for log in logs if isinstance(log, dict)]
+    known = [float(t) for t in told if isinstance(t, int | float) and math.isfinite(t)]
+    return (min(known), max(known)) if known else None
 
 
 def _motions(log: Mapping[str, Any]) -> Iterator[tuple[float, float, float]]:

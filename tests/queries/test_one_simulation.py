@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -91,6 +92,28 @@ def test_a_speed_beyond_the_tests_is_extrapolated(speed: float, n: int) -> None:
         assert one.warnings(speed) == (
             "peak speed 0.211 m/s: the tests reach 0.2 m/s; beyond that the force is extrapolated",
         )
+
+
+@pytest.mark.parametrize(("warmth", "n"), [
+    (19.1, 0), (18.9, 1), (55.9, 0), (56.1, 1), (None, 0),
+])  # fmt: skip
+def test_a_temperature_beyond_the_tests_is_extrapolated(warmth: float | None, n: int) -> None:
+    one = ChosenParameters(fakes.fit(1).parameters, None, "", temperatures=(20.0, 55.0))
+    said = one.warnings(0.1, warmth)
+    assert len(said) == n
+    if n:
+        ends = "the tests were at 20 to 55 degC; beyond that the viscosity is extrapolated"
+        assert said == (f"{warmth:.3g} degC: {ends}",)
+    assert replace(one, temperatures=None).warnings(0.1, warmth) == ()
+
+
+def test_the_run_tells_at_which_temperatures_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "parameters.csv"
+    path.write_text("setting,r_m1,r_m2,r_m3,k_e,f_f\n1,1e4,2e6,3e6,9e8,20\n")
+    logs = [{"temperature_degC": 21.5}, {"temperature_degC": None}, {"temperature_degC": 48.0}]
+    record = {"configuration": {"damper": {}}, "inputs": logs}
+    (tmp_path / "run.json").write_text(json.dumps(record))
+    assert choose_parameters(setting=1, table=path, replaced={}).temperatures == (21.5, 48.0)
 
 
 def test_an_upper_limit_or_rigid_oil_is_no_doubt(tmp_path: Path) -> None:
