@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from damperfit.cli import github, main
+from damperfit.cli.console import screen_columns
 from damperfit.damper.purdy.figures import FAMILIES
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Outcome
@@ -117,3 +118,12 @@ def test_laws_are_named_as_they_are_tried_unless_quiet(
     assert ("tried a rival" in said) is (rivals and not is_quiet)
     assert ("the logs support it. It opens.\n" in said) is not is_quiet
     assert ("note: these logs cannot tell apart: a or B.\n" in said) is not is_quiet
+
+
+@pytest.mark.parametrize(("is_screen", "columns"), [(True, 123), (False, 80)])
+def test_a_screen_is_as_wide_as_it_is_and_a_pipe_has_80_columns(
+    is_screen, columns, monkeypatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "123")
+    monkeypatch.setattr("sys.stdout", SimpleNamespace(isatty=lambda: is_screen))
+    assert screen_columns() == columns
