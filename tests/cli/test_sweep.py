@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
+from importlib import import_module
 from pathlib import Path
 
 import pytest
+
+from damperfit.queries.chosen_parameters import ChosenParameters
 
 
 def test_a_family_is_table_figure_and_sentence(run):
@@ -43,3 +46,11 @@ def test_wrong_usage_is_one_line(run, arguments, words):
     assert ended.code == 2
     assert words in ended.err
     assert not Path("sweep").exists()
+
+
+def test_what_was_tested_is_held_against_the_fastest_member(run, undrawn, monkeypatch):
+    sweep = import_module("damperfit.cli.sweep")
+    monkeypatch.setattr(sweep, "_peak_speed", lambda member: member.factor)
+    monkeypatch.setattr(ChosenParameters, "warnings", lambda _, speed: [f"fastest {speed:g}"])
+    ended = run("sweep", "--setting", "10", "--vary", "r_m1=0.8,1.2,1")
+    assert "warning: fastest 1.2" in ended.err
