@@ -185,7 +185,10 @@ def _joint(given: ProcedureInput) -> Campaign:
     together, broken = found
     failed.update(broken)
     if not before.is_complete or together is None:
-        said = () if not before.is_complete else (_NOT_JOINT.format(name),)
+        # The logs of one setting tell beta by themselves: nothing was to be shared.
+        is_alone = BETA.name in free and len(given.settings) == 1
+        is_told = before.is_complete and not is_alone
+        said = (_NOT_JOINT.format(name),) if is_told else ()
         return replace(
             before,
             procedure="joint",

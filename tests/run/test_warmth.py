@@ -140,6 +140,7 @@ def test_settings_of_one_temperature_each_tell_it_by_what_they_share() -> None:
 def test_one_setting_alone_tells_it() -> None:
     model = Warmed(PURDY_DAMPER, COLD)
     campaign = identify(logs(COLD, WARM, settings=(5,)), model, JOINT)
+    assert not [one for one in campaign.warnings if "joint fit needs two settings" in one]
     (fit,) = campaign.fits
     assert fit.parameters.beta == pytest.approx(BETA, rel=0.02)
     assert fit.status["beta"] is Status.FITTED
