@@ -415,6 +415,19 @@ def test_pressures_a_tenth_apart_tell_the_rod(apart, is_reported, monkeypatch) -
     assert (rod_area.rod_area_ratio(logs, None) is not None) is is_reported
 
 
+def test_pairs_that_tell_nothing_leave_the_rod_to_the_others(monkeypatch) -> None:
+    """Of another setting, of a pressure that nobody declared, or too near, each ahead of one."""
+    monkeypatch.setattr(rod_area, "moves_alike", lambda *_: True)
+    monkeypatch.setattr(rod_area, "_level", lambda trace, _: (1.2 * trace.gas, trace.gas))
+    logs = [
+        SimpleNamespace(gas_pressure=pressure, setting=setting, gas=gas)
+        for pressure, setting, gas in (
+            (1e5, 3, 100.0), (1e5, 1, 100.0), (None, 1, 100.0), (1e5, 1, 99.0), (2e5, 1, 200.0),
+        )
+    ]  # fmt: skip
+    assert rod_area.rod_area_ratio(logs, None) == pytest.approx(1.2)
+
+
 @pytest.mark.parametrize(("told", "is_said"), [(1.048, False), (1.052, True), (0.948, True)])
 def test_another_rod_is_a_twentieth_off(told, is_said, monkeypatch) -> None:
     monkeypatch.setattr(rod_area, "rod_area_ratio", lambda *_: told)
