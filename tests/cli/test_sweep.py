@@ -51,6 +51,6 @@ def test_wrong_usage_is_one_line(run, arguments, words):
 def test_what_was_tested_is_held_against_the_fastest_member(run, undrawn, monkeypatch):
     sweep = import_module("damperfit.cli.sweep")
     monkeypatch.setattr(sweep, "_peak_speed", lambda member: member.factor)
-    monkeypatch.setattr(ChosenParameters, "warnings", lambda _, speed: [f"fastest {speed:g}"])
+    monkeypatch.setattr(ChosenParameters, "warnings", lambda _, speed, *__: [f"fastest {speed:g}"])
     ended = run("sweep", "--setting", "10", "--vary", "r_m1=0.8,1.2,1")
     assert "warning: fastest 1.2" in ended.err
