@@ -162,10 +162,14 @@ def test_three_values_of_a_test_are_named(n, more) -> None:
 @pytest.mark.parametrize(("samples", "n"), [(195.0, 1), (205.0, 0)])
 def test_a_simulated_cycle_has_two_hundred_samples(samples, n) -> None:
     full = SimpleNamespace(cavitation_shares=(0.0, 0.0))
-    choice = SimpleNamespace(warnings=lambda _: ())
+    choice = SimpleNamespace(warnings=lambda *_: ())
     response = SimpleNamespace(velocity=np.zeros(1))
     one = SimpleNamespace(
-        samples_a_cycle=samples, characteristics=full, choice=choice, response=response
+        samples_a_cycle=samples,
+        characteristics=full,
+        choice=choice,
+        response=response,
+        temperature=None,
     )
     assert len(SimulatedTest.warnings.fget(one)) == n
 
@@ -178,8 +182,8 @@ def test_a_network_has_sixteen_passages(n, refused) -> None:
     assert is_refused(Network, "one", (Passage(1, 3, orifice="a"),) * n) is refused
 
 
-@pytest.mark.parametrize(("n", "refused"), [(44, False), (45, True)])
-def test_a_network_has_forty_four_numbers(n, refused) -> None:
+@pytest.mark.parametrize(("n", "refused"), [(45, False), (46, True)])
+def test_a_network_has_forty_five_numbers(n, refused) -> None:
     names = [f"n{k}" for k in range(n - len(BODY_NUMBERS))]
     passages = [Passage(1, 3, *names[k : k + 4]) for k in range(0, len(names), 4)]
     assert is_refused(Network, "one", tuple(passages)) is refused

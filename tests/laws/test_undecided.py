@@ -63,7 +63,7 @@ def test_lag_and_elasticity_ask_for_a_second_frequency(second: float, *, is_open
     said = told([fit()], 1.0, second)
     assert bool(said) is is_open
     if said:
-        assert "they look alike. A second speed decides it, at 0.3 or 3.7 Hz" in said[0]
+        assert "they look alike. A second speed decides it, at 0.3 or 3.72 Hz" in said[0]
 
 
 def test_an_unopened_blow_off_asks_for_a_faster_test_and_names_its_settings() -> None:
