@@ -378,3 +378,16 @@ def test_hundreds_of_failures_are_summarised(n, ending) -> None:
     far = result("temperature_in_window", subject(*hot))
     assert far.passed is False
     assert far.reason.count("degC)") == (20 if n == 20 else 5)
+
+
+def test_a_chamber_that_is_empty_in_a_model_that_misses_may_be_full() -> None:
+    """The check asserted what the grade doubted."""
+    doubt = {20: (Objection("cavitation", "", "chamber 2 cavitates"),)}
+    empty = fit(19), fit(20, outcome=Outcome.CAVITATING)
+    checks = {one.name: one for one in run_checks(subject(*empty, objections=doubt))}
+    assert checks["no_cavitation"].passed is False
+    assert checks["no_cavitation"].reason.endswith(
+        "at setting 20; the model does not match the logs of setting 20: it may be full"
+    )
+    sure = {one.name: one for one in run_checks(subject(*empty))}
+    assert sure["no_cavitation"].reason.endswith("most for 5.0 % of the cycle at setting 20")

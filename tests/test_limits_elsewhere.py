@@ -487,7 +487,7 @@ def test_a_block_begins_a_step_behind_the_one_before(step, runs_on) -> None:
 
 @pytest.mark.parametrize(("settings", "said"), [([4], "setting 4"), ([4, 9], "settings 4, 9")])
 def test_one_setting_is_no_settings(settings, said) -> None:
-    assert physical_checks._listed(settings) == said
+    assert physical_checks.of_settings(settings) == said
 
 
 def test_a_speed_that_is_passed_one_way_has_one_branch() -> None:

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment import in_few_words
-from damperfit.checks.physical_checks import PHYSICAL_CHECKS
+from damperfit.checks.physical_checks import PHYSICAL_CHECKS, of_settings
 from damperfit.identification import Status
-from damperfit.identification.sharing import listed_runs, listed_settings
+from damperfit.identification.sharing import listed_runs
 from damperfit.tested.setting import ADJUSTER, clicks_between
+from damperfit.uncertainty.withheld import doubted_cavitation
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -155,7 +156,10 @@ def _no_cavitation(subject: Subject) -> _Verdict:
     if empty:
         worst = max(empty, key=lambda fit: fit.cavitation_fraction)
         share = f"{100.0 * worst.cavitation_fraction:.1f} % of the cycle at setting"
-        return False, f"a chamber cavitates at {_settings(empty)}, most for {share} {worst.setting}"
+        said = f"a chamber cavitates at {_settings(empty)}, most for {share} {worst.setting}"
+        if doubted := doubted_cavitation(subject.assessment.objections):
+            said += f"; the model does not match the logs of {of_settings(doubted)}: it may be full"
+        return False, said
     known = [fit for fit in subject.fits if math.isfinite(fit.cavitation_margin)]
     if not known:
         return True, "no chamber reaches zero pressure"
@@ -239,7 +243,7 @@ def _residuals_white(subject: Subject) -> _Verdict:
     structured = [one for one in known if one.is_structured]
     if structured:
         worst = max(structured, key=lambda one: one.mse_percent)
-        where = _listed(one.setting for one in structured)
+        where = of_settings(one.setting for one in structured)
         return False, f"the misfit repeats from cycle to cycle at {where}: {worst.sentence}"
     if unknown:
         return None, unknown
@@ -255,7 +259,7 @@ def _noise_floor_explained(subject: Subject) -> _Verdict:
     ]
     if short:
         worst = min(short, key=lambda one: one.noise_percent / one.mse_percent)
-        where = _listed(one.setting for one in short)
+        where = of_settings(one.setting for one in short)
         share = 100.0 * worst.noise_percent / worst.mse_percent
         return False, (
             f"noise explains less than half of the MSE at {where}, least at setting "
@@ -273,10 +277,10 @@ def _diagnoses(subject: Subject) -> tuple[list[Diagnosis], str]:
     unseen = {fit.setting for fit in subject.fits} - {one.setting for one in diagnoses}
     reasons = []
     if single:
-        where = _listed(single)
+        where = of_settings(single)
         reasons.append(f"a single cycle cannot separate noise from lack of fit, at {where}")
     if unseen:
-        reasons.append(f"the residuals were not evaluated, at {_listed(unseen)}")
+        reasons.append(f"the residuals were not evaluated, at {of_settings(unseen)}")
     return [one for one in diagnoses if one.setting not in single], "; ".join(reasons)
 
 
@@ -325,7 +329,7 @@ def _every_setting_fitted(subject: Subject) -> _Verdict:
         said.append(f"no result for setting{plural} {listed_runs(gaps)}")
     if said:
         return False, "; ".join(said)
-    return (True, f"{_listed(done)} fitted") if done else (False, "no setting could be fitted")
+    return (True, f"{of_settings(done)} fitted") if done else (False, "no setting could be fitted")
 
 
 def _fits_converged(subject: Subject) -> _Verdict:
@@ -343,7 +347,7 @@ def _no_log_warnings(subject: Subject) -> _Verdict:
             if finding.severity == "warning":
                 said[finding.name].append(trace)
     if said:
-        parts = (f"{name} at {_listed(_known(traces))}" for name, traces in said.items())
+        parts = (f"{name} at {of_settings(_known(traces))}" for name, traces in said.items())
         return False, f"the logs carry warnings: {', '.join(parts)}"
     return True, "no log carries a warning"
 
@@ -357,13 +361,7 @@ def _or_infinite(value: float) -> float:
 
 
 def _settings(fits: Iterable[Fit]) -> str:
-    return _listed(fit.setting for fit in fits)
-
-
-def _listed(settings: Iterable[Setting]) -> str:
-    """As in "setting 4" or "settings 1, 5-9"."""
-    numbers = list(settings)
-    return f"setting{'s' if len(numbers) > 1 else ''} {listed_settings(numbers)}"
+    return of_settings(fit.setting for fit in fits)
 
 
 def _first_of(parts: Sequence[str], mark: str = ", ") -> str:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     Objections = Mapping[Setting, Sequence[Objection]]
     Verdict = tuple[bool | None, str]
 
-__all__ = ["PHYSICAL_CHECKS"]
+__all__ = ["PHYSICAL_CHECKS", "of_settings"]
 
 _FOUND = (Status.FITTED, Status.SHARED)
 
@@ -32,10 +32,10 @@ def _every_grade_stands(fits: Sequence[Fit], said: Objections) -> Verdict:
     if said:
         first = next(iter(said))
         return False, (
-            f"grades are withheld at {_listed(said)}; setting {first}: "
+            f"grades are withheld at {of_settings(said)}; setting {first}: "
             f"{'; '.join(one.sentence for one in said[first])}"
         )
-    return True, f"no objection to the grade of {_listed([fit.setting for fit in fits])}"
+    return True, f"no objection to the grade of {of_settings([fit.setting for fit in fits])}"
 
 
 def _bulk_modulus_of_oil(fits: Sequence[Fit], said: Objections) -> Verdict:
@@ -70,7 +70,7 @@ def _series_stiffness_found(fits: Sequence[Fit], said: Objections) -> Verdict:
         return None, "the model has no stiffness in series"
     lost = [fit for fit in fits if any(fit.status[name].has_failed for name in names)]
     if lost:
-        where = _listed(fit.setting for fit in lost)
+        where = of_settings(fit.setting for fit in lost)
         return False, f"{' and '.join(names)} is not determined by the logs at {where}"
     return _judged(fits, said, names, "beyond", "in the range of test rigs")
 
@@ -98,7 +98,10 @@ def _judged(
     determined = [fit for fit in fits if any(fit.status[name] in _FOUND for name in names)]
     if not determined:
         return None, f"no log determined {' or '.join(names)}"
-    return True, f"{' and '.join(names)} is {what} at {_listed(fit.setting for fit in determined)}"
+    return (
+        True,
+        f"{' and '.join(names)} is {what} at {of_settings(fit.setting for fit in determined)}",
+    )
 
 
 def _against(said: Objections, names: Sequence[str], kind: str) -> dict[Setting, str]:
@@ -113,10 +116,11 @@ def _against(said: Objections, names: Sequence[str], kind: str) -> dict[Setting,
 def _first(against: Mapping[Setting, str]) -> str:
     """Return where there are objections, and the first of them."""
     setting = next(iter(against))
-    where = "" if len(against) == 1 else f"at {_listed(against)}: "
+    where = "" if len(against) == 1 else f"at {of_settings(against)}: "
     return f"{where}setting {setting}: {against[setting]}"
 
 
-def _listed(settings: Iterable[Setting]) -> str:
+def of_settings(settings: Iterable[Setting]) -> str:
+    """As in "setting 4" or "settings 1, 5-9"."""
     known = list(settings)
     return f"setting{'s' if len(known) > 1 else ''} {listed_settings(known)}"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -56,13 +56,27 @@ class Cavitation:
         return self.r_m3_margin
 
 
-def describe_cavitation(settings: Mapping[Setting, Cavitation]) -> tuple[str, ...]:
-    """Return what there is to say of cavitation, a sentence each: those that do, then the rest."""
+_DOUBT = "; the model does not match these logs, so the damper itself may be full"
+
+
+def describe_cavitation(
+    settings: Mapping[Setting, Cavitation], *, doubted: Collection[Setting] = ()
+) -> tuple[str, ...]:
+    """Return what there is to say of cavitation, a sentence each: those that do, then the rest.
+
+    Parameters
+    ----------
+    settings : mapping of Setting to Cavitation
+        What the fitted model shows.
+    doubted : collection of Setting
+        Settings whose logs the model does not match: there its empty chamber is no evidence, and
+        nothing is advised against it.
+    """
     empty = {setting: one for setting, one in settings.items() if one.fraction > 0.0}
     full = {setting: one for setting, one in settings.items() if one.fraction == 0.0}
     said = [
         f"setting {setting}: {_share(one.fraction)} of the cycle with chamber {one.chamber} at "
-        f"zero pressure, {_moment(one, 'from')}{_needed(one)}"
+        f"zero pressure, {_moment(one, 'from')}{_DOUBT if setting in doubted else _needed(one)}"
         for setting, one in sorted(empty.items())
     ]
     if full:

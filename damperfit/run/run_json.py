@@ -27,6 +27,7 @@ from damperfit.tables import SCHEMA_VERSION, describe_tables, quantity_records
 from damperfit.tested.identity import common_identity
 from damperfit.tested.setting import ADJUSTER, Setting
 from damperfit.uncertainty import METHOD, Assessment, prediction_warnings
+from damperfit.uncertainty.withheld import doubted_cavitation
 from damperfit.units.quantities import engineering
 
 if TYPE_CHECKING:
@@ -117,7 +118,10 @@ def report_facts(
         undetermined=assessment.undetermined(campaign),
         taken=batch.notes,
         searches=describe_searches(campaign.searches),
-        cavitation=describe_cavitation({fit.setting: fit.cavitation for fit in campaign.fits}),
+        cavitation=describe_cavitation(
+            {fit.setting: fit.cavitation for fit in campaign.fits},
+            doubted=doubted_cavitation(assessment.objections),
+        ),
         across=judgement.adjustment.sentences,
         checks=judgement.checks,
         gaps=campaign.gaps,

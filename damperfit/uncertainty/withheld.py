@@ -18,7 +18,7 @@ from damperfit.identification.outcome import Status
 from damperfit.identification.plausible import edge_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -36,6 +36,7 @@ __all__ = [
     "LIMITS",
     "GradeLimits",
     "Objection",
+    "doubted_cavitation",
     "jump_ratio",
     "objections",
     "offset_mismatch",
@@ -117,6 +118,13 @@ def objections(
         fit.setting: tuple(_of_fit(fit, diagnoses.get(fit.setting), gas)) for fit in campaign.fits
     }
     return {setting: reasons for setting, reasons in found.items() if reasons}
+
+
+def doubted_cavitation(said: Mapping[Setting, Sequence[Objection]]) -> frozenset[Setting]:
+    """Return the settings whose grade is withheld for a chamber that is empty without need."""
+    return frozenset(
+        setting for setting, why in said.items() if any(one.kind == "cavitation" for one in why)
+    )
 
 
 def _of_fit(fit: Fit, diagnosis: Diagnosis | None, gas: GasFacts | None) -> Iterator[Objection]:

@@ -98,6 +98,11 @@ def test_a_setting_that_cavitates_is_told_with_what_it_takes() -> None:
         "21 %, to keep it full"
     )
     assert rest.startswith("elsewhere none does; lowest pressure 1.25 bar absolute")
+    (doubted,) = describe_cavitation({3: EMPTY}, doubted={3})
+    assert doubted.endswith(
+        "-0.28 m/s of the bump; the model does not match these logs, so the damper itself may be "
+        "full"
+    )
     (alone,) = describe_cavitation({3: replace(EMPTY, safe_gas_pressure=math.nan)})
     assert alone.endswith("m/s of the bump")
 
