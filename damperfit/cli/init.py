@@ -187,9 +187,8 @@ def _inspected(logs: list[str], out: Path, *, is_quiet: bool) -> int:
 def _shown(logs: list[str]) -> str:
     """Return logs as a shell takes them; of several, where it names them alone, their pattern."""
     if len(logs) > 1:
-        folder, start = os.path.split(os.path.commonprefix(logs))  # noqa: RUF071 - a pattern
-        suffixes = {Path(log).suffix for log in logs}
-        pattern = os.path.join(folder, f"{start}*{suffixes.pop()}")  # noqa: PTH118 - as typed
-        if not suffixes and set(glob(pattern)) == set(logs):
+        start = os.path.commonprefix(logs)  # noqa: RUF071 - of a pattern, not of a path
+        pattern = f"{start}*{Path(logs[0]).suffix}"
+        if set(glob(pattern)) == set(logs):
             return shlex.quote(pattern)
     return " ".join(map(shlex.quote, logs))

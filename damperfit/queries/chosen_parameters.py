@@ -46,7 +46,7 @@ class ChosenParameters:
         One sentence for people.
     table : pathlib.Path or None
         Where they stand; None for the reference set, and when all were given.
-    undetermined : tuple of str
+    unlimited : tuple of str
         Those to which the logs of their setting set no upper limit.
     is_combined : bool
         No log of the setting was fitted: they come from other settings with its clicks.
@@ -60,7 +60,7 @@ class ChosenParameters:
     setting: Setting | None
     source: str
     table: Path | None = None
-    undetermined: tuple[str, ...] = ()
+    unlimited: tuple[str, ...] = ()
     is_combined: bool = False
     tested_speed: float | None = None
     temperatures: tuple[float, float] | None = None
@@ -68,7 +68,7 @@ class ChosenParameters:
     def warnings(self, peak_speed: float, temperature: float | None = None) -> tuple[str, ...]:
         """Return what to know before believing a force at so many m/s and degrees Celsius."""
         is_beyond = self.tested_speed is not None and peak_speed > _BEYOND * self.tested_speed
-        said, names = [], listed_names(self.undetermined)
+        said, names = [], listed_names(self.unlimited)
         if is_beyond:
             said.append(
                 f"peak speed {peak_speed:.3g} m/s: the tests reach {self.tested_speed:.3g} m/s; "

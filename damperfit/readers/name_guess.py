@@ -122,9 +122,7 @@ def guess_settings(names: Iterable[str]) -> Guess:
     >>> guess.sentence.endswith("--rig 'setting_pattern=C(?P<setting>\\d+)'")
     True
     """
-    groups: dict[tuple[str, ...], list[str]] = {}
-    for name in dict.fromkeys(names):
-        groups.setdefault(_texts(name), []).append(name)
+    groups = _kinds(names)
     if not groups:
         return Guess()
     texts, alike = max(groups.items(), key=lambda pair: len(pair[1]))
@@ -191,17 +189,22 @@ def unclear_names(names: Iterable[str]) -> frozenset[str]:
     >>> unclear_names(["001_s5.csv", "002_s5.csv", "003_s6.csv"])
     frozenset()
     """
-    groups: dict[tuple[str, ...], list[str]] = {}
-    for name in dict.fromkeys(names):
-        groups.setdefault(_texts(name), []).append(name)
     found: set[str] = set()
-    for texts, alike in groups.items():
+    for texts, alike in _kinds(names).items():
         fields = [one for one in _fields(texts, alike) if one.may_be]
         others = [one for one in fields if one.word != "s" and one.is_varied]
         is_count = len(others) == 1 and len(set(others[0].values)) == len(alike)
         if others and not is_count and any(one.word == "s" for one in fields):
             found.update(alike)
     return frozenset(found)
+
+
+def _kinds(names: Iterable[str]) -> dict[tuple[str, ...], list[str]]:
+    """Return names, each once, by what they have besides numbers."""
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name in dict.fromkeys(names):
+        groups.setdefault(_texts(name), []).append(name)
+    return groups
 
 
 def _texts(name: str) -> tuple[str, ...]:

@@ -76,12 +76,11 @@ def summarised(sentences: Iterable[tuple[str, str]]) -> Iterator[str]:
 def _few(sentences: Sequence[tuple[str, str]]) -> Iterator[str]:
     """Yield all, in their order, but long ones that differ in the name alone."""
     kinds: dict[str, list[tuple[str, str]]] = {}
-    for name, sentence in sentences:
-        kinds.setdefault(sentence.replace(name, "") if name else sentence, []).append(
-            (name, sentence)
-        )
-    for name, sentence in sentences:
-        group = kinds[sentence.replace(name, "") if name else sentence]
+    alike = [sentence.replace(name, "") if name else sentence for name, sentence in sentences]
+    for kind, one in zip(alike, sentences, strict=True):
+        kinds.setdefault(kind, []).append(one)
+    for kind, (name, sentence) in zip(alike, sentences, strict=True):
+        group = kinds[kind]
         if len(group) <= _SHOWN or len(sentence) < _LONG:
             yield sentence
         elif (name, sentence) == group[0]:

@@ -123,5 +123,5 @@ def test_an_upper_limit_or_rigid_oil_is_no_doubt(tmp_path: Path) -> None:
         "k_e_status,f_f\n1,1e4,2e4,not_identifiable,2e6,,not_identifiable,3e6,9e10,,"
         "not_identifiable,20\n"
     )
-    assert choose_parameters(setting=1, table=path, replaced={}).undetermined == ("r_m2",)
+    assert choose_parameters(setting=1, table=path, replaced={}).unlimited == ("r_m2",)
     assert read_unlimited(path) == {Setting.of(1): frozenset({"r_m2"})}
