@@ -11,6 +11,8 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.handover import hand_over
+from damperfit.tables import make_tables, write_table
+from tests.fakes import campaign, fit
 
 
 def test_damper_values_motion_and_range_come_back(handed, results) -> None:
@@ -48,6 +50,17 @@ def test_a_folder_without_run_json_is_handed_over_with_remarks(folder) -> None:
     assert handed.tested.speed is None
     assert any("the paper's is assumed" in remark for remark in handed.remarks)
     assert any("nominal one is used" in remark for remark in handed.remarks)
+
+
+def test_a_value_that_no_log_limits_is_noted(handed, folder) -> None:
+    assert handed.notes == ()
+    fits = [fit(n, status={"r_m2": "not_identifiable"} if n == 20 else {}) for n in (1, 20)]
+    write_table(folder / "parameters.parquet", make_tables(campaign(*fits)).parameters)
+    (said,) = hand_over(folder).notes
+    assert said == (
+        "r_m2 at setting 20: the logs set no upper limit, so the force beyond their speeds may be "
+        "far off"
+    )
 
 
 def test_no_folder_is_refused(tmp_path) -> None:

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from damperfit.damper.model import values_type
 from damperfit.damper.quantity import OFFSET, Quantity
-from damperfit.identification import DETECT, FitOptions, identify, unlimited_in, values_from_others
+from damperfit.identification import (
+    DETECT,
+    FitOptions,
+    Status,
+    identify,
+    unlimited_in,
+    values_from_others,
+)
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty import assess, predict
+from damperfit.uncertainty import Assessment, assess, predict
 from tests.identification import adjusted
 from tests.identification.adjusted import DAMPER, FOLLOWS, SETTINGS, at, log
 
@@ -68,6 +77,12 @@ def test_an_unseen_setting_is_predicted_with_the_offset_of_its_log() -> None:
     wrong = log(SETTINGS[3], rebound_bleed=4e4)  # a damper that does not keep to its clicks
     (worse,) = predict(fitted, assess(fitted, DAMPER), (wrong,), damper=DAMPER)
     assert worse.is_failed
+    assert worse.unlimited == ()
+    # What no log of its click limits is named: those that have the click of the bleed.
+    lost = {"rebound_bleed": Status.NOT_IDENTIFIABLE}
+    fits = tuple(replace(one, status={**one.status, **lost}) for one in fitted.fits)
+    (open_,) = predict(replace(fitted, fits=fits), Assessment(), (unseen,), damper=DAMPER)
+    assert open_.unlimited == ("rebound_bleed",)
     apart = identify(adjusted.logs()[:3], DAMPER, FitOptions("plain"))
     assert predict(apart, assess(apart, DAMPER), (unseen,), damper=DAMPER) == ()
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from damperfit.configuration.loading import load_configuration
@@ -25,6 +26,8 @@ from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_
 from damperfit.run.run_json import Judgement, _procedure, report_facts
 from damperfit.run.trust import _profile, unconfirmed_tares
 from damperfit.run.work import Clock, sha256_of
+from damperfit.uncertainty import Assessment, Objection, Uncertainty
+from damperfit.uncertainty.intervals import make_interval
 from tests.fakes import campaign, fit, trace
 
 PLAIN = load_configuration()
@@ -112,6 +115,21 @@ def test_advice_is_given_for_every_ending_but_a_good_one() -> None:
     facts = report_facts(PLAIN, EMPTY, done, Judgement(), is_interrupted=False)
     assert facts.advice == tuple(sorted((one.value, one.advice) for one in ends[1:]))
     assert not facts.is_interrupted
+
+
+def test_what_contradicts_across_settings_and_what_is_doubted_reach_the_report() -> None:
+    """Frictions of one damper that are not one; an empty chamber in a model that misses."""
+    fits, known = [], []
+    for n, friction in ((1, 20.0), (2, 80.0)):
+        one = fit(n, outcome=Outcome.CAVITATING, status={"f_f": "fitted"})
+        fits.append(replace(one, parameters=one.parameters.replace({"f_f": friction})))
+        intervals = {"f_f": make_interval(friction, 0.01)}
+        known.append(Uncertainty(n, intervals, ("f_f",), np.array([[1e-4]])))
+    doubt = {2: (Objection("cavitation", "", "chamber 2 cavitates"),)}
+    judged = Judgement(Assessment(uncertainties=tuple(known), objections=doubt))
+    facts = report_facts(PLAIN, EMPTY, campaign(*fits), judged, is_interrupted=False)
+    assert any("f_f is 20 N at setting 1 and 80 N at setting 2" in one for one in facts.warnings)
+    assert ["may be full" in one for one in facts.cavitation] == [False, True]
 
 
 def test_settings_that_are_expected_and_missing_are_failures_of_their_own() -> None:
