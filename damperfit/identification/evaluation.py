@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,16 +15,27 @@ from damperfit.identification.weights import weights
 from damperfit.simulation import motion_of, simulate
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Values
     from damperfit.identification.descent import Misfit
     from damperfit.identification.settled import SettledLogs
+    from damperfit.recording import Trace
     from damperfit.simulation import Response
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["evaluate", "n_independent", "transformation", "values_of", "with_values"]
+__all__ = [
+    "LogResponse",
+    "evaluate",
+    "n_independent",
+    "simulated_logs",
+    "transformation",
+    "values_of",
+    "with_values",
+]
 
 # A force or a sensitivity, SI; a cylinder of the size of a car stays far below.
 _WILD = 1e100
@@ -37,6 +49,54 @@ def evaluate(
         return _on_cycles(misfit, misfit.cycles, parameters, scale)
     parts = []
     is_cavitating = False
+    for one in simulated_logs(misfit, parameters):
+        trace, response = one.trace, one.response
+        rows = np.stack([response.force, *response.sensitivities.values()])
+        rows = apply_filter(trace.model_filter, rows)[:, trace.compared]
+        rows[0] -= trace.force[trace.compared]
+        parts.append(rows * (scale * one.factor))
+        is_cavitating |= one.is_cavitating
+    whole = parts[0] if len(parts) == 1 else np.hstack(parts)
+    return whole[0], whole[1:].T, is_cavitating
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LogResponse:
+    """A log's simulation.
+
+    Attributes
+    ----------
+    trace : Trace
+        The log.
+    response : Response
+        With the derivatives by what is free, before the filter.
+    factor : numpy.ndarray or float
+        What its residuals are multiplied by, over its compared samples.
+    is_cavitating : bool
+        Whether a chamber is empty where the log counts.
+    """
+
+    trace: Trace
+    response: Response
+    factor: FloatArray | float
+    is_cavitating: bool
+
+
+def simulated_logs(misfit: Misfit, parameters: Values) -> Iterator[LogResponse]:
+    """Simulate every log of a misfit whole, one at a time.
+
+    Parameters
+    ----------
+    misfit : Misfit
+        Logs, damper, what is free, solver.
+    parameters : Values
+        Where.
+
+    Raises
+    ------
+    SimulationError
+        The model cannot be integrated, or its force is beyond anything that could be fitted.
+    """
     for trace, weight in zip(misfit.traces, weights(misfit.traces), strict=True):
         response = simulate(
             parameters,
@@ -46,14 +106,9 @@ def evaluate(
             options=misfit.solver,
         )
         _refuse_wild(response)
-        rows = np.stack([response.force, *response.sensitivities.values()])
-        rows = apply_filter(trace.model_filter, rows)[:, trace.compared]
-        rows[0] -= trace.force[trace.compared]
-        parts.append(rows * (scale if weight is None else scale * weight))
         is_empty = (response.pressures[:2, trace.compared] <= 0.0).any(axis=0)
-        is_cavitating |= bool((is_empty if weight is None else is_empty & (weight > 0.0)).any())
-    whole = parts[0] if len(parts) == 1 else np.hstack(parts)
-    return whole[0], whole[1:].T, is_cavitating
+        counts = is_empty if weight is None else is_empty & (weight > 0.0)
+        yield LogResponse(trace, response, 1.0 if weight is None else weight, bool(counts.any()))
 
 
 def _on_cycles(

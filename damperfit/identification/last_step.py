@@ -11,7 +11,7 @@ more free, it is then D_f + H_ff^-1 H_fh D_h. One look without derivatives tells
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +20,7 @@ from damperfit.conditioning import apply_filter
 from damperfit.errors import SimulationError
 from damperfit.identification.evaluation import (
     n_independent,
+    simulated_logs,
     transformation,
     values_of,
     with_values,
@@ -28,7 +29,6 @@ from damperfit.identification.model_versus_log import compare
 from damperfit.identification.plausible import is_at_edge, is_within
 from damperfit.identification.solution import Solution
 from damperfit.identification.weights import weights
-from damperfit.simulation import motion_of, simulate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -90,21 +90,11 @@ def last_step(misfit: Misfit, there: Solution, *, least_percent: float) -> Solut
     parameters = with_values(near, free, variables.unpack(variables.pack(values) + step))
     if not is_within(parameters, free):
         return None
-    left = cost - gain
-    lengths = np.sqrt(np.sum(jacobian**2, axis=0) * left)
-    rest = np.abs(gradient + jacobian.T @ (jacobian @ step))
-    return Solution(
-        parameters=parameters,
-        mse_percent=100.0 * left,
-        jacobian=jacobian,
-        evaluations=1,
-        failed_trials=0,
-        status=_MET_COST,
-        gradient_cosine=float(np.max(rest / np.maximum(lengths, 1e-300))),
-        n_independent=independent,
-        is_cavitating=pulled.is_cavitating,
-        apart=step,
+    rest = gradient + jacobian.T @ (jacobian @ step)
+    found = _ended(
+        (parameters, cost - gain, jacobian), rest, independent, is_cavitating=pulled.is_cavitating
     )
+    return replace(found, apart=step)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,27 +111,17 @@ def _pulled(misfit: Misfit, parameters: Values) -> _Pulled:
     parts = []
     gradient = np.zeros(len(misfit.free))
     is_cavitating = False
-    for trace, weight in zip(misfit.traces, weights(misfit.traces), strict=True):
-        response = simulate(
-            parameters,
-            misfit.damper,
-            motion_of(trace),
-            sensitivities=misfit.free,
-            options=misfit.solver,
-        )
-        part = trace.compared
-        factor = misfit.scale if weight is None else misfit.scale * weight
+    for one in simulated_logs(misfit, parameters):
+        trace, response, part = one.trace, one.response, one.trace.compared
+        factor = misfit.scale * one.factor
         force = apply_filter(trace.model_filter, response.force)
         residuals = factor * (force[part] - trace.force[part])
         back = np.zeros(len(force))
         back[part] = factor * residuals
         back = _back_through(trace.model_filter, back)
         gradient += [float(row @ back) for row in response.sensitivities.values()]
-        is_empty = (response.pressures[:2, part] <= 0.0).any(axis=0)
-        is_cavitating |= bool((is_empty if weight is None else is_empty & (weight > 0.0)).any())
+        is_cavitating |= one.is_cavitating
         parts.append(residuals)
-    if not np.all(np.isfinite(gradient)):
-        raise SimulationError("no finite derivatives of a force.")
     return _Pulled(np.concatenate(parts), gradient, is_cavitating)
 
 
@@ -212,7 +192,25 @@ def known_step(misfit: Misfit, there: Solution, *, least_percent: float) -> Solu
     cost = float(looked.residuals @ looked.residuals)
     if not 100.0 * cost > least_percent:
         return None
-    left = np.abs(there.gradient + jacobian.T @ (jacobian @ there.promised))
+    rest = there.gradient + jacobian.T @ (jacobian @ there.promised)
+    found = _ended(
+        (parameters, cost, jacobian),
+        rest,
+        n_independent(looked.residuals),
+        is_cavitating=looked.is_cavitating,
+    )
+    return replace(found, seen=looked.seen)
+
+
+def _ended(
+    found: tuple[Values, float, FloatArray],
+    gradient: FloatArray,
+    independent: float,
+    *,
+    is_cavitating: bool,
+) -> Solution:
+    """What one look at the logs has found, with what is left of the gradient."""
+    parameters, cost, jacobian = found
     lengths = np.sqrt(np.sum(jacobian**2, axis=0) * cost)
     return Solution(
         parameters=parameters,
@@ -221,10 +219,9 @@ def known_step(misfit: Misfit, there: Solution, *, least_percent: float) -> Solu
         evaluations=1,
         failed_trials=0,
         status=_MET_COST,
-        gradient_cosine=float(np.max(left / np.maximum(lengths, 1e-300))),
-        n_independent=n_independent(looked.residuals),
-        is_cavitating=looked.is_cavitating,
-        seen=looked.seen,
+        gradient_cosine=float(np.max(np.abs(gradient) / np.maximum(lengths, 1e-300))),
+        n_independent=independent,
+        is_cavitating=is_cavitating,
     )
 
 
