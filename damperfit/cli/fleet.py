@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from damperfit.cli.console import print_json, print_lines, say
-from damperfit.cli.option_values import configured, rig_entries
+from damperfit.cli.option_values import configured, covaried, rig_entries
 from damperfit.cli.options import (
     ConfigOption,
+    CovariateOption,
     DebugOption,
     JobsOption,
     JsonOption,
@@ -73,6 +74,7 @@ def fleet(
     tolerance: ToleranceOption = None,
     model: ModelOption = None,
     procedure: ProcedureOption = None,
+    covariate: CovariateOption = None,
     tests: TestsOption = None,
     strict: StrictOption = False,
     rig_profile: RigProfileOption = None,
@@ -108,6 +110,11 @@ def fleet(
     configuration = configured(
         config,
         ("--model", "damper.model", model),
+        (
+            "--covariate",
+            "damper.reference_temperature",
+            covaried(covariate, model=model, config=config, of_fleet=True),
+        ),
         ("--procedure", "identification.procedure", procedure),
         ("--tests", "test.table", str(tests.resolve()) if tests is not None else None),
         ("--strict", "rig.strict", strict or None),

@@ -176,7 +176,11 @@ def identify(
         ("--free", "identification.free", quantity_names(free)),
         ("--fix", "identification.fix", quantity_values(fix or [], option="--fix") or None),
         ("--model", "damper.model", None if model == _AUTO else model),
-        ("--covariate", "damper.reference_temperature", covaried(covariate, model=model)),
+        (
+            "--covariate",
+            "damper.reference_temperature",
+            covaried(covariate, model=model, config=config),
+        ),
         ("--procedure", "identification.procedure", procedure),
         ("--share", "identification.share", quantity_names(share)),
         ("--bulk-modulus", "identification.bulk_modulus", bulk_modulus),

@@ -131,13 +131,18 @@ def rig_entries(texts: Iterable[str] | None) -> list[tuple[str, str, Any]]:
     return [(f"--rig {name}", f"rig.{name}", entry) for name, entry in keys.items()]
 
 
-def covaried(word: str | None, *, model: str | None) -> str | None:
+def covaried(
+    word: str | None, *, model: str | None, config: Path | None = None, of_fleet: bool = False
+) -> str | float | None:
     """Return the reference temperature that ``--covariate temperature`` asks for.
+
+    One that the configuration file names stays. Otherwise it is the mean of the logs, and of a
+    fleet, whose dampers are held beside each other, the nominal temperature of the test.
 
     Raises
     ------
     ConfigurationError
-        Another word, or a law is to be chosen too.
+        Another word, a law is to be chosen too, or the file cannot be read.
     """
     if word is None:
         return None
@@ -148,7 +153,12 @@ def covaried(word: str | None, *, model: str | None) -> str | None:
             "--covariate temperature: choose the law first, from logs of one temperature "
             "(damperfit models), then name it: --model NAME"
         )
-    return "mean"
+    overlay = [] if model is None else [("--model", "damper.model", model)]
+    configuration = configured(config, *overlay)
+    named: str | float = configuration.document["damper"]["reference_temperature"]
+    if named != "none":
+        return named
+    return configuration.rig.temperature if of_fleet else "mean"
 
 
 def assignments(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from damperfit import __version__
+from damperfit.damper.warmed import Warmed
 from damperfit.errors import DamperfitError, mishap_of
 from damperfit.fleet.damper_tasks import (
     UNREADABLE,
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 __all__ = ["Done", "Job", "State", "do", "known", "try_log"]
 
 _WORK = "the work on the logs of one damper"
+_REFERENCE = "reference_temperature_degC"
 
 
 class State(Enum):
@@ -292,6 +294,7 @@ def _rows(result: RunResult, damper: str) -> Iterator[dict[str, Any]]:
             "setting": setting,
             "damper": damper,
             "date": known.get("date"),
+            _REFERENCE: result.record["configuration"]["damper"]["reference_temperature"],
         }
 
 
@@ -317,4 +320,7 @@ def _schema(configuration: Configuration) -> pa.Schema:
     ]
     texts = [pa.field(name, pa.string()) for name in ("log", "error_kind", "error")]
     first = [pa.field(name, pa.string()) for name in ("damper", "date", "setting")]
-    return pa.schema([*first, *places, *quantities, *forces, *texts])
+    # Of a damper that follows the temperature: where its resistances and forces hold.
+    is_warmed = isinstance(configuration.damper, Warmed)
+    warmth = [pa.field(_REFERENCE, pa.float64())] if is_warmed else []
+    return pa.schema([*first, *places, *quantities, *warmth, *forces, *texts])

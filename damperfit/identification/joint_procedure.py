@@ -16,7 +16,7 @@ from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.paper.gas_content import GAS_FOLLOWER, first_law, working_pressure
 from damperfit.identification.procedure_input import ProcedureInput
-from damperfit.identification.setting import NOT_FIT_TO_SHARE
+from damperfit.identification.setting import NOT_FIT_TO_SHARE, is_loose
 from damperfit.identification.sharing import Sharing
 from damperfit.identification.unknowns import Unknown, unknown_at, unknowns_of
 from damperfit.parallel import executor
@@ -349,6 +349,6 @@ def _statuses(solution: JointSolution, way: Way, *, is_gas: bool) -> dict[Unknow
         low, high = one.plausible
         found = Status.SHARED if len(having) > 1 else Status.FITTED
         status[unknown] = found if low < value < high else Status.AT_BOUND
-        if one.is_logarithmic and solution.errors[unknown.label] > NOT_FIT_TO_SHARE:
+        if is_loose(one, value, solution.errors[unknown.label], NOT_FIT_TO_SHARE):
             status[unknown] = Status.NOT_IDENTIFIABLE
     return status | ({Unknown(GAS_FOLLOWER): Status.SHARED} if is_gas else {})

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from damperfit.damper.cavitation import Cavitation
     from damperfit.damper.detour import Detour
     from damperfit.damper.model import Values
+    from damperfit.damper.quantity import Quantity
     from damperfit.tested.setting import Setting
 
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "describe_fit",
     "fit_guided",
     "fit_setting",
+    "is_loose",
     "is_sound",
     "lacks_stiffness_alone",
     "relative_errors",
@@ -277,6 +279,26 @@ def relative_errors(solution: Solution) -> NDArray[np.float64]:
     return np.asarray(np.sqrt(np.diag(inverse_information(jacobian)) * variance))
 
 
+def is_loose(quantity: Quantity, value: float, error: float, share: float) -> bool:
+    """Whether a standard error is too large for a number to be called found.
+
+    Parameters
+    ----------
+    quantity : Quantity
+        Which.
+    value : float
+        What was found, in its unit.
+    error : float
+        Of its logarithm, or in its `size`: what is of either sign may be nothing, and then has no
+        relative error. An offset stands beside a force that is known; it is never too loose.
+    share : float
+        The largest error, of the value or of what such a quantity is in a damper.
+    """
+    if quantity.is_logarithmic:
+        return error > share
+    return quantity.is_shared and error > share * max(1.0, abs(value) / quantity.size)
+
+
 def _statuses(misfit: Misfit, solution: Solution) -> dict[str, Status]:
     status = dict.fromkeys(solution.parameters.names, Status.FIXED)
     errors = relative_errors(solution)
@@ -291,7 +313,7 @@ def _statuses(misfit: Misfit, solution: Solution) -> dict[str, Status]:
             status[name] = Status.NOT_IDENTIFIABLE  # rigid oil is no fault: there is no upper limit
         elif not low < value < high:
             status[name] = Status.AT_BOUND
-        elif one.is_logarithmic and error > NOT_FOUND:
+        elif is_loose(one, value, float(error), NOT_FOUND):
             status[name] = Status.NOT_IDENTIFIABLE
     for first, *others in misfit.damper.determined_together:
         if status.get(first) is Status.NOT_IDENTIFIABLE:

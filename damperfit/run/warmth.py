@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from damperfit.damper.warmed import Warmed
+from damperfit.damper.warmed import BETA, Warmed
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -92,12 +92,41 @@ def with_reference(
             f"the effect of temperature cannot be determined over less than "
             f"{LEAST_WARMTH:g} K: test colder or warmer too, or leave the option out"
         )
+    _check_told(configuration, damper, traces)
     reference = damper.reference
     if math.isnan(reference):
         reference = round(sum(known) / len(known), 1)
     document = dict(configuration.document)
     document["damper"] = {**document["damper"], "reference_temperature": reference}
     return replace(configuration, damper=replace(damper, reference=reference), document=document)
+
+
+def _check_told(configuration: Configuration, damper: Warmed, traces: Sequence[Trace]) -> None:
+    """Refuse logs in which whatever temperature does could as well be the setting's."""
+    options = configuration.identification
+    if BETA.name in options.fixed:
+        return
+    warmths: dict[str, list[float]] = {}
+    for trace in traces:
+        if trace.temperature is not None:
+            warmths.setdefault(str(trace.setting), []).append(trace.temperature)
+    alone = [one for one, known in warmths.items() if max(known) - min(known) < LEAST_WARMTH]
+    if options.procedure == "plain" and alone:
+        raise ConfigurationError(
+            f"--covariate temperature: setting {alone[0]} was tested within {LEAST_WARMTH:g} K, "
+            "and procedure plain fits each setting by itself, so that beta cannot be determined "
+            "there: take procedure joint, with one beta for all settings, or leave the option out"
+        )
+    is_open = options.is_detecting or bool(options.follows)
+    held = {*(options.share or ()), *options.fixed}
+    if options.procedure == "joint" and len(alone) == len(warmths) and not is_open:
+        names = damper.viscous
+        if held.isdisjoint(names):
+            raise ConfigurationError(
+                f"--covariate temperature: each setting was tested within {LEAST_WARMTH:g} K, and "
+                f"{' and '.join(names)} are each setting's own, so that beta cannot be determined: "
+                "test one setting cold and warm, or share one of them (--share)"
+            )
 
 
 def are_unlike(first: Trace, second: Trace) -> bool:

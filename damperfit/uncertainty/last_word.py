@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.identification.left_out import is_nothing
 from damperfit.identification.outcome import Outcome, Status
-from damperfit.identification.setting import NOT_FIT_TO_SHARE
+from damperfit.identification.setting import NOT_FIT_TO_SHARE, NOT_FOUND, is_loose
 
 if TYPE_CHECKING:
+    from damperfit.damper.quantity import Quantity
     from damperfit.identification import Campaign, Fit
     from damperfit.uncertainty.assessment import Assessment
     from damperfit.uncertainty.intervals import Uncertainty
@@ -38,6 +40,11 @@ def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
             for name in campaign.sharing.found
             if fit.status[name] == Status.SHARED and _is_unfit(fit, name, known.get(fit.setting))
         }
+        lost = flat.intersection(campaign.sharing.found)
+        lost |= {
+            name for name in campaign.sharing.found if fit.status[name] == Status.NOT_IDENTIFIABLE
+        }
+        flat |= _carried(fit, lost, known.get(fit.setting))
         at_bound = {name for name, status in fit.status.items() if status == Status.AT_BOUND}
         none = {name for name in at_bound if is_nothing(fit.parameters, name)}
         own = none | {name for name in flat if fit.status[name] == Status.FITTED}
@@ -51,9 +58,33 @@ def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
 
 
 def _is_unfit(fit: Fit, name: str, known: Uncertainty | None) -> bool:
-    """Whether a positive value is less than three errors away from nothing."""
-    is_logarithmic = fit.parameters.quantity(name).is_logarithmic
-    if known is None or name not in known.names or not is_logarithmic:
+    """Whether a shared value is less than three errors away from nothing, or from any other."""
+    if known is None or name not in known.names:
         return False
-    place = known.names.index(name)
-    return bool(known.covariance[place, place] > NOT_FIT_TO_SHARE**2)
+    quantity, value = fit.parameters.quantity(name), getattr(fit.parameters, name)
+    return is_loose(quantity, value, _error(quantity, known), NOT_FIT_TO_SHARE)
+
+
+def _error(quantity: Quantity, known: Uncertainty) -> float:
+    """Its printed error of noise, of its logarithm or in its size."""
+    place = known.names.index(quantity.name)
+    error = math.sqrt(float(known.covariance[place, place]))
+    return error if quantity.is_logarithmic else error / quantity.size
+
+
+def _carried(fit: Fit, lost: set[str], known: Uncertainty | None) -> set[str]:
+    """What a setting finds only beside a shared slope of either sign that the logs do not tell."""
+    is_told = all(fit.parameters.quantity(name).is_logarithmic for name in lost)
+    if known is None or is_told:
+        return set()
+    return {
+        name
+        for name in known.names
+        if fit.status[name] == Status.FITTED
+        and is_loose(
+            one := fit.parameters.quantity(name),
+            getattr(fit.parameters, name),
+            _error(one, known),
+            NOT_FOUND,
+        )
+    }

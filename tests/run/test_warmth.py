@@ -17,12 +17,14 @@ from damperfit.conditioning.repeatability import _trend_of_peaks
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.warmed import BETA as QUANTITY
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
 from damperfit.handover import hand_over
 from damperfit.identification import FitOptions, Outcome, Status, identify
 from damperfit.identification.first_beta import with_first_beta
 from damperfit.identification.procedure_input import ProcedureInput
+from damperfit.identification.setting import NOT_FIT_TO_SHARE, is_loose
 from damperfit.queries.adjuster_results import read_adjuster_results
 from damperfit.queries.chosen_parameters import choose_parameters
 from damperfit.queries.one_simulation import damper_of, simulate_test
@@ -33,7 +35,7 @@ from damperfit.run.same_setting import without_contradictions
 from damperfit.run.warmth import are_unlike, with_reference
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty import assess
+from damperfit.uncertainty import assess, reconsider
 from tests.run.test_same_setting import batch
 
 BETA, COLD, WARM = 0.012, 26.0, 60.0
@@ -404,3 +406,72 @@ def test_parameters_without_beta_follow_no_temperature() -> None:
     choice = choose_parameters(1, table=None, replaced={})
     with pytest.raises(ConfigurationError, match=r"reference_temperature: .* has no beta; leave"):
         damper_of(choice, asked_for("mean"))
+
+
+def warmed_run(**identification):
+    configuration = load_configuration(
+        overlay={"damper": {"reference_temperature": "mean"}, "identification": identification}
+    )
+    return lambda *traces: with_reference(configuration, traces)
+
+
+@pytest.mark.parametrize(("reach", "is_refused"), [(2.9, True), (3.1, False)])
+def test_settings_fitted_alone_must_each_be_tested_cold_and_warm(
+    reach: float, *, is_refused: bool
+) -> None:
+    free = ["r_m1", "r_m2", "r_m3", "k_e", "f_f", "beta"]
+    check = warmed_run(procedure="plain", free=free)
+    one = log(10, COLD)
+    near = replace(one, temperature=COLD + reach)
+    if not is_refused:
+        assert check(log(1, COLD), log(1, WARM), one, near).damper.reference > COLD
+        return
+    with pytest.raises(ConfigurationError, match="setting 10 was tested within 3 K, and procedure"):
+        check(log(1, COLD), log(1, WARM), one, near)
+
+
+def test_settings_of_one_temperature_each_must_share_something_viscous() -> None:
+    own = warmed_run(procedure="joint", free=["r_m1", "r_m2", "r_m3", "k_e", "f_f"], share=["beta"])
+    with pytest.raises(ConfigurationError, match="r_m2 and r_m3 are each setting's own"):
+        own(log(1, COLD), log(10, WARM))
+    assert own(log(1, COLD), log(1, WARM), log(10, WARM)).damper.reference > COLD
+    held = warmed_run(
+        procedure="joint", free=["r_m1", "r_m2", "k_e", "f_f"], share=["beta"], fix={"r_m3": 2.6e6}
+    )
+    assert held(log(1, COLD), log(10, WARM)).damper.reference == 43.0
+    given = warmed_run(procedure="plain", free=["r_m1", "r_m2", "k_e"], fix={"beta": 0.012})
+    assert given(log(1, COLD), log(10, WARM)).damper.reference == 43.0
+
+
+def test_a_beta_that_no_log_tells_is_called_so_and_so_is_what_hangs_on_it() -> None:
+    model = Warmed(PURDY_DAMPER, 43.0)
+    own = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
+    campaign = identify(
+        [log(1, COLD), log(10, WARM)], model, FitOptions("joint", free=own, share=("beta",))
+    )
+    judged = assess(campaign, model)
+    told = reconsider(campaign, judged)
+    for fit in told.fits:
+        for name in ("beta", "r_m2", "r_m3"):
+            assert fit.status[name] is Status.NOT_IDENTIFIABLE, name
+        for name in ("r_m1", "k_e", "f_f"):
+            assert fit.status[name] is Status.FITTED, name
+        assert judged.plausible_limits(fit, "beta") == (None, None)
+        assert fit.outcome is Outcome.NOT_IDENTIFIABLE
+    said = judged.verdicts(told)[Setting.of(1)]
+    assert said["beta"].startswith("these logs do not determine it (no value of its plausible")
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "is_lost"),
+    [
+        (0.0, 0.32, False),  # in hundredths a kelvin: nothing at all is an answer too
+        (0.0, 0.34, True),
+        (0.03, 0.99, False),
+        (0.03, 1.01, True),
+    ],
+)
+def test_beta_is_lost_by_its_error_beside_what_oils_have(value, error, *, is_lost: bool) -> None:
+    assert is_loose(QUANTITY, value, error, NOT_FIT_TO_SHARE) is is_lost
+    offset = PURDY_DAMPER.quantity("f_0")
+    assert not is_loose(offset, value, 10.0 * error, NOT_FIT_TO_SHARE)

@@ -1,0 +1,98 @@
+"""``damperfit fleet --covariate temperature``: all dampers told at one temperature."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from damperfit.cli.main import main
+from damperfit.cli.option_values import covaried
+from damperfit.errors import ConfigurationError
+from damperfit.queries.adjuster_results import read_adjuster_results
+from tests.fleet.test_fleet_command import Here
+from tests.run.test_warmth import BETA, COLD, WARM, known_at, recording
+
+DAMPERS = {"D1": (COLD, WARM), "D2": (COLD + 4.0, WARM), "D3": (COLD, COLD + 0.2)}
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory):
+    """Two dampers that were tested cold and warm, and one that was not."""
+    folder = tmp_path_factory.mktemp("fleet")
+    for name, temperatures in DAMPERS.items():
+        (folder / "logs" / name).mkdir(parents=True)
+        for temperature in temperatures:
+            one = recording(1, temperature)
+            rows = zip(one.time, 1e3 * one.displacement, one.force, strict=True)
+            lines = ["# setting: 1", f"# temperature: {temperature}"]
+            lines.append("time_s,displacement_mm,force_N")
+            lines += [f"{t:.4f},{x:.5f},{f:.3f}" for t, x, f in rows]
+            path = folder / "logs" / name / one.name
+            path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("damperfit.fleet.processes.Processes", Here)
+        code = main(
+            [
+                *("fleet", str(folder / "logs"), "--out", str(folder / "fleet"), "--quiet"),
+                *("--covariate", "temperature", "--collect"),
+            ]
+        )
+    assert code == 1  # D3 has no two temperatures
+    return folder / "fleet"
+
+
+def test_each_damper_tells_beta_and_all_are_told_at_one_temperature(fleet: Path) -> None:
+    table = pd.read_parquet(fleet / "fleet.parquet").set_index("serial")
+    for name in ("D1", "D2"):
+        row = table.loc[name]
+        assert row["reference_temperature_degC"] == 26.0  # not the mean of its logs
+        assert abs(row["beta"] - BETA) < 4.0 * row["beta_se"] < 0.2 * BETA
+        assert row["r_m3"] == pytest.approx(known_at(1, 26.0).r_m3, rel=0.02)
+    assert "cannot be determined over less than 3 K" in table.loc["D3", "error"]
+
+
+def test_a_part_is_asked_for_at_another_temperature(fleet: Path) -> None:
+    cold, warm = (
+        read_adjuster_results(fleet / "serial=D1", temperature=asked) for asked in (None, "60degC")
+    )
+    assert cold.source.endswith(", at 26 degC")
+    assert warm.source.endswith(", at 60 degC")
+
+
+def test_a_fleet_without_it_has_no_such_column(three, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("damperfit.fleet.processes.Processes", Here)
+    out = tmp_path / "out"
+    assert main(["fleet", str(three / "D1"), "--out", str(out), "--collect", "--quiet"]) == 0
+    assert not {"beta", "reference_temperature_degC"} & set(pd.read_parquet(out / "fleet.parquet"))
+
+
+@pytest.mark.parametrize(
+    ("told", "of_fleet", "there"),
+    [
+        ("", False, "mean"),
+        ("", True, 26.0),
+        ('[damper]\nreference_temperature = "40degC"\n', False, "40degC"),
+        ('[damper]\nreference_temperature = "40degC"\n', True, "40degC"),
+        ('[damper]\nreference_temperature = "mean"\n', True, "mean"),
+        ("[rig]\ntemperature = 31.0\n", True, 31.0),
+        ("[rig]\ntemperature = 31.0\n", False, "mean"),
+    ],
+)
+def test_a_temperature_that_the_file_names_stays(tmp_path, told, of_fleet, there) -> None:
+    config = tmp_path / "rig.toml"
+    config.write_text(told, encoding="utf-8")
+    found = covaried("temperature", model=None, config=config, of_fleet=of_fleet)
+    assert found == there
+
+
+def test_a_mistake_of_the_file_is_told_as_of_any_run(tmp_path, capsys) -> None:
+    config = tmp_path / "rig.toml"
+    config.write_text("[damper]\nrod_diametre = 3\n", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match="rod_diametre"):
+        covaried("temperature", model=None, config=config)
+    assert main(["fleet", "x", "--covariate", "speed", "--config", str(config)]) == 2
+    assert "--covariate speed: expected temperature" in capsys.readouterr().err
+    assert json.dumps(covaried(None, model=None)) == "null"
