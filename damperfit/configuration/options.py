@@ -228,6 +228,24 @@ class Configuration:
         )
 
     @property
+    def is_assumed(self) -> bool:
+        """Whether nobody gave anything of the damper."""
+        return bool(self.keys) and len(self.undeclared) == len(self.keys)
+
+    @property
+    def assumed_of_paper(self) -> str:
+        """What nobody declared of the paper's model, as in "[damper] is"; empty for nothing.
+
+        What the oil weighs and how its gas is compressed bend nothing that the grade hides.
+        """
+        if self.damper.name != "purdy":
+            return ""
+        if self.is_assumed:
+            return "[damper] is"
+        names = [name for name in self.undeclared if name not in {"oil_density", "gas_exponent"}]
+        return f"{' and '.join(names)} {'are' if len(names) > 1 else 'is'}" if names else ""
+
+    @property
     def damper_sentence(self) -> str:
         """The damper's main figures, and whose they are."""
         return self.damper_sentence_from("")
@@ -235,9 +253,12 @@ class Configuration:
     def damper_sentence_from(self, origin: str) -> str:
         """Return `damper_sentence` with words on where the damper was found, behind its figures."""
         assumed = ""
-        if self.keys and len(self.undeclared) == len(self.keys):
+        if self.is_assumed:
             whose = "the paper's" if self.damper.name == "purdy" else "made up"
-            assumed = f" ({whose}: [damper] is not declared)"
+            assumed = (
+                f" ({whose}: [damper] is not declared, and resistances, K_e and pressures are "
+                "right only for these dimensions)"
+            )
         return f"Damper: {self.damper.plain.sentence}{assumed}{origin}{self.damper.condition}."
 
     @property

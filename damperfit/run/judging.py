@@ -120,7 +120,12 @@ def judge(
     no_objections: dict[Setting, tuple[Objection, ...]] = {}
     found_against = mishaps.spared(
         "looking for what a grade must not hide",
-        lambda: objections(judged, assessment, configuration.conditioning.gas),
+        lambda: objections(
+            judged,
+            assessment,
+            configuration.conditioning.gas,
+            assumed=configuration.assumed_of_paper,
+        ),
         no_objections,
     )
     assessment = replace(assessment, objections=found_against)

@@ -7,7 +7,7 @@ explains is what a refit with that flaw in the model would gain.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -44,6 +44,8 @@ _LARGEST: Mapping[str, float] = MappingProxyType(
         "compressibility": 300.0,  # %; oil with gas in it stiffens by its pressure
     }
 )
+# Times as stiff as declared; beyond this it is no gas spring.
+_STIFFEST, _SOFTEST = 5.0, 0.2
 _LARGEST_FORCE = 1.0
 _LARGEST_OF_HELD = 1000.0  # %; ten times what it is held at
 # None of these is the cause where a damper yields before it slides: all of them shape the reversal.
@@ -53,6 +55,7 @@ _OF_VALVES = frozenset(
         "gas_pressure",
         "gas_exponent",
         "gas_volume",
+        "gas_stiffness",
         "compressibility",
         "valve_law_rebound",
         "valve_law_bump",
@@ -228,6 +231,7 @@ def seek_flaws(
     found.sort(key=lambda hint: -hint.share)
     if not found or found[0].share < _NAMED:
         return ()
+    found[0] = _as_stiffness(found[0])
     # What stands far behind a best one that is beyond reason leaves most of the misfit unexplained.
     bar = max(_TIE * found[0].share, _NAMED)
     return tuple(
@@ -237,8 +241,26 @@ def seek_flaws(
     )
 
 
+def _as_stiffness(hint: Hint) -> Hint:
+    """Return an exponent that no gas has as what it stands for: another stiffness of the gas.
+
+    To first order the force of the gas at the ends of the stroke goes with gamma a_r^2 P_0/V_g0.
+    """
+    times = 1.0 + hint.amount / 100.0
+    is_reasonable = abs(hint.amount) <= _LARGEST["gas_exponent"]
+    if hint.name != "gas_exponent" or is_reasonable or not _SOFTEST <= times <= _STIFFEST:
+        return hint
+    words = (
+        f"a gas spring about {_rounded(times)} times as stiff as declared (gas volume, gas "
+        "pressure, rod diameter)"
+    )
+    return replace(hint, name="gas_stiffness", words=words)
+
+
 def _is_reasonable(hint: Hint, half_range: float) -> bool:
     """Whether a rig or damper can be wrong by so much; the half range is the force's, N."""
+    if hint.name == "gas_stiffness":
+        return True
     if hint.name in _LARGEST:
         largest = _LARGEST[hint.name]
     else:

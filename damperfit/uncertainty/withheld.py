@@ -55,6 +55,8 @@ class GradeLimits:
         Distance of f_0 from the offset that the log shows, over what that may be wrong by.
     jump : float
         Jump of the friction at a reversal over the jump that the log has there.
+    dimensions : float
+        Share of what repeats that other dimensions of the gas or rod explain.
     times_noise, misfit_percent : float
         What repeats in the residual, over the noise and as a share of the force's variance, both
         at once: rigs repeat so well that 0.05 % is many times their noise and of no consequence;
@@ -67,6 +69,7 @@ class GradeLimits:
     cavitation: float = 0.05
     offset: float = 1.0
     jump: float = 1.25
+    dimensions: float = 0.9
     times_noise: float = 30.0
     misfit_percent: float = 0.2
     nothing_percent: float = 0.02  # as `laws.ENOUGH_PERCENT`, which takes too long to import here
@@ -87,7 +90,7 @@ class Objection:
     Attributes
     ----------
     kind : str
-        bound, beyond, cavitation, offset, friction or misfit.
+        bound, beyond, cavitation, offset, friction, dimensions or misfit.
     quantity : str
         Name of the quantity it is about; empty where it is about none.
     sentence : str
@@ -100,7 +103,11 @@ class Objection:
 
 
 def objections(
-    campaign: Campaign, assessment: Assessment, gas: GasFacts | None = None
+    campaign: Campaign,
+    assessment: Assessment,
+    gas: GasFacts | None = None,
+    *,
+    assumed: str = "",
 ) -> dict[Setting, tuple[Objection, ...]]:
     """Return by setting why its grade is withheld; settings without a reason are left out.
 
@@ -112,10 +119,18 @@ def objections(
         What their residuals say.
     gas : GasFacts or None
         Of the damper, to tell the offset of a log by; None: it is not looked at.
+    assumed : str
+        Of the paper's model: whose dimensions are the paper's because nobody declared them, as in
+        "[damper] is" or "piston_diameter and gas_length are"; empty where all are declared.
     """
     diagnoses = {one.setting: one for one in assessment.diagnoses}
+    doubted = _doubted_dimensions(campaign, diagnoses, assumed)
     found = {
-        fit.setting: tuple(_of_fit(fit, diagnoses.get(fit.setting), gas)) for fit in campaign.fits
+        fit.setting: (
+            *_of_fit(fit, diagnoses.get(fit.setting), gas),
+            *doubted.get(fit.setting, ()),
+        )
+        for fit in campaign.fits
     }
     return {setting: reasons for setting, reasons in found.items() if reasons}
 
@@ -188,6 +203,48 @@ def _misfit(diagnosis: Diagnosis) -> Iterator[Objection]:
             "",
             f"a misfit of {repeats:.2g} % repeats from cycle to cycle, {times}",
         )
+
+
+def _doubted_dimensions(
+    campaign: Campaign, diagnoses: Mapping[Setting, Diagnosis], assumed: str
+) -> dict[Setting, tuple[Objection]]:
+    """Return where what repeats is that of other dimensions, or of dimensions that nobody gave.
+
+    Dimensions are the damper's: where one setting has shown them to be wrong, the others in which
+    the same repeats are bent by them too, however little it is there.
+    """
+    lost = {
+        fit.setting
+        for fit in campaign.fits
+        if fit.setting in diagnoses and _is_bent(fit, diagnoses[fit.setting])
+    }
+    said = {}
+    for setting, one in diagnoses.items():
+        if not lost or not one.is_structured:
+            continue
+        misses = f"of the MSE of {one.mse_percent:.2g} % only {one.noise_percent:.2g} % is noise"
+        if assumed:
+            said[setting] = f"{assumed} not declared, and with the paper's dimensions {misses}"
+        elif _is_of_gas(one) and any(_is_of_gas(diagnoses[other]) for other in lost):
+            said[setting] = f"{misses}, and the rest is as from {one.hints[0].words}"
+    return {
+        setting: (Objection("dimensions", "", f"{words}: declare the damper as it is"),)
+        for setting, words in said.items()
+    }
+
+
+def _is_bent(fit: Fit, diagnosis: Diagnosis) -> bool:
+    repeats, noise = diagnosis.repeating_percent, diagnosis.noise_percent
+    is_much = repeats > LIMITS.times_noise * noise  # never where the noise is not known
+    return diagnosis.is_structured and is_much and fit.mse_percent > LIMITS.nothing_percent
+
+
+def _is_of_gas(diagnosis: Diagnosis) -> bool:
+    """Whether what repeats is locked to the position as the force of another gas spring is."""
+    if not diagnosis.hints:
+        return False
+    first = diagnosis.hints[0]
+    return first.name.startswith("gas_") and first.share > LIMITS.dimensions
 
 
 def _round(times: float) -> str:

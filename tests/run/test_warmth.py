@@ -331,7 +331,7 @@ def test_other_programs_get_it_at_one_temperature(results, asked, there: float) 
 
 def test_the_temperature_of_a_damper_follows_whose_it_is() -> None:
     said = with_reference(asked_for("mean"), logs(COLD, WARM, settings=(1,))).damper_sentence
-    assert said.endswith("is not declared); r_m2 and r_m3 are those at 43 degC.")
+    assert said.endswith("only for these dimensions); r_m2 and r_m3 are those at 43 degC.")
 
 
 def test_the_origin_of_a_damper_is_told_before_the_temperature(results) -> None:

@@ -14,8 +14,14 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Finding, Recording
-from damperfit.uncertainty import Assessment, assess
-from damperfit.uncertainty.flaws import _FLAWS, Hint, _is_reasonable, seek_flaws
+from damperfit.uncertainty import Assessment, assess, objections
+from damperfit.uncertainty.flaws import (
+    _FLAWS,
+    Hint,
+    _as_stiffness,
+    _is_reasonable,
+    seek_flaws,
+)
 from damperfit.uncertainty.intervals import linearise_settings
 from damperfit.uncertainty.residuals import Diagnosis, _fits_skew, _sentence, _warned, reconciled
 from damperfit.uncertainty.yielding import YIELDS, held_share
@@ -49,6 +55,40 @@ def test_an_amount_beyond_reason_is_no_cause(name: str, largest: float) -> None:
     for sign in (1.0, -1.0):
         assert _is_reasonable(hint(name, sign * largest), half_range)
         assert not _is_reasonable(hint(name, sign * 1.001 * largest), half_range)
+
+
+@pytest.mark.parametrize(
+    ("amount", "said"),
+    [
+        (49.0, ""),  # an exponent that a gas may have
+        (51.0, "about 1.5 times as stiff"),
+        (399.0, "about 5 times as stiff"),
+        (401.0, ""),
+        (-79.0, "about 0.21 times as stiff"),
+        (-81.0, ""),
+    ],
+)
+def test_an_exponent_that_no_gas_has_is_another_gas_spring(amount: float, said: str) -> None:
+    found = _as_stiffness(hint("gas_exponent", amount))
+    assert found.name == ("gas_stiffness" if said else "gas_exponent")
+    assert said in found.words
+    assert _is_reasonable(found, 700.0) is (bool(said) or abs(amount) < 50.0)
+    assert _as_stiffness(hint("gas_volume", amount)).name == "gas_volume"
+
+
+def test_a_gas_spring_of_twice_the_stiffness_is_named_and_costs_the_grade() -> None:
+    short = replace(PURDY_DAMPER, gas_length=0.025)
+    campaign = identify([short_trace(1, damper=short, noise=4.0)], PURDY_DAMPER, PLAIN)
+    judged = assess(campaign, PURDY_DAMPER)
+    (one,) = judged.diagnoses
+    assert one.hints[0].name == "gas_stiffness"
+    times = 1.0 + one.hints[0].amount / 100.0
+    assert 1.5 < times < 2.5
+    (fit,) = campaign.fits
+    assert fit.mse_percent < 0.2  # excellent by the MSE, and K_e is off by a factor
+    assert fit.parameters.k_e < 0.5 * reference_parameters(1).k_e
+    (why,) = objections(campaign, judged)[fit.setting]
+    assert why.kind == "dimensions"
 
 
 def yielding(hold: float, noise: float = 2.0) -> Recording:

@@ -17,6 +17,7 @@ from damperfit.identification import Fit, Status
 from damperfit.identification.plausible import edge_of
 from damperfit.laws import ENOUGH_PERCENT
 from damperfit.uncertainty import Assessment, Diagnosis, objections
+from damperfit.uncertainty.flaws import Hint
 from damperfit.uncertainty.withheld import LIMITS, jump_ratio, offset_mismatch
 from tests import fakes
 from tests.fakes import campaign
@@ -185,3 +186,63 @@ def test_coefficients_and_yield_forces_are_neither_tare_nor_friction() -> None:
         assert not any(one.is_friction for one in found)
     assert [one.name for one in PURDY_DAMPER.quantities if one.is_friction] == ["f_f"]
     assert [one.name for one in PURDY_DAMPER.quantities if one.is_offset] == ["f_0"]
+
+
+def of_gas(name: str = "gas_volume", share: float = 0.95) -> Hint:
+    return Hint(name, "position", share, 29.0, "a wrong gas or rod volume (29 N at full stroke)")
+
+
+def about_dimensions(*seen: Diagnosis, assumed: str = "") -> list[tuple[object, str]]:
+    fits = [replace(fakes.fit(k), mse_percent=one.mse_percent) for k, one in enumerate(seen, 1)]
+    diagnoses = tuple(
+        replace(one, setting=fit.setting) for one, fit in zip(seen, fits, strict=True)
+    )
+    found = objections(campaign(*fits), Assessment(diagnoses=diagnoses), assumed=assumed)
+    return [
+        (setting, one.sentence)
+        for setting, why in found.items()
+        for one in why
+        if one.kind == "dimensions"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("mse", "noise", "hints", "is_withheld"),
+    [
+        (0.05, 0.001, (of_gas(),), True),
+        (0.05, 0.001, (of_gas("gas_stiffness"),), True),
+        (0.05, 0.001, (of_gas(share=0.89),), False),
+        (0.05, 0.001, (of_gas("offset"),), False),
+        (0.05, 0.001, (), False),
+        (0.0201, 0.0006, (of_gas(),), True),
+        (0.0199, 0.0006, (of_gas(),), False),  # too little to mind
+        (0.05, 0.05 / 31.1, (of_gas(),), True),
+        (0.05, 0.05 / 30.9, (of_gas(),), False),
+        (0.05, float("nan"), (of_gas(),), False),
+    ],
+)
+def test_a_misfit_of_another_gas_spring_or_rod(mse, noise, hints, *, is_withheld: bool) -> None:
+    said = about_dimensions(replace(told(mse, noise), hints=hints))
+    assert bool(said) is is_withheld
+    if said:
+        assert "the rest is as from a wrong gas or rod volume (29 N at full stroke)" in said[0][1]
+
+
+def test_dimensions_are_the_damper_s_and_not_a_setting_s() -> None:
+    much, little = (replace(told(mse, mse / 40.0), hints=(of_gas(),)) for mse in (0.05, 0.005))
+    other, white = told(0.05), told(0.005, 0.0049, misses=False)
+    assert [setting for setting, _ in about_dimensions(much, little, other, white)] == [1, 2]
+    assert about_dimensions(little, little) == []
+    assert about_dimensions(other, little) == []
+
+
+@pytest.mark.parametrize(("mse", "is_withheld"), [(0.0201, True), (0.0199, False)])
+def test_a_misfit_with_dimensions_that_nobody_gave(mse: float, *, is_withheld: bool) -> None:
+    seen = told(mse, mse / 40.0)
+    assert about_dimensions(seen) == []
+    said = about_dimensions(seen, told(0.005, 0.0049, misses=False), assumed="[damper] is")
+    assert [setting for setting, _ in said] == ([1] if is_withheld else [])
+    if said:
+        assert said[0][1].startswith(
+            "[damper] is not declared, and with the paper's dimensions of the MSE of 0.02 % only"
+        )
