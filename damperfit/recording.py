@@ -132,11 +132,15 @@ class FilterDesign:
         True: run forward and backward. False: run forward only.
     description : str
         One line for reports.
+    bridged : tuple of int
+        Samples at which a signal is not taken as it is: before the filter the mean of both
+        neighbours stands there, of measured and simulated forces alike.
     """
 
     sections: FloatArray
     is_zero_phase: bool
     description: str
+    bridged: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,11 +153,23 @@ class Drive:
         Shape (n,); m, m/s.
     corner : float
         Frequency above which noise was taken off, Hz; infinite where nothing was.
+    jumps : numpy.ndarray
+        Where the speed jumps, shape (k, 4), as `damperfit.simulation.Motion` has it; none where
+        the motion is not known so sharply.
     """
 
     displacement: FloatArray
     velocity: FloatArray
     corner: float
+    jumps: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
+
+    def part(self, kept: slice, centre: float) -> Drive:
+        """Return the drive of some samples, counted from the first of them and from a centre."""
+        first, stop, _ = kept.indices(len(self.displacement))
+        at = self.jumps[:, 0]
+        jumps = self.jumps[(at > first) & (at <= stop - 1)] - [first, centre, 0.0, 0.0]
+        x, v = self.displacement[kept] - centre, self.velocity[kept].copy()
+        return Drive(x, v, self.corner, jumps)
 
 
 @dataclass(frozen=True, slots=True)

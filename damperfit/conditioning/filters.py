@@ -151,6 +151,10 @@ def apply_filter(design: FilterDesign, signal: FloatArray, axis: int = -1) -> Fl
         return np.array(signal, dtype=np.float64)
     run = _forward_backward if design.is_zero_phase else _one_pass
     moved = np.moveaxis(np.asarray(signal, dtype=np.float64), axis, -1)
+    if design.bridged:
+        at = np.array(design.bridged)
+        moved = moved.copy()
+        moved[..., at] = 0.5 * (moved[..., at - 1] + moved[..., at + 1])
     return np.moveaxis(run(design.sections, moved), -1, axis)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from damperfit.conditioning.behind_filter import FilteredLog
 from damperfit.conditioning.beside_cycles import transients
 from damperfit.conditioning.compared_part import ComparedPart, choose_compared
 from damperfit.conditioning.corner import with_corner
@@ -20,7 +21,7 @@ from damperfit.conditioning.corrections import (
     put_right,
 )
 from damperfit.conditioning.drive import make_drive
-from damperfit.conditioning.filters import fading_samples
+from damperfit.conditioning.filters import apply_filter, fading_samples
 from damperfit.conditioning.measured_characteristics import with_figures
 from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.quality import bridge_spikes, examine
@@ -33,11 +34,12 @@ from damperfit.conditioning.refusals import (
 )
 from damperfit.conditioning.scatter import with_noise
 from damperfit.conditioning.skew import take_back
+from damperfit.conditioning.straight import drive_of_lines
 from damperfit.conditioning.stretches import FoundStretch
 from damperfit.conditioning.timebase import UniformLog, make_uniform
 from damperfit.conditioning.velocity import check_velocity
 from damperfit.errors import ConditioningError, ConfigurationError
-from damperfit.recording import Drive, Recording, Stretch, Trace
+from damperfit.recording import Drive, FilterDesign, Recording, Stretch, Trace
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -129,7 +131,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     part = choose_compared(recording.name, log, options)
     seen, keep = part.seen, part.keep
     displacement = seen.displacement
-    drive = make_drive(seen.log, displacement, seen.velocity, part.found, options)
+    seen, drive = _driven(seen, part.found, keep, options)
     stretches = [one.stretch for one in part.found]
     sign = -1.0 if recording.reverse_displacement else 1.0  # the log's own count
     middle = part.cycles.centre if part.cycles else middle_of(displacement, stretches)
@@ -138,7 +140,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     # One array where both are the same: most logs are steady sines.
     own = Drive(x, v, drive.corner)
     if drive.displacement is not displacement:
-        own = Drive(drive.displacement[keep] - centre, drive.velocity[keep].copy(), drive.corner)
+        own = drive.part(keep, centre)
     trace = Trace(
         name=recording.name,
         setting=recording.setting,
@@ -151,7 +153,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         stretches=tuple(_moved(stretch, -keep.start) for stretch in stretches),
         centre=sign * centre,
         n_cycles_found=part.n_found,
-        model_filter=seen.model_filter,
+        model_filter=_moved_filter(seen.model_filter, keep),
         temperature=_mean_temperature(recording, seen.log, stretches),
         notes=_notes(options),
     )
@@ -159,6 +161,28 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
     rest = (seen.log.force - seen.force)[keep] if is_ours else np.empty(0)
     trace = _with_whole(with_noise(trace, rest), part, options, centre)
     return _Traced(trace, log, logged, part)
+
+
+def _driven(
+    seen: FilteredLog, found: Sequence[FoundStretch], part: slice, options: ConditionOptions
+) -> tuple[FilteredLog, Drive]:
+    """Return what drives the model over a part of the log: lines, where its motion is straight.
+
+    A sample at a jump of the speed may have the friction of before it or of after it: it is
+    bridged, of the measured and of the simulated force.
+    """
+    drive = make_drive(seen.log, seen.displacement, seen.velocity, found, options)
+    if drive.displacement is seen.displacement or options.filter != "zero_phase":
+        return seen, drive
+    lines = drive_of_lines(seen.log.displacement, seen.log.interval, part)
+    if lines is None:
+        return seen, drive
+    at = lines.jumps[:, 0]
+    last = len(seen.force) - 1
+    bridged = tuple(int(one) for one in at[at == np.rint(at)].tolist() if 0 < one < last)
+    design = replace(seen.model_filter, bridged=bridged)
+    force = apply_filter(design, seen.log.force) if bridged else seen.force
+    return seen._replace(force=force, model_filter=design), lines
 
 
 def _with_whole(
@@ -176,6 +200,7 @@ def _with_whole(
         displacement=x,
         velocity=v,
         force=seen.force,
+        model_filter=seen.model_filter,
         stretches=tuple(_moved(stretch, keep.start) for stretch in trace.stretches),
     )
     beside = transients(whole)
@@ -188,14 +213,18 @@ def _with_whole(
     reach = fading_samples(trace.model_filter)
     parts = (*(one.stretch for one in part.found), *beside.stretches)
     found = [FoundStretch(one, one.first - reach - 1.0, one.stop + reach + 1.0) for one in parts]
-    own = make_drive(seen.log, seen.displacement, v, found, options)
-    return replace(
-        trace,
-        displacement=x[keep],
-        velocity=v[keep],
-        force=seen.force[keep],
-        whole=replace(whole, drive=Drive(own.displacement - centre, own.velocity, own.corner)),
+    seen, own = _driven(seen, found, slice(None), options)
+    whole = replace(
+        whole, force=seen.force, model_filter=seen.model_filter, drive=own.part(slice(None), centre)
     )
+    kept_force = trace.force if trace.model_filter.bridged else whole.force[keep]
+    return replace(trace, displacement=x[keep], velocity=v[keep], force=kept_force, whole=whole)
+
+
+def _moved_filter(design: FilterDesign, keep: slice) -> FilterDesign:
+    """Return a filter for a part of the log's samples."""
+    bridged = (at - keep.start for at in design.bridged if keep.start < at < keep.stop - 1)
+    return replace(design, bridged=tuple(bridged))
 
 
 def _moved(stretch: Stretch, by: int) -> Stretch:

@@ -154,6 +154,14 @@ def _drive(trace: Trace, options: ConditionOptions) -> Iterator[Finding]:
         if trace.drive.displacement is not trace.displacement and trace.drive.corner > (
             options.filter_corner
         ):
+            turns = len(trace.drive.jumps)
+            if turns:
+                text = (
+                    "the motion is straight between sharp corners: the model is driven by the "
+                    f"lines and turns where they cross, {turns} times"
+                )
+                yield Finding("drive", "note", text, float(turns))
+                return
             text = (
                 f"the motion has content beyond {options.filter_corner:g} Hz: the model is driven "
                 f"by the displacement with the noise above {trace.drive.corner:.3g} Hz taken off"

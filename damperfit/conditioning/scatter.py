@@ -84,7 +84,9 @@ def _noisy(trace: Trace, stretch: Stretch, rest: FloatArray) -> Stretch:
         return replace(stretch, noise=noise, noise_source=_BY_CYCLES)
     if not len(rest):
         return stretch
-    noise = noise_of(rest[stretch.window]) * math.sqrt(_passed(trace.model_filter))
+    noise = noise_of(rest[stretch.window]) * math.sqrt(
+        _passed(replace(trace.model_filter, bridged=()))
+    )
     return replace(stretch, noise=noise, noise_source="above the filter")
 
 

@@ -114,12 +114,13 @@ def simulate_network(
     ]
     x = np.ascontiguousarray(motion.displacement, dtype=np.float64)
     v = np.ascontiguousarray(motion.velocity, dtype=np.float64)
+    jumps = np.ascontiguousarray(motion.jumps, dtype=np.float64)
     n = len(x)
     pressures, masses, force = np.empty((3, n)), np.empty((2, n)), np.empty(n)
     rows = np.empty((len(sensitivities), n))
     code, steps, rejected, newton, sample = compiled_core().simulate_network(
         _body(damper, network), np.array([numbers[name] for name in known], dtype=np.float64),
-        np.array(passages, dtype=np.intc), x, v,
+        np.array(passages, dtype=np.intc), x, v, jumps,
         np.array([place[name] for name in sensitivities], dtype=np.intc),
         pressures, masses, force, rows, motion.interval, options.rounding,
         network.has_floating_piston, options.tolerance, options.dead_band,

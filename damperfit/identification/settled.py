@@ -148,6 +148,9 @@ def settled(traces: Sequence[Trace], *, is_thinned: bool = True) -> SettledLogs 
     """
     if any(not one.n_cycles for trace in traces for one in trace.stretches):
         return None
+    # Between samples the speed jumps elsewhere in each cycle.
+    if any(len(trace.drive.jumps) for trace in traces):
+        return None
     cycles, scatter = [], 0.0
     for trace, weight in zip(traces, weights(traces), strict=True):
         whole = np.ones(trace.n_samples) if weight is None else weight

@@ -3,7 +3,7 @@
 Where the speed jumps, as at the corners of a triangle, the force of some milliseconds follows from
 the microns and microseconds of the turn, which no sensor tells: noise of a few um there bent R_m3
 of two triangles. These samples are simulated, shown and in every MSE, but the fit takes no notice
-of them (`tests/identification/test_any_motion.py`).
+of them, unless the motion is straight on both sides (`damperfit.conditioning.straight`).
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def weights(traces: Sequence[Trace]) -> tuple[FloatArray | None, ...]:
 
 def _counted(trace: Trace) -> NDArray[np.bool_] | None:
     """Which of the compared samples lie beside no jump of the speed; None for all."""
-    if trace.drive.velocity is trace.velocity:
+    if trace.drive.velocity is trace.velocity or len(trace.drive.jumps):
         return None
     cut_off = np.abs(trace.drive.velocity - trace.velocity)
     counts = np.ones(len(cut_off), dtype=bool)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import TYPE_CHECKING
 
@@ -42,6 +42,10 @@ class Motion:
         What the damper was filled to for this test, Pa absolute; None: as it is declared.
     temperature : float or None
         Mean over the test, degrees Celsius; None: it is not known.
+    jumps : numpy.ndarray
+        Where the speed jumps, shape (k, 4), in order of time: after how many samples from the
+        first (a part of one counts), x there, and the speed before and after it. A sample at
+        which it jumps has the speed after it.
 
     Raises
     ------
@@ -56,6 +60,7 @@ class Motion:
     start_time: float = 0.0
     gas_pressure: float | None = None
     temperature: float | None = None
+    jumps: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
 
     def __post_init__(self) -> None:
         """Refuse what is no motion."""
@@ -76,6 +81,8 @@ class Motion:
                 raise SimulationError(
                     f"motion: {name} is not a finite number at sample {bad[0]} (counted from 0)"
                 )
+        if np.size(self.jumps):
+            self._refuse_wrong_jumps()
 
     def _refuse_what_are_no_numbers(self) -> None:
         for name in ("interval", "start_time", "gas_pressure", "temperature"):
@@ -93,6 +100,32 @@ class Motion:
                     f"{type(getattr(self, name)).__name__} of something else"
                 )
 
+    def _refuse_wrong_jumps(self) -> None:
+        if np.ndim(self.jumps) != 2 or np.shape(self.jumps)[1] != 4:
+            raise SimulationError(
+                f"motion: expected jumps of shape (k, 4), found {np.shape(self.jumps)}"
+            )
+        at = self.jumps[:, 0]
+        if not np.all(np.isfinite(self.jumps)):
+            raise SimulationError("motion: a number of jumps is not finite")
+        if not (at[0] > 0.0 and at[-1] <= len(self.displacement) - 1 and np.all(np.diff(at) > 0)):
+            raise SimulationError(
+                "motion: expected jumps in order of time, after the first sample and not after "
+                "the last"
+            )
+
+    def until(self, first: int, stop: int) -> Motion:
+        """Return the motion from one sample to before another."""
+        at = self.jumps[:, 0]
+        jumps = self.jumps[(at > first) & (at <= stop - 1)] - [first, 0.0, 0.0, 0.0]
+        return replace(
+            self,
+            displacement=self.displacement[first:stop],
+            velocity=self.velocity[first:stop],
+            start_time=self.start_time + first * self.interval,
+            jumps=jumps,
+        )
+
 
 # What dataclasses write says TypeError, of __init__.
 Motion.__init__ = refuse_wrong_arguments("damperfit.Motion")(Motion.__init__)  # type: ignore[method-assign]
@@ -107,6 +140,7 @@ def motion_of(trace: Trace) -> Motion:
         trace.start_time,
         trace.gas_pressure,
         trace.temperature,
+        trace.drive.jumps,
     )
 
 

@@ -66,14 +66,26 @@ def truth_of(damper, setting):
     return replace(values, r_m1=float(values.r_m1 * ratio**1.5), **own)
 
 
-def made(drive, truth, damper, n):
-    """Displacement and force at the log's samples; between them the core sees every corner."""
-    fine = np.arange(n * OVER) / (OVER * RATE)
+def made(drive, truth, damper, n, *, sensitivities=()):
+    """Displacement and response at the log's samples; between them the core sees every corner."""
+    rate = OVER * RATE
+    fine = np.arange(n * OVER) / rate
     x = np.array([drive.displacement(t) for t in fine.tolist()])
     v = np.array([drive.velocity(t) for t in fine.tolist()])
+    jumps = []
+    for corner in sorted({one for one in drive.corners if 0.0 < one < fine[-1]}):
+        speeds = [drive.velocity(corner + one) for one in (-1e-9, 1e-9)]
+        at = corner * rate
+        if abs(at - round(at)) < 1e-5:  # the sample belongs to what follows
+            at = round(at)
+            v[at] = speeds[1]
+        if abs(speeds[1] - speeds[0]) > 1e-6:
+            jumps.append((at, drive.displacement(corner), *speeds))
+    motion = Motion(1.0 / rate, x, v, jumps=np.array(jumps).reshape(-1, 4))
     tight = SolverOptions(tolerance=1e-4)
-    force = simulate(truth, damper, Motion(1.0 / (OVER * RATE), x, v), options=tight).force
-    return x[::OVER], force[::OVER]
+    response = simulate(truth, damper, motion, sensitivities=sensitivities, options=tight)
+    rows = [response.force, *response.sensitivities.values()]
+    return x[::OVER], np.stack(rows)[:, ::OVER]
 
 
 def main():
@@ -91,7 +103,7 @@ def main():
                 damper = DAMPERS[name]
                 drive, truth = MOTIONS[motion](), truth_of(damper, setting)
                 time = np.arange(round(drive.duration * RATE)) / RATE
-                x, force = made(drive, truth, damper, len(time))
+                x, (force,) = made(drive, truth, damper, len(time))
                 worst, met, told, held = dict.fromkeys(BARS, 0.0), 0, 0, 0
                 for seed in range(given.first, given.first + given.seeds):
                     random = np.random.default_rng(seed)

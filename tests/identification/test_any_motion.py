@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -18,7 +18,8 @@ from damperfit.recording import Drive
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import assess
 from tests import fakes
-from tests.oracles.motions import logged
+from tests.identification.least_errors import errors_of
+from tests.oracles.motions import logged, triangles
 
 LONG = ("steps", "road", "sweep")
 WITHIN = {"r_m1": 0.002, "r_m2": 0.005, "r_m3": 0.01, "k_e": 0.02, "f_f": 0.03}
@@ -86,15 +87,9 @@ def test_a_triangle_alone_does_not_tell_and_says_so():
         assert getattr(fit.parameters, name) == pytest.approx(getattr(truth, name), rel=share)
 
 
-@pytest.mark.parametrize(
-    ("name", "least", "most"), [("rounded triangles", 0.0, 1e-4), ("two triangles", 3e-3, 8e-3)]
-)
-def test_corners_as_a_rig_turns_them_bias_nothing(name, least, most):
-    """Without noise: a jump of the speed between two samples is in no log, a turn of 4 ms is.
-
-    At the corners, that no drive of 1 kHz can hold, K_e is 0.5 % low, or up to 1.8 % high where
-    they lie between two samples.
-    """
+@pytest.mark.parametrize("name", ["rounded triangles", "two triangles"])
+def test_corners_bias_nothing(name):
+    """Without noise: whether a rig turns within 4 ms, or the speed jumps between two samples."""
     log = logged(name, 10, force_noise=0.0, displacement_noise=0.0)
     trace = condition(log, ConditionOptions(centre=0.0))
     misfit = Misfit(
@@ -102,12 +97,12 @@ def test_corners_as_a_rig_turns_them_bias_nothing(name, least, most):
     )
     residuals, slopes = linearise(misfit, reference_parameters(10))
     step = np.linalg.lstsq(slopes, -residuals, rcond=None)[0]
-    assert least <= np.max(np.abs(step)) < most, step
+    assert np.max(np.abs(step)) < 1e-4, step
 
 
 @pytest.mark.parametrize("seed", [1, 3])
 def test_a_triangle_beside_another_speed_tells(seed):
-    """With the corners compared R_m3 was 2.5 and 1.7 % off, and the fit ended cavitating."""
+    """Driven behind a filter R_m3 was 2.5 and 1.7 % off, and the fit ended cavitating."""
     trace, campaign = fitted("two triangles", seed=seed)
     (fit,) = campaign.fits
     truth = reference_parameters(10)
@@ -117,10 +112,31 @@ def test_a_triangle_beside_another_speed_tells(seed):
     assert fit.outcome is Outcome.CONVERGED
     assert fit.mse_percent < 0.001
     assert not fit.warnings
-    # 10 ms before and 20 ms after each of four corners in 0.512 and 1.28 s.
-    (weight,) = weights([trace])
-    assert np.mean(weight > 0.0) == pytest.approx(0.92, abs=0.01)
-    assert np.mean(weight**2) == pytest.approx(1.0)
+    assert weights([trace]) == (None,)  # the corners count
+
+
+# Corners on samples, and a hundredth of one and more beside them.
+ODD = partial(triangles, 0.1037, 0.2411)
+
+
+@pytest.mark.parametrize(
+    ("motion", "damper"),
+    [
+        (ODD, "thick"),
+        pytest.param("two triangles", "thick", marks=pytest.mark.slow),
+        pytest.param("two triangles", "paper", marks=pytest.mark.slow),
+        pytest.param(ODD, "slim", marks=pytest.mark.slow),
+    ],
+)
+def test_triangles_come_as_near_as_a_log_lets_them(motion, damper):
+    """Beside the bound of Cramer and Rao of what is compared; K_e of the thick one was 14 % off."""
+    seen = errors_of(motion, damper, seeds=range(12))
+    in_errors = seen.of_logs / seen.behind_filter
+    assert np.sqrt(np.mean(in_errors**2)) < 1.1
+    assert np.all(seen.behind_filter < [0.05, 0.2, 0.71, 0.9, 0.53])
+    assert np.all(seen.least <= 1.02 * seen.behind_filter)
+    met = np.all(np.abs(seen.of_logs) <= 100.0 * np.array(list(WITHIN.values())), axis=1)
+    assert np.count_nonzero(met) >= 10
 
 
 def jumping(share, *, every=333):

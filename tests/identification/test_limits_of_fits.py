@@ -322,8 +322,9 @@ def test_settled_cycles_pay_from_half_of_a_log_on(length, pays, monkeypatch) -> 
     monkeypatch.setattr(settled, "weights", lambda traces: (None,) * len(traces))
     one = SimpleNamespace(n_cycles=3)
     log = SimpleNamespace(
-        stretches=(one,), places=(slice(0, 5),), n_samples=5, force=np.zeros(length)
-    )
+        stretches=(one,), places=(slice(0, 5),), n_samples=5, force=np.zeros(length),
+        drive=SimpleNamespace(jumps=()),
+    )  # fmt: skip
     assert (settled.settled([log]) is not None) is pays
 
 
@@ -351,7 +352,7 @@ def cornered(n, jump, monkeypatch):
     drive = velocity.copy()
     drive[20] = jump
     return SimpleNamespace(
-        stretches=(stretch,), velocity=velocity, drive=SimpleNamespace(velocity=drive),
+        stretches=(stretch,), velocity=velocity, drive=SimpleNamespace(velocity=drive, jumps=()),
         model_filter=SimpleNamespace(sections=np.zeros(6), is_zero_phase=True), compared=slice(n),
     )  # fmt: skip
 

@@ -33,10 +33,17 @@ typedef struct {
     size_t failed_sample; /* where it ended, when not DF_OK */
 } df_work;
 
+/* A jump of the speed, in order of time; at a sample, that has the speed after it. */
+typedef struct {
+    double at, x, before, after; /* samples from the first, above 0; m, m/s */
+} df_jump;
+
 typedef struct {
     size_t n;
     double interval;      /* s */
-    const double *x, *v;  /* n each; between samples x is the cubic Hermite piece */
+    const double *x, *v;  /* n each; between samples and jumps x is the cubic Hermite piece */
+    size_t n_jumps;
+    const df_jump *jumps;
 } df_motion;
 
 /* Where the results go; n doubles a row. */

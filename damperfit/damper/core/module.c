@@ -9,11 +9,11 @@
 #include "signals_module.h"
 #include "text_module.h"
 
-enum { BODY, NUMBERS, PASSAGES, NET_X, NET_V, NET_WHICH, NET_PRESSURES, NET_MASSES, NET_FORCE,
+enum { BODY, NUMBERS, PASSAGES, NET_X, NET_V, NET_JUMPS, NET_WHICH, NET_PRESSURES, NET_MASSES, NET_FORCE,
        NET_SENSITIVITIES, N_NETWORK_BUFFERS };
 
 static const char *const NETWORK_NAMES[N_NETWORK_BUFFERS] = {
-    "body", "numbers", "passages", "displacement", "velocity", "which",
+    "body", "numbers", "passages", "displacement", "velocity", "jumps", "which",
     "pressures", "masses", "force", "sensitivities"};
 
 /* Rows of seven integers: from, to, p_open, R, S, width, two_way. */
@@ -24,7 +24,8 @@ static int network_sizes_fit(const Py_buffer *b)
     const Py_ssize_t d = (Py_ssize_t)sizeof(double), row = b[NET_X].len;
     const Py_ssize_t n_which = b[NET_WHICH].len / (Py_ssize_t)sizeof(int);
     const Py_ssize_t expected[N_NETWORK_BUFFERS] = {
-        6 * d, b[NUMBERS].len, b[PASSAGES].len, row - row % d, row, n_which * (Py_ssize_t)sizeof(int),
+        6 * d, b[NUMBERS].len, b[PASSAGES].len, row - row % d, row,
+        b[NET_JUMPS].len - b[NET_JUMPS].len % (Py_ssize_t)sizeof(df_jump), n_which * (Py_ssize_t)sizeof(int),
         3 * row, 2 * row, row, n_which * row};
     for (int k = 0; k < N_NETWORK_BUFFERS; k++) {
         if (b[k].len != expected[k]) {
@@ -56,7 +57,8 @@ static PyObject *run_network(const Py_buffer *b, double interval, double roundin
     }
     for (int k = 0; k < q.n_numbers; k++)
         q.numbers[k] = numbers[k];
-    const df_motion motion = {(size_t)b[NET_X].len / sizeof(double), interval, b[NET_X].buf, b[NET_V].buf};
+    const df_motion motion = {(size_t)b[NET_X].len / sizeof(double), interval, b[NET_X].buf, b[NET_V].buf,
+                              (size_t)b[NET_JUMPS].len / sizeof(df_jump), b[NET_JUMPS].buf};
     const df_result result = {b[NET_PRESSURES].buf, b[NET_MASSES].buf, b[NET_FORCE].buf,
                               b[NET_SENSITIVITIES].buf, b[NET_WHICH].buf,
                               (int)(b[NET_WHICH].len / (Py_ssize_t)sizeof(int))};
@@ -76,8 +78,8 @@ static PyObject *simulate_network(PyObject *self, PyObject *args)
     double interval, rounding;
     int floating;
     df_options options;
-    if (!PyArg_ParseTuple(args, "OOOOOOOOOOddpddl:simulate_network", &o[0], &o[1], &o[2], &o[3], &o[4],
-                          &o[5], &o[6], &o[7], &o[8], &o[9], &interval, &rounding, &floating,
+    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOddpddl:simulate_network", &o[0], &o[1], &o[2], &o[3], &o[4],
+                          &o[5], &o[6], &o[7], &o[8], &o[9], &o[10], &interval, &rounding, &floating,
                           &options.tolerance, &options.dead_band, &options.max_steps_per_sample))
         return NULL;
     Py_buffer buffers[N_NETWORK_BUFFERS];
@@ -145,7 +147,7 @@ static PyObject *run_state(const Py_buffer *b, double interval, double rounding)
     const double *numbers = b[STATE_NUMBERS].buf;
     const int *rows = b[LAYOUT].buf;
     const df_motion motion = {(size_t)b[STATE_X].len / sizeof(double), interval, b[STATE_X].buf,
-                              b[STATE_V].buf};
+                              b[STATE_V].buf, 0, NULL};
     const int is_dashpot = b[LAYOUT].len > 0;
     df_elastic_dashpot d = {0};
     if (is_dashpot) {
@@ -198,9 +200,9 @@ static PyObject *follow(PyObject *self, PyObject *args)
 
 static PyMethodDef METHODS[] = {
     {"simulate_network", simulate_network, METH_VARARGS,
-     "simulate_network(body, numbers, passages, displacement, velocity, which, pressures, masses,\n"
-     "                 force, sensitivities, interval, rounding, floating_piston, tolerance,\n"
-     "                 dead_band, max_steps_per_sample)\n"
+     "simulate_network(body, numbers, passages, displacement, velocity, jumps, which, pressures,\n"
+     "                 masses, force, sensitivities, interval, rounding, floating_piston,\n"
+     "                 tolerance, dead_band, max_steps_per_sample)\n"
      "-> (code, steps, rejected, newton, sample). Fills the last four buffers."},
     {"follow", follow, METH_VARARGS,
      "follow(numbers, layout, displacement, velocity, force, slopes, interval, rounding)\n"

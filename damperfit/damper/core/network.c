@@ -63,10 +63,31 @@ static void write_sample(const df_network *q, const df_options *o, const df_netw
         r->sensitivities[(size_t)j * n + i] = slopes[j];
 }
 
+/* To sample i, from jump to jump of its speed: the first that is not passed is *k. */
+static int advance_to_sample(const df_network *q, const df_options *o, const df_motion *m, size_t i, size_t *k,
+                             df_network_state *now, df_work *work)
+{
+    double from = (double)i - 1.0;
+    for (; *k < m->n_jumps && m->jumps[*k].at <= (double)i; ++*k) {
+        const df_jump *c = &m->jumps[*k];
+        if (!(c->at > from && isfinite(c->after)))
+            return DF_BAD_ARGUMENT;
+        const int code = df_advance_network(q, o, c->x, c->before, (c->at - from) * m->interval, now, work);
+        if (code != DF_OK)
+            return code;
+        now->v = c->after;
+        from = c->at;
+    }
+    if (from == (double)i)
+        return DF_OK;
+    return df_advance_network(q, o, m->x[i], m->v[i], ((double)i - from) * m->interval, now, work);
+}
+
 int df_simulate_network(df_network *q, const df_options *o, const df_motion *motion,
                         const df_result *r, df_work *work)
 {
     df_network_state now;
+    size_t jump = 0;
     work->steps = work->rejected = work->newton = 0;
     work->failed_sample = 0;
     if (motion->n < 1 || r->n_which < 0 || !(motion->interval > 0.0))
@@ -77,7 +98,7 @@ int df_simulate_network(df_network *q, const df_options *o, const df_motion *mot
     write_sample(q, o, &now, r, 0, motion->n);
     for (size_t i = 1; i < motion->n; i++) {
         work->failed_sample = i;
-        code = df_advance_network(q, o, motion->x[i], motion->v[i], motion->interval, &now, work);
+        code = advance_to_sample(q, o, motion, i, &jump, &now, work);
         if (code != DF_OK)
             return code;
         write_sample(q, o, &now, r, i, motion->n);

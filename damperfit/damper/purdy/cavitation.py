@@ -142,7 +142,4 @@ def _shortest(trace: Trace, moment: int) -> tuple[Motion, int]:
     if stretch.n_cycles:
         n = round(n / stretch.n_cycles)
         first = max(0, stretch.stop - n - min(n, math.ceil(_SETTLING / trace.interval)))
-    part = slice(first, stretch.stop)
-    whole = motion_of(trace)
-    x, v = whole.displacement[part], whole.velocity[part]
-    return Motion(whole.interval, x, v, gas_pressure=whole.gas_pressure), n
+    return motion_of(trace).until(first, stretch.stop), n

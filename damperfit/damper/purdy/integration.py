@@ -90,6 +90,7 @@ def integrate(
             raise SimulationError(f"no sensitivity by {name!r}; there are {known}.{hint}")
     x = np.ascontiguousarray(motion.displacement, dtype=np.float64)
     v = np.ascontiguousarray(motion.velocity, dtype=np.float64)
+    jumps = np.ascontiguousarray(motion.jumps, dtype=np.float64)
     n = len(x)
     which = np.array([_PLACES[name] for name in names], dtype=np.intc)
     pressures, masses, force = np.empty((3, n)), np.empty((2, n)), np.empty(n)
@@ -99,8 +100,8 @@ def integrate(
     numbers[_PLACES_OF_VALUES] = values.numbers
     numbers[_PLACES_OF_GAS] = filled * damper.gas_pressure, damper.gas_exponent, damper.gas_volume
     code, steps, rejected, newton, sample = compiled_core().simulate_network(
-        _body(damper), numbers, _PASSAGES, x, v, which, pressures, masses, force, rows,
-        motion.interval, _ROUNDING, False, options.tolerance, options.dead_band,
+        _body(damper), numbers, _PASSAGES, x, v, jumps, which, pressures, masses, force,
+        rows, motion.interval, _ROUNDING, False, options.tolerance, options.dead_band,
         options.max_steps_per_sample,
     )  # fmt: skip
     if code:

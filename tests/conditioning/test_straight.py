@@ -1,0 +1,189 @@
+"""A motion of straight lines drives the model with corners between samples, and no other does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.conditioning import ConditionOptions, apply_filter, condition, straight
+from damperfit.conditioning.straight import drive_of_lines
+from tests.conditioning.logs import recording, sine_log, static_force
+from tests.oracles.motions import rounded, triangles
+
+RATE = 1000.0
+EVERY = slice(None)
+CORNERS = np.array([200.3, 500.0, 799.62, 1100.5])  # samples
+SPEEDS = np.array([0.1, -0.2, 0.25, 0.0, -0.1])  # m/s
+
+
+def zigzag(corners=CORNERS, speeds=SPEEDS, *, n=1400, noise=3e-6, seed=1, rate=RATE):
+    """Lines of such speeds, from corner to corner, as a sensor shows them."""
+    at = np.arange(n, dtype=float)
+    edges = np.array([0.0, *corners, n])
+    way = np.concatenate([[0.0], np.cumsum(speeds * np.diff(edges))]) / rate
+    x = np.interp(at, edges, way)
+    return x + noise * np.random.default_rng(seed).standard_normal(n)
+
+
+@pytest.mark.parametrize("noise", [0.0, 3e-6, 1e-5])
+def test_lines_and_where_they_cross_are_found(noise):
+    found = drive_of_lines(zigzag(noise=noise), 1.0 / RATE, EVERY)
+    exact = zigzag(noise=0.0)
+    # Lines of 200 samples that turn by 0.1 to 0.45 m/s: 3 um err by 4e-3 of a sample.
+    near = 1e-9 + 4e3 * noise
+    np.testing.assert_allclose(found.jumps[:, 0], CORNERS, atol=near)
+    assert found.jumps[1, 0] == 500.0  # the sample itself
+    np.testing.assert_allclose(found.jumps[:, 2], SPEEDS[:-1], atol=near)
+    np.testing.assert_allclose(found.jumps[:, 3], SPEEDS[1:], atol=near)
+    np.testing.assert_allclose(found.displacement, exact, atol=1e-12 + 0.5 * noise)
+    assert found.velocity[499] == found.jumps[1, 2]
+    assert found.velocity[500] == found.jumps[1, 3]
+
+
+def test_a_part_of_the_log_is_enough():
+    """Before it the motion bends."""
+    x = zigzag()
+    x[:150] += 0.01 * np.sin(np.arange(150) / 20.0)
+    assert drive_of_lines(x, 1.0 / RATE, EVERY) is None
+    found = drive_of_lines(x, 1.0 / RATE, slice(150, 1400))
+    np.testing.assert_allclose(found.jumps[:, 0], CORNERS, atol=0.02)
+    np.testing.assert_allclose(found.displacement[150:], zigzag(noise=0.0)[150:], atol=2e-6)
+
+
+def test_turns_are_found_at_any_rate():
+    """At 5 kHz neighbours differ by a fifth of it: they alone would not show a corner."""
+    x = zigzag(5.0 * CORNERS, SPEEDS, n=7000, noise=5e-6, rate=5000.0)
+    found = drive_of_lines(x, 2e-4, EVERY)
+    np.testing.assert_allclose(found.jumps[:, 0], 5.0 * CORNERS, atol=0.1)
+
+
+@pytest.mark.parametrize(("n", "is_line"), [(13, True), (12, False)])
+def test_a_line_has_ten_samples(n, is_line):
+    """Beside the corner two samples on either side are left out: 13 leave 10."""
+    x = zigzag([200.0, 200.0 + n], np.array([0.2, -0.2, 0.2]), n=600, noise=0.0)
+    assert (drive_of_lines(x, 1.0 / RATE, EVERY) is not None) is is_line
+
+
+@pytest.mark.parametrize(("size", "is_clear"), [(9.6, False), (10.4, True)])
+def test_a_corner_stands_ten_times_above_noise_over_4_ms(size, is_clear):
+    """At 5 kHz that is 20 samples to either side; without noise a millionth of the stroke is it."""
+    x = np.abs(np.arange(-1000.0, 1001.0)) * -1.0
+    bend = size * np.sqrt(6.0) * 1e-6 * 1000.0 / 20.0
+    x[:300] -= bend * (300.0 - np.arange(300.0))
+    found = drive_of_lines(x, 2e-4, EVERY)
+    assert (found is not None) is is_clear
+    assert len(straight._turns(x, 20, 1e-3)) == 1 + is_clear
+
+
+def scattered(n, share):
+    """A line with a residual of so much, rms."""
+    at = np.arange(n) - 0.5 * (n - 1)
+    rest = np.random.default_rng(1).standard_normal(n)
+    rest -= rest.mean() + at * (at @ rest) / (at @ at)
+    return 0.3 * at + rest * share / np.sqrt(np.mean(rest**2))
+
+
+@pytest.mark.parametrize(
+    ("n", "share", "is_straight"),
+    [(32, 1.58, True), (32, 1.62, False), (20_000, 1.115, True), (20_000, 1.125, False)],
+)
+def test_a_line_scatters_as_noise_does(n, share, is_straight):
+    """By 1.1 of it, and four errors of that: 0.5 for 32 samples, 0.02 for 20 000."""
+    assert (straight._lines(scattered(n, share), [], 1.0) is not None) is is_straight
+
+
+@pytest.mark.parametrize(("width", "is_sharp"), [(1e-4, True), (1e-3, False), (4e-3, False)])
+def test_a_corner_that_a_rig_turns_is_no_jump(width, is_sharp):
+    drive = rounded(triangles(0.1037, 0.2411), width)
+    x = np.array([drive.displacement(t) for t in np.arange(0.1, 13.0, 1e-3).tolist()])
+    x += 3e-6 * np.random.default_rng(1).standard_normal(len(x))
+    assert (drive_of_lines(x, 1e-3, EVERY) is not None) is is_sharp
+
+
+def crossing(at, turn=200, n=400):
+    """A turn by 1 m a sample there, its lines, and where it is thought to be."""
+    x = np.minimum(np.arange(n) - at, 0.0)
+    lines = straight._lines(x, [turn], 1e-12)
+    return x, [turn], lines
+
+
+@pytest.mark.parametrize(("off", "is_sharp"), [(4.9, True), (5.1, False), (-5.1, False)])
+def test_the_samples_beside_a_corner_lie_on_its_lines(off, is_sharp):
+    x, turns, lines = crossing(200.3)
+    x[201] += 0.01 * off
+    assert (straight._crossings(x, turns, lines, 0.01) is not None) is is_sharp
+
+
+@pytest.mark.parametrize(("off", "is_there"), [(1.45, True), (1.55, False), (-1.55, False)])
+def test_lines_cross_where_the_motion_turns(off, is_there):
+    x = np.minimum(np.arange(400) - 200.0 - off, 0.0)
+    one = straight._Line(98.0, -102.0 - off, 1.0, 197, 1e5)
+    two = straight._Line(300.0, 0.0, 0.0, 197, 1e5)
+    assert (straight._crossings(x, [200], [one, two], 1.0) is not None) is is_there
+
+
+@pytest.mark.parametrize(("errors", "is_at_sample"), [(4.9, True), (5.1, False), (-4.9, True)])
+def test_a_corner_five_errors_from_a_sample_is_at_it(errors, is_at_sample):
+    x, turns, lines = crossing(200.0)
+    error = 1e-3 * np.hypot(lines[0].error(200.0), lines[1].error(200.0))
+    x, turns, lines = crossing(200.0 + errors * error)
+    ((at, place, before, after),) = straight._crossings(x, turns, lines, 1e-3)
+    assert bool(at == 200.0) is is_at_sample
+    assert (before, after) == pytest.approx((1.0, 0.0), abs=1e-9)
+    assert place == pytest.approx(0.0, abs=1e-2)
+
+
+def test_what_does_not_move_in_lines_is_left_alone():
+    time = np.arange(3000) / RATE
+    sine = 0.03 * np.sin(2.0 * np.pi * 1.5 * time)
+    for x in (sine, 0.1 * time, np.zeros(3000), np.maximum(sine, 0.0), zigzag()[:20]):
+        assert drive_of_lines(x, 1.0 / RATE, EVERY) is None
+
+
+def triangle_log(*, noise=3e-6):
+    drive = triangles(0.1, 0.25, cycles=6)
+    time = np.arange(round(RATE * drive.duration)) / RATE
+    x, v = (np.array([f(t) for t in time.tolist()]) for f in (drive.displacement, drive.velocity))
+    noisy = x + noise * np.random.default_rng(1).standard_normal(len(x))
+    return recording(time, noisy, static_force(v))
+
+
+def test_a_trace_of_a_triangle_has_its_corners_and_bridges_samples_on_them():
+    log = triangle_log()
+    trace = condition(log, ConditionOptions(centre=0.0))
+    jumps, first = trace.drive.jumps, round(trace.start_time * RATE)
+    assert np.all(np.diff(jumps[:, 0]) > 0.0)
+    # The corners are at 0.32 and 0.128 s and their multiples.
+    np.testing.assert_array_equal(jumps[:, 0], np.rint(jumps[:, 0]))
+    assert trace.model_filter.bridged == tuple(jumps[:, 0].astype(int))
+    force = log.force.copy()
+    at = jumps[:, 0].astype(int) + first
+    force[at] += 300.0
+    other = condition(replace(log, force=force), ConditionOptions(centre=0.0))
+    np.testing.assert_allclose(other.force, trace.force, rtol=1e-12)
+    (said,) = [one for one in trace.findings if one.name == "drive"]
+    assert said.severity == "note"
+    assert said.sentence.endswith(f"turns where they cross, {len(jumps)} times")
+
+
+@pytest.mark.parametrize("options", [ConditionOptions(filter="causal"), ConditionOptions()])
+def test_other_filters_and_sines_have_no_corners(options):
+    log = triangle_log() if options.filter == "causal" else sine_log()
+    trace = condition(log, options)
+    assert not len(trace.drive.jumps)
+    assert trace.model_filter.bridged == ()
+
+
+def test_a_bridged_sample_is_the_mean_of_its_neighbours():
+    trace = condition(sine_log())
+    signal = np.stack([trace.force, 2.0 * trace.force])
+    design = replace(trace.model_filter, bridged=(100, 700))
+    smooth = signal.copy()
+    for k in (100, 700):
+        smooth[:, k] = 0.5 * (smooth[:, k - 1] + smooth[:, k + 1])
+        signal[:, k] = 1e6
+    np.testing.assert_array_equal(
+        apply_filter(design, signal), apply_filter(trace.model_filter, smooth)
+    )
