@@ -615,7 +615,16 @@ SURFACE = {
         "RunResult",
         "UnwrittenError",
     ],
-    "damperfit.parallel": ["Died", "Executor", "InTurn", "Threads", "executor"],
+    "damperfit.parallel": [
+        "Died",
+        "Executor",
+        "InTurn",
+        "Threads",
+        "apart",
+        "executor",
+        "told_here",
+    ],
+    "damperfit.copied": ["in_copies", "is_copy"],
     "damperfit.statistics": [
         "CHI_SQUARED_95",
         "NORMAL_95",

@@ -24,7 +24,7 @@ import numpy as np
 from damperfit.adjustment.level import STROKES, Level
 from damperfit.damper.model import Model, Values
 from damperfit.errors import SimulationError, sparing
-from damperfit.parallel import executor
+from damperfit.parallel import apart, told_here
 from damperfit.simulation import (
     NAMED_SPEEDS,
     Response,
@@ -229,8 +229,10 @@ def levels(  # noqa: PLR0913 - one more than usual, to be told of errors
         sample_rate=_SAMPLES_PER_CYCLE * sine.frequency,
     )
 
+    take = None if on_error is None else told_here(on_error)
+
     def one(stage: Stage) -> list[Level]:
-        with sparing(stage.setting, on_error), suppress(SimulationError):
+        with sparing(stage.setting, take), suppress(SimulationError):
             response = simulate(
                 stage.parameters,
                 damper,
@@ -241,8 +243,8 @@ def levels(  # noqa: PLR0913 - one more than usual, to be told of errors
             return _levels_of(stage, response, sine.frequency, speeds)
         return []
 
-    with executor(jobs) as pool:
-        return tuple(level for found in pool.map(one, stages) for level in found)
+    found = apart(one, stages, jobs=jobs)
+    return tuple(level for few in found for level in few)
 
 
 def _levels_of(

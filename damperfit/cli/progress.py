@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -13,23 +14,34 @@ if TYPE_CHECKING:
 
 __all__ = ["Bar", "fleet_progress", "progress"]
 
+_APART = 0.1  # s
+
 
 class Bar:
     """Counts finished settings; without a terminal it counts in silence."""
 
     def __init__(self, shown: Progress | None = None) -> None:
         self._shown = shown
+        self._next = 0.0
         self._task = None if shown is None else shown.add_task("reading logs", total=None)
 
     def start(self, n_settings: int) -> None:
         """Say how many settings there are; from here on the bar has a length."""
         if self._shown is not None and self._task is not None:
             self._shown.update(self._task, total=n_settings, description="fitting settings")
+            self._draw()
 
     def advance(self, _done: object) -> None:
         """Count one finished setting."""
         if self._shown is not None and self._task is not None:
             self._shown.advance(self._task)
+            self._draw()
+
+    def _draw(self) -> None:
+        """Draw it, ten times a second at most: a fit of a fast model takes less than a line."""
+        if self._shown is not None and time.monotonic() >= self._next:
+            self._shown.refresh()
+            self._next = time.monotonic() + _APART
 
 
 @contextmanager
@@ -42,7 +54,10 @@ def progress(*, is_wanted: bool) -> Iterator[Bar]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+    # Drawn by whoever counts: beside a thread that draws no copy of this process can be made.
+    with Progress(
+        *columns, console=Console(stderr=True), transient=True, auto_refresh=False
+    ) as shown:
         yield Bar(shown)
 
 

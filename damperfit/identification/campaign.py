@@ -29,7 +29,7 @@ from damperfit.identification.paper.shared_values import MEAN, TAKEN
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import Fit, describe_fit
 from damperfit.identification.settled import SettledLogs, settled
-from damperfit.parallel import executor
+from damperfit.parallel import apart
 from damperfit.recording import Trace, natural_order
 from damperfit.tested.setting import Setting
 
@@ -128,8 +128,7 @@ def _cycles(
         found = attempted(setting, lambda: settled(settings[setting], is_thinned=False))
         return None if isinstance(found, SettingFailure) else found
 
-    with executor(jobs) as pool:
-        return dict(zip(settings, pool.map(of, settings), strict=True))
+    return dict(zip(settings, apart(of, settings, jobs=jobs), strict=True))
 
 
 def _plain(given: ProcedureInput) -> Campaign:

@@ -11,7 +11,7 @@ from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.failures import SettingFailure, attempted
 from damperfit.identification.setting import Fit, Judged
 from damperfit.identification.sharing import Sharing
-from damperfit.parallel import executor
+from damperfit.parallel import apart
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
@@ -95,34 +95,38 @@ def fit_every_setting(
     *,
     known: Mapping[Setting, SettingFailure] = MappingProxyType({}),
 ) -> Campaign:
-    """Run the fit at every setting, in threads; one setting's failure leaves the others.
+    """Run the fit at every setting, side by side; one setting's failure leaves the others.
 
     Settings that are known to have failed are not tried again.
     """
-    searches: dict[Setting, Search] = {}
 
-    def one(setting: Setting) -> Fit | SettingFailure | None:
+    def one(setting: Setting) -> tuple[Fit, Search | None] | SettingFailure | None:
         if setting in known:
             return known[setting]
         try:
-            found = attempted(setting, lambda: fit(setting))
+            return attempted(setting, lambda: fit(setting))
         except FitCancelledError:
             return None
-        if isinstance(found, SettingFailure):
-            return found
-        result, search = found
-        if search is not None:
-            searches[setting] = search
-        given.on_fit(result)
-        return result
 
-    settings = sorted(given.settings)
-    with executor(given.jobs) as pool:
-        results = list(pool.map(one, settings))
+    results: list[Fit | SettingFailure | None] = []
+    searches: list[Search] = []
+    for found in apart(
+        one,
+        sorted(given.settings),
+        jobs=given.jobs,
+        known=given.known,
+        cancelled=given.cancelled,
+    ):
+        result, search = found if isinstance(found, tuple) else (found, None)
+        if search is not None:
+            searches.append(search)
+        if isinstance(result, Fit):
+            given.on_fit(result)
+        results.append(result)
     return Campaign(
         procedure=given.options.procedure,
         fits=tuple(result for result in results if isinstance(result, Fit)),
-        searches=tuple(searches[setting] for setting in sorted(searches)),
+        searches=tuple(searches),
         failures=tuple(result for result in results if isinstance(result, SettingFailure)),
         warnings=tuple(warnings),
         is_complete=all(result is not None for result in results),

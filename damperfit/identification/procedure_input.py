@@ -40,6 +40,13 @@ class ProcedureInput:
         """Settings by rising stiffness, as far as it is declared how clicks count."""
         return sorted(self.settings, key=lambda one: one.softness(self.options.from_closed))
 
+    @property
+    def known(self) -> tuple[object, ...]:
+        """What fits may hold that is not their own: logs, cycles, damper, solver."""
+        traces = (one for few in self.settings.values() for one in few)
+        cycles = (one for few in self.cycles.values() if few is not None for one in few.cycles)
+        return (*traces, *cycles, self.damper, self.options.solver)
+
     def ordered(self, names: Iterable[str]) -> tuple[str, ...]:
         """Return the names in the order of the model."""
         wanted = set(names)

@@ -24,7 +24,7 @@ from damperfit.errors import (
     mishap_of,
 )
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.parallel import executor
+from damperfit.parallel import apart
 from damperfit.readers import is_tests_table, read_curves, read_logs
 from damperfit.recording import Finding
 from damperfit.report import Failure
@@ -136,7 +136,7 @@ def read_batch(
     jobs : int
         Workers.
     setting : Setting, optional
-        Setting of logs that do not give one.
+        Of logs that do not give one.
     purpose : Purpose
         To be inspected, curves without time are facts too, not failures.
     cancelled : callable
@@ -148,8 +148,8 @@ def read_batch(
     labelled = _Labelled(labels, is_needed=purpose is Purpose.FIT)
     keeps_traces = purpose is not Purpose.INSPECT
 
-    def one(path: Path, name: str) -> list[_Taken]:
-        begin = perf_counter()
+    def one(pair: tuple[Path, str]) -> list[_Taken]:
+        (path, name), begin = pair, perf_counter()
         taken = [] if cancelled() else _take_file(path, name, configuration, labelled)
         for part in taken:
             _note(part, perf_counter() - begin)
@@ -157,10 +157,11 @@ def read_batch(
             taken = [_take_curves(path, taken[0].facts, configuration)]
         return taken if keeps_traces else [replace(part, trace=None) for part in taken]
 
-    # BLAS threads spin between small products and take the core of the next log.
-    workers = jobs if any(_gains_by_threads(path) for path in logs) else 1
-    with one_blas_thread(), executor(workers) as pool:
-        taken = [part for parts in pool.map(one, logs, _distinct_names(logs)) for part in parts]
+    threads = jobs if any(_gains_by_threads(path) for path in logs) else 1
+    pairs = zip(logs, _distinct_names(logs), strict=True)
+    with one_blas_thread():  # more would spin between small products, on the next log's core
+        found = apart(one, pairs, jobs=jobs, cancelled=cancelled, threads=threads)
+        taken = [part for parts in found for part in parts]
     return LogBatch(
         traces=tuple(part.trace for part in taken if part.trace is not None),
         logs=tuple(part.facts for part in taken),

@@ -327,7 +327,7 @@ def _write(
     with file_set(folder) as files:
         with clock.lap("write_s"):
             # First, for the others report what fails in it.
-            readings = Readings(configuration, campaign, mishaps)
+            readings = Readings(configuration, campaign, mishaps, jobs)
             write_responses(
                 files.path("responses.parquet"),
                 campaign,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import sparing
+from damperfit.parallel import apart, told_here
 from damperfit.tables import characteristic_rows, lay_out, valve_rows
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from damperfit.configuration.options import Configuration
-    from damperfit.identification import Campaign, SimulatedLog
+    from damperfit.identification import Campaign, Fit, LogFit, SimulatedLog
     from damperfit.run.mishaps import Mishaps
 
 __all__ = ["Readings"]
@@ -32,6 +33,8 @@ class Readings:
         The fits.
     mishaps : Mishaps
         Takes what goes wrong with one log.
+    jobs : int
+        Workers.
     rows : list of dict
         What was noted.
     """
@@ -39,18 +42,32 @@ class Readings:
     configuration: Configuration
     campaign: Campaign
     mishaps: Mishaps
+    jobs: int = 1
     rows: list[dict[str, Any]] = field(default_factory=list)
 
     def noted(self, seen: Iterable[SimulatedLog | None]) -> Iterator[SimulatedLog | None]:
-        """Pass simulated logs on as they come: they are large, and wanted once."""
-        take = self.mishaps.at_log("reading the characteristics of")
-        logs = ((fit.setting, log.trace) for fit in self.campaign.fits for log in fit.logs)
-        for (setting, trace), one in zip(logs, seen, strict=True):
-            if one is not None:
-                try:
-                    self.rows += characteristic_rows(setting, trace, one, self.configuration.damper)
-                except Exception as error:  # noqa: BLE001 - the other logs have theirs
-                    take(trace, error)
+        """Pass simulated logs on as they come: they are large, and wanted once.
+
+        Of many logs the rows are read off in other processes while who asks for these writes them.
+        """
+        damper, solver = self.configuration.damper, self.configuration.identification.solver
+        take = told_here(self.mishaps.at_log("reading the characteristics of"))
+
+        def rows(pair: tuple[Fit, LogFit]) -> list[dict[str, Any]]:
+            fit, log = pair
+            try:
+                one = log.compared(fit.parameters, damper, solver)
+            except Exception:  # noqa: BLE001 - whoever writes its signals says so
+                return []
+            try:
+                return list(characteristic_rows(fit.setting, log.trace, one, damper))
+            except Exception as error:  # noqa: BLE001 - the other logs have theirs
+                take(log.trace, error)
+                return []
+
+        logs = [(fit, log) for fit in self.campaign.fits for log in fit.logs]
+        for one, found in zip(seen, apart(rows, logs, jobs=self.jobs), strict=True):
+            self.rows += found
             yield one
 
     def table(self, origin: Mapping[str, Any]) -> pa.Table:

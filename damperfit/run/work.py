@@ -122,7 +122,9 @@ def comparisons(
             return None
 
     pairs = [(fit.parameters, log) for fit in campaign.fits for log in fit.logs]
-    with executor(jobs) as pool:
+    # What the fit has left needs no thread, beside which no other work could be done in processes.
+    is_left = all(log.seen is not None for _, log in pairs)
+    with executor(1 if is_left else jobs) as pool:
         for start in range(0, len(pairs), 2 * jobs):
             yield from pool.map(one, pairs[start : start + 2 * jobs])
 

@@ -17,7 +17,7 @@ from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.outcome import Status
 from damperfit.identification.paper.shared_values import TAKEN
 from damperfit.identification.sharing import listed_settings
-from damperfit.parallel import executor
+from damperfit.parallel import apart, executor, told_here
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import percentiles
 from damperfit.uncertainty.gas import GasContent, gas_content
@@ -42,7 +42,7 @@ from damperfit.uncertainty.speed_forces import SpeedForces, speed_forces
 from damperfit.uncertainty.verdicts import doubts, undetermined, verdicts
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from damperfit.damper.model import Model
     from damperfit.errors import OnError
@@ -250,24 +250,31 @@ def assess(
     solver : SolverOptions
         How exactly to integrate.
     jobs : int
-        Threads.
+        Workers.
     cancelled : callable, optional
         Asked before each simulation of a profile; when it returns True no more are traced.
     on_error : callable, optional
         Told of a setting and the error that judging it has met; without it such an error is raised.
     """
-    linearised: list[Linearisation] = []
-    diagnoses: list[Diagnosis] = []
-    forces: list[SpeedForces] = []
     frictions = tuple(one.name for one in damper.quantities if one.is_friction)
     doubted = frictions if campaign.sharing.friction_varies else ()
-    for seen in _evidence_in_turns(campaign, damper, solver=solver, jobs=jobs, on_error=on_error):
-        for one in seen:
-            with sparing(one.fit.setting, on_error):
+    take = None if on_error is None else told_here(on_error)
+
+    def alone(fit: Fit) -> tuple[Linearisation, Diagnosis, tuple[SpeedForces, ...]] | None:
+        own = replace(campaign, fits=(fit,))
+        for one in linearise_settings(own, damper, solver=solver, on_error=take):
+            with sparing(fit.setting, take):
                 diagnosis = diagnose(one, doubted=doubted)
-                forces.extend(speed_forces(one, is_structured=diagnosis.is_structured))
-                diagnoses.append(diagnosis)
-                linearised.append(_with_misfit(one, is_structured=diagnosis.is_structured))
+                is_structured = diagnosis.is_structured
+                over_speed = tuple(speed_forces(one, is_structured=is_structured))
+                return _with_misfit(one, is_structured=is_structured), diagnosis, over_speed
+        return None
+
+    each = apart(alone, campaign.fits, jobs=jobs, known=(*campaign.fits, damper))
+    found = [one for one in each if one is not None]
+    linearised = [one for one, _, _ in found]
+    diagnoses = [one for _, one, _ in found]
+    forces = tuple(one for _, _, several in found for one in several)
     known = uncertainties(linearised, campaign.sharing, on_error=on_error)
     judged = {one.setting for one in known}
     linearised = [one for one in linearised if one.fit.setting in judged]
@@ -287,7 +294,7 @@ def assess(
         diagnoses=reconciled(diagnoses),
         profiles=profiles,
         gas=gas_content(linearised, campaign.sharing),
-        forces=tuple(forces),
+        forces=forces,
     )
 
 
@@ -329,13 +336,15 @@ def profile_campaign(
     known = {one.setting: one for one in assessment.uncertainties}
     judged = tuple(fit for fit in campaign.fits if fit.setting in known)
     campaign = replace(campaign, fits=judged)
-    turns = _evidence_in_turns(campaign, bench.damper, solver=bench.solver, jobs=bench.jobs)
     structured = {one.setting for one in assessment.diagnoses if one.is_structured}
-    linearised = [
-        _with_misfit(one, is_structured=one.fit.setting in structured)
-        for seen in turns
-        for one in seen
-    ]
+
+    def seen(fit: Fit) -> list[Linearisation]:
+        own = replace(campaign, fits=(fit,))
+        found = linearise_settings(own, bench.damper, solver=bench.solver)
+        return [_with_misfit(one, is_structured=fit.setting in structured) for one in found]
+
+    each = apart(seen, judged, jobs=bench.jobs, known=(*judged, bench.damper))
+    linearised = [one for few in each for one in few]
     mine = {one.fit.setting: one for one in linearised}
     sharing = campaign.sharing
     found: list[MisfitProfile] = []
@@ -370,21 +379,6 @@ def profile_campaign(
                 for profile in traced
             )
     return replace(assessment, profiles=(*assessment.profiles, *found))
-
-
-def _evidence_in_turns(
-    campaign: Campaign,
-    damper: Model,
-    *,
-    solver: SolverOptions,
-    jobs: int,
-    on_error: OnError | None = None,
-) -> Iterator[tuple[Linearisation, ...]]:
-    """Yield the linearised fits of a campaign, a few settings at a time: they are large."""
-    n_at_once = max(1, jobs)
-    for start in range(0, len(campaign.fits), n_at_once):
-        few = replace(campaign, fits=campaign.fits[start : start + n_at_once])
-        yield linearise_settings(few, damper, solver=solver, jobs=jobs, on_error=on_error)
 
 
 def _with_misfit(linearised: Linearisation, *, is_structured: bool) -> Linearisation:

@@ -60,16 +60,25 @@ def test_a_signal_asks_to_stop_and_a_second_one_ends_at_once(number, capsys) -> 
 
 
 @pytest.mark.parametrize(
-    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+    ("number", "jobs"),
+    [
+        (signal.SIGINT, 1),
+        pytest.param(signal.SIGTERM, 1, marks=pytest.mark.slow),
+        (signal.SIGINT, 2),  # of so many logs in copies of the process
+        pytest.param(signal.SIGTERM, 2, marks=pytest.mark.slow),
+    ],
 )
-def test_the_command_ends_with_130_and_no_temporary_file(logs, repeated, tmp_path, number) -> None:
+def test_the_command_ends_with_130_and_no_temporary_file(
+    logs, repeated, tmp_path, number, jobs
+) -> None:
     text = (logs / "setting_01.csv").read_text()
-    for i in range(20):  # enough work for a signal to arrive in the middle of it
+    for i in range(20 * jobs):  # enough work for a signal to arrive in the middle of it
         content = repeated(text, i).replace("setting: 1\n", f"setting: {i}\n")
         (tmp_path / f"setting_{i}.csv").write_text(content)
     process = subprocess.Popen(
-        [sys.executable, "-m", "damperfit", "identify", "*.csv", "--jobs", "1"],
+        [sys.executable, "-m", "damperfit", "identify", "*.csv", "--jobs", str(jobs)],
         cwd=tmp_path,
+        start_new_session=True,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -77,9 +86,10 @@ def test_the_command_ends_with_130_and_no_temporary_file(logs, repeated, tmp_pat
     )
     with process:
         _wait_until_numerics_are_loaded(process)
-        process.send_signal(number)
+        os.killpg(process.pid, number)  # as a terminal does
         _, err = process.communicate(timeout=60)
     assert process.returncode == 130
+    assert err.count("stopping") <= 1
     assert "Traceback" not in err
     results = tmp_path / "results"
     assert [p.name for p in results.glob(".*")] == []

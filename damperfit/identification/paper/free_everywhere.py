@@ -7,13 +7,14 @@ beside each other are alike: where every fourth is known, those between start ne
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from damperfit.damper.purdy.starting import REBOUND, starting_values
 from damperfit.errors import SimulationError
 from damperfit.identification.failures import SettingFailure, attempted
 from damperfit.identification.setting import Judged, fit_guided, fit_setting, is_sound
-from damperfit.parallel import executor
+from damperfit.parallel import apart
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -64,14 +65,22 @@ def free_everywhere(
         start = starting_values(misfit.traces, damper, known, anchor.k_e)
         return fit_guided(misfit, given.with_given_start(setting, start, fixed), REBOUND)
 
-    first = list(settings[::_STRIDE])
-    with executor(given.jobs) as pool:
-        fits = pool.map(lambda at: attempted(at, lambda: one(at)), first)
-        found = dict(zip(first, fits, strict=True))
-        starts = _between(settings, found)
-        rest = [setting for setting in settings if setting not in found]
-        fits = pool.map(lambda at: attempted(at, lambda: one(at, starts.get(at))), rest)
-        found.update(zip(rest, fits, strict=True))
+    starts: dict[Setting, Values] = {}
+
+    def tried(setting: Setting) -> Judged | SettingFailure:
+        fit = attempted(setting, lambda: one(setting, starts.get(setting)))
+        # Another descent follows: of many logs simulations at the end of this fill the memory.
+        if isinstance(fit, SettingFailure):
+            return fit
+        return replace(fit, solution=replace(fit.solution, seen=()))
+
+    def side_by_side(few: Sequence[Setting]) -> dict[Setting, Judged | SettingFailure]:
+        fits = apart(tried, few, jobs=given.jobs, known=given.known, cancelled=given.cancelled)
+        return dict(zip(few, fits, strict=True))
+
+    found = side_by_side(settings[::_STRIDE])
+    starts.update(_between(settings, found))
+    found |= side_by_side([setting for setting in settings if setting not in found])
     return {setting: found[setting] for setting in settings}
 
 
