@@ -20,6 +20,7 @@ __all__ = [
     "CHI_SQUARED_95",
     "NORMAL_95",
     "chi_squared_quantile",
+    "fisher_chance",
     "fisher_quantile",
     "median",
     "percentiles",
@@ -137,6 +138,26 @@ def fisher_quantile(above: float, below: float, share: float) -> float:
     return _fisher_beyond(above, below, 1.0 - share)
 
 
+def fisher_chance(above: float, below: float, ratio: float) -> float:
+    """Return the chance with which the ratio of two mean squares exceeds a value.
+
+    Parameters
+    ----------
+    above, below : float
+        Freedoms of the mean square above the line and of that below it.
+    ratio : float
+        Their ratio; of 0 and less every one is above.
+
+    Examples
+    --------
+    >>> round(fisher_chance(5.0, 20.0, 2.71089), 6)
+    0.05
+    """
+    if not (above > 0.0 and below > 0.0 and math.isfinite(ratio)):
+        return math.nan
+    return _fisher_tail(above, below)(math.log(ratio))[0] if ratio > 0.0 else 1.0
+
+
 def chi_squared_quantile(freedom: float, share: float) -> float:
     """Return what a chi-square stays below in a share of all cases.
 
@@ -166,6 +187,11 @@ def chi_squared_quantile(freedom: float, share: float) -> float:
 
 def _fisher_beyond(above: float, below: float, chance: float) -> float:
     """What F exceeds by a chance."""
+    return math.exp(_where(_fisher_tail(above, below), chance, 0.0))
+
+
+def _fisher_tail(above: float, below: float) -> Callable[[float], tuple[float, float]]:
+    """The chance that F exceeds a value, and its slope, by the value's logarithm."""
     a, b = 0.5 * above, 0.5 * below
     whole = _gamma_ratio(b, a) - math.lgamma(a)
 
@@ -177,7 +203,7 @@ def _fisher_beyond(above: float, below: float, chance: float) -> float:
             return power * _beta_fraction(b, a, rest) / b, power
         return 1.0 - power * _beta_fraction(a, b, x) / a, power
 
-    return math.exp(_where(beyond, chance, 0.0))
+    return beyond
 
 
 def _where(beyond: Callable[[float], tuple[float, float]], chance: float, start: float) -> float:

@@ -629,6 +629,7 @@ SURFACE = {
         "CHI_SQUARED_95",
         "NORMAL_95",
         "chi_squared_quantile",
+        "fisher_chance",
         "fisher_quantile",
         "median",
         "percentiles",
@@ -833,6 +834,7 @@ SURFACE = {
         "write_table",
     ],
     "damperfit.compiled_core": ["compiled_core"],
+    "damperfit.passed_speeds": ["at_speeds"],
     "damperfit.comparison": [
         "Band",
         "Circumstance",

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.special import chdtri, fdtri, stdtrit
+from scipy.special import chdtri, fdtrc, fdtri, stdtrit
 
 from damperfit.statistics import (
     chi_squared_quantile,
+    fisher_chance,
     fisher_quantile,
     median,
     percentiles,
@@ -30,6 +31,20 @@ def test_quantiles_are_those_of_scipy(share):
         for above in (1.0, 2.5, 7.0, 400.0, 1e5):
             ratio = pytest.approx(fdtri(above, freedom, share), rel=1e-9)
             assert fisher_quantile(above, freedom, share) == ratio, (above, freedom)
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 0.9, 1.0, 1.2, 3.0, 20.0])
+def test_chances_are_those_of_scipy(ratio):
+    for below in FREEDOMS:
+        for above in (0.7, 1.0, 7.0, 400.0):
+            chance = pytest.approx(fdtrc(above, below, ratio), rel=1e-9, abs=1e-15)
+            assert fisher_chance(above, below, ratio) == chance, (above, below)
+
+
+def test_every_ratio_is_above_nothing_and_what_is_no_number_has_no_chance():
+    assert fisher_chance(3.0, 4.0, 0.0) == fisher_chance(3.0, 4.0, -1.0) == 1.0
+    for above, below, ratio in ((0.0, 1.0, 2.0), (1.0, 0.0, 2.0), (1.0, 1.0, math.nan)):
+        assert math.isnan(fisher_chance(above, below, ratio))
 
 
 def test_below_the_middle_a_t_is_negative():

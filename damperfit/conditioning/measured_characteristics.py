@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.conditioning.cycles import clean_cycles
+from damperfit.passed_speeds import at_speeds
 from damperfit.recording import StretchFigures
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from damperfit.recording import Stretch, Trace
@@ -82,7 +85,7 @@ def figures_of(
     half = 0.5 * min(speeds)
     hysteresis = (math.nan, math.nan)
     if is_steady:
-        hysteresis = _hysteresis(v, f, half), _hysteresis(-v, f, half)
+        hysteresis = _hysteresis(v, f, half, 1.0), _hysteresis(v, f, half, -1.0)
     return StretchFigures(
         peak_force_rebound=largest(f),
         peak_force_bump=-largest(-f),
@@ -95,37 +98,32 @@ def figures_of(
     )
 
 
-def _hysteresis(speed: FloatArray, force: FloatArray, at: float) -> float:
+def _hysteresis(velocity: FloatArray, force: FloatArray, at: float, sign: float) -> float:
     """Return the mean force where the speed rises through a value, less that where it falls."""
-    opening, closing = branch_forces(speed, force, at)
+    opening, closing = branch_forces(velocity, force[None, :], (at,), sign=sign)[:, 0, 0].tolist()
     return float(opening - closing)
 
 
-def branch_forces(speed: FloatArray, force: FloatArray, at: float) -> tuple[Any, Any]:
-    """Return the mean force where the speed rises through a value, and where it falls.
+def branch_forces(
+    velocity: FloatArray, forces: FloatArray, speeds: Sequence[float], *, sign: float = 1.0
+) -> FloatArray:
+    """Return the mean forces where the speed rises through values, and where it falls.
 
     Parameters
     ----------
-    speed, force : numpy.ndarray
-        Shape (n,); m/s, of a stroke positive; N. Several forces: shape (k, n).
-    at : float
-        m/s.
+    velocity : numpy.ndarray
+        Shape (n,), m/s.
+    forces : numpy.ndarray
+        Shape (k, n), N.
+    speeds : sequence of float
+        m/s, rising.
+    sign : float
+        What makes the stroke's velocity positive.
 
     Returns
     -------
-    opening, closing : float or numpy.ndarray
-        N, of several forces shape (k,); NaN where the speed is never passed so.
+    numpy.ndarray
+        Shape (2, number of speeds, k): opening and closing branch, N; NaN where a speed is never
+        passed so.
     """
-    is_below = speed < at
-    before, behind = is_below[:-1], is_below[1:]
-    branches = []
-    for passed in (before & ~behind, behind & ~before):
-        places = np.flatnonzero(passed)
-        if not len(places):
-            branches.append(np.full(force.shape[:-1], math.nan)[()])
-            continue
-        ahead = speed[places] - at
-        share = ahead / (ahead - (speed[places + 1] - at))
-        there = force[..., places]
-        branches.append(np.mean(there + share * (force[..., places + 1] - there), axis=-1))
-    return branches[0], branches[1]
+    return at_speeds(velocity, forces, speeds, sign=sign)[1]

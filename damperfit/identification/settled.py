@@ -99,14 +99,16 @@ class SettledCycle:
         rows[0] -= self.force
         return np.asarray(rows * self.factor)
 
-    def slopes_over(self, stretch: Stretch, response: Response) -> FloatArray:
-        """Return the derivatives behind the filter at the samples of the stretch, (k, samples).
+    def slopes_over(
+        self, stretch: Stretch, response: Response, places: NDArray[np.int64] | None = None
+    ) -> FloatArray:
+        """Return the derivatives behind the filter at samples of the stretch, all or some, (k, n).
 
         Each cycle has those of the mean one.
         """
         rows = self._filtered(list(response.sensitivities.values()))
         n, starts = rows.shape[1], self.starts
-        samples = np.arange(stretch.first, stretch.stop)
+        samples = stretch.first + (np.arange(stretch.n_samples) if places is None else places)
         cycle = np.clip(np.searchsorted(starts, samples, side="right") - 1, 0, len(starts) - 2)
         share = (samples - starts[cycle]) / (starts[cycle + 1] - starts[cycle])
         around = np.concatenate([rows[:, -_MARGIN:], rows, rows[:, :_MARGIN]], axis=1)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.errors import SimulationError
+from damperfit.passed_speeds import at_speeds
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -214,16 +215,19 @@ def signals_at_speeds(
         The response is shorter than one cycle.
     """
     begin, first = _cycle_start(response, frequency)
-    start = [np.interp(begin, response.time, signal) for signal in signals]
-    rows = np.column_stack([start, signals[:, first:]])
-    v_start = np.interp(begin, response.time, response.velocity)
-    velocity = np.concatenate(([v_start], response.velocity[first:]))
+    rows = np.vstack([response.velocity, signals])
+    # Before the first sample behind it lies the cycle's beginning, between two samples or on one.
+    before = max(first - 1, 0)
+    step = response.time[first] - response.time[before]
+    share = (begin - response.time[before]) / step if step > 0.0 else 0.0
+    cycle = rows[:, before:].copy() if first else np.hstack([rows[:, :1], rows])
+    cycle[:, 0] += share * (rows[:, first] - rows[:, before])
     found = np.empty((len(signals), len(speeds), 2))
-    for j, speed in enumerate(speeds):
-        for k, towards in enumerate((1.0, -1.0)):
-            beyond = velocity * towards - speed
-            branches = [_crossing_mean(beyond, rows, at) for at in _crossings(beyond)]
-            found[:, j, k] = 0.5 * (branches[0] + branches[1])
+    rising = sorted(speeds)
+    order = [rising.index(speed) for speed in speeds]
+    for k, towards in enumerate((1.0, -1.0)):
+        _, means, _ = at_speeds(cycle[0], cycle[1:], rising, sign=towards)
+        found[:, :, k] = 0.5 * (means[0] + means[1])[order].T
     return found
 
 

@@ -16,7 +16,7 @@ from damperfit.conditioning import branch_forces, clean_cycles, figures_of
 from damperfit.simulation import NAMED_SPEEDS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -88,9 +88,10 @@ def _stretch_rows(
     level = {} if pressed is None else {"mean_gas_force_N": float(np.mean(pressed))}
     yield level | _peaks(figures)
     top = min(figures["measured", ""].peak_speed_rebound, figures["measured", ""].peak_speed_bump)
-    for speed in NAMED_SPEEDS:
-        if stretch.n_cycles and speed < top:
-            yield level | _at_speed(velocity, forces, pressed, speed)
+    if stretch.n_cycles:
+        speeds = [speed for speed in NAMED_SPEEDS if speed < top]
+        for row in _at_speeds(velocity, forces, pressed, speeds):
+            yield level | row
 
 
 def _with_and_without(
@@ -119,25 +120,30 @@ def _peaks(figures: Mapping[tuple[str, str], StretchFigures]) -> dict[str, Any]:
     return row
 
 
-def _at_speed(
-    velocity: FloatArray, forces: Mapping[str, FloatArray], gas: FloatArray | None, speed: float
-) -> dict[str, Any]:
-    row: dict[str, Any] = {
-        "point": "speed",
-        "speed_rebound_m_per_s": speed,
-        "speed_bump_m_per_s": speed,
-        "hysteresis_speed_m_per_s": speed,
-    }
+def _at_speeds(
+    velocity: FloatArray,
+    forces: Mapping[str, FloatArray],
+    gas: FloatArray | None,
+    speeds: Sequence[float],
+) -> Iterator[dict[str, Any]]:
     kinds = dict(_with_and_without(forces, gas))
     stacked = np.stack(list(kinds.values()))
-    both = np.array([branch_forces(sign * velocity, stacked, speed) for _, sign in _STROKES])
-    for (whose, suffix), branches in zip(kinds, both.transpose(2, 0, 1).tolist(), strict=True):
-        rebound, bump = (0.5 * (opening + closing) for opening, closing in branches)
-        row |= _pair(whose, suffix, rebound, bump)
-        if not suffix:
-            for (stroke, _), (opening, closing) in zip(_STROKES, branches, strict=True):
-                row[f"{whose}_hysteresis_{stroke}_N"] = opening - closing
-    return row
+    both = [branch_forces(velocity, stacked, speeds, sign=sign) for _, sign in _STROKES]
+    # By speed and force: of each stroke the opening and the closing branch.
+    for speed, branches_of in zip(speeds, np.transpose(both, (2, 3, 0, 1)).tolist(), strict=True):
+        row: dict[str, Any] = {
+            "point": "speed",
+            "speed_rebound_m_per_s": speed,
+            "speed_bump_m_per_s": speed,
+            "hysteresis_speed_m_per_s": speed,
+        }
+        for (whose, suffix), branches in zip(kinds, branches_of, strict=True):
+            rebound, bump = (0.5 * (opening + closing) for opening, closing in branches)
+            row |= _pair(whose, suffix, rebound, bump)
+            if not suffix:
+                for (stroke, _), (opening, closing) in zip(_STROKES, branches, strict=True):
+                    row[f"{whose}_hysteresis_{stroke}_N"] = opening - closing
+        yield row
 
 
 def _pair(whose: str, suffix: str, rebound: float, bump: float) -> dict[str, float | None]:

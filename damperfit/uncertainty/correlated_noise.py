@@ -23,6 +23,7 @@ It takes the noise to be alike everywhere; `larger` of both, direction by direct
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,6 +45,7 @@ __all__ = [
     "lagged_products",
     "larger",
     "lost_share",
+    "pseudo_inverse",
     "score_covariance",
     "smoothed",
     "stationary_covariance",
@@ -51,6 +53,8 @@ __all__ = [
 
 # A sample autocorrelation within this many of its standard errors counts as none.
 _NO_CORRELATION = 2.5
+# Known lags on each side that a value between them is made of.
+_SINC = 6
 # Directions of less variance than this share of the largest are nothing but rounding.
 _NOTHING = 1e-14
 
@@ -91,7 +95,7 @@ def correlation_length(residuals: FloatArray, *, longest: int) -> int:
     return longest
 
 
-def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
+def score_covariance(scores: FloatArray, lag: int, *, stride: int = 1) -> FloatArray:
     """Return the covariance of the sum of scores that are correlated up to a lag.
 
     Parameters
@@ -99,18 +103,21 @@ def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
     scores : numpy.ndarray
         Shape (n, k), one log's.
     lag : int
-        Correlation length, samples.
+        Correlation length, samples of the log.
+    stride : int
+        Samples of the log that each score is the sum of, so few that nothing is lost.
 
     Returns
     -------
     numpy.ndarray
         Shape (k, k), positive semi-definite.
     """
-    window = flat_topped(lag, len(scores))
-    total = _windowed(scores, window)
+    n = stride * len(scores)
+    window = flat_topped(lag, n)
+    total = _windowed(scores, window, stride)
     if lag and not _is_positive(total):
         # A misfit that repeats with the cycle can do that; a triangle never gives a negative sum.
-        total = _windowed(scores, 1.0 - np.arange(len(window)) / (2.0 * lag + 1.0))
+        total = _windowed(scores, 1.0 - np.arange(len(window)) / (2.0 * lag + 1.0), stride)
     return total
 
 
@@ -154,9 +161,8 @@ def lagged_products(columns: FloatArray, kernel: FloatArray) -> FloatArray:
     if length % 2 == 0:
         weight[-1] *= 0.5
     rows = np.fft.rfft(np.ascontiguousarray(columns.T), length, axis=1)
-    real, imaginary = np.ascontiguousarray(rows.real), np.ascontiguousarray(rows.imag)
-    total = (real * weight) @ real.T + (imaginary * weight) @ imaginary.T
-    return np.asarray(total / length)
+    parts = rows.view(np.float64)  # real and imaginary ones in turn
+    return np.asarray((parts * np.repeat(weight, 2)) @ parts.T / length)
 
 
 def _gain(kernel: FloatArray, length: int) -> FloatArray:
@@ -198,6 +204,21 @@ def stationary_covariance(jacobian: FloatArray, residuals: FloatArray, lag: int)
     return np.asarray(0.5 * (total + total.T))
 
 
+def pseudo_inverse(matrix: FloatArray) -> FloatArray:
+    """Return what `numpy.linalg.pinv` gives for a symmetric matrix, where it is small far sooner.
+
+    Parameters
+    ----------
+    matrix : numpy.ndarray
+        Shape (k, k), k of any size.
+    """
+    values, vectors = np.linalg.eigh(matrix)
+    sizes = np.abs(values)
+    is_known = sizes > _NOTHING * np.max(sizes, initial=0.0)
+    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=is_known)
+    return np.asarray((vectors * inverse) @ vectors.T)
+
+
 def larger(one: FloatArray, other: FloatArray) -> FloatArray:
     """Return the covariance that has the larger variance of two in every direction.
 
@@ -227,10 +248,27 @@ def larger(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.asarray(one + unit * more)
 
 
-def _windowed(scores: FloatArray, window: FloatArray) -> FloatArray:
-    """Sum over lags of window times lagged products; the window holds the lags from 0."""
-    total = lagged_products(scores, window)
-    return np.asarray(0.5 * (total + total.T) / (1.0 - lost_share(window, len(scores))))
+def _windowed(scores: FloatArray, window: FloatArray, stride: int) -> FloatArray:
+    """Sum over lags of window times lagged products; the window holds the samples' lags from 0."""
+    kernel = window if stride == 1 else _thinned(window.tobytes(), stride)
+    total = lagged_products(scores, kernel[: len(scores)]) / stride
+    lost = lost_share(window, stride * len(scores))
+    return np.asarray(0.5 * (total + total.T) / (1.0 - lost))
+
+
+@lru_cache(maxsize=64)  # logs alike have a few lengths of correlation
+def _thinned(taps: bytes, stride: int) -> FloatArray:
+    """Return what a window of lags becomes where products are known at every few lags alone.
+
+    Between them they are what a windowed sinc makes of the known ones: of a band so narrow the
+    products themselves.
+    """
+    window = np.frombuffer(taps)
+    lags = np.arange(1 - len(window), len(window))
+    reach = len(window) // stride + _SINC
+    apart = lags / stride - np.arange(reach + 1)[:, None]
+    taper = np.cos(0.5 * np.pi * np.clip(apart / _SINC, -1.0, 1.0)) ** 2
+    return np.asarray((np.sinc(apart) * taper) @ window[np.abs(lags)])
 
 
 def cycle_covariance(scores: Sequence[FloatArray], starts: Sequence[FloatArray]) -> FloatArray:
@@ -243,24 +281,28 @@ def cycle_covariance(scores: Sequence[FloatArray], starts: Sequence[FloatArray])
     scores : sequence of numpy.ndarray
         One array (n_i, k) per log.
     starts : sequence of numpy.ndarray
-        Boundaries of the cycles, samples of the scores.
+        Boundaries of the cycles, in scores; one may be cut.
     """
     sums = [
-        part[a:b].sum(axis=0)
+        np.diff(_summed_up_to(part, edges), axis=0)
         for part, edges in zip(scores, starts, strict=True)
-        for a, b in zip(*_cuts(edges, len(part)), strict=True)
+        if len(edges) > 1
     ]
-    n = len(sums)
+    table = np.concatenate(sums) if sums else np.empty((0, scores[0].shape[1]))
+    n = len(table)
     if n < 2:
         return np.full((scores[0].shape[1],) * 2, math.nan)
-    table = np.array(sums)
     table -= table.mean(axis=0)
     return np.asarray(table.T @ table * (n / (n - 1.0)))
 
 
-def _cuts(edges: FloatArray, n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    cuts = np.clip(np.rint(edges).astype(np.int64), 0, n)
-    return cuts[:-1], cuts[1:]
+def _summed_up_to(scores: FloatArray, edges: FloatArray) -> FloatArray:
+    """Sums of the scores (n, k) before each edge."""
+    sums = np.zeros((len(scores) + 1, scores.shape[1]))
+    np.cumsum(scores, axis=0, out=sums[1:])
+    at = np.clip(edges, 0.0, len(scores))
+    whole = np.minimum(at.astype(np.int64), len(scores) - 1)
+    return np.asarray(sums[whole] + (at - whole)[:, None] * (sums[whole + 1] - sums[whole]))
 
 
 def _is_positive(matrix: FloatArray) -> bool:

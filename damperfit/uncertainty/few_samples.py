@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["ENOUGH", "ShortStretch", "filter_correlation", "widening"]
+__all__ = ["ENOUGH", "ShortStretch", "filter_correlation", "is_enough", "widening"]
 
 # Independent samples a parameter; with more, errors are hardly short.
 ENOUGH = 50.0
@@ -71,8 +71,24 @@ class ShortStretch:
     @property
     def independent(self) -> float:
         """Independent samples of noise."""
-        rho = self.correlation
-        return len(rho) / (2.0 * float(rho @ rho) - 1.0)
+        return _independent(self.correlation)
+
+
+def _independent(rho: FloatArray) -> float:
+    return len(rho) / (2.0 * float(rho @ rho) - 1.0)
+
+
+def is_enough(correlations: Sequence[FloatArray], n_fitted: int) -> bool:
+    """Return whether stretches hold so much that errors are hardly short.
+
+    Parameters
+    ----------
+    correlations : sequence of numpy.ndarray
+        Of each stretch, shape (n,), autocorrelation of white noise behind the filter.
+    n_fitted : int
+        Parameters that were fitted.
+    """
+    return not n_fitted or sum(map(_independent, correlations)) > ENOUGH * n_fitted
 
 
 def filter_correlation(design: FilterDesign, n: int) -> FloatArray:
@@ -101,7 +117,7 @@ def widening(stretches: Sequence[ShortStretch]) -> float:
         All that were fitted together.
     """
     n_fitted = stretches[0].slopes.shape[1] if stretches else 0
-    if not n_fitted or sum(one.independent for one in stretches) > ENOUGH * n_fitted:
+    if is_enough([one.correlation for one in stretches], n_fitted):
         return 1.0
     inverse = np.linalg.pinv(
         np.sum([one.slopes.T @ one.slopes for one in stretches], axis=0), hermitian=True

@@ -165,11 +165,19 @@ _FLAWS: Mapping[str, _Flaw] = {
 def _signatures(
     trace: Trace, seen: LogLinearisation, linearised: Linearisation
 ) -> dict[str, list[FloatArray]]:
-    """Force that one unit of each flaw adds, behind the filter, where it is compared."""
+    """Force that one unit of each flaw adds, behind the filter, beside the derivatives' rows."""
     stiff = [k for k, one in enumerate(linearised.fit.parameters.quantities) if one.is_open]
     conditions = {name: [seen.gas[:, k]] for k, name in enumerate(linearised.conditions)}
-    found = signatures(trace, seen.force, [seen.jacobian[:, k] for k in stiff])
-    return {name: one for name, one in found.items() if name in linearised.flaws} | conditions
+    ones = [np.ones(len(seen.force))] if stiff else ()
+    found = {
+        name: [seen.thinned(trace, one) for one in columns]
+        for name, columns in signatures(trace, seen.force, ones).items()
+        if name in linearised.flaws
+    }
+    if "compressibility" in found:
+        (share,) = found["compressibility"]
+        found["compressibility"] = [seen.jacobian[:, k] * share for k in stiff]
+    return found | conditions
 
 
 def seek_flaws(
@@ -196,14 +204,15 @@ def seek_flaws(
         The damper yields before it slides: nothing of valves, oil or gas is named.
     """
     # Beside a jump of the speed nothing counts.
-    counts = np.concatenate([seen.weights > 0.0 for seen in linearised.logs])
-    residuals = np.concatenate([seen.residuals for seen in linearised.logs]) * counts
+    logs = list(zip(linearised.fit.logs, linearised.logs, strict=True))
+    counts = np.concatenate([seen.thinned(log.trace, seen.weights) > 0.0 for log, seen in logs])
+    residuals = counts * np.concatenate(
+        [seen.thinned(log.trace, seen.residuals) for log, seen in logs]
+    )
     doubted = tuple(name for name in doubted if linearised.fit.status[name] == Status.SHARED)
-    absorbed = _absorbed(linearised, {Status.FITTED, Status.SHARED, Status.NOT_IDENTIFIABLE})
-    tables = [
-        _signatures(log.trace, seen, linearised)
-        for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True)
-    ]
+    alone: set[str] = {Status.FITTED, Status.NOT_IDENTIFIABLE}
+    absorbed = _absorbed(linearised, {*alone, Status.SHARED}, counts)
+    tables = [_signatures(log.trace, seen, linearised) for log, seen in logs]
     columns: dict[str, list[FloatArray]] = {
         name: [
             np.concatenate([table[name][k] for table in tables])
@@ -218,7 +227,7 @@ def seek_flaws(
         columns[name] = [np.concatenate([seen.jacobian[:, place] for seen in linearised.logs])]
     power = repeats * len(residuals)
     # Values that the other settings hold back absorb nothing of what one setting lacks.
-    own = _absorbed(linearised, {Status.FITTED, Status.NOT_IDENTIFIABLE}) if doubted else absorbed
+    own = _absorbed(linearised, alone, counts) if doubted else absorbed
     found = []
     half_range = 0.5 * float(np.ptp(np.concatenate([seen.force for seen in linearised.logs])))
     unlikely = _OF_VALVES if has_yielded else frozenset()
@@ -288,13 +297,13 @@ def _held_flaw(name: str, *, is_shared: bool) -> _Flaw:
     )
 
 
-def _absorbed(linearised: Linearisation, statuses: set[str]) -> FloatArray:
-    """Orthonormal basis of what parameters of these statuses could absorb."""
+def _absorbed(
+    linearised: Linearisation, statuses: set[str], counts: NDArray[np.bool_]
+) -> FloatArray:
+    """Orthonormal basis of what parameters of these statuses could absorb where samples count."""
     status = linearised.fit.status
     places = [j for j, name in enumerate(linearised.names) if status[name] in statuses]
-    whole = np.vstack(
-        [seen.jacobian[:, places] * (seen.weights > 0.0)[:, None] for seen in linearised.logs]
-    )
+    whole = np.vstack([seen.jacobian[:, places] for seen in linearised.logs]) * counts[:, None]
     lengths = np.sqrt(np.sum(whole * whole, axis=0))
     basis, _ = np.linalg.qr(whole[:, lengths > 0.0] / lengths[lengths > 0.0])
     return np.asarray(basis)

@@ -8,13 +8,17 @@ alike)::
     information  H = J^T w^2 J    scores  g_t = w_t^2 J_t r_t    M = covariance of sum g_t
 
 A fit of any subset of the parameters has, to first order, the error H_ff^-1 (sum g)_f.
+
+All of it lies behind the filter, whose band takes a few samples of a log that is sampled at 1 kHz:
+where cycles repeat, sums are those over the middle ones of every few
+(`damperfit.uncertainty.thinning`).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,7 +34,13 @@ from damperfit.uncertainty.correlated_noise import (
     score_covariance,
     stationary_covariance,
 )
-from damperfit.uncertainty.few_samples import ShortStretch, filter_correlation, widening
+from damperfit.uncertainty.few_samples import (
+    ShortStretch,
+    filter_correlation,
+    is_enough,
+    widening,
+)
+from damperfit.uncertainty.thinning import middles, stride_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -68,13 +78,16 @@ class LogLinearisation:
     weights : numpy.ndarray
         Shape (n,), what the fit multiplied them by.
     jacobian : numpy.ndarray
-        Shape (n, k): derivative of the modelled force by u, in the order of the model.
+        Shape (m, k): derivative of the modelled force by u, in the order of the model, at the
+        middle one of every ``stride`` samples of each stretch.
     gas : numpy.ndarray
-        Shape (n, c): derivative by the logarithms of the model's conditions, such as gas pressure.
+        Shape (m, c): derivative by the logarithms of the model's conditions, such as gas pressure.
     force : numpy.ndarray
         Shape (n,), modelled force behind the filter, N.
     pressures : numpy.ndarray
         Shape (3,), lowest absolute pressure of each chamber, Pa.
+    stride : int
+        Samples for each row of the derivatives.
     """
 
     residuals: FloatArray
@@ -83,6 +96,27 @@ class LogLinearisation:
     gas: FloatArray
     force: FloatArray
     pressures: FloatArray
+    stride: int = 1
+
+    def thinned(self, trace: Trace, values: FloatArray) -> FloatArray:
+        """Return what belongs to the derivatives' rows of values at the compared samples."""
+        if self.stride == 1:
+            return values
+        taken = (middles(place.stop - place.start, self.stride)[0] for place in trace.places)
+        return np.concatenate(
+            [values[place][at] for place, at in zip(trace.places, taken, strict=True)]
+        )
+
+    def rows(self, trace: Trace) -> Iterator[slice]:
+        """Yield where the rows of each stretch lie among those of the derivatives."""
+        end = 0
+        for stretch in trace.stretches:
+            first, end = end, end - (-stretch.n_samples // self.stride)
+            yield slice(first, end)
+
+    def counts(self, trace: Trace) -> FloatArray:
+        """Return for how many samples each row stands."""
+        return np.concatenate([middles(one.n_samples, self.stride)[1] for one in trace.stretches])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,54 +184,87 @@ def linearise_at_fit(
     slopes = np.array([*own, *(getattr(damper, name) for name in damper.conditions)])
     n = len(own)
     ignorance = _ignorance(fit)
-    pulls: list[FloatArray] = []
-    logs: list[LogLinearisation] = []
-    covariances: list[FloatArray] = []
-    lags: list[int] = []
     traces = [log.trace for log in fit.logs]
+    is_short = not _is_long(fit, traces)
+    found = _Sums()
+    logs: list[LogLinearisation] = []
     for log, weight in zip(fit.logs, weights(traces), strict=True):
         trace, part = log.trace, log.trace.compared
-        seen, rows = _seen(log, fit.parameters, damper, solver)
-        columns = (rows * slopes[:, None]).T
+        stride = 1 if is_short else stride_of(trace, weight)
+        force, pressures, rows = _seen(log, fit.parameters, damper, solver, stride=stride)
+        known = None if not np.any(ignorance) else ignorance[:, None] * rows[:n]
+        rows *= slopes[:, None]
         logs.append(
             LogLinearisation(
-                residuals=trace.force[part] - seen.force[part],
+                residuals=trace.force[part] - force[part],
                 weights=np.ones(trace.n_samples) if weight is None else weight,
-                jacobian=np.ascontiguousarray(columns[:, :n]),
-                gas=columns[:, n:],
-                force=seen.force[part],
-                pressures=seen.response.pressures[:, part].min(axis=1),
+                jacobian=rows[:n].T,
+                gas=rows[n:].T,
+                force=force[part],
+                pressures=pressures[:, part].min(axis=1).astype(np.float64),
+                stride=stride,
             )
         )
-        weighted = logs[-1].jacobian * (logs[-1].weights ** 2)[:, None]
-        pulls.append(weighted.T @ (rows[:n] * ignorance[:, None]).T)
-        for lag, found in _covariances(trace, logs[-1]):
-            lags.append(lag)
-            covariances.append(found)
-    scores = [_scores(log) for log in logs]
-    pieces, edges = [], []
-    for log, of_log in zip(fit.logs, scores, strict=True):
-        for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
-            pieces.append(of_log[place])
-            edges.append(stretch.cycle_starts - stretch.first)
-    wider = widening(_short_stretches(fit, logs, lags))
+        counts = None if weight is None else logs[-1].thinned(trace, weight)
+        found.add(trace, logs[-1], counts, known)
+    wider = widening(_short_stretches(fit, logs, found.lags)) if is_short else 1.0
     return Linearisation(
         fit=fit,
-        information=np.asarray(sum(_information(log) for log in logs)),
-        scores=np.asarray(wider * sum(covariances)),
-        cycle_scores=wider * cycle_covariance(pieces, edges),
-        gradient=np.asarray(sum(part.sum(axis=0) for part in scores)),
+        information=np.asarray(sum(found.information)),
+        scores=np.asarray(wider * sum(found.covariances)),
+        cycle_scores=wider * cycle_covariance(found.pieces, found.edges),
+        gradient=np.asarray(sum(part.sum(axis=0) for part in found.pieces)),
         logs=tuple(logs),
         conditions=damper.conditions,
-        supposed=np.asarray(sum(pulls)) if np.any(ignorance) else None,
+        supposed=np.asarray(sum(found.pulls)) if found.pulls else None,
         flaws=damper.flaws,
     )
 
 
+@dataclass(slots=True, eq=False)
+class _Sums:
+    """What is summed over the logs of a setting, stretch by stretch."""
+
+    information: list[FloatArray] = field(default_factory=list)
+    pulls: list[FloatArray] = field(default_factory=list)
+    covariances: list[FloatArray] = field(default_factory=list)
+    lags: list[int] = field(default_factory=list)
+    pieces: list[FloatArray] = field(default_factory=list)
+    edges: list[FloatArray] = field(default_factory=list)
+
+    def add(
+        self,
+        trace: Trace,
+        log: LogLinearisation,
+        weight: FloatArray | None,
+        supposed: FloatArray | None,
+    ) -> None:
+        """Add a log with the weights of its rows; each row counts for as many samples.
+
+        With the force, (k, m), that a standard error of what is merely supposed makes.
+        """
+        jacobian, stride = log.jacobian, log.stride
+        residuals = log.thinned(trace, log.residuals)
+        if weight is not None:
+            jacobian, residuals = jacobian * weight[:, None], residuals * weight
+        # Each row summed over the samples that it stands for.
+        summed = jacobian if stride == 1 else jacobian * log.counts(trace)[:, None]
+        self.information.append(summed.T @ jacobian)
+        if supposed is not None:
+            self.pulls.append(summed.T @ (supposed if weight is None else supposed * weight).T)
+        scores = summed * residuals[:, None]
+        for lag, covariance in _covariances(trace, log, jacobian, scores):
+            self.lags.append(lag)
+            self.covariances.append(covariance)
+        for stretch, place in zip(trace.stretches, log.rows(trace), strict=True):
+            self.pieces.append(scores[place])
+            self.edges.append((stretch.cycle_starts - stretch.first) / stride)
+
+
 def _seen(
-    log: LogFit, parameters: Values, damper: Model, solver: SolverOptions
-) -> tuple[SimulatedLog, FloatArray]:
-    """A log beside the model, and the sensitivities over what is compared, (k, n).
+    log: LogFit, parameters: Values, damper: Model, solver: SolverOptions, *, stride: int
+) -> tuple[FloatArray, NDArray[np.floating[Any]], FloatArray]:
+    """The model's force and pressures, and the sensitivities at every few compared samples, (k, m).
 
     What repeats has the mean cycle's sensitivities: they differ from those of the log by what the
     noise of the displacement does, and cost far less.
@@ -205,8 +272,8 @@ def _seen(
     names = (*damper.names, *damper.conditions)
     trace, kept = log.trace, log.seen
     if kept is not None and kept.cycles and kept.is_of(parameters, trace, damper, solver):
-        rows = np.empty((len(names), trace.n_samples))
-        for cycle, stretch, place in zip(kept.cycles, trace.stretches, trace.places, strict=True):
+        parts = []
+        for cycle, stretch in zip(kept.cycles, trace.stretches, strict=True):
             response = simulate(
                 parameters,
                 damper,
@@ -214,10 +281,14 @@ def _seen(
                 sensitivities=names,
                 options=cycle.solver(solver),
             )
-            rows[:, place] = cycle.slopes_over(stretch, response)
-        return kept.comparison, rows
+            parts.append(
+                cycle.slopes_over(stretch, response, middles(stretch.n_samples, stride)[0])
+            )
+        return kept.force, kept.pressures, parts[0] if len(parts) == 1 else np.hstack(parts)
     seen = compare(parameters, trace, damper, sensitivities=names, solver=solver)
-    return seen, _sensitivities(trace, seen)[:, trace.compared]
+    whole = _sensitivities(trace, seen)
+    taken = [one.first + middles(one.n_samples, stride)[0] for one in trace.stretches]
+    return seen.force, seen.response.pressures, whole[:, np.concatenate(taken)]
 
 
 def _ignorance(fit: Fit) -> FloatArray:
@@ -252,13 +323,27 @@ def _sensitivities(trace: Trace, seen: SimulatedLog) -> FloatArray:
     return apply_filter(trace.model_filter, rows)
 
 
+def _is_long(fit: Fit, traces: Sequence[Trace]) -> bool:
+    """Whether the logs have so many independent samples that errors are hardly short."""
+    correlations = [
+        filter_correlation(trace.model_filter, stretch.n_samples)
+        for trace in traces
+        for stretch in trace.stretches
+    ]
+    return is_enough(correlations, len(_fitted(fit)))
+
+
+def _fitted(fit: Fit) -> list[int]:
+    """The columns of what the fit found."""
+    fitted = {Status.FITTED, Status.NOT_IDENTIFIABLE}
+    return [k for k, name in enumerate(fit.parameters.names) if fit.status[name] in fitted]
+
+
 def _short_stretches(
     fit: Fit, logs: Sequence[LogLinearisation], lags: Sequence[int]
 ) -> list[ShortStretch]:
     """Return what each stretch gives to the parameters that the fit found."""
-    names = fit.parameters.names
-    fitted = {Status.FITTED, Status.NOT_IDENTIFIABLE}
-    columns = [k for k, name in enumerate(names) if fit.status[name] in fitted]
+    columns = _fitted(fit)
     places = [
         (log.trace, seen, place)
         for log, seen in zip(fit.logs, logs, strict=True)
@@ -274,32 +359,22 @@ def _short_stretches(
     ]
 
 
-def _covariances(trace: Trace, seen: LogLinearisation) -> Iterator[tuple[int, FloatArray]]:
+def _covariances(
+    trace: Trace, seen: LogLinearisation, weighted: FloatArray, scores: FloatArray
+) -> Iterator[tuple[int, FloatArray]]:
     """Correlation length and covariance of the summed scores of each stretch.
 
     Nothing is correlated across a gap.
     """
-    scores = _scores(seen)
-    for stretch, place in zip(trace.stretches, trace.places, strict=True):
+    places = zip(trace.stretches, trace.places, seen.rows(trace), strict=True)
+    for stretch, place, rows in places:
         period = 1.0 / stretch.frequency
         longest = _LONGEST_CORRELATION * period if stretch.n_cycles else _LONGEST_MOVING
         longest = round(longest / trace.interval)
         lag = correlation_length(seen.residuals[place], longest=longest)
-        found = score_covariance(scores[place], lag)
+        found = score_covariance(scores[rows], lag, stride=seen.stride)
         if not stretch.n_cycles:
             # Cycles repeat what a few samples tell; elsewhere those few may be all there is.
-            weights = seen.weights[place]
-            alike = stationary_covariance(
-                seen.jacobian[place] * weights[:, None], seen.residuals[place] * weights, lag
-            )
-            found = larger(found, alike)
+            residuals = seen.residuals[place] * seen.weights[place]
+            found = larger(found, stationary_covariance(weighted[rows], residuals, lag))
         yield lag, found
-
-
-def _scores(log: LogLinearisation) -> FloatArray:
-    return log.jacobian * (log.weights**2 * log.residuals)[:, None]
-
-
-def _information(log: LogLinearisation) -> FloatArray:
-    weighted = log.jacobian * log.weights[:, None]
-    return np.asarray(weighted.T @ weighted)

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.uncertainty.thinning import middles
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -41,14 +43,18 @@ def misfit_scores(linearised: Linearisation) -> FloatArray:
     n_free = len(linearised.names)
     pulls: list[FloatArray] = []
     for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
-        slopes = seen.jacobian * (seen.weights**2)[:, None]
-        for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
+        trace, stride = log.trace, seen.stride
+        for stretch, place, rows in zip(
+            trace.stretches, trace.places, seen.rows(trace), strict=True
+        ):
             block, repeating = _blocks(stretch, seen.residuals[place])
-            scores = slopes[place] * repeating[:, None]
-            pulls.extend(scores[block == k].sum(axis=0) for k in range(_BLOCKS))
-    rows = np.array(pulls)
-    few = len(rows) / max(len(rows) - n_free, 1)
-    return np.asarray(few * rows.T @ rows)
+            middle, counts = middles(stretch.n_samples, stride)
+            pulled = counts * (seen.weights[place] ** 2 * repeating)[middle]
+            scores = seen.jacobian[rows] * pulled[:, None]
+            pulls.extend(scores[block[middle] == k].sum(axis=0) for k in range(_BLOCKS))
+    table = np.array(pulls)
+    few = len(table) / max(len(table) - n_free, 1)
+    return np.asarray(few * table.T @ table)
 
 
 def _blocks(stretch: Stretch, residuals: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:

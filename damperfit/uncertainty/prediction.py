@@ -18,7 +18,7 @@ from damperfit.identification import compare, normalised_mse, unlimited_in, valu
 from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty.residuals import residual_scatter
+from damperfit.uncertainty.repeating import residual_scatter
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -1,12 +1,7 @@
 """What the residuals say that the MSE does not: noise or missing physics, and which.
 
-The residual is laid over itself cycle by cycle. What differs between cycles is noise (of both
-channels); what repeats is lack of fit. With C cycles of scatter s^2 the mean residual of pure noise
-has the power s^2/C, which is taken off::
-
-    repeating = mean over phases of (mean residual)^2 - s^2/C
-
-What the model lacks is then sought in `damperfit.uncertainty.flaws`.
+What repeats of them is told in `damperfit.uncertainty.repeating`; what the model lacks is then
+sought in `damperfit.uncertainty.flaws`.
 """
 
 from __future__ import annotations
@@ -19,29 +14,28 @@ import numpy as np
 
 from damperfit.identification.setting import EXCELLENT
 from damperfit.identification.sharing import listed_settings
-from damperfit.statistics import fisher_quantile, median
-from damperfit.uncertainty.correlated_noise import autocorrelation
+from damperfit.statistics import median
 from damperfit.uncertainty.flaws import Hint, seek_flaws
-from damperfit.uncertainty.yielding import YIELDS, held_share
+from damperfit.uncertainty.repeating import (
+    cycle_correlation,
+    residuals_by_stretch,
+    runs_ratio,
+    split_power,
+)
+from damperfit.uncertainty.yielding import YIELDS, held_shares
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
-    from damperfit.recording import Stretch
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty.linearisation import Linearisation
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Diagnosis", "diagnose", "group_warning", "reconciled", "residual_scatter"]
+__all__ = ["Diagnosis", "diagnose", "group_warning", "reconciled"]
 
-# The repeating power of pure noise over its scatter is F-distributed; beyond the bar once in as
-# many settings.
-_CHANCE = 1e-6
-# Misfit over noise where nothing repeats: noise of the displacement may double it.
-_MUCH = 4.0
 # Below this share of the force's variance, 0.1 N of 300 N, the integrator's error repeats too.
 _NEGLIGIBLE = 1e-7
 # Noise of the displacement is looked at first where noise makes this much of the misfit.
@@ -136,16 +130,16 @@ def diagnose(linearised: Linearisation, *, doubted: tuple[str, ...] = ()) -> Dia
         Shared parameters of which one value for all settings is known not to hold.
     """
     fit = linearised.fit
-    repeats, noise, ratio, bar = _split(linearised)
-    variance = np.var(np.concatenate([log.trace.force[log.trace.compared] for log in fit.logs]))
-    is_structured = bool(ratio > bar and repeats > _NEGLIGIBLE * variance)
-    share = _middle([held_share(log.trace) for log in fit.logs])
-    modelled = _middle(
-        [
-            held_share(log.trace, seen.force)
-            for log, seen in zip(fit.logs, linearised.logs, strict=True)
-        ]
-    )
+    parts = tuple(residuals_by_stretch(linearised))
+    repeats, noise, is_more = split_power(parts)
+    forces = [log.trace.force[log.trace.compared] for log in fit.logs]
+    variance = float(np.var(forces[0] if len(forces) == 1 else np.concatenate(forces)))
+    is_structured = bool(repeats > _NEGLIGIBLE * variance and is_more())
+    shares = [
+        held_shares(log.trace, np.stack([measured, seen.force]))
+        for log, measured, seen in zip(fit.logs, forces, linearised.logs, strict=True)
+    ]
+    share, modelled = (_middle(of) for of in zip(*shares, strict=True))
     hints = (
         seek_flaws(linearised, repeats, doubted=doubted, has_yielded=share >= YIELDS)
         if is_structured
@@ -158,8 +152,8 @@ def diagnose(linearised: Linearisation, *, doubted: tuple[str, ...] = ()) -> Dia
         mse_percent=fit.mse_percent,
         noise_percent=noise_percent,
         is_structured=is_structured,
-        correlation=_correlation(linearised),
-        runs_ratio=_runs_ratio(linearised),
+        correlation=cycle_correlation(parts),
+        runs_ratio=runs_ratio(parts),
         hints=hints,
         sentence="",
         held_share=share,
@@ -273,122 +267,6 @@ def _yields(diagnosis: Diagnosis) -> str:
         f"{holds}speed: it yields before it slides, like a preloaded valve, dry friction or a "
         "magneto-rheological fluid, and the model misses that"
     )
-
-
-def _split(linearised: Linearisation) -> tuple[float, float, float, float]:
-    """Return repeating and scattered mean squares, N^2, their test ratio and its bar."""
-    repeats, noise, expected, n_samples, phases, others = 0.0, 0.0, 0.0, 0, 0.0, 0.0
-    for stretch, _, residuals in _parts(linearised):
-        n, n_cycles = len(residuals), stretch.n_cycles
-        if n_cycles < 2:
-            continue
-        n_samples += n
-        folded = _fold(residuals, stretch)
-        scatter = float(np.mean(np.var(folded, axis=0, ddof=1)))
-        mean_power = float(np.mean(folded.mean(axis=0) ** 2))
-        repeats += n * (mean_power - scatter / n_cycles)
-        expected += n * scatter / n_cycles
-        noise += n * scatter
-        independent = _independent_phases(folded)
-        phases += independent
-        others += independent * (n_cycles - 1)
-    if not n_samples:
-        return _unrepeated(linearised)
-    bar = fisher_quantile(phases, others, 1.0 - _CHANCE)
-    ratio = 1.0 + repeats / max(expected, 1e-300)
-    return repeats / n_samples, noise / n_samples, ratio, bar
-
-
-def _unrepeated(linearised: Linearisation) -> tuple[float, float, float, float]:
-    """The same where nothing repeats: misfit and noise by what was found above the filter's band.
-
-    Noise of the displacement is not in that; it makes less than the force's in a usual log.
-    """
-    parts = list(_parts(linearised))
-    if any(stretch.n_cycles for stretch, *_ in parts):
-        return math.nan, math.nan, math.nan, math.nan
-    n = sum(len(residuals) for *_, residuals in parts)
-    noise = sum(len(residuals) * stretch.noise**2 for stretch, _, residuals in parts) / n
-    whole = sum(float(residuals @ residuals) for *_, residuals in parts) / n
-    return whole - noise, noise, whole / max(noise, 1e-300), _MUCH
-
-
-def _independent_phases(folded: FloatArray) -> float:
-    """Return how many independent squares the mean square of one cycle's noise is worth.
-
-    From the scatter about the mean cycle, in which nothing repeats: n over the sum of its squared
-    autocorrelation, and fewer where the noise is larger in part of the cycle (Satterthwaite).
-
-    Parameters
-    ----------
-    folded : numpy.ndarray
-        Residuals, shape (cycles, phases), at least two cycles.
-    """
-    n_cycles, n_phases = folded.shape
-    scatter = folded - folded.mean(axis=0)
-    rho = autocorrelation(scatter.ravel(), n_phases // 2)
-    power = np.sum(scatter**2, axis=0)
-    # A variance from few cycles is itself uneven, by 2/(n - 1).
-    uneven = n_phases * float(power @ power) / max(float(np.sum(power)) ** 2, 1e-300)
-    uneven = max(uneven / (1.0 + 2.0 / (n_cycles - 1)), 1.0)
-    return float(max(n_phases / (2.0 * float(rho @ rho) - 1.0) / uneven, 1.0))
-
-
-def _parts(linearised: Linearisation) -> Iterator[tuple[Stretch, float, FloatArray]]:
-    """Yield each stretch with its sample interval, s, and its residuals, 0 where none counts."""
-    for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
-        for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
-            residuals = np.where(seen.weights[place] > 0.0, seen.residuals[place], 0.0)
-            yield stretch, log.trace.interval, residuals
-
-
-def residual_scatter(residuals: FloatArray, stretch: Stretch) -> float:
-    """Return the mean square of what differs from cycle to cycle, N^2: noise of both channels.
-
-    Parameters
-    ----------
-    residuals : numpy.ndarray
-        Shape (n,), over the stretch.
-    stretch : Stretch
-        Steady cycles; NaN for a single one.
-    """
-    if stretch.n_cycles < 2:
-        return math.nan
-    return float(np.mean(np.var(_fold(residuals, stretch), axis=0, ddof=1)))
-
-
-def _fold(residuals: FloatArray, stretch: Stretch) -> FloatArray:
-    """Residuals over cycles and phases, shape (cycles, phases)."""
-    starts = stretch.cycle_starts - stretch.first
-    n_phases = max(8, round(float(np.mean(np.diff(starts)))))
-    positions = starts[:-1, None] + np.diff(starts)[:, None] * (np.arange(n_phases) / n_phases)
-    nearest = np.clip(np.rint(positions).astype(np.int64), 0, len(residuals) - 1)
-    return np.asarray(residuals[nearest])
-
-
-def _correlation(linearised: Linearisation) -> float:
-    """Autocorrelation at a lag of one cycle, the largest of the stretches."""
-    values = []
-    for stretch, interval, residuals in _parts(linearised):
-        period = round(1.0 / (stretch.frequency * interval))
-        if 2 * period < len(residuals):
-            n, power = len(residuals), float(residuals @ residuals)
-            rho = float(residuals[:-period] @ residuals[period:]) / power if power > 0.0 else 0.0
-            values.append(rho * n / (n - period))
-    return max(values, default=math.nan)
-
-
-def _runs_ratio(linearised: Linearisation) -> float:
-    """Sign changes of the residual over those of its scatter about the mean cycle."""
-    found, expected = 0, 0
-    for stretch, _, residuals in _parts(linearised):
-        if stretch.n_cycles < 2:
-            continue
-        folded = _fold(residuals, stretch)
-        found += int(np.count_nonzero(np.diff(np.signbit(folded), axis=1)))
-        about = np.signbit(folded - folded.mean(axis=0))
-        expected += int(np.count_nonzero(np.diff(about, axis=1)))
-    return found / expected if expected else math.nan
 
 
 def group_warning(group: Sequence[Diagnosis]) -> str:

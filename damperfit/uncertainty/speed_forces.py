@@ -9,14 +9,16 @@ like speeds of the same stroke is an error of the model's force that no noise ex
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.passed_speeds import at_speeds
 from damperfit.simulation import NAMED_SPEEDS
-from damperfit.uncertainty.residuals import residual_scatter
+from damperfit.uncertainty.repeating import residual_scatter
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -85,7 +87,13 @@ class SpeedForces:
         if not self.speeds or not self.speeds[0] <= speed <= self.speeds[-1]:
             return None
         rows = (self.measured, self.measured_se, self.difference, self.misfit)
-        a, b, c, d = (float(np.interp(speed, self.speeds, row)) for row in rows)
+        before = bisect_right(self.speeds, speed) - 1
+        if self.speeds[before] == speed:
+            a, b, c, d = (row[before] for row in rows)
+            return a, b, c, d
+        low, high = self.speeds[before : before + 2]
+        share = (speed - low) / (high - low)
+        a, b, c, d = (row[before] + share * (row[before + 1] - row[before]) for row in rows)
         return a, b, c, d
 
 
@@ -111,12 +119,9 @@ def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[Spe
     half_range = 0.5 * max(float(np.ptp(force)) for _, _, force, _ in parts)
     found = []
     for stroke, towards in (("rebound", 1.0), ("bump", -1.0)):
-        rows = np.mean(
-            [_at_speeds(towards * v, f, r, speeds) for _, v, f, r in parts],
-            axis=0,
-        )
+        rows = np.mean([_at_speeds(part, towards, speeds) for part in parts], axis=0)
         misfit = [_misfit(parts, towards, speed) if is_structured else 0.0 for speed in speeds]
-        errors = rows[:, 1] / math.sqrt(len(parts))
+        errors = rows[1] / math.sqrt(len(parts))
         found.append(
             SpeedForces(
                 setting=linearised.fit.setting,
@@ -125,9 +130,9 @@ def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[Spe
                 frequency=median(one.frequency for one, *_ in parts),
                 half_range=half_range,
                 speeds=speeds,
-                measured=tuple(rows[:, 0].tolist()),
+                measured=tuple(rows[0].tolist()),
                 measured_se=tuple(errors.tolist()),
-                difference=tuple(rows[:, 2].tolist()),
+                difference=tuple(rows[2].tolist()),
                 misfit=tuple(misfit),
             )
         )
@@ -154,41 +159,17 @@ def _fastest(linearised: Linearisation) -> Iterator[_Part]:
 
 
 def _at_speeds(
-    velocity: FloatArray, force: FloatArray, residuals: FloatArray, speeds: Sequence[float]
-) -> FloatArray:
-    """Return mean force of both branches, standard error of its mean, and mean residual: (k, 3)."""
-    found = np.zeros((3, len(speeds)))
-    n_passed = np.searchsorted(speeds, velocity, side="right")
-    for first, last in ((n_passed[:-1], n_passed[1:]), (n_passed[1:], n_passed[:-1])):
-        places, which = _passages(first, last)
-        counts = np.bincount(which, minlength=len(speeds))
-        before = velocity[places] - np.asarray(speeds)[which]
-        share = before / (before - (velocity[places + 1] - np.asarray(speeds)[which]))
-        there = force[places] + share * (force[places + 1] - force[places])
-        missed = residuals[places] + share * (residuals[places + 1] - residuals[places])
-
-        def mean(of: FloatArray, n: NDArray[np.intp], to: NDArray[np.intp] = which) -> FloatArray:
-            sums = np.bincount(to, weights=of, minlength=len(speeds))
-            return np.asarray(np.divide(sums, n, out=np.full(len(speeds), math.nan), where=n > 0))
-
-        miss = mean(missed, counts)
-        # A mean of squares about the mean, of one less than there are.
-        found[0] += mean(there, counts)
-        found[1] += mean((missed - miss[which]) ** 2, counts - 1) / np.maximum(counts, 1)
-        found[2] += miss
-    return np.stack([0.5 * found[0], 0.5 * np.sqrt(found[1]), 0.5 * found[2]], axis=1)
-
-
-def _passages(
-    first: NDArray[np.intp], last: NDArray[np.intp]
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Where speeds from ``first`` up to ``last`` are passed between two samples, and which."""
-    counts = np.maximum(last - first, 0)
-    passing = np.flatnonzero(counts)
-    counts = counts[passing]
-    places = np.repeat(passing, counts)
-    ends = np.cumsum(counts)
-    return places, np.repeat(first[passing] - ends + counts, counts) + np.arange(len(places))
+    part: _Part, towards: float, speeds: Sequence[float]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mean force of both branches, standard error of its mean, and mean residual: (k,)."""
+    _, velocity, force, residuals = part
+    counts, means, squares = at_speeds(velocity, np.stack([force, residuals]), speeds, sign=towards)
+    # A mean of squares about the mean, of one less than there are.
+    variances = np.full(counts.shape, math.nan)
+    np.divide(squares[:, :, 1], counts - 1.0, out=variances, where=counts > 1.0)
+    errors = np.sqrt(np.sum(variances / np.maximum(counts, 1.0), axis=0))
+    force, missed = 0.5 * np.sum(means, axis=0).T
+    return force, 0.5 * errors, missed
 
 
 def _misfit(parts: Sequence[_Part], towards: float, speed: float) -> float:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.passed_speeds import at_speeds
 from damperfit.statistics import median
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["YIELDS", "held_share"]
+__all__ = ["YIELDS", "held_share", "held_shares"]
 
 # Share of the force's range from which it yields. Linear valves keep a tenth and friction adds its
 # own share: 0.05 to 0.17 over the reference set. Magneto-rheological logs with current have 0.59 to
@@ -43,27 +44,24 @@ def held_share(trace: Trace, modelled: FloatArray | None = None) -> float:
     modelled : numpy.ndarray, optional
         A model's force at the compared samples, to be asked in place of the measured one, N.
     """
-    shares = [
-        _share(
-            trace.velocity[one.window],
-            trace.force[one.window] if modelled is None else modelled[place],
-        )
-        for one, place in zip(trace.stretches, trace.places if trace.stretches else (), strict=True)
-    ]
-    known = [share for share in shares if math.isfinite(share)]
-    return median(known) if known else math.nan
-
-
-def _share(v: FloatArray, f: FloatArray) -> float:
-    slow = _SLOW * float(np.abs(v).max())
-    out, into = _while_slowing(v, f, slow), _while_slowing(-v, f, slow)
-    return (out - into) / max(float(np.ptp(f)), 1e-300)
-
-
-def _while_slowing(speed: FloatArray, force: FloatArray, at: float) -> float:
-    """Return the mean force where the speed falls through a value; NaN where it never does."""
-    places = np.flatnonzero((speed[:-1] >= at) & (speed[1:] < at))
-    if not len(places):
+    if not trace.stretches:
         return math.nan
-    share = (speed[places] - at) / (speed[places] - speed[places + 1])
-    return float(np.mean(force[places] + share * (force[places + 1] - force[places])))
+    force = trace.force[trace.compared] if modelled is None else modelled
+    return held_shares(trace, force[None, :])[0]
+
+
+def held_shares(trace: Trace, forces: FloatArray) -> tuple[float, ...]:
+    """Return the `held_share` of several forces, (k, n), at the compared samples."""
+    shares = np.array(
+        [
+            _shares(trace.velocity[one.window], forces[:, place])
+            for one, place in zip(trace.stretches, trace.places, strict=True)
+        ]
+    )
+    return tuple(median([x for x in of if math.isfinite(x)]) for of in shares.T.tolist())
+
+
+def _shares(v: FloatArray, forces: FloatArray) -> FloatArray:
+    slow = (_SLOW * float(max(v.max(), -v.min())),)
+    out, into = (at_speeds(v, forces, slow, sign=sign)[1][1, 0] for sign in (1.0, -1.0))
+    return np.asarray((out - into) / np.maximum(np.ptp(forces, axis=1), 1e-300))

@@ -16,6 +16,7 @@ from damperfit.conditioning.passages import cycles_of, turning_points
 from damperfit.conditioning.repeatability import _cycle_means
 from damperfit.conditioning.scatter import _scatter
 from damperfit.conditioning.skew import _REACH, _in_order, _scan, _without_smooth
+from damperfit.passed_speeds import at_speeds
 from tests.oracles import cycles as slow
 
 RANDOM = np.random.default_rng(14)
@@ -254,6 +255,26 @@ def test_signals_side_by_side_are_filtered_as_each_alone(rows: int) -> None:
     assert np.array_equal(apply_filter(design, signals), alone)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("of", MOTIONS)
+def test_signals_at_speeds_are_those_of_the_slow_twin(of, sign: float) -> None:
+    signal, v = motion(*of)
+    v = np.round(v, 3)  # samples that lie on a speed, too
+    speeds = (-0.05, 0.0, float(abs(v[3])), 0.4, 9.0)
+    both = np.stack([signal, signal**2])
+    counts, means, squares = at_speeds(v, both, sorted(speeds), sign=sign)
+    for k, speed in enumerate(sorted(speeds)):
+        for row, of_row in enumerate(both):
+            for way, seen in enumerate(slow.at_speed(sign * v, of_row, speed)):
+                assert counts[way, k] == len(seen)
+                if not seen:
+                    assert np.isnan(means[way, k, row])
+                    continue
+                assert means[way, k, row] == pytest.approx(np.mean(seen), rel=1e-12, abs=1e-12)
+                about = len(seen) * np.var(seen)
+                assert squares[way, k, row] == pytest.approx(about, rel=1e-9, abs=1e-12)
+
+
 @pytest.mark.parametrize(
     ("name", "arguments"),
     [
@@ -304,6 +325,11 @@ def test_signals_side_by_side_are_filtered_as_each_alone(rows: int) -> None:
         ("steps", (*map(np.ones, (9, 45, 50, 3, 2, 3, 9)), 1.0, 0.0, 0.1)),
         ("steps", (*map(np.ones, (9, 45, 50, 3, 3, 2, 9)), 1.0, 0.0, 0.1)),
         ("steps", (*map(np.ones, (9, 45, 50, 3, 3, 3, 8)), 1.0, 0.0, 0.1)),
+        ("at_speeds", (*map(np.ones, (0, 1, 0, 2, 0, 0)), 1.0)),
+        ("at_speeds", (*map(np.ones, (9, 1, 17, 2, 2, 2)), 1.0)),
+        ("at_speeds", (*map(np.ones, (9, 1, 18, 3, 4, 4)), 1.0)),
+        ("at_speeds", (*map(np.ones, (9, 1, 18, 2, 3, 4)), 1.0)),
+        ("at_speeds", (*map(np.ones, (9, 1, 18, 2, 4, 5)), 1.0)),
         ("outstanding", (np.ones(9), np.ones(8))),
         ("rank", (np.ones(9), 9)),
         ("rank", (np.ones(9), -1)),

@@ -1,10 +1,11 @@
-/* Drives repeats.c and ends.c at their smallest and oddest sizes; a sanitizer ends the program. */
+/* Drives repeats.c, ends.c and speeds.c at their smallest and oddest sizes; a sanitizer ends the program. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
 #include "ends.h"
 #include "repeats.h"
+#include "speeds.h"
 
 enum { MOST = 40, ODD = 4 };
 
@@ -81,6 +82,19 @@ static void jumps(size_t n, int odd)
     free(sums);
 }
 
+static void passed(size_t n, int odd)
+{
+    static const double speeds[] = {-3.0, 0.0, 0.2, 0.2, 9.0};
+    enum { SPEEDS = sizeof speeds / sizeof *speeds, ROWS = 2 };
+    double counts[2 * SPEEDS], means[2 * SPEEDS * ROWS], squares[2 * SPEEDS * ROWS];
+    double *v = wave(ROWS * n, odd);
+    for (int sign = -1; sign < 2; sign += 2) {
+        df_at_speeds(n, v, sign, SPEEDS, speeds, ROWS, v, counts, means, squares);
+        df_at_speeds(n, v, sign, 0, speeds, ROWS, v, counts, means, squares);
+    }
+    free(v);
+}
+
 int main(void)
 {
     for (int odd = 0; odd < 2; odd++)
@@ -88,8 +102,10 @@ int main(void)
             channels(n, odd);
             if (n >= 4)
                 folds(n, odd);
-            if (n)
+            if (n) {
                 jumps(n, odd);
+                passed(n, odd);
+            }
         }
     puts("ok");
     return 0;

@@ -30,7 +30,7 @@ static void between(size_t n)
     double *y = malloc(n * sizeof *y), values[sizeof at / sizeof *at];
     for (size_t k = 0; k < n; k++)
         y[k] = (double)(k * k);
-    df_between(n, y, sizeof at / sizeof *at, at, values);
+    df_between(n, 1, y, sizeof at / sizeof *at, at, values);
     if (fabs(values[3] - 12.25) > 1e-9)
         abort();
     free(y);

@@ -139,3 +139,13 @@ def harmonic_powers(values, mean, angle, n_powers):
     """Squares of the means of a signal turned by k angles a sample."""
     wave = np.exp(1j * angle * np.arange(len(values)))
     return [abs(np.mean((values - mean) * wave**k)) ** 2 for k in range(1, n_powers + 1)]
+
+
+def at_speed(velocity, signal, speed):
+    """The signal each time the velocity rises to a speed or beyond, and each time it falls."""
+    found = [], []
+    for v, w, a, b in zip(velocity, velocity[1:], signal, signal[1:], strict=False):
+        if (v < speed) != (w < speed):
+            share = (speed - v) / (w - v)
+            found[int(w < speed)].append(a + share * (b - a))
+    return found

@@ -5,6 +5,8 @@ from __future__ import annotations
 import inspect
 import math
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from damperfit.adjustment import compare_settings
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, Outcome, Sharing
 from damperfit.recording import Finding
+from damperfit.statistics import fisher_quantile
 from damperfit.uncertainty import (
     Prediction,
     assess,
@@ -25,7 +28,13 @@ from damperfit.uncertainty.flaws import seek_flaws
 from damperfit.uncertainty.linearisation import Linearisation, LogLinearisation
 from damperfit.uncertainty.prediction import prediction_warnings
 from damperfit.uncertainty.profiles import Bench
-from damperfit.uncertainty.residuals import _independent_phases, diagnose
+from damperfit.uncertainty.repeating import (
+    StretchResiduals,
+    independent_phases,
+    is_beyond_chance,
+    split_power,
+)
+from damperfit.uncertainty.residuals import diagnose
 from tests import fakes
 from tests.uncertainty.test_words import known
 
@@ -101,7 +110,7 @@ def folded(rng, span: int = 1, *, cycles: int = 200, phases: int = 400) -> np.nd
 @pytest.mark.parametrize(("span", "expected"), [(1, 400.0), (5, 117.6)])
 def test_correlated_phases_count_by_the_sum_of_squared_correlations(span, expected) -> None:
     # 400 phases; a moving mean of five: 1 + 2 (0.64 + 0.36 + 0.16 + 0.04) = 3.4.
-    found = _independent_phases(folded(np.random.default_rng(3), span))
+    found = independent_phases(folded(np.random.default_rng(3), span))
     assert found == pytest.approx(expected, rel=0.05)
 
 
@@ -109,7 +118,7 @@ def test_correlated_phases_count_by_the_sum_of_squared_correlations(span, expect
 def test_noise_in_part_of_the_cycle_counts_by_that_part(loud: float) -> None:
     noise = folded(np.random.default_rng(4))
     noise[:, int(loud * 400) :] *= 1e-3
-    assert _independent_phases(noise) == pytest.approx(400.0 * loud, rel=0.05)
+    assert independent_phases(noise) == pytest.approx(400.0 * loud, rel=0.05)
 
 
 @pytest.mark.parametrize(("span", "quiet"), [(4, 1.0), (1, 0.2)])
@@ -121,7 +130,7 @@ def test_the_mean_square_of_a_mean_cycle_scatters_as_that_many_squares_do(span, 
     for _ in range(1000):
         noise = folded(rng, span, cycles=12) * shape
         powers.append(np.mean(noise.mean(axis=0) ** 2))
-        told.append(_independent_phases(noise))
+        told.append(independent_phases(noise))
     drawn = 2.0 / (np.std(powers) / np.mean(powers)) ** 2
     # Few cycles make the correlation of noise look larger than it is: 133 for 158.
     assert np.median(told) == pytest.approx(drawn, rel=0.2)
@@ -229,11 +238,11 @@ def test_noise_is_told_from_a_misfit_from_two_cycles_on(cycles: int) -> None:
 def test_a_stretch_of_one_cycle_costs_the_others_nothing(monkeypatch) -> None:
     """It says nothing of what repeats, whether it comes first or last."""
     ten, one = repeating(0.3, noise=1.0), repeating(0.0, noise=1.0, cycles=1)
-    parts = [next(residuals._parts(given)) for given in (ten, one)]
+    parts = [next(residuals.residuals_by_stretch(given)) for given in (ten, one)]
     alone = diagnose(ten)
     assert math.isfinite(alone.runs_ratio)
     for order in (parts, parts[::-1]):
-        monkeypatch.setattr(residuals, "_parts", lambda _, order=order: iter(order))
+        monkeypatch.setattr(residuals, "residuals_by_stretch", lambda _, order=order: iter(order))
         found = diagnose(ten)
         assert (found.noise_percent, found.runs_ratio) == (alone.noise_percent, alone.runs_ratio)
 
@@ -273,3 +282,30 @@ def test_a_correlation_at_a_cycle_takes_more_than_two_cycles(
 def test_a_fit_is_judged_by_the_integration_that_it_was_fitted_with(asked) -> None:
     """Coarser, its minimum would seem to lie elsewhere; finer, it would cost more for nothing."""
     assert inspect.signature(asked).parameters["solver"].default == FitOptions().solver
+
+
+def part(residuals: np.ndarray, n_cycles: int, noise: float = 1.0) -> StretchResiduals:
+    """Residuals of a stretch, laid over itself where it has cycles."""
+    stretch: Any = SimpleNamespace(n_cycles=n_cycles, noise=noise)
+    if not n_cycles:
+        return StretchResiduals(stretch, 1e-3, residuals)
+    folded = residuals.reshape(n_cycles, -1)
+    return StretchResiduals(stretch, 1e-3, residuals, folded, folded - folded.mean(axis=0))
+
+
+@pytest.mark.parametrize(("share", "repeats"), [(1.002, True), (0.998, False)])
+def test_what_noise_has_once_in_a_million_repeats(share: float, *, repeats: bool) -> None:
+    parts = [part(np.random.default_rng(4).standard_normal(1500), 15)]
+    phases = independent_phases(parts[0].about)
+    bar = fisher_quantile(phases, 14.0 * phases, 1.0 - 1e-6)
+    assert is_beyond_chance(parts, share * bar) is repeats
+
+
+@pytest.mark.parametrize(("power", "is_more"), [(3.9, False), (4.1, True)])
+def test_where_nothing_repeats_four_times_the_noise_is_more_than_noise(
+    power: float, *, is_more: bool
+) -> None:
+    residuals = math.sqrt(power) * np.array([1.0, -1.0] * 50)
+    repeats, noise, is_beyond = split_power([part(residuals, 0)])
+    assert (repeats, noise) == pytest.approx((power - 1.0, 1.0))
+    assert is_beyond() is is_more

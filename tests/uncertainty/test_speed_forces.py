@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -107,10 +108,22 @@ def test_the_error_at_a_speed_is_that_of_the_mean_of_both_branches() -> None:
     """Passed four times each way, by the mean of the samples before and behind."""
     velocity = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
     missed = np.array([0.0, 2.0, 2.0, -4.0, 0.0, 2.0, 2.0, -4.0, 0.0])  # 1, 2, -1, -2 twice
-    (at_rest, never) = _at_speeds(velocity, 100.0 + missed, missed, (0.0, 3.0))
+    part: Any = (None, velocity, 100.0 + missed, missed)
+    at_rest, never = np.transpose(_at_speeds(part, 1.0, (0.0, 3.0)))
     error = 0.5 * math.sqrt((4.0 / 3.0 + 16.0 / 3.0) / 4.0)
     assert at_rest.tolist() == pytest.approx([100.0, error, 0.0])
     assert np.isnan(never).all()
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.13, 0.2, 0.3])
+def test_between_two_speeds_forces_lie_on_a_line(speed: float) -> None:
+    speeds = (0.1, 0.2, 0.3)
+    rows = [(100.0, 140.0, 150.0), (1.0, 2.0, math.nan), (3.0, 4.0, 9.0), (0.0, 1.0, 0.0)]
+    known = SpeedForces(Setting.of(1), "bump", 0.03, 1.5, 1.0, speeds, *rows)
+    found = known.at(speed)
+    expected = [np.interp(speed, speeds, row) for row in rows]
+    assert found == pytest.approx(expected, nan_ok=True)
+    assert known.at(0.0999) is known.at(0.3001) is None
 
 
 def level(difference: float, *, measured: float = 1000.0, error: float = 0.0, **more) -> Level:

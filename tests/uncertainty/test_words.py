@@ -31,7 +31,7 @@ from damperfit.uncertainty.gas import GasContent
 from damperfit.uncertainty.intervals import make_interval
 from damperfit.uncertainty.last_word import _is_unfit
 from damperfit.uncertainty.profiles import MisfitProfile, ProfilePoint, signed_root
-from damperfit.uncertainty.residuals import residual_scatter
+from damperfit.uncertainty.repeating import residual_scatter
 from damperfit.uncertainty.verdicts import _span, doubts, undetermined, verdicts
 from tests import fakes
 

@@ -236,6 +236,9 @@ static PyMethodDef METHODS[] = {
     {"steps", df_py_steps, METH_VARARGS,
      "steps(lag, columns, sums, delays, rest, heights, scratch, power, width, least)\n"
      "Fills what a step at each delay leaves, and its height."},
+    {"at_speeds", df_py_at_speeds, METH_VARARGS,
+     "at_speeds(v, speeds, rows, counts, means, squares, sign)\n"
+     "Fills what rows are where sign v passes rising speeds, on the way up and on the way down."},
     {"scatter", df_py_scatter, METH_VARARGS,
      "scatter(y, starts, phases, folded, lags) -> variance of the cycles, mean over the phases."},
     {"beside", df_py_beside, METH_VARARGS,

@@ -1,4 +1,4 @@
-/* Python binding of repeats.h and ends.h: rows of doubles in and out, the GIL released meanwhile. */
+/* Python binding of repeats.h, ends.h and speeds.h: rows of doubles in and out, the GIL released meanwhile. */
 #define PY_SSIZE_T_CLEAN
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
@@ -7,6 +7,7 @@
 #include "ends.h"
 #include "repeats.h"
 #include "repeats_module.h"
+#include "speeds.h"
 
 PyObject *df_py_without_smooth(PyObject *self, PyObject *args)
 {
@@ -55,6 +56,31 @@ PyObject *df_py_steps(PyObject *self, PyObject *args)
     df_steps((size_t)n, v[LAG].buf, (int)row - 1, v[COLUMNS].buf, v[SUMS].buf, power, width, least,
              (size_t)df_count(&v[DELAYS]), v[DELAYS].buf, v[REST].buf, v[HEIGHTS].buf,
              v[SCRATCH].buf);
+    Py_END_ALLOW_THREADS
+    return df_done(&b);
+}
+
+PyObject *df_py_at_speeds(PyObject *self, PyObject *args)
+{
+    (void)self;
+    enum { V, SPEEDS, ROWS, COUNTS, MEANS, SQUARES, N };
+    PyObject *o[N];
+    double sign;
+    if (!PyArg_ParseTuple(args, "OOOOOOd:at_speeds", &o[V], &o[SPEEDS], &o[ROWS], &o[COUNTS],
+                          &o[MEANS], &o[SQUARES], &sign))
+        return NULL;
+    df_buffers b;
+    if (!df_borrow(&b, o, N, COUNTS))
+        return NULL;
+    const Py_buffer *v = b.view;
+    const Py_ssize_t n = df_count(&v[V]), n_speeds = df_count(&v[SPEEDS]);
+    const Py_ssize_t n_rows = n > 0 ? df_count(&v[ROWS]) / n : 0;
+    if (n < 1 || df_count(&v[ROWS]) != n * n_rows || df_count(&v[COUNTS]) != 2 * n_speeds ||
+        df_count(&v[MEANS]) != 2 * n_speeds * n_rows || v[SQUARES].len != v[MEANS].len)
+        return df_refused(&b, "at_speeds: rows as long as the velocity, and room for each speed");
+    Py_BEGIN_ALLOW_THREADS
+    df_at_speeds((size_t)n, v[V].buf, sign, (size_t)n_speeds, v[SPEEDS].buf, (size_t)n_rows,
+                 v[ROWS].buf, v[COUNTS].buf, v[MEANS].buf, v[SQUARES].buf);
     Py_END_ALLOW_THREADS
     return df_done(&b);
 }

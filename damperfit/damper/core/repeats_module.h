@@ -6,6 +6,7 @@
 
 PyObject *df_py_without_smooth(PyObject *self, PyObject *args);
 PyObject *df_py_steps(PyObject *self, PyObject *args);
+PyObject *df_py_at_speeds(PyObject *self, PyObject *args);
 PyObject *df_py_scatter(PyObject *self, PyObject *args);
 PyObject *df_py_beside(PyObject *self, PyObject *args);
 PyObject *df_py_cycle_means(PyObject *self, PyObject *args);

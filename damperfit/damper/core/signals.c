@@ -109,26 +109,31 @@ void df_spline_slopes(size_t n, const double *y, double *slopes, double *scratch
         slopes[k] -= scratch[k] * slopes[k + 1];
 }
 
-void df_between(size_t n, const double *y, size_t n_at, const double *at, double *values)
+void df_between(size_t n, size_t n_rows, const double *y, size_t n_at, const double *at,
+                double *values)
 {
     /* One over the products of the differences of the taps: Lagrange's denominators. */
     static const double SHARE[TAPS] = {-1.0 / 5040.0, 1.0 / 720.0, -1.0 / 240.0, 1.0 / 144.0,
                                        -1.0 / 144.0,  1.0 / 240.0, -1.0 / 720.0, 1.0 / 5040.0};
     const double last = (double)(n - TAPS);
     for (size_t k = 0; k < n_at; k++) {
-        double first = floor(at[k]) - (TAPS / 2 - 1);
         /* The comparisons are written so that a position that is no number ends inside too. */
-        first = first > 0.0 ? first : 0.0;
-        first = first < last ? first : last;
-        const double *from = y + (size_t)first;
-        double before[TAPS], after = 1.0, sum = 0.0;
+        double first = at[k] > TAPS / 2 - 1 ? at[k] - (TAPS / 2 - 1) : 0.0;
+        first = first < last ? (double)(size_t)first : last;
+        double before[TAPS], weight[TAPS], after = 1.0;
         before[0] = 1.0;
         for (int tap = 1; tap < TAPS; tap++)
             before[tap] = before[tap - 1] * (at[k] - first - (tap - 1));
         for (int tap = TAPS - 1; tap >= 0; tap--) {
-            sum += SHARE[tap] * before[tap] * after * from[tap];
+            weight[tap] = SHARE[tap] * before[tap] * after;
             after *= at[k] - first - tap;
         }
-        values[k] = sum;
+        const double *from = y + (size_t)first;
+        for (size_t row = 0; row < n_rows; row++, from += n) {
+            double sum = 0.0;
+            for (int tap = TAPS - 1; tap >= 0; tap--)
+                sum += weight[tap] * from[tap];
+            values[row * n_at + k] = sum;
+        }
     }
 }

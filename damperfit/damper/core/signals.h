@@ -34,8 +34,9 @@ void df_filter_two_both(const df_sections *f, size_t n, size_t pad, const double
    by sample. scratch: n. */
 void df_spline_slopes(size_t n, const double *y, double *slopes, double *scratch);
 
-/* Values at fractional samples, through the eight around each; n >= 8. */
-void df_between(size_t n, const double *y, size_t n_at, const double *at, double *values);
+/* Values of rows of n samples at fractional ones, through the eight around each; n >= 8. */
+void df_between(size_t n, size_t n_rows, const double *y, size_t n_at, const double *at,
+                double *values);
 
 #ifdef __cplusplus
 }

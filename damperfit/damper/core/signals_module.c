@@ -83,11 +83,8 @@ PyObject *df_py_between(PyObject *self, PyObject *args)
     const Py_ssize_t n = rows > 0 ? df_count(&v[IN]) / rows : 0, n_at = df_count(&v[AT]);
     if (n < 8 || df_count(&v[IN]) != n * rows || df_count(&v[OUT]) != n_at * rows)
         return df_refused(&b, "between: eight samples or more, and a value for each position");
-    const double *in = v[IN].buf;
-    double *out = v[OUT].buf;
     Py_BEGIN_ALLOW_THREADS
-    for (Py_ssize_t k = 0; k < rows; k++)
-        df_between((size_t)n, in + k * n, (size_t)n_at, v[AT].buf, out + k * n_at);
+    df_between((size_t)n, (size_t)rows, v[IN].buf, (size_t)n_at, v[AT].buf, v[OUT].buf);
     Py_END_ALLOW_THREADS
     return df_done(&b);
 }
