@@ -115,7 +115,7 @@ def _written_into(folder):
     write_text(folder / "z", "z")
 
 
-# Each of them once, at every fourth call; all calls, and the rest of the eight, are slow.
+# Each of them once, at every sixth call; all calls, and the rest of the eight, are slow.
 _KILLED = [(settle, OLD, die_before), (_written_into, {}, die_after)]
 _ALSO = [*_KILLED, (settle, OLD, die_after), (settle, {}, die_before), (settle, {}, die_after)]
 _ALSO += [(_written_into, OLD, die_before), (_written_into, OLD, die_after)]
@@ -125,7 +125,7 @@ _ALSO += [(_written_into, {}, die_before)]
 @pytest.mark.parametrize(
     ("what_next", "old", "ending", "every"),
     [
-        *((*one, 4) for one in _KILLED),
+        *((*one, 6) for one in _KILLED),
         *(pytest.param(*one, 1, marks=pytest.mark.slow) for one in _ALSO),
     ],
 )
@@ -154,7 +154,7 @@ def test_a_run_killed_at_any_call_leaves_one_whole_set(
 @pytest.mark.parametrize(
     ("old", "every"),
     [
-        pytest.param(OLD, 6, id="over results"),
+        pytest.param(OLD, 9, id="over results"),
         pytest.param(OLD, 1, id="over results, at each", marks=pytest.mark.slow),
         pytest.param({}, 1, id="into an empty folder", marks=pytest.mark.slow),
     ],
@@ -507,7 +507,7 @@ def test_a_killed_run_holds_nothing(tmp_path) -> None:
 
 
 # Every fifth call; each of them is slow.
-@pytest.mark.parametrize("every", [5, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", [7, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("lacking", ["locks", "links"])
 def test_a_file_system_without_locks_or_links_keeps_the_promise(
     tmp_path, monkeypatch, every, lacking

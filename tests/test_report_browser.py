@@ -1,4 +1,4 @@
-"""The page in a real browser; skipped, with a word, where there is none."""
+"""The page in a real browser; skipped, with a word, where there is none. A step of .ci/run."""
 
 from __future__ import annotations
 
@@ -20,9 +20,12 @@ CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
 )
 DRIVER = shutil.which("chromedriver")
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None or DRIVER is None, reason="chromium and chromedriver are not installed"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        CHROMIUM is None or DRIVER is None, reason="chromium and chromedriver are not installed"
+    ),
+]
 
 FLAGS = (
     "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-sync "
@@ -65,6 +68,24 @@ def _wait(driver, script: str, *, seconds: float = 60.0) -> None:
     while not driver.execute_script(script):
         assert time.monotonic() < end, f"never true: {script}"
         time.sleep(0.05)
+
+
+@pytest.fixture
+def other(browser, page):
+    """A browser to look at another page with; the tests after it may run in any order."""
+    yield browser
+    browser.get(page.as_uri())
+
+
+@pytest.fixture(autouse=True)
+def _drawn_anew(browser):
+    """What the test before has switched, printed or made dark is drawn a little later."""
+    _wait(
+        browser,
+        "return [...document.querySelectorAll('.plot')].filter(d => d.offsetParent !== null).every("
+        "d => d.querySelector('.modebar')"
+        " && d.querySelectorAll('.trace').length === (d.data || []).length)",
+    )
 
 
 def test_it_is_quiet_draws_everything_and_asks_for_nothing(browser):
@@ -279,7 +300,8 @@ def test_every_setting_has_its_anchor(browser, page):
     assert missing == []
 
 
-def test_runs_over_one_another_are_drawn_and_switched(browser, tmp_path):
+def test_runs_over_one_another_are_drawn_and_switched(other, tmp_path):
+    browser = other
     first = run(measured(1), measured(2), name="before")
     second = run(measured(1, factor=1.1), measured(2), name="after")
     comparison = compare_runs(first, second, ComparisonOptions(is_measured=True))

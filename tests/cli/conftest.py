@@ -13,6 +13,7 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.samples import SampleOptions, make_samples
+from tests.kept_fits import fits_anew, kept_fits
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,19 @@ class Ended:
     code: int
     out: str
     err: str
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _fits_are_kept():
+    with kept_fits():
+        yield
+
+
+@pytest.fixture
+def fitted_anew():
+    """Let nothing be taken from an earlier test."""
+    with fits_anew():
+        yield
 
 
 @pytest.fixture(scope="session")

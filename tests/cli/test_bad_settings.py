@@ -52,7 +52,9 @@ def rigid(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def break_short_strokes(monkeypatch: pytest.MonkeyPatch) -> Callable[[Exception], None]:
+def break_short_strokes(
+    monkeypatch: pytest.MonkeyPatch, fitted_anew: None
+) -> Callable[[Exception], None]:
     """Let the simulation of a fit fail for logs of less than 1 mm."""
 
     def arrange(error: Exception) -> None:

@@ -8,6 +8,7 @@ import typer
 from damperfit.cli.main import app, main
 
 BAD = "§"
+COMMANDS = typer.main.get_command(app).commands  # built anew at each call
 # What each command needs besides; no log is read and nothing is fitted before its options are.
 BESIDE = {
     "identify": ["LOG"],
@@ -33,7 +34,7 @@ FILES = {"--config", "--tests", "--parameters", "--displacement", "--repeats", "
 
 
 def cases():
-    for name, command in typer.main.get_command(app).commands.items():
+    for name, command in COMMANDS.items():
         for one in command.params:
             option = next((text for text in one.opts if text.startswith("--")), "")
             takes = one.param_type_name == "option" and not one.is_flag and option != "--help"
@@ -102,7 +103,7 @@ WRONG_FILES = [
 
 def told_of(option):
     """Yield each command that takes a file by this option."""
-    for name, command in typer.main.get_command(app).commands.items():
+    for name, command in COMMANDS.items():
         if any(option in one.opts for one in command.params):
             yield name
 

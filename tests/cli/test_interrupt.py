@@ -22,7 +22,7 @@ from damperfit.run.pipeline import Watch, run
 ROOT = Path(__file__).parents[2]
 
 
-def test_finished_settings_are_written_when_the_user_stops(logs, tmp_path) -> None:
+def test_finished_settings_are_written_when_the_user_stops(logs, fitted_anew, tmp_path) -> None:
     stop = threading.Event()
     settings = load_configuration(overlay={"output": {"folder": str(tmp_path / "out")}})
     watch = Watch(on_fit=lambda _fit: stop.set(), cancelled=stop.is_set)
@@ -35,7 +35,7 @@ def test_finished_settings_are_written_when_the_user_stops(logs, tmp_path) -> No
     assert "Interrupted" in (tmp_path / "out" / "report.md").read_text()
 
 
-def test_earlier_results_stay_when_nothing_was_finished(logs, tmp_path) -> None:
+def test_earlier_results_stay_when_nothing_was_finished(logs, fitted_anew, tmp_path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "run.json").write_text("earlier")
     settings = load_configuration(overlay={"output": {"folder": str(tmp_path / "out")}})

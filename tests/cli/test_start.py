@@ -25,7 +25,7 @@ def earlier(logs, tmp_path_factory):
 
 
 @pytest.fixture
-def began(monkeypatch):
+def began(monkeypatch, fitted_anew):
     """Where the fits of a run begin, by setting."""
     found = {}
 

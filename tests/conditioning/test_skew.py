@@ -151,16 +151,21 @@ def _soft_seals(log, sliding):
 
 
 NOT_TOLD = {
-    "no friction": (late_log(5, 0.002, f_f=0.01), {}, "no friction stands out"),
-    "soft seals": (_soft_seals(late_log(5, 0.0, f_f=0.01), 2e-5), {}, "rounded by"),
-    "very soft seals": (_soft_seals(late_log(10, 0.0, f_f=0.01), 2e-4), {}, ""),
-    "rig filter": (late_log(5, 0.002), {"rig_filter": "zero_phase"}, "the rig's filter rounds"),
+    "no friction": (lambda: late_log(5, 0.002, f_f=0.01), {}, "no friction stands out"),
+    "soft seals": (lambda: _soft_seals(late_log(5, 0.0, f_f=0.01), 2e-5), {}, "rounded by"),
+    "very soft seals": (lambda: _soft_seals(late_log(10, 0.0, f_f=0.01), 2e-4), {}, ""),
+    "rig filter": (
+        lambda: late_log(5, 0.002),
+        {"rig_filter": "zero_phase"},
+        "the rig's filter rounds",
+    ),
 }
 
 
 @pytest.mark.parametrize("case", NOT_TOLD)
 def test_where_it_cannot_be_told_it_says_so_and_changes_nothing(case) -> None:
-    log, options, words = NOT_TOLD[case]
+    make, options, words = NOT_TOLD[case]
+    log = make()
     finding = skew_of(log, **options)
     assert (finding.severity, finding.value) == ("note", None)
     assert words in finding.sentence

@@ -55,9 +55,10 @@ def by_scipy(monkeypatch):
     monkeypatch.setattr(logs_of_samples, "steady_cycle", cache(steady_cycle))
 
 
-def test_the_quick_cycles_of_other_tests_are_as_good_as_these():
+@pytest.mark.parametrize("setting", [7, pytest.param(1, marks=pytest.mark.slow)])
+def test_the_quick_cycles_of_other_tests_are_as_good_as_these(setting):
     phases = np.arange(1200) / 1200
-    truth = reference_parameters(1)
+    truth = reference_parameters(setting)
     quick = quick_cycle(truth, PURDY_DAMPER, amplitude=0.032, frequency=1.5)
     assert np.max(np.abs(quick.force(phases) - purdy_cycle(truth).force(phases))) < 0.02
 
@@ -94,11 +95,11 @@ def test_log_without_noise_is_the_oracle_with_all_digits(by_scipy, tmp_path):
 
 
 @pytest.mark.parametrize("cycles", ["one for all", pytest.param("own", marks=pytest.mark.slow)])
-def test_the_twenty_logs(by_scipy, tmp_path, monkeypatch, cycles):
+def test_the_twenty_logs(tmp_path, monkeypatch, cycles):
     """15 cycles at 500 Hz in the project's dialect, small, each from another phase."""
-    if cycles == "one for all":
-        cycle = purdy_cycle(reference_parameters(7))
-        monkeypatch.setattr(logs_of_samples, "steady_cycle", lambda *_, **__: cycle)
+    one = quick_cycle(reference_parameters(7), PURDY_DAMPER, amplitude=0.032, frequency=1.5)
+    by_setting = steady_cycle if cycles == "own" else lambda *_, **__: one
+    monkeypatch.setattr(logs_of_samples, "steady_cycle", by_setting)
     seen = []
     logs = make_samples(tmp_path, on_log=lambda path: seen.append(path.name))
     assert [log.name for log in logs] == [f"setting_{s:02d}.csv" for s in range(1, 21)] == seen
@@ -130,7 +131,9 @@ def test_the_twenty_logs(by_scipy, tmp_path, monkeypatch, cycles):
     }
 
 
-@pytest.mark.parametrize("setting", [pytest.param(1, marks=pytest.mark.slow), 20])
+@pytest.mark.parametrize(
+    "setting", [7, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 20))]
+)
 def test_logs_in_the_repository_are_what_samples_writes(by_scipy, tmp_path, setting):
     """To one step of the log, which is what another machine's rounding may move."""
     stored = Path(__file__).parents[2] / "sample_runs"
@@ -236,7 +239,11 @@ def test_a_log_does_not_depend_on_its_company(tmp_path):
     assert alone[0].read_bytes() == together[1].read_bytes()
 
 
-def test_any_damper_and_any_parameters(tmp_path):
+@pytest.mark.parametrize(
+    "integrate", [quick_cycle, pytest.param(steady_cycle, marks=pytest.mark.slow)]
+)
+def test_any_damper_and_any_parameters(tmp_path, monkeypatch, integrate):
+    monkeypatch.setattr(logs_of_samples, "steady_cycle", integrate)
     damper = Damper(rod_diameter=0.0125, piston_diameter=0.036, gas_pressure=1.1e6)
     parameters = {3: Parameters(8e3, 9e5, 1.2e6, 6e8, 20.0, f_0=135.0)}
     options = dataclasses.replace(
@@ -246,7 +253,7 @@ def test_any_damper_and_any_parameters(tmp_path):
     _, time, x, force, _ = read(log)
     assert len(time) == 6000
     assert np.max(x) == pytest.approx(0.02, rel=1e-3)
-    cycle = steady_cycle(parameters[3], damper, amplitude=0.02, frequency=2.5)
+    cycle = integrate(parameters[3], damper, amplitude=0.02, frequency=2.5)
     assert np.max(force) == pytest.approx(np.max(cycle.force(np.linspace(0, 1, 4000))), rel=1e-4)
     assert "reference" not in (tmp_path / "README.md").read_text(encoding="utf-8")
 

@@ -6,7 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.kept_fits import kept_fits
+
 SAMPLES = Path(__file__).parents[2] / "sample_runs"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _fits_are_kept():
+    with kept_fits():
+        yield
 
 
 @pytest.fixture(scope="session")

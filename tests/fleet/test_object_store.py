@@ -289,7 +289,7 @@ class TestASlowStore:
     @pytest.fixture
     def slow(self, store, texts, monkeypatch, tmp_path):
         """Two dampers, one of which the store is slow with; yields their address and the store."""
-        monkeypatch.setattr(stores, "_DEADLINE", 0.6)
+        monkeypatch.setattr(stores, "_DEADLINE", 0.3)
         monkeypatch.setattr(stores, "_PAUSE", 0.0)
         for serial in ("D1", "D2"):
             for name, (head, rows) in texts.items():
@@ -320,7 +320,7 @@ class TestASlowStore:
         assert states(done) == {"D1": "fitted", "D2": "later"}
         (said,) = next(one.failures for one in done if one.owner == "D2")
         assert "D2/setting_10.csv" in said
-        assert "cannot be fetched, tried 4 times: no answer within 0.6 s" in said
+        assert "cannot be fetched, tried 4 times: no answer within 0.3 s" in said
         watched.hangs = 0
         done = list(run_fleet(CONFIGURATION, tasks, tmp_path, Here()))
         assert states(done)["D2"] == "fitted"

@@ -112,7 +112,7 @@ def test_a_fit_that_stops_at_a_wall_of_failed_trials_has_not_converged(
 
 def test_a_single_setting_that_cannot_fix_the_shared_ones_uses_the_papers_with_a_warning() -> None:
     truth = replace(reference_parameters(12), r_m3=2.6e3, f_f=1e-3)
-    campaign = identify([trace(12, truth, noise=4.0)], PURDY_DAMPER)
+    campaign = identify([trace(12, truth, noise=4.0, duration=4.0)], PURDY_DAMPER)
     assert any("2.597e+06" in text and "--fix r_m3" in text for text in campaign.warnings)
 
 
@@ -180,7 +180,7 @@ def test_a_log_of_another_damper_is_called_poor_and_does_not_stop_the_run() -> N
         gas_pressure=12e5,
     )
     truth = Parameters(r_m1=8e3, r_m2=6e5, r_m3=4.5e5, k_e=6e8, f_f=30.0)
-    log = trace(2, truth, damper=other, amplitude=0.02, noise=4.0)
+    log = trace(2, truth, damper=other, amplitude=0.02, noise=4.0, duration=4.0)
     campaign = identify([log], PURDY_DAMPER)
     assert campaign.failures == ()
     assert campaign.fits[0].mse_percent > 5.0

@@ -46,6 +46,7 @@ def find_constants(root: Path) -> dict[str, Limit]:
     }
 
 
+@cache
 def constants_of(root: Path) -> dict[str, dict[str, Limit]]:
     """Return the same by file and name."""
     return {path: _constants(path, tree) for path, tree in _trees(root).items()}
@@ -157,16 +158,19 @@ def names_in(tree: ast.Module, constants: dict[str, dict[str, Limit]]) -> dict[s
 
 def _compared(tree: ast.Module, names: dict[str, Limit]) -> set[str]:
     functions = [n for n in _walk(tree) if isinstance(n, ast.FunctionDef | ast.Lambda)]
+    by_base: dict[str, set[str]] = {}
+    for name in names:
+        by_base.setdefault(name.partition("[")[0], set()).add(name)
     found: set[str] = set()
     for scope in (tree, *functions):
         made: dict[str, set[str]] = {}
         nodes = _inside(scope)
         for node in nodes:
             for target, value in _assigned(node):
-                made.setdefault(target, set()).update(_read(value, names))
+                made.setdefault(target, set()).update(_read(value, by_base))
         for node in nodes:
             for part in _sides(node):
-                found |= _read(part, names)
+                found |= _read(part, by_base)
                 for inner in _walk(part):
                     if isinstance(inner, ast.Name):
                         found |= made.get(inner.id, set())
@@ -215,6 +219,17 @@ def _sides(node: ast.AST) -> list[ast.expr]:
     return []
 
 
-def _read(part: ast.AST, names: dict[str, Limit]) -> set[str]:
-    seen = {ast.unparse(n) for n in _walk(part) if isinstance(n, ast.Name | ast.Attribute)}
-    return {name for name in names if name.partition("[")[0] in seen}
+def _read(part: ast.AST, by_base: dict[str, set[str]]) -> set[str]:
+    """Return which limits a part reads; `by_base` has NAME[0] and NAME[1] under NAME."""
+    seen = {_dotted(n) for n in _walk(part) if isinstance(n, ast.Name | ast.Attribute)}
+    return {name for base in seen & by_base.keys() for name in by_base[base]}
+
+
+def _dotted(node: ast.expr) -> str:
+    """Return a name with what it is a part of; nothing for what a call or an index gives."""
+    match node:
+        case ast.Name(id=name):
+            return name
+        case ast.Attribute(value=value, attr=name) if whole := _dotted(value):
+            return f"{whole}.{name}"
+    return ""

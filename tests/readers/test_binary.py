@@ -143,10 +143,10 @@ def test_matlab_without_numbers_says_what_it_holds(tmp_path, is_packed) -> None:
 
 
 def test_matlab_bomb_is_refused_before_it_is_unpacked(tmp_path) -> None:
-    n = 4_000_000
+    n = 1_000_000
     data = saved({"time_s": np.zeros((n, 1)), "x_mm": np.zeros((n, 1)), "f_N": np.zeros((n, 1))})
     assert len(data) < 32 * n / 100
-    message = refusal(put(tmp_path, data, "a.mat"), ReadOptions(max_bytes=1_000_000))
+    message = refusal(put(tmp_path, data, "a.mat"), ReadOptions(max_bytes=250_000))
     assert "rig.max_log_bytes" in message
 
 
@@ -342,7 +342,7 @@ def test_damaged_bytes_give_a_log_or_one_line(tmp_path, writer) -> None:
     data = write(SCENARIO)
     path = tmp_path / file_name
     # MDF and HDF5 are read in a process of their own, 0.2 s each.
-    n_examples = 4 if writer in {"MDF", "MATLAB 7.3"} else 25
+    n_examples = {"MDF": 4, "MATLAB 7.3": 4, "Excel": 12}.get(writer, 25)
 
     @settings(
         max_examples=n_examples,

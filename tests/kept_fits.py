@@ -1,0 +1,77 @@
+"""Fits of commands, made once for the same logs: most tests of commands fit the same three.
+
+For tests that ask what a run says and writes; how it fits is asked in `identification/`. What
+breaks a fit on purpose, or counts what it does, takes the fixture `fitted_anew`.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import pytest
+
+from damperfit.identification import Campaign, identify
+from damperfit.run import work
+
+__all__ = ["fits_anew", "kept_fits"]
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What a fit depends on, as bytes; and how it is called."""
+
+    content: bytes
+    what: tuple[Any, ...] = field(compare=False)
+    how: dict[str, Any] = field(compare=False)
+
+
+class _IsNotKeptError(Exception):
+    """Others would not have met what this fit has met."""
+
+
+@cache
+def _fitted(asked: _Asked) -> Campaign:
+    found = identify(*asked.what, **asked.how)
+    if found.failures or not found.is_complete:
+        raise _IsNotKeptError(found)
+    return found
+
+
+def _identify(traces, damper, options, *, jobs, on_fit, cancelled) -> Campaign:
+    told = []
+
+    def tell(fit) -> None:
+        told.append(fit)
+        on_fit(fit)
+
+    what, how = (tuple(traces), damper, options), {"jobs": jobs, "cancelled": cancelled}
+    asked = _Asked(pickle.dumps((what, jobs)), what, {**how, "on_fit": tell})
+    try:
+        found = _fitted(asked)
+    except _IsNotKeptError as error:
+        return error.args[0]
+    if not told:
+        for fit in found.fits:
+            on_fit(fit)
+    return found
+
+
+@contextmanager
+def kept_fits() -> Iterator[None]:
+    """Let commands that run in this process share what they have fitted."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(work, "identify", _identify)
+        yield
+
+
+@contextmanager
+def fits_anew() -> Iterator[None]:
+    """Take that back."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(work, "identify", identify)
+        yield
