@@ -40,6 +40,7 @@ from damperfit.uncertainty.few_samples import (
     is_enough,
     widening,
 )
+from damperfit.uncertainty.suppositions import ignorance, turned_otherwise
 from damperfit.uncertainty.thinning import middles, stride_of
 
 if TYPE_CHECKING:
@@ -143,7 +144,8 @@ class Linearisation:
         In place of `scores` what a misfit that repeats does; None where nothing repeats.
     supposed : numpy.ndarray or None
         Summed scores by what is held at a default that nobody has measured, each column for one
-        standard error of that; None where there is none.
+        standard error of that, and by another form in which friction may turn; None where there is
+        none.
     flaws : tuple of str
         Which flaws its residuals may be said to show.
     """
@@ -183,7 +185,7 @@ def linearise_at_fit(
     own = [getattr(values, one.name) if one.is_logarithmic else 1.0 for one in values.quantities]
     slopes = np.array([*own, *(getattr(damper, name) for name in damper.conditions)])
     n = len(own)
-    ignorance = _ignorance(fit)
+    errors = ignorance(fit)
     traces = [log.trace for log in fit.logs]
     is_short = not _is_long(fit, traces)
     found = _Sums()
@@ -192,7 +194,9 @@ def linearise_at_fit(
         trace, part = log.trace, log.trace.compared
         stride = 1 if is_short else stride_of(trace, weight)
         force, pressures, rows = _seen(log, fit.parameters, damper, solver, stride=stride)
-        known = None if not np.any(ignorance) else ignorance[:, None] * rows[:n]
+        taken = [middles(one.n_samples, stride)[0] for one in trace.stretches]
+        other = turned_otherwise(log, fit, damper, solver=solver, places=taken)
+        known = _supposed(errors, rows[:n], other)
         rows *= slopes[:, None]
         logs.append(
             LogLinearisation(
@@ -219,6 +223,13 @@ def linearise_at_fit(
         supposed=np.asarray(sum(found.pulls)) if found.pulls else None,
         flaws=damper.flaws,
     )
+
+
+def _supposed(errors: FloatArray, rows: FloatArray, other: FloatArray | None) -> FloatArray | None:
+    """What each supposition may put into the force, (k, m), the form of the friction last."""
+    if other is None:
+        return errors[:, None] * rows if np.any(errors) else None
+    return np.vstack([errors[:, None] * rows, other])
 
 
 @dataclass(slots=True, eq=False)
@@ -289,17 +300,6 @@ def _seen(
     whole = _sensitivities(trace, seen)
     taken = [one.first + middles(one.n_samples, stride)[0] for one in trace.stretches]
     return seen.force, seen.response.pressures, whole[:, np.concatenate(taken)]
-
-
-def _ignorance(fit: Fit) -> FloatArray:
-    """One standard error of what stands at a default that nobody has measured, in its unit."""
-    values = fit.parameters
-    found = np.zeros(len(values.names))
-    for place, one in enumerate(values.quantities):
-        value = getattr(values, one.name)
-        if fit.status[one.name] is Status.FIXED and value == one.default:
-            found[place] = one.ignorance * (1.0 if one.may_vanish else value)
-    return found
 
 
 def _sensitivities(trace: Trace, seen: SimulatedLog) -> FloatArray:

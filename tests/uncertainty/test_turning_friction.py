@@ -1,0 +1,79 @@
+"""A friction that turns in another form than the law's is in the errors of what takes it up."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.damper.friction import Friction
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.turning import _SPREAD, other_turns
+from damperfit.damper.warmed import Warmed
+from tests.uncertainty.drag_coverage import NAMES, SHARP, TRUTH, TURNING, Seals, errors_of
+
+DRAG = NAMES.index("drag")
+
+
+def counted(law, seals: Seals, seeds: int) -> tuple[np.ndarray, np.ndarray]:
+    """Which intervals hold, by noise alone and with the misfit."""
+    found = np.array([errors_of(law, seals, seed) for seed in range(seeds)])
+    return tuple(np.abs(found.transpose(1, 0, 2)) < 1.96)
+
+
+def test_a_freed_drag_is_covered_where_friction_turns_otherwise() -> None:
+    alone, whole = counted(TURNING, Seals(noise=0.5), 8)
+    assert alone[:, DRAG].sum() <= 4  # what was printed before
+    assert whole[:, DRAG].sum() >= 7
+    assert whole.mean() >= 0.9
+
+
+def test_a_freed_drag_is_covered_where_the_law_turns_at_once() -> None:
+    alone, whole = counted(SHARP, Seals(), 3)
+    assert alone[:, DRAG].sum() == 0
+    assert whole.mean() >= 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("law", "seals"),
+    [
+        (TURNING, Seals(within=0.0)),
+        (TURNING, Seals()),
+        (SHARP, Seals()),
+        (TURNING, Seals(noise=0.5)),
+    ],
+)
+def test_intervals_of_valves_and_seals_hold_the_truth(law, seals) -> None:
+    _, whole = counted(law, seals, 60)
+    assert whole.mean() >= 0.92
+    assert whole[:, DRAG].mean() >= 0.9
+
+
+def test_two_straight_lines_lack_as_much_below_their_speeds_as_a_hyperbolic_tangent() -> None:
+    v = np.linspace(0.0, 20.0, 20001)
+    lines = [np.clip(v / (1.386 * (1.0 + away)), 0.0, 1.0) for away in (-_SPREAD, _SPREAD)]
+    lacking, truth = 1.0 - np.mean(lines, axis=0), 1.0 - np.tanh(v)
+    for power in (0, 1):  # what a slow passage shows, and its first moment
+        assert np.sum(v**power * lacking) == pytest.approx(np.sum(v**power * truth), rel=0.01)
+
+
+def test_which_frictions_may_turn_in_another_form() -> None:
+    values = SHARP.values(TRUTH)
+    ((weight, model, turning),) = other_turns(SHARP, values)
+    assert weight == 1.0
+    assert model.friction.turning_speed == turning.turning_speed == 1.5e-3
+    assert turning.drag == values.drag
+    slow, fast = other_turns(TURNING, TURNING.values({**TRUTH, "turning_speed": 2e-3}))
+    assert (slow[0], slow[1], fast[0], fast[1]) == (0.5, TURNING, 0.5, TURNING)
+    assert (slow[2].turning_speed + fast[2].turning_speed) / 2 == pytest.approx(2e-3)
+    assert other_turns(SHARP, values.replace(f_f=0.0)) == ()
+    bristles = replace(SHARP, friction=Friction(presliding=2e-5))
+    assert other_turns(bristles, bristles.values({**TRUTH, "presliding": 2e-5})) == ()
+    assert other_turns(PURDY_DAMPER, reference_parameters(1)) == ()
+    warm = Warmed(SHARP, 30.0, 40.0)
+    ((_, model, turning),) = other_turns(warm, warm.values({**TRUTH, "beta": 0.01}))
+    assert (model.damper.friction.turning_speed, model.temperature) == (1.5e-3, 40.0)
+    assert turning.names[-1] == "beta"
