@@ -65,7 +65,11 @@ __all__ = [
 _SAMPLES_PER_CYCLE = 1000
 _AS_FAST = 0.05  # rigs repeat a speed to 1 %
 _SINE = 0.1  # peak speed of a sine by its frequency against the one found; a triangle's is 36 % off
-_CYCLES = 2  # the steady cycle is reached within one
+# Ahead of the cycle that counts, cycles and s; a damper's slowest pressure, at 80 1/s, has settled
+# by then to 1e-8.
+_LEAD, _SETTLING = 0.5, 0.25
+# Of the shared values' covariance, directions of less than this share are nothing but rounding.
+_NOTHING = 1e-15
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +229,7 @@ def levels(  # noqa: PLR0913 - one more than usual, to be told of errors
     motion = sine_motion(
         sine.amplitude,
         sine.frequency,
-        cycles=_CYCLES,
+        cycles=1.0 + max(_LEAD, _SETTLING * sine.frequency),
         sample_rate=_SAMPLES_PER_CYCLE * sine.frequency,
     )
 
@@ -257,7 +261,7 @@ def _levels_of(
     values_of = stage.parameters
     scales = [getattr(values_of, n) if values_of.quantity(n).is_logarithmic else 1.0 for n in names]
     slopes = values[1:] * np.array(scales).reshape(-1, 1, 1)
-    last = response.pressures[:, response.pressures.shape[1] // _CYCLES :]
+    last = response.pressures[:, -_SAMPLES_PER_CYCLE:]
     is_cavitating = bool(last.min() <= 0.0)
     found = []
     parts = _parts(stage)
@@ -290,8 +294,10 @@ def _parts(stage: Stage) -> _Parts | None:
         stage.covariance[:n, n:],
         stage.covariance[n:, n:],
     )
-    follow = cross @ np.linalg.pinv(theta, hermitian=True)
     values, directions = np.linalg.eigh(theta)
+    is_known = np.abs(values) > _NOTHING * np.max(np.abs(values), initial=0.0)
+    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=is_known)
+    follow = cross @ (directions * inverse @ directions.T)
     # The symmetric root is unique; signs of directions, and like ones themselves, hang on rounding.
     root = directions * np.sqrt(np.maximum(values, 0.0)) @ directions.T
     return _Parts(own - follow @ cross.T, follow, root)

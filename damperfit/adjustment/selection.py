@@ -130,11 +130,15 @@ def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tu
     own = np.maximum(np.diag(left), 1e-12)
     if n == 1:
         return (int(np.argmax(residuals**2 / own)),)
-    determinant = np.outer(own, own) - left**2
-    cross = np.outer(residuals, residuals) * left
+    determinant = np.outer(own, own)
+    determinant -= left * left
+    np.maximum(determinant, 1e-12, out=determinant)
     squares = np.outer(residuals**2, own)
-    gains = (squares + squares.T - 2.0 * cross) / np.maximum(determinant, 1e-12)
-    gains = np.where(_above_the_diagonal(len(points)), gains, -1.0)
+    left *= np.outer(-2.0 * residuals, residuals)
+    left += squares
+    left += squares.T
+    left /= determinant
+    gains = np.where(_above_the_diagonal(len(points)), left, -1.0)
     first, second = np.unravel_index(int(np.argmax(gains)), gains.shape)
     return (int(first), int(second))
 

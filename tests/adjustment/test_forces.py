@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.adjustment import Sine, Stage, clicks, levels, named_speeds, stage_of
+from damperfit.adjustment import Sine, Stage, clicks, forces, levels, named_speeds, stage_of
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import Status
@@ -56,6 +56,18 @@ def test_forces_are_those_of_the_characteristics() -> None:
         true = force_at(reference_parameters(10), level.speed)[level.stroke]
         assert level.force == pytest.approx(true, abs=0.05)
         assert np.isnan(level.error)
+
+
+@pytest.mark.parametrize("sine", [SINE, Sine(0.004, 12.0)], ids=["1.5 Hz", "12 Hz"])
+def test_the_cycle_that_counts_is_a_settled_one(sine, monkeypatch) -> None:
+    """Of fast motions half a cycle is over before the pressures have settled."""
+    at = {"speeds": (0.05, 0.2), "solver": TIGHT}
+    found = levels([stage(1), stage(20)], PURDY_DAMPER, sine, **at)
+    monkeypatch.setattr(forces, "_SETTLING", 1.0)
+    for one, settled in zip(
+        found, levels([stage(1), stage(20)], PURDY_DAMPER, sine, **at), strict=True
+    ):
+        assert one.force == pytest.approx(settled.force, abs=2e-3)
 
 
 def test_a_speed_that_is_not_reached_has_no_signal() -> None:
