@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -332,7 +333,29 @@ def find_spikes(channel: Channel, usual: float, *, noise: float) -> IntArray:
     rows = np.flatnonzero(size > max(least, _SPIKE_NOISE * noise))
     if len(rows) > _MOST_SPIKES * len(size):
         return rows[:0]
+    if not period:
+        rows = rows[[not _is_motion(channel.values, row, size[row]) for row in rows.tolist()]]
     return rows[[not (_rings(size, row) or _repeats(size, row, period)) for row in rows.tolist()]]
+
+
+def _is_motion(values: FloatArray, row: int, size: float) -> bool:
+    """Whether a sample stands out as the crest or the knee of a fast motion in a slow log does.
+
+    A cubic through what lies beside, but for the next on either side, leads to a crest, and a line
+    from one side to a knee; where all steps around are larger, nothing stands out.
+    """
+    if not 3 <= row < len(values) - 3:
+        return False
+    near = values[row - 3 : row + 4].tolist()
+    led = (
+        0.9 * (near[1] + near[5]) - 0.4 * (near[0] + near[6]),
+        2.0 * near[2] - near[1],
+        2.0 * near[4] - near[5],
+    )
+    steps = sorted(abs(b - a) for a, b in pairwise(near))
+    return min(abs(near[3] - one) for one in led) < _PART * size or size < 0.5 * (
+        steps[2] + steps[3]
+    )
 
 
 def _rings(size: FloatArray, row: int) -> bool:

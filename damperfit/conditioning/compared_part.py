@@ -240,9 +240,9 @@ def _window(name: str, log: UniformLog, cycles: Cycles | None, edge: int) -> Flo
         stroke = 1e3 * float(np.ptp(log.displacement))
         period = "" if cycles is None else f" ({MIN_CYCLES * cycles.period * h:.3g} s)"
         raise ConditioningError(
-            f"{name}: found {found} whole steady cycles in the displacement (it spans "
-            f"{stroke:.3g} mm; {length}); expected at least {MIN_CYCLES}{period}; record a longer "
-            "log"
+            f"{name}: found {found} whole steady cycle{'s' * (found != 1)} in the displacement "
+            f"(it spans {stroke:.3g} mm; {length}); expected at least {MIN_CYCLES}{period}; "
+            "record a longer log"
         )
     low, high = _untouched(cycles, n, edge)
     rising, falling = (

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
+from damperfit.readers.name_words import pattern_of_signs, pattern_of_words
 from damperfit.tested.adjuster_words import adjuster_of
 from damperfit.tested.setting import Setting, parse_place
 from damperfit.units.quantities import is_unit
@@ -125,6 +126,10 @@ def guess_settings(names: Iterable[str]) -> Guess:
     groups = _kinds(names)
     if not groups:
         return Guess()
+    every = [name for group in groups.values() for name in group]
+    told = pattern_of_signs(every) or (pattern_of_words(every) if len(groups) > 1 else "")
+    if told:
+        return Guess(advice=_option(told))
     texts, alike = max(groups.items(), key=lambda pair: len(pair[1]))
     fields = _fields(texts, alike)
     n_names = sum(map(len, groups.values()))

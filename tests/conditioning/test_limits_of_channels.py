@@ -116,6 +116,7 @@ def test_where_nothing_repeats_a_spike_is_six_times_the_usual(height, n, monkeyp
     size = np.ones(400)
     size[200] = height
     monkeypatch.setattr(channels, "_beside", lambda _: size)
+    monkeypatch.setattr(channels, "_is_motion", lambda *_: False)
     assert len(channels.find_spikes(channel(np.zeros(400)), 100.0, noise=0.0)) == n
 
 
@@ -125,6 +126,7 @@ def test_the_usual_is_what_one_sample_in_fifty_exceeds(many, n, monkeypatch) -> 
     size[:many] = 1.0
     size[500] = 5.0
     monkeypatch.setattr(channels, "_beside", lambda _: size)
+    monkeypatch.setattr(channels, "_is_motion", lambda *_: False)
     assert len(channels.find_spikes(channel(np.zeros(1000)), 100.0, noise=0.0)) == n
 
 
@@ -150,3 +152,28 @@ def test_four_to_sixty_samples_beside_a_stand_are_looked_at(length, start, is_se
     values = np.abs(np.arange(300.0) - start)
     values[start : start + length] = 0.0
     assert (beside(values, start, start + length) is not None) is is_seen
+
+
+def burst(rate=512.0):
+    """Three cycles of 8.9 Hz, 57 samples each, before 12 s of a slow ramp: place and force."""
+    turn = 2.0 * np.pi * 8.9 * np.arange(172) / rate
+    slow = np.linspace(0.0, 0.02, 3000)
+    x = np.concatenate([0.025 * np.sin(turn), slow, slow[::-1]])
+    speed = np.repeat([0.02 * rate / 3000.0, -0.02 * rate / 3000.0], 3000)
+    v = np.concatenate([0.025 * 2.0 * np.pi * 8.9 * np.cos(turn), speed])
+    # Chambers empty where bump begins: a knee, and a level before it.
+    force = np.where(v > 0.0, 8000.0 * v**2, np.minimum(-1500.0, 4000.0 * v))
+    return x, force + 3.0 * np.random.default_rng(1).standard_normal(len(x))
+
+
+@pytest.mark.parametrize(
+    ("row", "size", "found"),
+    [(0, 0.0, []), (2000, 300.0, [2000]), (2000, -300.0, [2000]), (150, 300.0, [])],
+)
+def test_a_burst_of_fast_cycles_in_a_slow_log_has_no_spikes(row, size, found) -> None:
+    """Crests and knees of it stood out; so does a spike on the ramp, not what its own steps are."""
+    x, force = burst()
+    force[row] += size
+    usual = float(np.ptp(np.percentile(force, [1.0, 99.0])))
+    one = channel(force, other=x)
+    assert channels.find_spikes(one, usual, noise=3.0).tolist() == found

@@ -264,3 +264,40 @@ def test_a_name_of_another_kind_costs_the_others_nothing(names, n_guessed) -> No
     settings = guess_settings(names).settings
     assert len(settings) == n_guessed
     assert "broken.csv" not in settings
+
+
+@pytest.mark.parametrize(
+    ("names", "pattern", "finds"),
+    [
+        (["soft.csv", "mid.csv", "hard.csv"], r"^(?P<setting>[^\W\d_]+)", ["soft", "mid", "hard"]),
+        (["D7_soft.csv", "D7_hard.csv"], r"7_(?P<setting>[^\W\d_]+)", ["soft", "hard"]),
+        (
+            ["D7 soft 1.5Hz.csv", "D7 hard 1.5Hz.csv"],
+            r"7 (?P<setting>[^\W\d_]+)",
+            ["soft", "hard"],
+        ),
+        (
+            ["soft_1.csv", "soft_2.csv", "hard_1.csv", "hard_2.csv"],
+            None,
+            ["soft"] * 2 + ["hard"] * 2,
+        ),
+        (
+            ["clk+0.csv", "clk-12.csv", "clk-4.csv"],
+            r"clk(?P<setting>[+-]?\d+)",
+            ["+0", "-12", "-4"],
+        ),
+        (["D7 clk +4.csv", "D7 clk -4.csv"], None, ["+4", "-4"]),
+        (["soft_a.csv", "hard_b.csv"], "", []),  # two words differ
+        (["soft.csv", "hard_02.csv"], "", []),  # names of another kind
+        (["soft.csv"], "", []),
+    ],
+)
+def test_a_word_or_a_sign_is_asked_about_with_an_option_to_copy(names, pattern, finds) -> None:
+    """`clk-4` beside `clk+0` was read as setting 4."""
+    guess = guess_settings(names)
+    assert not guess.settings
+    if pattern is not None:
+        assert guess.advice == (f"--rig 'setting_pattern={pattern}'" if pattern else "")
+    if finds:
+        copied = re.search("setting_pattern=(.*)'", guess.advice)[1]
+        assert [re.search(copied, name)["setting"] for name in names] == finds

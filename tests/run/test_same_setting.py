@@ -77,6 +77,22 @@ def test_the_two_logs_that_are_furthest_apart_are_named(order):
     assert found.failures
 
 
+@pytest.mark.parametrize(
+    ("rebound", "noise", "is_told"),
+    [(1004.3, 1.0, False), (1004.7, 1.0, True), (1016.0, 4.0, False), (1018.0, 4.0, True)],
+)
+def test_what_differs_beyond_the_scatter_is_told_and_fitted(rebound, noise, is_told):
+    """Half a per cent of half the range of 1800 N is 4.5 N; three times 4 N twice, 17 N."""
+    logs = [log("a.csv", noise=noise), log("b.csv", rebound=rebound, noise=noise)]
+    found = without_contradictions(batch(*logs), is_averaging=False)
+    assert names(found) == ["a.csv", "b.csv"]
+    assert not found.failures
+    assert [one.split(": peak")[0] for one in found.remarks] == [
+        "setting 1: a.csv and b.csv differ by more than their cycles scatter"
+    ] * is_told
+    assert all("repeats within 5 %" in one for one in found.remarks)
+
+
 def test_a_log_at_another_gas_pressure_hides_no_contradiction():
     first = replace(log("a.csv"), gas_pressure=5e5)
     others = (log("b.csv"), log("c.csv", rebound=1400.0))
