@@ -353,9 +353,8 @@ def _is_motion(values: FloatArray, row: int, size: float) -> bool:
         2.0 * near[4] - near[5],
     )
     steps = sorted(abs(b - a) for a, b in pairwise(near))
-    return min(abs(near[3] - one) for one in led) < _PART * size or size < 0.5 * (
-        steps[2] + steps[3]
-    )
+    least = min(abs(near[3] - one) for one in led)
+    return bool(least < _PART * size or size < 0.5 * (steps[2] + steps[3]))
 
 
 def _rings(size: FloatArray, row: int) -> bool:

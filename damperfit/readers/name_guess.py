@@ -126,8 +126,8 @@ def guess_settings(names: Iterable[str]) -> Guess:
     groups = _kinds(names)
     if not groups:
         return Guess()
-    every = [name for group in groups.values() for name in group]
-    told = pattern_of_signs(every) or (pattern_of_words(every) if len(groups) > 1 else "")
+    whole = [name for group in groups.values() for name in group]
+    told = pattern_of_signs(whole) or (pattern_of_words(whole) if len(groups) > 1 else "")
     if told:
         return Guess(advice=_option(told))
     texts, alike = max(groups.items(), key=lambda pair: len(pair[1]))
