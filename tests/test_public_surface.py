@@ -19,7 +19,7 @@ SURFACE = {
     ],
     "damperfit.run.ending": [
         "Ending",
-        "json_text",
+        "json_pieces",
         "json_values",
         "log_documents",
         "log_input",

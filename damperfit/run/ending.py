@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from damperfit.run.logs import LogBatch, LogFacts
 
-__all__ = ["Ending", "json_text", "json_values", "log_documents", "log_input", "reading_ending"]
+__all__ = ["Ending", "json_pieces", "json_values", "log_documents", "log_input", "reading_ending"]
 
 _ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
 
@@ -70,15 +70,15 @@ def json_values(value: Any) -> Any:
     return value
 
 
-def json_text(document: Mapping[str, Any]) -> str:
-    """Return JSON values as text: what is listed has a line for each entry.
+def json_pieces(document: Mapping[str, Any]) -> Iterator[str]:
+    """Yield JSON values as text, piece by piece: what is listed has a line for each entry.
 
     Of some hundred settings the usual layout, every number on a line, costs more time than all else
-    that is in the file.
+    that is in the file; as one text it would take more memory than all else.
 
     Examples
     --------
-    >>> print(json_text({"a": [{"b": 1, "c": [2]}, {"b": 3}], "d": {"e": [4]}}), end="")
+    >>> print("".join(json_pieces({"a": [{"b": 1, "c": [2]}, {"b": 3}], "d": {"e": [4]}})), end="")
     {
       "a": [
         {"b": 1, "c": [2]},
@@ -89,15 +89,21 @@ def json_text(document: Mapping[str, Any]) -> str:
       }
     }
     """
-    return _laid_out(document, "\n") + "\n"
+    yield from _laid_out(document, "\n")
+    yield "\n"
 
 
-def _laid_out(value: Any, line: str) -> str:
+def _laid_out(value: Any, line: str) -> Iterator[str]:
+    deeper = line + "  "
     if isinstance(value, dict) and value:
-        deeper = line + "  "
-        lines = (f"{_ENCODER.encode(k)}: {_laid_out(v, deeper)}" for k, v in value.items())
-        return "{" + deeper + ("," + deeper).join(lines) + line + "}"
-    if isinstance(value, list) and any(isinstance(one, dict) for one in value):
-        deeper = line + "  "
-        return "[" + deeper + ("," + deeper).join(map(_ENCODER.encode, value)) + line + "]"
-    return _ENCODER.encode(value)
+        for place, (key, one) in enumerate(value.items()):
+            yield ("," if place else "{") + deeper + f"{_ENCODER.encode(key)}: "
+            yield from _laid_out(one, deeper)
+        yield line + "}"
+    elif isinstance(value, list) and any(isinstance(one, dict) for one in value):
+        for place, one in enumerate(value):
+            yield ("," if place else "[") + deeper
+            yield _ENCODER.encode(one)
+        yield line + "]"
+    else:
+        yield _ENCODER.encode(value)

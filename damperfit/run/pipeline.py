@@ -19,7 +19,7 @@ from damperfit.errors import ConfigurationError, OutputError
 from damperfit.report import markdown_report
 from damperfit.run.dampers import by_damper, folder_name
 from damperfit.run.earlier import BESIDE, PAGE, forget_figures, forget_others, holds_fits
-from damperfit.run.ending import json_text
+from damperfit.run.ending import json_pieces
 from damperfit.run.given_starts import with_given_start
 from damperfit.run.hold_out import (
     Parted,
@@ -46,7 +46,11 @@ from damperfit.uncertainty import Bench
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
 
+    import pyarrow as pa
+
+    from damperfit.atomic import FileSet
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Fit
     from damperfit.tested.setting import Setting
@@ -272,16 +276,32 @@ def _read(
 
 def _run(one: _OneDamper, *, watch: Watch) -> RunResult:
     """Fit, judge and write what was read."""
-    configuration, parted, clock, jobs = one.configuration, one.parted, one.clock, one.jobs
-    found, mishaps = _found(configuration, parted, clock=clock, jobs=jobs, watch=watch)
+    configuration, clock, jobs = one.configuration, one.clock, one.jobs
+    found, mishaps = _found(configuration, one.parted, clock=clock, jobs=jobs, watch=watch)
     if not found.campaign.fits and watch.cancelled():
         return found.result(mishaps.failures)
     if not found.campaign.fits and holds_fits(configuration.output.folder):
         return replace(found.result(mishaps.failures), keeps_earlier=True)
     try:
-        return _write(found, mishaps, clock=clock, jobs=jobs, beside=one.beside)
+        with file_set(configuration.output.folder) as files:
+            with clock.lap("write_s"):
+                # First, for the others report what fails in it.
+                read_off = _write_signals(files.path("responses.parquet"), found, mishaps, jobs)
+                found = replace(found, campaign=found.campaign.without_responses)
+                result = found.result(mishaps.failures, *read_off)
+                _write_results(files, result, configuration)
+            record = result.record
+            record["files"] = {name: sha256_of(files.path(name)) for name in sorted(files.names)}
+            record["timings"] = clock.read()
+            if one.beside:
+                record[BESIDE] = list(one.beside)
+            with files.path("run.json").open("wb") as file:
+                for piece in json_pieces(record):
+                    file.write(piece.encode("utf-8", "backslashreplace"))
     except OutputError as error:
         raise UnwrittenError(str(error), found.result(mishaps.failures)) from error
+    forget_figures(configuration.output.folder)
+    return result
 
 
 def _found(
@@ -318,39 +338,27 @@ def _found(
     return Found(configuration, batch, campaign, judgement, origin, is_interrupted), mishaps
 
 
-def _write(
-    found: Found, mishaps: Mishaps, *, clock: Clock, jobs: int, beside: tuple[str, ...] = ()
-) -> RunResult:
-    """Write all files as a set, run.json last; page and figures of an earlier run go."""
+def _write_signals(
+    path: Path, found: Found, mishaps: Mishaps, jobs: int
+) -> tuple[pa.Table, pa.Table | None]:
+    """Write the signals of all logs; return what was read off them: characteristics and valves."""
     configuration, campaign = found.configuration, found.campaign
-    folder = configuration.output.folder
-    with file_set(folder) as files:
-        with clock.lap("write_s"):
-            # First, for the others report what fails in it.
-            readings = Readings(configuration, campaign, mishaps, jobs)
-            write_responses(
-                files.path("responses.parquet"),
-                campaign,
-                readings.noted(comparisons(configuration, campaign, mishaps, jobs=jobs)),
-                provenance=found.origin,
-            )
-            valves = readings.valves(found.origin)
-            result = found.result(mishaps.failures, readings.table(found.origin), valves)
-            for name, table in result.written.items():
-                shown = table_in_units(table, configuration.output.units)
-                for suffix, content in ((".parquet", table), (".csv", shown)):
-                    write_table(files.path(name + suffix), content, suffix=suffix)
-            for name in _ON_REQUEST - result.written.keys():
-                for suffix in (".parquet", ".csv"):
-                    files.without(name + suffix)
-            files.without(PAGE)
-            report = markdown_report(result.tables, result.facts)
-            files.path("report.md").write_bytes(report.encode("utf-8", "backslashreplace"))
-        result.record["files"] = {name: sha256_of(files.path(name)) for name in sorted(files.names)}
-        result.record["timings"] = clock.read()
-        if beside:
-            result.record[BESIDE] = list(beside)
-        text = json_text(result.record)
-        files.path("run.json").write_bytes(text.encode("utf-8", "backslashreplace"))
-    forget_figures(folder)
-    return result
+    readings = Readings(configuration, campaign, mishaps, jobs)
+    seen = readings.noted(comparisons(configuration, campaign, mishaps, jobs=jobs))
+    write_responses(path, campaign, seen, provenance=found.origin)
+    valves = readings.valves(found.origin)
+    return readings.table(found.origin), valves
+
+
+def _write_results(files: FileSet, result: RunResult, configuration: Configuration) -> None:
+    """Write tables and report; page and tables of an earlier run go."""
+    for name, table in result.written.items():
+        shown = table_in_units(table, configuration.output.units)
+        for suffix, content in ((".parquet", table), (".csv", shown)):
+            write_table(files.path(name + suffix), content, suffix=suffix)
+    for name in _ON_REQUEST - result.written.keys():
+        for suffix in (".parquet", ".csv"):
+            files.without(name + suffix)
+    files.without(PAGE)
+    report = markdown_report(result.tables, result.facts)
+    files.path("report.md").write_bytes(report.encode("utf-8", "backslashreplace"))

@@ -92,6 +92,7 @@ def write_responses(
             table = _response_table(schema, setting, trace, seen)
             writer.write_table(table, row_group_size=max(table.num_rows, 1))
             n_rows += table.num_rows
+    pa.default_memory_pool().release_unused()
     return n_rows
 
 

@@ -9,8 +9,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from damperfit.errors import SimulationError, sparing
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.descent import FitCancelledError
@@ -382,11 +380,6 @@ def profile_campaign(
 
 
 def _with_misfit(linearised: Linearisation, *, is_structured: bool) -> Linearisation:
-    """The same with what its misfit does, and of each log's curves the residuals alone.
-
-    Of thousands of logs the rest would fill the memory.
-    """
+    """The same with what its misfit does, without curves: those of many logs fill the memory."""
     misfit = misfit_scores(linearised) if is_structured else None
-    none = np.empty((0, 0))
-    logs = (replace(log, jacobian=none, gas=none, force=none) for log in linearised.logs)
-    return replace(linearised, logs=tuple(logs), misfit=misfit)
+    return replace(linearised, logs=(), misfit=misfit)

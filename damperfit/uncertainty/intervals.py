@@ -356,7 +356,7 @@ def _joint_rows(
         own = own_names(one.fit, sharing)
         carried = one.information[:, one.places(own)] @ solved(one, own)
         is_in = one.fit.setting in sharing.settings
-        weight = _weight(one) if is_in else 0.0
+        weight = one.precision if is_in else 0.0
         rows.append(slope.T @ (np.eye(len(one.names)) - carried) * weight)
     complement = np.sum(
         [
@@ -368,12 +368,6 @@ def _joint_rows(
     scale = 1.0 / np.sqrt(np.maximum(np.diag(complement), 1e-300))
     inverse = np.linalg.pinv(complement * np.outer(scale, scale), rcond=1e-14)
     return np.asarray(inverse * np.outer(scale, scale)), rows
-
-
-def _weight(linearised: Linearisation) -> float:
-    """One over the mean square of the residuals, 1/N^2."""
-    squares = sum(float(np.sum((log.weights * log.residuals) ** 2)) for log in linearised.logs)
-    return sum(len(log.residuals) for log in linearised.logs) / max(squares, 1e-300)
 
 
 def _row(linearised: Linearisation, free: tuple[str, ...], name: str) -> FloatArray:

@@ -148,6 +148,8 @@ class Linearisation:
         none.
     flaws : tuple of str
         Which flaws its residuals may be said to show.
+    precision : float
+        One over the mean square of the weighed residuals, 1/N^2.
     """
 
     fit: Fit
@@ -160,6 +162,7 @@ class Linearisation:
     misfit: FloatArray | None = None
     supposed: FloatArray | None = None
     flaws: tuple[str, ...] = ()
+    precision: float = math.nan
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -222,6 +225,7 @@ def linearise_at_fit(
         conditions=damper.conditions,
         supposed=np.asarray(sum(found.pulls)) if found.pulls else None,
         flaws=damper.flaws,
+        precision=_precision(logs),
     )
 
 
@@ -230,6 +234,11 @@ def _supposed(errors: FloatArray, rows: FloatArray, other: FloatArray | None) ->
     if other is None:
         return errors[:, None] * rows if np.any(errors) else None
     return np.vstack([errors[:, None] * rows, other])
+
+
+def _precision(logs: Sequence[LogLinearisation]) -> float:
+    squares = sum(float(np.sum((log.weights * log.residuals) ** 2)) for log in logs)
+    return sum(len(log.residuals) for log in logs) / max(squares, 1e-300)
 
 
 @dataclass(slots=True, eq=False)

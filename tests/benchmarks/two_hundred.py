@@ -1,4 +1,4 @@
-"""Processor time and memory of `identify` over 200 logs, beyond the bare import of its libraries.
+"""Processor time, clock and memory of `identify` over 200 logs, beyond the bare imports.
 
     python -m tests.benchmarks.two_hundred DIR                  # 200 logs of 10 s at 1 kHz
     python -m tests.benchmarks.two_hundred DIR --logs 20 --profile
@@ -59,12 +59,29 @@ def _damperfit(*arguments: str) -> None:
     _seconds("-m", "damperfit", *arguments)
 
 
-def _seconds(*arguments: str) -> float:
-    """Return the processor time of a Python process, its children's included."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+def _seconds(*arguments: str) -> tuple[float, float]:
+    """Return the processor time of a Python process, its children's included, and the clock's."""
+    before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     subprocess.run([sys.executable, *arguments], check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    after, spent = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter() - begin
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, spent
+
+
+def _tell_memory(paths: list[str], results: Path) -> None:
+    """Tell what another log takes of the command's largest memory: by all logs and by half."""
+    peaks = []
+    for few in (paths[: len(paths) // 2], paths):
+        script = (
+            "import resource, subprocess, sys\n"
+            "subprocess.run([sys.executable, '-m', 'damperfit', *sys.argv[1:]], check=True,\n"
+            "               stdout=subprocess.DEVNULL)\n"
+            "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)\n"
+        )
+        command = [sys.executable, "-c", script, "identify", *few, "--out", str(results), "--quiet"]
+        said = subprocess.run(command, check=True, cwd=ROOT, capture_output=True, text=True)
+        peaks.append(int(said.stdout) / 1024)
+    more = (peaks[1] - peaks[0]) / (len(paths) - len(paths) // 2)
+    print(f"peak memory {peaks[1]:.0f} MB, of half the logs {peaks[0]:.0f}: {more:.2f} MB a log")
 
 
 def _profile(arguments: list[str]) -> None:
@@ -118,17 +135,19 @@ def main() -> None:
     if chosen.profile:
         _profile(command)
     for _ in range(0 if chosen.profile else chosen.rounds):
-        bare = _seconds("-c", IMPORTS)
-        ours = _seconds("-m", "damperfit", *command)
+        bare, waited = _seconds("-c", IMPORTS)
+        ours, clock = _seconds("-m", "damperfit", *command)
         record = json.loads((results / "run.json").read_text(encoding="utf-8"))
         laps = {name: round(1e3 * s / chosen.logs, 1) for name, s in record["timings"].items()}
         print(
             f"{chosen.logs} logs: {ours:.2f} s of processor, bare import {bare:.2f} s, "
-            f"{1e3 * (ours - bare) / chosen.logs:.1f} ms a log beyond it; ms a log by the clock: "
-            f"{laps}; {len(record['failures'])} failures"
+            f"{1e3 * (ours - bare) / chosen.logs:.1f} ms a log beyond it, by the clock "
+            f"{1e3 * (clock - waited) / chosen.logs:.1f}: {laps}; "
+            f"{len(record['failures'])} failures"
         )
-    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    print(f"peak memory {peak:.0f} MB")
+    if not chosen.profile:
+        folder = Path(pattern).parent
+        _tell_memory(sorted(map(str, folder.glob(Path(pattern).name))), results)
 
 
 if __name__ == "__main__":

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.identification.descent import Misfit, descend
 from damperfit.identification.evaluation import evaluate, transformation, values_of
+from damperfit.identification.model_versus_log import normalised_mse
 from damperfit.identification.setting import relative_errors
-from damperfit.uncertainty import assess
+from damperfit.run.pipeline import run
+from damperfit.samples import SampleOptions, make_samples
+from damperfit.uncertainty import assess, assessment
 from tests.identification.rig import trace
 from tests.identification.test_mean_cycle import misfit, on_cycles
 
@@ -53,6 +58,38 @@ def test_a_log_that_is_judged_keeps_half_a_megabyte() -> None:
     kept = array_bytes(logs, campaign, assessment)
     assert kept / len(logs) < BAR
     assert kept > sum(log.force.nbytes + log.displacement.nbytes for log in logs)
+
+
+def test_what_errors_are_taken_from_holds_no_curves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With residuals and weights of each log 0.14 MB more, while all settings are judged."""
+    logs = [trace(setting, noise=4.0) for setting in (3, 12)]
+    campaign = identify(logs, PURDY_DAMPER)
+    seen: list[Any] = []
+    real = assessment.uncertainties
+
+    def noted(linearised: Any, sharing: Any, **more: Any) -> Any:
+        seen.extend(linearised)
+        return real(linearised, sharing, **more)
+
+    monkeypatch.setattr(assessment, "uncertainties", noted)
+    assess(campaign, PURDY_DAMPER, solver=FitOptions().solver)
+    assert len(seen) == 2
+    more = array_bytes(logs, campaign, seen) - array_bytes(logs, campaign)
+    assert 0 < more < 20_000 * len(logs)
+
+
+def test_what_a_run_returns_holds_no_response(tmp_path: Path) -> None:
+    options = SampleOptions(settings=(1, 2), cycles=5.0, force_noise=1.0)
+    make_samples(tmp_path / "logs", options)
+    settings = load_configuration(overlay={"output": {"folder": str(tmp_path / "out")}})
+    result = run(settings, [str(tmp_path / "logs" / "*.csv")], jobs=1)
+    kept = [log.seen for fit in result.campaign.fits for log in fit.logs]
+    assert kept == [None, None]
+    fit = result.campaign.fits[0]
+    again = fit.logs[0].compared(fit.parameters, settings.damper, settings.identification.solver)
+    trace = fit.logs[0].trace
+    mse = normalised_mse(trace.force[trace.compared], again.force[trace.compared])
+    assert mse == pytest.approx(fit.mse_percent, rel=1e-9)
 
 
 @pytest.mark.parametrize("way", [on_cycles, lambda whole: whole], ids=["cycles", "logs"])

@@ -10,7 +10,7 @@ import pytest
 from damperfit.configuration.loading import load_configuration
 from damperfit.identification import Outcome
 from damperfit.report.failures_and_warnings import Failure, ReportFacts
-from damperfit.run.ending import Ending, json_text, reading_ending
+from damperfit.run.ending import Ending, json_pieces, reading_ending
 from damperfit.run.logs import LogBatch
 from damperfit.run.remarks import gates_not_met
 from damperfit.run.run_json import ending_of
@@ -115,11 +115,11 @@ def test_a_document_is_laid_out_a_line_an_entry_and_reads_back() -> None:
         "numbers": [1, 2.5e-300, True],
         "mixed": [1, {"c": {"d": [{}]}}],
     }
-    text = json_text(document)
+    text = "".join(json_pieces(document))
     assert json.loads(text) == document
     assert text.endswith("}\n")
     lines = [line.strip() for line in text.splitlines()]
     assert '{"a": [1.5, null]},' in lines
     assert '"numbers": [1, 2.5e-300, true],' in lines
     with pytest.raises(ValueError, match="JSON"):
-        json_text({"not": [{"a": "number", "b": float("nan")}]})
+        list(json_pieces({"not": [{"a": "number", "b": float("nan")}]}))
