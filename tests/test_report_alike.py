@@ -12,7 +12,7 @@ from damperfit.report import (
     short_listing,
     stretch_sheet,
 )
-from damperfit.report.alike import listed_names, shape_of, summarised
+from damperfit.report.alike import by_words, listed_names, shape_of, summarised, with_ranges
 from damperfit.report.sheets.inspection_sheet import MANY_ROWS
 
 CAUSES = (
@@ -183,3 +183,35 @@ def test_long_sentences_that_differ_in_the_name_alone_are_said_once(length, n, l
     assert len(said) == lines + 1
     assert said[1] == other[1]
     assert said[0].endswith("x (and 3 alike: 1.csv, 2.csv, 3.csv)") is (lines == 1)
+
+
+def test_sentences_that_differ_in_numbers_are_one_with_their_ranges() -> None:
+    said = [
+        "at zero velocity the force is -132 +- 6 N; the gas force alone is -130 N",
+        "at zero velocity the force is -128.5 +- 6 N; the gas force alone is -130 N",
+        "at zero velocity the force is 9 +- 21 N; the gas force alone is -130 N",
+        "the force has 'no 2' steps",
+        "the force has 'no 3' steps",
+        "version 1.2.3 of 4 files",
+        "version 1.2.4 of 5 files",
+    ]
+    level, steps, version = by_words(said)
+    assert with_ranges(level) == (
+        "at zero velocity the force is -132 to 9 +- 6 to 21 N; the gas force alone is -130 N"
+    )
+    assert with_ranges(steps) == "the force has 'no 2 to 3' steps"
+    assert with_ranges(version) == "version 1.2.3 of 4 to 5 files"
+    assert with_ranges(["3.0 mm", "3 mm"]) == "3.0 mm"
+
+
+@pytest.mark.parametrize(("n", "is_cut"), [(5, False), (6, True)])
+def test_five_kinds_of_notes_of_a_name_are_shown(n: int, *, is_cut: bool) -> None:
+    kinds = "abcdef"[:n]
+    logs = [
+        {"name": f"{kind}.csv", "findings": [{"name": "skew", "severity": "note",
+         "sentence": f"late as in {kind}", "value": 1.0, "unit": "s"}]}
+        for kind in kinds
+    ]  # fmt: skip
+    lines = [line for line in finding_lines(logs) if "skew" in line]
+    assert len(lines) == n
+    assert ("skew: other notes on 1 of 6 logs" in lines[-1]) is is_cut

@@ -49,6 +49,7 @@ _STANDS = 0.02  # of a period: shorter stands move nothing
 _FEWEST_STEPS = {"displacement": 500.0, "force": 125.0}
 _FINE = 1e6  # steps; finer than any converter
 _DITHER = 0.45  # of a step: its rounding alone has 0.29, noise of half a step makes it 0.58
+_SMOOTH = 0.1  # of a step
 _SPIKE = 0.02  # of the range
 _SPIKE_NOISE = 7.0  # times the noise
 _HARMLESS = 0.2  # of the range, all spikes together
@@ -254,7 +255,9 @@ def _steps(channel: Channel, step: float, span: float, *, noise: float) -> Findi
     count = span / step
     few = _FEWEST_STEPS[channel.name]
     text = f"the {channel.name} has steps of {channel.shown(step)}, {count:.0f} over its range"
-    if count > _FINE or (count < few and not _is_stepped(channel.values, step)):
+    # Rounding alone is noise of 0.29 steps: what is smoother has few values because it repeats.
+    is_doubtful = count < few or noise < _SMOOTH * step
+    if count > _FINE or (is_doubtful and not _is_stepped(channel.values, step)):
         text = f"the {channel.name} has no steps to be seen"
         return Finding(f"{channel.name}_steps", "note", text)
     is_spread = channel.name == "force" and noise > _DITHER * step

@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-__all__ = ["FEW", "MANY_KINDS", "listed_names", "shape_of", "short_listing", "summarised"]
+__all__ = [
+    "FEW",
+    "MANY_KINDS",
+    "by_words",
+    "listed_names",
+    "shape_of",
+    "short_listing",
+    "summarised",
+    "with_ranges",
+]
 
 MANY_KINDS = 20  # kinds of sentences that are shown
 _SHOWN = 3  # sentences of one kind that are shown one by one where there are many
@@ -33,6 +42,38 @@ def shape_of(sentence: str, name: str = "") -> str:
     """
     without = sentence.replace(name, "") if name else sentence
     return _NUMBER.sub("#", _LISTED.sub("''", _QUOTED.sub("''", without)))
+
+
+def by_words(sentences: Iterable[str]) -> list[list[str]]:
+    """Return sentences in groups that differ in numbers alone, in the order of their first."""
+    groups: dict[str, list[str]] = {}
+    for one in sentences:
+        groups.setdefault(_NUMBER.sub("#", one), []).append(one)
+    return list(groups.values())
+
+
+def with_ranges(sentences: Sequence[str]) -> str:
+    """Return sentences that differ in numbers alone as one, with the range of each number.
+
+    Examples
+    --------
+    >>> with_ranges(["noise of 0.28 um, 3 % of it", "noise of 0.374 um, 3 % of it"])
+    'noise of 0.28 to 0.374 um, 3 % of it'
+    """
+    columns = zip(*(_NUMBER.findall(one) for one in sentences), strict=True)
+    ranges = [_range(column) for column in columns]
+    words = iter(ranges)
+    return _NUMBER.sub(lambda _: next(words), sentences[0])
+
+
+def _range(texts: Sequence[str]) -> str:
+    """As in "12 to 13"; texts that are no plain numbers have the first and no range."""
+    try:
+        ordered = sorted(texts, key=float)
+    except ValueError:
+        return texts[0]
+    low, high = ordered[0], ordered[-1]
+    return low if float(low) == float(high) else f"{low} to {high}"
 
 
 def listed_names(names: Sequence[str], *, few: int = _NAMES + 1) -> str:

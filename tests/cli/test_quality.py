@@ -274,7 +274,11 @@ def test_notes_of_many_logs_stand_in_the_units_of_the_field(run, rows, tmp_path)
         moved = column(rows, 1, number(lambda _, value, shift=shift: value + shift))
         write(tmp_path / f"log_s{setting}.csv", moved)
     shown = run("inspect", "log_*.csv").out
-    assert re.search(r"mid_stroke: .*5.* to 7\.\d+ mm \(2 of 2 logs\)", shown), shown
+    said = " ".join(shown.split())
+    found = r"mid_stroke: mid-stroke of the log \(5.* to 7\.\d+ mm\) .* \(2 of 2 logs\)"
+    assert re.search(found, said), shown
+    # No note of several logs is a bare number.
+    assert "displacement_steps: the displacement has steps of" in said
 
 
 def test_a_spike_that_breaks_the_run_of_steady_cycles_is_warned_of(run, rows, tmp_path) -> None:

@@ -48,7 +48,16 @@ def test_noise_of_half_a_step_spreads_coarse_steps(noise, severity) -> None:
 
 @pytest.mark.parametrize(("count", "said"), [(0.95e6, "has steps of"), (1.05e6, "has no steps")])
 def test_no_converter_has_more_than_a_million_steps(count, said) -> None:
-    assert said in _steps(channel(np.zeros(9)), 1.0, count, noise=0.0).sentence
+    assert said in _steps(channel(np.zeros(9)), 1.0, count, noise=1.0).sentence
+
+
+@pytest.mark.parametrize(("noise", "said"), [(0.11, "has steps of"), (0.09, "has no steps")])
+def test_what_is_smoother_than_rounding_has_no_steps(noise, said) -> None:
+    smooth = channel(np.sin(np.arange(9.0)))
+    assert said in _steps(smooth, 1e-3, 2.0, noise=1e-3 * noise).sentence
+    # A slow ramp in whole steps is as smooth as its steps are few.
+    ramp = channel(np.repeat(np.arange(50.0), 3) * np.array([1.0, 1.0, 1.0] * 50))
+    assert "has steps of" in _steps(ramp, 1.0, 600.0, noise=0.0).sentence
 
 
 @pytest.mark.parametrize(("height", "n"), [(24.0, 0), (26.0, 1)])

@@ -8,7 +8,14 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from damperfit.report.alike import FEW, MANY_KINDS, listed_names, shape_of
+from damperfit.report.alike import (
+    FEW,
+    MANY_KINDS,
+    by_words,
+    listed_names,
+    shape_of,
+    with_ranges,
+)
 from damperfit.report.sheets.rounding import NOTHING, number
 from damperfit.report.sheets.sheet import Sheet
 
@@ -22,6 +29,7 @@ _NOISE_NOTE = "* read above the filter's band; otherwise from the scatter betwee
 _WIDTH = 80
 MANY_ROWS = 60  # of a table; two screens
 _ROWS_OF_REFUSED = 5  # where none of many logs can be used
+_KINDS = 5  # kinds of notes of one name that are shown
 _EACH = 3  # sentences of one kind of finding that are listed one by one
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
 
@@ -203,25 +211,13 @@ def _note_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
             if one["severity"] == "note":
                 by_name.setdefault(one["name"], []).append(one)
     for name, found in by_name.items():
-        sentences = {one["sentence"] for one in found}
-        values = [one["value"] for one in found if one["value"] is not None]
-        if len(sentences) == 1 or not values:
-            text = found[0]["sentence"]
-        else:
-            text = _range(values, found[0]["unit"])
-        count = f" ({len(found)} of {len(logs)} logs)" if len(logs) > 1 else ""
-        yield _indented(f"{name}: {text}{count}")
-
-
-def _range(values: Sequence[float], unit: str) -> str:
-    """Return the range of some numbers, lengths in mm and times in ms."""
-    unit, factor = {"m": ("mm", 1e3), "s": ("ms", 1e3)}.get(unit, (unit, 1.0))
-    low, high = (_short(factor * value) for value in (min(values), max(values)))
-    return f"{low if low == high else f'{low} to {high}'} {unit}".rstrip()
-
-
-def _short(value: float) -> str:
-    return f"{value:.0f}" if abs(value) >= 999.5 else f"{value:.3g}"
+        kinds = by_words(one["sentence"] for one in found)
+        for alike in kinds[:_KINDS]:
+            count = f" ({len(alike)} of {len(logs)} logs)" if len(logs) > 1 else ""
+            yield _indented(f"{name}: {with_ranges(alike)}{count}")
+        if len(kinds) > _KINDS:
+            n = sum(map(len, kinds[_KINDS:]))
+            yield _indented(f"{name}: other notes on {n} of {len(logs)} logs; --json has them all")
 
 
 def _reading_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
