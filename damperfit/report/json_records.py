@@ -65,6 +65,8 @@ _NEEDED: dict[type, frozenset[str]] = {
     TrendPoint: frozenset({"setting", "value"}),
 }
 
+_PLAIN = frozenset({float, int, str, bool, type(None)})
+
 
 class _UnreadableError(Exception):
     """A value is not of its kind, and its kind has none that says so."""
@@ -78,6 +80,8 @@ def to_record(one: Any) -> Any:
     >>> to_record(Check("no_cavitation", True, "no chamber"))
     {'name': 'no_cavitation', 'passed': True, 'reason': 'no chamber'}
     """
+    if type(one) in _PLAIN:  # nearly all there is: asked for first
+        return one
     if isinstance(one, Setting):
         return one.cell
     if is_dataclass(one):

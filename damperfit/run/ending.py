@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Ending", "json_pieces", "json_values", "log_documents", "log_input", "reading_ending"]
 
+_PLAIN = frozenset({int, str, bool, type(None)})
 _ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
 
 
@@ -59,10 +60,12 @@ def log_input(log: LogFacts) -> dict[str, Any]:
 
 def json_values(value: Any) -> Any:
     """Return the value with every number that JSON does not know (NaN, infinity) as None."""
-    if isinstance(value, Setting):
-        return value.cell
     if isinstance(value, float):
         return value if math.isfinite(value) else None
+    if type(value) in _PLAIN:  # with numbers nearly all there is
+        return value
+    if isinstance(value, Setting):
+        return value.cell
     if isinstance(value, dict):
         return {str(key): json_values(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
