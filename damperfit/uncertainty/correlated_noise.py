@@ -45,7 +45,6 @@ __all__ = [
     "lagged_products",
     "larger",
     "lost_share",
-    "pseudo_inverse",
     "score_covariance",
     "smoothed",
     "stationary_covariance",
@@ -202,21 +201,6 @@ def stationary_covariance(jacobian: FloatArray, residuals: FloatArray, lag: int)
     smooth = np.fft.irfft(seen, length, axis=0)[:n]
     total = jacobian.T @ smooth
     return np.asarray(0.5 * (total + total.T))
-
-
-def pseudo_inverse(matrix: FloatArray) -> FloatArray:
-    """Return what `numpy.linalg.pinv` gives for a symmetric matrix, where it is small far sooner.
-
-    Parameters
-    ----------
-    matrix : numpy.ndarray
-        Shape (k, k), k of any size.
-    """
-    values, vectors = np.linalg.eigh(matrix)
-    sizes = np.abs(values)
-    is_known = sizes > _NOTHING * np.max(sizes, initial=0.0)
-    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=is_known)
-    return np.asarray((vectors * inverse) @ vectors.T)
 
 
 def larger(one: FloatArray, other: FloatArray) -> FloatArray:

@@ -33,7 +33,6 @@ from damperfit.identification.paper.gas_content import GAS_FOLLOWER, GAS_NAMES
 from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import NORMAL_95
-from damperfit.uncertainty.correlated_noise import pseudo_inverse
 from damperfit.uncertainty.linearisation import Linearisation, linearise_at_fit
 
 if TYPE_CHECKING:
@@ -387,7 +386,7 @@ def solved(linearised: Linearisation, names: Sequence[str]) -> FloatArray:
     places = linearised.places(names)
     block = linearised.information[np.ix_(places, places)]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(block), 1e-300))
-    inverse = pseudo_inverse(block * np.outer(scale, scale))
+    inverse = np.linalg.pinv(block * np.outer(scale, scale), rcond=1e-14, hermitian=True)
     result = np.zeros((len(places), len(linearised.names)))
     result[:, places] = inverse * np.outer(scale, scale)
     return result

@@ -26,7 +26,6 @@ from damperfit.uncertainty.correlated_noise import (
     cycle_covariance,
     lagged_products,
     larger,
-    pseudo_inverse,
     score_covariance,
     smoothed,
     stationary_covariance,
@@ -312,20 +311,3 @@ def test_a_limit_beyond_the_plausible_range_is_none(lost: str, share: float) -> 
     fitted = replace(moved, status=fakes.fit(1).status)
     assert None not in assessment.plausible_limits(fitted, "r_m2")
     assert assessment.unlimited(fitted) == frozenset()
-
-
-@pytest.mark.parametrize("rank", [0, 1, 3, 5])
-def test_a_matrix_is_inverted_as_far_as_it_can_be(rank: int) -> None:
-    root = np.random.default_rng(rank).standard_normal((5, rank)) * 10.0 ** np.arange(rank)
-    matrix = root @ root.T
-    expected = np.linalg.pinv(matrix, rcond=1e-14, hermitian=True)
-    assert pseudo_inverse(matrix) == pytest.approx(expected, rel=1e-9, abs=1e-12)
-
-
-@pytest.mark.parametrize(("small", "is_known"), [(0.95e-14, False), (1.05e-14, True)])
-def test_a_curvature_that_is_rounding_is_none(small: float, *, is_known: bool) -> None:
-    assert bool(pseudo_inverse(np.diag([1.0, small]))[1, 1] > 0.0) is is_known
-
-
-def test_of_nothing_there_is_no_inverse() -> None:
-    assert pseudo_inverse(np.empty((0, 0))).shape == (0, 0)
