@@ -354,6 +354,7 @@ SURFACE = {
         "physics_seen",
         "rank_rivals",
         "search_laws",
+        "seen_again",
         "undecided",
         "yielding_seen",
     ],

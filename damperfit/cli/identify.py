@@ -320,6 +320,9 @@ def _tell_people(
         say(f"damperfit: {gate}")
     if is_quiet:
         return
+    physics = " ".join(result.facts.law_choice.get("sentences", ()))
+    if physics:
+        say(f"damperfit: {physics}")
     for line in (*configuration.notes, *result.facts.taken, *corrections(result.campaign)):
         say(f"note: {line}")
     for warning in short_listing(result.facts.warnings):
@@ -376,8 +379,7 @@ def _with_law(
         on_rival=tried if rivals else None,
     )
     if not is_quiet:
-        said = " ".join(choice.sentences)
-        say(f"damperfit: the logs support {choice.supported}. {said}".rstrip())
+        say(f"damperfit: the logs support {choice.supported}.")
         for one in choice.alike:
             say(f"note: these logs cannot tell apart: {one[0].lower()}{one[1:]}")
     return with_chosen_law(configuration, choice)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from damperfit.laws.judged_laws import JudgedLaw, LawSearch
     from damperfit.laws.law_fit import UNDETERMINED, LawFit, SettingLogs, fit_law
     from damperfit.laws.open_questions import interchangeable_parts, undecided
-    from damperfit.laws.physics import opening_force, physics_seen
+    from damperfit.laws.physics import opening_force, physics_seen, seen_again
     from damperfit.laws.rivalry import rank_rivals
     from damperfit.laws.search import search_laws
     from damperfit.laws.variants import in_words
@@ -36,6 +36,7 @@ __all__ = [
     "physics_seen",
     "rank_rivals",
     "search_laws",
+    "seen_again",
     "undecided",
     "yielding_seen",
 ]
@@ -58,6 +59,7 @@ _LATE = {
     "opening_force": "physics",
     "physics_seen": "physics",
     "rank_rivals": "rivalry",
+    "seen_again": "physics",
     "undecided": "open_questions",
     "yielding_seen": "yielding",
 }

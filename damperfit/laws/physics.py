@@ -3,19 +3,75 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from damperfit.identification import Status
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
+    from damperfit.damper.model import Model, Values
     from damperfit.damper.valve_dampers import ValveDamper
+    from damperfit.identification import Campaign
     from damperfit.laws.law_fit import LawFit
+    from damperfit.tested.setting import Setting
 
-__all__ = ["opening_force", "physics_seen"]
+__all__ = ["SeenAt", "opening_force", "physics_seen", "seen_again"]
 
+_UNTOLD = (frozenset({Status.NOT_IDENTIFIABLE, Status.ABSENT}), frozenset({Status.AT_BOUND}))
 _NAMED = 3  # settings; of more only the number is given
+
+
+@dataclass(frozen=True, slots=True)
+class SeenAt:
+    """A law at one setting, as far as sentences say it.
+
+    Attributes
+    ----------
+    setting : Setting
+        Which.
+    model : Model
+        The law.
+    values : Values
+        What was found.
+    undetermined, at_bound : tuple of str
+        What the logs do not determine; what ran into an edge of its range.
+    """
+
+    setting: Setting
+    model: Model
+    values: Values
+    undetermined: tuple[str, ...]
+    at_bound: tuple[str, ...]
+
+
+def seen_again(choice: Mapping[str, Any], campaign: Campaign, model: Model) -> dict[str, Any]:
+    """Return what is kept of a choice, with the physics in the numbers of the fits after it.
+
+    The search knows its law at a few settings and a coarser tolerance; tables are of the fits.
+
+    Parameters
+    ----------
+    choice : mapping
+        As it stands in run.json.
+    campaign : Campaign
+        The fits of the chosen law.
+    model : Model
+        That law.
+    """
+    fits = [
+        SeenAt(fit.setting, model, fit.parameters, *(_with(fit.status, one) for one in _UNTOLD))
+        for fit in campaign.fits
+    ]
+    again = physics_seen(fits) if fits and choice.get("sentences") else ()
+    return {**choice, "sentences": list(again)} if again else dict(choice)
+
+
+def _with(status: Mapping[str, Status], wanted: frozenset[Status]) -> tuple[str, ...]:
+    return tuple(name for name, one in status.items() if one in wanted)
 
 
 def opening_force(damper: ValveDamper, stroke: str, opening: float) -> float:
@@ -34,12 +90,12 @@ def opening_force(damper: ValveDamper, stroke: str, opening: float) -> float:
     return opening * (rebound if stroke == "rebound" else compression)
 
 
-def physics_seen(fits: Sequence[LawFit]) -> tuple[str, ...]:
+def physics_seen(fits: Sequence[LawFit | SeenAt]) -> tuple[str, ...]:
     """Return one sentence for each part that the law has.
 
     Parameters
     ----------
-    fits : sequence of LawFit
+    fits : sequence of LawFit or SeenAt
         The chosen law at each setting.
     """
     if not hasattr(fits[0].model, "rebound"):
@@ -89,16 +145,16 @@ def _orifice(damper: ValveDamper, resistance: float) -> float:
     return 1e6 / (resistance * math.sqrt(2.0 * damper.oil_density))
 
 
-def _determined(fits: Sequence[LawFit], name: str) -> list[float]:
+def _determined(fits: Sequence[LawFit | SeenAt], name: str) -> list[float]:
     """Return the values at the settings whose logs determine it."""
     return [float(getattr(one.values, name)) for one in fits if _is_determined(one, name)]
 
 
-def _is_determined(fit: LawFit, name: str) -> bool:
+def _is_determined(fit: LawFit | SeenAt, name: str) -> bool:
     return name not in fit.undetermined and name not in fit.at_bound
 
 
-def _where(fits: Sequence[LawFit], name: str) -> str:
+def _where(fits: Sequence[LawFit | SeenAt], name: str) -> str:
     """Return at which settings that is, where those of the others do not determine it."""
     known = [one.setting for one in fits if _is_determined(one, name)]
     if len(known) == len(fits):

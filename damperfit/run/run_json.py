@@ -31,7 +31,7 @@ from damperfit.uncertainty.withheld import doubted_cavitation
 from damperfit.units.quantities import engineering
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Campaign, Fit
@@ -136,9 +136,18 @@ def report_facts(
             for setting, why in assessment.objections.items()
         ),
         stretches=tuple(entry for fit in campaign.fits for entry in _stretches(fit)),
-        law_choice=configuration.chosen_law,
+        law_choice=_chosen_law(configuration, campaign),
         is_interrupted=is_interrupted,
     )
+
+
+def _chosen_law(configuration: Configuration, campaign: Campaign) -> Mapping[str, Any]:
+    """Which law the logs have chosen, in the numbers that all settings were fitted with."""
+    if not configuration.chosen_law:
+        return {}
+    from damperfit.laws import seen_again
+
+    return seen_again(configuration.chosen_law, campaign, configuration.damper)
 
 
 def _method(campaign: Campaign, assessment: Assessment) -> tuple[str, ...]:
@@ -228,7 +237,7 @@ def record(
             "many_starts": list(facts.searches),
             "cavitation": list(facts.cavitation),
         },
-        **({"law_choice": dict(configuration.chosen_law)} if configuration.chosen_law else {}),
+        **({"law_choice": dict(facts.law_choice)} if facts.law_choice else {}),
         "gates_missed": list(facts.gates),
         "procedure": list(facts.procedure),
         "checks": [to_record(check) for check in judgement.checks],

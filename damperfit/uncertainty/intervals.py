@@ -118,7 +118,7 @@ class Uncertainty:
     @property
     def correlation(self) -> FloatArray:
         """Correlation matrix, shape (k, k)."""
-        scale = np.sqrt(np.diag(self.covariance))
+        scale = np.sqrt(np.abs(np.diag(self.covariance)))
         return np.asarray(self.covariance / np.outer(scale, scale))
 
 
@@ -259,7 +259,8 @@ def _of_setting(
     ratios = np.full(len(names), math.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratios[: len(own)] = np.sqrt(cycle_part / residual_part)
-    errors, bends = np.sqrt(np.diag(covariance)), np.sqrt(np.maximum(np.diag(misfit), 0.0))
+    # What no log tells has a variance of rounding alone: huge, and of either sign.
+    errors, bends = np.sqrt(np.abs(np.diag(covariance))), np.sqrt(np.maximum(np.diag(misfit), 0.0))
     values = linearised.fit.parameters
     intervals = {
         name: make_interval(

@@ -68,7 +68,7 @@ def _is_unfit(fit: Fit, name: str, known: Uncertainty | None) -> bool:
 def _error(quantity: Quantity, known: Uncertainty) -> float:
     """Its printed error of noise, of its logarithm or in its size."""
     place = known.names.index(quantity.name)
-    error = math.sqrt(float(known.covariance[place, place]))
+    error = math.sqrt(abs(float(known.covariance[place, place])))
     return error if quantity.is_logarithmic else error / quantity.size
 
 

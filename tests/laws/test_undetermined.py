@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification import Status
 from damperfit.identification.descent import Misfit
 from damperfit.identification.minimiser import DescentPoint
 from damperfit.identification.setting import _statuses
 from damperfit.identification.solution import Solution
-from damperfit.laws import LawFit, physics_seen
+from damperfit.laws import LawFit, physics_seen, seen_again
 from damperfit.laws.choosing import FEWEST_SAMPLES
 from damperfit.laws.law_fit import _undetermined
 from damperfit.report import chosen_records, chosen_sheet
@@ -98,3 +100,29 @@ def test_a_fit_tells_nothing_of_a_blow_off_whose_opening_it_does_not_tell(
     assert found[f"compression_{flat}"] is Status.NOT_IDENTIFIABLE
     assert (found["compression_slope"] is Status.FITTED) is are_told
     assert found["rebound_slope"] is Status.FITTED
+
+
+def test_sentences_are_in_the_numbers_of_the_fits_that_follow() -> None:
+    searched = {"chosen": "a law", "sentences": list(physics_seen([found(1, 5e5)]))}
+    assert "(5 bar)" in searched["sentences"][0]
+
+    def fit(setting: int, opening: float, status: Status) -> SimpleNamespace:
+        values = found(setting, opening).values
+        return SimpleNamespace(
+            setting=Setting.of(setting),
+            parameters=values,
+            status={**dict.fromkeys(values.names, Status.FITTED), "rebound_opening": status},
+        )
+
+    fits = (fit(1, 5.4e5, Status.FITTED), fit(2, 7e5, Status.SHARED))
+    again = seen_again(searched, SimpleNamespace(fits=fits), MODEL)
+    assert "(5.4 to 7 bar)" in again["sentences"][0]
+    assert (again["chosen"], "(5 bar)" in searched["sentences"][0]) == ("a law", True)
+    for status in (Status.NOT_IDENTIFIABLE, Status.ABSENT, Status.AT_BOUND):
+        open_at_one = (fits[0], fit(2, 7e5, status))
+        said = seen_again(searched, SimpleNamespace(fits=open_at_one), MODEL)["sentences"][0]
+        assert "(5.4 bar) at setting 1; the logs of the others do not determine it" in said
+    # What had none, as where another law does as well, gets none; nor does a run without a fit.
+    assert seen_again({"sentences": []}, SimpleNamespace(fits=fits), MODEL) == {"sentences": []}
+    assert seen_again(searched, SimpleNamespace(fits=()), MODEL) == searched
+    assert seen_again(searched, SimpleNamespace(fits=fits), PURDY_DAMPER) == searched

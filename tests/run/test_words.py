@@ -96,7 +96,7 @@ def test_the_procedure_is_told_with_every_value_that_holds_for_all() -> None:
         (
             "Damper: rod 19 mm, piston 28.5 mm, gas piston 40 mm, chambers 133 and 133 mm, gas "
             "50 mm at 4.6 bar absolute, exponent 1.4, oil 770 kg/m3 (the paper's: [damper] is not "
-            "declared)."
+            "declared, and resistances, K_e and pressures are right only for these dimensions)."
         ),
         "Filter: no filter",
         "Procedure: paper.",
