@@ -196,9 +196,9 @@ def scatter_of(residuals: FloatArray, errors: FloatArray, freedom: int) -> float
 
 def _solve(rows: FloatArray, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Least squares and the covariance of its coefficients for residuals of variance one."""
-    # By normal equations: few columns, of powers within -1 to 1, are far from alike.
-    covariance = np.linalg.inv(rows.T @ rows)
-    return np.asarray(covariance @ (rows.T @ targets)), np.asarray(covariance)
+    q, r = np.linalg.qr(rows)
+    inverse = np.linalg.inv(r)
+    return np.asarray(inverse @ (q.T @ targets)), np.asarray(inverse @ inverse.T)
 
 
 def _from_logs(scale: str, logs: FloatArray) -> FloatArray:

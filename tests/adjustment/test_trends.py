@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment import find_trends
+from damperfit.adjustment.curves import Points, fit_curve
 from damperfit.adjustment.trends import _points
 from damperfit.identification import Status
 from tests import fakes
@@ -105,6 +106,16 @@ def test_one_and_two_outliers_are_found_wherever_they_are(shape, places) -> None
     assert sorted(off(mirrored)) == sorted(20 - place for place in places)
     for one in found.outliers:
         assert one.deviation == pytest.approx(0.25, abs=0.05)
+
+
+def test_settings_that_tell_nearly_nothing_bend_no_curve_and_end_no_fit() -> None:
+    """Of two values known the line goes through both; that a bend is not known is no fault."""
+    settings = np.arange(8.0)
+    errors = np.where(settings % 7.0 == 0.0, 1e-3, 1e9)
+    curve = fit_curve(Points(settings, 0.1 * settings, errors, 0.0, 7.0), "log", 2)
+    assert curve.logs(settings[[0, -1]]) == pytest.approx([0.0, 0.7], abs=1e-6)
+    assert np.all(curve.errors(settings[[0, -1]]) < 4e-3)
+    assert curve.errors(settings[3:4])[0] > 1e6
 
 
 def test_a_low_outlier_breaks_the_monotone_run() -> None:
