@@ -81,10 +81,8 @@ class Recording:
     ----------
     name : str
         File name for messages and tables (with a part number when a file holds several tests).
-    path : str
-        Path the log was read from.
-    sha256 : str
-        Hash of the file's bytes, hexadecimal.
+    path, sha256 : str
+        Path the log was read from, and the hash of the file's bytes, hexadecimal.
     setting : Setting or None
         Adjuster setting, or None when the log does not say.
     time, displacement, force : numpy.ndarray
@@ -133,8 +131,7 @@ class FilterDesign:
     description : str
         One line for reports.
     bridged : tuple of int
-        Samples at which a signal is not taken as it is: before the filter the mean of both
-        neighbours stands there, of measured and simulated forces alike.
+        Samples replaced before the filter by the mean of both neighbours, in any force alike.
     """
 
     sections: FloatArray
@@ -184,10 +181,9 @@ class StretchFigures:
         Largest speed of each stroke, m/s, positive.
     energy : float
         Work taken up in a cycle, of a moving stretch in all of it, J.
-    hysteresis_speed : float
-        Speed at which the hysteresis is taken, m/s: half of the lower peak speed.
-    hysteresis_rebound, hysteresis_bump : float
-        Opening minus closing force there, N; NaN where nothing repeats.
+    hysteresis_speed, hysteresis_rebound, hysteresis_bump : float
+        Half of the lower peak speed, m/s; opening minus closing force there, N, NaN where nothing
+        repeats.
     start, stop : float
         Time stamps between which they were read, s: cycles without another motion in the filter.
     """
@@ -231,17 +227,14 @@ class Stretch:
         can be laid over each other. Empty where nothing repeats.
     frequency : float
         Cycles per second, Hz; of a moving stretch half its turns per second.
-    amplitude : float
-        Half the stroke, m; of a moving stretch half of the whole range.
-    peak_speed : float
-        Largest speed, m/s.
+    amplitude, peak_speed : float
+        Half the stroke, m, of a moving stretch half of the whole range; largest speed, m/s.
     smeared : tuple of int
         Samples at its beginning and at its end in which the filter still holds the other motion
         beside it. The model's force holds it alike, but cycles differ there.
-    noise : float
-        Standard deviation of the compared force's noise, N; NaN where it is not known.
-    noise_source : str
-        What tells it: "scatter between cycles", or "above the filter" where too few repeat.
+    noise, noise_source : float, str
+        Standard deviation of the compared force's noise, N, NaN where it is not known; what tells
+        it: "scatter between cycles", or "above the filter" where too few repeat.
     figures : StretchFigures or None
         Peak forces and speeds, energy and hysteresis as measured.
     """
@@ -300,14 +293,10 @@ class Trace:
 
     Attributes
     ----------
-    name : str
-        Name of the recording.
-    setting : Setting or None
-        Adjuster setting.
-    start_time : float
-        Time stamp of the first sample, s.
-    interval : float
-        Sample interval, s.
+    name, setting : str, Setting or None
+        Of the recording.
+    start_time, interval : float
+        Time stamp of the first sample and from each to the next, s.
     displacement, velocity, force : numpy.ndarray
         Shape (n,); m, m/s, N. Filtered alike; displacement is the model's x (centre removed);
         force is as compared with the model.
@@ -323,10 +312,8 @@ class Trace:
         What a simulated force (and its sensitivities) must pass before it is compared.
     temperature : float or None
         Mean over the stretches, degrees Celsius.
-    notes : tuple of str
-        What conditioning assumed or noticed, one plain sentence each.
-    findings : tuple of Finding
-        What the data show of the log's quality, and what was put right.
+    notes, findings : tuple of str, tuple of Finding
+        What conditioning assumed; what the data show of the log's quality, and what was corrected.
     gas_pressure : float or None
         What the damper was filled to for this test, Pa absolute; None: as it is declared.
     whole : Trace or None

@@ -117,7 +117,7 @@ def _asked_model() -> str:
     for name in DRAWINGS:
         say(f"  {name:<13} {MODELS[name].title}")
     while True:
-        model = _answer("model", _MODEL)
+        model = _answer("model", _MODEL) or _MODEL
         try:
             check_damper(model, {})
         except ConfigurationError as error:
@@ -127,7 +127,7 @@ def _asked_model() -> str:
 
 
 def _asked(model: str, given: Mapping[str, str]) -> dict[str, str]:
-    """Ask for what is not given, until it is a damper; Enter leaves the default."""
+    """Ask for what is not given, until it is a damper; what Enter leaves is not declared."""
     from damperfit.configuration.drawings import DRAWINGS
     from damperfit.queries.first_configuration import check_damper, damper_keys
 
@@ -141,8 +141,7 @@ def _asked(model: str, given: Mapping[str, str]) -> dict[str, str]:
     answers = dict(given)
     while True:
         for key, text in defaults.items():
-            said = _asked_key(model, key, answers.get(key, text))
-            if said != text or key in answers:
+            if said := _asked_key(model, key, answers.get(key, text)):
                 answers[key] = said
         try:
             check_damper(model, answers)
@@ -155,13 +154,14 @@ def _asked(model: str, given: Mapping[str, str]) -> dict[str, str]:
 
 
 def _asked_key(model: str, key: str, default: str) -> str:
+    """Return what was typed, a value of the key; nothing where Enter alone left the default."""
     from damperfit.configuration.drawings import MEASURED
     from damperfit.queries.first_configuration import fault_of
 
     how = MEASURED.get(key, "")
     while True:
         said = _answer(f"{key} ({how})" if how else key, default)
-        fault = fault_of(model, key, said)
+        fault = fault_of(model, key, said) if said else ""
         if not fault:
             return said
         say(f"  {fault}")
@@ -174,7 +174,7 @@ def _answer(question: str, default: str) -> str:
     line = sys.stdin.readline()
     if not line:
         raise typer.Abort
-    return line.strip() or default
+    return line.strip()
 
 
 def _inspected(logs: list[str], out: Path, *, is_quiet: bool) -> int:

@@ -291,6 +291,15 @@ def test_the_dialogue_shows_defaults_and_asks_again_after_a_wrong_answer(answere
     assert load_configuration(folder / "my_damper.toml").damper.rod_diameter == 0.032
 
 
+def test_a_value_typed_as_it_stands_in_brackets_was_measured(answered, folder):
+    """It stood behind a #, as if nobody had said it, and `identify` took it for assumed."""
+    lines = ["", "19mm", *[""] * (len(damper_keys("purdy")) - 1)]
+    assert answered(*lines) == 0
+    text = (folder / "my_damper.toml").read_text()
+    assert tomllib.loads(text)["damper"] == {"model": "purdy", "rod_diameter": "19mm"}
+    assert "\n# piston_diameter = " in text
+
+
 def test_a_rod_wider_than_the_piston_is_asked_for_once_more(answered, folder, capsys):
     keys = len(damper_keys("purdy"))
     first, second = ["32mm", *[""] * (keys - 1)], ["", "45mm", *[""] * (keys - 2)]
