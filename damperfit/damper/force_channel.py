@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.compiled_core import compiled_core
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -43,16 +45,17 @@ def behind_lag(rows: FloatArray, interval: float, lag: float) -> FloatArray:
     >>> behind_lag(step, 1.0, 1.0).round(3)
     array([[0.   , 0.368, 0.767, 0.914]])
     """
-    from scipy.signal import lfilter
-
     if lag <= _NO_LAG * interval:
         return rows
-    a, b, c = _coefficients(interval / lag)
-    before = (1.0 - b) * rows[:, :1]
-    return np.asarray(lfilter([b, c], [1.0, -a], rows, axis=1, zi=before)[0], dtype=np.float64)
+    rows = np.ascontiguousarray(rows, dtype=np.float64)
+    found = np.empty_like(rows)
+    compiled_core().behind_lag(rows, found, len(rows), *_coefficients(interval / lag))
+    return found
 
 
-def lag_slope(force: FloatArray, interval: float, lag: float) -> FloatArray:
+def lag_slope(
+    force: FloatArray, interval: float, lag: float, *, read: FloatArray | None = None
+) -> FloatArray:
     """Return the derivative of a signal behind a lag by the lag, per second.
 
     Parameters
@@ -61,18 +64,20 @@ def lag_slope(force: FloatArray, interval: float, lag: float) -> FloatArray:
         Shape (n,), before the lag.
     interval, lag : float
         As of `behind_lag`, the lag above 0.
+    read : numpy.ndarray, optional
+        Shape (n,), the same behind the lag, where it is at hand.
     """
-    from scipy.signal import lfilter
-
     lag = max(lag, _NO_LAG * interval)
     q = interval / lag
+    force = np.ascontiguousarray(force, dtype=np.float64)
+    if read is None:
+        read = behind_lag(force[None, :], interval, lag)[0]
     a = math.exp(-q)
-    read = behind_lag(force[None, :], interval, lag)[0]
     by_a = a * q / lag
-    by_m = (1.0 - a) / interval - by_a / q
-    source = np.zeros_like(force)
-    source[1:] = by_a * read[:-1] - by_m * force[1:] + (by_m - by_a) * force[:-1]
-    return np.asarray(lfilter([1.0], [1.0, -a], source), dtype=np.float64)
+    by_mean = (1.0 - a) / interval - by_a / q
+    found = np.empty_like(force)
+    compiled_core().lag_slope(force, np.ascontiguousarray(read), found, a, by_a, by_mean)
+    return found
 
 
 def _coefficients(q: float) -> tuple[float, float, float]:

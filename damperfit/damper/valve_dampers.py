@@ -211,7 +211,8 @@ class ValveDamper(Cylinder, OilModel):
         late = behind_lag(rows, motion.interval, values.lag)
         named = dict(zip((one for one in sensitivities if one != "lag"), late[1:], strict=True))
         if "lag" in sensitivities:
-            named["lag"] = lag_slope(response.force, motion.interval, values.lag)
+            read = late[0] if late is not rows else None
+            named["lag"] = lag_slope(response.force, motion.interval, values.lag, read=read)
         ordered = {one: named[one] for one in sensitivities}
         return replace(response, force=late[0], sensitivities=ordered)
 

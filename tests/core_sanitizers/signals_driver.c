@@ -36,8 +36,26 @@ static void between(size_t n)
     free(y);
 }
 
+/* Every number of rows beside those that go together, in place too. */
+static void lags(size_t rows, size_t n)
+{
+    const df_lag lag = {0.5, 0.3, 0.2};
+    double *in = malloc((rows * n + 1) * sizeof *in), *out = malloc((rows * n + 1) * sizeof *out);
+    for (size_t k = 0; k < rows * n; k++)
+        in[k] = (double)(k % (n ? n : 1));
+    df_behind_lag(&lag, rows, n, in, out);
+    if (rows)
+        df_lag_slope(&lag, 1.0, 0.1, n, in, out, in);
+    df_behind_lag(&lag, rows, n, out, out);
+    free(in);
+    free(out);
+}
+
 int main(void)
 {
+    for (size_t rows = 0; rows < 10; rows++)
+        for (size_t n = 0; n < 5; n++)
+            lags(rows, n);
     for (size_t n = 2; n < MOST; n++)
         for (size_t pad = 0; pad < n; pad++)
             filters(n, pad);

@@ -45,3 +45,23 @@ def test_the_slope_by_the_lag_is_that_of_differences(lag):
     high, low = (behind_lag(force[None], INTERVAL, lag + d)[0] for d in (step, -step))
     slope = lag_slope(force, INTERVAL, lag)
     np.testing.assert_allclose(slope, (high - low) / (2 * step), atol=2e-6 * np.max(np.abs(slope)))
+
+
+@pytest.mark.parametrize("rows", [1, 3, 4, 5, 9])
+def test_each_of_some_signals_is_what_a_general_filter_makes_of_it(rows):
+    from scipy.signal import lfilter
+
+    force = np.random.default_rng(rows).normal(size=(rows, 50))
+    q = INTERVAL / 8e-3
+    a, mean = np.exp(-q), -np.expm1(-q) / q
+    start = mean * force[:, :1]  # at rest before the first sample
+    slow = lfilter([1 - mean, mean - a], [1.0, -a], force, axis=1, zi=start)[0]
+    np.testing.assert_allclose(behind_lag(force, INTERVAL, 8e-3), slow, rtol=1e-12, atol=1e-14)
+
+
+def test_a_slope_takes_what_is_behind_the_lag_where_it_is_at_hand():
+    force = ramp()
+    read = behind_lag(force[None], INTERVAL, 8e-3)[0]
+    np.testing.assert_array_equal(
+        lag_slope(force, INTERVAL, 8e-3, read=read), lag_slope(force, INTERVAL, 8e-3)
+    )

@@ -182,3 +182,20 @@ def test_a_valve_without_a_bleed_is_said_to_have_none_in_english():
     )
     said = closed.valves_said
     assert said.startswith("rebound no bleed and linear blow-off, compression orifice bleed")
+
+
+@pytest.mark.parametrize(("kind", "most"), [(TwinTube, 1.7), (Monotube, 1.3), (ThroughFlow, 1.5)])
+def test_newton_looks_little_more_than_once_a_stage_on_an_elastic_mounting(kind, most):
+    """Where play, friction and checks stay on their pieces one look does; a step has two stages."""
+    model = damper(kind, ALL)
+    values = model.values(VALVES | HELD)
+    near, exact = (
+        simulate(
+            values, model, motion(), sensitivities=("k_s",), options=SolverOptions(tolerance=one)
+        )
+        for one in (1e-2, 1e-5)
+    )
+    assert near.work.newton_iterations < most * 2 * (near.work.steps + near.work.rejected)
+    assert np.std(near.force - exact.force) < 5e-3
+    gap = near.sensitivities["k_s"] - exact.sensitivities["k_s"]
+    assert np.std(gap) < 0.01 * np.std(exact.sensitivities["k_s"])

@@ -115,7 +115,7 @@ typedef struct {
     double D[DF_PAIRS], W[DF_PAIRS], G[DF_PAIRS];
     double w[DF_MOST_PASSAGES], g[DF_MOST_PASSAGES]; /* of each way */
     df_flow whole[DF_MOST_PASSAGES];                 /* of those that are composed */
-    double nearest;                                  /* least |D| - p_open across an orifice, Pa */
+    double nearest;                                  /* Pa; to the next root or corner that a correction turns */
 } df_flows;
 
 /* The running state between samples. */

@@ -10,6 +10,8 @@
 
 #include <math.h>
 
+#define CORNER_SHARE 5e3 /* times SHARE_DONE: half */
+
 /* The last one has the paper's passages, a two-way orifice 1-3 and leaks 2 to 1 and 3 to 2, and no more. */
 enum { DF_IS_ELASTIC = 1, DF_HAS_GAS_IN_OIL = 2, DF_HAS_FLOATING_PISTON = 4, DF_IS_PURDY = 8 };
 
@@ -29,6 +31,11 @@ typedef struct {
 static inline double larger(double a, double b)
 {
     return a > b ? a : b;
+}
+
+static inline double smaller(double a, double b)
+{
+    return a < b ? a : b;
 }
 
 static inline double number(const df_network *q, int place)
@@ -132,7 +139,18 @@ DF_FOR_EACH_KIND passed pass(const df_network *q, const df_way *way, const df_ki
     return p;
 }
 
-/* All ways between two chambers. */
+/* How far a correction may lead, as `nearest`, before it crosses the pressure at which a way begins to
+ * open: half the way there, for beside it a leak is straight. */
+static inline double from_its_corner(const df_network *q, const df_way *way, double D)
+{
+    const double along = way->turn == 0.0 ? fabs(D) : way->turn * D;
+    const double away = fabs(along - way->law.p_open) - 3.0 * q->rounding;
+    const double straight = CORNER_SHARE * larger(away, 0.0);
+    return way->law.width > 0.0 ? smaller(straight, way->law.width) : straight;
+}
+
+/* All ways between two chambers. `nearest` tells how a correction of the pressures turns the slope of all
+ * flow between them: an orifice that carries little of it turns it little. */
 DF_FOR_EACH_KIND void pass_pair(const df_network *q, const int kind, const int pair, double D, df_flows *f)
 {
     const df_plan *plan = &q->plan;
@@ -146,14 +164,21 @@ DF_FOR_EACH_KIND void pass_pair(const df_network *q, const int kind, const int p
         f->nearest = p.nearest < f->nearest ? p.nearest : f->nearest;
         return;
     }
+    double curved = INFINITY;
     for (int k = plan->first[pair]; k < plan->first[pair + 1]; k++) {
-        const passed p = pass(q, &plan->ways[k], plan->ways[k].kind, plan->ways[k].turn, D, &f->whole[k]);
+        const df_way *way = &plan->ways[k];
+        const passed p = pass(q, way, way->kind, way->turn, D, &f->whole[k]);
         w += f->w[k] = p.w;
         g += f->g[k] = p.g;
-        f->nearest = p.nearest < f->nearest ? p.nearest : f->nearest;
+        if (p.nearest < curved * p.g)
+            curved = p.nearest / p.g;
+        if (way->kind != DF_ORIFICE)
+            f->nearest = smaller(f->nearest, from_its_corner(q, way, D));
     }
     f->W[pair] = w;
     f->G[pair] = g;
+    if (curved < INFINITY)
+        f->nearest = smaller(f->nearest, curved * g);
 }
 
 DF_FOR_EACH_KIND void fill_one(const df_network *q, const int kind, const chambers *c, const int i, double m,

@@ -62,7 +62,7 @@ DF_FOR_EACH_KIND void balance_by(const df_network *q, const int kind, const df_n
                                  double s, double v, int place, double F[DF_STATES])
 {
     double P[3] = {0.0, 0.0, 0.0};
-    F[0] = F[1] = 0.0;
+    F[0] = F[1] = F[DF_PISTON] = 0.0;
     if (place >= DF_FIRST_PASSAGE_NUMBER) {
         for (int k = q->plan.touched[place]; k < q->plan.touched[place + 1]; k++) {
             const df_touch *touch = &q->plan.touches[k];
@@ -70,13 +70,14 @@ DF_FOR_EACH_KIND void balance_by(const df_network *q, const int kind, const df_n
             F[0] += q->plan.ways[touch->way].out[0] * w;
             F[1] += q->plan.ways[touch->way].out[1] * w;
         }
-    } else if (moves_pressures(place)) {
+        return; /* all that a passage does at the mounting goes by the oil */
+    }
+    if (moves_pressures(place)) {
         df_pressures_by(q, b, s, place, P);
         const double w12 = f->G[DF_1_2] * (P[0] - P[1]);
         F[0] = -f->G[DF_1_3] * (P[0] - P[2]) - w12;
         F[1] = kind & DF_HAS_FLOATING_PISTON ? 0.0 : w12 - f->G[DF_2_3] * (P[1] - P[2]);
     }
-    F[DF_PISTON] = 0.0;
     if (!(kind & DF_IS_ELASTIC))
         return;
     F[DF_PISTON] = -oil_force(q, P) - q->numbers[DF_NUMBER_PRESSED] * b->grip * P[0];

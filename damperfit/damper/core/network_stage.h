@@ -13,6 +13,8 @@
 #define PA_DONE 1e-3
 #define ROUNDING_SHARE 4e-16 /* of K: what doubles make of a pressure that is K (m/(rho V) - 1) */
 #define PULL_DONE 1e-4 /* what the last correction may leave of the forces at the mounting, N */
+#define PULL_STRAIGHT 1.0 /* N; so much of it where play and friction stay on straight pieces: of the oil's
+                             pressures its square leaves 1e-3 Pa */
 
 /* What a stage is solved with. */
 typedef struct {
@@ -107,6 +109,26 @@ static inline int crosses_a_corner(const stage *s, const df_network_balance *b, 
     return (presliding || fabs(b->grip) == 1.0) && here * then < 0.0;
 }
 
+/* Whether a correction leaves play and friction on the straight pieces that it was computed for, so that
+ * it leaves nothing behind at the mounting. */
+static inline int stays_straight(const stage *s, const df_network_balance *b, double y, double moved)
+{
+    const df_network *q = s->q;
+    const double half = 0.5 * q->numbers[DF_NUMBER_PLAY], stretch = s->x - y - moved;
+    const double slope = fabs(stretch) > half ? q->numbers[DF_NUMBER_STIFFNESS] : 0.0;
+    const double grip = df_friction_share(b->speed + moved * s->inverse_hd, turning_band(q, s->o->dead_band));
+    const int slides = fabs(b->grip) == 1.0;
+    return slope == b->pull_slope && stretch * b->pull >= 0.0 && !(q->numbers[DF_NUMBER_PRESLIDING] > 0.0) &&
+           (slides ? grip == b->grip : fabs(grip) < 1.0);
+}
+
+/* Whether the last correction has done it at the mounting. */
+static inline int is_held(const stage *s, const df_network_balance *b, double y, double moved)
+{
+    const double pulled = s->q->numbers[DF_NUMBER_STIFFNESS] * fabs(moved);
+    return pulled <= PULL_DONE || (pulled <= PULL_STRAIGHT && stays_straight(s, b, y, moved));
+}
+
 /* The balances at the last correction, without another look. */
 DF_FOR_EACH_KIND int end_stage(const stage *s, const int kind, const double y[DF_STATES], const double e[DF_STATES],
                                df_network_balance *b, solution *end)
@@ -181,7 +203,7 @@ DF_FOR_EACH_KIND int solve_stage(const stage *s, const int kind, solution *end, 
         double share = 1.0;
         const int crosses = elastic && crosses_a_corner(s, b, y[DF_PISTON], e[DF_PISTON], &share);
         const int converged = far1 <= done && far2 <= done && !crosses &&
-                              (!elastic || q->numbers[DF_NUMBER_STIFFNESS] * fabs(e[DF_PISTON]) <= PULL_DONE);
+                              (!elastic || is_held(s, b, y[DF_PISTON], e[DF_PISTON]));
         if (crosses && b->rub > 0.0) {
             /* Beyond the dead band lies another branch: stop inside and look. */
             for (int i = 0; i < DF_STATES; i++)

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-enum { TAPS = 8 };
+enum { TAPS = 8, LAGGED = 4 };
 
 void df_filter_once(const df_sections *f, size_t n, const double *in, double *out, int backward)
 {
@@ -88,6 +88,42 @@ void df_filter_two_both(const df_sections *f, size_t n, size_t pad, const double
     for (size_t k = 0; k < n; k++) {
         out[k] = scratch[2 * (pad + k)];
         out[n + k] = scratch[2 * (pad + k) + 1];
+    }
+}
+
+/* Few rows side by side: each waits for its own last sample alone. */
+static void lag_rows(const df_lag *lag, size_t rows, size_t n, const double *in, double *out)
+{
+    double f[LAGGED], g[LAGGED];
+    for (size_t j = 0; j < rows; j++)
+        out[j * n] = f[j] = g[j] = in[j * n];
+    for (size_t k = 1; k < n; k++) {
+        for (size_t j = 0; j < rows; j++) {
+            const double now = in[j * n + k];
+            g[j] = lag->a * g[j] + (lag->b * now + lag->c * f[j]);
+            f[j] = now;
+            out[j * n + k] = g[j];
+        }
+    }
+}
+
+void df_behind_lag(const df_lag *lag, size_t rows, size_t n, const double *in, double *out)
+{
+    size_t j = 0;
+    for (; n && j + LAGGED <= rows; j += LAGGED)
+        lag_rows(lag, LAGGED, n, in + j * n, out + j * n);
+    for (; n && j < rows; j++)
+        lag_rows(lag, 1, n, in + j * n, out + j * n);
+}
+
+void df_lag_slope(const df_lag *lag, double by_a, double by_mean, size_t n, const double *in, const double *behind,
+                  double *slope)
+{
+    double s = 0.0;
+    for (size_t k = 0; k < n; k++) {
+        if (k)
+            s = lag->a * s + (by_a * (behind[k - 1] - in[k - 1]) + by_mean * (in[k - 1] - in[k]));
+        slope[k] = s;
     }
 }
 

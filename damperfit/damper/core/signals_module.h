@@ -5,6 +5,8 @@
 #include <Python.h>
 
 PyObject *df_py_filter(PyObject *self, PyObject *args);
+PyObject *df_py_behind_lag(PyObject *self, PyObject *args);
+PyObject *df_py_lag_slope(PyObject *self, PyObject *args);
 PyObject *df_py_spline_slopes(PyObject *self, PyObject *args);
 PyObject *df_py_between(PyObject *self, PyObject *args);
 PyObject *df_py_crossings(PyObject *self, PyObject *args);
