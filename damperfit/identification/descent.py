@@ -21,7 +21,7 @@ from damperfit.identification.evaluation import (
     values_of,
     with_values,
 )
-from damperfit.identification.last_step import known_step, last_step
+from damperfit.identification.last_step import known_step, last_step, promised_step
 from damperfit.identification.minimiser import Minimum, Transformation, minimise
 from damperfit.identification.plausible import (
     first_edge,
@@ -30,6 +30,7 @@ from damperfit.identification.plausible import (
     kept_within,
     points_inside,
 )
+from damperfit.identification.refinement import finer, solvers_percent
 from damperfit.identification.solution import Solution
 from damperfit.identification.trust_region import Stopping
 
@@ -69,10 +70,9 @@ RIGHT_ANGLE = 1e-3
 # Where the misfit has kinks a descent may stop among them, at so many times the cosine that the
 # promised fall would have.
 _AMONG_KINKS = 1.5
-# Below this misfit (times the solver's tolerance, N) the solver's own error moves what is found.
-# It is then kept to this share of the misfit, or of the tolerance where less than that is left.
-_POLISH_BELOW = 100.0
-_POLISH_FACTOR = 0.003
+# Times the share that kinks jump by: a step that promises no more is taken without a look, which
+# could not tell whether it is right.
+_AMONG_KINKS_LEFT = 10.0
 
 
 class FitCancelledError(DamperfitError):
@@ -189,47 +189,46 @@ def _ended(misfit: Misfit, start: Values) -> Solution:
         raise FitCancelledError("stopped while a fit was running.")
     ended = None
     if there.status != _LIMIT:
-        least = _solvers_percent(misfit)
+        least = solvers_percent(misfit)
         ended = known_step(left, there, least_percent=least)
         if ended is None:
             ended = last_step(left, there, least_percent=least)
             if ended is not None and ended.apart is not None:
                 ended = replace(ended, apart=ended.apart - there.promised)
     ended = ended or _to_the_end(left, there.parameters)
-    return replace(
-        ended,
-        evaluations=ended.evaluations + there.evaluations,
-        failed_trials=ended.failed_trials + there.failed_trials,
-    )
+    return ended.after(there.evaluations, there.failed_trials)
 
 
 def _to_the_end(misfit: Misfit, start: Values) -> Solution:
     """Where a descent on the logs ends."""
+    if misfit.damper.kinks and misfit.max_evaluations > 1:
+        looked = _looked_at(misfit, start)
+        if looked is not None and looked <= solvers_percent(misfit):
+            there = _minimise(finer(misfit, looked), start)
+            return promised_step(misfit, there).after(1)
     solution = _minimise(misfit, start)
-    if solution.mse_percent > _solvers_percent(misfit):
-        return solution
-    left = misfit.deviation * math.sqrt(solution.mse_percent / 100.0)
-    tolerance = _POLISH_FACTOR * max(misfit.solver.tolerance, left)
-    tighter = replace(misfit.solver, tolerance=tolerance)
+    if solution.mse_percent > solvers_percent(misfit):
+        return promised_step(misfit, solution)
     try:
-        refined = _minimise(replace(misfit, solver=tighter), solution.parameters)
+        refined = _minimise(finer(misfit, solution.mse_percent), solution.parameters)
     except SimulationError:
         # The tighter integrator has failed where the other did not: what it found stands.
-        return replace(
-            solution,
-            evaluations=solution.evaluations + 1,
-            failed_trials=solution.failed_trials + 1,
-        )
-    return replace(
-        refined,
-        evaluations=solution.evaluations + refined.evaluations,
-        failed_trials=solution.failed_trials + refined.failed_trials,
-    )
+        return solution.after(1, 1)
+    return refined.after(solution.evaluations, solution.failed_trials)
 
 
-def _solvers_percent(misfit: Misfit) -> float:
-    """The misfit, as an MSE, below which the integrator's error may be what is left."""
-    return 100.0 * (_POLISH_BELOW * misfit.solver.tolerance / misfit.deviation) ** 2
+def _looked_at(misfit: Misfit, start: Values) -> float | None:
+    """The misfit at a start, as an MSE; None where the model cannot be integrated there.
+
+    The start of a law with kinks is the end of a search on settled cycles, which is near: what
+    needs the tighter integrator has it from there on.
+    """
+    start = kept_within(start, misfit.free)
+    try:
+        residuals, _, _ = evaluate(replace(misfit, free=()), start, misfit.scale)
+    except SimulationError:
+        return None
+    return 100.0 * float(residuals @ residuals)
 
 
 def linearise(misfit: Misfit, parameters: Values) -> tuple[FloatArray, FloatArray]:
@@ -363,7 +362,7 @@ def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping:
     stopping = replace(
         stopping,
         max_evaluations=misfit.max_evaluations,
-        least_share=max(stopping.least_share, misfit.damper.kinks),
+        least_share=max(stopping.least_share, _AMONG_KINKS_LEFT * misfit.damper.kinks),
     )
     variables = transformation(misfit, moving)
     ended = minimise(model, values_of(moving, start), variables, stopping)
@@ -382,6 +381,6 @@ def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping:
         gradient_cosine=ended.gradient_cosine,
         n_independent=n_independent(point.residuals),
         is_cavitating=point.extra.is_cavitating,
-        gradient=None if misfit.cycles is None else jacobian.T @ point.residuals,
+        gradient=jacobian.T @ point.residuals,
     )
     return _End(solution, moving, variables.scales, ended, beyond > 0)

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["beside_earlier", "known_step", "last_step"]
+__all__ = ["beside_earlier", "known_step", "last_step", "promised_step"]
 
 # Chi-squared of one error, and the largest relative change of a value: what the step leaves out is
 # its square, 4e-4, which is a twentieth of an error of 1 %.
@@ -200,6 +200,44 @@ def known_step(misfit: Misfit, there: Solution, *, least_percent: float) -> Solu
         is_cavitating=looked.is_cavitating,
     )
     return replace(found, seen=looked.seen)
+
+
+def promised_step(misfit: Misfit, there: Solution) -> Solution:
+    """Return where the full step leads that a descent among kinks has left; else its end as it is.
+
+    It is less than an error. Another look would not tell whether it is right: a misfit among kinks
+    jumps by as much.
+
+    Parameters
+    ----------
+    misfit : Misfit
+        Of the logs themselves.
+    there : Solution
+        The end of the descent on them.
+    """
+    free, near, jacobian = misfit.free, there.parameters, there.jacobian
+    if not misfit.damper.kinks or there.status != _MET_COST or there.gradient is None:
+        return there
+    if not free or any(is_at_edge(near, name) for name in free):
+        return there
+    step = there.promised
+    moved = jacobian @ step
+    gain, cost = float(moved @ moved), there.mse_percent / 100.0
+    if gain * there.n_independent > _AN_ERROR * cost or not np.max(np.abs(step)) <= _SMALL:
+        return there
+    variables = transformation(misfit, free)
+    moved_to = variables.unpack(variables.pack(values_of(free, near)) + step)
+    parameters = with_values(near, free, moved_to)
+    if not is_within(parameters, free):
+        return there
+    rest = there.gradient + jacobian.T @ moved
+    ended = _ended(
+        (parameters, cost - gain, jacobian),
+        rest,
+        there.n_independent,
+        is_cavitating=there.is_cavitating,
+    )
+    return replace(ended, evaluations=0).after(there.evaluations, there.failed_trials)
 
 
 def _ended(

@@ -45,7 +45,7 @@ class Solution:
     is_cavitating : bool
         Whether a chamber is at zero pressure somewhere in what is compared.
     gradient : numpy.ndarray or None
-        Shape (k,): J^T r at the end of a descent on mean cycles.
+        Shape (k,): J^T r at the end of a descent; None where one step was taken from it.
     apart : numpy.ndarray or None
         Shape (k,): in u, from the minimum of the mean cycles to that of the logs; None where the
         descent was on the logs.
@@ -76,6 +76,14 @@ class Solution:
             return np.asarray(np.linalg.solve(information, -self.gradient))
         except np.linalg.LinAlgError:
             return np.asarray(np.linalg.lstsq(information, -self.gradient, rcond=None)[0])
+
+    def after(self, evaluations: int, failed_trials: int = 0) -> Solution:
+        """Return the same with what was spent before it."""
+        return replace(
+            self,
+            evaluations=self.evaluations + evaluations,
+            failed_trials=self.failed_trials + failed_trials,
+        )
 
     @property
     def condensed(self) -> Solution:
