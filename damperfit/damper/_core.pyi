@@ -17,6 +17,7 @@ def simulate_network(
     tolerance: float,
     dead_band: float,
     max_steps_per_sample: int,
+    lead: int,
     /,
 ) -> tuple[int, int, int, int, int]: ...
 def follow(

@@ -63,7 +63,7 @@ _FINE = Stopping(cost_tolerance=1e-8)
 _ROUGH = Stopping(cost_tolerance=1e-2, rest=math.inf)
 # On mean cycles a tenth of an error is near enough: the last step is taken on the logs.
 _NEAR = Stopping(cost_tolerance=1e-5, step_tolerance=1e-6, rest=math.inf, least_share=1e-5)
-_LIMIT = 0  # the status of a descent that ended at its limit of evaluations
+_LIMIT, _MET_COST = 0, 2  # how a descent ended: at its limit of evaluations, with no fall left
 # A fit that meets none of MINPACK's tests has still descended when the residual is this close to
 # a right angle with every direction of the Jacobian.
 RIGHT_ANGLE = 1e-3
@@ -202,13 +202,12 @@ def _ended(misfit: Misfit, start: Values) -> Solution:
 def _to_the_end(misfit: Misfit, start: Values) -> Solution:
     """Where a descent on the logs ends."""
     if misfit.damper.kinks and misfit.max_evaluations > 1:
-        looked = _looked_at(misfit, start)
-        if looked is not None and looked <= solvers_percent(misfit):
-            there = _minimise(finer(misfit, looked), start)
-            return promised_step(misfit, there).after(1)
+        near = _among_kinks(misfit, start)
+        if near is not None:
+            return near
     solution = _minimise(misfit, start)
     if solution.mse_percent > solvers_percent(misfit):
-        return promised_step(misfit, solution)
+        return solution
     try:
         refined = _minimise(finer(misfit, solution.mse_percent), solution.parameters)
     except SimulationError:
@@ -217,12 +216,26 @@ def _to_the_end(misfit: Misfit, start: Values) -> Solution:
     return refined.after(solution.evaluations, solution.failed_trials)
 
 
-def _looked_at(misfit: Misfit, start: Values) -> float | None:
-    """The misfit at a start, as an MSE; None where the model cannot be integrated there.
+def _among_kinks(misfit: Misfit, start: Values) -> Solution | None:
+    """Descend from near the minimum of a law with kinks, the last step without a look.
 
-    The start of a law with kinks is the end of a search on settled cycles, which is near: what
-    needs the tighter integrator has it from there on.
+    Such a start is the end of a search on settled cycles. What needs the tighter integrator has it
+    from there on. None where the start is not near, or a value is on its way to an edge.
     """
+    looked = _looked_at(misfit, start)
+    if looked is None or looked > solvers_percent(misfit):
+        return None
+    share = _AMONG_KINKS_LEFT * misfit.damper.kinks
+    try:
+        near = _minimise(finer(misfit, looked), start, share=share)
+    except SimulationError:
+        return None
+    stepped = promised_step(misfit, near) if near.status == _MET_COST else None
+    return None if stepped is None else stepped.after(1)
+
+
+def _looked_at(misfit: Misfit, start: Values) -> float | None:
+    """The misfit at a start, as an MSE; None where the model cannot be integrated there."""
     start = kept_within(start, misfit.free)
     try:
         residuals, _, _ = evaluate(replace(misfit, free=()), start, misfit.scale)
@@ -276,8 +289,8 @@ class _End:
     has_tried_beyond: bool
 
 
-def _minimise(misfit: Misfit, start: Values) -> Solution:
-    """Descend within the plausible ranges.
+def _minimise(misfit: Misfit, start: Values, *, share: float = 0.0) -> Solution:
+    """Descend within the plausible ranges, until a step promises no more than a share.
 
     A parameter that is at an edge of its range, or runs into it, is left there while the others
     go on, and let go once, should the misfit then fall into the range.
@@ -285,6 +298,7 @@ def _minimise(misfit: Misfit, start: Values) -> Solution:
     start = kept_within(start, misfit.free)
     moving = tuple(name for name in misfit.free if not is_at_edge(start, name))
     stopping = _FINE if misfit.cycles is None else _NEAR
+    stopping = replace(stopping, least_share=max(stopping.least_share, share))
     best = _descended(misfit, moving, start, stopping)
     let_go: set[str] = set()
     while best.solution.status != _LIMIT:
@@ -362,7 +376,7 @@ def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping:
     stopping = replace(
         stopping,
         max_evaluations=misfit.max_evaluations,
-        least_share=max(stopping.least_share, _AMONG_KINKS_LEFT * misfit.damper.kinks),
+        least_share=max(stopping.least_share, misfit.damper.kinks),
     )
     variables = transformation(misfit, moving)
     ended = minimise(model, values_of(moving, start), variables, stopping)

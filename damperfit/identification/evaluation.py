@@ -11,8 +11,9 @@ import numpy as np
 from damperfit.conditioning import apply_filter
 from damperfit.errors import SimulationError
 from damperfit.identification.minimiser import Transformation
+from damperfit.identification.model_versus_log import simulate_log
 from damperfit.identification.weights import weights
-from damperfit.simulation import motion_of, simulate
+from damperfit.simulation import simulate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -98,12 +99,8 @@ def simulated_logs(misfit: Misfit, parameters: Values) -> Iterator[LogResponse]:
         The model cannot be integrated, or its force is beyond anything that could be fitted.
     """
     for trace, weight in zip(misfit.traces, weights(misfit.traces), strict=True):
-        response = simulate(
-            parameters,
-            misfit.damper,
-            motion_of(trace),
-            sensitivities=misfit.free,
-            options=misfit.solver,
+        response = simulate_log(
+            parameters, trace, misfit.damper, sensitivities=misfit.free, solver=misfit.solver
         )
         _refuse_wild(response)
         is_empty = (response.pressures[:2, trace.compared] <= 0.0).any(axis=0)

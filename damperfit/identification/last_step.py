@@ -25,6 +25,7 @@ from damperfit.identification.evaluation import (
     values_of,
     with_values,
 )
+from damperfit.identification.minimiser import inverse_information
 from damperfit.identification.model_versus_log import compare
 from damperfit.identification.plausible import is_at_edge, is_within
 from damperfit.identification.solution import Solution
@@ -49,6 +50,8 @@ _SMALL = 0.02
 # Relative change of a value from a descent to the next from which on the way between the minima is
 # found anew: it changes by as much of itself, and is half an error.
 _NEAR = 0.1
+# Relative error of a value that is told, as `not_identifiable` has it.
+_TOLD = 0.5
 _MET_COST = 2  # as `Solution` has it: no step makes the sum of squares smaller
 
 
@@ -202,8 +205,10 @@ def known_step(misfit: Misfit, there: Solution, *, least_percent: float) -> Solu
     return replace(found, seen=looked.seen)
 
 
-def promised_step(misfit: Misfit, there: Solution) -> Solution:
-    """Return where the full step leads that a descent among kinks has left; else its end as it is.
+def promised_step(misfit: Misfit, there: Solution) -> Solution | None:
+    """Return where the full step leads that a descent among kinks has left; None where it is long.
+
+    None too where the logs do not tell a quantity, which may be on its way to an edge.
 
     It is less than an error. Another look would not tell whether it is right: a misfit among kinks
     jumps by as much.
@@ -216,20 +221,21 @@ def promised_step(misfit: Misfit, there: Solution) -> Solution:
         The end of the descent on them.
     """
     free, near, jacobian = misfit.free, there.parameters, there.jacobian
-    if not misfit.damper.kinks or there.status != _MET_COST or there.gradient is None:
-        return there
-    if not free or any(is_at_edge(near, name) for name in free):
-        return there
+    if there.gradient is None or not free or any(is_at_edge(near, name) for name in free):
+        return None
     step = there.promised
     moved = jacobian @ step
     gain, cost = float(moved @ moved), there.mse_percent / 100.0
+    variance = cost / there.n_independent * np.diag(inverse_information(jacobian))
+    if not np.max(variance) < _TOLD**2:
+        return None
     if gain * there.n_independent > _AN_ERROR * cost or not np.max(np.abs(step)) <= _SMALL:
-        return there
+        return None
     variables = transformation(misfit, free)
     moved_to = variables.unpack(variables.pack(values_of(free, near)) + step)
     parameters = with_values(near, free, moved_to)
     if not is_within(parameters, free):
-        return there
+        return None
     rest = there.gradient + jacobian.T @ moved
     ended = _ended(
         (parameters, cost - gain, jacobian),

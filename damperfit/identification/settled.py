@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.compiled_core import compiled_core
+from damperfit.identification.model_versus_log import SETTLING
 from damperfit.identification.weights import weights
 from damperfit.simulation import Motion
 
@@ -45,8 +46,6 @@ _FEWEST = 256
 _PER_HARMONIC = 10
 # A log that is not this much longer than its cycles is as well simulated whole.
 _WORTH = 2.0
-# s; the slowest of a damper's pressures, at 80 1/s, has settled by then to 1e-8.
-_SETTLING = 0.25
 # Samples by which cycles may be out of step and still be those of one period; by which the last
 # cycle's samples may fall beside the first's and still be on the same places.
 _IN_STEP = 0.5
@@ -181,7 +180,7 @@ def _settled(
     turn = -int(np.argmax(np.abs(x - x.mean())))
     x, v, force, power = (np.roll(one, turn) for one in (x, v, force, power))
     interval = trace.interval * period / n
-    lead = (n // 2) * math.ceil(_SETTLING / (0.5 * n * interval))
+    lead = (n // 2) * math.ceil(SETTLING / (0.5 * n * interval))
     before = np.arange(-lead, n) % n
     cycle = SettledCycle(
         Motion(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,9 +11,10 @@ from damperfit.conditioning import condition
 from damperfit.damper.model import Values
 from damperfit.identification import FitOptions, descent
 from damperfit.identification.descent import Misfit, descend
+from damperfit.identification.last_step import promised_step
 from damperfit.identification.setting import relative_errors
 from damperfit.recording import Recording, Trace
-from damperfit.simulation import simulate, sine_motion
+from damperfit.simulation import SolverOptions, simulate, sine_motion
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import VALUES, damper
 
@@ -53,17 +56,49 @@ def beside(share: float) -> Values:
 def test_the_last_step_is_taken_without_a_look_and_ends_where_a_descent_that_goes_on_does(
     log: Trace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    start = beside(0.005)
+    near = descend(misfit(log), beside(0.005)).parameters
+    off = 1.0 + np.linspace(-2e-4, 2e-4, len(FREE))
+    moved = {name: by * getattr(near, name) for name, by in zip(FREE, off, strict=True)}
+    start = near.replace(moved)
+    looks: list[int] = []
+    evaluated = descent.evaluate
+
+    def listening(one: Misfit, at: Values, scale: float) -> object:
+        looks.append(len(one.free))
+        return evaluated(one, at, scale)
+
+    monkeypatch.setattr(descent, "evaluate", listening)
     found = descend(misfit(log), start)
-    assert found.evaluations <= 5
-    monkeypatch.setattr(descent, "_AMONG_KINKS_LEFT", 0.5)
-    longer = descend(misfit(log), start)
-    assert longer.evaluations > 2 * found.evaluations  # 18 and 4
+    assert looks[0] == 0  # the first without derivatives
+    assert found.evaluations == len(looks) <= 3
+    assert found.gradient_cosine < 1e-6
+    longer = descent._minimise(replace(misfit(log), solver=SolverOptions(tolerance=1e-3)), start)
     model = damper()
     for name, error in zip(FREE, relative_errors(longer), strict=True):
         one, other = getattr(found.parameters, name), getattr(longer.parameters, name)
         size = other if model.quantity(name).is_logarithmic else misfit(log).deviation
         assert abs(one - other) < 0.1 * error * abs(size), name
+
+
+def test_what_the_logs_do_not_tell_is_followed_to_its_edge(log: Trace) -> None:
+    """Its own error is long, however little the step promises."""
+    near = descend(misfit(log), beside(0.005))
+    assert promised_step(misfit(log), near) is not None
+    seen = near.jacobian.copy()
+    seen[:, FREE.index("play")] *= 1e-3
+    assert promised_step(misfit(log), replace(near, jacobian=seen)) is None
+
+
+@pytest.mark.parametrize(("share", "is_told"), [(0.98, True), (1.02, False)])
+def test_a_value_is_told_up_to_half_of_itself(log: Trace, share: float, *, is_told: bool) -> None:
+    near = descend(misfit(log), beside(0.005))
+    place = FREE.index("play")
+    alone = np.zeros((len(near.jacobian), len(FREE)))
+    alone[: len(FREE)] = 1e3 * np.eye(len(FREE))
+    rough = np.sqrt(near.mse_percent / 100.0 / near.n_independent)
+    alone[place, place] = rough / (0.5 * share)
+    flat = replace(near, jacobian=alone, gradient=np.zeros(len(FREE)))
+    assert (promised_step(misfit(log), flat) is not None) is is_told
 
 
 def test_a_small_misfit_is_descended_with_the_tighter_integrator_from_the_start(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -118,7 +119,8 @@ def test_what_no_start_can_help_is_bounded_and_told(log):
     assert found.solution.parameters == first.solution.parameters
     assert found.solution.evaluations <= first.solution.evaluations + 61
     (said,) = describe_fit(10, found, misfit).warnings
-    assert "started again from 5 other places" in said
+    # A descent among such waves is as long as it happens to be: how many fit into 60 evaluations?
+    assert re.search(r"started again from [2-5] other places \((5[5-9]|60) evaluations\)", said)
     assert "found no better minimum" in said
 
 
@@ -176,7 +178,7 @@ def test_a_cavitating_valley_that_a_given_start_led_to_is_left() -> None:
         assert getattr(end.fit.parameters, name) == pytest.approx(right, rel=0.005), name
 
 
-LOST = ({"rebound_opening": 0.1, "rebound_bleed": 20.0}, {"rebound_opening": 20.0})
+LOST = ({"rebound_opening": 0.1, "rebound_bleed": 20.0}, {"rebound_opening": 40.0})
 
 
 @pytest.mark.parametrize("factors", LOST, ids=["always open", "never open"])

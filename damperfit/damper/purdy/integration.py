@@ -16,6 +16,7 @@ signed, because P_1 falls below P_3 for a fraction of a per cent of a cycle.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -102,7 +103,7 @@ def integrate(
     code, steps, rejected, newton, sample = compiled_core().simulate_network(
         _body(damper), numbers, _PASSAGES, x, v, jumps, which, pressures, masses, force,
         rows, motion.interval, _ROUNDING, False, options.tolerance, options.dead_band,
-        options.max_steps_per_sample,
+        options.max_steps_per_sample, math.ceil(options.settling / motion.interval),
     )  # fmt: skip
     if code:
         raise SimulationError(describe_ending(code, sample, motion, options))

@@ -1,0 +1,266 @@
+/* The stages and steps of network_stage.h and network_advance.c for the paper's passages, four parts of a
+ * motion at once. All take the smallest step that one of them needs.
+ */
+#ifndef DAMPERFIT_LANE_STEPS_H
+#define DAMPERFIT_LANE_STEPS_H
+
+#include "lanes.h"
+#include "network_mounting.h"
+#include "tableau.h"
+
+#define MOST_LOOKS 8   /* of Newton's; a step that needs more is halved */
+#define SHARE_DONE 1e-4 /* these three as in network_stage.h */
+#define PA_DONE 1e-3
+#define ROUNDING_SHARE 4e-16
+
+enum { MOST_CARRIED = 8 };
+
+typedef struct {
+    lanes full[2], inverse[2];
+} room;
+
+typedef struct {
+    lanes s0, inverse_mass, series[DF_GAS_TERMS];
+} gas_points;
+
+typedef struct {
+    lanes P[3], own[2], gas, fill[2], F[2], J[2][2], D, w[DF_PAIRS], g[DF_PAIRS];
+} balances;
+
+typedef struct {
+    lanes y[2], inverse[2][2];
+    room c;
+    balances b;
+} solved;
+
+/* The running state of all parts. */
+typedef struct {
+    lanes y[2], F[2], fill[2], mid[2], old[2], P[3], own[2];
+    lanes S[MOST_CARRIED][2], G[MOST_CARRIED][2];
+    gas_points gas;
+    double t_mid, t_old, wish;
+} parts;
+
+/* What does not change in a motion. */
+typedef struct {
+    const df_network *q;
+    const df_options *o;
+    int place[MOST_CARRIED], n_carried;
+} job;
+
+DF_FOR_EACH_KIND lanes to_root(double S, double eps, lanes w)
+{
+    const lanes flow = size_of(w), s = flow * (S * S * flow);
+    return with_sign(root_of(0.5 * s * (s + root_of(s * s + 4.0 * eps * eps))), w);
+}
+
+DF_FOR_EACH_KIND int make_room(const df_network *q, lanes x, room *c)
+{
+    c->full[0] = q->plan.oil[0] - x * q->plan.swept[0];
+    c->full[1] = q->plan.oil[1] + x * q->plan.swept[1];
+    const lanes inverse = 1.0 / (c->full[0] * c->full[1]);
+    c->inverse[0] = c->full[1] * inverse;
+    c->inverse[1] = c->full[0] * inverse;
+    return !any(~(c->full[0] > 0.0)) && !any(~(c->full[1] > 0.0));
+}
+
+/* A check, open for D < 0. */
+DF_FOR_EACH_KIND void leak(lanes D, double inverse_R, double eps, lanes *w, lanes *g)
+{
+    const lanes zero = all_of(0.0), u = larger_of(-D, zero), inverse = 1.0 / root_of(u * u + eps * eps);
+    const lanes share = u * inverse, rounded = eps * inverse;
+    *w = -(u * share * inverse_R);
+    *g = share * (1.0 + rounded * rounded) * inverse_R;
+}
+
+DF_FOR_EACH_KIND void evaluate_all(const df_network *q, const room *c, const gas_points *gas, const lanes y[2],
+                                   balances *b)
+{
+    const lanes zero = all_of(0.0), *a = gas->series;
+    const double K = q->numbers[DF_NUMBER_K], P_0 = q->numbers[DF_NUMBER_P_0], eps = q->rounding;
+    const lanes d = ((y[0] - q->plan.oil[0]) + (y[1] - q->plan.oil[1]) - gas->s0) * gas->inverse_mass, dd = d * d;
+    b->P[2] = (a[0] + a[1] * d) + dd * ((a[2] + a[3] * d) + dd * ((a[4] + a[5] * d) + dd * a[6]));
+    b->gas = gas->inverse_mass * ((a[1] + 2.0 * a[2] * d) +
+                                  dd * ((3.0 * a[3] + 4.0 * a[4] * d) + dd * (5.0 * a[5] + 6.0 * a[6] * d)));
+    for (int i = 0; i < 2; i++) {
+        b->fill[i] = (y[i] - c->full[i]) * c->inverse[i];
+        const lanes P = K * b->fill[i] + P_0;
+        b->P[i] = larger_of(P, zero);
+        b->own[i] = pick(P > zero, K * c->inverse[i], zero);
+    }
+    const double inverse_S = q->plan.ways[0].inverse_S;
+    b->D = b->P[0] - b->P[2];
+    const lanes u = size_of(b->D), inverse = 1.0 / root_of(root_of(u * u + eps * eps)), second = inverse * inverse;
+    b->w[DF_1_3] = with_sign(u * inverse * inverse_S, b->D);
+    b->g[DF_1_3] = inverse * (0.5 + 0.5 * eps * eps * (second * second)) * inverse_S;
+    leak(b->P[0] - b->P[1], q->plan.ways[1].inverse_R, eps, &b->w[DF_1_2], &b->g[DF_1_2]);
+    leak(b->P[1] - b->P[2], q->plan.ways[2].inverse_R, eps, &b->w[DF_2_3], &b->g[DF_2_3]);
+    const lanes g13 = b->g[DF_1_3], g12 = b->g[DF_1_2], g23 = b->g[DF_2_3];
+    b->F[0] = -(b->w[DF_1_3] + b->w[DF_1_2]);
+    b->F[1] = b->w[DF_1_2] - b->w[DF_2_3];
+    b->J[0][0] = -g13 * (b->own[0] - b->gas) - g12 * b->own[0];
+    b->J[0][1] = g13 * b->gas + g12 * b->own[1];
+    b->J[1][0] = g12 * b->own[0] + g23 * b->gas;
+    b->J[1][1] = -g12 * b->own[1] - g23 * (b->own[1] - b->gas);
+}
+
+/* y = known + hd F(y) by Newton along the root, each lane until it is done. */
+DF_FOR_EACH_KIND int solve_all(const job *t, const gas_points *gas, double hd, const lanes known[2], solved *e,
+                               df_work *work)
+{
+    const df_network *q = t->q;
+    const double K = q->numbers[DF_NUMBER_K], asked = 0.01 * t->o->tolerance, S = q->plan.ways[0].law.S;
+    const double share = asked < SHARE_DONE ? asked : SHARE_DONE, least = PA_DONE + ROUNDING_SHARE * K;
+    const lanes zero = all_of(0.0);
+    balances *b = &e->b;
+    for (int k = 0; k < MOST_LOOKS; k++) {
+        evaluate_all(q, &e->c, gas, e->y, b);
+        work->newton += DF_LANES;
+        const lanes r0 = known[0] + hd * b->F[0] - e->y[0], r1 = known[1] + hd * b->F[1] - e->y[1];
+        const lanes a11 = 1.0 - hd * b->J[0][0], a12 = -hd * b->J[0][1];
+        const lanes a21 = -hd * b->J[1][0], a22 = 1.0 - hd * b->J[1][1];
+        const lanes det = 1.0 / (a11 * a22 - a12 * a21);
+        e->inverse[0][0] = a22 * det;
+        e->inverse[0][1] = -a12 * det;
+        e->inverse[1][0] = -a21 * det;
+        e->inverse[1][1] = a11 * det;
+        lanes e0 = e->inverse[0][0] * r0 + e->inverse[0][1] * r1;
+        const lanes e1 = e->inverse[1][0] * r0 + e->inverse[1][1] * r1;
+        const lanes done = least + share * larger_of(size_of(b->D), all_of(q->rounding));
+        const marks is_done = (K * e->c.inverse[0] * size_of(e0) <= done) & (K * e->c.inverse[1] * size_of(e1) <= done);
+        if (any(~is_done)) {
+            const lanes slope = b->own[0] - b->gas, change = slope * e0 - b->gas * e1;
+            const marks turns = ~is_done & (b->own[0] > zero) &
+                                (size_of(change) > 0.02 * (size_of(b->D) + q->rounding));
+            if (any(turns)) {
+                const lanes to = to_root(S, q->rounding, b->w[DF_1_3] + b->g[DF_1_3] * change);
+                e0 += pick(turns, (to - b->D - change) / slope, zero);
+            }
+            e->y[0] += e0;
+            e->y[1] += e1;
+            continue;
+        }
+        e->y[0] += e0;
+        e->y[1] += e1;
+        b->P[0] = larger_of(b->P[0] + b->own[0] * e0, zero);
+        b->P[1] = larger_of(b->P[1] + b->own[1] * e1, zero);
+        b->P[2] = larger_of(b->P[2] + b->gas * (e0 + e1), zero);
+        for (int i = 0; i < 2; i++) {
+            b->F[i] = (e->y[i] - known[i]) * (1.0 / hd);
+            b->fill[i] = (e->y[i] - e->c.full[i]) * e->c.inverse[i];
+        }
+        return 1;
+    }
+    return 0;
+}
+
+/* What a number does to the balances, the masses held. */
+DF_FOR_EACH_KIND void by_number(const df_network *q, const balances *b, int place, lanes F[2])
+{
+    F[0] = F[1] = all_of(0.0);
+    if (place >= DF_FIRST_PASSAGE_NUMBER) {
+        for (int k = q->plan.touched[place]; k < q->plan.touched[place + 1]; k++) {
+            const df_touch *touch = &q->plan.touches[k];
+            const lanes w = touch->times * b->w[touch->way];
+            F[0] += q->plan.ways[touch->way].out[0] * w;
+            F[1] += q->plan.ways[touch->way].out[1] * w;
+        }
+        return;
+    }
+    const lanes zero = all_of(0.0);
+    lanes P[2];
+    for (int i = 0; i < 2; i++)
+        P[i] = pick(b->P[i] > zero, (b->P[i] - q->numbers[DF_NUMBER_P_0]) * q->plan.inverse_K, zero);
+    const lanes w12 = b->g[DF_1_2] * (P[0] - P[1]);
+    F[0] = -(b->g[DF_1_3] * P[0]) - w12;
+    F[1] = w12 - b->g[DF_2_3] * P[1];
+}
+
+DF_FOR_EACH_KIND void carry_one(const df_network *q, const solved *e, double hd, int place, const lanes past[2],
+                                lanes S[2], lanes G[2])
+{
+    lanes F[2];
+    by_number(q, &e->b, place, F);
+    const lanes r0 = past[0] + hd * F[0], r1 = past[1] + hd * F[1];
+    S[0] = e->inverse[0][0] * r0 + e->inverse[0][1] * r1;
+    S[1] = e->inverse[1][0] * r0 + e->inverse[1][1] * r1;
+    for (int i = 0; i < 2; i++)
+        G[i] = (S[i] - past[i]) * (1.0 / hd);
+}
+
+/* The two ends of a sample interval in every part. */
+typedef struct {
+    lanes x0, x1, v0, v1;
+    double interval;
+} way;
+
+DF_FOR_EACH_KIND lanes between(const way *c, double t)
+{
+    const double u = t / c->interval, w = 1.0 - u;
+    return w * w * ((1.0 + 2.0 * u) * c->x0 + c->interval * u * c->v0) +
+           u * u * ((1.0 + 2.0 * w) * c->x1 - c->interval * w * c->v1);
+}
+
+DF_FOR_EACH_KIND void guess(const lanes *one, const lanes *two, const lanes *three, const double at[4],
+                            solved *e)
+{
+    const double t = at[0], r = 1.0 / ((at[2] - at[1]) * (at[3] - at[1]) * (at[3] - at[2]));
+    const double w0 = (t - at[2]) * (t - at[3]) * (at[3] - at[2]) * r;
+    const double w1 = -(t - at[1]) * (t - at[3]) * (at[3] - at[1]) * r, w2 = 1.0 - w0 - w1;
+    for (int i = 0; i < 2; i++)
+        e->y[i] = e->c.full[i] * (1.0 + (w0 * one[i] + w1 * two[i] + w2 * three[i]));
+}
+
+/* One step of all parts; 0 where one of them refuses it. */
+DF_FOR_EACH_KIND int step_all(const job *t, const way *m, double from, double h, parts *p, df_work *work, double *error)
+{
+    const df_network *q = t->q;
+    const double hd = h * DF_DIAGONAL, K = q->numbers[DF_NUMBER_K];
+    const double mid_at[4] = {DF_C[1] * h, p->t_old, p->t_mid, 0.0}, end_at[4] = {h, p->t_mid, 0.0, DF_C[1] * h};
+    solved mid, end;
+    lanes known[2];
+    if (!make_room(q, between(m, from + DF_C[1] * h), &mid.c))
+        return 0;
+    guess(p->old, p->mid, p->fill, mid_at, &mid);
+    for (int i = 0; i < 2; i++)
+        known[i] = p->y[i] + h * DF_A[1][0] * p->F[i];
+    if (!solve_all(t, &p->gas, hd, known, &mid, work) || !make_room(q, between(m, from + h), &end.c))
+        return 0;
+    guess(p->mid, p->fill, mid.b.fill, end_at, &end);
+    for (int i = 0; i < 2; i++)
+        known[i] = p->y[i] + h * DF_A[2][0] * p->F[i] + h * DF_A[2][1] * mid.b.F[i];
+    if (!solve_all(t, &p->gas, hd, known, &end, work))
+        return 0;
+    lanes r[2];
+    for (int i = 0; i < 2; i++)
+        r[i] = h * DF_E[0] * p->F[i] + h * DF_E[1] * mid.b.F[i] + h * DF_E[2] * end.b.F[i];
+    const lanes off = larger_of(q->a_1 * K * end.c.inverse[0] * size_of(end.inverse[0][0] * r[0] + end.inverse[0][1] * r[1]),
+                                q->a_2 * K * end.c.inverse[1] * size_of(end.inverse[1][0] * r[0] + end.inverse[1][1] * r[1]));
+    *error = largest(off) / t->o->tolerance;
+    if (!(*error <= 1.0))
+        return 0;
+    for (int j = 0; j < t->n_carried; j++) {
+        lanes past[2], S[2], G[2], *mine = p->S[j], *rate = p->G[j];
+        for (int i = 0; i < 2; i++)
+            past[i] = mine[i] + h * DF_A[1][0] * rate[i];
+        carry_one(q, &mid, hd, t->place[j], past, S, G);
+        for (int i = 0; i < 2; i++)
+            past[i] = mine[i] + h * DF_A[2][0] * rate[i] + h * DF_A[2][1] * G[i];
+        carry_one(q, &end, hd, t->place[j], past, mine, rate);
+    }
+    for (int i = 0; i < 2; i++) {
+        p->old[i] = p->fill[i];
+        p->mid[i] = mid.b.fill[i];
+        p->fill[i] = end.b.fill[i];
+        p->y[i] = end.y[i];
+        p->F[i] = end.b.F[i];
+        p->own[i] = end.b.own[i];
+    }
+    for (int i = 0; i < 3; i++)
+        p->P[i] = end.b.P[i];
+    p->t_old = -h;
+    p->t_mid = (DF_C[1] - 1.0) * h;
+    return 1;
+}
+
+#endif

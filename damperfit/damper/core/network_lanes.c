@@ -1,0 +1,255 @@
+/* A long motion in parts that run side by side: cut, run in step, written, and held together where they
+ * meet.
+ */
+#include "network_lanes.h"
+
+#if defined(__GNUC__)
+
+#include "lane_steps.h"
+
+#define FEWEST_LEADS 4 /* a motion that is shorter is no sooner done in parts */
+#define MEETS_WITHIN 10.0 /* tolerances; parts whose forces or slopes are further apart have not met */
+
+/* Where parts begin and how long they are. */
+typedef struct {
+    size_t stride, lead, length;
+} cut;
+
+/* Keeps the series of each part's gas spring where its oil is. */
+DF_FOR_EACH_KIND int follow(const df_network *q, parts *p)
+{
+    const lanes s = (p->y[0] - q->plan.oil[0]) + (p->y[1] - q->plan.oil[1]);
+    const lanes near = size_of((s - p->gas.s0) * p->gas.inverse_mass);
+    if (!any(~(near < 0.5 * DF_GAS_REACH)))
+        return 1;
+    const df_gas spring = {q->numbers[DF_NUMBER_P_0], q->numbers[DF_NUMBER_GAMMA], q->numbers[DF_NUMBER_V_GAS], q->rho_0};
+    for (int l = 0; l < DF_LANES; l++) {
+        df_gas_point point;
+        if (near[l] < 0.5 * DF_GAS_REACH)
+            continue;
+        if (df_gas_expand(&spring, s[l], &point))
+            return 0;
+        p->gas.s0[l] = point.s0;
+        p->gas.inverse_mass[l] = point.inverse_mass;
+        for (int k = 0; k < DF_GAS_TERMS; k++)
+            p->gas.series[k][l] = point.series[k];
+    }
+    return 1;
+}
+
+/* A part where `df_begin_network` has it. */
+DF_FOR_EACH_KIND void take_over(const job *t, const df_network_state *now, int l, parts *p)
+{
+    for (int i = 0; i < 2; i++) {
+        p->y[i][l] = now->y[i];
+        p->F[i][l] = now->F[i];
+        p->fill[i][l] = p->mid[i][l] = p->old[i][l] = now->b.fill[i];
+        p->own[i][l] = now->b.own[i];
+        for (int j = 0; j < t->n_carried; j++) {
+            p->S[j][i][l] = now->S[j][i];
+            p->G[j][i][l] = now->G[j][i];
+        }
+    }
+    for (int i = 0; i < 3; i++)
+        p->P[i][l] = now->b.P[i];
+    p->gas.s0[l] = now->gas.s0;
+    p->gas.inverse_mass[l] = now->gas.inverse_mass;
+    for (int k = 0; k < DF_GAS_TERMS; k++)
+        p->gas.series[k][l] = now->gas.series[k];
+}
+
+/* All samples intervals of `m`, cut as its hardest part needs it: take_steps of network_advance.c. */
+DF_FOR_EACH_KIND int advance_all(const job *t, const way *m, parts *p, df_work *work)
+{
+    double from = 0.0;
+    long tries = 0;
+    while (from < m->interval) {
+        const double left = m->interval - from, wish = p->wish;
+        const int last = wish >= left * (1.0 - 1e-9);
+        const double h = last ? left : (2.0 * wish > left ? 0.5 * left : wish);
+        double error = INFINITY;
+        if (!follow(t->q, p) || ++tries > t->o->max_steps_per_sample)
+            return 0;
+        if (step_all(t, m, from, h, p, work, &error)) {
+            work->steps += DF_LANES;
+            from = last ? m->interval : from + h;
+            if (wish < m->interval || error > 0.5) {
+                const double grow = 0.9 / cbrt(error + 1e-10), next = h * (grow > 5.0 ? 5.0 : grow);
+                p->wish = (last && grow > 1.0 && next < wish) ? wish : next;
+            }
+        } else {
+            work->rejected += DF_LANES;
+            const double shrink = error < INFINITY ? 0.9 / cbrt(error) : 0.2;
+            p->wish = h * (shrink < 0.1 ? 0.1 : shrink);
+        }
+    }
+    return 1;
+}
+
+/* The slope of the oil's force by a number that is carried: oil_force of df_pressures_by and the masses. */
+DF_FOR_EACH_KIND lanes slope_of_oil(const job *t, const parts *p, int j)
+{
+    const df_network *q = t->q;
+    const lanes zero = all_of(0.0);
+    lanes P[2] = {p->own[0] * p->S[j][0], p->own[1] * p->S[j][1]};
+    for (int i = 0; i < 2 && t->place[j] == DF_NUMBER_K; i++)
+        P[i] += pick(p->P[i] > zero, (p->P[i] - q->numbers[DF_NUMBER_P_0]) * q->plan.inverse_K, zero);
+    return P[0] * q->a_1 - P[1] * q->a_2;
+}
+
+/* A sample of every part that has settled by then and does not go on beyond its own. */
+DF_FOR_EACH_KIND void write_all(const job *t, const df_motion *motion, const parts *p, const cut *at, size_t i,
+                                const df_result *r)
+{
+    const df_network *q = t->q;
+    const double *numbers = q->numbers, band = larger(numbers[DF_NUMBER_TURNING], t->o->dead_band);
+    const lanes oil = p->P[0] * q->a_1 - p->P[1] * q->a_2 + q->rod_force;
+    lanes slopes[MOST_CARRIED];
+    for (int j = 0; j < t->n_carried; j++)
+        slopes[j] = slope_of_oil(t, p, j);
+    for (int l = 0; l < DF_LANES; l++) {
+        const size_t k = (size_t)l * at->stride + i, n = motion->n;
+        if ((l > 0 && i < at->lead) || (l < DF_LANES - 1 && i >= at->lead + at->stride))
+            continue;
+        const double v = motion->v[k], share = df_friction_share(v, band);
+        r->force[k] = oil[l] + numbers[DF_NUMBER_FRICTION] * share + numbers[DF_NUMBER_DRAG] * v +
+                      numbers[DF_NUMBER_OFFSET];
+        for (int c = 0; c < 3; c++)
+            r->pressures[(size_t)c * n + k] = p->P[c][l];
+        for (int c = 0; c < 2; c++)
+            r->masses[(size_t)c * n + k] = p->y[c][l];
+        for (int j = 0, carried = 0; j < r->n_which; j++) {
+            const int place = r->which[j];
+            r->sensitivities[(size_t)j * n + k] = place == DF_NUMBER_OFFSET     ? 1.0
+                                                  : place == DF_NUMBER_FRICTION ? share
+                                                                                : slopes[carried++][l];
+        }
+    }
+}
+
+/* Whether each part ends where the next one had come to there. */
+static int do_meet(const job *t, const parts *before, const parts *after)
+{
+    const df_network *q = t->q;
+    const double least = MEETS_WITHIN * t->o->tolerance;
+    for (int l = 0; l + 1 < DF_LANES; l++) {
+        double off = fabs(q->a_1 * (after->P[0][l] - before->P[0][l + 1])) +
+                     fabs(q->a_2 * (after->P[1][l] - before->P[1][l + 1]));
+        for (int j = 0; j < t->n_carried; j++) {
+            const lanes one = slope_of_oil(t, after, j), other = slope_of_oil(t, before, j);
+            off = larger(off, fabs(q->numbers[t->place[j]] * (one[l] - other[l + 1])));
+        }
+        if (!(off <= least))
+            return 0;
+    }
+    return 1;
+}
+
+DF_FOR_EACH_KIND lanes samples(const double *from, const cut *at, size_t i)
+{
+    const double *y = from + i;
+    const lanes r = {y[0], y[at->stride], y[2 * at->stride], y[3 * at->stride]};
+    return r;
+}
+
+DF_FOR_EACH_KIND int run_parts(const job *t, const df_motion *motion, const cut *at, parts *p, const df_result *r,
+                               df_work *work)
+{
+    parts before = *p, after = *p;
+    write_all(t, motion, p, at, 0, r);
+    for (size_t i = 1; i < at->length; i++) {
+        const way m = {samples(motion->x, at, i - 1), samples(motion->x, at, i), samples(motion->v, at, i - 1),
+                       samples(motion->v, at, i), motion->interval};
+        if (!advance_all(t, &m, p, work))
+            return DF_NOT_IN_PARTS;
+        if (i + 1 == at->lead)
+            before = *p;
+        if (i + 1 == at->lead + at->stride)
+            after = *p;
+        write_all(t, motion, p, at, i, r);
+    }
+    return do_meet(t, &before, &after) ? DF_OK : DF_NOT_IN_PARTS;
+}
+
+/* The same for what the processor has beyond the least. */
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
+__attribute__((target("avx2"))) static int run_wide(const job *t, const df_motion *motion, const cut *at, parts *p,
+                                                    const df_result *r, df_work *work)
+{
+    return run_parts(t, motion, at, p, r, work);
+}
+
+static int has_wide(void)
+{
+    return __builtin_cpu_supports("avx2");
+}
+#else
+#define run_wide run_plain
+static int has_wide(void)
+{
+    return 0;
+}
+#endif
+
+static int run_plain(const job *t, const df_motion *motion, const cut *at, parts *p, const df_result *r, df_work *work)
+{
+    return run_parts(t, motion, at, p, r, work);
+}
+
+/* The paper's passages without an opening, Coulomb's friction, and numbers whose slopes are here. */
+static int is_for_parts(const df_network *q, const df_result *r, job *t)
+{
+    const double *n = q->numbers;
+    const int blank = n[DF_NUMBER_PHI] == 0.0 && n[DF_NUMBER_STIFFNESS] == 0.0 && n[DF_NUMBER_PRESLIDING] == 0.0 &&
+                      n[DF_NUMBER_BREAKAWAY] == 0.0 && n[DF_NUMBER_PRESSED] == 0.0;
+    if (!blank || !q->plan.is_purdy || r->n_which < 0)
+        return 0;
+    for (int k = 0; k < 3; k++)
+        if (q->plan.ways[k].law.p_open != 0.0)
+            return 0;
+    for (int j = 0; j < r->n_which; j++) {
+        const int place = r->which[j];
+        if (place == DF_NUMBER_OFFSET || place == DF_NUMBER_FRICTION)
+            continue;
+        if ((place != DF_NUMBER_K && place < DF_FIRST_PASSAGE_NUMBER) || t->n_carried == MOST_CARRIED)
+            return 0;
+        t->place[t->n_carried++] = place;
+    }
+    return 1;
+}
+
+int df_simulate_in_parts(df_network *q, const df_options *o, const df_motion *motion, size_t lead, const df_result *r,
+                         df_work *work)
+{
+    df_network_state now;
+    parts p = {0};
+    job t = {q, o, {0}, 0};
+    work->steps = work->rejected = work->newton = 0;
+    work->failed_sample = motion->n;
+    if (lead < 1 || motion->n_jumps || motion->n < FEWEST_LEADS * (lead + 1) || df_plan_network(q) != DF_OK ||
+        !is_for_parts(q, r, &t) || !(motion->interval > 0.0))
+        return DF_NOT_IN_PARTS;
+    const size_t stride = (motion->n - lead) / DF_LANES;
+    const cut at = {stride, lead, motion->n - (DF_LANES - 1) * stride};
+    for (int l = 0; l < DF_LANES; l++) {
+        const size_t k = (size_t)l * stride;
+        if (df_begin_network(q, o, motion->x[k], motion->v[k], t.place, t.n_carried, &now) != DF_OK)
+            return DF_NOT_IN_PARTS;
+        take_over(&t, &now, l, &p);
+    }
+    p.t_old = -2.0;
+    p.t_mid = -1.0;
+    p.wish = 0.05 * motion->interval;
+    return has_wide() ? run_wide(&t, motion, &at, &p, r, work) : run_plain(&t, motion, &at, &p, r, work);
+}
+
+#else
+
+int df_simulate_in_parts(df_network *q, const df_options *o, const df_motion *motion, size_t lead, const df_result *r,
+                         df_work *work)
+{
+    (void)q, (void)o, (void)motion, (void)lead, (void)r, (void)work;
+    return DF_NOT_IN_PARTS;
+}
+
+#endif

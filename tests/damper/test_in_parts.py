@@ -1,0 +1,156 @@
+"""A long motion in four parts side by side: the same answer as one, or done as one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.errors import SimulationError
+from damperfit.simulation import Motion, Response, SolverOptions, simulate, sine_motion
+
+CARRIED = ("r_m1", "r_m2", "r_m3", "k_e", "f_f", "f_0")
+AS_ONE = SolverOptions(tolerance=1e-2)
+IN_PARTS = replace(AS_ONE, settling=0.25)
+
+
+def shaken(seed: int = 1, seconds: float = 6.0) -> Motion:
+    """A sine that drifts and trembles, so that no cycle is another's, from mid-stroke."""
+    t = np.arange(round(1000 * seconds)) / 1000.0
+    random = np.random.default_rng(seed)
+    x, v = np.zeros_like(t), np.zeros_like(t)
+    for frequency, amplitude in ((1.5, 0.03), (0.11, 2e-3), (17.0, 3e-6), (29.0, 2e-6)):
+        omega, phase = 2.0 * np.pi * frequency, random.uniform(0.0, 2.0 * np.pi)
+        x += amplitude * np.sin(omega * t + phase)
+        v += amplitude * omega * np.cos(omega * t + phase)
+    return Motion(1e-3, x, v)
+
+
+def both(
+    parameters: Parameters, motion: Motion, names: tuple[str, ...] = CARRIED
+) -> tuple[Response, Response]:
+    one, other = (
+        simulate(parameters, PURDY_DAMPER, motion, sensitivities=names, options=options)
+        for options in (AS_ONE, IN_PARTS)
+    )
+    return one, other
+
+
+def is_done_as_one(one: Response, other: Response) -> bool:
+    """To the last bit, with the same work."""
+    return np.array_equal(one.force, other.force) and one.work == other.work
+
+
+@pytest.mark.parametrize("setting", [1, 5, 10, 20])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_parts_are_the_whole_within_what_its_steps_err_by(setting: int, seed: int) -> None:
+    parameters, motion = replace(reference_parameters(setting), f_0=7.0), shaken(seed)
+    one, other = both(parameters, motion)
+    assert not is_done_as_one(one, other)
+    exact = simulate(
+        parameters, PURDY_DAMPER, motion, sensitivities=CARRIED, options=SolverOptions(1e-4)
+    )
+    assert np.std(other.force - exact.force) <= 1.1 * np.std(one.force - exact.force)
+    assert np.max(np.abs(other.force - exact.force)) <= 1.2 * np.max(
+        np.abs(one.force - exact.force)
+    )
+    np.testing.assert_allclose(other.pressures, exact.pressures, rtol=1e-3)
+    np.testing.assert_allclose(other.masses, exact.masses, rtol=1e-6)
+    for name in CARRIED:
+        size = np.max(np.abs(exact.sensitivities[name]))
+        gap = other.sensitivities[name] - exact.sensitivities[name]
+        assert np.std(gap) < 1e-3 * size, name
+
+
+def test_it_takes_four_steps_at_once_and_hardly_more_of_them() -> None:
+    one, other = both(reference_parameters(10), shaken())
+    assert other.work.steps % 4 == 0
+    # Three parts settle for a quarter of a second; all step as their hardest one.
+    assert one.work.steps + 3 * 250 < other.work.steps < 1.3 * one.work.steps + 3 * 250
+
+
+def test_a_chamber_that_empties_is_empty_in_parts_too() -> None:
+    parameters = replace(reference_parameters(10), r_m3=4e6)
+    one, other = both(parameters, shaken(), ("r_m3", "k_e"))
+    assert not is_done_as_one(one, other)
+    assert 0.2 < np.mean(one.pressures[1] <= 0.0) < 0.4
+    assert np.mean((one.pressures[1] <= 0.0) != (other.pressures[1] <= 0.0)) < 2e-3
+    assert np.std(one.force - other.force) < 0.01
+
+
+def test_a_chamber_that_is_hardly_ever_full_remembers_and_is_done_as_one() -> None:
+    assert is_done_as_one(*both(replace(reference_parameters(10), r_m3=4e7), shaken()))
+
+
+@pytest.mark.parametrize(
+    ("motion", "names"),
+    [
+        (shaken(seconds=0.99), CARRIED),  # no longer than four times the settling
+        (shaken(), ("r_m1", "gas_pressure")),
+        (shaken(), ("gas_exponent",)),
+    ],
+)
+def test_what_is_not_for_parts_is_done_as_one(motion: Motion, names: tuple[str, ...]) -> None:
+    assert is_done_as_one(*both(reference_parameters(10), motion, names))
+
+
+def test_from_four_times_the_settling_on_a_motion_is_cut() -> None:
+    assert not is_done_as_one(*both(reference_parameters(10), shaken(seconds=1.1)))
+
+
+def test_parts_that_have_not_met_are_done_as_one() -> None:
+    """In three milliseconds no start is forgotten."""
+    parameters, motion = reference_parameters(10), shaken()
+    hasty = replace(AS_ONE, settling=0.003)
+    one, other = (
+        simulate(parameters, PURDY_DAMPER, motion, options=options) for options in (AS_ONE, hasty)
+    )
+    assert is_done_as_one(one, other)
+
+
+def test_what_fails_as_one_fails_in_parts_with_the_same_words() -> None:
+    motion = sine_motion(0.2, 1.5, cycles=6, sample_rate=1000.0)
+    words = []
+    for options in (AS_ONE, IN_PARTS):
+        with pytest.raises(SimulationError) as caught:
+            simulate(reference_parameters(10), PURDY_DAMPER, motion, options=options)
+        words.append(str(caught.value))
+    assert words[0] == words[1]
+
+
+def test_a_part_that_leaves_the_numbers_is_left_to_the_whole() -> None:
+    parameters = replace(reference_parameters(10), k_e=1e300)
+    words = []
+    for options in (AS_ONE, IN_PARTS):
+        try:
+            found = simulate(parameters, PURDY_DAMPER, shaken(), options=options)
+            words.append(repr(bool(np.all(np.isfinite(found.force)))))
+        except SimulationError as error:
+            words.append(str(error))
+    assert words[0] == words[1]
+
+
+def test_a_network_takes_no_notice_of_the_settling() -> None:
+    from damperfit.damper.valve_dampers import TwinTube
+
+    values = TwinTube().values(
+        rebound_bleed=5e4, rebound_opening=4.5e5, rebound_slope=5e6, compression_bleed=4e4,
+        compression_opening=3.6e5, compression_slope=4e6, f_f=20.0, f_0=0.0, k_s=4e5,
+    )  # fmt: skip
+    one, other = (
+        simulate(values, TwinTube(), shaken(), options=options) for options in (AS_ONE, IN_PARTS)
+    )
+    assert is_done_as_one(one, other)
+
+
+def test_settling_longer_than_any_motion_is_none() -> None:
+    endless = replace(AS_ONE, settling=math.ldexp(1.0, 20))
+    one, other = (
+        simulate(reference_parameters(10), PURDY_DAMPER, shaken(), options=options)
+        for options in (AS_ONE, endless)
+    )
+    assert is_done_as_one(one, other)
