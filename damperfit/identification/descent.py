@@ -21,7 +21,13 @@ from damperfit.identification.evaluation import (
     values_of,
     with_values,
 )
-from damperfit.identification.last_step import known_step, last_step, promised_step
+from damperfit.identification.last_step import (
+    UNSEEN,
+    known_step,
+    last_step,
+    promised_step,
+    step_among_kinks,
+)
 from damperfit.identification.minimiser import Minimum, Transformation, minimise
 from damperfit.identification.plausible import (
     first_edge,
@@ -62,16 +68,17 @@ __all__ = [
 _FINE = Stopping(cost_tolerance=1e-8)
 _ROUGH = Stopping(cost_tolerance=1e-2, rest=math.inf)
 # On mean cycles a tenth of an error is near enough: the last step is taken on the logs.
-_NEAR = Stopping(cost_tolerance=1e-5, step_tolerance=1e-6, rest=math.inf, least_share=1e-5)
-_LIMIT, _MET_COST = 0, 2  # how a descent ended: at its limit of evaluations, with no fall left
+_NEAR = Stopping(
+    cost_tolerance=1e-5, step_tolerance=1e-6, rest=math.inf, least_share=1e-5, near=UNSEEN
+)
+_LIMIT = 0  # the status of a descent that ended at its limit of evaluations
 # A fit that meets none of MINPACK's tests has still descended when the residual is this close to
 # a right angle with every direction of the Jacobian.
 RIGHT_ANGLE = 1e-3
 # Where the misfit has kinks a descent may stop among them, at so many times the cosine that the
 # promised fall would have.
 _AMONG_KINKS = 1.5
-# Times the share that kinks jump by: a step that promises no more is taken without a look, which
-# could not tell whether it is right.
+# Times the share that kinks jump by: a step that promises no more is taken without a look.
 _AMONG_KINKS_LEFT = 10.0
 
 
@@ -189,6 +196,7 @@ def _ended(misfit: Misfit, start: Values) -> Solution:
         raise FitCancelledError("stopped while a fit was running.")
     ended = None
     if there.status != _LIMIT:
+        there = promised_step(misfit, there, longest=UNSEEN) or there
         least = solvers_percent(misfit)
         ended = known_step(left, there, least_percent=least)
         if ended is None:
@@ -222,26 +230,18 @@ def _among_kinks(misfit: Misfit, start: Values) -> Solution | None:
     Such a start is the end of a search on settled cycles. What needs the tighter integrator has it
     from there on. None where the start is not near, or a value is on its way to an edge.
     """
-    looked = _looked_at(misfit, start)
-    if looked is None or looked > solvers_percent(misfit):
-        return None
+    start = kept_within(start, misfit.free)
     share = _AMONG_KINKS_LEFT * misfit.damper.kinks
     try:
+        residuals = evaluate(replace(misfit, free=()), start, misfit.scale)[0]
+        looked = 100.0 * float(residuals @ residuals)
+        if looked > solvers_percent(misfit):
+            return None
         near = _minimise(finer(misfit, looked), start, share=share)
     except SimulationError:
         return None
-    stepped = promised_step(misfit, near) if near.status == _MET_COST else None
+    stepped = step_among_kinks(misfit, near)
     return None if stepped is None else stepped.after(1)
-
-
-def _looked_at(misfit: Misfit, start: Values) -> float | None:
-    """The misfit at a start, as an MSE; None where the model cannot be integrated there."""
-    start = kept_within(start, misfit.free)
-    try:
-        residuals, _, _ = evaluate(replace(misfit, free=()), start, misfit.scale)
-    except SimulationError:
-        return None
-    return 100.0 * float(residuals @ residuals)
 
 
 def linearise(misfit: Misfit, parameters: Values) -> tuple[FloatArray, FloatArray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,9 +11,9 @@ import numpy as np
 from damperfit.conditioning import apply_filter
 from damperfit.errors import SimulationError
 from damperfit.identification.minimiser import Transformation
-from damperfit.identification.model_versus_log import simulate_log
+from damperfit.identification.model_versus_log import SETTLING
 from damperfit.identification.weights import weights
-from damperfit.simulation import simulate
+from damperfit.simulation import motion_of, simulate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,6 +40,7 @@ __all__ = [
 
 # A force or a sensitivity, SI; a cylinder of the size of a car stays far below.
 _WILD = 1e100
+_BEYOND = "simulation failed: the force is beyond anything that could be fitted."
 
 
 def evaluate(
@@ -99,33 +100,43 @@ def simulated_logs(misfit: Misfit, parameters: Values) -> Iterator[LogResponse]:
         The model cannot be integrated, or its force is beyond anything that could be fitted.
     """
     for trace, weight in zip(misfit.traces, weights(misfit.traces), strict=True):
-        response = simulate_log(
-            parameters, trace, misfit.damper, sensitivities=misfit.free, solver=misfit.solver
+        response = simulate(
+            parameters,
+            misfit.damper,
+            motion_of(trace),
+            sensitivities=misfit.free,
+            options=replace(misfit.solver, settling=SETTLING),
         )
         _refuse_wild(response)
-        is_empty = (response.pressures[:2, trace.compared] <= 0.0).any(axis=0)
-        counts = is_empty if weight is None else is_empty & (weight > 0.0)
-        yield LogResponse(trace, response, 1.0 if weight is None else weight, bool(counts.any()))
+        is_cavitating = False
+        if response.pressures[:2].min() <= 0.0:
+            is_empty = (response.pressures[:2, trace.compared] <= 0.0).any(axis=0)
+            is_cavitating = bool((is_empty if weight is None else is_empty & (weight > 0.0)).any())
+        yield LogResponse(trace, response, 1.0 if weight is None else weight, is_cavitating)
 
 
 def _on_cycles(
     misfit: Misfit, cycles: SettledLogs, parameters: Values, scale: float
 ) -> tuple[FloatArray, FloatArray, bool]:
     """The same on the mean cycles; what differs between cycles is the last residual."""
-    parts = []
-    is_cavitating = False
+    samples = sum(len(one.force) for one in cycles.cycles)
+    whole = np.zeros((1 + len(misfit.free), samples + 1))
+    whole[0, -1] = scale * math.sqrt(cycles.scatter)
+    is_cavitating, first = False, 0
     for one in cycles.cycles:
         solver = one.solver(misfit.solver)
         response = simulate(
             parameters, misfit.damper, one.motion, sensitivities=misfit.free, options=solver
         )
-        _refuse_wild(response)
-        parts.append(scale * one.rows(response))
-        is_empty = (response.pressures[:2, -len(one.force) :] <= 0.0).any(axis=0)
-        is_cavitating |= bool((is_empty & (one.factor > 0.0)).any())
-    rest = np.zeros((1 + len(misfit.free), 1))
-    rest[0] = scale * math.sqrt(cycles.scatter)
-    whole = np.hstack([*parts, rest])
+        rows = one.rows(response)
+        if not float(np.abs(rows).max()) < _WILD:  # "not <" catches NaN too
+            raise SimulationError(_BEYOND)
+        last = first + len(one.force)
+        np.multiply(rows, scale, out=whole[:, first:last])
+        first = last
+        oil = response.pressures[:2, -len(one.force) :]
+        if oil.min() <= 0.0:
+            is_cavitating |= bool(((oil <= 0.0).any(axis=0) & (one.factor > 0.0)).any())
     return whole[0], whole[1:].T, is_cavitating
 
 
@@ -156,7 +167,5 @@ def n_independent(residuals: FloatArray) -> float:
 def _refuse_wild(response: Response) -> None:
     """A force whose square is no number is a failed trial: far starts get there."""
     rows = (response.force, *response.sensitivities.values())
-    if not all(float(np.max(np.abs(row))) < _WILD for row in rows):  # "not <" catches NaN too
-        raise SimulationError(
-            "simulation failed: the force is beyond anything that could be fitted."
-        )
+    if not all(float(np.abs(row).max()) < _WILD for row in rows):  # "not <" catches NaN too
+        raise SimulationError(_BEYOND)

@@ -11,6 +11,7 @@ more free, it is then D_f + H_ff^-1 H_fh D_h. One look without derivatives tells
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -41,7 +42,14 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["beside_earlier", "known_step", "last_step", "promised_step"]
+__all__ = [
+    "UNSEEN",
+    "beside_earlier",
+    "known_step",
+    "last_step",
+    "promised_step",
+    "step_among_kinks",
+]
 
 # Chi-squared of one error, and the largest relative change of a value: what the step leaves out is
 # its square, 4e-4, which is a twentieth of an error of 1 %.
@@ -50,6 +58,9 @@ _SMALL = 0.02
 # Relative change of a value from a descent to the next from which on the way between the minima is
 # found anew: it changes by as much of itself, and is half an error.
 _NEAR = 0.1
+# On the mean cycles a step that changes no value by more is taken without a look: what it leaves is
+# a few times its square, 5e-5, and R_m1 has an error of 5e-5, K_e one of 2e-3.
+UNSEEN = 5e-3
 # Relative error of a value that is told, as `not_identifiable` has it.
 _TOLD = 0.5
 _MET_COST = 2  # as `Solution` has it: no step makes the sum of squares smaller
@@ -205,20 +216,23 @@ def known_step(misfit: Misfit, there: Solution, *, least_percent: float) -> Solu
     return replace(found, seen=looked.seen)
 
 
-def promised_step(misfit: Misfit, there: Solution) -> Solution | None:
-    """Return where the full step leads that a descent among kinks has left; None where it is long.
+def promised_step(
+    misfit: Misfit, there: Solution, *, longest: float = _SMALL, most: float = math.inf
+) -> Solution | None:
+    """Return where the full step leads that a descent has left, without another look.
 
-    None too where the logs do not tell a quantity, which may be on its way to an edge.
-
-    It is less than an error. Another look would not tell whether it is right: a misfit among kinks
-    jumps by as much.
+    None where it leads too far, or out of the plausible range.
 
     Parameters
     ----------
     misfit : Misfit
-        Of the logs themselves.
+        Of the logs themselves or of their mean cycles.
     there : Solution
-        The end of the descent on them.
+        The end of the descent on it.
+    longest : float
+        Largest relative change of a value.
+    most : float
+        Most errors squared.
     """
     free, near, jacobian = misfit.free, there.parameters, there.jacobian
     if there.gradient is None or not free or any(is_at_edge(near, name) for name in free):
@@ -226,10 +240,7 @@ def promised_step(misfit: Misfit, there: Solution) -> Solution | None:
     step = there.promised
     moved = jacobian @ step
     gain, cost = float(moved @ moved), there.mse_percent / 100.0
-    variance = cost / there.n_independent * np.diag(inverse_information(jacobian))
-    if not np.max(variance) < _TOLD**2:
-        return None
-    if gain * there.n_independent > _AN_ERROR * cost or not np.max(np.abs(step)) <= _SMALL:
+    if gain * there.n_independent > most * cost or not np.max(np.abs(step)) <= longest:
         return None
     variables = transformation(misfit, free)
     moved_to = variables.unpack(variables.pack(values_of(free, near)) + step)
@@ -237,13 +248,28 @@ def promised_step(misfit: Misfit, there: Solution) -> Solution | None:
     if not is_within(parameters, free):
         return None
     rest = there.gradient + jacobian.T @ moved
-    ended = _ended(
-        (parameters, cost - gain, jacobian),
-        rest,
-        there.n_independent,
-        is_cavitating=there.is_cavitating,
+    lengths = np.sqrt(np.sum(jacobian**2, axis=0) * cost)
+    return replace(
+        there,
+        parameters=parameters,
+        mse_percent=100.0 * (cost - gain),
+        gradient=rest,
+        gradient_cosine=float(np.max(np.abs(rest) / np.maximum(lengths, 1e-300))),
     )
-    return replace(ended, evaluations=0).after(there.evaluations, there.failed_trials)
+
+
+def step_among_kinks(misfit: Misfit, there: Solution) -> Solution | None:
+    """Return where the full step leads that a descent among kinks has left: less than an error.
+
+    Another look would not tell whether it is right: a misfit among kinks jumps by as much. None
+    where the logs do not tell a value, by rough errors; it may be on its way to an edge.
+    """
+    if there.status != _MET_COST or not misfit.free:
+        return None
+    variance = there.mse_percent / 100.0 / there.n_independent
+    if not np.max(variance * np.diag(inverse_information(there.jacobian))) < _TOLD**2:
+        return None
+    return promised_step(misfit, there, most=_AN_ERROR)
 
 
 def _ended(

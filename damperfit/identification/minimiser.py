@@ -64,7 +64,7 @@ class Transformation:
 
     def unpack(self, variables: FloatArray) -> FloatArray:
         """Return y; e^600 overflows nothing yet, and a model refuses it as a failed trial."""
-        powers = np.exp(np.clip(variables, -600.0, 600.0))
+        powers = np.exp(np.minimum(np.maximum(variables, -600.0), 600.0))
         return np.where(self.is_logarithmic, powers, variables * self.scales)
 
     def slopes(self, values: FloatArray) -> FloatArray:
@@ -159,7 +159,7 @@ def minimise(
         with np.errstate(over="ignore", invalid="ignore"):
             cost = float(residuals @ residuals)
             jacobian = slopes * transformation.slopes(values)
-            if not math.isfinite(cost + float(np.sum(jacobian))):
+            if not math.isfinite(cost + float(jacobian.sum())):
                 raise SimulationError(f"no finite residuals or derivatives at {values}.")
         point = DescentPoint(values, residuals, jacobian, cost, extra)
         return DenseSystem(residuals, jacobian), point

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["SETTLING", "SimulatedLog", "compare", "normalised_mse", "simulate_log"]
+__all__ = ["SETTLING", "SimulatedLog", "compare", "normalised_mse"]
 
 # s; the slowest of a damper's pressures, at 80 1/s, has settled by then to 1e-8.
 SETTLING = 0.25
@@ -45,27 +45,6 @@ class SimulatedLog:
     sensitivities: FloatArray
 
 
-def simulate_log(
-    parameters: Values,
-    trace: Trace,
-    damper: Model,
-    *,
-    sensitivities: Sequence[str] = (),
-    solver: SolverOptions = SolverOptions(),
-) -> Response:
-    """Simulate the displacement of a trace, in parts side by side where the model can.
-
-    Raises
-    ------
-    SimulationError
-        When the model cannot be integrated.
-    """
-    options = replace(solver, settling=SETTLING)
-    return simulate(
-        parameters, damper, motion_of(trace), sensitivities=sensitivities, options=options
-    )
-
-
 def compare(
     parameters: Values,
     trace: Trace,
@@ -84,7 +63,10 @@ def compare(
     SimulationError
         When the model cannot be integrated.
     """
-    response = simulate_log(parameters, trace, damper, sensitivities=sensitivities, solver=solver)
+    options = replace(solver, settling=SETTLING)
+    response = simulate(
+        parameters, damper, motion_of(trace), sensitivities=sensitivities, options=options
+    )
     rows = np.stack([response.force, *response.sensitivities.values()])
     rows = apply_filter(trace.model_filter, rows)
     return SimulatedLog(response, rows[0], rows[1:])

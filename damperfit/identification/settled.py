@@ -96,7 +96,8 @@ class SettledCycle:
         """Return residuals and derivatives, behind the filter, weighed: (1 + k, n)."""
         rows = self._filtered([response.force, *response.sensitivities.values()])
         rows[0] -= self.force
-        return np.asarray(rows * self.factor)
+        rows *= self.factor
+        return rows
 
     def slopes_over(
         self, stretch: Stretch, response: Response, places: NDArray[np.int64] | None = None
@@ -117,8 +118,12 @@ class SettledCycle:
     def _filtered(self, rows: list[FloatArray]) -> FloatArray:
         """Return the compared cycle of signals behind the filter."""
         n = len(self.force)
-        last = np.stack(rows)[:, -n:]
-        return np.asarray(np.fft.irfft(np.fft.rfft(last, axis=1) * self.gain, n, axis=1))
+        last = np.empty((len(rows), n))
+        for k, row in enumerate(rows):
+            last[k] = row[-n:]
+        lines = np.fft.rfft(last)
+        lines *= self.gain
+        return np.asarray(np.fft.irfft(lines, n, out=last))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,9 +159,9 @@ def settled(traces: Sequence[Trace], *, is_thinned: bool = True) -> SettledLogs 
         return None
     cycles, scatter = [], 0.0
     for trace, weight in zip(traces, weights(traces), strict=True):
-        whole = np.ones(trace.n_samples) if weight is None else weight
         for stretch, place in zip(trace.stretches, trace.places, strict=True):
-            cycle, rest = _settled(trace, stretch, whole[place], is_thinned=is_thinned)
+            own = None if weight is None else weight[place]
+            cycle, rest = _settled(trace, stretch, own, is_thinned=is_thinned)
             cycles.append(cycle)
             scatter += rest
     simulated = sum(len(one.motion.displacement) for one in cycles)
@@ -166,7 +171,7 @@ def settled(traces: Sequence[Trace], *, is_thinned: bool = True) -> SettledLogs 
 
 
 def _settled(
-    trace: Trace, stretch: Stretch, weight: FloatArray, *, is_thinned: bool
+    trace: Trace, stretch: Stretch, weight: FloatArray | None, *, is_thinned: bool
 ) -> tuple[SettledCycle, float]:
     """A stretch's settled cycle, and its scatter as a sum of weighed squares."""
     starts, n, period, is_aligned = _laid_out(trace, stretch, is_thinned=is_thinned)
@@ -174,9 +179,12 @@ def _settled(
     channels = np.stack([trace.drive.displacement, trace.drive.velocity, trace.force])
     folded = _interpolated(channels, positions)
     x, v, force = folded.mean(axis=1)
-    at = np.clip(np.rint(positions).astype(np.int64) - stretch.first, 0, len(weight) - 1)
-    power = np.mean(weight[at] ** 2, axis=0) * (stretch.n_samples / n)
-    scatter = float(power @ np.mean((folded[2] - force) ** 2, axis=0))
+    power = np.full(n, stretch.n_samples / n)
+    if weight is not None:
+        at = np.clip(np.rint(positions).astype(np.int64) - stretch.first, 0, len(weight) - 1)
+        power *= np.mean(weight[at] ** 2, axis=0)
+    beside = folded[2] - force
+    scatter = float(power @ np.einsum("ij,ij->j", beside, beside)) / len(beside)
     turn = -int(np.argmax(np.abs(x - x.mean())))
     x, v, force, power = (np.roll(one, turn) for one in (x, v, force, power))
     interval = trace.interval * period / n

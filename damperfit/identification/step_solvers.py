@@ -14,6 +14,7 @@ Twenty settings with sixty variables of their own then cost a few 6 x 6 factoris
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -40,6 +41,8 @@ __all__ = [
 NO_LENGTH = 1e-130
 # Singular value of columns of length 1 below which a bordered system takes the shortest step.
 _NOT_SEEN = 1e-10
+# Squares of lengths between these have lost no digit.
+_TINY, _HUGE = 1e-250, 1e250
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,23 +125,33 @@ class _DenseSteps:
         left, self._values, self._directions = np.linalg.svd(rows / scale, full_matrices=False)
         self._pull = left.T @ right
         self._scale = scale
+        self._full: Step | None = None
         self.is_full_rank = bool(
-            len(self._values) == len(scale) and np.all(self._values > NO_LENGTH)
+            len(self._values) == len(scale) and (self._values > NO_LENGTH).all()
         )
 
     def step(self, damping: float) -> Step:
-        values = self._values
-        squares = values**2 + damping
-        seen = squares > NO_LENGTH**2
-        along = np.zeros_like(values)
-        along[seen] = -values[seen] * self._pull[seen] / squares[seen]
-        length = float(np.linalg.norm(along))
-        shares = along[seen] / max(length, 1e-300)
+        if damping:
+            return self._step(damping)
+        if self._full is None:  # asked for before and while it is damped
+            self._full = self._step(0.0)
+        return self._full
+
+    def _step(self, damping: float) -> Step:
+        values, pull, directions = self._values, self._pull, self._directions
+        squares = values * values + damping
+        if not self.is_full_rank:  # what is not seen stays where it is
+            seen = squares > NO_LENGTH**2
+            values, pull, directions = values[seen], pull[seen], directions[seen]
+            squares = squares[seen]
+        along = -values * pull / squares
+        length = math.sqrt(float(along @ along))
+        shares, effects = along / max(length, 1e-300), values * along
         return Step(
-            change=self._directions.T @ along / self._scale,
+            change=along @ directions / self._scale,
             length=length,
-            effect=float(np.sum((values * along) ** 2)),
-            shrinkage=float(np.sum(shares**2 / squares[seen])),
+            effect=float(effects @ effects),
+            shrinkage=float((shares * shares / squares).sum()),
         )
 
 
@@ -246,7 +259,11 @@ def reduced(residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
     numpy.ndarray
         Shape (k + 1, k + 1), of fewer rows where n is less.
     """
-    return _triangle(np.column_stack([jacobian, residuals]))
+    n, k = jacobian.shape
+    rows = np.empty((n, k + 1), order="F")  # as LAPACK has it
+    rows[:, :k] = jacobian
+    rows[:, k] = residuals
+    return _triangle(rows)
 
 
 def _triangle(rows: FloatArray) -> FloatArray:
@@ -256,6 +273,9 @@ def _triangle(rows: FloatArray) -> FloatArray:
 
 def _lengths(rows: FloatArray) -> FloatArray:
     """Lengths of columns, also where their squares overflow."""
+    squares = np.einsum("ij,ij->j", rows, rows)
+    if squares.size and float(squares.min()) > _TINY and float(squares.max()) < _HUGE:
+        return np.asarray(np.sqrt(squares))
     largest = np.max(np.abs(rows), axis=0, initial=0.0)
     largest = np.where(largest > 0.0, largest, 1.0)
     return np.asarray(largest * np.sqrt(np.sum((rows / largest) ** 2, axis=0)))

@@ -69,6 +69,8 @@ class Stopping:
         The same as a share of the sum of squares.
     longest_step : float
         Largest change of a variable in one step.
+    near : float
+        Largest change of a variable in a full step that is left to the caller to take unseen.
     """
 
     cost_tolerance: float = 1e-8
@@ -78,6 +80,7 @@ class Stopping:
     least_gain: float = 0.0
     least_share: float = 0.0
     longest_step: float = math.inf
+    near: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,14 +176,16 @@ class _Course(Generic[Extra]):
         system, stopping = self.system, self.stopping
         if _cosine(system) <= _RIGHT_ANGLE:
             return _MET_GRADIENT
-        self.scale = np.maximum(self.scale, system.lengths)
-        self.steps = system.scaled(self.scale)
+        scale = np.maximum(self.scale, system.lengths)
+        if not self.is_first or (scale != self.scale).any():
+            self.scale = scale
+            self.steps = system.scaled(scale)
         if self.is_first:
             self.radius = _FIRST_RADIUS * self.size or _FIRST_RADIUS
         least = max(stopping.least_gain, stopping.least_share * system.cost)
-        if least > 0.0 or self.is_ending:
+        if least > 0.0 or stopping.near > 0.0 or self.is_ending:
             full = self.steps.step(0.0)
-            if full.effect < least:
+            if full.effect < least or float(np.abs(full.change).max()) < stopping.near:
                 return _MET_COST
             if self.is_ending and full.length <= stopping.rest * self.size:
                 return _MET_COST
@@ -192,9 +197,7 @@ class _Course(Generic[Extra]):
         while self.evaluations < stopping.max_evaluations:
             pull = float(np.linalg.norm(self.system.gradient / self.scale))
             self.damping, step = _damped(self.steps, pull, self.radius, self.damping)
-            share = min(
-                1.0, stopping.longest_step / max(float(np.max(np.abs(step.change))), 1e-300)
-            )
+            share = min(1.0, stopping.longest_step / max(float(np.abs(step.change).max()), 1e-300))
             length = share * step.length
             if self.is_first:
                 self.radius = min(self.radius, length)
@@ -262,7 +265,8 @@ def _shrunk(fall: float, slope: float) -> float:
 def _cosine(system: LinearSystem) -> float:
     """Largest cosine between the residuals and a column of the Jacobian."""
     lengths = np.maximum(system.lengths, 1e-300) * math.sqrt(system.cost)
-    return float(np.max(np.abs(system.gradient) / np.maximum(lengths, 1e-300), initial=0.0))
+    shares = np.abs(system.gradient) / np.maximum(lengths, 1e-300)
+    return float(shares.max()) if shares.size else 0.0
 
 
 def _damped(steps: StepSolver, slope: float, radius: float, damping: float) -> tuple[float, Step]:

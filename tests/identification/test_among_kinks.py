@@ -11,7 +11,7 @@ from damperfit.conditioning import condition
 from damperfit.damper.model import Values
 from damperfit.identification import FitOptions, descent
 from damperfit.identification.descent import Misfit, descend
-from damperfit.identification.last_step import promised_step
+from damperfit.identification.last_step import step_among_kinks
 from damperfit.identification.setting import relative_errors
 from damperfit.recording import Recording, Trace
 from damperfit.simulation import SolverOptions, simulate, sine_motion
@@ -83,10 +83,10 @@ def test_the_last_step_is_taken_without_a_look_and_ends_where_a_descent_that_goe
 def test_what_the_logs_do_not_tell_is_followed_to_its_edge(log: Trace) -> None:
     """Its own error is long, however little the step promises."""
     near = descend(misfit(log), beside(0.005))
-    assert promised_step(misfit(log), near) is not None
+    assert step_among_kinks(misfit(log), near) is not None
     seen = near.jacobian.copy()
     seen[:, FREE.index("play")] *= 1e-3
-    assert promised_step(misfit(log), replace(near, jacobian=seen)) is None
+    assert step_among_kinks(misfit(log), replace(near, jacobian=seen)) is None
 
 
 @pytest.mark.parametrize(("share", "is_told"), [(0.98, True), (1.02, False)])
@@ -98,7 +98,7 @@ def test_a_value_is_told_up_to_half_of_itself(log: Trace, share: float, *, is_to
     rough = np.sqrt(near.mse_percent / 100.0 / near.n_independent)
     alone[place, place] = rough / (0.5 * share)
     flat = replace(near, jacobian=alone, gradient=np.zeros(len(FREE)))
-    assert (promised_step(misfit(log), flat) is not None) is is_told
+    assert (step_among_kinks(misfit(log), flat) is not None) is is_told
 
 
 def test_a_small_misfit_is_descended_with_the_tighter_integrator_from_the_start(

@@ -6,6 +6,7 @@ drift, several speeds, and rates of which a cycle is a whole number of samples.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -16,7 +17,7 @@ from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
-from damperfit.identification import FitOptions, identify
+from damperfit.identification import FitOptions, descent, identify
 from damperfit.identification import last_step as last_step_module
 from damperfit.identification.descent import Misfit, approach, descend
 from damperfit.identification.evaluation import evaluate
@@ -233,6 +234,23 @@ def test_a_step_of_one_error_is_the_last(*, errors: float, is_near: bool) -> Non
     assert (found is not None) is is_near
     if found is not None:
         assert found.parameters.r_m1 == pytest.approx(slow.parameters.r_m1, rel=1e-6)
+
+
+@pytest.mark.parametrize(("share", "looks"), [(0.98, 1), (1.02, 2)])
+def test_a_step_of_half_a_per_cent_is_taken_unseen(
+    share: float, looks: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """K_e by so much beside the minimum of the mean cycle; the step ends within it."""
+    cycles = on_cycles(misfit([trace(10, noise=4.0, duration=10.0)], ("k_e",)))
+    there = descent._minimise(cycles, reference_parameters(10))
+    there = descent.promised_step(cycles, there, longest=1.0) or there
+    off = there.parameters.replace({"k_e": there.parameters.k_e * math.exp(share * descent.UNSEEN)})
+    near = descent._minimise(cycles, off)
+    assert near.evaluations == looks
+    ended = descent.promised_step(cycles, near, longest=descent.UNSEEN)
+    assert ended is not None
+    error = relative_errors(there)[0]
+    assert abs(math.log(ended.parameters.k_e / there.parameters.k_e)) < 0.05 * error
 
 
 def test_a_misfit_of_the_integrator_is_left_to_a_finer_one() -> None:

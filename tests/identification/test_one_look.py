@@ -18,6 +18,7 @@ from damperfit.damper.purdy import cavitation
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import Campaign, FitOptions, identify
+from damperfit.identification.model_versus_log import SETTLING
 from damperfit.recording import Trace
 from damperfit.run.mishaps import Mishaps
 from damperfit.run.work import comparisons
@@ -95,7 +96,8 @@ def test_judging_simulates_a_cycle_of_each_log_and_writing_nothing(
     for fit, one in zip(campaign.fits, seen, strict=True):
         assert one is not None
         motion = motion_of(fit.logs[0].trace)
-        anew = simulate(fit.parameters, PURDY_DAMPER, motion, options=SOLVER)
+        in_parts = replace(SOLVER, settling=SETTLING)
+        anew = simulate(fit.parameters, PURDY_DAMPER, motion, options=in_parts)
         kept = anew.pressures.astype(np.float32)  # in single precision, an empty chamber as zero
         assert np.array_equal(one.response.pressures, kept)
         assert np.array_equal(one.response.time, anew.time)
@@ -138,7 +140,8 @@ def test_derivatives_of_the_mean_cycle_lie_on_those_of_the_log() -> None:
     found = identify(LOGS["whole cycles"](), PURDY_DAMPER, FitOptions(procedure="plain", free=ALL))
     fast = linearise_at_fit(found.fits[0], PURDY_DAMPER, solver=SOLVER).logs[0]
     (slow,) = linearise_at_fit(without_seen(found).fits[0], PURDY_DAMPER, solver=SOLVER).logs
-    assert np.array_equal(fast.residuals, slow.residuals)
+    # By the gas pressure the log is not simulated in parts: other steps, within their tolerance.
+    assert np.std(fast.residuals - slow.residuals) < SOLVER.tolerance
     apart = np.linalg.norm(fast.jacobian - slow.jacobian, axis=0)
     assert np.all(apart < 0.02 * np.linalg.norm(slow.jacobian, axis=0))
 

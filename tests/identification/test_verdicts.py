@@ -82,7 +82,7 @@ def test_no_friction_is_reported_as_at_bound(seed: int) -> None:
 
 
 def test_the_evaluation_limit_is_said() -> None:
-    options = FitOptions("plain", FREE, KNOWN, max_evaluations=3)
+    options = FitOptions("plain", FREE, KNOWN, max_evaluations=2)
     fit = identify([trace(9, noise=4.0)], PURDY_DAMPER, options).fits[0]
     assert fit.outcome is Outcome.EVALUATION_LIMIT
     assert "max_evaluations" in fit.outcome.advice

@@ -17,6 +17,8 @@ signed, because P_1 falls below P_3 for a fraction of a per cent of a cycle.
 from __future__ import annotations
 
 import math
+from array import array
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -121,9 +123,12 @@ def integrate(
     )
 
 
-def _body(damper: Damper) -> FloatArray:
+# A fit asks for it at every simulation.
+@lru_cache(maxsize=64)
+def _body(damper: Damper) -> bytes:
     """The order of `df_network` in network.h."""
-    return np.array(
+    return array(
+        "d",
         [
             damper.annulus_area,
             damper.piston_area,
@@ -131,5 +136,5 @@ def _body(damper: Damper) -> FloatArray:
             damper.chamber_2_volume,
             damper.oil_density,
             0.0,
-        ]
-    )
+        ],
+    ).tobytes()
