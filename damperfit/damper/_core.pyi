@@ -6,6 +6,7 @@ def simulate_network(
     passages: Buffer,
     displacement: Buffer,
     velocity: Buffer,
+    jumps: Buffer,
     which: Buffer,
     pressures: Buffer,
     masses: Buffer,
