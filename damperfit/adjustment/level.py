@@ -98,16 +98,26 @@ class Level:
         return abs(self.difference) > may + _ERRORS * noise
 
     @property
+    def rounding(self) -> float:
+        """What filter and motion of the test do to the force here, as the model has it, N.
+
+        The measured force has passed the filter, which rounds knees; beside the model's on the
+        same cycles stands its force of the plain sine, which no filter has rounded.
+        """
+        return self.measured - self.difference - self.force
+
+    @property
     def as_measured(self) -> Level:
         """The same with the measured force in place of the model's, where there is one."""
         if math.isnan(self.measured):
             return self
+        rounding = 0.0 if math.isnan(self.rounding) else abs(self.rounding)
         return replace(
             self,
             force=self.measured,
             error=self.measured_error,
             rest=self.measured_error,
             carried=np.zeros_like(self.carried),
-            misfit=0.0,
+            misfit=rounding,
             is_measured=True,
         )

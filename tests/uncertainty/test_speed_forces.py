@@ -9,15 +9,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from damperfit.adjustment import Level, Sine, beside_measured, compare_settings, credible_forces
+from damperfit.adjustment import (
+    Level,
+    Sine,
+    beside_measured,
+    compare_settings,
+    credible_forces,
+    levels,
+    stage_of,
+)
 from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, identify
+from damperfit.identification.given_start import GivenStart
 from damperfit.recording import Recording
+from damperfit.simulation import Motion, simulate
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import SpeedForces, assess
 from damperfit.uncertainty.speed_forces import _at_speeds
-from tests.identification.rig import AMPLITUDE, FREQUENCY, recording
+from tests.identification.rig import AMPLITUDE, FREQUENCY, TIGHT, recording
+from tests.uncertainty.drag_coverage import NAMES, SHARP, TRUTH
 from tests.uncertainty.flaws import speed
 
 PLAIN = FitOptions("plain", ("r_m1", "r_m2", "k_e"), {"r_m3": 2.597e6, "f_f": 50.0})
@@ -82,7 +93,8 @@ def test_a_model_that_misses_has_intervals_that_hold_the_measured_force(both) ->
     for level in missed:
         one = told[level.speed, level.stroke]
         assert one.is_measured
-        assert (one.force, one.error, one.misfit) == (level.measured, level.measured_error, 0.0)
+        assert (one.force, one.error) == (level.measured, level.measured_error)
+        assert one.misfit == abs(level.measured - level.difference - level.force)
     for interval in known.uncertainties[0].intervals.values():
         assert interval.misfit > interval.error > 0.0
         assert interval.high > interval.low
@@ -157,6 +169,35 @@ def test_where_one_setting_disagrees_all_are_told_as_measured() -> None:
     elsewhere = replace(agrees, speed=0.2)
     told = credible_forces((level(100.0), agrees, elsewhere))
     assert [one.is_measured for one in told] == [True, True, False]
+
+
+def test_what_a_filter_takes_off_a_knee_is_in_the_interval_of_the_measured_force() -> None:
+    numbers = SHARP.values(TRUTH)
+    angle = 2.0 * math.pi * FREQUENCY * np.arange(6000) / 1000.0
+    x, v = AMPLITUDE * np.sin(angle), AMPLITUDE * 2.0 * math.pi * FREQUENCY * np.cos(angle)
+    force = simulate(numbers, SHARP, Motion(1e-3, x, v), options=TIGHT).force
+    noise = np.random.default_rng(1).normal(0.0, 1.0, len(force))
+    log = Recording(
+        name="knee.csv", path="", sha256="", setting=Setting.of(1),
+        time=np.arange(6000) / 1000.0, displacement=x, force=force + noise,
+    )  # fmt: skip
+    free = (*NAMES, "f_0")
+    fixed = {name: TRUTH[name] for name in TRUTH if name not in free}
+    start = GivenStart({name: TRUTH[name] for name in free})
+    options = FitOptions("plain", free=free, fixed=fixed, start=start)
+    campaign = identify([condition(log)], SHARP, options)
+    judged = assess(campaign, SHARP)
+    speeds, sine = [0.01 * k for k in range(3, 29)], Sine(AMPLITUDE, FREQUENCY)
+    (fit,) = campaign.fits
+    stage = stage_of(fit, judged.uncertainties[0])
+    found = levels([stage], SHARP, sine, speeds=speeds)
+    truth = levels([replace(stage, parameters=numbers)], SHARP, sine, speeds=speeds)
+    shown = [one.as_measured for one in beside_measured(found, judged.forces, sine)]
+    apart = [abs(a.force - b.force) for a, b in zip(shown, truth, strict=True)]
+    alone = [1.96 * one.error for one in shown]
+    assert max(off / abs(b.force) for off, b in zip(apart, truth, strict=True)) > 2e-3
+    assert any(off > reach for off, reach in zip(apart, alone, strict=True))
+    assert all(one.low <= b.force <= one.high for one, b in zip(shown, truth, strict=True))
 
 
 KNOWN = SpeedForces(
