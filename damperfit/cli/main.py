@@ -46,8 +46,9 @@ if TYPE_CHECKING:
 __all__ = ["app", "main"]
 
 _INTERRUPTED = 130
-# Imports make many objects and little garbage; looking for it after every 700 costs time.
-_NEW_OBJECTS = 50_000
+# Imports make many objects and little garbage: `inspect` of a log some 120 000, among which to look
+# for any takes a fifteenth of its time.
+_NEW_OBJECTS = 200_000
 # What stands for a file or folder in the help of an option.
 _TAKES_A_FILE = {"FILE", "DIR", "PATH", "LOG", "RESULTS"}
 _TELLS_OF_ALL = "help"
@@ -157,12 +158,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ConfigurationError as error:
         say(f"damperfit: {error}")
         return error.exit_code
-    code = _ended_with(argv)
+    code = _ended_with(argv, is_program=arguments is None)
     kept.close(code)
     return code
 
 
-def _ended_with(argv: list[str]) -> int:
+def _ended_with(argv: list[str], *, is_program: bool) -> int:
     """Run the command; whatever goes wrong is one line on stderr and an exit code."""
     usual = gc.get_threshold()
     gc.set_threshold(_NEW_OBJECTS, *usual[1:])
@@ -184,6 +185,8 @@ def _ended_with(argv: list[str]) -> int:
         say(f"damperfit: {message}", logging.ERROR)
         return exit_code
     finally:
+        if is_program:  # it ends, and Python would look through all that there is twice
+            gc.freeze()
         gc.set_threshold(*usual)
     return int(code or 0)
 
