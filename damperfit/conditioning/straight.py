@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["drive_of_lines"]
 
-_LEVER = 4e-3  # s; a turn is looked for in samples so far apart
+_LEVERS = (4e-3, 16e-3)  # s; a turn is looked for in samples so far apart; noise needs the longer
 _CLEAR = 10.0  # times the noise of that look
 _ROUNDING = 1e-6  # of the stroke: what numbers of a log are rounded to counts as noise
 _FEWEST = 10  # samples of a line
@@ -72,18 +72,28 @@ def drive_of_lines(displacement: FloatArray, interval: float, part: slice) -> Dr
     first, stop, _ = part.indices(len(displacement))
     x = displacement[first:stop]
     noise = max(noise_of(x), _ROUNDING * float(np.ptp(x)))
-    turns = _turns(x, max(2, round(_LEVER / interval)), noise)
-    if turns is None:
-        return None
-    lines = _lines(x, turns, noise)
-    if lines is None:
-        return None
-    jumps = _crossings(x, turns, lines, noise)
-    if jumps is None:
-        return None
+    for seconds in _LEVERS:
+        lever = max(2, round(seconds / interval))
+        turns = _turns(x, lever, noise)
+        if not turns:
+            continue
+        turns = _refined(x, turns, lever)
+        lines = _lines(x, turns, noise)
+        if not lines:
+            continue
+        jumps = _crossings(x, turns, lines, noise)
+        if jumps is not None:
+            return _driving(displacement, interval, slice(first, stop), lines, jumps)
+    return None
+
+
+def _driving(
+    displacement: FloatArray, interval: float, part: slice, lines: list[_Line], jumps: FloatArray
+) -> Drive:
+    first, n = part.start, part.stop - part.start
     whole, speed = displacement.copy(), np.zeros(len(displacement))
     # A sample at which it turns has the speed after it.
-    edges = [0, *np.ceil(jumps[:, 0]).astype(np.int64).tolist(), len(x)]
+    edges = [0, *np.ceil(jumps[:, 0]).astype(np.int64).tolist(), n]
     for line, (begin, end) in zip(lines, pairwise(edges), strict=True):
         whole[first + begin : first + end] = line.at(np.arange(begin, end))
         speed[first + begin : first + end] = line.slope / interval
@@ -93,7 +103,7 @@ def drive_of_lines(displacement: FloatArray, interval: float, part: slice) -> Dr
 
 
 def _turns(x: FloatArray, lever: int, noise: float) -> list[int] | None:
-    """Return the samples nearest to where the motion turns; None where it bends instead."""
+    """Return the samples nearest to where the motion turns; None where it bends or none does."""
     if len(x) < 4 * lever + _FEWEST:
         return None
     bend = np.abs(x[: -2 * lever] - 2.0 * x[lever:-lever] + x[2 * lever :])
@@ -101,7 +111,7 @@ def _turns(x: FloatArray, lever: int, noise: float) -> list[int] | None:
     if not len(over):
         return None
     turns = []
-    for run in np.split(over, np.flatnonzero(np.diff(over) > 1) + 1):
+    for run in np.split(over, np.flatnonzero(np.diff(over) > lever) + 1):
         # A sharp corner is seen over two levers, a bend over its own length too.
         if len(run) > 2 * lever + 1:
             return None
@@ -109,11 +119,24 @@ def _turns(x: FloatArray, lever: int, noise: float) -> list[int] | None:
     return turns
 
 
-def _lines(x: FloatArray, turns: list[int], noise: float) -> list[_Line] | None:
+def _refined(x: FloatArray, turns: list[int], lever: int) -> list[int]:
+    """Return the turns where lines that keep off them cross: noise moves the top of a long look."""
+    lines = _lines(x, turns, math.inf, margin=lever // 2)
+    if lines is None:
+        return turns
+    found = []
+    for turn, (one, two) in zip(turns, pairwise(lines), strict=True):
+        step = two.slope - one.slope
+        moved = (one.at(turn) - two.at(turn)) / step if step else math.inf
+        found.append(round(turn + moved) if abs(moved) <= lever else turn)
+    return found
+
+
+def _lines(x: FloatArray, turns: list[int], noise: float, *, margin: int = 1) -> list[_Line] | None:
     """Return the lines before, between and behind turns; None where one is not straight."""
     lines = []
-    for before, behind in pairwise([-2, *turns, len(x) + 1]):
-        at = np.arange(before + 2, behind - 1)
+    for before, behind in pairwise([-margin - 1, *turns, len(x) + margin]):
+        at = np.arange(before + margin + 1, behind - margin)
         n = len(at)
         if n < _FEWEST:
             return None

@@ -67,14 +67,29 @@ def test_a_line_has_ten_samples(n, is_line):
 
 
 @pytest.mark.parametrize(("size", "is_clear"), [(9.6, False), (10.4, True)])
-def test_a_corner_stands_ten_times_above_noise_over_4_ms(size, is_clear):
-    """At 5 kHz that is 20 samples to either side; without noise a millionth of the stroke is it."""
+def test_a_corner_stands_ten_times_above_noise_over_16_ms(size, is_clear):
+    """At 5 kHz that is 80 samples to either side; without noise a millionth of the stroke is it."""
     x = np.abs(np.arange(-1000.0, 1001.0)) * -1.0
-    bend = size * np.sqrt(6.0) * 1e-6 * 1000.0 / 20.0
+    bend = size * np.sqrt(6.0) * 1e-6 * 1000.0 / 80.0
     x[:300] -= bend * (300.0 - np.arange(300.0))
     found = drive_of_lines(x, 2e-4, EVERY)
     assert (found is not None) is is_clear
-    assert len(straight._turns(x, 20, 1e-3)) == 1 + is_clear
+    assert len(straight._turns(x, 80, 1e-3)) == 1 + is_clear
+
+
+@pytest.mark.parametrize(("apart", "is_found"), [(63, True), (57, False)])
+def test_corners_near_each_other_are_found_over_4_ms(apart, is_found):
+    """At 5 kHz 20 samples to either side of both and between; over 16 ms they are one bend."""
+    x = zigzag([900.0, 900.0 + apart], np.array([0.2, -0.2, 0.2]), n=2000, noise=0.0, rate=5000.0)
+    assert (drive_of_lines(x, 2e-4, EVERY) is not None) is is_found
+
+
+def test_corners_of_a_noisy_sensor_are_found():
+    """40 um: over 4 ms a turn by 0.16 m/s is six times that."""
+    corners = np.array([400.4, 1100.7, 1800.2])
+    x = zigzag(corners, np.array([0.08, -0.08, 0.08, -0.08]), n=2200, noise=4e-5)
+    found = drive_of_lines(x, 1.0 / RATE, EVERY)
+    np.testing.assert_allclose(found.jumps[:, 0], corners, atol=0.12)
 
 
 def scattered(n, share):
