@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -291,3 +292,14 @@ def test_ends_that_tell_no_line_stay() -> None:
     for at, of in ((two, trace), (dwell, trace), (three, unsteady)):
         assert np.array_equal(_straight(at, of), at)
     assert not np.array_equal(_straight(three, trace), three)
+
+
+@pytest.mark.parametrize("rate", [100.0, 150.0, 250.0, 300.0, 350.0, 1000.0])
+@pytest.mark.parametrize("off", [0.0, 0.3, 0.5])
+def test_a_sine_rests_at_no_rate(rate, off):
+    """At 250 Hz half of five samples are two: a sine of 1.2 Hz was said to rest at its ends."""
+    time = (np.arange(round(4.0 * rate)) + off) / rate
+    log = SimpleNamespace(
+        displacement=0.025 * np.cos(2.0 * np.pi * time), interval=1.0 / rate, start_time=time[0]
+    )
+    assert not stands_still(log, np.array([1.0, 1.5, 2.0, 2.5, 3.0]))
