@@ -116,8 +116,8 @@ def _missing_finding(
 ) -> Finding:
     first = int(np.argmax(counts > 1))
     text = (
-        f"{missing} missing samples put in by a cubic spline; {rate:.6g} Hz; the first after row "
-        f"{first + 1} of the data (time {recording.time[first]:.6g} s)"
+        f"{missing} missing sample{'s' * (missing != 1)} put in by a cubic spline; {rate:.6g} Hz; "
+        f"the first after row {first + 1} of the data (time {recording.time[first]:.6g} s)"
     )
     return Finding("missing_samples", "note", text, float(missing))
 

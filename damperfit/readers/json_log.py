@@ -272,7 +272,7 @@ class _Values:
         if not n_bad:
             return Samples(channels, lambda i: f"row {i + 1}")
         kept = np.flatnonzero(~is_bad)
-        said = f"{n_bad} rows that cannot be read were dropped; {first}"
+        said = f"{n_bad} row{'s' * (n_bad != 1)} that cannot be read dropped; {first}"
         found = Finding("rows_dropped", "warning", said, float(n_bad))
         channels = {channel: values[kept] for channel, values in channels.items()}
         return Samples(channels, lambda i: f"row {kept[i] + 1}", findings=(found,))

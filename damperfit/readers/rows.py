@@ -155,7 +155,7 @@ def _load_in_pieces(text: TextRows, wanted: Mapping[str, int]) -> Samples:
     columns = {
         channel: np.concatenate([piece.columns[channel] for piece in pieces]) for channel in wanted
     }
-    text_of_bad = f"{n_bad} rows that cannot be read were dropped; {first_bad}"
+    text_of_bad = f"{n_bad} row{'s' * (n_bad != 1)} that cannot be read dropped; {first_bad}"
     found = (Finding("rows_dropped", "warning", text_of_bad, float(n_bad)),) if n_bad else ()
     return Samples(columns, place, findings=found)
 

@@ -181,7 +181,7 @@ def test_f10_bad_rows_are_dropped_on_request_and_counted(run, good, tmp_path) ->
     path.write_bytes(good.with_row("0.020,OVR,2,26"))
     ended = run("inspect", path, "--rig", "bad_rows=drop")
     assert ended.code == 0
-    assert "1 rows that cannot be read were dropped" in ended.out
+    assert "1 row that cannot be read dropped" in ended.out
 
 
 def test_f29_a_cut_log_is_kept_on_request(run, good, tmp_path) -> None:

@@ -289,7 +289,7 @@ def test_arduino_without_names_with_a_stale_buffer_and_damage(put) -> None:
     np.testing.assert_allclose(recording.time, [0.0, 0.01, 0.06], rtol=1e-15)
     np.testing.assert_allclose(recording.displacement, [0.01, 0.015, 0.025], rtol=1e-15)
     np.testing.assert_allclose(recording.force, [9.80665, 19.6133, 49.03325], rtol=1e-14)
-    assert any(note.startswith("4 rows that cannot be read were dropped; a.txt, line 5")
+    assert any(note.startswith("4 rows that cannot be read dropped; a.txt, line 5")
                for note in recording.notes)  # fmt: skip
 
 
@@ -320,7 +320,7 @@ def test_one_bad_row_in_a_large_log(put, end) -> None:
     kept = np.delete(np.arange(n), 60_000)
     np.testing.assert_array_equal(recording.time, np.round(kept / 1000, 3))
     np.testing.assert_array_equal(recording.force, kept % 89)
-    assert any(note.startswith("1 rows") for note in recording.notes)
+    assert any(note.startswith("1 row that") for note in recording.notes)
     lines[40_000] = "nan,1,1,26.0"
     lines[65_000] = "1.0,1,1,26.0"
     path = put(end.join(["time_s,displacement_mm,force_N,temperature_degC", *lines]) + end)

@@ -130,9 +130,7 @@ def test_a_bad_value_is_refused_with_its_row_or_dropped(put) -> None:
     np.testing.assert_array_equal(found.time, [0.0, 0.1, 0.2, 0.4])
     (finding,) = found.findings
     assert finding.name == "rows_dropped"
-    assert finding.sentence.startswith(
-        "1 rows that cannot be read were dropped; setting_3.json, row 4"
-    )
+    assert finding.sentence.startswith("1 row that cannot be read dropped; setting_3.json, row 4")
 
 
 def test_null_is_blank(put) -> None:
