@@ -47,6 +47,9 @@ _NOT_PREDICTED = 10.0
 # Where a run-up begins at once, noise of the displacement costs a little; below this no law is
 # asked to explain more.
 _ENOUGH_PERCENT = 0.02
+# Of the deviation of the fitted forces. The first quarter of a cycle at the slowest of several
+# speeds has a thirtieth of it, and friction that turns in the noise of a sensor a hundredth.
+_SMALL = 0.01
 # Stroke and peak speed that differ by less are one motion: rigs repeat both to a per cent or two.
 _SAME_MOTION = 0.05
 
@@ -325,7 +328,7 @@ def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float)
     noise = _noise(trace, measured - simulated, elsewhere)
     is_part = any(log.trace.name == trace.name for log in fit.logs)
     if is_part and not trace.n_cycles:
-        noise = max(noise, _ENOUGH_PERCENT)
+        noise = max(noise, _enough(trace, float(np.std(fitted))))
     return Prediction(
         setting=fit.setting,
         trace=trace,
@@ -336,6 +339,15 @@ def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float)
         expected_mse_percent=max(fit.mse_percent - fitted_noise, 0.0) + noise,
         is_same_motion=_is_same_motion(fit, trace),
     )
+
+
+def _enough(trace: Trace, deviation: float) -> float:
+    """Return the MSE below which no law is asked to explain more of what moves beside cycles, %.
+
+    `deviation` is that of the fitted forces, N.
+    """
+    own = float(np.std(trace.force[trace.compared]))
+    return max(_ENOUGH_PERCENT, 100.0 * (_SMALL * deviation / own) ** 2)
 
 
 def _is_same_motion(fit: Fit, trace: Trace) -> bool:

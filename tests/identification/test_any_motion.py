@@ -8,7 +8,7 @@ from functools import cache, partial
 import numpy as np
 import pytest
 
-from damperfit.conditioning import ConditionOptions, condition, design_filter
+from damperfit.conditioning import ConditionOptions, condition, design_filter, transients
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, Outcome, identify
@@ -16,7 +16,7 @@ from damperfit.identification.descent import Misfit, linearise
 from damperfit.identification.weights import weights
 from damperfit.recording import Drive
 from damperfit.simulation import SolverOptions
-from damperfit.uncertainty import assess
+from damperfit.uncertainty import assess, predict
 from tests import fakes
 from tests.identification.least_errors import errors_of
 from tests.oracles.motions import logged, triangles
@@ -68,6 +68,16 @@ def test_intervals_hold_for_each_motion(name):
     for parameter, interval in known.intervals.items():
         off = getattr(campaign.fits[0].parameters, parameter) - getattr(truth, parameter)
         assert abs(off) < 3.5 * interval.error, parameter
+
+
+def test_the_first_quarter_of_the_slowest_speed_is_predicted():
+    """From rest, where friction turns in noise: seven times the expected MSE was said of it."""
+    trace, campaign = fitted("three steps")
+    beside = transients(trace)
+    assert beside is not None
+    (one,) = predict(campaign, assessed("three steps"), [beside], damper=PURDY_DAMPER)
+    assert one.mse_percent > 10.0 * one.fitted_mse_percent
+    assert one.verdict == "predicted as well as fitted"
 
 
 def test_a_triangle_alone_does_not_tell_and_says_so():

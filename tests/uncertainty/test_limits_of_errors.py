@@ -19,7 +19,7 @@ from damperfit.uncertainty import (
 from damperfit.uncertainty.correlated_noise import correlation_length
 from damperfit.uncertainty.few_samples import ShortStretch, widening
 from damperfit.uncertainty.intervals import _sums_of_others
-from damperfit.uncertainty.prediction import _is_same_motion
+from damperfit.uncertainty.prediction import _enough, _is_same_motion
 from damperfit.uncertainty.profiles import interpolated_limit
 from damperfit.uncertainty.speed_forces import _fastest, _misfit
 from damperfit.uncertainty.withheld import _jumps
@@ -136,3 +136,9 @@ def test_the_sum_of_the_others_is_that_of_all_but_one(n: int) -> None:
         assert np.array_equal(
             one, sum((p for j, p in enumerate(parts) if j != k), np.zeros((2, 2)))
         )
+
+
+@pytest.mark.parametrize(("own", "per_cent"), [(100.0, 0.02), (50.0, 0.04), (10.0, 1.0)])
+def test_what_moves_beside_cycles_is_met_to_a_hundredth_of_the_fitted_forces(own, per_cent) -> None:
+    trace = SimpleNamespace(force=np.array([own, -own]), compared=slice(None))
+    assert _enough(trace, 100.0) == pytest.approx(per_cent, rel=1e-9)
