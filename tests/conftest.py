@@ -56,6 +56,7 @@ def pytest_collect_file():
 
 def pytest_configure(config):
     """Keep what is compiled also where Python is told to write no bytecode: 7 s of each run."""
+    gc.set_threshold(50_000, 20, 20)  # nothing that is imported and collected is garbage: 1 s each
     if sys.dont_write_bytecode and not hasattr(config, "workerinput"):
         # Some hundred processes of this run load the package: a tenth of each of them.
         compileall.compile_dir(Path(__file__).parents[1] / "damperfit", quiet=2)
@@ -102,8 +103,7 @@ def pytest_collection_modifyitems(items):
 def pytest_collection_finish(session):
     """Let what stands now be: no garbage to look for, and nothing for a fork to copy."""
     gc.collect()
-    gc.freeze()
-    gc.set_threshold(50_000, 20, 20)  # arrays and tables leave few cycles; looking took a fiftieth
+    gc.freeze()  # arrays and tables leave few cycles: looking for them took a fiftieth
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ast
-from collections import defaultdict
+import re
+from collections import Counter, defaultdict
 from functools import cache
 from pathlib import Path
 
@@ -26,6 +27,9 @@ ON_PURPOSE = {
 }
 
 
+_DEFINED = re.compile(r"^(?:async )?(?:class|def) (\w+)", re.MULTILINE)
+
+
 def offered(text: str) -> set[str]:
     """Classes and functions that a module defines and lists in `__all__`."""
     body = ast.parse(text).body
@@ -43,9 +47,14 @@ def offered(text: str) -> set[str]:
 @cache
 def twice() -> dict[str, list[str]]:
     """Names that more than one module offers, with the modules."""
+    texts = {path: path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
+    defined = {path: set(_DEFINED.findall(text)) for path, text in texts.items()}
+    counts = Counter(name for names in defined.values() for name in names)
     found = defaultdict(list)
-    for path in sorted(PACKAGE.rglob("*.py")):
-        for name in offered(path.read_text(encoding="utf-8")):
+    for path, text in texts.items():
+        if all(counts[name] == 1 for name in defined[path]):
+            continue  # parsing all of them takes half a second
+        for name in offered(text):
             found[name].append(path.relative_to(PACKAGE).as_posix())
     return {name: paths for name, paths in found.items() if len(paths) > 1}
 

@@ -297,8 +297,11 @@ def compare(
     from damperfit.run.logs import available_cores
 
     places = [_folder_of(one, "damperfit.compare") for one in runs]
-    if not places:
-        raise ConfigurationError("damperfit.compare: expected two results or more, found none")
+    if not places or (len(runs) == 1 and isinstance(runs[0], Result) and tolerance is None):
+        raise ConfigurationError(
+            f"damperfit.compare: found {'one result' if places else 'no result'}; expected two or "
+            "more, or tolerance=FILE with nominal forces"
+        )
     if tolerance is not None and not isinstance(tolerance, str | Path):
         raise ConfigurationError(
             f"damperfit.compare(tolerance=...): found {tolerance!r}; expected '5%', '20N' or the "

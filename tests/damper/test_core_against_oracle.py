@@ -220,8 +220,8 @@ AGAINST_THE_ORACLE = ("r_m2", "gas_pressure")
 )
 def test_sensitivities_against_the_oracle(name):
     """N29: exact derivatives in the core, central differences in the twin; 1e-4 of the largest."""
-    # A cycle and a reversal; forces that act on no pressure need both directions and no more.
-    motion = sampled(STANDARD, rate=600.0, duration=0.25 if name in {"f_f", "f_0"} else 0.7)
+    # Two reversals; forces that act on no pressure need both directions and no more.
+    motion = sampled(STANDARD, rate=600.0, duration=0.25 if name in {"f_f", "f_0"} else 0.55)
     exact = simulate(SET_M, PURDY_DAMPER, motion, sensitivities=[name], options=TIGHT)
     time, size = exact.time, scale_of(SET_M, PURDY_DAMPER, name)
     step = 1e-4 * size

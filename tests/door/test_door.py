@@ -225,7 +225,7 @@ class TestFrames:
         (lambda _, r: r.plot("fann"), "Did you mean 'fan'?"),
         (lambda *_: damperfit.load(3), "expected the path of a results folder"),
         (lambda *_: damperfit.load("/nowhere"), "nowhere"),
-        (lambda *_: damperfit.compare(), "found none"),
+        (lambda *_: damperfit.compare(), "found no result"),
         (lambda *_: damperfit.read(LOGS), "found several logs"),
         (lambda _, r: damperfit.simulate(r), "damperfit.simulate(10, parameters=result)"),
         (lambda *_: damperfit.simulate(), "give setting=N or set= them all"),

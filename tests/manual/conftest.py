@@ -7,6 +7,13 @@ import json
 import pytest
 
 from damperfit.cli import main
+from tests.kept_fits import kept_fits
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _fits_are_kept():
+    with kept_fits():
+        yield
 
 
 @pytest.fixture(scope="session")

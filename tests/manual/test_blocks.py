@@ -19,6 +19,7 @@ import yaml
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.readers import read_log
+from tests.fleet.test_fleet_command import Here
 from tests.manual.generated import COMMANDS, PAGES, PLACE, ROOT, options_of
 
 KINDS = {"sh", "python", "toml", "csv", "yaml", "text"}
@@ -63,6 +64,7 @@ def here(sample_results, tmp_path, monkeypatch) -> Path:
         log.write_text("".join(lines[: 4 + 1700]), encoding="utf-8")
     shutil.copytree(ROOT / "configs", tmp_path / "configs")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("damperfit.fleet.processes.Processes", Here)  # 1.4 s to start two
     return tmp_path
 
 

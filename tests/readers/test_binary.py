@@ -53,7 +53,8 @@ def test_a_cut_file_is_refused(tmp_path, writer) -> None:
     for module in needed:
         pytest.importorskip(module)
     data = write(SCENARIO)
-    for kept in (len(data) // 2, len(data) - 9):
+    # HDF5 is read in a process of its own, another one after each refusal: 0.6 s.
+    for kept in (len(data) // 2, len(data) - 9)[writer == "MATLAB 7.3" :]:
         refusal(put(tmp_path, data[:kept], file_name))
 
 
