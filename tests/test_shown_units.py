@@ -65,3 +65,17 @@ def test_what_is_no_unit_is_refused(text, said) -> None:
     with pytest.raises(QuantityError, match="--units") as caught:
         parse_units(text)
     assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("the test's sine of 32 mm at 1.5 Hz", "the test's sine of 1.26 in at 1.5 Hz"),
+        ("amplitude 19.6 to 25.4 mm, 30 degC", "amplitude 0.7717 to 1 in, 30 degC"),
+        ("0.1 m/s, 12.6 mm2, 3 mm/s", "0.1 m/s, 12.6 mm2, 3 mm/s"),
+    ],
+)
+def test_lengths_in_words_are_in_the_unit_that_is_shown(text: str, said: str) -> None:
+    assert parse_units("in").say_lengths(text) == said
+    assert parse_units("mm").say_lengths(text) == text
+    assert parse_units("lbf,in/s").say_lengths(text) == text

@@ -208,7 +208,7 @@ def _show(
             + [""]
         )
     rows = rows_in_units(adjustment_rows(forces.levels, forces.clicks), units)
-    print_lines([f"force by setting, {adjuster.source}", ""])
+    print_lines([f"force by setting, {units.say_lengths(adjuster.source)}", ""])
     if question.speed is not None:
         both = question.stroke is None or question.force is not None
         strokes = ("rebound", "bump") if both else (question.stroke or "",)

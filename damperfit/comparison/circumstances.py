@@ -84,7 +84,7 @@ def circumstances(first: Run, second: Run, units: ShownUnits = SI) -> tuple[Circ
         *_identity(first, second),
         *_settings(first, second),
         *_damper(first, second, units),
-        *_motion(first, second),
+        *_motion(first, second, units),
         *_temperature(first, second),
         *_how(first, second),
         *_version(first, second),
@@ -201,7 +201,7 @@ def _gas_force(a: Model, b: Model, units: ShownUnits) -> Iterator[Circumstance]:
     )
 
 
-def _motion(first: Run, second: Run) -> Iterator[Circumstance]:
+def _motion(first: Run, second: Run, units: ShownUnits) -> Iterator[Circumstance]:
     settings = set(first.settings) & set(second.settings)
     motions = [
         [(t.amplitude, t.frequency) for s in settings for t in run.at(s)[:1]]
@@ -216,7 +216,7 @@ def _motion(first: Run, second: Run) -> Iterator[Circumstance]:
     if any(map(math.isnan, (*middle[0], *middle[1]))):
         return
     if any(abs(b / a - 1.0) > SAME_MOTION for a, b in zip(*middle, strict=True)):
-        said = [f"{1e3 * a:.4g} mm at {f:.4g} Hz" for a, f in middle]
+        said = [units.say_lengths(f"{1e3 * a:.4g} mm at {f:.4g} Hz") for a, f in middle]
         yield Circumstance(
             "motion",
             said[0],

@@ -138,7 +138,8 @@ class RunComparison:
         """What forces are compared, as in "forces as measured at the motion of each test"."""
         forces = self.of("force")
         is_measured = bool(forces) and all(line.is_measured for line in forces)
-        return f"forces {'as measured ' if is_measured else ''}at {self.motion}"
+        motion = self.units.say_lengths(self.motion)
+        return f"forces {'as measured ' if is_measured else ''}at {motion}"
 
     @property
     def differing(self) -> tuple[str, ...]:

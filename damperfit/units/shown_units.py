@@ -94,6 +94,25 @@ class ShownUnits:
         text = re.sub(r"(?<![\w/])m/s(?![\w/])", self.velocity.symbol, text)
         return re.sub(r"(?<![\w/.])N(?![\w/])", self.force.symbol, text)
 
+    def say_lengths(self, text: str) -> str:
+        """Return a text with its lengths, which are in mm, in the unit that is shown.
+
+        Examples
+        --------
+        >>> parse_units("in").say_lengths("the test's sine of 25.4 mm at 1.5 Hz")
+        "the test's sine of 1 in at 1.5 Hz"
+        """
+        if self._named("m") is None:
+            return text
+
+        def converted(found: re.Match[str]) -> str:
+            numbers = re.sub(
+                r"\d[\d.]*", lambda one: f"{self.show(1e-3 * float(one[0]), 'm'):.4g}", found[1]
+            )
+            return f"{numbers} {self.length.symbol}"
+
+        return re.sub(r"(\d[\d.]*(?: to \d[\d.]*)?) mm(?![\w/])", converted, text)
+
     def _named(self, unit: str) -> Unit | None:
         for dimension, si in _DIMENSIONS.items():
             if unit == si:

@@ -101,7 +101,7 @@ def log_section(
         anchor=anchor,
         log=log.signals.log,
         verdict=verdict,
-        facts=_facts(log),
+        facts=_facts(log, units),
         findings=tuple(f"{f.severity}: {f.sentence}" for f in log.findings if f.severity != "note"),
         notes=tuple(f.sentence for f in log.findings if f.severity == "note"),
         reading=log.notes,
@@ -123,13 +123,13 @@ def _stretches(log: EvaluatedLog, units: ShownUnits) -> Sheet | None:
     return sheet_in_units(sheet, units)
 
 
-def _facts(log: EvaluatedLog) -> str:
+def _facts(log: EvaluatedLog, units: ShownUnits) -> str:
     frequency = f"{log.frequency:.3g} Hz" if math.isfinite(log.frequency) else "frequency unknown"
-    amplitude = f"amplitude {1e3 * log.amplitude:.3g} mm"
+    amplitude = units.say_lengths(f"amplitude {1e3 * log.amplitude:.3g} mm")
     if log.stretches:
         fastest = max(one.measured.peak_speed_rebound for one in log.stretches)
         n = len(log.stretches)
-        frequency = f"{n} stretch{'es' * (n > 1)}, to {fastest:.3g} m/s"
+        frequency = f"{n} stretch{'es' * (n > 1)}, to {units.write(fastest, 'm/s', '.3g')}"
     warmth = log.temperature
     temperature = "temperature not logged" if warmth is None else f"{warmth:.1f} degC"
     samples = f"{len(log.signals.time)} samples evaluated"

@@ -71,7 +71,7 @@ def html_report(shown: ReportPlots, *, title: str) -> str:
         places=list(dict.fromkeys(section.setting for section in logs)),
         entries={section.setting: section.anchor for section in reversed(logs)},
         identity=identity_of_test(shown.results.record),
-        summary=summary(shown.results, views),
+        summary=summary(shown.results, views, shown.units),
         first=firsts,
         shared=shared_sentence(shown.results.parameters, shown.results.quantities),
         overall=[one for one in overall if one not in firsts],

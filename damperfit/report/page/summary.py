@@ -26,12 +26,14 @@ from damperfit.report.sheets.law_sheet import law_sentences
 from damperfit.report.sheets.mse_sheet import flags, grade_counts
 from damperfit.report.sheets.rounding import number, percent
 from damperfit.report.sheets.sheet import Sheet
+from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from damperfit.report.evaluated_log import EvaluatedLog
     from damperfit.tables import Results
+    from damperfit.units.shown_units import ShownUnits
 
 __all__ = ["Listing", "Summary", "identity_of_test", "setting_verdict", "summary"]
 
@@ -89,14 +91,14 @@ class Summary:
     details: tuple[Listing, ...]
 
 
-def summary(results: Results, logs: Sequence[EvaluatedLog]) -> Summary:
+def summary(results: Results, logs: Sequence[EvaluatedLog], units: ShownUnits = SI) -> Summary:
     """Return headline, alarms, checks, verdicts, trends, warnings and how it was done."""
     record = results.record
     checks_title, checks = _checks(record)
     trends = in_few_words(trend.sentence for trend in trends_in(record) if trend.sentence)
     return Summary(
         lead=" ".join(_headline(results)),
-        facts=_facts(results, logs),
+        facts=_facts(results, logs, units),
         alarms=(
             Listing("These results are incomplete", results.remarks),
             Listing("Not done", list(_not_done(record))),
@@ -183,7 +185,7 @@ def identity_of_test(record: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     return tuple((key, known[key]) for key in dict.fromkeys(order) if known[key])
 
 
-def _facts(results: Results, logs: Sequence[EvaluatedLog]) -> Sheet | None:
+def _facts(results: Results, logs: Sequence[EvaluatedLog], units: ShownUnits) -> Sheet | None:
     """Return damper, rig, test and procedure as a small table."""
     record = results.record
     procedure = next(
@@ -193,7 +195,7 @@ def _facts(results: Results, logs: Sequence[EvaluatedLog]) -> Sheet | None:
     rows = [
         ("damper", _damper(record)),
         ("rig", "; ".join(line.removeprefix("Rig: ").rstrip(".") for line in _rig(record))),
-        ("test", _test(logs)),
+        ("test", units.say_lengths(_test(logs))),
         ("procedure", procedure.removeprefix("Procedure: ").rstrip(".")),
         ("made by", f"damperfit {record.get('version')}" if record.get("version") else ""),
     ]
