@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import json
 import os
+import platform
+import resource
 import signal
 import subprocess
 import sys
@@ -144,6 +146,20 @@ class TestInCopies:
             os.kill(process, 0)
         with pytest.raises(ChildProcessError):
             os.waitpid(-1, os.WNOHANG)
+
+    @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of GNU's C library")
+    def test_a_copy_keeps_the_memory_that_it_has_freed(self):
+        """Else each large array comes with its pages anew: 98 of them."""
+
+        def pages_of(n):
+            np.ones(50_000)
+            before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+            for _ in range(n):
+                np.ones(50_000)
+            return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+        (pages,) = in_copies(pages_of, [100], jobs=1)
+        assert pages < 10 * 98
 
     def test_no_pipe_stays_open(self):
         def open_files() -> int:
