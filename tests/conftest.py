@@ -20,7 +20,6 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-import threadpoolctl
 import typer.main
 from _pytest.assertion import rewrite
 from _pytest.doctest import DoctestModule
@@ -180,25 +179,6 @@ def _the_command_line_is_built_once():
     """Let commands run in this process share what a process builds once: 40 ms of each call."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(typer.main, "get_command", cache(typer.main.get_command))
-        yield
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _blas_is_looked_for_once():
-    """Let fits share what is known of the libraries that are loaded: 5 ms of each, with so many."""
-    known = {}
-
-    class FoundOnce(threadpoolctl.ThreadpoolController):
-        def __init__(self):
-            loaded = len(sys.modules)  # another module may have brought another library
-            if loaded not in known:
-                super().__init__()
-                known.clear()
-                known[loaded] = vars(self).copy()
-            vars(self).update(known[loaded])
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(threadpoolctl, "ThreadpoolController", FoundOnce)
         yield
 
 

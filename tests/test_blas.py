@@ -9,11 +9,10 @@ from contextlib import ExitStack
 
 import pytest
 import scipy.linalg  # noqa: F401 - it brings a BLAS of its own
-import threadpoolctl
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.identification import FitOptions, identify
+from damperfit.identification import FitOptions, blas_threads, identify
 from damperfit.identification.blas_threads import one_blas_thread
 from tests.fakes import trace
 
@@ -25,8 +24,7 @@ def threads() -> set[int]:
 @pytest.fixture(autouse=True)
 def three_threads(monkeypatch):
     """A number that is neither one nor, by chance, the machine's; libraries are looked for anew."""
-    look = threadpoolctl.ThreadpoolController.__base__
-    monkeypatch.setattr(threadpoolctl, "ThreadpoolController", look)
+    monkeypatch.setattr(blas_threads, "_found", {})
     with threadpool_limits(3, user_api="blas"):
         assert threads() == {3}
         yield
@@ -41,6 +39,21 @@ def test_the_first_to_end_leaves_it_lowered_and_the_last_puts_it_back() -> None:
     assert threads() == {1}
     second.close()
     assert threads() == {3}
+
+
+def test_libraries_are_looked_for_again_once_a_module_more_is_there(monkeypatch) -> None:
+    def libraries():
+        with one_blas_thread():
+            assert threads() == {1}
+        assert threads() == {3}
+        (found,) = blas_threads._found.values()
+        return found
+
+    known = libraries()
+    assert known
+    assert libraries() is known
+    monkeypatch.setitem(sys.modules, "one_that_may_bring_a_library", sys)
+    assert libraries() is not known
 
 
 def test_an_error_puts_it_back_too() -> None:

@@ -97,18 +97,26 @@ def choose(points: Points, families: Sequence[tuple[str, int]] | None = None) ->
 
 def _candidates(points: Points, scale: str, degree: int) -> Iterator[_Candidate]:
     """Yield the best curve of a family for each number of settings left out."""
-    whole = fit_curve(points, scale, degree)
-    yield _judged(points, whole, ())
+
+    # The worst are mostly the same ones again.
+    @cache
+    def fitted(left_out: tuple[int, ...]) -> Curve:
+        return fit_curve(_without(points, left_out), scale, degree)
+
+    @cache
+    def worst(tau: float, n: int) -> tuple[int, ...]:
+        return _worst(points, scale, degree, tau=tau, n=n)
+
+    yield _judged(points, fitted(()), ())
     most = _most_outliers(len(points), degree)
     if most == 0:
         return
     tau = LEAST_SCATTER
     for _ in range(2):  # with the scatter that is left when the worst are out
-        worst = _worst(points, scale, degree, tau=tau, n=most)
-        tau = fit_curve(_without(points, worst), scale, degree).scatter
+        tau = fitted(worst(tau, most)).scatter
     for n in range(1, most + 1):
-        left_out = _worst(points, scale, degree, tau=tau, n=n)
-        yield _judged(points, fit_curve(_without(points, left_out), scale, degree), left_out)
+        left_out = worst(tau, n)
+        yield _judged(points, fitted(left_out), left_out)
 
 
 def _most_outliers(n: int, degree: int) -> int:

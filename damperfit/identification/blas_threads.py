@@ -7,6 +7,7 @@ back. Each by itself would put back what it found, and leave one thread for good
 
 from __future__ import annotations
 
+import sys
 import threading
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -19,18 +20,16 @@ __all__ = ["one_blas_thread"]
 _lock = threading.Lock()
 _usual: dict[str, tuple[Any, int]] = {}  # libraries by their files, and threads they had
 _holders: list[object] = []
+_found: dict[int, Any] = {}  # the libraries, while there are so many modules
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Keep BLAS at one thread; the last of those who overlap gives it its threads back."""
-    from threadpoolctl import ThreadpoolController
-
     holder = object()
     own: list[tuple[Any, int]] = []
     with _lock:
-        # One may have been loaded since somebody else came.
-        libraries = ThreadpoolController().select(user_api="blas").lib_controllers
+        libraries = _libraries()
         _holders.append(holder)
         for library in libraries:
             usual = library.get_num_threads()
@@ -52,6 +51,18 @@ def one_blas_thread() -> Iterator[None]:
                 for library, threads in _usual.values():
                     _set(library, threads)
                 _usual.clear()
+
+
+def _libraries() -> Any:
+    """Look for libraries once, and again where a module may have brought another: 5 ms."""
+    from threadpoolctl import ThreadpoolController
+
+    n_modules = len(sys.modules)
+    if n_modules not in _found:
+        found = ThreadpoolController().select(user_api="blas").lib_controllers
+        _found.clear()
+        _found[n_modules] = found
+    return _found[n_modules]
 
 
 def _set(library: Any, threads: int) -> None:

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.adjustment import find_trends
+from damperfit.adjustment import find_trends, selection
 from damperfit.adjustment.curves import Points, fit_curve
 from damperfit.adjustment.trends import _points
 from damperfit.identification import Status
@@ -34,6 +34,20 @@ def test_setting_20_of_the_reference_set_is_off_and_no_other(seed) -> None:
     assert "setting 20 is off the trend by +12." in trends["r_m1"].sentence
     for trend in trends.values():
         assert (trend.direction, trend.monotone) == ("rising", True)
+
+
+def test_no_curve_is_fitted_twice_through_the_same_settings(monkeypatch) -> None:
+    """Of settings that scatter the worst two are the same at first and at last: 5 fits are 3."""
+    fitted = []
+    real = selection.fit_curve
+
+    def noted(points, scale, degree, **more):
+        fitted.append((points.settings.tobytes(), points.logs.tobytes(), scale, degree))
+        return real(points, scale, degree, **more)
+
+    monkeypatch.setattr(selection, "fit_curve", noted)
+    reference_trends(ALL, seed=3)
+    assert len(set(fitted)) == len(fitted) > 50
 
 
 @pytest.mark.parametrize("subset", SUBSETS)

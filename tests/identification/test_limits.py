@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -201,8 +202,10 @@ def test_a_library_loaded_behind_one_that_is_lowered_is_lowered_too(monkeypatch)
             return SimpleNamespace(lib_controllers=list(loaded))
 
     monkeypatch.setattr("threadpoolctl.ThreadpoolController", Controller)
+    monkeypatch.setattr(blas_threads, "_found", {})
     with blas_threads.one_blas_thread():
         loaded.append(second)
+        monkeypatch.setitem(sys.modules, "what_loaded_it", sys)
         with blas_threads.one_blas_thread():
             assert (first.threads, second.threads) == (1, 1)
     assert (first.threads, second.threads) == (4, 6)
