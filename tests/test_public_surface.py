@@ -347,6 +347,7 @@ SURFACE = {
         "Verdict",
         "effective_samples",
         "fit_law",
+        "from_another",
         "in_words",
         "interchangeable_parts",
         "judged",

@@ -23,6 +23,7 @@ from damperfit.identification.joint_procedure import fit_settings_jointly
 from damperfit.identification.left_out import without_idle_parts
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.neighbours import beside_neighbours
+from damperfit.identification.one_friction import with_one_friction
 from damperfit.identification.options import FitOptions, check_options, shared_names
 from damperfit.identification.paper.procedure import as_in_the_paper
 from damperfit.identification.paper.shared_values import MEAN, TAKEN
@@ -159,7 +160,8 @@ def _plain(given: ProcedureInput) -> Campaign:
     found = beside_neighbours(fit_every_setting(given, fit), misfit_of, jobs=given.jobs)
     if not given.options.is_leaving_out:
         return found
-    return without_idle_parts(found, lambda one: misfit_of(one.setting), jobs=given.jobs)
+    found = without_idle_parts(found, lambda one: misfit_of(one.setting), jobs=given.jobs)
+    return with_one_friction(found, lambda one: misfit_of(one.setting), jobs=given.jobs)
 
 
 def _joint(given: ProcedureInput) -> Campaign:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from damperfit.damper.quantity import GAS_AMOUNT, STIFFNESS
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.every_setting import with_status
@@ -36,6 +37,15 @@ _RIGID = ("k_s",)
 _NEGLIGIBLE = ("_opening", "_slope")
 _RETURN = "return_"  # a check valve that never opens is no smaller law
 _BLOW_OFF = ("opening", "slope", "width", "port")
+# Friction at rest and the speed at which it has gone: two numbers of one part, but for a speed that
+# is lower than logs tell.
+_AT_REST = ("breakaway", "stribeck_speed")
+# Oil that does not give, and gas whose pressure does not change: what the logs do not show.
+_AS_IF = {
+    STIFFNESS: "the logs do not show the oil give: it is taken as rigid here",
+    GAS_AMOUNT: "the logs do not show the gas pressure change with the stroke: it is taken as "
+    "constant here",
+}
 
 
 def does_nothing(values: Values, name: str) -> bool:
@@ -51,13 +61,20 @@ def does_nothing(values: Values, name: str) -> bool:
     one = values.quantity(name)
     low, high = one.plausible
     value = getattr(values, name)
+    is_below, is_above = value <= low, value >= high
+    stroke, _, part = name.rpartition("_")
+    if part == "leak" and f"{stroke}_bleed" not in values.names:  # all that the bleed has
+        return bool(is_above)
     if vanishes_below(one):
-        return bool(value <= low)
+        return bool(is_below)
     if name.startswith(_RETURN):
-        return False
-    if value <= low:
-        return name.endswith(_NEGLIGIBLE)
-    return bool(value >= high) and (name.endswith(_CLOSED) or name in _RIGID)
+        return bool(is_below)
+    if is_below:
+        is_laminar = part == "bleed" and f"{stroke}_leak" in values.names
+        return name.endswith(_NEGLIGIBLE) or name == _AT_REST[1] or is_laminar
+    return bool(is_above) and (
+        name.endswith(_CLOSED) or name in (*_RIGID, _AT_REST[1]) or one.role in _AS_IF
+    )
 
 
 def is_nothing(values: Values, name: str) -> bool:
@@ -121,6 +138,9 @@ def _at_edge(fit: Fit) -> list[str]:
 
 def _part(fit: Fit, name: str) -> list[str]:
     """A quantity with those that mean nothing without it: a closed blow-off has no slope."""
+    if name in _AT_REST:
+        is_low = name == _AT_REST[1] and not _is_above(fit.parameters, name)
+        return [name] if is_low else [one for one in _AT_REST if one in fit.status]
     stroke, _, part = name.rpartition("_")
     is_closed = getattr(fit.parameters, name) >= fit.parameters.quantity(name).plausible[1]
     if part not in {"opening", "slope"} or not is_closed:
@@ -128,8 +148,19 @@ def _part(fit: Fit, name: str) -> list[str]:
     return [one for one in (f"{stroke}_{other}" for other in _BLOW_OFF) if one in fit.status]
 
 
+def _is_above(values: Values, name: str) -> bool:
+    return bool(getattr(values, name) >= values.quantity(name).plausible[1])
+
+
 def _sentence(values: Values, name: str) -> str:
     one = values.quantity(name)
+    if one.role in _AS_IF:
+        return f"{one.label} ({one.symbol}): {_AS_IF[one.role]}."
+    if name == _AT_REST[1] and not _is_above(values, name):
+        return (
+            f"{one.label} ({one.symbol}): the logs tell no lower one than "
+            f"{1e3 * one.plausible[0]:g} mm/s, at which it is held here."
+        )
     return (
         f"{one.label} ({one.symbol}) does nothing here: it ran to the edge of its range, and the "
         "law is fitted without it."

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
+    from damperfit.laws.elsewhere import from_another
     from damperfit.laws.judged_laws import JudgedLaw, LawSearch
     from damperfit.laws.law_fit import UNDETERMINED, LawFit, SettingLogs, fit_law
     from damperfit.laws.open_questions import interchangeable_parts, undecided
@@ -29,6 +30,7 @@ __all__ = [
     "Verdict",
     "effective_samples",
     "fit_law",
+    "from_another",
     "in_words",
     "interchangeable_parts",
     "judged",
@@ -51,6 +53,7 @@ _LATE = {
     "UNDETERMINED": "law_fit",
     "Verdict": "choosing",
     "search_laws": "search",
+    "from_another": "elsewhere",
     "effective_samples": "choosing",
     "fit_law": "law_fit",
     "in_words": "variants",

@@ -4,7 +4,9 @@ A law with more quantities fits better always. It is taken only where all of the
 
     n_eff ln(MSE_a/MSE_b) > (k_b - k_a) ln n_eff      its gain is more than its quantities cost
     MSE_a > 1.5 MSE_b                                 and worth having
-    MSE_a > 0.02 %                                    the smaller law leaves something to explain
+    MSE_a > 0.02 %                                    the smaller law leaves something to explain,
+                                                      or a force at a speed is off by more than 1 %,
+                                                      or a held-out log by an MSE of 0.2 %
     not every new part has a quantity at an edge of its range
     what was held out is predicted no worse
 
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ENOUGH_PERCENT",
     "FEWEST_SAMPLES",
+    "NO_WORSE",
     "SEEN_APART",
     "Tried",
     "Verdict",
@@ -45,13 +48,17 @@ __all__ = [
 
 GAIN = 1.5
 ENOUGH_PERCENT = 0.02
+# A law whose MSE is below that may still have a force at a speed off by some per cent, for a small
+# force weighs little; or predict another speed badly.
+ENOUGH_FORCE_PERCENT = 1.0
+ENOUGH_HELD_OUT_PERCENT = 0.2
 # Two layouts whose MSE, times that of what was held out, differ by less cannot be told apart.
 SEEN_APART = 1.5
 # The same where the worse of them leaves and mispredicts nothing that anyone would use: twice each.
 _NOTHING_APART = 4.0
 _NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot be simulated there
 # Two predictions this near each other differ by noise.
-_NO_WORSE = 1.1
+NO_WORSE = 1.1
 FEWEST_SAMPLES = 20.0  # effective ones, of a stretch
 
 
@@ -80,6 +87,24 @@ class Tried:
         """Likewise of what was predicted; NaN without any."""
         known = [x.held_out_percent for x in self.fits if not math.isnan(x.held_out_percent)]
         return _mean(known) if known else math.nan
+
+    @property
+    def left_over(self) -> float:
+        """What it leaves, times what is enough: MSE, a force at a speed, a held-out log."""
+        forces = [one.worst_force_percent / ENOUGH_FORCE_PERCENT for one in self.fits]
+        logs = [
+            one.held_out_percent / ENOUGH_HELD_OUT_PERCENT
+            for one in self.fits
+            if one.held_out == "logs"
+        ]
+        # NaN, of what was not looked at, is less than anything.
+        known = [one for one in (*forces, *logs) if not math.isnan(one)]
+        return max([self.mse_percent / ENOUGH_PERCENT, *known])
+
+    @property
+    def leaves_something(self) -> bool:
+        """Whether it leaves enough for a larger law to be looked for."""
+        return self.left_over > 1.0
 
     @property
     def n_quantities(self) -> int:
@@ -149,7 +174,7 @@ def judged(
     bic = n_eff * math.log(max(gain, 1e-300)) - cost
     new = [x for x in large.at_bound if x in _more(large, small)]
     held = small.held_out_percent, large.held_out_percent
-    if left <= ENOUGH_PERCENT:
+    if left <= ENOUGH_PERCENT and not small.leaves_something:
         reason = (
             f"the smaller law's {left:.2g} % leave too little to matter (below "
             f"{ENOUGH_PERCENT:g} %)"
@@ -160,7 +185,7 @@ def judged(
         reason = f"its parameters cost more than the lower MSE is worth (BIC {bic:+.0f})"
     elif new and _parts(new) == _parts(_more(large, small)):
         reason = f"{', '.join(new)} runs to the end of its range: it is absent"
-    elif held[1] > _NO_WORSE * held[0]:
+    elif held[1] > NO_WORSE * held[0]:
         reason = f"what was held out is predicted worse, {held[1]:.2g} % after {held[0]:.2g} %"
     else:
         beside = (

@@ -6,20 +6,24 @@ neither reaches: the setting between them with the most bleed and the softest sp
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from damperfit.damper.quantity import DAMPER, RIG
 from damperfit.errors import SimulationError
 from damperfit.laws.choosing import Tried, effective_samples, judged
 from damperfit.laws.law_fit import fit_law
+from damperfit.tested.setting import nearest_setting
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
-    from damperfit.damper.model import Model
-    from damperfit.laws.law_fit import SettingLogs
+    from damperfit.damper.model import Model, Values
+    from damperfit.laws.law_fit import LawFit, SettingLogs
     from damperfit.simulation import SolverOptions
+    from damperfit.tested.setting import Setting
 
-__all__ = ["freed_of", "had_by", "needed_at"]
+__all__ = ["freed_of", "from_another", "had_by", "needed_at", "worst_missed"]
 
 _MOST = 4  # settings that are asked
 
@@ -42,7 +46,7 @@ def needed_at(
         How exactly to integrate.
     """
     freed = freed_of(large)
-    for one in elsewhere[:: max(1, -(-len(elsewhere) // _MOST))]:
+    for one in _some_of(elsewhere):
         try:
             # From its own starts: what no compared setting determines is no start for this one.
             less, more = (
@@ -59,6 +63,79 @@ def needed_at(
         if verdict.takes_larger:
             return f"setting {one.setting} needs it: {verdict.reason}"
     return ""
+
+
+def _some_of(settings: Sequence[SettingLogs]) -> Sequence[SettingLogs]:
+    return settings[:: max(1, -(-len(settings) // _MOST))]
+
+
+def worst_missed(
+    law: Tried, asked: Sequence[SettingLogs], solver: SolverOptions
+) -> tuple[SettingLogs, Tried] | None:
+    """Return the setting at which a law leaves most, with its fit; None where it leaves little.
+
+    Parameters
+    ----------
+    law : Tried
+        The law, with its fits at the settings that were compared.
+    asked : sequence of SettingLogs
+        Some of these settings, and others.
+    solver : SolverOptions
+        How exactly to integrate.
+    """
+    known = {one.setting: one for one in law.fits}
+    others = _some_of([one for one in asked if one.setting not in known])
+    found: list[tuple[float, SettingLogs, Tried]] = []
+    for one in asked:
+        fit = known.get(one.setting)
+        if fit is None and one in others:
+            fit = _fitted_beside(law, one, known, solver)
+        if fit is None:
+            continue
+        there = Tried(law.title, (fit,))
+        if there.leaves_something:
+            found.append((there.left_over, one, there))
+    return max(found, key=lambda row: row[0])[1:] if found else None
+
+
+def _fitted_beside(
+    law: Tried, one: SettingLogs, known: Mapping[Setting, LawFit], solver: SolverOptions
+) -> LawFit | None:
+    """The law at another setting, from what is the damper's or the rig's at the nearest."""
+    near = known[nearest_setting(one.setting, known) or one.setting].values
+    model = law.fits[0].model
+    try:
+        return fit_law(
+            model,
+            from_another(one, near),
+            freed=freed_of(law),
+            near=near,
+            solver=solver,
+            is_whole=False,
+        )
+    except SimulationError:
+        return None
+
+
+def from_another(one: SettingLogs, other: Values) -> SettingLogs:
+    """Return logs of a setting that start with what is the damper's or the rig's from another.
+
+    Friction, oil and mounting do not follow the clicks; the loops of one setting may take a
+    friction for a preload.
+
+    Parameters
+    ----------
+    one : SettingLogs
+        The logs.
+    other : Values
+        Of a law at another setting.
+    """
+    known = {
+        name: getattr(other, name)
+        for name in other.names
+        if other.quantity(name).scope in {DAMPER, RIG}
+    }
+    return replace(one, more_start={**known, **one.more_start})
 
 
 def had_by(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:

@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
-from damperfit.identification import compare, normalised_mse
 from damperfit.identification.law_misfit import COMPARING, LawMisfit, best_of_starts
 from damperfit.laws.choosing import FEWEST_SAMPLES
+from damperfit.laws.missed import misses
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
@@ -32,14 +33,12 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["UNDETERMINED", "LawFit", "SettingLogs", "fit_law", "glimpsed", "worst_stroke"]
+__all__ = ["UNDETERMINED", "LawFit", "SettingLogs", "fit_law", "glimpsed"]
 
 # A standard error of this factor to both sides, and a quantity is not determined.
 UNDETERMINED = 1.65
 # An offered part by which the MSE falls by less in a few steps will not reach `choosing.GAIN`.
 _HARDLY = 1.1
-# Of half the range: the least force that what is left in a stroke is held against.
-_LEAST_FORCE = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,6 +108,9 @@ class LawFit:
     worst_stroke_percent : float
         100 times what is left in the stroke that is missed most, over its mean square force or that
         of a fifth of half the range.
+    worst_force_percent : float
+        100 times the force by which the model is off at the speed where it is off most, over the
+        force there or a fifth of half the range.
     """
 
     setting: Setting
@@ -124,6 +126,7 @@ class LawFit:
     evaluations: int
     undetermined: tuple[str, ...] = ()
     worst_stroke_percent: float = math.nan
+    worst_force_percent: float = math.nan
 
 
 def fit_law(  # noqa: PLR0913 - what a search may ask of it
@@ -132,6 +135,7 @@ def fit_law(  # noqa: PLR0913 - what a search may ask of it
     *,
     freed: Sequence[str] = (),
     near: Values | None = None,
+    fixed: Mapping[str, float] = MappingProxyType({}),
     solver: SolverOptions = SolverOptions(),
     is_whole: bool = True,
     hopeless_percent: float = math.inf,
@@ -148,6 +152,8 @@ def fit_law(  # noqa: PLR0913 - what a search may ask of it
         What is fitted although it has a default.
     near : Values, optional
         Of a law fitted before, to start from as far as both have the same quantities.
+    fixed : mapping of str to float
+        What is held, and where, beside what has a default.
     solver : SolverOptions
         How exactly to integrate.
     is_whole : bool
@@ -161,7 +167,7 @@ def fit_law(  # noqa: PLR0913 - what a search may ask of it
     SimulationError
         The law cannot be simulated at any start.
     """
-    held, misfit = _misfit(model, evidence, freed, solver)
+    held, misfit = _misfit(model, evidence, freed, solver, fixed)
     free, coarse = misfit.free, misfit.on_cycles()
     hopeless = hopeless_percent / 100.0
     ended, spent = _descended(coarse, near, held, evidence.more_start, hopeless)
@@ -169,11 +175,11 @@ def fit_law(  # noqa: PLR0913 - what a search may ask of it
         ended = misfit.descend(ended.point.extra, COMPARING)
         spent += ended.evaluations
     values = ended.point.extra
-    missed = _misses(model, values, evidence.fitted, solver)
+    missed = misses(model, values, evidence.fitted, solver)
     held_out, kind = math.nan, TRANSIENTS if evidence.is_part else "logs"
     try:
         if evidence.held_out:
-            held_out = _misses(model, values, evidence.held_out, solver).mse_percent
+            held_out = misses(model, values, evidence.held_out, solver).mse_percent
     except SimulationError:
         held_out = math.inf
     return LawFit(
@@ -190,6 +196,7 @@ def fit_law(  # noqa: PLR0913 - what a search may ask of it
         evaluations=spent,
         undetermined=_undetermined(ended.point, model, free, len(missed.stretches)),
         worst_stroke_percent=missed.worst_stroke_percent,
+        worst_force_percent=missed.worst_force_percent,
     )
 
 
@@ -231,8 +238,12 @@ def glimpsed(
     misfit = misfit.on_cycles()
     start = misfit.model.start(misfit.traces, held)[0]
     shared, absent = _beside(misfit, near.values)
+    without = misfit.cost(start.replace(shared | absent))
     short = misfit.glimpse(start.replace(shared))
-    gain = misfit.cost(start.replace(shared | absent)) / max(short.point.cost, 1e-300)
+    if short.point.cost > without:  # too much of the part for a few steps from there
+        other = misfit.glimpse(start.replace(shared | _little(start, absent)))
+        short = min(short, other, key=lambda one: one.point.cost)
+    gain = without / max(short.point.cost, 1e-300)
     if gain > _HARDLY:
         return None
     values = short.point.extra
@@ -251,14 +262,18 @@ def glimpsed(
 
 
 def _misfit(
-    model: Model, evidence: SettingLogs, freed: Sequence[str], solver: SolverOptions
+    model: Model,
+    evidence: SettingLogs,
+    freed: Sequence[str],
+    solver: SolverOptions,
+    fixed: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[dict[str, float], LawMisfit]:
     """What is held, and the misfit of the rest."""
     held = {
         one.name: one.default
         for one in model.quantities
         if one.default is not None and one.name not in freed
-    }
+    } | dict(fixed)
     free = tuple(name for name in model.names if name not in held)
     return held, LawMisfit(model, evidence.fitted, free, solver)
 
@@ -292,15 +307,25 @@ def _descended(
     inside = starts[0].replace(shared | absent)
     ended = best_of_starts(misfit, (starts[0].replace(shared), *starts), known=1, hopeless=hopeless)
     spent = ended.evaluations
-    # A law that holds the other one fits no worse than that; if it does, it starts from there.
+    # A law that holds the other one fits no worse than that; if it does, a few evaluations told
+    # its starts badly: it starts with a little of what is new, with more, and from the other law.
+    others = (starts[0].replace(shared | _little(starts[0], absent)), starts[0].replace(shared))
     try:
-        if absent and misfit.cost(inside) < ended.point.cost:
-            again = misfit.descend(inside, COMPARING)
+        least = misfit.cost(inside) if absent else -math.inf
+        for other in (*others, inside):
+            if ended.point.cost <= least:
+                break
+            again = misfit.descend(other, COMPARING)
             spent += again.evaluations
             ended = min(ended, again, key=lambda one: one.point.cost)
     except SimulationError:
         pass
     return ended, spent
+
+
+def _little(start: Values, absent: Mapping[str, float]) -> dict[str, float]:
+    """Values half way, in logarithms, between where a part does nothing and where it starts."""
+    return {name: math.sqrt(low * getattr(start, name)) for name, low in absent.items()}
 
 
 def _undetermined(
@@ -320,47 +345,3 @@ def _undetermined(
         for name, error in zip(free, errors.tolist(), strict=True)
         if model.quantity(name).is_logarithmic and error > math.log(UNDETERMINED)
     )
-
-
-class _Missed(NamedTuple):
-    """Residuals of each stretch, N; the MSE of each, of all, and of the worst stroke, per cent."""
-
-    residuals: tuple[FloatArray, ...]
-    stretches: tuple[float, ...]
-    mse_percent: float
-    worst_stroke_percent: float
-
-
-def _misses(
-    model: Model, values: Values, traces: Sequence[Trace], solver: SolverOptions
-) -> _Missed:
-    residuals, alone, measured, velocity = [], [], [], []
-    for trace in traces:
-        force = compare(values, trace, model, solver=solver).force
-        for stretch in trace.stretches:
-            part = stretch.window
-            residuals.append(force[part] - trace.force[part])
-            alone.append(normalised_mse(trace.force[part], force[part]))
-            measured.append(trace.force[part])
-            velocity.append(trace.drive.velocity[part])
-    together, rest = np.concatenate(measured), np.concatenate(residuals)
-    mse = normalised_mse(together, together + rest)
-    worst = worst_stroke(together, rest, np.concatenate(velocity))
-    return _Missed(tuple(residuals), tuple(alone), mse, worst)
-
-
-def worst_stroke(force: FloatArray, rest: FloatArray, velocity: FloatArray) -> float:
-    """Return what is left in the stroke that is missed most, per cent of its mean square force.
-
-    Parameters
-    ----------
-    force, rest, velocity : numpy.ndarray
-        Shape (n,): measured, N; model less measured, N; of the rod, m/s.
-    """
-    least = (_LEAST_FORCE * 0.5 * float(np.ptp(force))) ** 2
-    shares = [
-        float(np.mean(rest[stroke] ** 2)) / max(float(np.mean(force[stroke] ** 2)), least, 1e-300)
-        for stroke in (velocity > 0.0, velocity < 0.0)
-        if stroke.any()
-    ]
-    return 100.0 * max(shares, default=math.nan)

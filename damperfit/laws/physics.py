@@ -23,6 +23,7 @@ __all__ = ["SeenAt", "opening_force", "physics_seen", "seen_again"]
 
 _UNTOLD = (frozenset({Status.NOT_IDENTIFIABLE, Status.ABSENT}), frozenset({Status.AT_BOUND}))
 _NAMED = 3  # settings; of more only the number is given
+_SHOWN_FLOW = 1e-5  # m3/s, at which people are told what a laminar passage costs
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,14 +115,18 @@ def physics_seen(fits: Sequence[LawFit | SeenAt]) -> tuple[str, ...]:
                 if openings
                 else f"in {people} these logs do not determine where a blow-off opens"
             )
-        if valve.bleed == "orifice":
-            name = f"{stroke}_bleed"
-            areas = [_orifice(model, one) for one in _determined(fits, name)]
-            if areas:
-                said.append(
-                    f"in {people} a bleed as an orifice of {_range(areas)} mm2 (C_d A)"
-                    f"{_where(fits, name)}"
-                )
+        kind = "laminar" if valve.bleed == "leak" else "part-laminar"
+        parts = (
+            ("bleed", _orifice, "a bleed as an orifice of {} mm2 (C_d A)"),
+            ("leak", _laminar, f"a {kind} bleed of {{}} bar at 10 cm3/s, in step with the flow"),
+            ("port", _orifice, "a port behind the blow-off as an orifice of {} mm2 (C_d A)"),
+        )  # fmt: skip
+        for part, shown, words in parts:
+            name = f"{stroke}_{part}"
+            values = _determined(fits, name) if name in model.names else []
+            if values:
+                numbers = _range([shown(model, one) for one in values])
+                said.append(f"in {people} {words.format(numbers)}{_where(fits, name)}")
     names = fits[0].values.names
     beside = (
         ("k_s", 1e-3, "{} N/mm of elasticity in series with the damper"),
@@ -143,6 +148,10 @@ def physics_seen(fits: Sequence[LawFit | SeenAt]) -> tuple[str, ...]:
 
 def _orifice(damper: ValveDamper, resistance: float) -> float:
     return 1e6 / (resistance * math.sqrt(2.0 * damper.oil_density))
+
+
+def _laminar(damper: ValveDamper, resistance: float) -> float:
+    return 1e-5 * resistance * damper.oil_density * _SHOWN_FLOW
 
 
 def _determined(fits: Sequence[LawFit | SeenAt], name: str) -> list[float]:

@@ -17,39 +17,36 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from damperfit.damper.quantity import STIFFNESS
 from damperfit.errors import SimulationError
+from damperfit.laws.bleeds import with_bleeds_told
 from damperfit.laws.choosing import (
-    ENOUGH_PERCENT,
     SEEN_APART,
     Tried,
-    Verdict,
     are_alike,
     effective_samples,
     judged,
     said_of_layout,
     times_worse,
 )
-from damperfit.laws.elsewhere import freed_of, had_by, needed_at
+from damperfit.laws.course import Course, valve_damper
+from damperfit.laws.elsewhere import freed_of, had_by, worst_missed
 from damperfit.laws.judged_laws import JudgedLaw, LawSearch
-from damperfit.laws.law_fit import fit_law, glimpsed
 from damperfit.laws.variants import (
     BOTH,
     KINDS,
+    LACKING,
     ONE_STROKE,
     PARTS,
     SMALLER,
+    VALVES,
     everything,
-    in_words,
     laid_out_as,
-    with_part,
     with_parts,
-    words_of,
 )
 from damperfit.laws.yielding import YIELDING, held_against, is_open_to
-from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
@@ -57,20 +54,18 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model
     from damperfit.damper.valve_dampers import ValveDamper
-    from damperfit.laws.law_fit import LawFit, SettingLogs
+    from damperfit.laws.law_fit import SettingLogs
 
 __all__ = ["search_laws"]
 
 # What is offered to what is left over, one after the other: quantities, and kinds of valves' parts.
 _DECLARED = ("gas_volume",)
-_FURTHER = ("return_slope", "drag", *KINDS, *PARTS, "free_gas")
-# A larger law that fits worse by more than this has ended in a wrong valley.
-_WORSE = 1.02
-# A law without a part that leaves so many times as much after a few steps lacks what is needed.
-_HOPELESS = 20.0
+_FURTHER = ("return_slope", "drag", *KINDS, *PARTS, *LACKING, "free_gas")
 # The same parts in another layout that fitted and predicted so many times worse are not fitted
 # again from the law that was taken.
 _FAR_WORSE = 8.0
+# Settings at which parts more are looked for, each by itself.
+_MOST_GROWN = 3
 
 
 def search_laws(  # noqa: PLR0913 - what a user may ask of it
@@ -106,10 +101,10 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     elsewhere : sequence of SettingLogs
         Other settings, asked before a part of one stroke's valve is taken out.
     """
-    course = _Course(evidence, solver, on_law, jobs, held_share, elsewhere)
+    course = _Search(evidence, solver, on_law, jobs, held_share, elsewhere)
     offsets = tuple(one.name for one in plain.quantities if one.is_offset)
     simplest = course.fitted(plain, freed=offsets)
-    if simplest is not None and simplest.mse_percent <= ENOUGH_PERCENT:
+    if simplest is not None and not simplest.leaves_something:
         course.record(simplest, "what it leaves is too small to matter", is_taken=True)
         return course.ended(simplest)
     richest = [with_parts(layout, BOTH, everything(layout.mounting)) for layout in layouts]
@@ -122,95 +117,17 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     lean = course.lean(course.best_layout(found))
     of_oil = [one.name for one in lean.fits[0].model.quantities if one.role == STIFFNESS]
     rich = course.enriched(lean, (*of_oil, *_FURTHER))
+    rich = course.grown(rich, (*of_oil, *_FURTHER))
+    if _bleeds_of(rich) != _bleeds_of(lean):  # a blow-off beside other bleeds may be idle now
+        rich = course.lean(rich, VALVES)
+    rich = course.without_unseen(rich)
     rich = course.laid_out(rich, layouts)
     law = rich if simplest is None else course.settled(simplest, rich)
     return course.ended(course.yielding(law))
 
 
-class _Course:
-    """What has been tried so far."""
-
-    def __init__(
-        self,
-        evidence: Sequence[SettingLogs],
-        solver: SolverOptions,
-        on_law: Callable[[JudgedLaw], None],
-        jobs: int,
-        held_share: float = math.nan,
-        elsewhere: Sequence[SettingLogs] = (),
-    ) -> None:
-        self.evidence, self.solver, self.elsewhere = evidence, solver, elsewhere
-        self.on_law, self.jobs = on_law, jobs
-        self.laws: list[JudgedLaw] = []
-        self.n_eff = math.nan
-        self.alike: tuple[str, ...] = ()
-        self.held_share, self.also = held_share, ""
-
-    def fitted(
-        self,
-        model: Model,
-        *,
-        freed: tuple[str, ...] = (),
-        near: Tried | None = None,
-        is_whole: bool = False,
-        hopeless_percent: float = math.inf,
-    ) -> Tried | None:
-        """Fit a law to every setting; None where it cannot be simulated."""
-        return self.all_fitted(
-            [model], freed=freed, near=near, is_whole=is_whole, hopeless_percent=hopeless_percent
-        )[0]
-
-    def all_fitted(
-        self,
-        models: Sequence[Model],
-        *,
-        freed: tuple[str, ...] = (),
-        near: Tried | None = None,
-        is_whole: bool = False,
-        hopeless_percent: float = math.inf,
-    ) -> list[Tried | None]:
-        """Fit laws to every setting, several fits at a time; each frees what it has of `freed`."""
-
-        def fit(job: tuple[Model, int]) -> LawFit | None:
-            model, place = job
-            start = None if near is None else near.fits[place].values
-            try:
-                return fit_law(
-                    model,
-                    self.evidence[place],
-                    freed=had_by(model, freed),
-                    near=start,
-                    solver=self.solver,
-                    is_whole=is_whole,
-                    hopeless_percent=hopeless_percent,
-                )
-            except SimulationError:
-                return None
-
-        places = range(len(self.evidence))
-        with executor(self.jobs) as pool:
-            fits = list(pool.map(fit, [(model, k) for model in models for k in places]))
-        found: list[Tried | None] = []
-        for row, model in enumerate(models):
-            own = [one for one in fits[row * len(places) :][: len(places)] if one is not None]
-            is_all = len(own) == len(places)
-            title = in_words(model, had_by(model, freed))
-            found.append(Tried(title, tuple(own)) if is_all else None)
-        return found
-
-    def record(
-        self,
-        tried: Tried,
-        reason: str,
-        *,
-        is_taken: bool,
-        change: str = "",
-        verdict: Verdict | None = None,
-    ) -> None:
-        bic, gain = (math.nan, math.nan) if verdict is None else (verdict.bic, verdict.gain)
-        judged_law = JudgedLaw(tried, is_taken, reason, bic, change, gain)
-        self.laws.append(judged_law)
-        self.on_law(judged_law)
+class _Search(Course):
+    """The steps of a search, from the layout to the law that is taken."""
 
     def best_layout(self, found: Sequence[Tried]) -> Tried:
         """The layout that fits and predicts best, with the gas as the maker or the logs tell it.
@@ -226,95 +143,46 @@ class _Course:
         near = [self.enriched(one, _DECLARED) for one in near]
         return min(near, key=lambda one: one.score)
 
-    def lean(self, law: Tried) -> Tried:
+    def lean(self, law: Tried, parts: Sequence[str] = tuple(SMALLER)) -> Tried:
         """Take out what is not needed, until nothing can be."""
-        for change, smaller in SMALLER.items():
-            law = self.without(law, change, smaller)
+        for change in parts:
+            law = self.without(law, change, SMALLER[change])
+        return with_bleeds_told(self, law)
+
+    def without_unseen(self, law: Tried) -> Tried:
+        """Take out parts of one stroke, or of the mounting, that no log tells.
+
+        Last, for what is not seen beside a part that lacks may be seen beside that.
+        """
         for change, (names, smaller) in ONE_STROKE.items():
             if set(names) & law.unseen:
                 law = self.without(law, change, smaller)
         return law
 
-    def without(
-        self, law: Tried, change: str, smaller: Callable[[ValveDamper], ValveDamper | None]
-    ) -> Tried:
-        """The law without a part, where it does not need it."""
-        model = smaller(_valve_damper(law))
-        if model is None:
-            return law
-        hopeless = _HOPELESS * max(law.mse_percent, ENOUGH_PERCENT)
-        one = self.fitted(model, freed=freed_of(law), near=law, hopeless_percent=hopeless)
-        if one is None:
-            return law
-        law = self.no_worse(law, one)
-        verdict = judged(one, law, self.n_eff)
-        needed = "it lacks a part that is needed: " if verdict.takes_larger else ""
-        is_taken, reason = not verdict.takes_larger, f"{needed}{verdict.reason}"
-        asked = self.elsewhere if is_taken and change in ONE_STROKE else ()
-        if why := needed_at(one, law, asked, self.solver):
-            is_taken, reason = False, why
-        self.record(one, reason, is_taken=is_taken, change=f"without {change}", verdict=verdict)
-        return one if is_taken else law
-
-    def no_worse(self, large: Tried, small: Tried) -> Tried:
-        """The larger of two nested laws, which can fit no worse: if it does, from the smaller."""
-        if large.mse_percent <= _WORSE * small.mse_percent:
-            return large
-        again = self.fitted(large.fits[0].model, freed=freed_of(large), near=small)
-        return large if again is None or again.mse_percent >= large.mse_percent else again
-
-    def enriched(self, law: Tried, names: Sequence[str]) -> Tried:
-        """Offer what is left over to further parts: the one that explains most, and so on."""
-        left = list(names)
-        while left and law.mse_percent > ENOUGH_PERCENT:
-            offered = [(name, one) for name in left if (one := self.offered(law, name)) is not None]
-            if not offered:
+    def grown(self, law: Tried, names: Sequence[str]) -> Tried:
+        """What single settings need that those compared do not tell together, the worst first."""
+        asked = [*self.elsewhere, *(self.evidence if len(self.evidence) > 1 else ())]
+        for _ in range(_MOST_GROWN):
+            found = worst_missed(law, asked, self.solver)
+            if found is None:
                 return law
-            offered.sort(key=lambda pair: pair[1].score)
-            best: Tried | None = None
-            for name, one in offered:
-                verdict = judged(law, one, self.n_eff)
-                is_taken = verdict.takes_larger and best is None
-                reason = verdict.reason
-                if verdict.takes_larger and best is not None:
-                    reason = "another part explains more of what was left"
-                change = f"with {words_of(_valve_damper(law), name)}"
-                self.record(one, reason, is_taken=is_taken, change=change, verdict=verdict)
-                if is_taken:
-                    best = one
-                elif not verdict.takes_larger:
-                    left.remove(name)
-            if best is None:
-                return law
-            law = best
+            one, there = found
+            asked.remove(one)
+            seen = _Search((one,), self.solver, self.on_law, self.jobs)
+            seen.n_eff, seen.laws = effective_samples(there, (one,)), self.laws
+            more = seen.enriched(there, names)
+            if more is there:
+                continue
+            fitted = self.fitted(valve_damper(more), freed=freed_of(more), near=law)
+            if fitted is not None:
+                law = fitted
+                reason = f"setting {one.setting} needs it"
+                self.record(law, reason, is_taken=True, change="for another setting")
         return law
-
-    def offered(self, law: Tried, name: str) -> Tried | None:
-        """A law with a part more; None where it has that already, or cannot have it."""
-        model, freed = _valve_damper(law), freed_of(law)
-        if name in KINDS or name in PARTS:
-            model = with_part(model, name)
-            if model == _valve_damper(law):
-                return None
-        elif name not in model.names or name in law.fits[0].free:
-            return None
-        else:
-            freed = (*freed, name)
-        try:
-            seen = [
-                glimpsed(model, one, fit, freed=freed, solver=self.solver)
-                for one, fit in zip(self.evidence, law.fits, strict=True)
-            ]
-        except SimulationError:
-            return None
-        hardly = tuple(one for one in seen if one is not None)
-        if len(hardly) == len(seen):
-            return Tried(in_words(model, freed), hardly)
-        return self.fitted(model, freed=freed, near=law)
 
     def laid_out(self, law: Tried, layouts: Sequence[ValveDamper]) -> Tried:
         """The law in the layout that fits and predicts it best; which others do as well is kept."""
-        own = _valve_damper(law)
+        own = valve_damper(law)
         models = [laid_out_as(own, one) for one in layouts if one.name != own.name]
         known = [self.known_worse(law, model) for model in models]
         left = [model for model, one in zip(models, known, strict=True) if one is None]
@@ -390,5 +258,6 @@ class _Course:
         return LawSearch(laws, polished, self.n_eff, self.alike, self.held_share, self.also)
 
 
-def _valve_damper(law: Tried) -> ValveDamper:
-    return cast("ValveDamper", law.fits[0].model)
+def _bleeds_of(law: Tried) -> tuple[str, str]:
+    damper = valve_damper(law)
+    return damper.rebound.bleed, damper.compression.bleed

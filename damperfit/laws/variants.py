@@ -20,9 +20,12 @@ __all__ = [
     "BLOW_OFF",
     "BOTH",
     "KINDS",
+    "LACKING",
+    "LAMINAR",
     "ONE_STROKE",
     "PARTS",
     "SMALLER",
+    "VALVES",
     "everything",
     "in_words",
     "laid_out_as",
@@ -36,11 +39,19 @@ __all__ = [
 BLEED = Valve("orifice", "none")
 BLOW_OFF = Valve("none", "linear")
 BOTH = Valve("orifice", "linear")
-# kind: part of a valve that it takes the place of, what stood there, in words
-KINDS = {
-    "rounded": ("blow_off", "linear", "blow-offs that lift gradually"),
-    "port": ("blow_off", "linear", "a port behind the blow-offs"),
-    "long": ("bleed", "orifice", "bleeds with a laminar part"),
+LAMINAR = Valve("leak", "none")
+# kind: part of a valve that it takes the place of, what may have stood there, in words
+KINDS: dict[str, tuple[str, tuple[str, ...], str]] = {
+    "rounded": ("blow_off", ("linear",), "blow-offs that lift gradually"),
+    "port": ("blow_off", ("linear",), "a port behind the blow-offs"),
+    "long": ("bleed", ("orifice", "leak"), "bleeds with a laminar part"),
+}
+# What a stroke's valve may lack: the stroke, its part, and the kind that is offered.
+LACKING = {
+    "a blow-off in rebound": ("rebound", "blow_off", "linear"),
+    "a blow-off in bump": ("compression", "blow_off", "linear"),
+    "a bleed in rebound": ("rebound", "bleed", "orifice"),
+    "a bleed in bump": ("compression", "bleed", "orifice"),
 }
 # what a part of the mounting or of the friction is called, its fields, in words
 PARTS = {
@@ -73,13 +84,21 @@ def of_kind(damper: ValveDamper, part: str, old: str, new: str) -> ValveDamper:
 
 
 def with_part(damper: ValveDamper, name: str) -> ValveDamper:
-    """The damper with another kind of a valve's part, or a part more of rig or friction.
+    """The damper with another kind of a valve's part, or a part more of valve, rig or friction.
 
     It is the same where it has that already, or cannot have it.
     """
     if name in KINDS:
-        part, old, _ = KINDS[name]
-        return of_kind(damper, part, old, name)
+        part, known, _ = KINDS[name]
+        for old in known:
+            damper = of_kind(damper, part, old, name)
+        return damper
+    if name in LACKING:
+        stroke, part, kind = LACKING[name]
+        valve = getattr(damper, stroke)
+        if getattr(valve, part) != "none":
+            return damper
+        return dataclasses.replace(damper, **{stroke: dataclasses.replace(valve, **{part: kind})})
     owner, fields, _ = PARTS[name]
     own = getattr(damper, owner)
     more = {one: FIT for one in fields if getattr(own, one) == NONE}
@@ -99,6 +118,8 @@ def laid_out_as(law: ValveDamper, layout: ValveDamper) -> ValveDamper:
 def words_of(damper: ValveDamper, name: str) -> str:
     """Return what is offered to a law, in a few words."""
     known = {**KINDS, **PARTS}
+    if name in LACKING:
+        return name
     return known[name][2] if name in known else damper.quantity(name).label
 
 
@@ -115,22 +136,25 @@ def without(part: str) -> Callable[[ValveDamper], ValveDamper | None]:
     return smaller
 
 
-def _only(valve: Valve) -> Callable[[ValveDamper], ValveDamper | None]:
+def _less(part: str) -> Callable[[ValveDamper], ValveDamper | None]:
     def smaller(damper: ValveDamper) -> ValveDamper | None:
-        if (damper.rebound, damper.compression) != (BOTH, BOTH):
+        valves = {"rebound": damper.rebound, "compression": damper.compression}
+        if any("none" in {one.bleed, one.blow_off} for one in valves.values()):
             return None
-        return dataclasses.replace(damper, rebound=valve, compression=valve)
+        less = {name: dataclasses.replace(one, **{part: "none"}) for name, one in valves.items()}
+        return dataclasses.replace(damper, rebound=less["rebound"], compression=less["compression"])
 
     return smaller
 
 
 # The valves first, while everything that a rig may have stands beside them.
 SMALLER: dict[str, Callable[[ValveDamper], ValveDamper | None]] = {
-    "blow-offs": _only(BLEED),
-    "bleeds": _only(BLOW_OFF),
+    "blow-offs": _less("blow_off"),
+    "bleeds": _less("bleed"),
     "lag": without("lag"),
     "play": without("play"),
 }
+VALVES = ("blow-offs", "bleeds")
 
 
 def _lacking(stroke: str, part: str) -> Callable[[ValveDamper], ValveDamper | None]:
@@ -144,7 +168,17 @@ def _lacking(stroke: str, part: str) -> Callable[[ValveDamper], ValveDamper | No
     return smaller
 
 
-# A part of one stroke's valve, and a quantity of it: asked for where no log tells that quantity.
+def _rigid(damper: ValveDamper) -> ValveDamper | None:
+    mounting = damper.mounting
+    if mounting.series_stiffness != FIT or mounting.play != NONE:
+        return None
+    return dataclasses.replace(
+        damper, mounting=dataclasses.replace(mounting, series_stiffness=NONE)
+    )
+
+
+# A part of one stroke's valve or of the mounting, and a quantity of it: asked for where no log
+# tells that quantity.
 ONE_STROKE: dict[str, tuple[tuple[str, ...], Callable[[ValveDamper], ValveDamper | None]]] = {
     "the blow-off in rebound": (
         ("rebound_opening", "rebound_slope"), _lacking("rebound", "blow_off"),
@@ -154,6 +188,7 @@ ONE_STROKE: dict[str, tuple[tuple[str, ...], Callable[[ValveDamper], ValveDamper
     ),
     "the bleed in rebound": (("rebound_bleed",), _lacking("rebound", "bleed")),
     "the bleed in bump": (("compression_bleed",), _lacking("compression", "bleed")),
+    "elasticity of the mounting": (("k_s",), _rigid),
 }  # fmt: skip
 
 
@@ -182,7 +217,10 @@ def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
 
 def _of_valve(valve: Valve) -> str:
     blow_off = {"none": "", "linear": "blow-off"}.get(valve.blow_off, f"{valve.blow_off} blow-off")
-    return " and ".join(word for word in ("bleed" * (valve.bleed != "none"), blow_off) if word)
+    return " and ".join(word for word in (_BLEEDS[valve.bleed], blow_off) if word)
+
+
+_BLEEDS = {"none": "", "orifice": "bleed", "leak": "laminar bleed", "long": "part-laminar bleed"}
 
 
 _FRICTION = {part: said for part, (owner, _, said) in PARTS.items() if owner == "friction"}

@@ -19,6 +19,7 @@ from damperfit.identification import GivenStart
 from damperfit.laws import (
     SettingLogs,
     fit_law,
+    from_another,
     interchangeable_parts,
     physics_seen,
     rank_rivals,
@@ -200,7 +201,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
             near = nearest_setting(one.setting, known)
             return fit_law(
                 best.model,
-                one,
+                one if near is None else from_another(one, known[near].values),
                 freed=freed,
                 near=None if near is None or known[near].undetermined else known[near].values,
                 solver=solver,

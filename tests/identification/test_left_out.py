@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import condition
+from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, NONE, Mounting
+from damperfit.damper.network import Valve
 from damperfit.identification import Campaign, Fit, FitOptions, identify, left_out
 from damperfit.identification.left_out import does_nothing, is_nothing
 from damperfit.identification.outcome import Outcome, Status
@@ -80,7 +82,7 @@ def test_the_grade_stands_where_nothing_strains_against_an_edge(strained: Fit, l
         ("rebound_bleed", 1, True), ("rebound_bleed", 0, False),
         ("compression_opening", 1, True), ("compression_opening", 0, True),
         ("compression_slope", 1, True), ("compression_slope", 0, True),
-        ("return_slope", 1, False), ("return_slope", 0, False),
+        ("return_slope", 1, False), ("return_slope", 0, True),
     ],
 )  # fmt: skip
 def test_only_at_one_edge_does_a_part_do_nothing(
@@ -110,6 +112,48 @@ def test_what_ran_to_an_edge_is_none_or_strains(
     """A friction beside the noise lies within its range, and is none all the same."""
     edge = lean.parameters.quantity(name).plausible[side]
     assert is_nothing(lean.parameters.replace({name: factor * edge}), name) is is_none
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "side", "is_idle"),
+    [
+        ("leak", "rebound_leak", 1, True), ("leak", "rebound_leak", 0, False),
+        ("long", "rebound_leak", 1, False), ("long", "rebound_leak", 0, True),
+        ("long", "rebound_bleed", 1, True), ("long", "rebound_bleed", 0, True),
+    ],
+)  # fmt: skip
+def test_a_part_of_a_long_bleed_does_nothing_when_it_is_wide(kind, name, side, *, is_idle) -> None:
+    model = replace(WITH_PLAY, rebound=Valve(kind, "linear"))
+    values = model.values({one.name: 1.0 for one in model.quantities})
+    edge = model.quantity(name).plausible[side]
+    assert does_nothing(values.replace({name: edge}), name) is is_idle
+
+
+@pytest.mark.parametrize(
+    ("name", "side", "is_idle", "said"),
+    [
+        ("k_e", 1, True, "do not show the oil give: it is taken as rigid here"),
+        ("k_e", 0, False, ""),
+        ("gas_volume", 1, True, "gas pressure change with the stroke: it is taken as constant"),
+        ("gas_volume", 0, False, ""),
+        ("stribeck_speed", 0, True, "the logs tell no lower one than 5 mm/s, at which it is held"),
+        ("stribeck_speed", 1, True, "does nothing here"),
+        ("breakaway", 0, True, "does nothing here"),
+        ("breakaway", 1, False, ""),
+    ],
+)
+def test_what_the_logs_do_not_show_is_held_and_said(lean: Fit, name, side, is_idle, said) -> None:
+    model = replace(WITH_PLAY, friction=Friction(breakaway=FIT, stribeck_speed=FIT))
+    values = model.values({one.name: 1.0 for one in model.quantities})
+    values = values.replace({name: model.quantity(name).plausible[side]})
+    assert does_nothing(values, name) is is_idle
+    if is_idle:
+        assert said in left_out._sentence(values, name)
+    if name in {"stribeck_speed", "breakaway"}:
+        fit = replace(lean, parameters=values, status=dict.fromkeys(model.names, Status.FITTED))
+        is_low = (name, side) == ("stribeck_speed", 0)
+        part = ["stribeck_speed"] if is_low else ["breakaway", "stribeck_speed"]
+        assert left_out._part(fit, name) == part
 
 
 def test_a_blow_off_that_never_opens_has_no_slope(strained: Fit) -> None:

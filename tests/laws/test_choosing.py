@@ -59,6 +59,21 @@ def test_a_law_that_leaves_nothing_is_large_enough():
     assert "leave too little to matter" in refused.reason
 
 
+@pytest.mark.parametrize(
+    ("force", "held", "kind", "leaves"),
+    [
+        (0.99, math.nan, "", False), (1.01, math.nan, "", True), (math.nan, math.nan, "", False),
+        (0.5, 0.199, "logs", False), (0.5, 0.201, "logs", True), (0.5, 0.9, "transients", False),
+    ],
+)  # fmt: skip
+def test_a_small_mse_may_leave_a_force_or_another_speed(force, held, kind, leaves) -> None:
+    """Run-up and coast-down are missed by more than steady cycles, whatever the law."""
+    fit = replace(tried(0.0199, 4, held=held).fits[0], worst_force_percent=force, held_out=kind)
+    small = Tried("small", (fit,))
+    assert small.leaves_something is leaves
+    assert judged(small, tried(1e-3, 5, held=held), 30.0).takes_larger is leaves
+
+
 def test_a_new_quantity_at_its_edge_is_none():
     new, old = NAMES[4], NAMES[1]
     assert not judged(tried(1.0, 4), tried(0.1, 5, at_bound=(new,)), 30.0).takes_larger

@@ -13,7 +13,7 @@ from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification.signatures import gain, signatures
 from damperfit.laws import LawFit, Tried
-from damperfit.laws.search import _Course
+from damperfit.laws.search import _Search
 from damperfit.laws.variants import BLEED, everything, without
 from damperfit.recording import Trace
 from damperfit.run.law_choice import _assumed, _layouts
@@ -112,7 +112,7 @@ def test_a_law_without_a_blow_off_is_not_offered_a_rounded_one(monkeypatch) -> N
     rest = (np.zeros(3),)
     fit = LawFit(Setting.of(1), model, values, model.names, (), 1.0, (1.0,), np.nan, "", rest, 9)
     law = Tried("bleed", (fit,))
-    course = _Course([], SolverOptions(), lambda _: None, 1)
+    course = _Search([], SolverOptions(), lambda _: None, 1)
     monkeypatch.setattr(course, "fitted", lambda *_, **__: pytest.fail("fitted once more"))
     assert course.enriched(law, ["rounded", "port"]) is law
 

@@ -7,10 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from damperfit.damper.valve_dampers import TwinTube
 from damperfit.errors import SimulationError
 from damperfit.laws import elsewhere
 from damperfit.laws.choosing import Tried
-from damperfit.laws.law_fit import worst_stroke
+from damperfit.laws.law_fit import SettingLogs
+from damperfit.laws.missed import worst_force, worst_stroke
 from damperfit.simulation import SolverOptions
 
 
@@ -19,7 +21,8 @@ def fit(name, percent, stroke=1.0):
     free = ("bleed",) if name == "small" else ("bleed", "opening")
     return SimpleNamespace(
         model=model, mse_percent=percent, held_out_percent=float("nan"), free=free, at_bound=(),
-        worst_stroke_percent=stroke, residuals=(np.zeros(4),),
+        worst_stroke_percent=stroke, worst_force_percent=0.5, held_out="",
+        residuals=(np.zeros(4),),
     )  # fmt: skip
 
 
@@ -73,3 +76,51 @@ def test_a_force_near_nothing_is_held_against_a_fifth_of_half_the_range():
     velocity = np.array([1.0, -1.0])
     force, rest = np.array([400.0, 0.0]), np.array([0.0, 4.0])
     assert worst_stroke(force, rest, velocity) == pytest.approx(100.0 * (4.0 / 40.0) ** 2)
+
+
+def test_a_force_at_a_speed_is_held_against_that_of_its_speed() -> None:
+    """Twelve speeds a stroke, from a third of the highest on."""
+    speed = (np.arange(12) + 0.5) / 12
+    velocity = np.concatenate([speed, [1.0], -speed, [-1.0]])
+    force = np.where(velocity > 0.0, 400.0, -200.0)
+    rest = np.zeros(26)
+    rest[3] = 100.0  # below a third of the highest speed
+    assert worst_force(force, rest, velocity) == 0.0
+    velocity[6:8], rest[6:8] = (0.505, 0.575), (8.0, -8.0)  # of one speed
+    assert worst_force(force, rest, velocity) == 0.0
+    rest[4] = 8.0
+    assert worst_force(force, rest, velocity) == pytest.approx(2.0)
+    rest[13 + 8] = -6.0
+    assert worst_force(force, rest, velocity) == pytest.approx(3.0)
+    force[13 + 8] = 10.0  # a fifth of half the range: 60 N
+    assert worst_force(force, rest, velocity) == pytest.approx(10.0)
+
+
+def test_the_setting_that_is_missed_most_is_found_from_the_friction_of_another(monkeypatch) -> None:
+    at = {1: 0.5, 2: 3.0, 3: 2.0, 4: None}
+    asked_from = []
+
+    def fitted(model, one, **_):
+        asked_from.append(dict(one.more_start))
+        if at[one.setting] is None:
+            raise SimulationError("no")
+        found = fit(model.name, 0.001)
+        found.worst_force_percent = at[one.setting]
+        return found
+
+    monkeypatch.setattr(elsewhere, "fit_law", fitted)
+    monkeypatch.setattr(elsewhere, "nearest_setting", lambda *_: 7)
+    values = TwinTube().values({one.name: 3.0 for one in TwinTube().quantities})
+    known = fit("law", 0.001)
+    known.setting, known.values = 7, values
+    settings = [SettingLogs(k, ()) for k in at]
+    law = Tried("law", (known,))
+    one, there = elsewhere.worst_missed(law, settings, SolverOptions())
+    assert (one.setting, there.fits[0].worst_force_percent) == (2, 3.0)
+    assert asked_from[0]["f_f"] == asked_from[0]["k_s"] == 3.0
+    assert not {"rebound_bleed", "compression_opening", "f_0"} & set(asked_from[0])
+    known.worst_force_percent = 4.0  # a setting that was compared counts by itself
+    one, there = elsewhere.worst_missed(law, [*settings, SettingLogs(7, ())], SolverOptions())
+    assert (one.setting, there.fits) == (7, (known,))
+    at.update({2: 0.5, 3: 0.5})
+    assert elsewhere.worst_missed(law, settings, SolverOptions()) is None

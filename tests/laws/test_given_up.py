@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.identification.law_misfit import best_of_starts
 from damperfit.identification.minimiser import Minimum
-from damperfit.laws.search import _Course
+from damperfit.laws.search import _Search
 from damperfit.simulation import SolverOptions
 
 
@@ -48,7 +48,7 @@ def tried(layout: str, percent: float):
 
 @pytest.mark.parametrize(("times", "is_known"), [(7.9, False), (8.1, True)])
 def test_a_layout_that_was_far_worse_is_not_fitted_again(times, is_known) -> None:
-    course = _Course([], SolverOptions(), lambda _: None, 1)
+    course = _Search([], SolverOptions(), lambda _: None, 1)
     law, other = tried("through flow", 0.01), tried("twin tube", 0.01 * times)
     course.record(law, "", is_taken=True)
     course.record(other, "", is_taken=False)

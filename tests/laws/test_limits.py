@@ -8,7 +8,7 @@ import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.laws import LawFit, law_fit, search
+from damperfit.laws import LawFit, course, law_fit
 from damperfit.laws.physics import _where
 from damperfit.tested.setting import Setting
 
@@ -21,9 +21,9 @@ def tried(mse: float, *, score: float = 0.0, name: str = "twin_tube") -> SimpleN
 @pytest.mark.parametrize(("mse", "is_kept"), [(1.019, True), (1.021, False)])
 def test_a_larger_law_may_fit_worse_by_two_per_cent(monkeypatch, mse, is_kept) -> None:
     large, again = tried(mse), tried(0.9)
-    monkeypatch.setattr(search, "freed_of", lambda _: ())
-    course = SimpleNamespace(fitted=lambda *_, **__: again)
-    found = search._Course.no_worse(course, large, tried(1.0))
+    monkeypatch.setattr(course, "freed_of", lambda _: ())
+    steps = SimpleNamespace(fitted=lambda *_, **__: again)
+    found = course.Course.no_worse(steps, large, tried(1.0))
     assert found is (large if is_kept else again)
 
 

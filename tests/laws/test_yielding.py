@@ -140,6 +140,7 @@ def test_a_damper_yields_where_all_its_logs_do(monkeypatch, shares, expected) ->
 
 def test_a_layout_frees_what_it_has(monkeypatch) -> None:
     """Return checks that a twin tube needs do not stop a monotube from being tried."""
+    from damperfit.laws import course as course_of_search
     from damperfit.laws import search
 
     asked = []
@@ -148,8 +149,8 @@ def test_a_layout_frees_what_it_has(monkeypatch) -> None:
         asked.append(freed)
         return tried(model, 1.0).fits[0]
 
-    monkeypatch.setattr(search, "fit_law", fit_law)
-    course = search._Course([SettingLogs(Setting.of(1), ())], None, lambda _: None, 1)
+    monkeypatch.setattr(course_of_search, "fit_law", fit_law)
+    course = search._Search([SettingLogs(Setting.of(1), ())], None, lambda _: None, 1)
     found = course.all_fitted([damper(), Monotube()], freed=("return_slope", "drag"))
     assert asked == [("return_slope", "drag"), ("drag",)]
     assert found[1].title.endswith("also drag of the seals")

@@ -1,0 +1,135 @@
+"""Friction is the damper's, not its clicks': a setting that tells another takes that of the others.
+
+With its bleed closed, a preload and a friction give nearly the same force at one speed, so that the
+logs of one setting may take either for the other under the same misfit. Where most settings agree,
+one that does not is fitted again with their friction, and keeps it where it fits as well.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from statistics import median
+from typing import TYPE_CHECKING
+
+from damperfit.errors import SimulationError
+from damperfit.identification.descent import FitCancelledError
+from damperfit.identification.every_setting import with_status
+from damperfit.identification.law_misfit import LawMisfit, best_fitting
+from damperfit.identification.outcome import Outcome, Status
+from damperfit.identification.plausible import kept_within
+from damperfit.identification.setting import attempt, describe_fit
+from damperfit.parallel import executor
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from damperfit.damper.quantity import Quantity
+    from damperfit.identification.descent import Misfit
+    from damperfit.identification.every_setting import Campaign
+    from damperfit.identification.setting import Fit, Judged
+
+__all__ = ["with_one_friction"]
+
+# Frictions this many times apart are not those of one damper; seals that are pressed harder in one
+# setting than in another have less.
+TIMES_APART = 1.5
+
+
+def with_one_friction(
+    campaign: Campaign, misfit_of: Callable[[Fit], Misfit], *, jobs: int
+) -> Campaign:
+    """Return the fits, those with a friction unlike that of most fitted again with theirs.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Fits of settings by themselves.
+    misfit_of : callable
+        What is fitted at the setting of a fit.
+    jobs : int
+        Threads; the result does not depend on them.
+    """
+    if not campaign.fits or not campaign.is_complete:
+        return campaign
+    found = campaign
+    for quantity in campaign.fits[0].parameters.quantities:
+        if quantity.is_friction:
+            found = _with_one(found, quantity, misfit_of, jobs)
+    return found
+
+
+def _with_one(
+    campaign: Campaign, quantity: Quantity, misfit_of: Callable[[Fit], Misfit], jobs: int
+) -> Campaign:
+    name = quantity.name
+    told = [
+        float(getattr(fit.parameters, name))
+        for fit in campaign.fits
+        if fit.status[name] is Status.FITTED
+    ]
+    if not told:
+        return campaign
+    usual = median(told)
+    agreeing = [one for one in told if _is_like(one, usual)]
+    odd = [fit for fit in campaign.fits if _is_odd(fit, name, usual)]
+    if len(odd) >= len(agreeing):  # one against one tells nothing
+        return campaign
+    of_all = sum(agreeing) / len(agreeing)
+
+    def again(fit: Fit) -> Fit:
+        if fit not in odd:
+            return fit
+        try:
+            return _held(fit, quantity, of_all, misfit_of(fit))
+        except (SimulationError, FitCancelledError):
+            return fit
+
+    with executor(jobs) as pool:
+        return replace(campaign, fits=tuple(pool.map(again, campaign.fits)))
+
+
+def _is_like(one: float, other: float) -> bool:
+    return one < TIMES_APART * other and other < TIMES_APART * one
+
+
+def _is_odd(fit: Fit, name: str, usual: float) -> bool:
+    status = fit.status[name]
+    if status in {Status.FIXED, Status.SHARED}:
+        return False
+    return status is Status.ABSENT or not _is_like(float(getattr(fit.parameters, name)), usual)
+
+
+def _held(fit: Fit, quantity: Quantity, value: float, misfit: Misfit) -> Fit:
+    """The fit with the friction of the others, where that fits as well."""
+    lost = {name for name, status in fit.status.items() if status is Status.ABSENT}
+    free = tuple(one for one in misfit.free if one != quantity.name and one not in lost)
+    rest = replace(misfit, free=free)
+    fixed = {
+        one: float(getattr(fit.parameters, one)) for one in fit.parameters.names if one not in free
+    } | {quantity.name: value}
+    held = fit.parameters.replace({quantity.name: value})
+    read = LawMisfit(rest.damper, rest.traces, free, rest.solver)
+    starts = best_fitting(read, [held, *rest.damper.start(rest.traces, fixed)])
+    found: list[Judged] = []
+    spent = fit.evaluations
+    for start in starts[:2]:
+        judged = attempt(rest, kept_within(start, free), spent)
+        spent = judged.solution.evaluations
+        found.append(judged)
+    best = min(found, key=lambda one: one.solution.mse_percent)
+    n = best.solution.n_independent
+    worse = best.solution.mse_percent / max(fit.mse_percent, 1e-300)
+    is_strained = best.outcome not in {Outcome.CONVERGED, Outcome.NOT_IDENTIFIABLE}
+    if is_strained or n * math.log(max(worse, 1e-300)) > math.log(n):
+        return replace(fit, evaluations=spent)
+    said = (
+        f"{quantity.label} ({quantity.symbol}) is that of the other settings, {value:.3g} N: it "
+        f"belongs to the damper, and these logs are met as well with it "
+        f"({best.solution.mse_percent:.2g} % after {fit.mse_percent:.2g} % with "
+        f"{float(getattr(fit.parameters, quantity.name)):.2g} N)."
+    )
+    status = {**dict.fromkeys(lost - {quantity.name}, Status.ABSENT), quantity.name: Status.FIXED}
+    judged = with_status(best, status)
+    found_fit = describe_fit(fit.setting, judged, rest)
+    return replace(found_fit, warnings=(*fit.warnings, said))

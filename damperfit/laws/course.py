@@ -1,0 +1,250 @@
+"""What a search has tried so far, and its two steps: a part less, and a part more."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, cast
+
+from damperfit.errors import SimulationError
+from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, judged
+from damperfit.laws.elsewhere import freed_of, had_by, needed_at
+from damperfit.laws.judged_laws import JudgedLaw
+from damperfit.laws.law_fit import fit_law, glimpsed
+from damperfit.laws.variants import (
+    KINDS,
+    LACKING,
+    ONE_STROKE,
+    PARTS,
+    in_words,
+    with_part,
+    words_of,
+)
+from damperfit.parallel import executor
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from damperfit.damper.model import Model
+    from damperfit.damper.valve_dampers import ValveDamper
+    from damperfit.laws.law_fit import LawFit, SettingLogs
+    from damperfit.simulation import SolverOptions
+
+__all__ = ["Course", "valve_damper"]
+
+# A larger law that fits worse by more than this has ended in a wrong valley.
+_WORSE = 1.02
+# A law without a part that leaves so many times as much after a few steps lacks what is needed.
+_HOPELESS = 20.0
+
+# What a law without it has in a wrong valley, friction taken for a preload or for soft oil, so that
+# a few steps from there show nothing.
+_HIDDEN = ("port", "breakaway", "free_gas")
+
+
+class Course:
+    """What has been tried so far."""
+
+    def __init__(
+        self,
+        evidence: Sequence[SettingLogs],
+        solver: SolverOptions,
+        on_law: Callable[[JudgedLaw], None],
+        jobs: int,
+        held_share: float = math.nan,
+        elsewhere: Sequence[SettingLogs] = (),
+    ) -> None:
+        self.evidence, self.solver, self.elsewhere = evidence, solver, elsewhere
+        self.on_law, self.jobs = on_law, jobs
+        self.laws: list[JudgedLaw] = []
+        self.n_eff = math.nan
+        self.alike: tuple[str, ...] = ()
+        self.held_share, self.also = held_share, ""
+
+    def fitted(
+        self,
+        model: Model,
+        *,
+        freed: tuple[str, ...] = (),
+        near: Tried | None = None,
+        is_whole: bool = False,
+        hopeless_percent: float = math.inf,
+    ) -> Tried | None:
+        """Fit a law to every setting; None where it cannot be simulated."""
+        return self.all_fitted(
+            [model], freed=freed, near=near, is_whole=is_whole, hopeless_percent=hopeless_percent
+        )[0]
+
+    def all_fitted(
+        self,
+        models: Sequence[Model],
+        *,
+        freed: tuple[str, ...] = (),
+        near: Tried | None = None,
+        is_whole: bool = False,
+        hopeless_percent: float = math.inf,
+    ) -> list[Tried | None]:
+        """Fit laws to every setting, several fits at a time; each frees what it has of `freed`."""
+
+        def fit(job: tuple[Model, int]) -> LawFit | None:
+            model, place = job
+            start = None if near is None else near.fits[place].values
+            try:
+                return fit_law(
+                    model,
+                    self.evidence[place],
+                    freed=had_by(model, freed),
+                    near=start,
+                    solver=self.solver,
+                    is_whole=is_whole,
+                    hopeless_percent=hopeless_percent,
+                )
+            except SimulationError:
+                return None
+
+        places = range(len(self.evidence))
+        with executor(self.jobs) as pool:
+            fits = list(pool.map(fit, [(model, k) for model in models for k in places]))
+        found: list[Tried | None] = []
+        for row, model in enumerate(models):
+            own = [one for one in fits[row * len(places) :][: len(places)] if one is not None]
+            is_all = len(own) == len(places)
+            title = in_words(model, had_by(model, freed))
+            found.append(Tried(title, tuple(own)) if is_all else None)
+        return found
+
+    def record(
+        self,
+        tried: Tried,
+        reason: str,
+        *,
+        is_taken: bool,
+        change: str = "",
+        verdict: Verdict | None = None,
+    ) -> None:
+        """Keep a law that was judged, and say it to who waits for it."""
+        bic, gain = (math.nan, math.nan) if verdict is None else (verdict.bic, verdict.gain)
+        judged_law = JudgedLaw(tried, is_taken, reason, bic, change, gain)
+        self.laws.append(judged_law)
+        self.on_law(judged_law)
+
+    def without(
+        self, law: Tried, change: str, smaller: Callable[[ValveDamper], ValveDamper | None]
+    ) -> Tried:
+        """The law without a part, where it does not need it."""
+        model = smaller(valve_damper(law))
+        if model is None:
+            return law
+        hopeless = _HOPELESS * max(law.mse_percent, ENOUGH_PERCENT)
+        one = self.fitted(model, freed=freed_of(law), near=law, hopeless_percent=hopeless)
+        if one is None:
+            return law
+        law = self.no_worse(law, one)
+        verdict = judged(one, law, self.n_eff)
+        needed = "it lacks a part that is needed: " if verdict.takes_larger else ""
+        is_taken, reason = not verdict.takes_larger, f"{needed}{verdict.reason}"
+        asked = self.elsewhere if is_taken and change in ONE_STROKE else ()
+        if why := needed_at(one, law, asked, self.solver):
+            is_taken, reason = False, why
+        self.record(one, reason, is_taken=is_taken, change=f"without {change}", verdict=verdict)
+        return one if is_taken else law
+
+    def no_worse(self, large: Tried, small: Tried) -> Tried:
+        """The larger of two nested laws, which can fit no worse: if it does, from the smaller."""
+        if large.mse_percent <= _WORSE * small.mse_percent:
+            return large
+        again = self.fitted(large.fits[0].model, freed=freed_of(large), near=small)
+        return large if again is None or again.mse_percent >= large.mse_percent else again
+
+    def enriched(self, law: Tried, names: Sequence[str]) -> Tried:
+        """Offer what is left over to further parts: the one that explains most, and so on."""
+        left = list(names)
+        while left and law.leaves_something:
+            offered = [(name, one) for name in left if (one := self.offered(law, name)) is not None]
+            if not offered:
+                return law
+            verdicts = {name: judged(law, one, self.n_eff) for name, one in offered}
+            self.rank(offered, verdicts)
+            best: Tried | None = None
+            for name, one in offered:
+                verdict = verdicts[name]
+                is_taken = verdict.takes_larger and best is None
+                reason = verdict.reason
+                if verdict.takes_larger and best is not None:
+                    reason = "another part explains more of what was left"
+                change = f"with {words_of(valve_damper(law), name)}"
+                self.record(one, reason, is_taken=is_taken, change=change, verdict=verdict)
+                if is_taken:
+                    best = one
+                elif not verdict.takes_larger:
+                    left.remove(name)
+            if best is None:
+                return law
+            law = best
+        return law
+
+    def rank(self, offered: list[tuple[str, Tried]], verdicts: Mapping[str, Verdict]) -> None:
+        """Sort what was offered, the best first; of parts that are worth having with one friction.
+
+        A damper has one, whatever its clicks: a part that needs another in each setting has taken
+        the place of something else.
+        """
+        offered.sort(key=lambda pair: pair[1].score)
+        worth = [pair for pair in offered if verdicts[pair[0]].takes_larger]
+        if len(worth) < 2 or len(self.evidence) < 2:
+            return
+        worth.sort(key=lambda pair: self.score_of_one_friction(pair[1]))
+        offered[:] = worth + [pair for pair in offered if pair not in worth]
+
+    def score_of_one_friction(self, law: Tried) -> float:
+        """How well a law fits and predicts with the friction of one of its settings at all."""
+        model = valve_damper(law)
+        own = {one.name for one in (*model.quantities, *model.friction.quantities)
+               if one.is_friction or one in model.friction.quantities}  # fmt: skip
+
+        def fitted(place: int, source: LawFit) -> LawFit:
+            near = law.fits[place]
+            if near is source:
+                return source
+            fixed = {name: getattr(source.values, name) for name in source.free if name in own}
+            try:
+                return fit_law(
+                    model, self.evidence[place], freed=freed_of(law), near=near.values,
+                    fixed=fixed, solver=self.solver, is_whole=False,
+                )  # fmt: skip
+            except SimulationError:
+                return near
+
+        places = range(len(self.evidence))
+        return min(
+            Tried(law.title, tuple(fitted(k, source) for k in places)).score for source in law.fits
+        )
+
+    def offered(self, law: Tried, name: str) -> Tried | None:
+        """A law with a part more; None where it has that already, or cannot have it."""
+        model, freed = valve_damper(law), freed_of(law)
+        if name in KINDS or name in PARTS or name in LACKING:
+            model = with_part(model, name)
+            if model == valve_damper(law):
+                return None
+        elif name not in model.names or name in law.fits[0].free:
+            return None
+        else:
+            freed = (*freed, name)
+        if name in _HIDDEN:
+            return self.fitted(model, freed=freed, near=law)
+        try:
+            seen = [
+                glimpsed(model, one, fit, freed=freed, solver=self.solver)
+                for one, fit in zip(self.evidence, law.fits, strict=True)
+            ]
+        except SimulationError:
+            return None
+        hardly = tuple(one for one in seen if one is not None)
+        if len(hardly) == len(seen):
+            return Tried(in_words(model, freed), hardly)
+        return self.fitted(model, freed=freed, near=law)
+
+
+def valve_damper(law: Tried) -> ValveDamper:
+    """Return the damper of a law that is one of valves."""
+    return cast("ValveDamper", law.fits[0].model)
