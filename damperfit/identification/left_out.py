@@ -158,7 +158,7 @@ def _sentence(values: Values, name: str) -> str:
         return f"{one.label} ({one.symbol}): {_AS_IF[one.role]}."
     if name == _AT_REST[1] and not _is_above(values, name):
         return (
-            f"{one.label} ({one.symbol}): the logs tell no lower one than "
+            f"{one.label} ({one.symbol}): the logs do not determine one below "
             f"{1e3 * one.plausible[0]:g} mm/s, at which it is held here."
         )
     return (
