@@ -136,7 +136,12 @@ def test_a_part_of_a_long_bleed_does_nothing_when_it_is_wide(kind, name, side, *
         ("k_e", 0, False, ""),
         ("gas_volume", 1, True, "gas pressure change with the stroke: it is taken as constant"),
         ("gas_volume", 0, False, ""),
-        ("stribeck_speed", 0, True, "the logs do not determine one below 5 mm/s, at which it is held"),
+        (
+            "stribeck_speed",
+            0,
+            True,
+            "the logs do not determine one below 5 mm/s, at which it is held",
+        ),
         ("stribeck_speed", 1, True, "does nothing here"),
         ("breakaway", 0, True, "does nothing here"),
         ("breakaway", 1, False, ""),
