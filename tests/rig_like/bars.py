@@ -24,7 +24,9 @@ from tests.rig_like.dampers import (
     written_second_rig,
 )
 
-__all__ = ["Bar", "adjustable_bars", "adjusted", "identified", "second_rig_bars"]
+__all__ = [
+    "Bar", "adjustable_bars", "adjusted", "at_bounds", "identified", "second_rig_bars",
+]  # fmt: skip
 
 ADJUSTERS = """[adjusters]
 l = ["rebound.bleed", "compression.bleed"]
@@ -80,7 +82,7 @@ def identified(folder: Path, *options: str) -> list[dict[str, str]]:
         return [row for row in csv.DictReader(file) if row["log"]]
 
 
-def _at_bounds(folder: Path) -> int:
+def at_bounds(folder: Path) -> int:
     """How many quantities of how many settings ended at an edge of their ranges."""
     with (folder / "results" / "parameters.csv").open(encoding="utf-8", newline="") as file:
         return sum(
@@ -106,7 +108,7 @@ def adjustable_bars(folder: Path) -> list[Bar]:
         Bar("its worst log, %", max(fitted), 0.2),
         Bar("a setting that was not fitted, %", told[UNSEEN], 0.15),
         Bar("a speed five times slower, worst of two, %", slow, 0.5),
-        Bar("quantities at a bound", _at_bounds(logs), 0),
+        Bar("quantities at a bound", at_bounds(logs), 0),
     ]
 
 
@@ -118,7 +120,7 @@ def apart_bars(folder: Path) -> list[Bar]:
     fitted = [float(row["mse_percent"]) for row in rows if row["role"] == "fitted"]
     return [
         Bar("log by log with --model auto, worst of 12, %", max(fitted), 0.12),
-        Bar("quantities at a bound", _at_bounds(logs), 0),
+        Bar("quantities at a bound", at_bounds(logs), 0),
     ]
 
 
@@ -131,7 +133,7 @@ def second_rig_bars(folder: Path) -> list[Bar]:
     worst = max(float(row["mse_percent"]) for row in rows)
     return [
         Bar("second rig, one parameter set for 13 speeds, worst, %", worst, 0.5),
-        Bar("quantities at a bound", _at_bounds(logs), 0),
+        Bar("quantities at a bound", at_bounds(logs), 0),
     ]
 
 

@@ -43,11 +43,9 @@ def test_what_its_owner_knows_is_a_configuration(monkeypatch, tmp_path):
 @pytest.mark.parametrize(("speeds", "half_range", "worst"), [
     ((0.04, 0.05), 300.0, 3.0), ((0.05, 0.06), 300.0, 10.0), ((0.05, 0.06), 1000.0, 5.0),
 ])  # fmt: skip
-def test_the_worst_force_counts_from_the_lowest_fitted_speed_on(
-    speeds, half_range, worst, tmp_path
-):
+def test_theworst_force_counts_from_the_lowest_fitted_speed_on(speeds, half_range, worst, tmp_path):
     (tmp_path / "results").mkdir()
     one = {"speeds": speeds, "measured": [100.0, -200.0], "difference": [10.0, 6.0],
            "half_range": half_range}  # fmt: skip
     (tmp_path / "results" / "run.json").write_text(json.dumps({"speed_forces": [one]}))
-    assert valve_bars._worst_force(tmp_path) == pytest.approx(worst)
+    assert valve_bars.worst_force(tmp_path) == pytest.approx(worst)

@@ -25,7 +25,7 @@ from tests.rig_like.bars import Bar, adjusted, identified
 from tests.rig_like.dampers import text_of
 from tests.rig_like.rig import Body, Channels, Valve, logged, steps
 
-__all__ = ["bars_of", "drawn", "written"]
+__all__ = ["TOML", "bars_of", "drawn", "worst_force", "written"]
 
 KINDS = ("through_flow", "through_flow", "twin_tube")
 LOWS, HIGHS = (6, 14), (1, 3)
@@ -108,7 +108,7 @@ def bars_of(folder: Path) -> list[Bar]:
     held = held if list(folder.glob("*_slow.csv")) else held[:2]
     logs = ("*_steps.csv", "--model", "auto")
     rows = identified(folder, *logs, *held, "--config", "damper.toml")
-    force = _worst_force(folder)
+    force = worst_force(folder)
     joint = identified(folder, *logs, *held, "--hold-out", UNSEEN, "--procedure", "joint",
                        "--config", "adjusted.toml")  # fmt: skip
     fitted = _mse(joint, "fitted")
@@ -130,7 +130,7 @@ def _mse(rows: list[dict[str, str]], role: str, part: str = "") -> list[float]:
     return [float(one["mse_percent"]) for one in rows if one["role"] == role and part in one["log"]]
 
 
-def _worst_force(folder: Path) -> float:
+def worst_force(folder: Path) -> float:
     """Of all settings, strokes and speeds: measured less modelled over measured, per cent.
 
     Where gas and tare leave less of a stroke than a fifth of half the range, over that.
