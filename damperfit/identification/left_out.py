@@ -66,7 +66,7 @@ def does_nothing(values: Values, name: str) -> bool:
     if part == "leak" and f"{stroke}_bleed" not in values.names:  # all that the bleed has
         return bool(is_above)
     if vanishes_below(one):
-        return bool(is_below)
+        return bool(is_below or (is_above and part == "port"))  # a port that lets nothing through
     if name.startswith(_RETURN):
         return bool(is_below)
     if is_below:
@@ -143,7 +143,7 @@ def _part(fit: Fit, name: str) -> list[str]:
         return [name] if is_low else [one for one in _AT_REST if one in fit.status]
     stroke, _, part = name.rpartition("_")
     is_closed = getattr(fit.parameters, name) >= fit.parameters.quantity(name).plausible[1]
-    if part not in {"opening", "slope"} or not is_closed:
+    if part not in {"opening", "slope", "port"} or not is_closed:
         return [name]
     return [one for one in (f"{stroke}_{other}" for other in _BLOW_OFF) if one in fit.status]
 

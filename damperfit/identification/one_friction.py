@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import FitCancelledError
+from damperfit.identification.effective_samples import FEWEST_SAMPLES
 from damperfit.identification.every_setting import with_status
 from damperfit.identification.law_misfit import LawMisfit, best_fitting
 from damperfit.identification.outcome import Outcome, Status
@@ -24,6 +25,7 @@ from damperfit.parallel import executor
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from damperfit.damper.model import Model, Values
     from damperfit.damper.quantity import Quantity
     from damperfit.identification.descent import Misfit
     from damperfit.identification.every_setting import Campaign
@@ -34,6 +36,8 @@ __all__ = ["with_one_friction"]
 # Frictions this many times apart are not those of one damper; seals that are pressed harder in one
 # setting than in another have less.
 TIMES_APART = 1.5
+_LEAST = 0.1  # of a preload is left where a fit starts with more friction
+_FEWEST = 2  # that agree, and more than tell another; what ran to none tells nothing
 
 
 def with_one_friction(
@@ -73,7 +77,7 @@ def _with_one(
     usual = median(told)
     agreeing = [one for one in told if _is_like(one, usual)]
     odd = [fit for fit in campaign.fits if _is_odd(fit, name, usual)]
-    if len(odd) >= len(agreeing):  # one against one tells nothing
+    if len(agreeing) < max(_FEWEST, len(told) - len(agreeing) + 1):
         return campaign
     of_all = sum(agreeing) / len(agreeing)
 
@@ -100,6 +104,19 @@ def _is_odd(fit: Fit, name: str, usual: float) -> bool:
     return status is Status.ABSENT or not _is_like(float(getattr(fit.parameters, name)), usual)
 
 
+def _traded(values: Values, damper: Model, quantity: Quantity, value: float) -> Values:
+    """Values with another friction, and preloads that are less by what it is more."""
+    more = value - float(getattr(values, quantity.name))
+    known: dict[str, float] = {quantity.name: value}
+    areas = getattr(damper, "pressed_areas", ())
+    for stroke, area in zip(("rebound", "compression"), areas, strict=False):
+        name = f"{stroke}_opening"
+        if name in values.names:
+            opening = float(getattr(values, name))
+            known[name] = max(opening - more / area, _LEAST * opening)
+    return values.replace(known)
+
+
 def _held(fit: Fit, quantity: Quantity, value: float, misfit: Misfit) -> Fit:
     """The fit with the friction of the others, where that fits as well."""
     lost = {name for name, status in fit.status.items() if status is Status.ABSENT}
@@ -108,17 +125,18 @@ def _held(fit: Fit, quantity: Quantity, value: float, misfit: Misfit) -> Fit:
     fixed = {
         one: float(getattr(fit.parameters, one)) for one in fit.parameters.names if one not in free
     } | {quantity.name: value}
-    held = fit.parameters.replace({quantity.name: value})
+    held = _traded(fit.parameters, rest.damper, quantity, value)
     read = LawMisfit(rest.damper, rest.traces, free, rest.solver)
-    starts = best_fitting(read, [held, *rest.damper.start(rest.traces, fixed)])
+    read_off = best_fitting(read, rest.damper.start(rest.traces, fixed))
     found: list[Judged] = []
     spent = fit.evaluations
-    for start in starts[:2]:
+    for start in (held, *read_off[:1]):
         judged = attempt(rest, kept_within(start, free), spent)
         spent = judged.solution.evaluations
         found.append(judged)
     best = min(found, key=lambda one: one.solution.mse_percent)
-    n = best.solution.n_independent
+    # What a law leaves over is not white: a stretch counts as a few samples.
+    n = FEWEST_SAMPLES * sum(len(log.trace.stretches) for log in fit.logs)
     worse = best.solution.mse_percent / max(fit.mse_percent, 1e-300)
     is_strained = best.outcome not in {Outcome.CONVERGED, Outcome.NOT_IDENTIFIABLE}
     if is_strained or n * math.log(max(worse, 1e-300)) > math.log(n):

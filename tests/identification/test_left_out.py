@@ -114,6 +114,21 @@ def test_what_ran_to_an_edge_is_none_or_strains(
     assert is_nothing(lean.parameters.replace({name: factor * edge}), name) is is_none
 
 
+def test_a_port_that_lets_nothing_through_closes_its_blow_off(lean: Fit) -> None:
+    model = replace(WITH_PLAY, rebound=Valve("orifice", "port"))
+    values = model.values({one.name: 1.0 for one in model.quantities})
+    for edge, part in zip(
+        model.quantity("rebound_port").plausible,
+        (["rebound_port"], ["rebound_opening", "rebound_slope", "rebound_port"]),
+        strict=True,
+    ):
+        at = values.replace({"rebound_port": edge})
+        assert does_nothing(at, "rebound_port")
+        fit = replace(lean, parameters=at, status=dict.fromkeys(model.names, Status.FITTED))
+        assert left_out._part(fit, "rebound_port") == part
+    assert not does_nothing(values.replace({"rebound_port": 1e4}), "rebound_port")
+
+
 @pytest.mark.parametrize(
     ("kind", "name", "side", "is_idle"),
     [

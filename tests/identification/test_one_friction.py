@@ -90,3 +90,8 @@ def test_two_that_agree_are_needed_and_more_than_differ(fits) -> None:
     odd = told(fits[2], 0.5), told(fits[3], 0.001)
     assert settled(fits[1], *odd) == [fits[1], *odd]
     assert settled(fits[1], odd[0]) == [fits[1], odd[0]]
+    none = told(fits[3], 0.001, Status.ABSENT)
+    assert settled(fits[1], none) == [fits[1], none]
+    *same, one, other = settled(fits[1], fits[2], odd[1], replace(none, setting=Setting.of(5)))
+    assert [fit.status["f_f"] for fit in same] == [Status.FITTED] * 2
+    assert one.status["f_f"] is other.status["f_f"] is Status.FIXED
