@@ -12,6 +12,7 @@ from dataclasses import replace
 from statistics import median
 from typing import TYPE_CHECKING
 
+from damperfit.damper.quantity import DAMPER, RIG
 from damperfit.errors import SimulationError
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.effective_samples import FEWEST_SAMPLES
@@ -21,6 +22,7 @@ from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.plausible import kept_within
 from damperfit.identification.setting import attempt, describe_fit
 from damperfit.parallel import executor
+from damperfit.tested.setting import nearest_setting
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -80,12 +82,18 @@ def _with_one(
     if len(agreeing) < max(_FEWEST, len(told) - len(agreeing) + 1):
         return campaign
     of_all = sum(agreeing) / len(agreeing)
+    like = {
+        fit.setting: fit
+        for fit in campaign.fits
+        if fit.status[name] is Status.FITTED and _is_like(getattr(fit.parameters, name), usual)
+    }
 
     def again(fit: Fit) -> Fit:
         if fit not in odd:
             return fit
         try:
-            return _held(fit, quantity, of_all, misfit_of(fit))
+            near = like[nearest_setting(fit.setting, like) or fit.setting]
+            return _held(fit, quantity, of_all, misfit_of(fit), near)
         except (SimulationError, FitCancelledError):
             return fit
 
@@ -117,7 +125,7 @@ def _traded(values: Values, damper: Model, quantity: Quantity, value: float) -> 
     return values.replace(known)
 
 
-def _held(fit: Fit, quantity: Quantity, value: float, misfit: Misfit) -> Fit:
+def _held(fit: Fit, quantity: Quantity, value: float, misfit: Misfit, near: Fit) -> Fit:
     """The fit with the friction of the others, where that fits as well."""
     lost = {name for name, status in fit.status.items() if status is Status.ABSENT}
     free = tuple(one for one in misfit.free if one != quantity.name and one not in lost)
@@ -127,10 +135,16 @@ def _held(fit: Fit, quantity: Quantity, value: float, misfit: Misfit) -> Fit:
     } | {quantity.name: value}
     held = _traded(fit.parameters, rest.damper, quantity, value)
     read = LawMisfit(rest.damper, rest.traces, free, rest.solver)
-    read_off = best_fitting(read, rest.damper.start(rest.traces, fixed))
+    shared = {
+        one.name: float(getattr(near.parameters, one.name))
+        for one in fit.parameters.quantities
+        if one.name in free and one.scope in {DAMPER, RIG}
+    }
+    own = rest.damper.start(rest.traces, fixed)
+    read_off = best_fitting(read, [*own, *(one.replace(shared) for one in own)])
     found: list[Judged] = []
     spent = fit.evaluations
-    for start in (held, *read_off[:1]):
+    for start in (held, *read_off[:2]):
         judged = attempt(rest, kept_within(start, free), spent)
         spent = judged.solution.evaluations
         found.append(judged)

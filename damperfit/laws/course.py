@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, cast
 
 from damperfit.errors import SimulationError
 from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, judged
-from damperfit.laws.elsewhere import freed_of, had_by, needed_at
+from damperfit.laws.elsewhere import freed_of, from_another, had_by, needed_at
 from damperfit.laws.judged_laws import JudgedLaw
 from damperfit.laws.law_fit import fit_law, glimpsed
 from damperfit.laws.variants import (
@@ -111,6 +111,34 @@ class Course:
             title = in_words(model, had_by(model, freed))
             found.append(Tried(title, tuple(own)) if is_all else None)
         return found
+
+    def crossed(self, law: Tried) -> Tried:
+        """Each setting fitted again from what is the damper's or the rig's at another, if better.
+
+        At one speed a friction and a preload look alike, so do a lag and an elasticity.
+        """
+
+        def best(place: int) -> LawFit:
+            own = law.fits[place]
+            found = [own]
+            for other in law.fits:
+                if other is own:
+                    continue
+                logs = from_another(self.evidence[place], other.values)
+                try:
+                    found.append(fit_law(own.model, logs, freed=freed_of(law), solver=self.solver,
+                                         is_whole=False))  # fmt: skip
+                except SimulationError:
+                    continue
+            return min(found, key=lambda one: one.mse_percent)
+
+        with executor(self.jobs) as pool:
+            fits = tuple(pool.map(best, range(len(law.fits))))
+        return (
+            law
+            if all(a is b for a, b in zip(fits, law.fits, strict=True))
+            else Tried(law.title, fits)
+        )
 
     def record(
         self,

@@ -140,7 +140,7 @@ class _Search(Course):
         for one in found:
             reason = said_of_layout(best, one, is_alone=len(found) == 1, is_near=one in near)
             self.record(one, reason, is_taken=one is best, change="layout")
-        near = [self.enriched(one, _DECLARED) for one in near]
+        near = [self.enriched(self.crossed(one), _DECLARED) for one in near]
         return min(near, key=lambda one: one.score)
 
     def lean(self, law: Tried, parts: Sequence[str] = tuple(SMALLER)) -> Tried:

@@ -95,3 +95,12 @@ def test_two_that_agree_are_needed_and_more_than_differ(fits) -> None:
     *same, one, other = settled(fits[1], fits[2], odd[1], replace(none, setting=Setting.of(5)))
     assert [fit.status["f_f"] for fit in same] == [Status.FITTED] * 2
     assert one.status["f_f"] is other.status["f_f"] is Status.FIXED
+
+
+@pytest.mark.parametrize(("times", "is_held"), [(1.155, True), (1.168, False)])
+def test_a_stretch_counts_as_twenty_samples(fits, times, is_held) -> None:
+    """20 ln 1.1616 is ln 20: what one quantity costs."""
+    wrong = told(fits[3], 0.001)
+    best = settled(fits[1], fits[2], wrong)[-1].mse_percent
+    found = settled(fits[1], fits[2], replace(wrong, mse_percent=best / times))[-1]
+    assert (found.status["f_f"] is Status.FIXED) is is_held

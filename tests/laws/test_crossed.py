@@ -1,0 +1,75 @@
+"""Settings of one damper lend each other friction and mounting; parts must do with one friction."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from damperfit.damper.valve_dampers import TwinTube
+from damperfit.errors import SimulationError
+from damperfit.laws import SettingLogs, Tried, course
+from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import Setting
+
+MODEL = TwinTube()
+
+
+def fit(friction: float, mse: float) -> SimpleNamespace:
+    values = MODEL.values({one.name: 1.0 for one in MODEL.quantities}).replace({"f_f": friction})
+    return SimpleNamespace(
+        model=MODEL, values=values, free=("rebound_bleed", "f_f", "f_0"), mse_percent=mse,
+        held_out_percent=float("nan"),
+    )  # fmt: skip
+
+
+def two_settings() -> course.Course:
+    logs = [SettingLogs(Setting.of(k), ()) for k in (1, 2)]
+    return course.Course(logs, SolverOptions(), lambda _: None, 1)
+
+
+@pytest.mark.parametrize("mse", [0.01, 0.2, None])
+def test_a_setting_starts_from_the_friction_of_the_other(monkeypatch, mse) -> None:
+    asked = {}
+
+    def fitted(_, logs, **__):
+        asked[logs.setting] = dict(logs.more_start)
+        if mse is None:
+            raise SimulationError("no")
+        return fit(20.0, mse)
+
+    monkeypatch.setattr(course, "fit_law", fitted)
+    law = Tried("law", (fit(20.0, 0.001), fit(240.0, 0.1)))
+    found = two_settings().crossed(law)
+    assert asked[Setting.of(1)]["f_f"] == 240.0
+    assert asked[Setting.of(2)]["f_f"] == 20.0
+    assert "rebound_bleed" not in asked[Setting.of(2)]
+    assert found.fits[0] is law.fits[0]
+    assert found.fits[1].mse_percent == min(0.1, mse or 1.0)
+    assert (found is law) is (mse != 0.01)
+
+
+def test_of_parts_worth_having_that_is_best_which_needs_one_friction(monkeypatch) -> None:
+    """The first fits better, with 20 N at one setting and none at the other."""
+    parts = {
+        "at rest": Tried("at rest", (fit(20.0, 0.003), fit(0.001, 0.003))),
+        "port": Tried("port", (fit(20.0, 0.005), fit(19.0, 0.005))),
+        "nothing": Tried("nothing", (fit(20.0, 0.001), fit(19.0, 0.001))),
+    }
+    held = []
+
+    def fitted(_, __, *, near, fixed, **___):
+        held.append(fixed)
+        return fit(fixed["f_f"], 0.3 if abs(near.f_f - fixed["f_f"]) > 5.0 else 0.005)
+
+    monkeypatch.setattr(course, "fit_law", fitted)
+    verdicts = {name: SimpleNamespace(takes_larger=name != "nothing") for name in parts}
+    offered = list(parts.items())
+    two_settings().rank(offered, verdicts)
+    assert [name for name, _ in offered] == ["port", "at rest", "nothing"]
+    assert [set(one) for one in held] == [{"f_f"}] * 4
+
+    alone = list(parts.items())[:2]
+    one = course.Course([SettingLogs(Setting.of(1), ())], SolverOptions(), lambda _: None, 1)
+    one.rank(alone, verdicts)
+    assert [name for name, _ in alone] == ["at rest", "port"]
