@@ -327,18 +327,25 @@ def test_runs_over_one_another_are_drawn_and_switched(other, tmp_path):
 def test_a_wide_table_of_valves_and_of_stretches_fits_a_window_of_900_pixels(other):
     """As wide as those of a damper of valves with play and lag, at three speeds in one log."""
     wide = ["70.49 ± 0.45", "3.713 ± 0.024", "5.44 ± 0.17", "65.57 ± 0.31", "3.007 ± 0.041"]
+    both = ["measured, N", "simulated, N"]
     tables = {
-        "": ["L14 H3", *wide, *wide, "8.22 ± 0.14", "0.00339", "excellent", "converged"],
-        "stretches": ["14.13", "4", "1.03", "0.130", *["-405.7", "-1405.7"] * 5],
-    }
-    heads = {"": "R_r", "stretches": "hyst. rebound"}
+        "": (["S_r"] * 15, [""] * 15, ["L14 H3", *wide, *wide, "8.22 ± 0.14", "0.00339",
+             "excellent", "converged"]),
+        "stretches": (
+            ["from, s", "cycles", "Hz", "m/s", *["rebound"] * 2, *["bump"] * 2, *["energy"] * 2,
+             *["hyst. rebound"] * 2, *["hyst. bump"] * 2],
+            ["", "", "", "", *both, *both, "measured, J", "simulated, J", *both, *both],
+            ["14.13", "4", "1.03", "0.130", *["-405.7", "-1405.7"] * 5],
+        ),
+    }  # fmt: skip
     other.set_window_size(900, 1000)
     try:
-        for kind, cells in tables.items():
-            rows = "".join(f"<td class='n'>{cell}</td>" for cell in cells)
-            head = f"<th class='n'>{heads[kind]}</th>" * len(cells)
-            second = "<th class='n'>simulated, N</th>" * len(cells) if kind else ""
-            html = f"<table><tr>{head}</tr><tr>{second}</tr><tr>{rows}</tr></table>"
+        for kind, lines in tables.items():
+            rows = "".join(
+                f"<tr>{''.join(f'<{tag} class=n>{cell}</{tag}>' for cell in cells)}</tr>"
+                for tag, cells in zip(("th", "th", "td"), lines, strict=True)
+            )
+            html = f"<table>{rows}</table>"
             room, needed = other.execute_script(
                 "const d = document.createElement('div'); d.className = 'table ' + arguments[0];"
                 "d.innerHTML = arguments[1]; document.querySelector('main').append(d);"
