@@ -47,8 +47,20 @@ def is_own_table(path: Path) -> bool:
             return _says_so(path)
         if path.name == "run.json":
             return b'"schema_version"' in path.read_bytes()[:4096]
-        return begin.startswith(_HEADINGS) or _LOGGED.match(begin) is not None
+        is_known = begin.startswith(_HEADINGS) or _LOGGED.match(begin) is not None
+        return is_known or _is_of_model(begin)
     return False
+
+
+def _is_of_model(begin: bytes) -> bool:
+    """Whether a table begins with a setting and quantities of a model: results, or truth."""
+    first, *headings = begin.decode("ascii", "replace").split(",")[:3]
+    if first != "setting" or len(headings) < 2:
+        return False
+    from damperfit.damper.models import MODELS
+
+    names = {one.name for kind in MODELS.values() for one in kind().quantities}
+    return headings[0] in names and headings[1].split("\n")[0].strip() in names
 
 
 def is_own_log_file(path: Path) -> bool:

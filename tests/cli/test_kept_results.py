@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from damperfit.run.own_tables import is_own_table
+
 TWO = '[adjusters]\nrebound = ""\ncompression = ""\n'
 
 
@@ -117,3 +119,27 @@ def test_a_table_with_columns_that_nobody_declared(run, one_log, tmp_path):
     assert good.code == 0
     assert "warning" not in good.err
     assert "t2.csv: taken as the table of tests" in (tmp_path / "out" / "report.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("line", "is_own"),
+    [
+        ("setting,rebound_bleed,rebound_opening,rebound_slope", True),
+        ("setting,c,f_0", True),
+        ("setting,gas_pressure,time", False),
+        ("setting,time,force", False),
+        ("time,c,f_0", False),
+    ],
+)
+def test_tables_of_any_model_are_known_as_our_own(tmp_path, line: str, *, is_own: bool) -> None:
+    path = tmp_path / "truth.csv"
+    path.write_text(f"{line}\n1,2,3\n", encoding="utf-8")
+    assert is_own_table(path) is is_own
+
+
+def test_made_up_logs_of_valves_are_fitted_by_their_folder(run, tmp_path) -> None:
+    made = run("samples", "valves", "--model", "twin_tube", "--settings", "3", "--cycles", "5")
+    assert made.code == 0
+    ended = run("inspect", "valves")
+    assert ended.code == 0
+    assert "truth.csv: written by damperfit, not a log; skipped" in ended.err
