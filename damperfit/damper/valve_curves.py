@@ -39,6 +39,7 @@ _FINER = (-0.5, -0.25, 0.0, 0.25, 0.5)  # of the distance to the grid's neighbou
 _ROWS = 500
 _KNEES = 14
 _LOWEST_KNEE, _HIGHEST_KNEE = 0.05, 0.95
+_AT = np.geomspace(_LOWEST_KNEE, _HIGHEST_KNEE, _KNEES)
 # Knees below this share of the largest D are the bleed's: they bend it towards a straight line.
 _OPENING_FROM = 0.2
 # Without a knee: a blow-off from three quarters of the largest D on, with a tenth of the flow.
@@ -209,11 +210,16 @@ class _Rows:
         """Return C, c and the c_j, and the misfit as a share of the flow's mean square."""
         from scipy.optimize import nnls
 
-        beyond = np.maximum(0.0, self.drop[:, None] - self.knees)
-        columns = np.column_stack([self.drop_rate, np.sqrt(self.drop), beyond])
-        lengths = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        found, rest = nnls(columns / lengths, self.displaced)
-        return found / lengths, float(rest / np.linalg.norm(self.displaced)) ** 2
+        columns = np.empty((len(self.drop), 2 + len(self.knees)))
+        columns[:, 0] = self.drop_rate
+        np.sqrt(self.drop, out=columns[:, 1])
+        beyond = columns[:, 2:]
+        np.subtract(self.drop[:, None], self.knees, out=beyond)
+        np.maximum(beyond, 0.0, out=beyond)
+        lengths = np.sqrt(np.maximum(np.einsum("ij,ij->j", columns, columns), 1e-300))
+        columns /= lengths
+        found, rest = nnls(columns, self.displaced)
+        return found / lengths, float(rest) ** 2 / float(self.displaced @ self.displaced)
 
 
 def _rows(loop: Loop, sign: float, side: Side, friction: float, offset: float) -> _Rows | None:
@@ -225,12 +231,12 @@ def _rows(loop: Loop, sign: float, side: Side, friction: float, offset: float) -
     if len(at) < 4 * _KNEES:
         return None
     drop = drop[at]
-    top = float(np.max(drop))
+    top = float(drop.max())
     return _Rows(
         drop,
         sign * loop.force_rate[at] / side.area,
         side.area * sign * loop.velocity[at],
-        np.geomspace(_LOWEST_KNEE * top, _HIGHEST_KNEE * top, _KNEES),
+        top * _AT,
     )
 
 

@@ -78,8 +78,8 @@ RIGHT_ANGLE = 1e-3
 # Where the misfit has kinks a descent may stop among them, at so many times the cosine that the
 # promised fall would have.
 _AMONG_KINKS = 1.5
-# Times the share that kinks jump by: a step that promises no more is taken without a look.
-_AMONG_KINKS_LEFT = 10.0
+_AMONG_KINKS_LEFT = 10.0  # times that share: a step that promises no more is not looked at
+_LOOKED_AT = 0.1  # largest relative change of a value in a step that is taken and then looked at
 
 
 class FitCancelledError(DamperfitError):
@@ -209,11 +209,13 @@ def _ended(misfit: Misfit, start: Values) -> Solution:
 
 def _to_the_end(misfit: Misfit, start: Values) -> Solution:
     """Where a descent on the logs ends."""
+    spent = 0
     if misfit.damper.kinks and misfit.max_evaluations > 1:
-        near = _among_kinks(misfit, start)
-        if near is not None:
+        near = _among_kinks(misfit, _minimise(replace(misfit, max_evaluations=1), start))
+        if near.status != _LIMIT:
             return near
-    solution = _minimise(misfit, start)
+        start, spent = near.parameters, near.evaluations
+    solution = _minimise(misfit, start).after(spent)
     if solution.mse_percent > solvers_percent(misfit):
         return solution
     try:
@@ -224,24 +226,22 @@ def _to_the_end(misfit: Misfit, start: Values) -> Solution:
     return refined.after(solution.evaluations, solution.failed_trials)
 
 
-def _among_kinks(misfit: Misfit, start: Values) -> Solution | None:
-    """Descend from near the minimum of a law with kinks, the last step without a look.
+def _among_kinks(misfit: Misfit, first: Solution) -> Solution:
+    """Go on from a first look at a law with kinks; where that ended, or may be gone on from.
 
     Such a start is the end of a search on settled cycles. What needs the tighter integrator has it
-    from there on. None where the start is not near, or a value is on its way to an edge.
+    from the next look on. The last step is not looked at, unless it may lead to an edge.
     """
-    start = kept_within(start, misfit.free)
-    share = _AMONG_KINKS_LEFT * misfit.damper.kinks
+    stepped = promised_step(misfit, first, longest=_LOOKED_AT) or first
+    if first.mse_percent > solvers_percent(misfit):
+        return stepped
+    left = replace(finer(misfit, first.mse_percent), max_evaluations=misfit.max_evaluations - 1)
     try:
-        residuals = evaluate(replace(misfit, free=()), start, misfit.scale)[0]
-        looked = 100.0 * float(residuals @ residuals)
-        if looked > solvers_percent(misfit):
-            return None
-        near = _minimise(finer(misfit, looked), start, share=share)
+        near = _minimise(left, stepped.parameters, share=_AMONG_KINKS_LEFT * misfit.damper.kinks)
     except SimulationError:
-        return None
-    stepped = step_among_kinks(misfit, near)
-    return None if stepped is None else stepped.after(1)
+        return stepped
+    ended = step_among_kinks(misfit, near)
+    return stepped.after(near.evaluations) if ended is None else ended.after(1)
 
 
 def linearise(misfit: Misfit, parameters: Values) -> tuple[FloatArray, FloatArray]:

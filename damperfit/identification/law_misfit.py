@@ -38,7 +38,9 @@ if TYPE_CHECKING:
 __all__ = ["COMPARING", "LawMisfit", "best_fitting", "best_of_starts", "vanishes_below"]
 
 # Laws are compared by factors of their MSE: a fall of a few in ten thousand changes nothing.
-COMPARING = Stopping(cost_tolerance=3e-4, step_tolerance=1e-4, max_evaluations=60, rest=math.inf)
+COMPARING = Stopping(
+    cost_tolerance=3e-4, step_tolerance=1e-4, max_evaluations=60, rest=math.inf, near=5e-3
+)
 # Starts that are followed for a few evaluations before the best is followed to its end.
 _TRIED = 2
 _SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, rest=math.inf)
@@ -143,11 +145,13 @@ class LawMisfit:
         low, high = (np.array([one.plausible[k] for one in quantities]) for k in (0, 1))
 
         def residuals(numbers: FloatArray) -> tuple[FloatArray, FloatArray, Values]:
-            within = np.clip(numbers, low, high)
+            within = np.minimum(np.maximum(numbers, low), high)
             values = start.replace(dict(zip(self.free, within.tolist(), strict=True)))
-            whole = np.hstack(self.rows(values, self.free)) * scale
-            # Beyond the edge nothing changes any more.
-            return whole[0], np.where(within == numbers, whole[1:].T, 0.0), values
+            whole = np.hstack(self.rows(values, self.free))
+            whole *= scale
+            if (within != numbers).any():  # beyond the edge nothing changes any more
+                whole[1:][within != numbers] = 0.0
+            return whole[0], whole[1:].T, values
 
         transformation = Transformation(
             np.array([one.is_logarithmic for one in quantities], dtype=bool),
@@ -171,7 +175,7 @@ class LawMisfit:
         if self.cancelled():
             raise FitCancelledError("stopped while a fit was running.")
         found = self._whole(values, names) if self.cycles is None else self._settled(values, names)
-        if not all(np.all(np.isfinite(rows)) for rows in found):
+        if not all(np.isfinite(rows).all() for rows in found):
             raise SimulationError("simulation failed: the force is not a number.")
         return found
 
