@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import DamperfitError, SimulationError
+from damperfit.identification.ends import RIGHT_ANGLE, End, Seen, falls_inside, stopped_at
 from damperfit.identification.evaluation import (
     evaluate,
     n_independent,
@@ -22,19 +23,18 @@ from damperfit.identification.evaluation import (
     with_values,
 )
 from damperfit.identification.last_step import (
+    LEAVES,
     UNSEEN,
     known_step,
     last_step,
     promised_step,
     step_among_kinks,
 )
-from damperfit.identification.minimiser import Minimum, Transformation, minimise
+from damperfit.identification.minimiser import Transformation, minimise
 from damperfit.identification.plausible import (
-    first_edge,
     is_at_edge,
     is_within,
     kept_within,
-    points_inside,
 )
 from damperfit.identification.refinement import finer, solvers_percent
 from damperfit.identification.solution import Solution
@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = [
-    "RIGHT_ANGLE",
     "FitCancelledError",
     "Misfit",
     "approach",
@@ -68,13 +67,8 @@ __all__ = [
 _FINE = Stopping(cost_tolerance=1e-8)
 _ROUGH = Stopping(cost_tolerance=1e-2, rest=math.inf)
 # On mean cycles a tenth of an error is near enough: the last step is taken on the logs.
-_NEAR = Stopping(
-    cost_tolerance=1e-5, step_tolerance=1e-6, rest=math.inf, least_share=1e-5, near=UNSEEN
-)
+_NEAR = Stopping(cost_tolerance=1e-5, step_tolerance=1e-6, rest=math.inf, least_share=1e-5)
 _LIMIT = 0  # the status of a descent that ended at its limit of evaluations
-# A fit that meets none of MINPACK's tests has still descended when the residual is this close to
-# a right angle with every direction of the Jacobian.
-RIGHT_ANGLE = 1e-3
 # Where the misfit has kinks a descent may stop among them, at so many times the cosine that the
 # promised fall would have.
 _AMONG_KINKS = 1.5
@@ -188,7 +182,7 @@ def _ended(misfit: Misfit, start: Values) -> Solution:
     if misfit.cycles is None or misfit.max_evaluations == 1:
         return _to_the_end(misfit.whole, start)
     try:  # one evaluation is left to the logs
-        there = _minimise(replace(misfit, max_evaluations=misfit.max_evaluations - 1), start)
+        there = _on_cycles(replace(misfit, max_evaluations=misfit.max_evaluations - 1), start)
     except SimulationError:
         return _to_the_end(misfit.whole, start)
     left = replace(misfit.whole, max_evaluations=max(misfit.max_evaluations - there.evaluations, 1))
@@ -196,7 +190,6 @@ def _ended(misfit: Misfit, start: Values) -> Solution:
         raise FitCancelledError("stopped while a fit was running.")
     ended = None
     if there.status != _LIMIT:
-        there = promised_step(misfit, there, longest=UNSEEN) or there
         least = solvers_percent(misfit)
         ended = known_step(left, there, least_percent=least)
         if ended is None:
@@ -207,6 +200,18 @@ def _ended(misfit: Misfit, start: Values) -> Solution:
     return ended.after(there.evaluations, there.failed_trials)
 
 
+def _on_cycles(misfit: Misfit, start: Values) -> Solution:
+    """Where a descent on the mean cycles ends, the last short step without a look."""
+    there = _minimise(misfit, start, near=UNSEEN)
+    if there.status == _LIMIT:
+        return there
+    stepped = promised_step(misfit, there, longest=UNSEEN, leaves=LEAVES)
+    if stepped is not None:
+        return stepped
+    left = replace(misfit, max_evaluations=max(misfit.max_evaluations - there.evaluations, 1))
+    return _minimise(left, there.parameters).after(there.evaluations, there.failed_trials)
+
+
 def _to_the_end(misfit: Misfit, start: Values) -> Solution:
     """Where a descent on the logs ends."""
     spent = 0
@@ -215,7 +220,8 @@ def _to_the_end(misfit: Misfit, start: Values) -> Solution:
         if near.status != _LIMIT:
             return near
         start, spent = near.parameters, near.evaluations
-    solution = _minimise(misfit, start).after(spent)
+    left = replace(misfit, max_evaluations=max(misfit.max_evaluations - spent, 1))
+    solution = _minimise(left, start).after(spent)
     if solution.mse_percent > solvers_percent(misfit):
         return solution
     try:
@@ -229,8 +235,7 @@ def _to_the_end(misfit: Misfit, start: Values) -> Solution:
 def _among_kinks(misfit: Misfit, first: Solution) -> Solution:
     """Go on from a first look at a law with kinks; where that ended, or may be gone on from.
 
-    Such a start is the end of a search on settled cycles. What needs the tighter integrator has it
-    from the next look on. The last step is not looked at, unless it may lead to an edge.
+    What needs the tighter integrator has it from the next look on. The last step is not looked at.
     """
     stepped = promised_step(misfit, first, longest=_LOOKED_AT) or first
     if first.mse_percent > solvers_percent(misfit):
@@ -269,28 +274,8 @@ def common_variables(misfit: Misfit) -> Transformation:
     return replace(transformation(misfit, misfit.free), scales=sizes)
 
 
-@dataclass(frozen=True, slots=True)
-class _Seen:
-    """What is remembered of a point: with the derivatives by all that is free, held or not."""
-
-    parameters: Values
-    is_cavitating: bool
-    slopes: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class _End:
-    """Where a descent ended, what moved in it, and whether it tried points out of range."""
-
-    solution: Solution
-    moving: tuple[str, ...]
-    scales: FloatArray
-    minimum: Minimum[_Seen]
-    has_tried_beyond: bool
-
-
-def _minimise(misfit: Misfit, start: Values, *, share: float = 0.0) -> Solution:
-    """Descend within the plausible ranges, until a step promises no more than a share.
+def _minimise(misfit: Misfit, start: Values, *, share: float = 0.0, near: float = 0.0) -> Solution:
+    """Descend within the plausible ranges, until a step is short or promises little.
 
     A parameter that is at an edge of its range, or runs into it, is left there while the others
     go on, and let go once, should the misfit then fall into the range.
@@ -298,17 +283,17 @@ def _minimise(misfit: Misfit, start: Values, *, share: float = 0.0) -> Solution:
     start = kept_within(start, misfit.free)
     moving = tuple(name for name in misfit.free if not is_at_edge(start, name))
     stopping = _FINE if misfit.cycles is None else _NEAR
-    stopping = replace(stopping, least_share=max(stopping.least_share, share))
+    stopping = replace(stopping, least_share=max(stopping.least_share, share), near=near)
     best = _descended(misfit, moving, start, stopping)
     let_go: set[str] = set()
     while best.solution.status != _LIMIT:
         at, moving = best.solution.parameters, best.moving
-        edge = _stopped_at(best)
+        edge = stopped_at(best)
         if edge is not None:
             at = at.replace(dict([edge]))
             moving = tuple(name for name in moving if name != edge[0])
         else:
-            inwards = _falls_inside(misfit, best) - let_go
+            inwards = falls_inside(misfit, best) - let_go
             if not inwards:
                 break
             let_go |= inwards
@@ -328,39 +313,14 @@ def _minimise(misfit: Misfit, start: Values, *, share: float = 0.0) -> Solution:
     return best.solution
 
 
-def _stopped_at(end: _End) -> tuple[str, float] | None:
-    """The edge that kept a descent from going on, if one did."""
-    if not end.has_tried_beyond or end.solution.gradient_cosine < RIGHT_ANGLE:
-        return None
-    point = end.minimum.point
-    step = np.linalg.lstsq(point.jacobian, -point.residuals, rcond=None)[0]
-    taken = np.asarray(step, dtype=np.float64)
-    return first_edge(end.solution.parameters, end.moving, taken, end.scales)
-
-
-def _falls_inside(misfit: Misfit, end: _End) -> set[str]:
-    """The held parameters whose misfit falls from the edge into the range."""
-    found = set()
-    point = end.minimum.point
-    for place, name in enumerate(misfit.free):
-        if name in end.moving:
-            continue
-        column = end.solution.jacobian[:, place]
-        slope = float(column @ point.residuals)
-        length = math.sqrt(float(column @ column) * point.cost)
-        if abs(slope) > RIGHT_ANGLE * length and points_inside(point.extra.parameters, name, slope):
-            found.add(name)
-    return found
-
-
-def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping: Stopping) -> _End:
+def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping: Stopping) -> End:
     """Minimise over what moves; a trial point out of the plausible range is a failed trial."""
     scale = misfit.scale
     start = kept_within(start, misfit.free)
     places = [misfit.free.index(name) for name in moving]
     beyond = 0
 
-    def model(values: FloatArray) -> tuple[FloatArray, FloatArray, _Seen]:
+    def model(values: FloatArray) -> tuple[FloatArray, FloatArray, Seen]:
         nonlocal beyond
         if misfit.cancelled():
             raise FitCancelledError("stopped while a fit was running.")
@@ -370,7 +330,7 @@ def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping:
             raise SimulationError("a parameter is out of its plausible range.")
         parameters = kept_within(parameters, moving)
         residuals, slopes, is_cavitating = evaluate(misfit, parameters, scale)
-        seen = _Seen(parameters, is_cavitating, slopes)
+        seen = Seen(parameters, is_cavitating, slopes)
         return residuals, slopes if moving == misfit.free else slopes[:, places], seen
 
     stopping = replace(
@@ -397,4 +357,4 @@ def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping:
         is_cavitating=point.extra.is_cavitating,
         gradient=jacobian.T @ point.residuals,
     )
-    return _End(solution, moving, variables.scales, ended, beyond > 0)
+    return End(solution, moving, variables.scales, ended, beyond > 0)

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = [
+    "LEAVES",
     "UNSEEN",
     "beside_earlier",
     "known_step",
@@ -58,9 +59,10 @@ _SMALL = 0.02
 # Relative change of a value from a descent to the next from which on the way between the minima is
 # found anew: it changes by as much of itself, and is half an error.
 _NEAR = 0.1
-# On the mean cycles a step that changes no value by more is taken without a look: what it leaves is
-# a few times its square, 5e-5, and R_m1 has an error of 5e-5, K_e one of 2e-3.
+# On the mean cycles a step that changes no value by more is taken without a look. Derivatives
+# change by as much as the largest relative change; so much of the step, in errors, may be left.
 UNSEEN = 5e-3
+LEAVES = 0.05
 # Relative error of a value that is told, as `not_identifiable` has it.
 _TOLD = 0.5
 _MET_COST = 2  # as `Solution` has it: no step makes the sum of squares smaller
@@ -217,7 +219,12 @@ def known_step(misfit: Misfit, there: Solution, *, least_percent: float) -> Solu
 
 
 def promised_step(
-    misfit: Misfit, there: Solution, *, longest: float = _SMALL, most: float = math.inf
+    misfit: Misfit,
+    there: Solution,
+    *,
+    longest: float = _SMALL,
+    most: float = math.inf,
+    leaves: float = math.inf,
 ) -> Solution | None:
     """Return where the full step leads that a descent has left, without another look.
 
@@ -233,6 +240,8 @@ def promised_step(
         Largest relative change of a value.
     most : float
         Most errors squared.
+    leaves : float
+        Most errors times the largest relative change.
     """
     free, near, jacobian = misfit.free, there.parameters, there.jacobian
     if there.gradient is None or not free or any(is_at_edge(near, name) for name in free):
@@ -240,7 +249,8 @@ def promised_step(
     step = there.promised
     moved = jacobian @ step
     gain, cost = float(moved @ moved), there.mse_percent / 100.0
-    if gain * there.n_independent > most * cost or not np.max(np.abs(step)) <= longest:
+    largest, squared = float(np.abs(step).max()), gain * there.n_independent
+    if squared > most * cost or squared * largest**2 > leaves**2 * cost or not largest <= longest:
         return None
     variables = transformation(misfit, free)
     moved_to = variables.unpack(variables.pack(values_of(free, near)) + step)

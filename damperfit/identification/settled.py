@@ -186,7 +186,8 @@ def _settled(
     beside = folded[2] - force
     scatter = float(power @ np.einsum("ij,ij->j", beside, beside)) / len(beside)
     turn = -int(np.argmax(np.abs(x - x.mean())))
-    x, v, force, power = (np.roll(one, turn) for one in (x, v, force, power))
+    turned = (np.arange(n) - turn) % n
+    x, v, force, power = x[turned], v[turned], force[turned], power[turned]
     interval = trace.interval * period / n
     lead = (n // 2) * math.ceil(SETTLING / (0.5 * n * interval))
     before = np.arange(-lead, n) % n

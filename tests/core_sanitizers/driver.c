@@ -86,7 +86,7 @@ static int simulate(run *r, df_network *q, const df_options *o)
     if (!which)
         exit(101);
     memcpy(which, r->which, bytes);
-    const df_motion motion = {r->n, r->interval, r->x, r->v};
+    const df_motion motion = {r->n, r->interval, r->x, r->v, 0, NULL};
     const df_result result = {r->pressures, r->masses, r->force, r->sensitivities, which, r->n_which};
     /* In parts first, where that is possible: what it leaves is written over. */
     df_work beside;
@@ -300,7 +300,7 @@ static void too_many_sensitivities(void)
         sine(&r, 0.032, 1.5, 0.0);
         df_network q = paper(&SET);
         int which[PAPER_NUMBERS + 1] = {0};
-        const df_motion motion = {r.n, r.interval, r.x, r.v};
+        const df_motion motion = {r.n, r.interval, r.x, r.v, 0, NULL};
         const df_result result = {r.pressures, r.masses, r.force, r.sensitivities, which, counts[k]};
         check(df_simulate_network(&q, &USUAL, &motion, &result, &r.work) == DF_BAD_ARGUMENT, "sensitivities",
               "a count is taken");

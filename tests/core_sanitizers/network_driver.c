@@ -142,7 +142,7 @@ static int all_finite(const double *a, size_t n)
 
 static int simulate(run *r, df_network *q, const df_options *o)
 {
-    const df_motion motion = {r->n, r->interval, r->x, r->v};
+    const df_motion motion = {r->n, r->interval, r->x, r->v, 0, NULL};
     const df_result result = {r->pressures, r->masses, r->force, r->sensitivities, r->which, r->n_which};
     return df_simulate_network(q, o, &motion, &result, &r->work);
 }
@@ -330,7 +330,7 @@ static void states_of_their_own(void)
     for (int k = 0; k < 60; k++) {
         run r = new_run(k < 3 ? (size_t)k + 1 : 200, spread(1e-3, 1.0), 0);
         sine(&r, 0.03 * chance(), spread(3.0, 1.0));
-        const df_motion motion = {r.n, r.interval, r.x, r.v};
+        const df_motion motion = {r.n, r.interval, r.x, r.v, 0, NULL};
         double *force = numbers_of(r.n), *slopes = numbers_of(6 * r.n);
         size_t at = 0;
         int code = df_follow_dashpot(&d, &motion, force, slopes, &at);

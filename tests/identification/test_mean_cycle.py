@@ -237,20 +237,34 @@ def test_a_step_of_one_error_is_the_last(*, errors: float, is_near: bool) -> Non
 
 
 @pytest.mark.parametrize(("share", "looks"), [(0.98, 1), (1.02, 2)])
-def test_a_step_of_half_a_per_cent_is_taken_unseen(
-    share: float, looks: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_step_of_half_a_per_cent_is_taken_unseen(share: float, looks: int) -> None:
     """K_e by so much beside the minimum of the mean cycle; the step ends within it."""
     cycles = on_cycles(misfit([trace(10, noise=4.0, duration=10.0)], ("k_e",)))
     there = descent._minimise(cycles, reference_parameters(10))
-    there = descent.promised_step(cycles, there, longest=1.0) or there
-    off = there.parameters.replace({"k_e": there.parameters.k_e * math.exp(share * descent.UNSEEN)})
-    near = descent._minimise(cycles, off)
+    there = descent.promised_step(cycles, there) or there
+    off = there.parameters.replace(
+        {"k_e": there.parameters.k_e * math.exp(share * last_step_module.UNSEEN)}
+    )
+    near = descent._on_cycles(cycles, off)
     assert near.evaluations == looks
-    ended = descent.promised_step(cycles, near, longest=descent.UNSEEN)
-    assert ended is not None
     error = relative_errors(there)[0]
-    assert abs(math.log(ended.parameters.k_e / there.parameters.k_e)) < 0.05 * error
+    assert abs(math.log(near.parameters.k_e / there.parameters.k_e)) < 0.05 * error
+
+
+@pytest.mark.parametrize(("share", "is_unseen"), [(0.98, True), (1.02, False)])
+def test_a_step_of_many_errors_is_looked_at_the_shorter_it_is_the_less(
+    *, share: float, is_unseen: bool
+) -> None:
+    """Of a log without noise an error is so little that a step of a tenth of a per cent is far."""
+    cycles = on_cycles(misfit([trace(10, noise=4.0, duration=10.0)], ("k_e",)))
+    there = descent._minimise(cycles, reference_parameters(10))
+    step = 3e-3
+    cost = there.mse_percent / 100.0
+    slope = there.jacobian[:, 0] @ there.jacobian[:, 0]
+    many = (share * last_step_module.LEAVES / step) ** 2 * cost / (slope * step**2)
+    beside = replace(there, gradient=np.array([-slope * step]), n_independent=many)
+    found = last_step_module.promised_step(cycles, beside, leaves=last_step_module.LEAVES)
+    assert (found is not None) is is_unseen
 
 
 def test_a_misfit_of_the_integrator_is_left_to_a_finer_one() -> None:
