@@ -138,7 +138,7 @@ SURFACE = {
         "read",
         "simulate",
     ],
-    "damperfit.door.given_logs": ["as_files"],
+    "damperfit.door.given_logs": ["as_files", "in_memory"],
     "damperfit.door.results": ["Result", "SettingResult"],
     "damperfit.door.sheets": ["WIDTH", "html_table", "text_table"],
     "damperfit.door.simulations": ["Simulation", "simulated"],
@@ -359,6 +359,7 @@ SURFACE = {
         "undecided",
         "yielding_seen",
     ],
+    "damperfit.run.given_traces": ["with_traces"],
     "damperfit.run.given_starts": [
         "start_of_laws",
         "with_given_start",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
@@ -16,7 +17,7 @@ from damperfit.door.asked import (
     texts,
     workers,
 )
-from damperfit.door.given_logs import as_files
+from damperfit.door.given_logs import as_files, in_memory
 from damperfit.door.results import Result
 from damperfit.door.simulations import Simulation, simulated
 from damperfit.door.wrong_calls import answers_wrong_calls, in_words_of_a_call, path_of
@@ -122,7 +123,7 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
 
     Parameters
     ----------
-    logs : path, pattern, list of such, or mapping of labels to data frames
+    logs : path, pattern, trace, recording, list of such, or mapping of labels to data frames
         A label is the setting, as in ``{"10": frame}`` or ``{"R12 C8": frame}``; a frame, or a
         mapping of arrays, has time, displacement and force, with units in its names
         (``displacement_mm``) or in `units`.
@@ -181,8 +182,11 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
     configuration = replace(configuration, output=replace(configuration.output, folder=folder))
     result = Result(folder, is_temporary=out is None)
     declared = declared_setting(setting, configuration)
-    with as_files(logs, call="damperfit.identify") as paths:
-        found = run(configuration, paths, jobs=cores, setting=declared)
+    unread, traces = in_memory(logs, configuration.conditioning)
+    with ExitStack() as stack:
+        is_ready = bool(traces) and not unread
+        paths = [] if is_ready else stack.enter_context(as_files(unread, call="damperfit.identify"))
+        found = run(configuration, paths, jobs=cores, setting=declared, traces=traces)
     if not found.campaign.fits:
         said = [in_words_of_a_call(failure.message) for failure in found.facts.failures]
         more = f" (and {len(said) - _FEW} more)" if len(said) > _FEW else ""

@@ -1,4 +1,4 @@
-"""Logs as a notebook has them: paths, patterns, data frames, arrays, recordings; as files."""
+"""Logs as a notebook has them: paths, patterns, data frames and arrays; recordings and traces."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-__all__ = ["as_files"]
+    from damperfit.conditioning import ConditionOptions
+
+__all__ = ["as_files", "in_memory"]
 
 _EXPECTED = (
     "expected paths or patterns, or a mapping of labels to data frames, such as "
@@ -51,10 +53,7 @@ def as_files(logs: object, *, call: str) -> Iterator[list[str]]:
         yield [os.fspath(logs)]
         return
     if isinstance(logs, Trace | Recording):
-        raise ConfigurationError(
-            f"{call}: found a {type(logs).__name__}; {_EXPECTED}. Conditioned traces are fitted by "
-            "damperfit.identification.identify(traces, damper)"
-        )
+        raise ConfigurationError(f"{call}: found a {type(logs).__name__}; {_EXPECTED}")
     if _is_frame(logs):
         raise ConfigurationError(
             f"{call}: found a data frame without a label; give {{'10': frame}}, where '10' is the "
@@ -73,6 +72,22 @@ def as_files(logs: object, *, call: str) -> Iterator[list[str]]:
     if not paths:
         raise ConfigurationError(f"{call}: found no log; {_EXPECTED}")
     yield [os.fspath(one) for one in paths]
+
+
+def in_memory(logs: object, options: ConditionOptions) -> tuple[object, list[Trace]]:
+    """Return what must be read yet, and what needs no reading: traces, recordings conditioned."""
+    from damperfit.conditioning import condition
+
+    if isinstance(logs, Trace | Recording):
+        logs = [logs]
+    if isinstance(logs, str | os.PathLike | Mapping) or not isinstance(logs, Iterable):
+        return logs, []
+    if _is_frame(logs):
+        return logs, []
+    listed = list(logs)
+    ready = [one for one in listed if isinstance(one, Trace | Recording)]
+    traces = [one if isinstance(one, Trace) else condition(one, options) for one in ready]
+    return [one for one in listed if not isinstance(one, Trace | Recording)], traces
 
 
 def _is_frame(value: object) -> bool:

@@ -21,6 +21,7 @@ from damperfit.run.dampers import by_damper, folder_name
 from damperfit.run.earlier import BESIDE, PAGE, forget_figures, forget_others, holds_fits
 from damperfit.run.ending import json_pieces
 from damperfit.run.given_starts import with_given_start
+from damperfit.run.given_traces import with_traces
 from damperfit.run.hold_out import (
     Parted,
     fitting,
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     from damperfit.atomic import FileSet
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Fit
+    from damperfit.recording import Trace
     from damperfit.tested.setting import Setting
 
 __all__ = ["Watch", "find_each", "run", "run_each"]
@@ -86,6 +88,7 @@ def run(
     *,
     jobs: int | None = None,
     setting: Setting | None = None,
+    traces: Sequence[Trace] = (),
     watch: Watch = Watch(),
 ) -> RunResult:
     """Identify every setting in the logs of one damper and write the results as a set.
@@ -100,6 +103,8 @@ def run(
         Workers; the cores available by default. The results do not depend on it.
     setting : Setting, optional
         Setting of logs that do not give one.
+    traces : sequence of Trace
+        Logs that are conditioned already, fitted with those that are read.
     watch : Watch
         Progress and cancellation.
 
@@ -119,7 +124,9 @@ def run(
     _check_adjusters(configuration)
     check_writable(configuration.output.folder)
     with reserved(configuration.output.folder):
-        parts = _read(configuration, logs, jobs=workers, setting=setting, watch=watch)
+        parts = _read(
+            configuration, logs, jobs=workers, setting=setting, watch=watch, traces=traces
+        )
         if len(parts) > 1:
             raise ConfigurationError(
                 f"logs of {len(parts)} dampers: {', '.join(one.owner for one in parts)}; run_each "
@@ -229,18 +236,20 @@ def _read(
     jobs: int,
     setting: Setting | None,
     watch: Watch,
+    traces: Sequence[Trace] = (),
 ) -> list[_OneDamper]:
     """Read the logs and part them by damper; what is held out is parted from each."""
     clock = Clock()
     configuration = with_given_start(configuration)
     folder = configuration.output.folder
-    paths = expand(logs)
+    paths = expand(logs) if logs or not traces else ()
     named = named_files(configuration.hold_out.patterns, paths)
     paths = tuple(dict.fromkeys((*paths, *chain.from_iterable(named.values()))))
     with clock.lap("read_s"):
         batch = read_batch(
             paths, configuration, jobs=jobs, setting=setting, cancelled=watch.cancelled
         )
+    batch = with_traces(batch, traces, setting)
     if not batch.logs and not watch.cancelled():
         raise ConfigurationError(
             "no logs among the files given: they are all parameter tables or tables of tests"

@@ -7,6 +7,7 @@ import pickle
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,6 +16,7 @@ import pandas as pd
 import pytest
 
 import damperfit
+from damperfit.conditioning import condition
 from damperfit.errors import (
     ConfigurationError,
     DamperfitError,
@@ -345,6 +347,24 @@ def test_a_type_error_that_is_no_wrong_call_stays_what_it_is():
         door()
     with pytest.raises(ConfigurationError, match="door: number given twice"):
         door(3, number=4)
+
+
+def test_traces_and_recordings_are_as_good_as_paths(result):
+    """What is in memory is fitted as it is, beside what must be read."""
+    paths, by_path = LOGS, result
+    recordings = [damperfit.read(path) for path in paths]
+    traces = [condition(one) for one in recordings]
+    for given in (traces, recordings, [paths[0], traces[1]], [recordings[0], traces[1]]):
+        found = damperfit.identify(given)
+        assert found.parameters.equals(by_path.parameters)
+        assert [one["log"] for one in found.record["inputs"]] == [Path(p).name for p in paths]
+        assert found.failures == ()
+    assert damperfit.identify(traces[0]).settings == ("1",)
+    assert damperfit.identify(replace(traces[0], setting=None), setting=7).settings == ("7",)
+    with pytest.raises(LogError, match="has no setting; give setting=N"):
+        damperfit.identify(replace(traces[0], setting=None))
+    with pytest.raises(ConfigurationError, match=r"two logs are called setting_01\.csv"):
+        damperfit.identify([paths[0], traces[0]])
 
 
 def test_a_damper_is_declared_as_an_object_or_as_keys():
