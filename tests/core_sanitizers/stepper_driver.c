@@ -33,7 +33,7 @@ static void a_run_is_the_simulation(void)
     static double rows[N_PAPER * SAMPLES];
     for (size_t i = 0; i < SAMPLES; i++)
         x[i] = place(i), v[i] = speed(i);
-    const df_motion motion = {SAMPLES, 1e-3, x, v};
+    const df_motion motion = {SAMPLES, 1e-3, x, v, 0, NULL};
     const df_result result = {P, m, force, rows, ALL, N_PAPER};
     df_work work, own = {0, 0, 0, 0};
     df_network q = paper(&SET);
