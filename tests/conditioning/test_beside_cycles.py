@@ -219,6 +219,7 @@ def test_what_is_below_use_is_no_failure(
     assert found is not None
     campaign = identify((cut,), PURDY_DAMPER, FitOptions(procedure="plain"))
     monkeypatch.setattr(prediction, "normalised_mse", lambda *_: percent)
+    monkeypatch.setattr(prediction, "_SMALL", 0.0)  # of the fitted forces: another limit
     (told,) = predict(campaign, assess(campaign, PURDY_DAMPER), (found,), damper=PURDY_DAMPER)
     assert told.is_failed is is_failed
 
