@@ -492,9 +492,9 @@ def test_one_setting_is_no_settings(settings, said) -> None:
 
 def test_a_speed_that_is_passed_one_way_has_one_branch() -> None:
     speed, force = np.array([0.3, 0.1]), np.array([30.0, 10.0])
-    opening, closing = branch_forces(speed, force, 0.2)
+    opening, closing = branch_forces(speed, force[None], [0.2])[:, 0, 0]
     assert math.isnan(opening)
     assert closing == pytest.approx(20.0)
-    opening, closing = branch_forces(speed[::-1], force[::-1], 0.2)
+    opening, closing = branch_forces(speed[::-1], force[None, ::-1], [0.2])[:, 0, 0]
     assert opening == pytest.approx(20.0)
     assert math.isnan(closing)

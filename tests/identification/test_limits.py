@@ -228,7 +228,7 @@ def test_an_edge_beyond_which_the_others_cannot_go_on_ends_a_fit(monkeypatch) ->
 
     monkeypatch.setattr(descent, "_descended", descended)
     monkeypatch.setattr(
-        descent, "_stopped_at", lambda _: ("k_e", PURDY_DAMPER.quantity("k_e").plausible[1])
+        descent, "stopped_at", lambda _: ("k_e", PURDY_DAMPER.quantity("k_e").plausible[1])
     )
     misfit = Misfit((), PURDY_DAMPER, ("r_m1", "k_e"), SolverOptions(), 1, lambda: False)
     assert descent._minimise(misfit, at) is first.solution
