@@ -125,7 +125,7 @@ FAILING = {
     ),
     "no_log_warnings": (subject(with_trace(3, findings=(FINDING, NOTE))), "clipping at setting 3"),
     "damper_declared": (
-        subject(undeclared=("gas_length",), n_declarable=9),
+        subject(undeclared=("gas_length",)),
         "[damper] is declared without gas_length: defaults are used for these",
     ),
 }
@@ -171,8 +171,8 @@ UNSEEN = {
         "no temperature in 1 of 2 logs (setting_02.csv)",
     ),
     "damper_declared": (
-        subject(undeclared=tuple(DAMPER_RANGES), n_declarable=len(DAMPER_RANGES)),
-        "no damper is declared: the paper's is assumed",
+        subject(undeclared=tuple(DAMPER_RANGES), whose="a made-up damper"),
+        "no damper is declared: a made-up damper is assumed",
     ),
 }
 

@@ -77,7 +77,9 @@ class Subject:
     temperature, temperature_tolerance : float
         What the test should be held at, degrees Celsius.
     undeclared : tuple of str
-        Figures of the damper that nobody declared: the paper's are taken.
+        Figures of the damper that nobody declared.
+    whose : str
+        Whose dimensions are taken where none is declared; empty where some is.
     """
 
     campaign: Campaign
@@ -87,7 +89,7 @@ class Subject:
     temperature: float = 26.0
     temperature_tolerance: float = 1.0
     undeclared: tuple[str, ...] = ()
-    n_declarable: int = 0
+    whose: str = ""
 
     @property
     def fits(self) -> tuple[Fit, ...]:
@@ -308,9 +310,9 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
 
 def _damper_declared(subject: Subject) -> _Verdict:
     names = subject.undeclared
-    if names and len(names) == subject.n_declarable:
-        said = "no damper is declared: the paper's is assumed; declare yours in [damper] and give "
-        return None, f"{said}it with --config"
+    if subject.whose:
+        said = f"no damper is declared: {subject.whose} is assumed; declare yours in [damper] "
+        return None, f"{said}and give it with --config"
     if names:
         return False, (
             f"[damper] is declared without {', '.join(names)}: defaults are used for these"

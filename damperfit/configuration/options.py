@@ -40,6 +40,9 @@ __all__ = [
 
 # Keys of [damper] that say what a damper's gas is.
 GAS = ("gas_volume", "gas_pressure", "gas_exponent")
+# Those that say what its valves, its rig and its friction are made of, which nobody measures.
+_OF_THE_LAW = {"rebound", "compression", "mounting", "friction", "passages", "floating_piston"}
+_HARMLESS = {"oil_density", "gas_exponent", "ambient_pressure"}
 
 # Of units that have a short name; parameters of other units are bare numbers in SI.
 _DIMENSIONS = {
@@ -229,21 +232,37 @@ class Configuration:
 
     @property
     def is_assumed(self) -> bool:
-        """Whether nobody gave anything of the damper."""
-        return bool(self.keys) and len(self.undeclared) == len(self.keys)
+        """Whether nobody gave anything that is measured of the damper."""
+        measured = {name for name in self.keys if name not in _OF_THE_LAW}
+        return bool(measured) and measured <= set(self.undeclared)
 
     @property
-    def assumed_of_paper(self) -> str:
-        """What nobody declared of the paper's model, as in "[damper] is"; empty for nothing.
+    def whose(self) -> str:
+        """Whose dimensions stand where nobody has declared any."""
+        return "the paper's damper" if self.damper.name == "purdy" else "a made-up damper"
 
-        What the oil weighs and how its gas is compressed bend nothing that the grade hides.
+    @property
+    def _not_declared(self) -> str:
+        """What is said where nothing that is measured of the damper is declared."""
+        if self.chosen_law or len(self.undeclared) == len(self.keys):
+            return "[damper] is not declared"
+        return "[damper] declares no dimensions"
+
+    @property
+    def assumed_dimensions(self) -> str:
+        """What nobody declared of the dimensions, and what stands for it; empty for nothing.
+
+        What the oil weighs, how its gas is compressed and what presses on the rod bend nothing that
+        the grade hides.
         """
-        if self.damper.name != "purdy":
-            return ""
         if self.is_assumed:
-            return "[damper] is"
-        names = [name for name in self.undeclared if name not in {"oil_density", "gas_exponent"}]
-        return f"{' and '.join(names)} {'are' if len(names) > 1 else 'is'}" if names else ""
+            said = self._not_declared
+        else:
+            names = [name for name in self.undeclared if name not in {*_OF_THE_LAW, *_HARMLESS}]
+            if not names:
+                return ""
+            said = f"{' and '.join(names)} {'are' if len(names) > 1 else 'is'} not declared"
+        return f"{said}, and with the dimensions of {self.whose}"
 
     @property
     def damper_sentence(self) -> str:
@@ -256,7 +275,7 @@ class Configuration:
         if self.is_assumed:
             whose = "the paper's" if self.damper.name == "purdy" else "made up"
             assumed = (
-                f" ({whose}: [damper] is not declared, and resistances, K_e and pressures are "
+                f" ({whose}: {self._not_declared}, and resistances, K_e and pressures are "
                 "right only for these dimensions)"
             )
         return f"Damper: {self.damper.plain.sentence}{assumed}{origin}{self.damper.condition}."
@@ -272,10 +291,9 @@ class Configuration:
     def notes(self) -> tuple[str, ...]:
         """What was assumed of the damper, a sentence each."""
         said = []
-        if 0 < len(self.undeclared) < len(self.keys):
-            whose = "the paper's damper" if self.damper.name == "purdy" else "a made-up damper"
+        if self.undeclared and not self.is_assumed:
             said.append(
-                f"[damper] leaves {', '.join(self.undeclared)} to {whose}{self._assumed_gas}: "
+                f"[damper] leaves {', '.join(self.undeclared)} to {self.whose}{self._assumed_gas}: "
                 "declare what your damper has (damperfit config prints every key)"
             )
         if self.identification.follows and self.identification.procedure != "joint":

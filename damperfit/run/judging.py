@@ -124,7 +124,7 @@ def judge(
             judged,
             assessment,
             configuration.conditioning.gas,
-            assumed=configuration.assumed_of_paper,
+            assumed=configuration.assumed_dimensions,
         ),
         no_objections,
     )
@@ -171,6 +171,6 @@ def _checks(
         temperature=configuration.rig.temperature,
         temperature_tolerance=configuration.rig.temperature_tolerance,
         undeclared=configuration.undeclared,
-        n_declarable=len(configuration.keys),
+        whose=configuration.whose if configuration.is_assumed else "",
     )
     return run_checks(subject)

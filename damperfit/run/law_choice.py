@@ -55,6 +55,13 @@ LAYOUTS: dict[str, type[ValveDamper]] = {
 # What a law has of its own, and the lengths that make the paper's gas volume.
 _VALVES = {"rebound", "compression"}
 _GAS_LENGTHS = {"gas_length", "gas_piston_diameter"}
+# Dimensions whose error bends the loop, and what of the rig takes its shape.
+_DIMENSIONS = {
+    "rod_diameter": "the rod",
+    "piston_diameter": "the bore",
+    "gas_pressure": "the gas pressure",
+}
+_OF_RIG = {"k_s": "elasticity", "play": "play", "lag": "the lag of the force"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -215,6 +222,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     if on_rival is not None:
         rivals = rank_rivals(compared, solver=solver, on_rival=on_rival, jobs=workers)
     found = tuple(one for one in fits if one is not None)
+    doubts = _of_dimensions(configuration, best)
     return LawChoice(
         search,
         tuple(one.setting for one in compared),
@@ -223,8 +231,8 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         tuple(e.setting for e, one in zip(evidence, fits, strict=True) if one is None),
         rivals,
         (*parted.batch.remarks, *_assumed(configuration)),
-        undecided(search, found, evidence),
-        interchangeable_parts(search, found, evidence),
+        (*doubts, *undecided(search, found, evidence)),
+        (*doubts, *interchangeable_parts(search, found, evidence)),
     )
 
 
@@ -327,10 +335,7 @@ def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamp
 
 
 def _known(configuration: Configuration, damper: Damper | ValveDamper) -> dict[str, Any]:
-    """What a layout takes from the damper: what was declared, as `--model NAME` does.
-
-    Where nothing was, it is the paper's damper, gas and all.
-    """
+    """What a layout takes from the damper: what was declared, as `--model NAME` does."""
     own = {one.name for one in fields(damper) if one.init}
     shared = {one.name for one in fields(ValveDamper) if one.name in own} - _VALVES
     if isinstance(damper, ValveDamper):
@@ -338,11 +343,29 @@ def _known(configuration: Configuration, damper: Damper | ValveDamper) -> dict[s
     known = {name: getattr(damper, name) for name in shared}
     known["gas_volume"] = damper.gas_volume
     declared = {one.removeprefix("damper.") for one in configuration.declared}
-    if not {*configuration.keys} & declared:
-        return known
     if declared & _GAS_LENGTHS:
         declared |= {"gas_volume"}
     return {name: value for name, value in known.items() if name in declared}
+
+
+def _of_dimensions(configuration: Configuration, fit: LawFit) -> tuple[str, ...]:
+    """What of the rig may be the doing of dimensions that nobody has declared, in a sentence."""
+    damper = configuration.damper
+    if not isinstance(fit.model, ValveDamper) or not isinstance(damper, Damper | ValveDamper):
+        return ()
+    known = {one.removeprefix("damper.") for one in configuration.declared}
+    if isinstance(damper, Damper):
+        known = {*_known(configuration, damper)}
+    missing = [said for name, said in _DIMENSIONS.items() if name not in known]
+    parts = [said for name, said in _OF_RIG.items() if name in fit.free]
+    if not missing or not parts:
+        return ()
+    said = (
+        f"Whether {' and '.join(parts)} {'are' if len(parts) > 1 else 'is'} the rig's: "
+        f"{' and '.join(missing)} {'are' if len(missing) > 1 else 'is'} not declared, and a wrong "
+        "one may look like that. Declare them as measured."
+    )
+    return (said,)
 
 
 def _assumed(configuration: Configuration) -> tuple[str, ...]:

@@ -120,8 +120,8 @@ def objections(
     gas : GasFacts or None
         Of the damper, to tell the offset of a log by; None: it is not looked at.
     assumed : str
-        Of the paper's model: whose dimensions are the paper's because nobody declared them, as in
-        "[damper] is" or "piston_diameter and gas_length are"; empty where all are declared.
+        Dimensions that nobody declared and what stands for them, as in "[damper] is not declared,
+        and with made-up dimensions"; empty where all are declared.
     """
     diagnoses = {one.setting: one for one in assessment.diagnoses}
     doubted = _doubted_dimensions(campaign, diagnoses, assumed)
@@ -224,7 +224,7 @@ def _doubted_dimensions(
             continue
         misses = f"of the MSE of {one.mse_percent:.2g} % only {one.noise_percent:.2g} % is noise"
         if assumed:
-            said[setting] = f"{assumed} not declared, and with the paper's dimensions {misses}"
+            said[setting] = f"{assumed} {misses}"
         elif _is_of_gas(one) and any(_is_of_gas(diagnoses[other]) for other in lost):
             said[setting] = f"{misses}, and the rest is as from {one.hints[0].words}"
     return {

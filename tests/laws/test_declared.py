@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from damperfit.laws import LawFit, Tried
 from damperfit.laws.search import _Search
 from damperfit.laws.variants import BLEED, everything, without
 from damperfit.recording import Trace
-from damperfit.run.law_choice import _assumed, _layouts
+from damperfit.run.law_choice import _assumed, _layouts, _of_dimensions, with_chosen_law
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from tests import fakes
@@ -33,7 +34,7 @@ def test_a_layout_keeps_ambient_pressure_and_mounting() -> None:
 
 
 @pytest.mark.parametrize(("declared", "volume", "pressure", "exponent"), [
-    ("", 62.83e-6, 4.6e5, 1.4),  # the paper's own damper
+    ("", 30e-6, 5e5, 1.3),
     ('rod_diameter = "12mm"', 30e-6, 5e5, 1.3),
     ('rod_diameter = "12mm"\ngas_exponent = 1.2', 30e-6, 5e5, 1.2),
     ('rod_diameter = "12mm"\ngas_length = "25mm"', 31.42e-6, 5e5, 1.3),
@@ -50,12 +51,13 @@ def test_gas_that_nobody_declared_is_told(
         assert layout.gas_volume == pytest.approx(volume, rel=1e-3)
         assert (layout.gas_pressure, layout.gas_exponent) == (pressure, exponent)
     said = " ".join((*_assumed(configuration), *configuration.notes))
-    is_reported = "rod_diameter" in declared
+    is_reported = "model" not in declared
     assert ("laws of real valves were tried with" in said) is is_reported
     assert ("30 cm3 of gas" in said) is (is_reported and "gas_length" not in declared)
 
 
 @pytest.mark.parametrize("declared", [
+    {},
     {"rod_diameter": "11mm"},
     {"rod_diameter": "11mm", "piston_diameter": "28mm", "gas_exponent": 1.2},
     {"chamber_1_length": "80mm", "gas_pressure": "7bara", "oil_density": 870.0},
@@ -65,6 +67,33 @@ def test_auto_tries_the_damper_that_a_named_model_would_take(declared) -> None:
     for one in auto:
         named = {"damper": {"model": one.name, **declared}}
         assert one == load_configuration(None, overlay=named).damper
+
+
+@pytest.mark.parametrize(("declared", "free", "says"), [
+    ({}, ("k_s", "play"), "elasticity and play are the rig's: the rod and the bore and th"),
+    ({"rod_diameter": "11mm", "gas_pressure": "7bara"}, ("lag",), "rig's: the bore is not"),
+    ({"model": "twin_tube", "rod_diameter": "11mm"}, ("k_s",), "the bore and the gas pressure a"),
+    ({"rod_diameter": "11mm", "piston_diameter": "28mm", "gas_pressure": "7bara"}, ("k_s",), ""),
+    ({}, ("f_f",), ""),
+])  # fmt: skip
+def test_what_undeclared_dimensions_may_look_like_is_told(declared, free, says) -> None:
+    law = replace(a_law_fit(TwinTube(mounting=Mounting(FIT, FIT, FIT))), free=free)
+    said = " ".join(_of_dimensions(load_configuration(None, overlay={"damper": declared}), law))
+    assert says in said
+    assert bool(said) is bool(says)
+
+
+def test_a_law_that_was_found_is_no_declaration_of_the_damper() -> None:
+    law = a_law_fit(TwinTube())
+    search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)))
+    choice = SimpleNamespace(search=search, fits=(law,), document=lambda: {"model": "twin_tube"})
+    found = with_chosen_law(load_configuration(None), choice)
+    assert "(made up: [damper] is not declared" in found.damper_sentence
+    assert found.notes == ()
+    said = "[damper] is not declared, and with the dimensions of a made-up damper"
+    assert found.assumed_dimensions == said
+    slim = load_configuration(None, overlay={"damper": {"rod_diameter": "11mm"}})
+    assert "made up" not in with_chosen_law(slim, choice).damper_sentence
 
 
 def test_a_named_model_tells_its_assumed_gas() -> None:
@@ -106,12 +135,15 @@ def test_a_delay_is_no_jump_between_stretches() -> None:
     assert share == pytest.approx(float(np.sum((2e-3 * late) ** 2)), rel=1e-9)
 
 
-def test_a_law_without_a_blow_off_is_not_offered_a_rounded_one(monkeypatch) -> None:
-    model = TwinTube(rebound=BLEED, compression=BLEED)
+def a_law_fit(model: TwinTube) -> LawFit:
+    """A fit of a law whose numbers do not matter."""
     values = model.values({one.name: 1.0 for one in model.quantities})
     rest = (np.zeros(3),)
-    fit = LawFit(Setting.of(1), model, values, model.names, (), 1.0, (1.0,), np.nan, "", rest, 9)
-    law = Tried("bleed", (fit,))
+    return LawFit(Setting.of(1), model, values, model.names, (), 1.0, (1.0,), np.nan, "", rest, 9)
+
+
+def test_a_law_without_a_blow_off_is_not_offered_a_rounded_one(monkeypatch) -> None:
+    law = Tried("bleed", (a_law_fit(TwinTube(rebound=BLEED, compression=BLEED)),))
     course = _Search([], SolverOptions(), lambda _: None, 1)
     monkeypatch.setattr(course, "fitted", lambda *_, **__: pytest.fail("fitted once more"))
     assert course.enriched(law, ["rounded", "port"]) is law

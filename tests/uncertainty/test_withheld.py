@@ -236,13 +236,14 @@ def test_dimensions_are_the_damper_s_and_not_a_setting_s() -> None:
     assert about_dimensions(other, little) == []
 
 
+ASSUMED = "[damper] is not declared, and with the dimensions of a made-up damper"
+
+
 @pytest.mark.parametrize(("mse", "is_withheld"), [(0.0201, True), (0.0199, False)])
 def test_a_misfit_with_dimensions_that_nobody_gave(mse: float, *, is_withheld: bool) -> None:
     seen = told(mse, mse / 40.0)
     assert about_dimensions(seen) == []
-    said = about_dimensions(seen, told(0.005, 0.0049, misses=False), assumed="[damper] is")
+    said = about_dimensions(seen, told(0.005, 0.0049, misses=False), assumed=ASSUMED)
     assert [setting for setting, _ in said] == ([1] if is_withheld else [])
     if said:
-        assert said[0][1].startswith(
-            "[damper] is not declared, and with the paper's dimensions of the MSE of 0.02 % only"
-        )
+        assert said[0][1].startswith(f"{ASSUMED} of the MSE of 0.02 % only")
